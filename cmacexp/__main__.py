@@ -1,0 +1,8 @@
+"""``python -m cmacexp scenario=one_leg``."""
+
+import sys
+
+from cmacexp.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The cerebellar model articulation controller: quantiser, displacement, addressing, memory."""

@@ -1,0 +1,74 @@
+"""From quanta to rows of memory: one row per layer."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmacexp.arrays import Array, Cells
+from cmacexp.cmac.quantiser import InputRange, quantise
+from cmacexp.compile import kernel
+
+MULTIPLIER = 0x5BD1E995
+"""An odd 31-bit number, so that its product with 32 bits stays within a signed 64-bit integer."""
+MASK = 0xFFFFFFFF
+
+
+class Address(NamedTuple):
+    """How a CMAC of C layers finds its rows for n inputs."""
+
+    ranges: InputRange
+    displacement: NDArray[np.int64]
+    """(C, n): shift of every layer along every input, in quanta."""
+    resolution_elements: int
+    rows: int
+    """Rows of memory."""
+    hashed: bool
+    seed: int
+    """Seed of the hash, 32 bits."""
+
+
+@kernel
+def mix(state: int, value: int) -> int:
+    """Stir ``value`` into a 32-bit ``state``; multiply and shift, in integers that never overflow."""
+    state = ((state ^ value) * MULTIPLIER) & MASK
+    return state ^ (state >> 15)
+
+
+@kernel
+def address(law: Address, inputs: Array, cells: Cells) -> int:
+    """Rows that one input (n,) activates.
+
+    Args:
+        law: the address law of the CMAC.
+        inputs: (n,): the input.
+        cells: (C,): is filled with one row per layer.
+
+    Returns:
+        How many of the inputs lay outside their range and were clipped to it.
+    """
+    layers, dimensions = law.displacement.shape
+    quanta = (law.resolution_elements - 1) * layers
+    clipped = 0
+    for j in range(layers):
+        # Dense: mixed radix over layer and blocks. Hashed: the same numbers stirred into 32 bits.
+        position = j
+        state = mix(mix(law.seed, j), dimensions)
+        for d in range(dimensions):
+            quantum, outside = quantise(inputs[d], law.ranges.low[d], law.ranges.high[d], quanta)
+            block = (quantum + law.displacement[j, d]) // layers
+            position = position * law.resolution_elements + block
+            state = mix(state, block)
+            if outside and j == 0:
+                clipped += 1
+        cells[j] = (mix(state, 0) * law.rows) >> 32 if law.hashed else position
+    return clipped
+
+
+@kernel
+def address_batch(law: Address, inputs: Array, cells: Cells) -> int:
+    """Rows that a batch of inputs (samples, n) activates; fills ``cells`` (samples, C); see :func:`address`."""
+    clipped = 0
+    for k in range(inputs.shape[0]):
+        clipped += address(law, inputs[k], cells[k])
+    return clipped

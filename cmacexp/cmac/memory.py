@@ -1,0 +1,51 @@
+"""Reading and training the rows of a CMAC."""
+
+from cmacexp.arrays import Array, Cells
+from cmacexp.compile import kernel
+
+
+@kernel
+def read(weights: Array, cells: Cells, output: Array) -> None:
+    """Sum of the active weights: D_d = sum W_i (Lin & Song 1997, eq. 18).
+
+    Args:
+        weights: (rows, outputs).
+        cells: (C,): active rows.
+        output: (outputs,): is filled.
+    """
+    for o in range(output.shape[0]):
+        output[o] = 0.0
+    for j in range(cells.shape[0]):
+        for o in range(output.shape[0]):
+            output[o] += weights[cells[j], o]
+
+
+@kernel
+def train(weights: Array, cells: Cells, error: Array, rate: float) -> None:
+    """Add beta U / C to every active weight (Lin & Song 1997, eq. 19, 20).
+
+    Args:
+        weights: (rows, outputs): changed in place.
+        cells: (C,): active rows.
+        error: (outputs,): U, the output of the feedback controller.
+        rate: beta.
+    """
+    layers = cells.shape[0]
+    for o in range(error.shape[0]):
+        share = rate * error[o] / layers
+        for j in range(layers):
+            weights[cells[j], o] += share
+
+
+@kernel
+def read_batch(weights: Array, cells: Cells, output: Array) -> None:
+    """:func:`read` for a batch: ``cells`` (samples, C), ``output`` (samples, outputs)."""
+    for k in range(cells.shape[0]):
+        read(weights, cells[k], output[k])
+
+
+@kernel
+def train_batch(weights: Array, cells: Cells, error: Array, rate: float) -> None:
+    """:func:`train` for a batch, one sample after the other: ``cells`` (samples, C), ``error`` (samples, outputs)."""
+    for k in range(cells.shape[0]):
+        train(weights, cells[k], error[k], rate)

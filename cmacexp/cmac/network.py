@@ -1,0 +1,106 @@
+"""The CMAC as an object: address law and weights, for one leg or for any function of your own."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmacexp.arrays import Array, Cells
+from cmacexp.cmac.addressing import MASK, Address, address_batch
+from cmacexp.cmac.displacement import displacement
+from cmacexp.cmac.memory import read_batch, train_batch
+from cmacexp.cmac.quantiser import InputRange
+from cmacexp.config.check import WORD_BYTES
+from cmacexp.config.schema import CmacConfig
+from cmacexp.files import write_atomically
+
+
+class Cmac:
+    """A cerebellar model articulation controller (Lin & Song 1997, section 4).
+
+    Args:
+        config: size and shape; ``inputs`` and ``range_factor`` are not used here.
+        ranges: range of each of the n inputs.
+        outputs: outputs on one address.
+        seed: seed of the hash.
+
+    Attributes:
+        weights: (rows, outputs), float64, zero at first.
+        clipped: inputs that lay outside their range so far, and were clipped to it.
+    """
+
+    def __init__(self, config: CmacConfig, ranges: InputRange, outputs: int = 2, seed: int = 0):
+        inputs = len(ranges.low)
+        hashed = config.addressing == "hashed"
+        dense_rows = config.layers * config.resolution_elements**inputs
+        rows = config.memory_bytes // (WORD_BYTES * outputs) if hashed else dense_rows
+        self.address = Address(
+            InputRange(np.ascontiguousarray(ranges.low, dtype=float), np.ascontiguousarray(ranges.high, dtype=float)),
+            np.ascontiguousarray(displacement(config.displacement, config.layers, inputs)),
+            config.resolution_elements,
+            rows,
+            hashed,
+            (seed ^ (seed >> 32)) & MASK,
+        )
+        self.weights = np.zeros((rows, outputs))
+        self.clipped = 0
+
+    @property
+    def layers(self) -> int:
+        """C, the number of rows that every input activates."""
+        return int(self.address.displacement.shape[0])
+
+    def cells(self, inputs: Array) -> Cells:
+        """Active rows (samples, C) of a batch of inputs (samples, n); counts what was clipped.
+
+        Raises:
+            ValueError: an input is not finite, or the shape is not (samples, n).
+        """
+        batch = np.ascontiguousarray(inputs, dtype=float)
+        if batch.ndim != 2 or batch.shape[1] != len(self.address.ranges.low) or not np.isfinite(batch).all():
+            expected = len(self.address.ranges.low)
+            raise ValueError(f"inputs of shape {batch.shape}: expected finite numbers of shape (samples, {expected})")
+        cells = np.empty((len(batch), self.layers), dtype=np.int32)
+        self.clipped += address_batch(self.address, batch, cells)
+        return cells
+
+    def predict(self, inputs: Array) -> Array:
+        """Outputs (samples, outputs) for a batch of inputs (samples, n)."""
+        output = np.empty((len(inputs), self.weights.shape[1]))
+        read_batch(self.weights, self.cells(inputs), output)
+        return output
+
+    def update(self, inputs: Array, error: Array, rate: float) -> None:
+        """Train with ``error`` (samples, outputs), one sample after the other (eq. 20)."""
+        train_batch(self.weights, self.cells(inputs), np.ascontiguousarray(error, dtype=float), rate)
+
+    def save(self, path: Path) -> None:
+        """Keep address law and weights in one ``.npz`` file."""
+        a = self.address
+        with write_atomically(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(
+                file,
+                weights=self.weights,
+                low=a.ranges.low,
+                high=a.ranges.high,
+                displacement=a.displacement,
+                law=np.array([a.resolution_elements, a.rows, int(a.hashed), a.seed, self.clipped]),
+            )
+
+    @classmethod
+    def load(cls, path: Path) -> "Cmac":
+        """The CMAC that :meth:`save` kept, equal to the bit."""
+        with np.load(path) as kept:
+            law: NDArray[np.int64] = kept["law"]
+            cmac = cls.__new__(cls)
+            elements, rows, hashed, seed, clipped = (int(v) for v in law)
+            cmac.address = Address(
+                InputRange(kept["low"], kept["high"]),
+                kept["displacement"],
+                elements,
+                rows,
+                bool(hashed),
+                seed,
+            )
+            cmac.weights, cmac.clipped = kept["weights"], clipped
+        return cmac

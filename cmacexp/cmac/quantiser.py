@@ -1,0 +1,36 @@
+"""From a number to the quantum it falls into."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.arrays import Array
+from cmacexp.compile import kernel
+
+
+class InputRange(NamedTuple):
+    """Range of every input of a CMAC; n is the number of inputs."""
+
+    low: Array
+    """(n,): lower end."""
+    high: Array
+    """(n,): upper end, above ``low``."""
+
+
+def spanning(values: Array, factor: float) -> InputRange:
+    """Ranges of ``factor`` times the span of each column of ``values`` (samples, n), centred on its middle.
+
+    An input that does not move gets a range of width 1: it cannot tell anything apart anyway.
+    """
+    lowest, highest = values.min(axis=0), values.max(axis=0)
+    span = np.where(highest > lowest, factor * (highest - lowest), 1.0)
+    middle = (lowest + highest) / 2.0
+    return InputRange(middle - span / 2.0, middle + span / 2.0)
+
+
+@kernel
+def quantise(value: float, low: float, high: float, quanta: int) -> tuple[int, bool]:
+    """Quantum 0 to ``quanta - 1`` of ``value``, and whether it lay outside [low, high] and was clipped."""
+    quantum = math.floor((value - low) / (high - low) * quanta)
+    return min(max(quantum, 0), quanta - 1), value < low or value > high

@@ -1,0 +1,85 @@
+"""Config fields with their unit and range, and the one check that holds them all to it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import field, fields, is_dataclass
+from typing import Any
+
+from cmacexp.errors import BadInput
+
+
+def number(
+    unit: str,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    at_most: float | None = None,
+    finite: bool = True,
+) -> Any:
+    """A dataclass field holding a quantity in ``unit`` within the given range."""
+    bounds = {"above": above, "at_least": at_least, "below": below, "at_most": at_most}
+    return field(metadata={"unit": unit, "finite": finite, **{k: v for k, v in bounds.items() if v is not None}})
+
+
+def choice(*names: str) -> Any:
+    """A dataclass field holding one of ``names``, or a list of some of them."""
+    return field(metadata={"choices": names})
+
+
+def describe_range(metadata: dict[str, Any]) -> str:
+    """The allowed range in words, e.g. ``must be above 0 and at most 1``."""
+    words = {"above": "above", "at_least": "at least", "below": "below", "at_most": "at most"}
+    parts = [f"{word} {metadata[name]:g}" for name, word in words.items() if name in metadata]
+    return "must be " + (" and ".join(parts) if parts else "a finite number")
+
+
+def _within(value: float, metadata: dict[str, Any]) -> bool:
+    if math.isnan(value) or (metadata.get("finite", True) and math.isinf(value)):
+        return False
+    return (
+        value > metadata.get("above", -math.inf)
+        and value >= metadata.get("at_least", -math.inf)
+        and value < metadata.get("below", math.inf)
+        and value <= metadata.get("at_most", math.inf)
+    ) or (math.isinf(value) and not metadata.get("finite", True) and value > 0)
+
+
+def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
+    if "choices" in metadata:
+        allowed = metadata["choices"]
+        for name in value if isinstance(value, list) else [value]:
+            if name not in allowed:
+                raise BadInput(key, name, "choose from " + ", ".join(allowed))
+    elif isinstance(value, int | float) and not isinstance(value, bool) and not _within(value, metadata):
+        unit = metadata["unit"]
+        raise BadInput(key, value, describe_range(metadata) + (f" ({unit})" if unit else ""))
+
+
+def check_fields(node: object, prefix: str = "") -> None:
+    """Hold every field of a config dataclass, and of those inside it, to its range.
+
+    Args:
+        node: a config dataclass.
+        prefix: the config key of ``node``, empty at the root.
+
+    Raises:
+        BadInput: names the key, the value and the range of the first field outside it.
+    """
+    if not is_dataclass(node):
+        return
+    for each in fields(node):
+        value = getattr(node, each.name)
+        key = f"{prefix}.{each.name}" if prefix else each.name
+        if is_dataclass(value):
+            check_fields(value, key)
+        elif isinstance(value, dict):
+            for name, item in value.items():
+                check_fields(item, f"{key}.{name}")
+        elif each.metadata:
+            _check_field(key, value, dict(each.metadata))
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as they stand in an error message."""
+    return ", ".join(sorted(names))

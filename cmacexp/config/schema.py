@@ -1,0 +1,220 @@
+"""The configuration of a run: one dataclass per group, unit and range beside every field.
+
+Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do not give.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from cmacexp.config.fields import choice, number
+
+
+@dataclass
+class LegConfig:
+    """A planar two-link leg with point masses at knee and foot (Lin & Song 1997, eq. 23)."""
+
+    length_1: float = number("m", above=0)
+    """Hip to knee, l1."""
+    length_2: float = number("m", above=0)
+    """Knee to foot, l2."""
+    mass_1: float = number("kg", above=0)
+    """Mass at the knee, m1."""
+    mass_2: float = number("kg", above=0)
+    """Mass at the foot, m2."""
+    knee: str = choice("back", "forward")
+    """Side to which the knee bends: back is theta2 < 0 (assumed)."""
+
+
+@dataclass
+class LegMachine:
+    """One leg on a stand."""
+
+    leg: LegConfig
+    kind: str = choice("leg")
+    hip_height: float = number("m", above=0)
+    """Height of the hip above the undepressed ground."""
+
+
+@dataclass
+class PointMassMachine:
+    """The leg as a point mass that moves along x and y (Lin & Song 1997, eq. 2-4)."""
+
+    kind: str = choice("point_mass")
+    hip_height: float = number("m", above=0)
+    """Depth of the undepressed ground below the origin."""
+    mass: float = number("kg", above=0)
+    start_clearance: float = number("m")
+    """Height of the mass above the undepressed ground at the start (assumed)."""
+
+
+@dataclass
+class TerrainConfig:
+    """Elastic ground (Lin & Song 1997, eq. 1)."""
+
+    stiffness: float = number("N/m", above=0)
+    """K_n, the stiffness that the plant feels."""
+    assumed_stiffness: float | None = number("N/m", above=0)
+    """The K_n that planner and controller believe in; null: the true one."""
+
+
+@dataclass
+class GaitConfig:
+    """When and along which path the feet move."""
+
+    pattern: str = choice("transfer_first", "standing")
+    """transfer_first: a cycle begins with lift-off; standing: no transfer at all."""
+    cycle_time: float = number("s", above=0)
+    """T."""
+    duty_factor: float = number("", above=0, at_most=1)
+    """Fraction of the cycle in which a foot supports."""
+    stroke: float = number("m", at_least=0)
+    """Travel of the foot on the ground during support (assumed)."""
+    lift: float = number("m", at_least=0)
+    """Apex of the transfer above the take-off point (assumed)."""
+    vertical: str = choice("cubic", "two_cubics")
+    """cubic: one through both ends and the apex, its speed jumps (assumed); two_cubics: at rest at ends and apex."""
+    load_ramp: float = number("s", at_least=0)
+    """Time after touch-down over which a foot takes its desired force; 0: a step, as in the paper."""
+
+
+@dataclass
+class ControllerConfig:
+    """Position control and the LEAD compensator (Lin & Song 1997, eq. 5-7, 21)."""
+
+    _target_: str
+    position_gain: float = number("N/m", above=0)
+    """K_ap."""
+    velocity_gain: float = number("N s/m", at_least=0)
+    """K_av."""
+    lead_omega: float = number("rad/s", above=0)
+    """Lower corner frequency omega (assumed; see pipelines/lead_design.py)."""
+    lead_alpha: float = number("", above=0)
+    """Upper over lower corner frequency, alpha (assumed)."""
+
+
+@dataclass
+class ActuatorConfig:
+    """What becomes of the commanded torque."""
+
+    torque_limit: float | None = number("N m (N for a point mass)", above=0)
+    """Largest absolute torque of each joint; null: none."""
+
+
+@dataclass
+class ForceControlConfig:
+    """Force control in the support phase (Lin & Song 1997, eq. 8-15)."""
+
+    method: str = choice("stiffness", "damping", "combined", "explicit")
+    desired_force: float = number("N", above=0)
+    """F_d."""
+    elasticity: float = number("m/N", at_least=0)
+    """P_fn."""
+    admittance: float = number("m/(N s)", at_least=0)
+    """V_fn."""
+    force_gain: float = number("", above=0)
+    """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
+
+
+@dataclass
+class CmacConfig:
+    """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
+
+    layers: int = number("", at_least=1, at_most=4096)
+    """C, the number of quantisation functions, which is the generalisation size."""
+    resolution_elements: int = number("", at_least=2, at_most=65536)
+    """Blocks of each quantisation function; (resolution_elements - 1) x layers quanta span an input's range."""
+    memory_bytes: int = number("B", at_least=1, at_most=2**34)
+    """Memory of one CMAC; a word is a float64, so rows = memory_bytes / (8 x outputs)."""
+    addressing: str = choice("hashed", "dense")
+    displacement: str = choice("diagonal", "odd_lattice", "parks_militzer")
+    """How the layers are shifted against each other; diagonal as in the paper."""
+    inputs: list[str] = choice("angle", "velocity", "acceleration")
+    """Planned joint values that address the memory (assumed)."""
+    range_factor: float = number("", at_least=1)
+    """Input range over the planned span, centred on its middle (assumed)."""
+
+
+@dataclass
+class LearningConfig:
+    """The learning law (Lin & Song 1997, eq. 19, 20)."""
+
+    rule: str = choice("paper")
+    rate: float = number("", above=0, below=2)
+    """beta; 50/256 in the paper."""
+    lead: int = number("samples", at_least=-100, at_most=100)
+    """U(k-1) trains the cells of step k-1-lead; 0 as in the paper."""
+    start_cycle: int = number("", at_least=1)
+    """First cycle in which the feedforward learns and acts."""
+
+
+@dataclass
+class RecordConfig:
+    """What a run leaves behind besides trace and metrics."""
+
+    recording: bool
+    """Write recording.rrd, the Rerun view."""
+
+
+@dataclass
+class Config:
+    """One run, whole."""
+
+    scenario: str
+    machine: Any
+    plant: Any
+    terrain: TerrainConfig
+    gait: GaitConfig
+    sensors: Any
+    controller: ControllerConfig
+    actuator: ActuatorConfig
+    force_control: ForceControlConfig
+    feedforward: Any
+    cmac: CmacConfig
+    learning: LearningConfig
+    record: RecordConfig
+    cycles: int = number("", at_least=1)
+    seed: int = number("", at_least=0, at_most=2**63 - 1)
+    """Seeds the hash of the CMAC's memory, and every part that draws random numbers."""
+    sampling_period: float = number("s", above=0)
+    """T_s."""
+    reference: str = choice("literal", "aware", "force_feedforward")
+    """literal: eq. 9, 11, 13, 15 always; aware: without their 1/K_a term while a feedforward acts;
+    force_feedforward: the desired force is added to the feedback instead."""
+
+    @property
+    def steps_per_cycle(self) -> int:
+        """Samples of one cycle, N = T / T_s."""
+        return round(self.gait.cycle_time / self.sampling_period)
+
+    @property
+    def assumed_stiffness(self) -> float:
+        """K_n as planner and controller believe it, N/m."""
+        return self.terrain.assumed_stiffness or self.terrain.stiffness
+
+
+@dataclass
+class AnalyticPlantConfig:
+    """The project's own equations of motion."""
+
+    _target_: str
+    substeps: int = number("", at_least=1, at_most=10000)
+    """Runge-Kutta steps per sampling period; 1 as in the paper."""
+
+
+@dataclass
+class PartWithoutFields:
+    """A part that has nothing to set."""
+
+    _target_: str
+
+
+MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine}
+
+BUILT_IN_PARTS = {
+    "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
+    "cmacexp.sensors.PerfectSensors": PartWithoutFields,
+    "cmacexp.control.NoFeedforward": PartWithoutFields,
+    "cmacexp.control.CmacFeedforward": PartWithoutFields,
+    "cmacexp.control.InverseDynamics": PartWithoutFields,
+}
+"""Schemas of the parts that a ``_target_`` can name; another target brings its own fields, unchecked here."""

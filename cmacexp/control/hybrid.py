@@ -1,0 +1,57 @@
+"""The hybrid position/force controller as a part that a config can name."""
+
+from typing import TYPE_CHECKING
+
+from cmacexp.arrays import Array
+from cmacexp.control.hybrid_law import METHODS, HybridLaw, HybridState, hybrid_feedback, new_hybrid_state
+from cmacexp.control.lead import discretise
+from cmacexp.control.protocol import Action, Feedforward, Reference
+from cmacexp.plants.protocol import Measurement
+
+if TYPE_CHECKING:
+    from cmacexp.scenario import Setup
+
+
+class HybridController:
+    """Position control, and force control where the plan has a foot support (Lin & Song 1997, eq. 21).
+
+    Args:
+        position_gain: K_ap, N/m.
+        velocity_gain: K_av, N s/m.
+        lead_omega: lower corner frequency of the LEAD, rad/s.
+        lead_alpha: upper over lower corner frequency.
+    """
+
+    law: HybridLaw
+    state: HybridState
+    feedforward: Feedforward
+
+    def __init__(self, position_gain: float, velocity_gain: float, lead_omega: float, lead_alpha: float):
+        self.position_gain = position_gain
+        self.velocity_gain = velocity_gain
+        self.lead_omega = lead_omega
+        self.lead_alpha = lead_alpha
+
+    def reset(self, setup: "Setup", feedforward: Feedforward) -> None:
+        """LEAD states of zero."""
+        method = setup.config.force_control
+        self.law = HybridLaw(
+            setup.mechanism,
+            METHODS[method.method],
+            self.position_gain,
+            self.velocity_gain,
+            method.force_gain,
+            method.elasticity,
+            method.admittance,
+            discretise(self.lead_omega, self.lead_alpha, setup.config.sampling_period),
+        )
+        self.state = new_hybrid_state(setup.mechanism.legs.shape[0])
+        self.feedforward = feedforward
+
+    def act(self, reference: Reference, measurement: Measurement) -> Action:
+        """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""
+        last: Array = self.state.taught.copy()
+        m = measurement
+        hybrid_feedback(self.law, self.state, reference.support, reference.values, m.q, m.foot, m.velocity, m.force)
+        feedforward = self.feedforward.predict(reference, last) if reference.acting else 0.0 * last
+        return Action(self.state.feedback.copy(), feedforward)

@@ -1,0 +1,118 @@
+"""Hybrid position/force control of one step, as compiled kernels.
+
+Equation 21 adds two LEAD compensators, one over position and one over velocity errors. Both have the same corner
+frequencies, so one LEAD over K_ap E + K_av E' is the same controller, and keeps its state when the planned phase
+changes over between position and force control.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.arrays import Array, Mask
+from cmacexp.compile import kernel
+from cmacexp.control.lead import Lead, lead_step
+from cmacexp.models.mechanism import Mechanism, torque_for
+
+STIFFNESS, DAMPING, COMBINED, EXPLICIT = range(4)
+METHODS = {"stiffness": STIFFNESS, "damping": DAMPING, "combined": COMBINED, "explicit": EXPLICIT}
+
+
+class HybridLaw(NamedTuple):
+    """What does not change while a controller runs."""
+
+    mechanism: Mechanism
+    method: int
+    """One of METHODS."""
+    position_gain: float
+    """K_ap, N/m."""
+    velocity_gain: float
+    """K_av, N s/m."""
+    force_gain: float
+    """K_a of explicit force control."""
+    elasticity: float
+    """P_fn, m/N."""
+    admittance: float
+    """V_fn, m/(N s)."""
+    lead: Lead
+
+
+class HybridState(NamedTuple):
+    """LEAD states, and what the last step gave; L is the number of legs."""
+
+    error: Array
+    """(L, 2): weighted error of the last step, N."""
+    output: Array
+    """(L, 2): LEAD output of the last step, U without the desired force, N."""
+    feedback: Array
+    """(L, 2): feedback torque J^T (U + F_d), N m."""
+    taught: Array
+    """(L, 2): what a feedforward learns from, J^T U, N m."""
+
+
+def new_hybrid_state(legs: int) -> HybridState:
+    """LEAD states of zero."""
+    return HybridState(*(np.zeros((legs, 2)) for _ in range(4)))
+
+
+@kernel
+def position_error(law: HybridLaw, reference: float, reference_rate: float, value: float, rate: float) -> float:
+    """K_ap E + K_av E' without force terms, N (Lin & Song 1997, eq. 21)."""
+    return law.position_gain * (reference - value) + law.velocity_gain * (reference_rate - rate)
+
+
+@kernel
+def force_error(law: HybridLaw, i: int, reference: Array, y: float, vy: float, force: float) -> float:
+    """Weighted error of the force control method, N (Lin & Song 1997, Fig. 2 to 5 and eq. 21).
+
+    Row ``i`` of ``reference`` (L, 6) is x, y, vx, vy, F_r, F_d of the leg.
+    """
+    if law.method == EXPLICIT:
+        return law.force_gain * (reference[i, 4] - force)
+    stiffness = law.position_gain * (reference[i, 1] - y - force * law.elasticity)
+    damping = law.velocity_gain * (reference[i, 3] - vy - force * law.admittance)
+    if law.method == STIFFNESS:
+        return stiffness
+    if law.method == DAMPING:
+        return damping
+    return stiffness + damping
+
+
+@kernel
+def hybrid_feedback(
+    law: HybridLaw,
+    state: HybridState,
+    support: Mask,
+    reference: Array,
+    q: Array,
+    foot: Array,
+    velocity: Array,
+    force: Array,
+) -> None:
+    """Feedback torques of all legs; fills ``state``.
+
+    Args:
+        law: gains and geometry.
+        state: of the last step, becomes that of this one.
+        support: (L,): force control along y where true, position control elsewhere.
+        reference: (L, 6): a row of the plan.
+        q: (L, 2): measured joint angles, rad.
+        foot: (L, 2): measured foot position, m.
+        velocity: (L, 2): measured foot velocity, m/s.
+        force: (L,): measured contact force, N.
+    """
+    for i in range(support.shape[0]):
+        x_error = position_error(law, reference[i, 0], reference[i, 2], foot[i, 0], velocity[i, 0])
+        if support[i]:
+            y_error = force_error(law, i, reference, foot[i, 1], velocity[i, 1], force[i])
+        else:
+            y_error = position_error(law, reference[i, 1], reference[i, 3], foot[i, 1], velocity[i, 1])
+        ux = lead_step(law.lead, x_error, state.error[i, 0], state.output[i, 0])
+        uy = lead_step(law.lead, y_error, state.error[i, 1], state.output[i, 1])
+        state.error[i, 0], state.error[i, 1] = x_error, y_error
+        state.output[i, 0], state.output[i, 1] = ux, uy
+        taught = torque_for(law.mechanism, i, q, ux, uy)
+        desired = reference[i, 5]
+        feedback = torque_for(law.mechanism, i, q, ux, uy + desired) if desired != 0.0 else taught
+        state.taught[i, 0], state.taught[i, 1] = taught
+        state.feedback[i, 0], state.feedback[i, 1] = feedback

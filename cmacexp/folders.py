@@ -1,0 +1,52 @@
+"""Runs on disk: finding them, and what the commands that read them share."""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from cmacexp import manifest as manifests
+from cmacexp.errors import BadRun, CmacexpError
+
+
+def is_run(folder: Path) -> bool:
+    """Whether ``folder`` is, or was to become, the folder of a run."""
+    return any((folder / name).exists() for name in (manifests.NAME, "trace.parquet", ".hydra"))
+
+
+def runs_below(folder: Path) -> list[Path]:
+    """``folder`` if it is a run, else all runs below it, in order.
+
+    Raises:
+        BadRun: the folder does not exist or holds no run.
+    """
+    if not folder.is_dir():
+        raise BadRun(f"{folder}: no such folder")
+    if is_run(folder):
+        return [folder]
+    found = sorted({path.parent for path in folder.rglob("*") if path.name in (manifests.NAME, ".hydra")})
+    if not found:
+        raise BadRun(f"{folder}: holds no run; give the folder that a run printed at its end")
+    return found
+
+
+def command(
+    name: str, description: str, work: Callable[[argparse.Namespace], int], options: Sequence[tuple[str, str]] = ()
+) -> int:
+    """Run a command over folders of runs.
+
+    Args:
+        name: the module, ``cmacexp.score``.
+        description: what it does, for ``--help``.
+        work: takes the parsed arguments (``folders``, and each flag) and gives the exit code.
+        options: flags, each with its help.
+    """
+    parser = argparse.ArgumentParser(prog=f"python -m {name}", description=description)
+    parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
+    for flag, text in options:
+        parser.add_argument(flag, action="store_true", help=text)
+    try:
+        return work(parser.parse_args())
+    except (CmacexpError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2

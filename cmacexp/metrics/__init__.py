@@ -1,0 +1,5 @@
+"""Metrics of tracking and force error per learning cycle and leg: pure functions of the trace."""
+
+from cmacexp.metrics.compute import compute
+
+__all__ = ["compute"]

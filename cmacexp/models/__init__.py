@@ -1,0 +1,1 @@
+"""The equations that plants, control and planning share."""

@@ -1,0 +1,136 @@
+"""A planar two-link leg: kinematics, and dynamics with point masses at knee and foot.
+
+The hip is the origin, x forward, y DOWN; theta1 runs from +x to the thigh, theta2 from the thigh to the shank.
+Scalars in, scalars out, so that loops compile to straight arithmetic. ``trig`` is what :func:`trigonometry` gives.
+"""
+
+import math
+from typing import NamedTuple
+
+from cmacexp.compile import kernel
+
+GRAVITY = 9.81
+"""m/s^2."""
+
+Trig = tuple[float, float, float, float]
+Pair = tuple[float, float]
+
+
+class Leg(NamedTuple):
+    """Link lengths (m) and masses (kg) of one leg, and the sign of theta2."""
+
+    length_1: float
+    length_2: float
+    mass_1: float
+    mass_2: float
+    knee: float
+
+
+@kernel
+def trigonometry(q1: float, q2: float) -> Trig:
+    """Sine and cosine of theta1 and of theta1 + theta2."""
+    return math.sin(q1), math.cos(q1), math.sin(q1 + q2), math.cos(q1 + q2)
+
+
+@kernel
+def foot_position(leg: Leg, trig: Trig) -> Pair:
+    """Forward kinematics: x, y of the foot in the hip frame, m."""
+    s1, c1, s12, c12 = trig
+    return leg.length_1 * c1 + leg.length_2 * c12, leg.length_1 * s1 + leg.length_2 * s12
+
+
+@kernel
+def jacobian(leg: Leg, trig: Trig) -> tuple[float, float, float, float]:
+    """J, row by row: d(x, y)/d(theta1, theta2), m/rad."""
+    s1, c1, s12, c12 = trig
+    j12 = -leg.length_2 * s12
+    j22 = leg.length_2 * c12
+    return -leg.length_1 * s1 + j12, j12, leg.length_1 * c1 + j22, j22
+
+
+@kernel
+def foot_velocity(leg: Leg, trig: Trig, dq1: float, dq2: float) -> Pair:
+    """Velocity of the foot in the hip frame, J dtheta, m/s."""
+    j11, j12, j21, j22 = jacobian(leg, trig)
+    return j11 * dq1 + j12 * dq2, j21 * dq1 + j22 * dq2
+
+
+@kernel
+def joint_torque(leg: Leg, trig: Trig, fx: float, fy: float) -> Pair:
+    """J^T U: the joint torques (N m) that press the foot with (fx, fy) N (Lin & Song 1997, Fig. 1)."""
+    j11, j12, j21, j22 = jacobian(leg, trig)
+    return j11 * fx + j21 * fy, j12 * fx + j22 * fy
+
+
+@kernel
+def inertia(leg: Leg, trig: Trig) -> tuple[float, float, float]:
+    """M11, M12, M22 of the inertia matrix, kg m^2 (Lin & Song 1997, eq. 23)."""
+    s1, c1, s12, c12 = trig
+    m22 = leg.length_2 * leg.length_2 * leg.mass_2
+    m12 = m22 + leg.length_1 * leg.length_2 * leg.mass_2 * (c1 * c12 + s1 * s12)
+    m11 = 2.0 * m12 - m22 + leg.length_1 * leg.length_1 * (leg.mass_1 + leg.mass_2)
+    return m11, m12, m22
+
+
+@kernel
+def bias_torque(leg: Leg, trig: Trig, dq1: float, dq2: float) -> Pair:
+    """C dtheta + G: Coriolis, centrifugal and gravity torques, N m (Lin & Song 1997, eq. 23).
+
+    The scan of the paper lost the square in the second row of C: it is m2 l1 l2 sin(theta2) dtheta1^2.
+    """
+    s1, c1, s12, c12 = trig
+    coupling = leg.mass_2 * leg.length_1 * leg.length_2 * (s12 * c1 - c12 * s1)
+    weight_2 = leg.mass_2 * leg.length_2 * c12 * GRAVITY
+    weight_1 = (leg.mass_1 + leg.mass_2) * leg.length_1 * c1 * GRAVITY
+    coriolis_1 = -coupling * (dq2 * dq2 + 2.0 * dq1 * dq2)
+    return coriolis_1 - weight_2 - weight_1, coupling * dq1 * dq1 - weight_2
+
+
+@kernel
+def forward_dynamics(leg: Leg, trig: Trig, dq1: float, dq2: float, tau_1: float, tau_2: float, force: float) -> Pair:
+    """Joint accelerations, rad/s^2, under joint torques (N m) and a contact force (N) (Lin & Song 1997, eq. 17)."""
+    m11, m12, m22 = inertia(leg, trig)
+    bias_1, bias_2 = bias_torque(leg, trig, dq1, dq2)
+    contact_1, contact_2 = joint_torque(leg, trig, 0.0, force)
+    net_1 = tau_1 - bias_1 - contact_1
+    net_2 = tau_2 - bias_2 - contact_2
+    determinant = m11 * m22 - m12 * m12
+    return (m22 * net_1 - m12 * net_2) / determinant, (m11 * net_2 - m12 * net_1) / determinant
+
+
+@kernel
+def inverse_dynamics(leg: Leg, trig: Trig, dq1: float, dq2: float, ddq1: float, ddq2: float, force: float) -> Pair:
+    """Joint torques, N m, that give the accelerations (rad/s^2) against a contact force (N) (eq. 16, 17)."""
+    m11, m12, m22 = inertia(leg, trig)
+    bias_1, bias_2 = bias_torque(leg, trig, dq1, dq2)
+    contact_1, contact_2 = joint_torque(leg, trig, 0.0, force)
+    return m11 * ddq1 + m12 * ddq2 + bias_1 + contact_1, m12 * ddq1 + m22 * ddq2 + bias_2 + contact_2
+
+
+@kernel
+def inverse_kinematics(leg: Leg, x: float, y: float) -> Pair:
+    """Joint angles, rad, that put the foot at (x, y), with theta2 on the side of ``leg.knee``; NaN out of reach."""
+    cosine = (x * x + y * y - leg.length_1 * leg.length_1 - leg.length_2 * leg.length_2) / (
+        2.0 * leg.length_1 * leg.length_2
+    )
+    if not -1.0 <= cosine <= 1.0:
+        return math.nan, math.nan
+    q2 = leg.knee * math.acos(cosine)
+    return math.atan2(y, x) - math.atan2(leg.length_2 * math.sin(q2), leg.length_1 + leg.length_2 * cosine), q2
+
+
+@kernel
+def joint_velocity(leg: Leg, trig: Trig, vx: float, vy: float) -> Pair:
+    """Joint velocities, rad/s, that move the foot with (vx, vy) m/s: J^-1 v."""
+    j11, j12, j21, j22 = jacobian(leg, trig)
+    determinant = j11 * j22 - j12 * j21
+    return (j22 * vx - j12 * vy) / determinant, (j11 * vy - j21 * vx) / determinant
+
+
+@kernel
+def joint_acceleration(leg: Leg, trig: Trig, dq1: float, dq2: float, ax: float, ay: float) -> Pair:
+    """Joint accelerations, rad/s^2, that accelerate the foot with (ax, ay) m/s^2: J^-1 (a - dJ dtheta)."""
+    s1, c1, s12, c12 = trig
+    turn_1 = leg.length_1 * dq1 * dq1
+    turn_2 = leg.length_2 * (dq1 + dq2) * (dq1 + dq2)
+    return joint_velocity(leg, trig, ax + turn_1 * c1 + turn_2 * c12, ay + turn_1 * s1 + turn_2 * s12)

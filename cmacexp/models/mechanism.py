@@ -1,0 +1,68 @@
+"""The machine as its equations see it: legs or a point mass, each against elastic ground.
+
+One set of kernels moves every machine: ``kind`` says whether a "joint" is a joint of a leg or a Cartesian axis of
+a point mass. Arrays run over legs first, so that one leg is four legs with three of them missing.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.arrays import Array
+from cmacexp.compile import kernel
+from cmacexp.models.leg import (
+    Leg,
+    inverse_dynamics,
+    joint_torque,
+    trigonometry,
+)
+
+POINT_MASS = 0
+LEGS_ON_STAND = 1
+
+
+class Mechanism(NamedTuple):
+    """Geometry and masses of a machine; L is the number of its legs."""
+
+    kind: int
+    """POINT_MASS or LEGS_ON_STAND."""
+    legs: Array
+    """(L, 5): the fields of :class:`Leg`; of a point mass only ``mass_2`` counts."""
+    hip_height: float
+    """Height of the hips above the undepressed ground, m."""
+
+
+@kernel
+def leg_of(mechanism: Mechanism, i: int) -> Leg:
+    """Leg ``i`` of the machine."""
+    legs = mechanism.legs
+    return Leg(legs[i, 0], legs[i, 1], legs[i, 2], legs[i, 3], legs[i, 4])
+
+
+@kernel
+def torque_for(mechanism: Mechanism, i: int, q: Array, fx: float, fy: float) -> tuple[float, float]:
+    """J^T U of leg ``i``, N m; J is the identity for a point mass (Lin & Song 1997, Fig. 1)."""
+    if mechanism.kind == POINT_MASS:
+        return fx, fy
+    return joint_torque(leg_of(mechanism, i), trigonometry(q[i, 0], q[i, 1]), fx, fy)
+
+
+@kernel
+def planned_torque(
+    mechanism: Mechanism, i: int, q: Array, dq: Array, ddq: Array, force: float
+) -> tuple[float, float]:
+    """Torque (N m) that gives leg ``i`` ``ddq`` at ``q``, ``dq``, each (2,), against ``force`` N (eq. 2, 16, 17)."""
+    leg = leg_of(mechanism, i)
+    if mechanism.kind == POINT_MASS:
+        return leg.mass_2 * ddq[0], leg.mass_2 * ddq[1] + force
+    return inverse_dynamics(leg, trigonometry(q[0], q[1]), dq[0], dq[1], ddq[0], ddq[1], force)
+
+
+def point_mass(mass: float, hip_height: float) -> Mechanism:
+    """A machine that is one point mass of ``mass`` kg."""
+    return Mechanism(POINT_MASS, np.array([[1.0, 1.0, 0.0, mass, 1.0]]), hip_height)
+
+
+def legs_on_stand(legs: list[Leg], hip_height: float) -> Mechanism:
+    """A machine whose hips do not move."""
+    return Mechanism(LEGS_ON_STAND, np.array(legs, dtype=float), hip_height)

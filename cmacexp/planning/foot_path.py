@@ -1,0 +1,58 @@
+"""Foot paths: a quintic and a cubic in the transfer phase, a straight line in support (Lin & Song 1997, section 5).
+
+A path is sampled at ``s`` in [0, 1), the progress within its phase, and comes back as position, velocity and
+acceleration, each of the shape of ``s``.
+"""
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from cmacexp.arrays import Array
+
+Motion = tuple[Array, Array, Array]
+
+
+def _sample(coefficients: Array, s: Array, duration: float) -> Motion:
+    """Position, velocity and acceleration of a polynomial in ``s`` that lasts ``duration`` seconds."""
+    first = polynomial.polyder(coefficients)
+    second = polynomial.polyder(first)
+    return (
+        np.asarray(polynomial.polyval(s, coefficients), dtype=float),
+        np.asarray(polynomial.polyval(s, first), dtype=float) / duration,
+        np.asarray(polynomial.polyval(s, second), dtype=float) / duration**2,
+    )
+
+
+def line(start: float, end: float, s: Array, duration: float) -> Motion:
+    """Constant velocity from ``start`` to ``end``."""
+    return _sample(np.array([start, end - start, 0.0]), s, duration)
+
+
+def quintic(start: float, end: float, velocity: float, s: Array, duration: float) -> Motion:
+    """Fifth order from ``start`` to ``end``, with the same ``velocity`` and no acceleration at both ends."""
+    speed = velocity * duration
+    gap = end - start - speed
+    return _sample(np.array([start, speed, 0.0, 10.0 * gap, -15.0 * gap, 6.0 * gap]), s, duration)
+
+
+def cubic(start: float, end: float, lift: float, s: Array, duration: float) -> Motion:
+    """Third order through both ends, with its apex at s = 1/2, ``lift`` above ``start`` (y points down).
+
+    With equal ends it is start - 4 lift s (1 - s): its velocity jumps by 4 lift/duration against rest.
+    """
+    gap = end - start
+    return _sample(np.array([start, gap - 4.0 * lift, 4.0 * (lift - gap), 4.0 * gap]), s, duration)
+
+
+def two_cubics(start: float, end: float, lift: float, s: Array, duration: float) -> Motion:
+    """Up with one cubic, down with another, at rest at both ends and at the apex at s = 1/2."""
+    apex = start - lift
+    rising = s < 0.5
+    half = np.where(rising, 2.0 * s, 2.0 * s - 1.0)
+    up = _sample(np.array([start, 0.0, 3.0, -2.0]) * [1.0, 0.0, apex - start, apex - start], half, duration / 2.0)
+    down = _sample(np.array([apex, 0.0, 3.0, -2.0]) * [1.0, 0.0, end - apex, end - apex], half, duration / 2.0)
+    position, velocity, acceleration = (np.where(rising, a, b) for a, b in zip(up, down, strict=True))
+    return position, velocity, acceleration
+
+
+VERTICAL = {"cubic": cubic, "two_cubics": two_cubics}

@@ -1,0 +1,145 @@
+"""The plan of a cycle: phases, desired motion and force of every foot, and what the controller is fed."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.arrays import Array, Mask
+from cmacexp.compile import kernel
+from cmacexp.config import Config
+from cmacexp.models.ground import depression_for
+from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
+from cmacexp.models.mechanism import POINT_MASS, Mechanism, leg_of
+from cmacexp.planning.foot_path import VERTICAL, line, quintic
+from cmacexp.planning.gait import Timing, make_timing
+from cmacexp.planning.reach import check_reach
+from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains, keeps_static_load
+
+BEFORE, ACTING = 0, 1
+"""Stages of a run: before the feedforward acts, and since."""
+NEVER = 2**62
+"""A step that no run reaches."""
+
+
+class Plan(NamedTuple):
+    """One cycle of N samples for L legs; it repeats. Frames and signs as in the trace."""
+
+    support: Mask
+    """(N, L): whether the foot is planned to support."""
+    progress: Array
+    """(N, L): 0 to 1 within the phase."""
+    desired: Array
+    """(N, L, 6): x, y (m), vx, vy (m/s), ax, ay (m/s^2) of where the foot should really be."""
+    joints: Array
+    """(N, L, 6): the same motion in joint angles, rad; of a point mass equal to ``desired``."""
+    force_desired: Array
+    """(N, L): desired contact force, N."""
+    reference: Array
+    """(2, N, L, 6): per stage x, y (m), vx, vy (m/s), F_r (N) and F_d to add to the feedback (N)."""
+    start_step: int
+    """First step at which the feedforward learns and acts; beyond any run if there is none."""
+
+
+@kernel
+def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
+    """Joint angles, velocities and accelerations along ``desired`` (N, L, 6); fills ``joints`` (N, L, 6)."""
+    for k in range(desired.shape[0]):
+        for i in range(desired.shape[1]):
+            x, y, vx, vy, ax, ay = desired[k, i]
+            if mechanism.kind == POINT_MASS:
+                q1, q2, dq1, dq2, ddq1, ddq2 = x, y, vx, vy, ax, ay
+            else:
+                leg = leg_of(mechanism, i)
+                q1, q2 = inverse_kinematics(leg, x, y)
+                trig = trigonometry(q1, q2)
+                dq1, dq2 = joint_velocity(leg, trig, vx, vy)
+                ddq1, ddq2 = joint_acceleration(leg, trig, dq1, dq2, ax, ay)
+            joints[k, i, 0], joints[k, i, 1] = q1, q2
+            joints[k, i, 2], joints[k, i, 3] = dq1, dq2
+            joints[k, i, 4], joints[k, i, 5] = ddq1, ddq2
+
+
+def _desired_force(config: Config, timing: Timing) -> tuple[Array, Array]:
+    """Desired force (N, L), N, and its rate, N/s: F_d in support, reached by a ramp if the gait has one."""
+    force = config.force_control.desired_force
+    elapsed = timing.sample * config.sampling_period
+    ramp = config.gait.load_ramp
+    rising = timing.support & (elapsed < ramp)
+    rate = np.where(rising, force / ramp if ramp else 0.0, 0.0)
+    return np.where(timing.support, np.where(rising, rate * elapsed, force), 0.0), rate
+
+
+def _desired_motion(config: Config, timing: Timing, hip_height: float, force: Array, rate: Array) -> Array:
+    """Desired motion (N, L, 6) of every foot; in support at the depression that gives the desired force."""
+    gait, stiffness = config.gait, config.assumed_stiffness
+    support_time = timing.support_samples * config.sampling_period
+    transfer_time = timing.transfer_samples * config.sampling_period
+    front, rear = gait.stroke / 2.0, -gait.stroke / 2.0
+    desired = np.zeros((*timing.support.shape, 6))
+    for i in range(timing.support.shape[1]):
+        support, s = timing.support[:, i], timing.progress[:, i]
+        desired[support, i, 0::2] = np.stack(line(front, rear, s[support], support_time), axis=1)
+        desired[support, i, 1] = hip_height + depression_for(stiffness, force[support, i])
+        desired[support, i, 3] = depression_for(stiffness, rate[support, i])
+        if timing.transfer_samples:
+            s = s[~support]
+            first, last = timing.sample[:, i] == 0, timing.sample[:, i] == timing.support_samples - 1
+            take_off, touch_down = desired[support & last, i, 1][0], desired[support & first, i, 1][0]
+            horizontal = quintic(rear, front, (rear - front) / support_time, s, transfer_time)
+            vertical = VERTICAL[gait.vertical](take_off, touch_down, gait.lift, s, transfer_time)
+            desired[~support, i, 0::2] = np.stack(horizontal, axis=1)
+            desired[~support, i, 1::2] = np.stack(vertical, axis=1)
+    return desired
+
+
+def _reference(config: Config, timing: Timing, hip_height: float, desired: Array, force: Array) -> Array:
+    """What the controller is fed, (2, N, L, 6): the desired motion in transfer, the force laws in support."""
+    method = config.force_control
+    gains = Gains(
+        config.controller.position_gain,
+        config.controller.velocity_gain,
+        method.force_gain,
+        method.elasticity,
+        method.admittance,
+        config.assumed_stiffness,
+    )
+    reference = np.zeros((2, *desired.shape))
+    reference[..., :4] = desired[..., :4]
+    support = timing.support
+    for stage in (BEFORE, ACTING):
+        law = SUPPORT_REFERENCES[method.method](gains, keeps_static_load(config.reference, stage == ACTING))
+        reference[stage, support, 1] = hip_height + law.depression * force[support]
+        reference[stage, support, 3] = law.velocity * force[support]
+        reference[stage, support, 4] = law.force * force[support]
+        if config.reference == "force_feedforward":
+            reference[stage, support, 5] = force[support]
+    return reference
+
+
+def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
+    """Plan one cycle.
+
+    Args:
+        config: a checked config.
+        mechanism: the machine.
+        feedforward_acts: False for feedback alone, whose references never leave their first stage.
+
+    Raises:
+        BadInput: the desired foot path leaves the reach of a leg.
+    """
+    timing = make_timing(config.gait.pattern, config.steps_per_cycle, config.gait.duty_factor)
+    force, rate = _desired_force(config, timing)
+    desired = _desired_motion(config, timing, mechanism.hip_height, force, rate)
+    joints = np.empty_like(desired)
+    if mechanism.kind != POINT_MASS:
+        check_reach(config, mechanism, desired)
+    plan_joints(mechanism, desired, joints)
+    return Plan(
+        timing.support,
+        timing.progress,
+        desired,
+        joints,
+        force,
+        _reference(config, timing, mechanism.hip_height, desired, force),
+        (config.learning.start_cycle - 1) * config.steps_per_cycle if feedforward_acts else NEVER,
+    )

@@ -1,0 +1,6 @@
+"""What is controlled: machines on their ground."""
+
+from cmacexp.plants.analytic import AnalyticPlant
+from cmacexp.plants.protocol import Measurement, Plant
+
+__all__ = ["AnalyticPlant", "Measurement", "Plant"]

@@ -1,0 +1,144 @@
+"""Equations of motion of the built-in machines, integrated by the classical Runge-Kutta method."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.arrays import Array
+from cmacexp.compile import kernel
+from cmacexp.models.ground import contact_force
+from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics, trigonometry
+from cmacexp.models.mechanism import POINT_MASS, Mechanism, leg_of
+
+
+class PlantLaw(NamedTuple):
+    """What does not change while a plant runs; L is the number of its legs."""
+
+    mechanism: Mechanism
+    stiffness: Array
+    """(L,): K_n under each foot, N/m."""
+    step: float
+    """Time of one Runge-Kutta step, s."""
+    substeps: int
+    """Runge-Kutta steps per sampling period."""
+
+
+class PlantState(NamedTuple):
+    """What changes: the state, what can be measured of it, and room for the integration."""
+
+    q: Array
+    """(L, 2): joint angles, rad; of a point mass its position, m."""
+    dq: Array
+    """(L, 2): joint velocities."""
+    foot: Array
+    """(L, 2): foot in the frame of its hip, m."""
+    velocity: Array
+    """(L, 2): of the foot, m/s."""
+    force: Array
+    """(L,): contact force, N."""
+    body: Array
+    """(3,): height of the hips above the undepressed ground, m; pitch and roll, rad."""
+    trig: Array
+    """(L, 4): sines and cosines of the joint angles."""
+    stage_q: Array
+    """(L, 2): joint angles of a stage of the integration; below, its joint velocities and accelerations."""
+    stage_dq: Array
+    k1: Array
+    k2: Array
+    k3: Array
+    k4: Array
+
+
+def new_state(legs: int) -> PlantState:
+    """A state of zeros for ``legs`` legs."""
+    state = [np.zeros((legs, 2)) for _ in range(4)]
+    stages = [np.zeros((legs, 2)) for _ in range(6)]
+    fields = [*state, np.zeros(legs), np.zeros(3), np.zeros((legs, 4)), *stages]
+    return PlantState(*fields)
+
+
+@kernel
+def contact(law: PlantLaw, q: Array, state: PlantState) -> None:
+    """Feet and contact forces at the joint angles ``q``; fills ``foot``, ``force`` and ``trig`` of ``state``."""
+    mechanism = law.mechanism
+    for i in range(q.shape[0]):
+        if mechanism.kind == POINT_MASS:
+            state.foot[i, 0], state.foot[i, 1] = q[i, 0], q[i, 1]
+        else:
+            trig = trigonometry(q[i, 0], q[i, 1])
+            for j in range(4):
+                state.trig[i, j] = trig[j]
+            state.foot[i, 0], state.foot[i, 1] = foot_position(leg_of(mechanism, i), trig)
+        state.force[i] = contact_force(law.stiffness[i], state.foot[i, 1] - mechanism.hip_height)
+
+
+@kernel
+def accelerate(law: PlantLaw, state: PlantState, dq: Array, tau: Array, ddq: Array) -> None:
+    """Joint accelerations under ``tau`` at the feet and forces in ``state``; fills ``ddq`` (eq. 2, 17)."""
+    for i in range(dq.shape[0]):
+        leg = leg_of(law.mechanism, i)
+        if law.mechanism.kind == POINT_MASS:
+            ddq[i, 0] = tau[i, 0] / leg.mass_2
+            ddq[i, 1] = (tau[i, 1] - state.force[i]) / leg.mass_2
+        else:
+            trig = (state.trig[i, 0], state.trig[i, 1], state.trig[i, 2], state.trig[i, 3])
+            ddq[i, 0], ddq[i, 1] = forward_dynamics(
+                leg, trig, dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
+            )
+
+
+@kernel
+def observe(law: PlantLaw, state: PlantState) -> None:
+    """Bring feet, forces and velocities of ``state`` up to its joints."""
+    contact(law, state.q, state)
+    for i in range(state.q.shape[0]):
+        if law.mechanism.kind == POINT_MASS:
+            state.velocity[i, 0], state.velocity[i, 1] = state.dq[i, 0], state.dq[i, 1]
+        else:
+            trig = (state.trig[i, 0], state.trig[i, 1], state.trig[i, 2], state.trig[i, 3])
+            state.velocity[i, 0], state.velocity[i, 1] = foot_velocity(
+                leg_of(law.mechanism, i), trig, state.dq[i, 0], state.dq[i, 1]
+            )
+
+
+@kernel
+def runge_kutta_step(law: PlantLaw, state: PlantState, tau: Array) -> None:
+    """One classical fourth-order step of ``law.step``; contact forces act inside every stage.
+
+    ``state`` holds feet and forces at its joints before the step; after it they are those of the last stage.
+    """
+    h = law.step
+    q, dq, k1, k2, k3, k4 = state.stage_q, state.stage_dq, state.k1, state.k2, state.k3, state.k4
+    legs = state.q.shape[0]
+    accelerate(law, state, state.dq, tau, k1)
+    for i in range(legs):
+        for j in range(2):
+            q[i, j] = state.q[i, j] + 0.5 * h * state.dq[i, j]
+            dq[i, j] = state.dq[i, j] + 0.5 * h * k1[i, j]
+    contact(law, q, state)
+    accelerate(law, state, dq, tau, k2)
+    for i in range(legs):
+        for j in range(2):
+            q[i, j] = state.q[i, j] + 0.5 * h * dq[i, j]
+            dq[i, j] = state.dq[i, j] + 0.5 * h * k2[i, j]
+    contact(law, q, state)
+    accelerate(law, state, dq, tau, k3)
+    for i in range(legs):
+        for j in range(2):
+            q[i, j] = state.q[i, j] + h * dq[i, j]
+            dq[i, j] = state.dq[i, j] + h * k3[i, j]
+    contact(law, q, state)
+    accelerate(law, state, dq, tau, k4)
+    for i in range(legs):
+        for j in range(2):
+            # The velocities of the stages are dq, dq + h/2 k1, dq + h/2 k2, dq + h k3: their weighted sum is this.
+            state.q[i, j] += h * state.dq[i, j] + h * h / 6.0 * (k1[i, j] + k2[i, j] + k3[i, j])
+            state.dq[i, j] += h / 6.0 * (k1[i, j] + 2.0 * k2[i, j] + 2.0 * k3[i, j] + k4[i, j])
+
+
+@kernel
+def advance(law: PlantLaw, state: PlantState, tau: Array) -> None:
+    """Move the plant over one sampling period under the held torque ``tau`` (L, 2), N m."""
+    for _ in range(law.substeps):
+        runge_kutta_step(law, state, tau)
+        observe(law, state)

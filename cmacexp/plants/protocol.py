@@ -1,0 +1,38 @@
+"""What a plant is from cmacexp.arrays import Array
+to the loop: something that takes torques over a sampling period and can be measured."""
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from cmacexp.arrays import Array
+
+if TYPE_CHECKING:
+    from cmacexp.scenario import Setup
+
+
+class Measurement(NamedTuple):
+    """State of a machine at the start of a step; L is the number of its legs."""
+
+    q: Array
+    """(L, 2): joint angles, rad; NaN where the machine has no joints."""
+    dq: Array
+    """(L, 2): joint velocities, rad/s."""
+    foot: Array
+    """(L, 2): foot in the frame of its hip, x forward, y down, m."""
+    velocity: Array
+    """(L, 2): of the foot in the frame of its hip, m/s."""
+    force: Array
+    """(L,): contact force, N, positive pressing on the ground."""
+    body: Array
+    """(3,): height of the body above the undepressed ground, m; pitch and roll, rad."""
+
+
+class Plant(Protocol):
+    """A machine on its ground."""
+
+    def reset(self, setup: "Setup") -> Measurement:
+        """Put the machine at the start of the plan and measure it."""
+        ...
+
+    def step(self, torque: Array) -> Measurement:
+        """Hold ``torque`` (L, 2), N m, over one sampling period; measure the state after it."""
+        ...

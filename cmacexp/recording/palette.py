@@ -1,0 +1,15 @@
+"""Colours of the recording; apart for colour-blind readers (Okabe & Ito 2008)."""
+
+ACTUAL = (0, 114, 178)
+DESIRED = (130, 130, 130)
+FIRST_CYCLE = (213, 94, 0)
+LAST_CYCLE = (0, 158, 115)
+FEEDBACK = (213, 94, 0)
+FEEDFORWARD = (0, 114, 178)
+MEASURED = (204, 121, 167)
+FORCE = (230, 159, 0)
+THIGH = (86, 110, 140)
+SHANK = (130, 155, 185)
+GROUND = (140, 105, 70)
+TRANSFER = (86, 180, 233)
+SUPPORT = (230, 159, 0)

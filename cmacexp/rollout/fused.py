@@ -1,0 +1,68 @@
+"""The closed loop of built-in parts, fused into one compiled kernel."""
+
+from typing import NamedTuple
+
+from cmacexp.arrays import Array
+from cmacexp.compile import kernel
+from cmacexp.control.actuator import saturate
+from cmacexp.control.feedforward_law import FeedforwardLaw, feedforward_step
+from cmacexp.control.hybrid_law import HybridLaw, HybridState, hybrid_feedback
+from cmacexp.planning.plan import Plan
+from cmacexp.plants.kernels import PlantLaw, PlantState, advance
+from cmacexp.rollout.layout import RUNNING, stop_reason, write_samples
+
+
+class Torques(NamedTuple):
+    """Room for the torques of one step, (L, 2) each, N m."""
+
+    feedforward: Array
+    total: Array
+    last_taught: Array
+
+
+class FusedLoop(NamedTuple):
+    """All that the fused loop works on."""
+
+    plan: Plan
+    plant: PlantLaw
+    plant_state: PlantState
+    control: HybridLaw
+    control_state: HybridState
+    feedforward: FeedforwardLaw
+    torque_limit: float
+    torques: Torques
+
+
+@kernel
+def fused_loop(loop: FusedLoop, start: int, samples: Array) -> tuple[int, int]:
+    """Run as many steps as ``samples`` (steps, L, columns) has room for, from step ``start``.
+
+    Returns:
+        Steps written, and RUNNING or why it stopped after them.
+    """
+    plan, plant, machine, state = loop.plan, loop.plant, loop.plant_state, loop.control_state
+    feedforward, total, last = loop.torques.feedforward, loop.torques.total, loop.torques.last_taught
+    steps = samples.shape[0]
+    period = plan.support.shape[0]
+    for k in range(steps):
+        sample = (start + k) % period
+        acting = start + k >= plan.start_step
+        reference = plan.reference[1 if acting else 0, sample]
+        for i in range(last.shape[0]):
+            last[i, 0], last[i, 1] = state.taught[i, 0], state.taught[i, 1]
+        hybrid_feedback(
+            loop.control, state, plan.support[sample], reference,
+            machine.q, machine.foot, machine.velocity, machine.force,
+        )  # fmt: skip
+        if acting:
+            feedforward_step(loop.feedforward, sample, last, feedforward)
+        saturate(loop.torque_limit, state.feedback, feedforward, total)
+        write_samples(
+            samples, k, machine.foot, machine.velocity, machine.q, machine.dq,
+            machine.force, machine.force, reference, state.feedback, feedforward,
+        )  # fmt: skip
+        advance(plant, machine, total)
+        status = stop_reason(machine.q, machine.dq, machine.foot, machine.force)
+        if status != RUNNING:
+            return k + 1, status
+    return steps, RUNNING

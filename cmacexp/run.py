@@ -1,0 +1,101 @@
+"""One run from its config to its folder: roll out, trace, metrics, recording, manifest."""
+
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+
+from cmacexp import manifest as manifests
+from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.files import sha256
+from cmacexp.keep import METRICS, METRICS_CSV, RECORDING, TRACE, write_metrics
+from cmacexp.rollout import Rollout, roll_out
+from cmacexp.scenario import Scenario, make_scenario
+from cmacexp.table import write_table
+from cmacexp.trace import assemble
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run gave, and where it is kept."""
+
+    folder: Path
+    manifest: manifests.Manifest
+    metrics: pa.Table
+
+    @property
+    def status(self) -> str:
+        """``completed``, ``fell``, ``diverged``, ``failed`` or ``interrupted``."""
+        return str(self.manifest["status"])
+
+
+def _clear(folder: Path) -> None:
+    """Make room for a run: what an earlier one left under the same names goes, its manifest first."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in (manifests.NAME, TRACE, METRICS, METRICS_CSV, RECORDING):
+        (folder / name).unlink(missing_ok=True)
+    for leftover in folder.glob(".*.part"):
+        leftover.unlink(missing_ok=True)
+
+
+def _write_files(config: Config, folder: Path, rollout: Rollout) -> tuple[pa.Table, list[str]]:
+    """Write all that a rollout leaves behind but the manifest; the metrics and the names of the files."""
+    trace = assemble(rollout.plan, rollout.columns(), config.sampling_period)
+    write_table(trace, folder / TRACE)
+    metrics, names = write_metrics(folder, trace, config.steps_per_cycle)
+    names = [TRACE, *names]
+    if config.record.recording and trace.num_rows:
+        from cmacexp.recording import write_recording
+
+        write_recording(trace, to_plain(config), folder / RECORDING)
+        names.append(RECORDING)
+    return metrics, names
+
+
+def run_scenario(
+    config: Config,
+    folder: Path,
+    watch: Callable[[int], None] = lambda cycle: None,
+    prepared: Scenario | None = None,
+) -> RunResult:
+    """Run a scenario and keep what it gives in ``folder``.
+
+    Args:
+        config: a checked config.
+        folder: is made if missing; files of an earlier run in it are replaced.
+        watch: is called after every cycle with the cycles done so far.
+        prepared: the scenario of ``config`` if it is already made.
+
+    Returns:
+        The result; a run that diverged, failed or was interrupted keeps what it has, and says so in ``status``.
+
+    Raises:
+        BadInput: the plan asks for what the machine cannot do; nothing was simulated or written.
+        OSError: the folder cannot be written.
+    """
+    began = time.perf_counter()
+    scenario = prepared or make_scenario(config)
+    _clear(folder)
+    rollout = roll_out(scenario, watch)
+    metrics, names = _write_files(config, folder, rollout)
+    plain = to_plain(config)
+    manifest: manifests.Manifest = {
+        "status": rollout.status,
+        "cause": rollout.cause,
+        "seed": config.seed,
+        "config": plain,
+        "config_hash": config_hash(plain),
+        "versions": manifests.versions(),
+        "git_commit": manifests.git_commit(),
+        "steps": len(rollout.samples),
+        "rollout_seconds": rollout.seconds,
+        "wall_seconds": time.perf_counter() - began,
+        "files": {name: sha256(folder / name) for name in names},
+    }
+    if rollout.error is not None:
+        manifest["traceback"] = "".join(traceback.format_exception(rollout.error))
+    manifests.write(folder, manifest)
+    return RunResult(folder, manifest, metrics)

@@ -1,0 +1,93 @@
+"""The parts of one run, built from its config."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from hydra.errors import InstantiationException
+from hydra.utils import instantiate
+
+from cmacexp.arrays import Array
+from cmacexp.config import Config, to_plain
+from cmacexp.config.schema import LegConfig, LegMachine, PointMassMachine
+from cmacexp.control import Controller, Feedforward
+from cmacexp.errors import BadInput
+from cmacexp.models.leg import Leg
+from cmacexp.models.mechanism import Mechanism, legs_on_stand, point_mass
+from cmacexp.planning import Plan, make_plan
+from cmacexp.plants import Measurement, Plant
+from cmacexp.sensors import Sensors
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What every part may know before a run starts."""
+
+    config: Config
+    mechanism: Mechanism
+    plan: Plan
+    start: Array
+    """(L, 2): joint angles at the start, rad; of a point mass its position, m."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One run, ready to start: every part is reset. A scenario runs once."""
+
+    setup: Setup
+    plant: Plant
+    sensors: Sensors
+    controller: Controller
+    feedforward: Feedforward
+    first: Measurement
+    """Of the plant at the start."""
+
+
+def make_leg(config: LegConfig) -> Leg:
+    """The leg that a config describes."""
+    knee = -1.0 if config.knee == "back" else 1.0
+    return Leg(config.length_1, config.length_2, config.mass_1, config.mass_2, knee)
+
+
+def make_mechanism(machine: LegMachine | PointMassMachine) -> Mechanism:
+    """The machine that a config describes."""
+    if isinstance(machine, PointMassMachine):
+        return point_mass(machine.mass, machine.hip_height)
+    return legs_on_stand([make_leg(machine.leg)], machine.hip_height)
+
+
+def _start(config: Config, plan: Plan) -> Array:
+    """Planned joint angles; a point mass starts where its config says, above the ground."""
+    start = plan.joints[0, :, :2].copy()
+    if isinstance(config.machine, PointMassMachine):
+        start[:, 1] = config.machine.hip_height - config.machine.start_clearance
+    return start
+
+
+def _build(config: Config, key: str) -> Any:
+    """The part that the ``_target_`` of a config node names, made with the rest of the node."""
+    node = to_plain(config)[key]
+    try:
+        return instantiate(node)
+    except InstantiationException as error:
+        reason = str(error).splitlines()[0]
+        raise BadInput(f"{key}._target_", node.get("_target_"), f"cannot be made: {reason}") from error
+
+
+def make_scenario(config: Config) -> Scenario:
+    """Plan the run, build its parts and reset them.
+
+    Raises:
+        BadInput: the plan asks for what the machine cannot do.
+    """
+    mechanism = make_mechanism(config.machine)
+    plant: Plant = _build(config, "plant")
+    sensors: Sensors = _build(config, "sensors")
+    controller: Controller = _build(config, "controller")
+    feedforward: Feedforward = _build(config, "feedforward")
+    plan = make_plan(config, mechanism, feedforward.acts)
+    setup = Setup(config, mechanism, plan, np.ascontiguousarray(_start(config, plan)))
+    feedforward.reset(setup)
+    controller.reset(setup, feedforward)
+    sensors.reset(setup)
+    return Scenario(setup, plant, sensors, controller, feedforward, plant.reset(setup))

@@ -1,0 +1,41 @@
+"""``python -m cmacexp.score DIR``: metrics again from the trace, without simulating."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import pyarrow as pa
+
+from cmacexp import manifest as manifests
+from cmacexp.folders import command, runs_below
+from cmacexp.keep import TRACE, read_trace, write_metrics
+from cmacexp.terminal import metrics_table
+
+
+def score(folder: Path) -> pa.Table:
+    """Compute and write the metrics of a run again.
+
+    Raises:
+        BadRun: it has no readable trace or manifest.
+    """
+    config = manifests.read(folder)["config"]
+    steps_per_cycle = round(config["gait"]["cycle_time"] / config["sampling_period"])
+    metrics, names = write_metrics(folder, read_trace(folder / TRACE), steps_per_cycle)
+    manifests.update_files(folder, names)
+    return metrics
+
+
+def _score(arguments: argparse.Namespace) -> int:
+    for folder in [run for given in arguments.folders for run in runs_below(given)]:
+        metrics_table(score(folder))
+        print(folder)
+    return 0
+
+
+def main() -> int:
+    """Run the command."""
+    return command("cmacexp.score", "Compute the metrics of runs again from their traces.", _score)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

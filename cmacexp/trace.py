@@ -1,0 +1,84 @@
+"""The trace of a run: one row per step and leg; Parquet on disk is the truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from cmacexp.arrays import Array
+from cmacexp.planning.plan import Plan
+
+
+@dataclass(frozen=True)
+class Column:
+    """Name, unit and meaning of a column, and its Arrow type."""
+
+    name: str
+    unit: str
+    meaning: str
+    type: pa.DataType = pa.float64()
+
+
+PHASES = ["transfer", "support"]
+
+COLUMNS = (
+    Column("step", "", "sampling period, from 0 over the whole run", pa.int32()),
+    Column("time", "s", "start of the step"),
+    Column("cycle", "", "gait cycle, from 1, by the machine's clock", pa.int32()),
+    Column("leg", "", "1 left front, 2 right front, 3 left rear, 4 right rear; 1 for one leg", pa.int32()),
+    Column("phase", "", "planned phase", pa.dictionary(pa.int8(), pa.string())),
+    Column("progress", "", "0 to 1 within the phase"),
+    Column("x_desired", "m", "where the foot should really be, hip frame, x forward"),
+    Column(
+        "y_desired",
+        "m",
+        "where the foot should really be, hip frame, y down; in support the depression for F_d",
+    ),
+    Column("x_reference", "m", "what the controller is fed along x"),
+    Column("y_reference", "m", "what the controller is fed along y (D_r of eq. 9, 13, 24); NaN where unused"),
+    Column("x", "m", "foot, hip frame, x forward"),
+    Column("y", "m", "foot, hip frame, y down"),
+    Column("vx", "m/s", "velocity of the foot in the hip frame"),
+    Column("vy", "m/s", "velocity of the foot in the hip frame"),
+    Column("q1", "rad", "joint angle theta1; NaN without joints"),
+    Column("q2", "rad", "joint angle theta2; NaN without joints"),
+    Column("dq1", "rad/s", "joint velocity"),
+    Column("dq2", "rad/s", "joint velocity"),
+    Column("force", "N", "contact force, positive pressing on the ground"),
+    Column("force_desired", "N", "desired contact force"),
+    Column("force_measured", "N", "contact force as the controller saw it"),
+    Column("tau_feedback_1", "N m", "feedback torque of joint 1 (Cartesian force in N for a point mass)"),
+    Column("tau_feedback_2", "N m", "feedback torque of joint 2 (Cartesian force in N for a point mass)"),
+    Column("tau_feedforward_1", "N m", "feedforward torque of joint 1; the plant gets the sum of both"),
+    Column("tau_feedforward_2", "N m", "feedforward torque of joint 2; the plant gets the sum of both"),
+)
+
+SCHEMA = pa.schema([pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": c.meaning}) for c in COLUMNS])
+
+
+def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float) -> pa.Table:
+    """The trace of a run from what was planned and what the loop wrote down.
+
+    Args:
+        plan: the cycle that repeats.
+        samples: (steps, L) by column name: everything that is not planned.
+        sampling_period: T_s, s.
+    """
+    steps, legs = samples["x"].shape
+    period = plan.support.shape[0]
+    step = np.arange(steps, dtype=np.int32)
+    sample = step % period
+    phase = pa.DictionaryArray.from_arrays(plan.support[sample].astype(np.int8).ravel(), PHASES)
+    known = {
+        "step": np.repeat(step, legs),
+        "time": np.repeat(step * sampling_period, legs),
+        "cycle": np.repeat(step // period + 1, legs),
+        "leg": np.tile(np.arange(1, legs + 1, dtype=np.int32), steps),
+        "phase": phase,
+        "progress": plan.progress[sample].ravel(),
+        "x_desired": plan.desired[sample, :, 0].ravel(),
+        "y_desired": plan.desired[sample, :, 1].ravel(),
+        "force_desired": plan.force_desired[sample].ravel(),
+    }
+    arrays = [pa.array(known[c.name] if c.name in known else samples[c.name].ravel(), c.type) for c in COLUMNS]
+    return pa.Table.from_arrays(arrays, schema=SCHEMA)
