@@ -10,6 +10,19 @@ from cmacexp.arrays import Array, Mask
 from cmacexp.files import write_atomically
 
 
+def arrow(values: Array, kind: pa.DataType) -> pa.Array:
+    """An Arrow array of ``values``; unlike ``pa.array`` it does not import pandas, which takes longer than a run."""
+    data = np.ascontiguousarray(values, dtype=kind.to_pandas_dtype())
+    return pa.Array.from_buffers(kind, len(data), [None, pa.py_buffer(data)])
+
+
+def arrow_strings(values: list[str]) -> pa.Array:
+    """An Arrow array of strings, likewise without pandas."""
+    encoded = [value.encode() for value in values]
+    offsets = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    return pa.StringArray.from_buffers(len(values), pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded)))
+
+
 def write_table(table: pa.Table, path: Path) -> None:
     """Write a table as Parquet, whole or not at all; the same table gives the same bytes."""
     floats = [field.name for field in table.schema if pa.types.is_floating(field.type)]
@@ -28,14 +41,18 @@ def read_table(path: Path) -> pa.Table:
     return pq.read_table(path)
 
 
+def _contiguous(table: pa.Table, name: str) -> pa.Array:
+    column = table.column(name)
+    return column.chunk(0) if column.num_chunks == 1 else column.combine_chunks()
+
+
 def as_array(table: pa.Table, name: str) -> Array:
-    """One column as a NumPy array."""
-    values: Array = table.column(name).to_numpy()
-    return values
+    """One column without nulls as a read-only NumPy array."""
+    return np.from_dlpack(_contiguous(table, name))
 
 
 def is_support(table: pa.Table) -> Mask:
     """Whether each row of a trace is planned support."""
-    phase = table.column("phase").combine_chunks()
-    codes, names = phase.indices.to_numpy(), phase.dictionary.to_pylist()
+    phase = _contiguous(table, "phase")
+    codes, names = np.from_dlpack(phase.indices), phase.dictionary.to_pylist()
     return np.asarray(codes == names.index("support")) if "support" in names else np.zeros(len(codes), dtype=bool)

@@ -7,6 +7,7 @@ import pyarrow as pa
 
 from cmacexp.arrays import Array
 from cmacexp.planning.plan import Plan
+from cmacexp.table import arrow, arrow_strings
 
 
 @dataclass(frozen=True)
@@ -68,17 +69,19 @@ def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float) -> p
     period = plan.support.shape[0]
     step = np.arange(steps, dtype=np.int32)
     sample = step % period
-    phase = pa.DictionaryArray.from_arrays(plan.support[sample].astype(np.int8).ravel(), PHASES)
     known = {
         "step": np.repeat(step, legs),
         "time": np.repeat(step * sampling_period, legs),
         "cycle": np.repeat(step // period + 1, legs),
         "leg": np.tile(np.arange(1, legs + 1, dtype=np.int32), steps),
-        "phase": phase,
         "progress": plan.progress[sample].ravel(),
         "x_desired": plan.desired[sample, :, 0].ravel(),
         "y_desired": plan.desired[sample, :, 1].ravel(),
         "force_desired": plan.force_desired[sample].ravel(),
     }
-    arrays = [pa.array(known[c.name] if c.name in known else samples[c.name].ravel(), c.type) for c in COLUMNS]
+    phase = pa.DictionaryArray.from_arrays(arrow(plan.support[sample].ravel(), pa.int8()), arrow_strings(PHASES))
+    arrays = [
+        phase if c.name == "phase" else arrow(known[c.name] if c.name in known else samples[c.name].ravel(), c.type)
+        for c in COLUMNS
+    ]
     return pa.Table.from_arrays(arrays, schema=SCHEMA)

@@ -5,7 +5,7 @@ import pyarrow as pa
 
 from cmacexp.arrays import Array
 from cmacexp.metrics.definitions import METRICS, Block
-from cmacexp.table import as_array, is_support
+from cmacexp.table import arrow, as_array, is_support
 
 
 def cut(trace: pa.Table, steps_per_cycle: int) -> Block:
@@ -48,10 +48,10 @@ def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:
     cycles, _, legs = block.valid.shape
     fields = [pa.field("cycle", pa.int32()), pa.field("leg", pa.int32())]
     arrays = [
-        pa.array(np.repeat(np.arange(1, cycles + 1), legs), pa.int32()),
-        pa.array(np.tile(np.arange(1, legs + 1), cycles), pa.int32()),
+        arrow(np.repeat(np.arange(1, cycles + 1), legs), pa.int32()),
+        arrow(np.tile(np.arange(1, legs + 1), cycles), pa.int32()),
     ]
     for name, metric in METRICS.items():
-        arrays.append(pa.array(metric.of(block).ravel(), pa.float64()))
+        arrays.append(arrow(metric.of(block).ravel(), pa.float64()))
         fields.append(pa.field(name, pa.float64(), metadata={"unit": metric.unit, "meaning": metric.meaning}))
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
