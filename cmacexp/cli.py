@@ -60,6 +60,8 @@ def _task(session: _Session) -> None:
     def task(composed: DictConfig) -> None:
         try:
             _run_job(composed, session)
+        except BrokenPipeError:  # who read our output has stopped: the run is on disk all the same
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except (CmacexpError, OSError) as error:
             session.outcomes.append("bad input" if isinstance(error, BadInput) else "failed")
             sweep = HydraConfig.get().mode == RunMode.MULTIRUN

@@ -48,7 +48,8 @@ def _contiguous(table: pa.Table, name: str) -> pa.Array:
 
 def as_array(table: pa.Table, name: str) -> Array:
     """One column without nulls as a read-only NumPy array."""
-    return np.from_dlpack(_contiguous(table, name))
+    values: Array = np.asarray(np.from_dlpack(_contiguous(table, name)))
+    return values
 
 
 def is_support(table: pa.Table) -> Mask:

@@ -47,11 +47,9 @@ def print_scan(position_gain: float, velocity_gain: float, points: int) -> None:
     both = [loop for loop in good.values() if abs(loop.bandwidth / wanted - 1.0) <= WITHIN]
     print(f"\nK_ap = {position_gain:g}, K_av = {velocity_gain:g}: {len(good)} of {len(loops)} pairs meet (a)")
     if good:
-        pair = min(good, key=lambda p: good[p].bandwidth)
-        factor = good[pair].bandwidth / wanted
-        print(
-            f"the slowest of them, omega {pair[0]:.1f}, alpha {pair[1]:.1f}, has {factor:.2f} times the open bandwidth"
-        )
+        omega, alpha = min(good, key=lambda p: good[p].bandwidth)
+        factor = good[omega, alpha].bandwidth / wanted
+        print(f"slowest of them: omega {omega:.1f}, alpha {alpha:.1f}, {factor:.2f} times the open bandwidth")
     print(f"{len(both)} pairs meet (a) and, within {WITHIN:.0%}, (b)")
 
 
