@@ -19,11 +19,16 @@ def one_leg(view: RunView) -> rrb.Blueprint:
             position=(0.1, -0.95, 0.36), look_target=(0.0, 0.0, 0.2), eye_up=(0.0, 0.0, 1.0)
         ),
     )
+    named = {
+        "force": "contact force, N",
+        "error": "foot, actual minus desired, mm",
+        "torque_1": f"{what} {axes[0]}, {unit}",
+        "torque_2": f"{what} {axes[1]}, {unit}",
+    }
+    legend = rrb.PlotLegend(corner=rrb.Corner2D.RightTop)
     series = [
-        rrb.TimeSeriesView(origin="series/leg_1/force", name="contact force, N"),
-        rrb.TimeSeriesView(origin="series/leg_1/error", name="foot, actual minus desired, mm"),
-        rrb.TimeSeriesView(origin="series/leg_1/torque_1", name=f"{what} {axes[0]}, {unit}"),
-        rrb.TimeSeriesView(origin="series/leg_1/torque_2", name=f"{what} {axes[1]}, {unit}"),
+        rrb.TimeSeriesView(origin=f"series/leg_1/{entity}", name=name, plot_legend=legend)
+        for entity, name in named.items()
     ]
     return rrb.Blueprint(
         rrb.Horizontal(scene, rrb.Vertical(*series), column_shares=[1.0, 1.3]),

@@ -86,12 +86,12 @@ def _log_foot(recording: rr.RecordingStream, view: RunView, leg: LegView, path: 
     recording.log(f"{path}/foot", rr.Points3D.from_fields(radii=[0.018]), static=True)
     recording.send_columns(f"{path}/foot", view.indexes, rr.Points3D.columns(positions=foot, colors=colours))
     scale = FORCE_LENGTH / max(float(leg["force_desired"].max()), 1e-9)
-    for name, aside, colour in (("force", 0.0, palette.FORCE), ("force_desired", 0.03, palette.DESIRED)):
+    for name, aside, colour in (("force", 0.0, palette.FORCE), ("force_desired", 0.025, palette.DESIRED)):
         # Arrows stand on the foot and point the way the ground pushes it.
         up = np.zeros_like(foot)
         up[:, 2] = np.clip(leg[name], 0.0, 4.0 / scale) * scale
         recording.log(f"{path}/{name}", rr.Arrows3D.from_fields(radii=[0.006], colors=[colour]), static=True)
-        origin = foot + np.array([0.0, aside, 0.0])
+        origin = foot + np.array([aside, 0.0, 0.0])
         recording.send_columns(f"{path}/{name}", view.indexes, rr.Arrows3D.columns(vectors=up, origins=origin))
 
 

@@ -1,5 +1,9 @@
 """Write ``recording.rrd`` from a trace."""
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +17,28 @@ from cmacexp.recording.series import log_series
 from cmacexp.recording.view import view_of
 
 
+class _NoPandas(MetaPathFinder):
+    """Says that there is no pandas, to whoever has not imported it yet."""
+
+    def find_spec(self, fullname: str, path: object, target: object = None) -> None:
+        if fullname == "pandas":
+            raise ModuleNotFoundError("left out", name=fullname)
+
+
+@contextmanager
+def _pandas_left_out() -> Iterator[None]:
+    """Keep pyarrow from importing pandas, which it does at its first conversion to know a Series if it sees one.
+
+    None comes here, and the import takes half as long as a run. Asked for pandas later, pyarrow imports it.
+    """
+    finder = _NoPandas()
+    sys.meta_path.insert(0, finder)
+    try:
+        yield
+    finally:
+        sys.meta_path.remove(finder)
+
+
 def write_recording(trace: pa.Table, config: dict[str, Any], path: Path) -> None:
     """Write the Rerun view of a run, whole or not at all.
 
@@ -21,8 +47,8 @@ def write_recording(trace: pa.Table, config: dict[str, Any], path: Path) -> None
         config: as it stands in the manifest.
         path: of the ``.rrd`` file.
     """
-    view = view_of(trace, config)
-    with write_atomically(path) as temporary:
+    with write_atomically(path) as temporary, _pandas_left_out():
+        view = view_of(trace, config)
         recording = rr.RecordingStream("cmacexp", recording_id=path.parent.name)
         recording.save(temporary, default_blueprint=one_leg(view))
         recording.send_recording_name(f"{config['scenario']} {path.parent.name}")
