@@ -14,6 +14,7 @@ from typing import Any, TypeVar, cast
 import numba
 
 numba_config: Any = numba.config
+numba_njit: Any = numba.njit
 Function = TypeVar("Function", bound=Callable[..., object])
 
 ROOMS = ("compile.py", "models", "cmac", "control", "planning", "plants", "rollout")
@@ -53,15 +54,29 @@ def _cache_folder() -> Path:
 CACHE_FOLDER = _cache_folder()
 
 
-def kernel(function: Function) -> Function:
-    """Compile ``function`` on its first call, without fastmath, so that it gives the bits of plain Python."""
+def _compile(function: Function, inline: bool) -> Function:
+    # Without numba's reference counting, which costs more than the arithmetic does: a kernel works on arrays that
+    # its caller holds, and cannot make any.
     before = numba_config.CACHE_DIR
     numba_config.CACHE_DIR = str(CACHE_FOLDER)
     try:
-        compiled: Any = numba.njit(cache=True, error_model="numpy", forceinline=True)(function)
+        compiled = numba_njit(cache=True, error_model="numpy", forceinline=inline, _nrt=False)(function)
     finally:
         numba_config.CACHE_DIR = before
     return cast(Function, compiled)
+
+
+def kernel(function: Function) -> Function:
+    """Compile ``function`` on its first call, without fastmath, so that it gives the bits of plain Python.
+
+    It becomes part of every kernel that calls it: passing tuples of arrays costs more than most kernels do.
+    """
+    return _compile(function, inline=True)
+
+
+def kernel_apart(function: Function) -> Function:
+    """:func:`kernel` for a long function that many runs never call, and that would crowd what they do."""
+    return _compile(function, inline=False)
 
 
 def is_compiled(name: str) -> bool:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cmacexp import manifest as manifests
 from cmacexp.folders import command, runs_below
-from cmacexp.keep import RECORDING, TRACE, read_trace
+from cmacexp.keep import RECORDING, read_traces
 
 
 def rebuild(folder: Path) -> Path:
@@ -18,7 +18,7 @@ def rebuild(folder: Path) -> Path:
     """
     from cmacexp.recording import write_recording
 
-    write_recording(read_trace(folder / TRACE), manifests.read(folder)["config"], folder / RECORDING)
+    write_recording(read_traces(folder), manifests.read(folder)["config"], folder / RECORDING)
     manifests.update_files(folder, [RECORDING])
     return folder / RECORDING
 

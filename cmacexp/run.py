@@ -6,16 +6,25 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import pyarrow as pa
-
 from cmacexp import manifest as manifests
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.files import sha256
-from cmacexp.keep import METRICS, METRICS_CSV, RECORDING, TRACE, write_metrics
+from cmacexp.keep import (
+    BODY,
+    BODY_METRICS,
+    METRICS,
+    METRICS_CSV,
+    RECORDING,
+    TRACE,
+    Scores,
+    Traces,
+    write_scores,
+    write_traces,
+)
+from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.rollout import Rollout, roll_out
 from cmacexp.scenario import Scenario, make_scenario
-from cmacexp.table import write_table
-from cmacexp.trace import assemble
+from cmacexp.trace import assemble, assemble_body
 
 
 @dataclass(frozen=True)
@@ -24,7 +33,7 @@ class RunResult:
 
     folder: Path
     manifest: manifests.Manifest
-    metrics: pa.Table
+    scores: Scores
 
     @property
     def status(self) -> str:
@@ -35,24 +44,34 @@ class RunResult:
 def _clear(folder: Path) -> None:
     """Make room for a run: what an earlier one left under the same names goes, its manifest first."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in (manifests.NAME, TRACE, METRICS, METRICS_CSV, RECORDING):
+    for name in (manifests.NAME, TRACE, BODY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING):
         (folder / name).unlink(missing_ok=True)
     for leftover in folder.glob(".*.part"):
         leftover.unlink(missing_ok=True)
 
 
-def _write_files(config: Config, folder: Path, rollout: Rollout) -> tuple[pa.Table, list[str]]:
+def _traces(config: Config, scenario: Scenario, rollout: Rollout) -> Traces:
+    samples = rollout.columns()
+    legs = assemble(rollout.plan, samples, config.sampling_period)
+    if scenario.setup.mechanism.kind != LEGS_UNDER_BODY:
+        return Traces(legs, None)
+    body = rollout.body_columns()
+    return Traces(
+        legs, assemble_body(rollout.plan, body, samples["force"], config.sampling_period, config.body_speed)
+    )
+
+
+def _write_files(config: Config, folder: Path, traces: Traces) -> tuple[Scores, list[str]]:
     """Write all that a rollout leaves behind but the manifest; the metrics and the names of the files."""
-    trace = assemble(rollout.plan, rollout.columns(), config.sampling_period)
-    write_table(trace, folder / TRACE)
-    metrics, names = write_metrics(folder, trace, config.steps_per_cycle)
-    names = [TRACE, *names]
-    if config.record.recording and trace.num_rows:
+    names = write_traces(folder, traces)
+    scores, more = write_scores(folder, traces, config.steps_per_cycle)
+    names += more
+    if config.record.recording and traces.legs.num_rows:
         from cmacexp.recording import write_recording
 
-        write_recording(trace, to_plain(config), folder / RECORDING)
+        write_recording(traces, to_plain(config), folder / RECORDING)
         names.append(RECORDING)
-    return metrics, names
+    return scores, names
 
 
 def run_scenario(
@@ -80,7 +99,7 @@ def run_scenario(
     scenario = prepared or make_scenario(config)
     _clear(folder)
     rollout = roll_out(scenario, watch)
-    metrics, names = _write_files(config, folder, rollout)
+    scores, names = _write_files(config, folder, _traces(config, scenario, rollout))
     plain = to_plain(config)
     manifest: manifests.Manifest = {
         "status": rollout.status,
@@ -98,4 +117,4 @@ def run_scenario(
     if rollout.error is not None:
         manifest["traceback"] = "".join(traceback.format_exception(rollout.error))
     manifests.write(folder, manifest)
-    return RunResult(folder, manifest, metrics)
+    return RunResult(folder, manifest, scores)

@@ -9,11 +9,11 @@ from hydra.utils import instantiate
 
 from cmacexp.arrays import Array
 from cmacexp.config import Config, to_plain
-from cmacexp.config.schema import LegConfig, LegMachine, PointMassMachine
+from cmacexp.config.schema import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine
 from cmacexp.control import Controller, Feedforward
 from cmacexp.errors import BadInput
 from cmacexp.models.leg import Leg
-from cmacexp.models.mechanism import Mechanism, legs_on_stand, point_mass
+from cmacexp.models.mechanism import Mechanism, legs_on_stand, legs_under_body, point_mass
 from cmacexp.planning import Plan, make_plan
 from cmacexp.plants import Measurement, Plant
 from cmacexp.sensors import Sensors
@@ -49,10 +49,14 @@ def make_leg(config: LegConfig) -> Leg:
     return Leg(config.length_1, config.length_2, config.mass_1, config.mass_2, knee)
 
 
-def make_mechanism(machine: LegMachine | PointMassMachine) -> Mechanism:
+def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine) -> Mechanism:
     """The machine that a config describes."""
     if isinstance(machine, PointMassMachine):
         return point_mass(machine.mass, machine.hip_height)
+    if isinstance(machine, QuadrupedMachine):
+        legs = [machine.legs.left_front, machine.legs.right_front, machine.legs.left_rear, machine.legs.right_rear]
+        hips = [(leg.hip_x, leg.hip_y) for leg in legs]
+        return legs_under_body([make_leg(leg) for leg in legs], machine.hip_height, hips, machine.weight)
     return legs_on_stand([make_leg(machine.leg)], machine.hip_height)
 
 

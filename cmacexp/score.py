@@ -4,15 +4,13 @@ import argparse
 import sys
 from pathlib import Path
 
-import pyarrow as pa
-
 from cmacexp import manifest as manifests
 from cmacexp.folders import command, runs_below
-from cmacexp.keep import TRACE, read_trace, write_metrics
-from cmacexp.terminal import metrics_table
+from cmacexp.keep import Scores, read_traces, write_scores
+from cmacexp.terminal import scores_table
 
 
-def score(folder: Path) -> pa.Table:
+def score(folder: Path) -> Scores:
     """Compute and write the metrics of a run again.
 
     Raises:
@@ -20,14 +18,14 @@ def score(folder: Path) -> pa.Table:
     """
     config = manifests.read(folder)["config"]
     steps_per_cycle = round(config["gait"]["cycle_time"] / config["sampling_period"])
-    metrics, names = write_metrics(folder, read_trace(folder / TRACE), steps_per_cycle)
+    scores, names = write_scores(folder, read_traces(folder), steps_per_cycle)
     manifests.update_files(folder, names)
-    return metrics
+    return scores
 
 
 def _score(arguments: argparse.Namespace) -> int:
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
-        metrics_table(score(folder))
+        scores_table(score(folder))
         print(folder)
     return 0
 

@@ -1,16 +1,18 @@
 """Tables on disk, and their columns as arrays."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from cmacexp.arrays import Array, Mask
 from cmacexp.files import write_atomically
 
 
-def arrow(values: Array, kind: pa.DataType) -> pa.Array:
+def arrow(values: NDArray[Any], kind: pa.DataType) -> pa.Array:
     """An Arrow array of ``values``; unlike ``pa.array`` it does not import pandas, which takes longer than a run."""
     data = np.ascontiguousarray(values, dtype=kind.to_pandas_dtype())
     return pa.Array.from_buffers(kind, len(data), [None, pa.py_buffer(data)])

@@ -1,5 +1,6 @@
 """The trace of a run: one row per step and leg; Parquet on disk is the truth."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,7 +55,24 @@ COLUMNS = (
     Column("tau_feedforward_2", "N m", "feedforward torque of joint 2; the plant gets the sum of both"),
 )
 
-SCHEMA = pa.schema([pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": c.meaning}) for c in COLUMNS])
+BODY_COLUMNS = (
+    Column("step", "", "sampling period, from 0 over the whole run", pa.int32()),
+    Column("time", "s", "start of the step"),
+    Column("cycle", "", "gait cycle, from 1", pa.int32()),
+    Column("height", "m", "centre of the body above the undepressed ground"),
+    Column("pitch", "rad", "positive nose down"),
+    Column("roll", "rad", "positive right side down"),
+    Column("cog_x", "m", "centre of gravity in the world, forward; stroke/(duty factor x T) times time"),
+    Column("cog_y", "m", "centre of gravity in the world, left"),
+    Column("stability_margin", "m", "to the nearest edge of the planned support polygon (McGhee & Frank 1968)"),
+    Column("margin_front", "m", "to the front boundary of the planned support polygon along the body's x"),
+    Column("margin_rear", "m", "to the rear boundary of the planned support polygon along the body's x"),
+    Column("supporting_legs", "", "bit mask of feet with force > 0, leg 1 the lowest bit", pa.int32()),
+)
+
+
+def _schema(columns: Sequence[Column]) -> pa.Schema:
+    return pa.schema([pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns])
 
 
 def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float) -> pa.Table:
@@ -84,4 +102,35 @@ def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float) -> p
         phase if c.name == "phase" else arrow(known[c.name] if c.name in known else samples[c.name].ravel(), c.type)
         for c in COLUMNS
     ]
-    return pa.Table.from_arrays(arrays, schema=SCHEMA)
+    return pa.Table.from_arrays(arrays, schema=_schema(COLUMNS))
+
+
+def assemble_body(
+    plan: Plan, samples: dict[str, Array], force: Array, sampling_period: float, speed: float
+) -> pa.Table:
+    """The trace of a body, one row per step.
+
+    Args:
+        plan: the cycle that repeats.
+        samples: (steps,) by column name: height, pitch and roll.
+        force: (steps, L): contact forces, N.
+        sampling_period: T_s, s.
+        speed: of the body over the ground, m/s.
+    """
+    steps, legs = force.shape
+    period = plan.support.shape[0]
+    step = np.arange(steps, dtype=np.int32)
+    margins = plan.margins[step % period]
+    columns = {
+        **samples,
+        "step": step,
+        "time": step * sampling_period,
+        "cycle": step // period + 1,
+        "cog_x": step * sampling_period * speed,
+        "cog_y": np.zeros(steps),
+        "stability_margin": margins[:, 0],
+        "margin_front": margins[:, 1],
+        "margin_rear": margins[:, 2],
+        "supporting_legs": (force > 0.0) @ (1 << np.arange(legs)),
+    }
+    return pa.Table.from_arrays([arrow(columns[c.name], c.type) for c in BODY_COLUMNS], schema=_schema(BODY_COLUMNS))

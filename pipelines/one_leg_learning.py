@@ -13,7 +13,7 @@ import pyarrow as pa
 from hydra import compose, initialize_config_dir
 
 from cmacexp.config import config_folder, to_config
-from cmacexp.keep import TRACE, read_trace
+from cmacexp.keep import read_traces
 from cmacexp.run import run_scenario
 from cmacexp.table import as_array
 
@@ -27,7 +27,7 @@ def run(folder: Path, overrides: list[str]) -> pa.Table:
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         config = to_config(compose("config", ["scenario=one_leg", "record=trace", *overrides]))
     run_scenario(config, folder)
-    return read_trace(folder / TRACE)
+    return read_traces(folder).legs
 
 
 def draw(trace: pa.Table, path: Path) -> None:

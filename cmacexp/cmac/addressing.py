@@ -8,10 +8,7 @@ from numpy.typing import NDArray
 from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.quantiser import InputRange, quantise
 from cmacexp.compile import kernel
-
-MULTIPLIER = 0x5BD1E995
-"""An odd 31-bit number, so that its product with 32 bits stays within a signed 64-bit integer."""
-MASK = 0xFFFFFFFF
+from cmacexp.models.mix import mix
 
 
 class Address(NamedTuple):
@@ -26,13 +23,6 @@ class Address(NamedTuple):
     hashed: bool
     seed: int
     """Seed of the hash, 32 bits."""
-
-
-@kernel
-def mix(state: int, value: int) -> int:
-    """Stir ``value`` into a 32-bit ``state``; multiply and shift, in integers that never overflow."""
-    state = ((state ^ value) * MULTIPLIER) & MASK
-    return state ^ (state >> 15)
 
 
 @kernel

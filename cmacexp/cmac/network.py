@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.arrays import Array, Cells
-from cmacexp.cmac.addressing import MASK, Address, address_batch
+from cmacexp.cmac.addressing import Address, address_batch
 from cmacexp.cmac.displacement import displacement
 from cmacexp.cmac.memory import read_batch, train_batch
 from cmacexp.cmac.quantiser import InputRange
 from cmacexp.config.check import WORD_BYTES
 from cmacexp.config.schema import CmacConfig
 from cmacexp.files import write_atomically
+from cmacexp.models.mix import MASK
 
 
 class Cmac:

@@ -1,13 +1,15 @@
 """Checks of a config that one field alone cannot tell."""
 
-from cmacexp.config.fields import check_fields
-from cmacexp.config.schema import Config
+from cmacexp.config.fields import check_fields, listed
+from cmacexp.config.schema import Config, QuadrupedMachine
 from cmacexp.errors import BadInput
 
 OUTPUTS = 2
 """Outputs of a CMAC: one torque for each joint of its leg."""
 WORD_BYTES = 8
 """Bytes of a CMAC weight, a float64."""
+LEGS = {"transfer_first": 1, "standing": 1, "wave": 4}
+"""Legs that each gait pattern is for."""
 MOST_STEPS = 2**25
 """Steps of the longest run; its samples are kept in memory until it ends."""
 TOLERANCE = 1e-9
@@ -30,6 +32,14 @@ def check_timing(config: Config) -> None:
             config.sampling_period,
             f"must divide gait.cycle_time={gait.cycle_time:g} s into at least 2 whole steps; {near:.12g} does",
         )
+    for phase in gait.touch_down or []:
+        if not _is_whole(phase * ratio):
+            near = round(phase * ratio) / round(ratio)
+            raise BadInput(
+                "gait.touch_down",
+                phase,
+                f"must fall on one of the {round(ratio)} samples of the cycle; {near:.12g} does",
+            )
     support = ratio * gait.duty_factor
     if not _is_whole(support) or round(support) < 1:
         near = max(1, round(support)) / round(ratio)
@@ -40,9 +50,33 @@ def check_timing(config: Config) -> None:
         )
 
 
+def check_machine(config: Config) -> None:
+    """Hold gait and desired force to the number of legs."""
+    gait, force = config.gait, config.force_control.desired_force
+    legs = 4 if isinstance(config.machine, QuadrupedMachine) else 1
+    if LEGS[gait.pattern] != legs:
+        fitting = [name for name, number in LEGS.items() if number == legs]
+        raise BadInput(
+            "gait.pattern", gait.pattern, f"with machine.kind={config.machine.kind} choose from {listed(fitting)}"
+        )
+    if gait.touch_down is not None and len(gait.touch_down) != legs:
+        raise BadInput(
+            "gait.touch_down", gait.touch_down, f"must have one value for each of the {legs} legs, or be null"
+        )
+    if (force is None) != (legs == 4):
+        allowed = "must be null: the weight is shared out" if legs == 4 else "must be a number above 0 (N)"
+        raise BadInput("force_control.desired_force", force, f"{allowed} with machine.kind={config.machine.kind}")
+
+
 def check_pattern(config: Config) -> None:
     """Hold the duty factor to what the gait's pattern can do."""
     gait = config.gait
+    if gait.pattern == "wave" and not (0.75 <= gait.duty_factor < 1 or gait.allow_unstable):
+        raise BadInput(
+            "gait.duty_factor",
+            gait.duty_factor,
+            "must be at least 0.75 and below 1 for a wave gait with three feet down; or gait.allow_unstable=true",
+        )
     if gait.pattern == "standing":
         if gait.duty_factor != 1:
             raise BadInput("gait.duty_factor", gait.duty_factor, "must be 1 with gait.pattern=standing")
@@ -102,6 +136,7 @@ def check(config: Config) -> None:
     """
     check_fields(config)
     check_timing(config)
+    check_machine(config)
     check_pattern(config)
     check_length(config)
     check_memory(config)

@@ -51,9 +51,11 @@ def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
         for name in value if isinstance(value, list) else [value]:
             if name not in allowed:
                 raise BadInput(key, name, "choose from " + ", ".join(allowed))
-    elif isinstance(value, int | float) and not isinstance(value, bool) and not _within(value, metadata):
+    else:
         unit = metadata["unit"]
-        raise BadInput(key, value, describe_range(metadata) + (f" ({unit})" if unit else ""))
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, int | float) and not isinstance(item, bool) and not _within(item, metadata):
+                raise BadInput(key, item, describe_range(metadata) + (f" ({unit})" if unit else ""))
 
 
 def check_fields(node: object, prefix: str = "") -> None:

@@ -3,15 +3,15 @@
 Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do not give.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from cmacexp.config.fields import choice, number
 
 
 @dataclass
-class LegConfig:
-    """A planar two-link leg with point masses at knee and foot (Lin & Song 1997, eq. 23)."""
+class LinksConfig:
+    """Two links with point masses at knee and foot (Lin & Song 1997, eq. 23)."""
 
     length_1: float = number("m", above=0)
     """Hip to knee, l1."""
@@ -21,6 +21,12 @@ class LegConfig:
     """Mass at the knee, m1."""
     mass_2: float = number("kg", above=0)
     """Mass at the foot, m2."""
+
+
+@dataclass
+class LegConfig(LinksConfig):
+    """A planar two-link leg."""
+
     knee: str = choice("back", "forward")
     """Side to which the knee bends: back is theta2 < 0 (assumed)."""
 
@@ -33,6 +39,40 @@ class LegMachine:
     kind: str = choice("leg")
     hip_height: float = number("m", above=0)
     """Height of the hip above the undepressed ground."""
+
+
+@dataclass
+class BodyLegConfig(LegConfig):
+    """A leg under a body."""
+
+    hip_x: float = number("m")
+    """Hip in the body frame, forward of the centre of gravity."""
+    hip_y: float = number("m")
+    """Hip in the body frame, to the left."""
+
+
+@dataclass
+class FourLegs:
+    """The legs of a quadruped, in the order of their numbers."""
+
+    left_front: BodyLegConfig
+    right_front: BodyLegConfig
+    left_rear: BodyLegConfig
+    right_rear: BodyLegConfig
+
+
+@dataclass
+class QuadrupedMachine:
+    """Four legs under a body whose height, pitch and roll balance weight and moments (Lin & Song 1997, section 6)."""
+
+    leg: LinksConfig
+    """Links of all legs that ``legs`` does not set otherwise."""
+    legs: FourLegs
+    kind: str = choice("quadruped")
+    hip_height: float = number("m", above=0)
+    """Height of the hips above the undepressed ground that the feet are planned for, h0 (assumed)."""
+    weight: float = number("N", above=0)
+    """What the feet carry together; 40 N in the paper."""
 
 
 @dataclass
@@ -55,14 +95,22 @@ class TerrainConfig:
     """K_n, the stiffness that the plant feels."""
     assumed_stiffness: float | None = number("N/m", above=0)
     """The K_n that planner and controller believe in; null: the true one."""
+    patch_size: float = number("m", above=0)
+    """Side of the square patches of the ground."""
+    patch_spread: float = number("", at_least=0, below=1)
+    """Each patch has K_n times a factor between 1 - spread and 1 + spread; 0: the same everywhere."""
+    patch_seed: int = number("", at_least=0, below=2**32)
+    """Seed of the patches."""
 
 
 @dataclass
 class GaitConfig:
     """When and along which path the feet move."""
 
-    pattern: str = choice("transfer_first", "standing")
-    """transfer_first: a cycle begins with lift-off; standing: no transfer at all."""
+    pattern: str = choice("transfer_first", "standing", "wave")
+    """transfer_first: one leg, a cycle begins with lift-off; standing: one leg, no transfer; wave: four legs."""
+    touch_down: list[float] | None = number("cycles", at_least=0, below=1)
+    """Touch-down of each leg within the cycle; null: by the pattern."""
     cycle_time: float = number("s", above=0)
     """T."""
     duty_factor: float = number("", above=0, at_most=1)
@@ -75,6 +123,8 @@ class GaitConfig:
     """cubic: one through both ends and the apex, its speed jumps (assumed); two_cubics: at rest at ends and apex."""
     load_ramp: float = number("s", at_least=0)
     """Time after touch-down over which a foot takes its desired force; 0: a step, as in the paper."""
+    allow_unstable: bool = field(kw_only=True)
+    """Run a gait of four legs that is not statically stable."""
 
 
 @dataclass
@@ -101,12 +151,20 @@ class ActuatorConfig:
 
 
 @dataclass
+class PostureConfig:
+    """Posture control of a body (Lin & Song 1997, section 6.2)."""
+
+    gain: float = number("", at_least=0)
+    """Depth that a supporting foot is pushed down, over the height that its hip lacks; 0 switches it off."""
+
+
+@dataclass
 class ForceControlConfig:
     """Force control in the support phase (Lin & Song 1997, eq. 8-15)."""
 
     method: str = choice("stiffness", "damping", "combined", "explicit")
-    desired_force: float = number("N", above=0)
-    """F_d."""
+    desired_force: float | None = number("N", above=0)
+    """F_d; null under a body, whose weight is shared out among the feet."""
     elasticity: float = number("m/N", at_least=0)
     """P_fn."""
     admittance: float = number("m/(N s)", at_least=0)
@@ -167,6 +225,7 @@ class Config:
     sensors: Any
     controller: ControllerConfig
     actuator: ActuatorConfig
+    posture: PostureConfig
     force_control: ForceControlConfig
     feedforward: Any
     cmac: CmacConfig
@@ -185,6 +244,12 @@ class Config:
     def steps_per_cycle(self) -> int:
         """Samples of one cycle, N = T / T_s."""
         return round(self.gait.cycle_time / self.sampling_period)
+
+    @property
+    def body_speed(self) -> float:
+        """Speed of a body over the ground, stroke / (duty factor x T), m/s; 0 without a body."""
+        walks = isinstance(self.machine, QuadrupedMachine)
+        return self.gait.stroke / (self.gait.duty_factor * self.gait.cycle_time) if walks else 0.0
 
     @property
     def assumed_stiffness(self) -> float:
@@ -208,7 +273,7 @@ class PartWithoutFields:
     _target_: str
 
 
-MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine}
+MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine}
 
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,

@@ -44,6 +44,7 @@ class HybridController:
             method.elasticity,
             method.admittance,
             discretise(self.lead_omega, self.lead_alpha, setup.config.sampling_period),
+            setup.config.posture.gain,
         )
         self.state = new_hybrid_state(setup.mechanism.legs.shape[0])
         self.feedforward = feedforward
@@ -52,6 +53,8 @@ class HybridController:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""
         last: Array = self.state.taught.copy()
         m = measurement
-        hybrid_feedback(self.law, self.state, reference.support, reference.values, m.q, m.foot, m.velocity, m.force)
+        hybrid_feedback(
+            self.law, self.state, reference.support, reference.values, m.q, m.foot, m.velocity, m.force, m.body
+        )
         feedforward = self.feedforward.predict(reference, last) if reference.acting else 0.0 * last
-        return Action(self.state.feedback.copy(), feedforward)
+        return Action(self.state.feedback.copy(), feedforward, self.state.reference.copy())

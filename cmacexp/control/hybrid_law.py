@@ -12,7 +12,8 @@ import numpy as np
 from cmacexp.arrays import Array, Mask
 from cmacexp.compile import kernel
 from cmacexp.control.lead import Lead, lead_step
-from cmacexp.models.mechanism import Mechanism, torque_for
+from cmacexp.models.body import depth
+from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism, torque_for
 
 STIFFNESS, DAMPING, COMBINED, EXPLICIT = range(4)
 METHODS = {"stiffness": STIFFNESS, "damping": DAMPING, "combined": COMBINED, "explicit": EXPLICIT}
@@ -35,6 +36,8 @@ class HybridLaw(NamedTuple):
     admittance: float
     """V_fn, m/(N s)."""
     lead: Lead
+    posture_gain: float
+    """Of the posture control of a body; 0 switches it off."""
 
 
 class HybridState(NamedTuple):
@@ -48,11 +51,13 @@ class HybridState(NamedTuple):
     """(L, 2): feedback torque J^T (U + F_d), N m."""
     taught: Array
     """(L, 2): what a feedforward learns from, J^T U, N m."""
+    reference: Array
+    """(L, 2): x and y that the last step was fed, posture control included, m."""
 
 
 def new_hybrid_state(legs: int) -> HybridState:
     """LEAD states of zero."""
-    return HybridState(*(np.zeros((legs, 2)) for _ in range(4)))
+    return HybridState(*(np.zeros((legs, 2)) for _ in range(5)))
 
 
 @kernel
@@ -62,14 +67,28 @@ def position_error(law: HybridLaw, reference: float, reference_rate: float, valu
 
 
 @kernel
-def force_error(law: HybridLaw, i: int, reference: Array, y: float, vy: float, force: float) -> float:
+def posture_term(law: HybridLaw, i: int, body: Array) -> float:
+    """What posture control adds to the reference of a supporting foot, gain x (h0 - h_i), m (section 6.2).
+
+    ``body`` (3,) is height, pitch and roll; h_i is the height of hip i.
+    """
+    if law.mechanism.kind != LEGS_UNDER_BODY or law.posture_gain == 0.0:
+        return 0.0
+    hips = law.mechanism.hips
+    return law.posture_gain * (law.mechanism.hip_height + depth(body, hips[i, 0], hips[i, 1], 0.0))
+
+
+@kernel
+def force_error(
+    law: HybridLaw, i: int, reference: Array, y_reference: float, y: float, vy: float, force: float
+) -> float:
     """Weighted error of the force control method, N (Lin & Song 1997, Fig. 2 to 5 and eq. 21).
 
-    Row ``i`` of ``reference`` (L, 6) is x, y, vx, vy, F_r, F_d of the leg.
+    Row ``i`` of ``reference`` (L, 6) is x, y, vx, vy, F_r, F_d of the leg; ``y_reference`` is y with posture control.
     """
     if law.method == EXPLICIT:
         return law.force_gain * (reference[i, 4] - force)
-    stiffness = law.position_gain * (reference[i, 1] - y - force * law.elasticity)
+    stiffness = law.position_gain * (y_reference - y - force * law.elasticity)
     damping = law.velocity_gain * (reference[i, 3] - vy - force * law.admittance)
     if law.method == STIFFNESS:
         return stiffness
@@ -88,6 +107,7 @@ def hybrid_feedback(
     foot: Array,
     velocity: Array,
     force: Array,
+    body: Array,
 ) -> None:
     """Feedback torques of all legs; fills ``state``.
 
@@ -100,13 +120,17 @@ def hybrid_feedback(
         foot: (L, 2): measured foot position, m.
         velocity: (L, 2): measured foot velocity, m/s.
         force: (L,): measured contact force, N.
+        body: (3,): measured height (m), pitch and roll (rad).
     """
     for i in range(support.shape[0]):
         x_error = position_error(law, reference[i, 0], reference[i, 2], foot[i, 0], velocity[i, 0])
+        y_reference = reference[i, 1]
         if support[i]:
-            y_error = force_error(law, i, reference, foot[i, 1], velocity[i, 1], force[i])
+            y_reference += posture_term(law, i, body)
+            y_error = force_error(law, i, reference, y_reference, foot[i, 1], velocity[i, 1], force[i])
         else:
-            y_error = position_error(law, reference[i, 1], reference[i, 3], foot[i, 1], velocity[i, 1])
+            y_error = position_error(law, y_reference, reference[i, 3], foot[i, 1], velocity[i, 1])
+        state.reference[i, 0], state.reference[i, 1] = reference[i, 0], y_reference
         ux = lead_step(law.lead, x_error, state.error[i, 0], state.output[i, 0])
         uy = lead_step(law.lead, y_error, state.error[i, 1], state.output[i, 1])
         state.error[i, 0], state.error[i, 1] = x_error, y_error

@@ -37,6 +37,8 @@ class Action(NamedTuple):
     """(L, 2), N m."""
     feedforward: Array
     """(L, 2), N m."""
+    reference: Array | None = None
+    """(L, 2): x and y that the controller went by, m, if they are not those of the plan."""
 
 
 class Feedforward(Protocol):

@@ -3,6 +3,7 @@
 Every function gives (cycles, L); what is undefined is NaN, never 0.
 """
 
+import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -37,6 +38,20 @@ class Block(NamedTuple):
     def second_half(self) -> Mask:
         """Second half of support."""
         return self.support & (self.progress >= 0.5)
+
+
+def three_feet(block: Block) -> Mask:
+    """Middle half of each interval of a cycle in which the same three feet are planned to support; all legs."""
+    cycles, steps, _ = block.support.shape
+    chosen = np.zeros(block.support.shape, dtype=bool)
+    for cycle in range(cycles):
+        support = block.support[cycle]
+        starts = [0, *(np.flatnonzero((support[1:] != support[:-1]).any(axis=1)) + 1), steps]
+        for start, end in itertools.pairwise(starts):
+            if support[start].sum() == 3:
+                quarter = (end - start) // 4
+                chosen[cycle, start + quarter : end - quarter] = True
+    return chosen & block.valid
 
 
 def _or_nan(value: Array, mask: Mask) -> Array:
@@ -157,6 +172,11 @@ METRICS = {
     "force_rmse": Metric("N", "RMS force error in support", lambda b: rms(b.force - b.force_desired, b.support)),
     "force_rmse_cycle": Metric(
         "N", "RMS force error, all samples", lambda b: rms(b.force - b.force_desired, b.valid)
+    ),
+    "force_rmse_three_feet": Metric(
+        "N",
+        "RMS force error over the middle half of each planned three-foot interval",
+        lambda b: rms(b.force - b.force_desired, three_feet(b)),
     ),
     "force_settled": Metric("N", "mean force over the second half of support", force_settled),
     "force_steady_state_error": Metric("", "(force_settled - desired)/desired, signed", force_steady_state_error),

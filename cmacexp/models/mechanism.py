@@ -19,17 +19,22 @@ from cmacexp.models.leg import (
 
 POINT_MASS = 0
 LEGS_ON_STAND = 1
+LEGS_UNDER_BODY = 2
 
 
 class Mechanism(NamedTuple):
     """Geometry and masses of a machine; L is the number of its legs."""
 
     kind: int
-    """POINT_MASS or LEGS_ON_STAND."""
+    """POINT_MASS, LEGS_ON_STAND or LEGS_UNDER_BODY."""
     legs: Array
     """(L, 5): the fields of :class:`Leg`; of a point mass only ``mass_2`` counts."""
     hip_height: float
-    """Height of the hips above the undepressed ground, m."""
+    """Height of the hips above the undepressed ground, m; of a body the one that the feet are planned for, h0."""
+    hips: Array
+    """(L, 2): hips in the body frame, x forward and y left of the centre of gravity, m."""
+    weight: float
+    """What the feet carry together, N; 0 without a body."""
 
 
 @kernel
@@ -60,9 +65,14 @@ def planned_torque(
 
 def point_mass(mass: float, hip_height: float) -> Mechanism:
     """A machine that is one point mass of ``mass`` kg."""
-    return Mechanism(POINT_MASS, np.array([[1.0, 1.0, 0.0, mass, 1.0]]), hip_height)
+    return Mechanism(POINT_MASS, np.array([[1.0, 1.0, 0.0, mass, 1.0]]), hip_height, np.zeros((1, 2)), 0.0)
 
 
 def legs_on_stand(legs: list[Leg], hip_height: float) -> Mechanism:
     """A machine whose hips do not move."""
-    return Mechanism(LEGS_ON_STAND, np.array(legs, dtype=float), hip_height)
+    return Mechanism(LEGS_ON_STAND, np.array(legs, dtype=float), hip_height, np.zeros((len(legs), 2)), 0.0)
+
+
+def legs_under_body(legs: list[Leg], hip_height: float, hips: list[tuple[float, float]], weight: float) -> Mechanism:
+    """A machine whose body moves so that the feet carry ``weight`` N."""
+    return Mechanism(LEGS_UNDER_BODY, np.array(legs, dtype=float), hip_height, np.array(hips, dtype=float), weight)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.arrays import Array, Mask
+from cmacexp.config.schema import GaitConfig
 
 
 class Timing(NamedTuple):
@@ -28,21 +29,23 @@ class Timing(NamedTuple):
         return self.sample / length
 
 
-def touch_downs(pattern: str, samples: int, support_samples: int) -> list[int]:
-    """Sample of the cycle at which each leg touches down.
+def touch_downs(pattern: str, duty_factor: float) -> list[float]:
+    """Touch-down of each leg within the cycle, 0 to 1.
 
-    Args:
-        pattern: ``transfer_first`` (one leg: the cycle begins with lift-off) or ``standing`` (one leg).
-        samples: N, samples of a cycle.
-        support_samples: samples of a support phase.
+    ``transfer_first``, one leg: the cycle begins with lift-off. ``standing``, one leg. ``wave``, four legs: those of
+    one side follow those of the other by half a cycle, and a rear foot touches down when the front foot of its side
+    lifts (Lin & Song 1997, Fig. 14; the start of the cycle is assumed).
     """
-    return {"transfer_first": [samples - support_samples], "standing": [0]}[pattern]
+    if pattern == "wave":
+        return [0.0, 0.5, duty_factor, (duty_factor + 0.5) % 1.0]
+    return {"transfer_first": [1.0 - duty_factor], "standing": [0.0]}[pattern]
 
 
-def make_timing(pattern: str, samples: int, duty_factor: float) -> Timing:
+def make_timing(gait: GaitConfig, samples: int) -> Timing:
     """Phases of every leg over one cycle of ``samples`` samples."""
-    support_samples = round(samples * duty_factor)
-    since = (np.arange(samples)[:, None] - np.array(touch_downs(pattern, samples, support_samples))) % samples
+    support_samples = round(samples * gait.duty_factor)
+    phases = gait.touch_down if gait.touch_down is not None else touch_downs(gait.pattern, gait.duty_factor)
+    since = (np.arange(samples)[:, None] - np.rint(np.array(phases) * samples).astype(np.int64)) % samples
     support = since < support_samples
     return Timing(
         support, np.where(support, since, since - support_samples), samples - support_samples, support_samples

@@ -9,11 +9,14 @@ from cmacexp.compile import kernel
 from cmacexp.config import Config
 from cmacexp.models.ground import depression_for
 from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
-from cmacexp.models.mechanism import POINT_MASS, Mechanism, leg_of
+from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of
+from cmacexp.planning.crossing import check_crossing
 from cmacexp.planning.foot_path import VERTICAL, line, quintic
 from cmacexp.planning.gait import Timing, make_timing
+from cmacexp.planning.load_sharing import share_load
 from cmacexp.planning.reach import check_reach
 from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains, keeps_static_load
+from cmacexp.planning.stability import check_stability, plan_margins
 
 BEFORE, ACTING = 0, 1
 """Stages of a run: before the feedforward acts, and since."""
@@ -36,6 +39,8 @@ class Plan(NamedTuple):
     """(N, L): desired contact force, N."""
     reference: Array
     """(2, N, L, 6): per stage x, y (m), vx, vy (m/s), F_r (N) and F_d to add to the feedback (N)."""
+    margins: Array
+    """(N, 3): stability margin, front and rear margin of a body over its planned support polygon, m; else NaN."""
     start_step: int
     """First step at which the feedforward learns and acts; beyond any run if there is none."""
 
@@ -59,35 +64,50 @@ def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
             joints[k, i, 4], joints[k, i, 5] = ddq1, ddq2
 
 
-def _desired_force(config: Config, timing: Timing) -> tuple[Array, Array]:
-    """Desired force (N, L), N, and its rate, N/s: F_d in support, reached by a ramp if the gait has one."""
-    force = config.force_control.desired_force
-    elapsed = timing.sample * config.sampling_period
-    ramp = config.gait.load_ramp
+def _horizontal(config: Config, timing: Timing) -> Array:
+    """Desired x, vx, ax (N, L, 3) of every foot in the frame of its hip."""
+    support_time = timing.support_samples * config.sampling_period
+    transfer_time = timing.transfer_samples * config.sampling_period
+    front, rear = config.gait.stroke / 2.0, -config.gait.stroke / 2.0
+    motion = np.zeros((*timing.support.shape, 3))
+    support, progress = timing.support, timing.progress
+    motion[support] = np.stack(line(front, rear, progress[support], support_time), axis=1)
+    if timing.transfer_samples:
+        path = quintic(rear, front, (rear - front) / support_time, progress[~support], transfer_time)
+        motion[~support] = np.stack(path, axis=1)
+    return motion
+
+
+def _desired_force(config: Config, mechanism: Mechanism, timing: Timing, feet: Array) -> tuple[Array, Array]:
+    """Desired force (N, L), N, and its rate, N/s; a foot takes it by a ramp if the gait has one.
+
+    One leg presses with F_d; under a body the feet (N, L, 2) share the weight.
+    """
+    elapsed, ramp = timing.sample * config.sampling_period, config.gait.load_ramp
     rising = timing.support & (elapsed < ramp)
-    rate = np.where(rising, force / ramp if ramp else 0.0, 0.0)
-    return np.where(timing.support, np.where(rising, rate * elapsed, force), 0.0), rate
+    willing = np.where(timing.support, np.where(rising, elapsed / ramp if ramp else 1.0, 1.0), 0.0)
+    force = config.force_control.desired_force
+    if force is None:
+        # The rate matters for the path of a soft foot only: the depression of a quadruped's is a few mm.
+        return share_load(mechanism.weight, feet, willing), np.zeros_like(willing)
+    return force * willing, np.where(rising, force / ramp if ramp else 0.0, 0.0)
 
 
 def _desired_motion(config: Config, timing: Timing, hip_height: float, force: Array, rate: Array) -> Array:
     """Desired motion (N, L, 6) of every foot; in support at the depression that gives the desired force."""
     gait, stiffness = config.gait, config.assumed_stiffness
-    support_time = timing.support_samples * config.sampling_period
     transfer_time = timing.transfer_samples * config.sampling_period
-    front, rear = gait.stroke / 2.0, -gait.stroke / 2.0
     desired = np.zeros((*timing.support.shape, 6))
+    desired[..., 0::2] = _horizontal(config, timing)
     for i in range(timing.support.shape[1]):
         support, s = timing.support[:, i], timing.progress[:, i]
-        desired[support, i, 0::2] = np.stack(line(front, rear, s[support], support_time), axis=1)
         desired[support, i, 1] = hip_height + depression_for(stiffness, force[support, i])
         desired[support, i, 3] = depression_for(stiffness, rate[support, i])
         if timing.transfer_samples:
             s = s[~support]
             first, last = timing.sample[:, i] == 0, timing.sample[:, i] == timing.support_samples - 1
             take_off, touch_down = desired[support & last, i, 1][0], desired[support & first, i, 1][0]
-            horizontal = quintic(rear, front, (rear - front) / support_time, s, transfer_time)
             vertical = VERTICAL[gait.vertical](take_off, touch_down, gait.lift, s, transfer_time)
-            desired[~support, i, 0::2] = np.stack(horizontal, axis=1)
             desired[~support, i, 1::2] = np.stack(vertical, axis=1)
     return desired
 
@@ -125,15 +145,23 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
         feedforward_acts: False for feedback alone, whose references never leave their first stage.
 
     Raises:
-        BadInput: the desired foot path leaves the reach of a leg.
+        BadInput: a foot path leaves the reach of its leg, legs would cross, or the gait is not statically stable.
     """
-    timing = make_timing(config.gait.pattern, config.steps_per_cycle, config.gait.duty_factor)
-    force, rate = _desired_force(config, timing)
+    timing = make_timing(config.gait, config.steps_per_cycle)
+    feet = np.zeros((*timing.support.shape, 2))
+    feet[..., 0] = _horizontal(config, timing)[..., 0]
+    feet += mechanism.hips
+    margins = plan_margins(mechanism, feet, timing.support)
+    if mechanism.kind == LEGS_UNDER_BODY:
+        check_stability(config, timing.support, margins)
+    force, rate = _desired_force(config, mechanism, timing, feet)
     desired = _desired_motion(config, timing, mechanism.hip_height, force, rate)
     joints = np.empty_like(desired)
     if mechanism.kind != POINT_MASS:
         check_reach(config, mechanism, desired)
     plan_joints(mechanism, desired, joints)
+    if mechanism.kind == LEGS_UNDER_BODY:
+        check_crossing(config, mechanism, joints)
     return Plan(
         timing.support,
         timing.progress,
@@ -141,5 +169,6 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
         joints,
         force,
         _reference(config, timing, mechanism.hip_height, desired, force),
+        margins,
         (config.learning.start_cycle - 1) * config.steps_per_cycle if feedforward_acts else NEVER,
     )

@@ -2,11 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from cmacexp.arrays import Array
-from cmacexp.models.mechanism import POINT_MASS
-from cmacexp.plants.kernels import PlantLaw, PlantState, advance, new_state, observe
+from cmacexp.models.ground import Ground
+from cmacexp.plants.kernels import PlantLaw, PlantState, advance, feel_ground, new_state, observe
 from cmacexp.plants.protocol import Measurement
 
 if TYPE_CHECKING:
@@ -29,16 +27,16 @@ class AnalyticPlant:
     def reset(self, setup: "Setup") -> Measurement:
         """Start at the planned joint angles, at rest."""
         mechanism, config = setup.mechanism, setup.config
-        legs = mechanism.legs.shape[0]
-        self.law = PlantLaw(
-            mechanism,
-            np.full(legs, config.terrain.stiffness),
-            config.sampling_period / self.substeps,
-            self.substeps,
-        )
-        self.state = new_state(legs)
+        terrain = config.terrain
+        ground = Ground(terrain.stiffness, terrain.patch_size, terrain.patch_spread, terrain.patch_seed)
+        step = config.sampling_period / self.substeps
+        self.law = PlantLaw(mechanism, ground, config.body_speed, step, self.substeps)
+        self.state = new_state(mechanism.legs.shape[0])
         self.state.q[:] = setup.start
         self.state.body[0] = mechanism.hip_height
+        self.state.stiffness[:] = terrain.stiffness
+        observe(self.law, self.state)
+        feel_ground(self.law, self.state)
         observe(self.law, self.state)
         return self.measure()
 
@@ -51,8 +49,3 @@ class AnalyticPlant:
         """A copy of what can be measured now."""
         state = self.state
         return Measurement(*(part.copy() for part in state[:6]))
-
-    @property
-    def has_joints(self) -> bool:
-        """Whether q and dq are joint angles; a point mass has none."""
-        return self.law.mechanism.kind != POINT_MASS

@@ -1,22 +1,25 @@
 """Equations of motion of the built-in machines, integrated by the classical Runge-Kutta method."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel
-from cmacexp.models.ground import contact_force
+from cmacexp.models.body import balance
+from cmacexp.models.ground import Ground, contact_force, stiffness_at
 from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics, trigonometry
-from cmacexp.models.mechanism import POINT_MASS, Mechanism, leg_of
+from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of
 
 
 class PlantLaw(NamedTuple):
     """What does not change while a plant runs; L is the number of its legs."""
 
     mechanism: Mechanism
-    stiffness: Array
-    """(L,): K_n under each foot, N/m."""
+    ground: Ground
+    speed: float
+    """Of the body over the ground, m/s."""
     step: float
     """Time of one Runge-Kutta step, s."""
     substeps: int
@@ -38,8 +41,14 @@ class PlantState(NamedTuple):
     """(L,): contact force, N."""
     body: Array
     """(3,): height of the hips above the undepressed ground, m; pitch and roll, rad."""
+    stiffness: Array
+    """(L,): K_n under each foot, N/m."""
+    travel: Array
+    """(1,): way that the body has gone, m."""
     trig: Array
     """(L, 4): sines and cosines of the joint angles."""
+    work: Array
+    """(12,): room for the balance of the body."""
     stage_q: Array
     """(L, 2): joint angles of a stage of the integration; below, its joint velocities and accelerations."""
     stage_dq: Array
@@ -53,7 +62,8 @@ def new_state(legs: int) -> PlantState:
     """A state of zeros for ``legs`` legs."""
     state = [np.zeros((legs, 2)) for _ in range(4)]
     stages = [np.zeros((legs, 2)) for _ in range(6)]
-    fields = [*state, np.zeros(legs), np.zeros(3), np.zeros((legs, 4)), *stages]
+    body = [np.zeros(3), np.zeros(legs), np.zeros(1)]
+    fields = [*state, np.zeros(legs), *body, np.zeros((legs, 4)), np.zeros(12), *stages]
     return PlantState(*fields)
 
 
@@ -69,7 +79,12 @@ def contact(law: PlantLaw, q: Array, state: PlantState) -> None:
             for j in range(4):
                 state.trig[i, j] = trig[j]
             state.foot[i, 0], state.foot[i, 1] = foot_position(leg_of(mechanism, i), trig)
-        state.force[i] = contact_force(law.stiffness[i], state.foot[i, 1] - mechanism.hip_height)
+        if mechanism.kind != LEGS_UNDER_BODY:
+            state.force[i] = contact_force(state.stiffness[i], state.foot[i, 1] - mechanism.hip_height)
+    if mechanism.kind == LEGS_UNDER_BODY and not balance(
+        mechanism.hips, state.foot, state.stiffness, mechanism.weight, state.body, state.force, state.work
+    ):
+        state.body[0] = math.nan
 
 
 @kernel
@@ -85,6 +100,15 @@ def accelerate(law: PlantLaw, state: PlantState, dq: Array, tau: Array, ddq: Arr
             ddq[i, 0], ddq[i, 1] = forward_dynamics(
                 leg, trig, dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
             )
+
+
+@kernel
+def feel_ground(law: PlantLaw, state: PlantState) -> None:
+    """Bring the stiffness under each foot up to where the foot is."""
+    hips = law.mechanism.hips
+    for i in range(hips.shape[0]):
+        x = state.travel[0] + hips[i, 0] + state.foot[i, 0]
+        state.stiffness[i] = stiffness_at(law.ground, x, hips[i, 1])
 
 
 @kernel
@@ -141,4 +165,6 @@ def advance(law: PlantLaw, state: PlantState, tau: Array) -> None:
     """Move the plant over one sampling period under the held torque ``tau`` (L, 2), N m."""
     for _ in range(law.substeps):
         runge_kutta_step(law, state, tau)
+        state.travel[0] += law.speed * law.step
+        feel_ground(law, state)
         observe(law, state)

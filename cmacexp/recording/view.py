@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import rerun as rr
 
 from cmacexp.arrays import Array, Mask
+from cmacexp.keep import Traces
 from cmacexp.table import as_array, is_support
 
 
@@ -49,13 +49,14 @@ def _lengths(config: dict[str, Any]) -> tuple[float, float] | None:
     return (leg["length_1"], leg["length_2"]) if leg else None
 
 
-def view_of(trace: pa.Table, config: dict[str, Any]) -> RunView:
+def view_of(traces: Traces, config: dict[str, Any]) -> RunView:
     """Cut a trace into legs.
 
     Args:
-        trace: as the run left it.
+        traces: as the run left them.
         config: as it stands in the manifest.
     """
+    trace = traces.legs
     number = as_array(trace, "leg")
     skipped = {"step", "time", "cycle", "leg", "phase"}
     columns = {name: as_array(trace, name) for name in trace.column_names if name not in skipped}

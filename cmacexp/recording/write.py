@@ -7,10 +7,10 @@ from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
 import rerun as rr
 
 from cmacexp.files import write_atomically
+from cmacexp.keep import Traces
 from cmacexp.recording.blueprint import one_leg
 from cmacexp.recording.scene import log_scene
 from cmacexp.recording.series import log_series
@@ -39,16 +39,16 @@ def _pandas_left_out() -> Iterator[None]:
         sys.meta_path.remove(finder)
 
 
-def write_recording(trace: pa.Table, config: dict[str, Any], path: Path) -> None:
+def write_recording(traces: Traces, config: dict[str, Any], path: Path) -> None:
     """Write the Rerun view of a run, whole or not at all.
 
     Args:
-        trace: as the run left it, at least one step.
+        traces: as the run left them, at least one step.
         config: as it stands in the manifest.
         path: of the ``.rrd`` file.
     """
     with write_atomically(path) as temporary, _pandas_left_out():
-        view = view_of(trace, config)
+        view = view_of(traces, config)
         recording = rr.RecordingStream("cmacexp", recording_id=path.parent.name)
         recording.save(temporary, default_blueprint=one_leg(view))
         recording.send_recording_name(f"{config['scenario']} {path.parent.name}")

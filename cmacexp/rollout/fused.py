@@ -9,7 +9,8 @@ from cmacexp.control.feedforward_law import FeedforwardLaw, feedforward_step
 from cmacexp.control.hybrid_law import HybridLaw, HybridState, hybrid_feedback
 from cmacexp.planning.plan import Plan
 from cmacexp.plants.kernels import PlantLaw, PlantState, advance
-from cmacexp.rollout.layout import RUNNING, stop_reason, write_samples
+from cmacexp.rollout.layout import write_samples
+from cmacexp.rollout.stop import RUNNING, Guard, stop_reason
 
 
 class Torques(NamedTuple):
@@ -31,11 +32,14 @@ class FusedLoop(NamedTuple):
     feedforward: FeedforwardLaw
     torque_limit: float
     torques: Torques
+    guard: Guard
 
 
 @kernel
-def fused_loop(loop: FusedLoop, start: int, samples: Array) -> tuple[int, int]:
+def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array) -> tuple[int, int]:
     """Run as many steps as ``samples`` (steps, L, columns) has room for, from step ``start``.
+
+    ``body_samples`` is (steps, 3), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`.
 
     Returns:
         Steps written, and RUNNING or why it stopped after them.
@@ -52,17 +56,18 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array) -> tuple[int, int]:
             last[i, 0], last[i, 1] = state.taught[i, 0], state.taught[i, 1]
         hybrid_feedback(
             loop.control, state, plan.support[sample], reference,
-            machine.q, machine.foot, machine.velocity, machine.force,
+            machine.q, machine.foot, machine.velocity, machine.force, machine.body,
         )  # fmt: skip
         if acting:
             feedforward_step(loop.feedforward, sample, last, feedforward)
         saturate(loop.torque_limit, state.feedback, feedforward, total)
         write_samples(
-            samples, k, machine.foot, machine.velocity, machine.q, machine.dq,
-            machine.force, machine.force, reference, state.feedback, feedforward,
+            samples, body_samples, k, machine.foot, machine.velocity, machine.q, machine.dq,
+            machine.force, machine.force, state.reference, state.feedback, feedforward, machine.body,
         )  # fmt: skip
         advance(plant, machine, total)
-        status = stop_reason(machine.q, machine.dq, machine.foot, machine.force)
+        after = (start + k + 1) % period
+        status = stop_reason(loop.guard, after, machine.q, machine.dq, machine.foot, machine.force, machine.body)
         if status != RUNNING:
             return k + 1, status
     return steps, RUNNING

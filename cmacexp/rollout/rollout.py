@@ -13,12 +13,13 @@ from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.plants import AnalyticPlant, Measurement
 from cmacexp.rollout.fused import FusedLoop, Torques, fused_loop
-from cmacexp.rollout.layout import RUNNING, SAMPLES, describe_stop
+from cmacexp.rollout.layout import BODY_SAMPLES, SAMPLES
 from cmacexp.rollout.stepped import SteppedLoop
+from cmacexp.rollout.stop import RUNNING, STATUSES, Guard, describe_stop, new_guard
 from cmacexp.scenario import Scenario
 from cmacexp.sensors import PerfectSensors
 
-Run = Callable[[int, Array], tuple[int, int]]
+Run = Callable[[int, Array, Array], tuple[int, int]]
 
 
 @dataclass(frozen=True)
@@ -28,8 +29,10 @@ class Rollout:
     plan: Plan
     samples: Array
     """(steps, L, columns), in the order of :data:`cmacexp.rollout.layout.SAMPLES`."""
+    body_samples: Array
+    """(steps, 3), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`."""
     status: str
-    """``completed``, ``diverged``, ``interrupted`` or ``failed``."""
+    """``completed``, ``diverged``, ``fell``, ``interrupted`` or ``failed``."""
     cause: str
     """Why it is not completed: step, time and cause; empty if it is."""
     seconds: float
@@ -40,6 +43,10 @@ class Rollout:
     def columns(self) -> dict[str, Array]:
         """Samples (steps, L) by column name."""
         return {name: self.samples[:, :, i] for i, name in enumerate(SAMPLES)}
+
+    def body_columns(self) -> dict[str, Array]:
+        """Samples of the body (steps,) by column name."""
+        return {name: self.body_samples[:, i] for i, name in enumerate(BODY_SAMPLES)}
 
 
 def is_built_in(scenario: Scenario) -> bool:
@@ -52,7 +59,7 @@ def is_built_in(scenario: Scenario) -> bool:
     )
 
 
-def _fused(scenario: Scenario) -> tuple[Run, Callable[[], Measurement]]:
+def _fused(scenario: Scenario, guard: Guard) -> tuple[Run, Callable[[], Measurement]]:
     """The fused loop over the states of built-in parts, compiled by running no step of it."""
     plant, controller, feedforward = scenario.plant, scenario.controller, scenario.feedforward
     assert isinstance(plant, AnalyticPlant)
@@ -69,17 +76,18 @@ def _fused(scenario: Scenario) -> tuple[Run, Callable[[], Measurement]]:
         feedforward.law,
         float("inf") if limit is None else float(limit),
         Torques(*(np.zeros((legs, 2)) for _ in range(3))),
+        guard,
     )
 
-    def run(start: int, samples: Array) -> tuple[int, int]:
-        return fused_loop(loop, start, samples)
+    def run(start: int, samples: Array, body_samples: Array) -> tuple[int, int]:
+        return fused_loop(loop, start, samples, body_samples)
 
-    run(0, np.zeros((0, legs, len(SAMPLES))))
+    run(0, np.zeros((0, legs, len(SAMPLES))), np.zeros((0, len(BODY_SAMPLES))))
     return run, plant.measure
 
 
-def _stepped(scenario: Scenario) -> tuple[Run, Callable[[], Measurement]]:
-    loop = SteppedLoop(scenario)
+def _stepped(scenario: Scenario, guard: Guard) -> tuple[Run, Callable[[], Measurement]]:
+    loop = SteppedLoop(scenario, guard)
     return loop.run, lambda: loop.state
 
 
@@ -97,19 +105,21 @@ def roll_out(scenario: Scenario, watch: Callable[[int], None] = lambda cycle: No
     """
     setup = scenario.setup
     period, cycles = setup.config.steps_per_cycle, setup.config.cycles
-    run, measure = (_fused if fused and is_built_in(scenario) else _stepped)(scenario)
+    guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], setup.config.sampling_period)
+    run, measure = (_fused if fused and is_built_in(scenario) else _stepped)(scenario, guard)
     samples = np.full((cycles * period, setup.mechanism.legs.shape[0], len(SAMPLES)), np.nan)
+    body_samples = np.full((cycles * period, len(BODY_SAMPLES)), np.nan)
     done, status, cause, seconds = 0, "completed", "", 0.0
     error: Exception | None = None
     try:
         for cycle in range(cycles):
             began = time.perf_counter()
-            steps, stop = run(done, samples[done : done + period])
+            steps, stop = run(done, samples[done : done + period], body_samples[done : done + period])
             seconds += time.perf_counter() - began
             done += steps
             if stop != RUNNING:
-                status, state = "diverged", measure()
-                cause = describe_stop(done, setup.config.sampling_period, state.q, state.dq)
+                status, state = STATUSES[stop], measure()
+                cause = describe_stop(guard, stop, done, setup.config.sampling_period, state.q, state.dq, state.body)
                 break
             watch(cycle + 1)
     except KeyboardInterrupt:
@@ -119,4 +129,4 @@ def roll_out(scenario: Scenario, watch: Callable[[int], None] = lambda cycle: No
     samples = samples[:done]
     if setup.mechanism.kind == POINT_MASS:
         samples[:, :, [SAMPLES.index(name) for name in ("q1", "q2", "dq1", "dq2")]] = np.nan
-    return Rollout(setup.plan, samples, status, cause, seconds, error)
+    return Rollout(setup.plan, samples, body_samples[:done], status, cause, seconds, error)

@@ -6,7 +6,8 @@ from cmacexp.arrays import Array
 from cmacexp.control.actuator import saturate
 from cmacexp.control.protocol import Reference
 from cmacexp.planning.plan import Plan
-from cmacexp.rollout.layout import RUNNING, stop_reason, write_samples
+from cmacexp.rollout.layout import write_samples
+from cmacexp.rollout.stop import RUNNING, Guard, stop_reason
 from cmacexp.scenario import Scenario
 
 
@@ -31,15 +32,17 @@ class SteppedLoop:
 
     Args:
         scenario: the parts, reset.
+        guard: tells when to stop.
     """
 
-    def __init__(self, scenario: Scenario):
+    def __init__(self, scenario: Scenario, guard: Guard):
         self.scenario = scenario
+        self.guard = guard
         self.state = scenario.first
         limit = scenario.setup.config.actuator.torque_limit
         self.limit = float("inf") if limit is None else limit
 
-    def run(self, start: int, samples: Array) -> tuple[int, int]:
+    def run(self, start: int, samples: Array, body_samples: Array) -> tuple[int, int]:
         """As :func:`cmacexp.rollout.fused.fused_loop`."""
         scenario, plan = self.scenario, self.scenario.setup.plan
         torque = np.zeros((samples.shape[1], 2))
@@ -48,13 +51,15 @@ class SteppedLoop:
             seen = scenario.sensors.measure(true)
             reference = reference_at(plan, start + k)
             action = scenario.controller.act(reference, seen)
+            fed = reference.values if action.reference is None else action.reference
             saturate(self.limit, action.feedback, action.feedforward, torque)
             write_samples(
-                samples, k, true.foot, true.velocity, true.q, true.dq,
-                true.force, seen.force, reference.values, action.feedback, action.feedforward,
+                samples, body_samples, k, true.foot, true.velocity, true.q, true.dq,
+                true.force, seen.force, fed, action.feedback, action.feedforward, true.body,
             )  # fmt: skip
-            self.state = scenario.plant.step(torque)
-            status = stop_reason(self.state.q, self.state.dq, self.state.foot, self.state.force)
+            self.state = new = scenario.plant.step(torque)
+            after = (start + k + 1) % plan.support.shape[0]
+            status = stop_reason(self.guard, after, new.q, new.dq, new.foot, new.force, new.body)
             if status != RUNNING:
                 return k + 1, status
         return samples.shape[0], RUNNING

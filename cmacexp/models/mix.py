@@ -1,0 +1,14 @@
+"""Stirring integers into 32 bits, for hashing and for chance that is the same in every process."""
+
+from cmacexp.compile import kernel
+
+MULTIPLIER = 0x5BD1E995
+"""An odd 31-bit number, so that its product with 32 bits stays within a signed 64-bit integer."""
+MASK = 0xFFFFFFFF
+
+
+@kernel
+def mix(state: int, value: int) -> int:
+    """Stir ``value`` into a 32-bit ``state``; multiply and shift, in integers that never overflow."""
+    state = ((state ^ value) * MULTIPLIER) & MASK
+    return state ^ (state >> 15)

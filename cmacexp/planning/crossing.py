@@ -1,0 +1,57 @@
+"""Whether two legs of one side would run into each other."""
+
+import numpy as np
+
+from cmacexp.arrays import Array, Mask
+from cmacexp.config import Config
+from cmacexp.errors import BadInput
+from cmacexp.models.mechanism import Mechanism
+
+NAMES = ("left_front", "right_front", "left_rear", "right_rear")
+"""Legs by number, as the config names them."""
+
+
+def joints_in_plane(mechanism: Mechanism, i: int, joints: Array) -> Array:
+    """Hip, knee and foot of leg ``i`` along its plan (N, 6), (3, N, 2): x forward, y down in the body frame, m."""
+    l1, l2 = mechanism.legs[i, 0], mechanism.legs[i, 1]
+    q1, q12 = joints[:, 0], joints[:, 0] + joints[:, 1]
+    hip = np.stack([np.full(len(q1), mechanism.hips[i, 0]), np.zeros(len(q1))], axis=1)
+    knee = hip + l1 * np.stack([np.cos(q1), np.sin(q1)], axis=1)
+    return np.stack([hip, knee, knee + l2 * np.stack([np.cos(q12), np.sin(q12)], axis=1)])
+
+
+def _side(a: Array, b: Array, point: Array) -> Array:
+    """On which side of the line from ``a`` to ``b`` each point lies; all (N, 2)."""
+    return np.sign((b[:, 0] - a[:, 0]) * (point[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (point[:, 0] - a[:, 0]))
+
+
+def _links_cross(a: Array, b: Array, c: Array, d: Array) -> Mask:
+    """Whether the links from ``a`` to ``b`` and from ``c`` to ``d`` cross, sample by sample; all (N, 2)."""
+    return (_side(a, b, c) * _side(a, b, d) <= 0) & (_side(c, d, a) * _side(c, d, b) <= 0)
+
+
+def check_crossing(config: Config, mechanism: Mechanism, joints: Array) -> None:
+    """Refuse a plan (N, L, 6) in which legs of one side touch.
+
+    Raises:
+        BadInput: names the legs and the instant.
+    """
+    legs = mechanism.legs.shape[0]
+    points = [joints_in_plane(mechanism, i, joints[:, i]) for i in range(legs)]
+    for i in range(legs):
+        for j in range(i + 1, legs):
+            if mechanism.hips[i, 1] != mechanism.hips[j, 1]:
+                continue
+            crossing = np.zeros(len(joints), dtype=bool)
+            for m in (0, 1):
+                for n in (0, 1):
+                    crossing |= _links_cross(points[i][m], points[i][m + 1], points[j][n], points[j][n + 1])
+            if crossing.any():
+                k = int(np.flatnonzero(crossing)[0])
+                knee = "forward" if mechanism.legs[i, 4] > 0 else "back"
+                raise BadInput(
+                    f"machine.legs.{NAMES[i]}.knee",
+                    knee,
+                    f"legs {NAMES[i]} and {NAMES[j]} would cross at t = {k * config.sampling_period:.3f} s; "
+                    "bend front knees forward and rear knees back, or reduce gait.stroke",
+                )

@@ -1,0 +1,80 @@
+"""Static stability of a gait: margins of the centre of gravity over the planned support polygon.
+
+McGhee & Frank 1968: the margin is the distance from the projected centre of gravity to the nearest edge of the
+polygon, negative outside. The paper's rear stability margin is the distance to its rear boundary along the body.
+"""
+
+import numpy as np
+
+from cmacexp.arrays import Array, Mask
+from cmacexp.config import Config
+from cmacexp.errors import BadInput
+from cmacexp.models.mechanism import Mechanism
+
+STABILITY, FRONT, REAR = range(3)
+ROUNDING = 1e-9
+"""A margin no more negative than this is zero, m."""
+
+
+def polygon(feet: Array) -> Array:
+    """Feet (n, 2) in counterclockwise order about their middle."""
+    off = feet - feet.mean(axis=0)
+    ordered: Array = feet[np.argsort(np.arctan2(off[:, 1], off[:, 0]), kind="stable")]
+    return ordered
+
+
+def margins(feet: Array) -> tuple[float, float, float]:
+    """Margins of the origin in the polygon of ``feet`` (n, 2), m: nearest edge, front and rear boundary along x.
+
+    NaN with fewer than three feet; front and rear are NaN where the line along the body misses the polygon.
+    """
+    if len(feet) < 3:
+        return float("nan"), float("nan"), float("nan")
+    corners = polygon(feet)
+    edges = np.roll(corners, -1, axis=0) - corners
+    # The cross product of an edge with the way to the origin is positive where the origin lies on its inner side.
+    nearest = float(((edges[:, 1] * corners[:, 0] - edges[:, 0] * corners[:, 1]) / np.hypot(*edges.T)).min())
+    start, end = corners[:, 1], corners[:, 1] + edges[:, 1]
+    crossing = (np.minimum(start, end) <= 0.0) & (np.maximum(start, end) >= 0.0) & (edges[:, 1] != 0.0)
+    if not crossing.any():
+        return nearest, float("nan"), float("nan")
+    along = corners[crossing, 0] - start[crossing] / edges[crossing, 1] * edges[crossing, 0]
+    return nearest, float(along.max()), float(-along.min())
+
+
+def plan_margins(mechanism: Mechanism, feet: Array, support: Mask) -> Array:
+    """Margins (N, 3) over a cycle: nearest edge, front, rear, m.
+
+    Args:
+        mechanism: the machine.
+        feet: (N, L, 2): planned feet relative to the centre of gravity, m.
+        support: (N, L): planned phases.
+    """
+    return np.array([margins(feet[k, support[k]]) for k in range(len(feet))]).reshape(-1, 3)
+
+
+def check_stability(config: Config, support: Mask, planned: Array) -> None:
+    """Refuse a gait that is not statically stable throughout.
+
+    Raises:
+        BadInput: names the instant, and the feet that are down or the margin.
+    """
+    if config.gait.allow_unstable:
+        return
+    remedy = "raise gait.duty_factor, or set gait.allow_unstable=true"
+    few = np.flatnonzero(support.sum(axis=1) < 3)
+    if len(few):
+        when = few[0] * config.sampling_period
+        raise BadInput(
+            "gait.duty_factor",
+            config.gait.duty_factor,
+            f"only {support[few[0]].sum()} feet are down at t = {when:.3f} s, three are needed; {remedy}",
+        )
+    k = int(np.argmin(planned[:, STABILITY]))
+    if planned[k, STABILITY] < -ROUNDING:
+        when = k * config.sampling_period
+        raise BadInput(
+            "gait.touch_down" if config.gait.touch_down is not None else "gait.duty_factor",
+            config.gait.touch_down if config.gait.touch_down is not None else config.gait.duty_factor,
+            f"the stability margin is {planned[k, STABILITY]:.4f} m at t = {when:.3f} s, below 0; {remedy}",
+        )
