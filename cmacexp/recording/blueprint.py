@@ -2,36 +2,89 @@
 
 import rerun.blueprint as rrb
 
+from cmacexp.recording.ground import depression_scale
 from cmacexp.recording.view import RunView
 
+Point = tuple[float, float, float]
+LEGEND = "path: desired grey, first cycle orange, last green; force: desired grey, actual yellow"
 
-def one_leg(view: RunView) -> rrb.Blueprint:
-    """The leg from its side, beside force, tracking error and torques."""
-    unit = "N m" if view.legs[0].lengths else "N"
-    what = "torque" if view.legs[0].lengths else "Cartesian force"
-    axes = ("joint 1", "joint 2") if view.legs[0].lengths else ("along x", "along y")
-    scene = rrb.Spatial3DView(
-        origin="world",
-        name="path: desired grey, first cycle orange, last green; force: desired grey, actual yellow",
+
+def _scene(name: str, position: Point, target: Point, *, grid: bool) -> rrb.Spatial3DView:
+    """A view that goes along with the machine."""
+    return rrb.Spatial3DView(
+        origin="world/travel",
+        contents="/world/**",
+        name=name,
         background=[245, 245, 245],
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            position=(0.1, -0.95, 0.36), look_target=(0.0, 0.0, 0.2), eye_up=(0.0, 0.0, 1.0)
-        ),
+        line_grid=rrb.LineGrid3D(visible=grid, spacing=0.1, color=[190, 190, 190]),
+        eye_controls=rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0)),
     )
-    named = {
-        "force": "contact force, N",
-        "error": "foot, actual minus desired, mm",
-        "torque_1": f"{what} {axes[0]}, {unit}",
-        "torque_2": f"{what} {axes[1]}, {unit}",
-    }
-    legend = rrb.PlotLegend(corner=rrb.Corner2D.RightTop)
-    series = [
-        rrb.TimeSeriesView(origin=f"series/leg_1/{entity}", name=name, plot_legend=legend)
-        for entity, name in named.items()
+
+
+def _plot(origin: str, name: str) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        origin=f"series/{origin}", name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop)
+    )
+
+
+def _torque_names(view: RunView) -> tuple[str, str]:
+    if view.legs[0].lengths is None:
+        return "Cartesian force along x, N", "Cartesian force along y, N"
+    return "torque of joint 1, N m", "torque of joint 2, N m"
+
+
+def _one_leg(view: RunView) -> rrb.Container:
+    """The leg from its side, beside force, tracking error and torques."""
+    height = 0.4 * float(view.body["height"][0])
+    first, second = _torque_names(view)
+    series = rrb.Vertical(
+        _plot("leg_1/force", "contact force, N"),
+        _plot("leg_1/error", "foot, actual minus desired, mm"),
+        _plot("leg_1/torque_1", first),
+        _plot("leg_1/torque_2", second),
+    )
+    scene = _scene(LEGEND, (0.1, -0.95, height + 0.16), (0.0, 0.0, height), grid=False)
+    return rrb.Horizontal(scene, series, column_shares=[1.0, 1.3])
+
+
+def _walk(view: RunView) -> rrb.Container:
+    """The walk in space and from front, side and top, beside its gait, forces, posture and stability."""
+    times = depression_scale(view)
+    middle = (0.0, 0.0, 0.25)
+    main = _scene(f"{LEGEND}; depression x {times}", (1.0, -1.15, 0.75), (0.0, 0.0, 0.2), grid=True)
+    small = rrb.Horizontal(
+        _scene("front", (1.6, 0.0, 0.25), middle, grid=False),
+        _scene("right side", (0.0, -1.6, 0.25), middle, grid=False),
+        _scene("top: support polygon, centre of gravity", (-0.01, 0.0, 1.75), (0.0, 0.0, 0.0), grid=False),
+    )
+    walk = rrb.Vertical(
+        rrb.StateTimelineView(origin="gait", name="gait diagram"),
+        rrb.Grid(*[_plot(f"leg_{leg.number}/force", f"force of {leg.name}, N") for leg in view.legs], grid_columns=2),
+        _plot("body/tilt", "tilt of the body, mrad"),
+        _plot("body/height", "height of the body, mm"),
+        _plot("body/margins", "stability margins, mm"),
+        row_shares=[1.0, 2.4, 1.0, 0.8, 1.0],
+        name="walk",
+    )
+    first, second = _torque_names(view)
+    rows = [
+        rrb.Horizontal(
+            _plot(f"leg_{leg.number}/error", f"{leg.name}: actual minus desired, mm"),
+            _plot(f"leg_{leg.number}/torque_1", f"{leg.name}: {first}"),
+            _plot(f"leg_{leg.number}/torque_2", f"{leg.name}: {second}"),
+        )
+        for leg in view.legs
     ]
+    learning = rrb.Vertical(*rows, name="learning")
+    return rrb.Horizontal(
+        rrb.Vertical(main, small, row_shares=[1.9, 1.0]), rrb.Tabs(walk, learning), column_shares=[1.15, 1.0]
+    )
+
+
+def layout(view: RunView) -> rrb.Blueprint:
+    """The blueprint that goes into a recording."""
     return rrb.Blueprint(
-        rrb.Horizontal(scene, rrb.Vertical(*series), column_shares=[1.0, 1.3]),
+        _walk(view) if view.walks else _one_leg(view),
         rrb.TimePanel(timeline="time", state="collapsed", play_state="playing"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),

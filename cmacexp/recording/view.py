@@ -1,41 +1,57 @@
-"""What a recording shows of a run: its trace leg by leg, and the geometry to draw it with."""
+"""What a recording shows of a run: its traces leg by leg, and the geometry to draw them with.
+
+World: x forward, y left, z up, metres; the undepressed ground is z = 0. Body frame as in ``cmacexp/models/body.py``.
+"""
 
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import rerun as rr
 
 from cmacexp.arrays import Array, Mask
 from cmacexp.keep import Traces
 from cmacexp.table import as_array, is_support
 
+MOST_STEPS = 20_000
+"""Steps that a recording shows at the most; of a longer run it shows one step in so many."""
+NAMES = ("left front", "right front", "left rear", "right rear")
+
 
 @dataclass(frozen=True)
 class LegView:
-    """Columns of one leg, (steps,) each, and where its hip is."""
+    """Columns of one leg, (steps,) each, and how it is built."""
 
     number: int
+    name: str
     columns: dict[str, Array]
     support: Mask
     lengths: tuple[float, float] | None
     """Of thigh and shank, m; None without joints."""
+    hip: tuple[float, float]
+    """In the body frame, forward and left, m."""
 
     def __getitem__(self, name: str) -> Array:
         return self.columns[name]
 
+    def in_body(self, x: Array, y: Array) -> Array:
+        """Points (n, 3) in the body frame from x forward, y down in the frame of the hip."""
+        return np.stack([x + self.hip[0], np.full_like(x, self.hip[1]), -y], axis=1)
+
 
 @dataclass(frozen=True)
 class RunView:
-    """A run as the recording sees it."""
+    """A run as the recording sees it; arrays are (steps,)."""
 
     legs: list[LegView]
     time: Array
-    """(steps,), s."""
     step: Array
     cycle: Array
-    hip_height: float
-    """m above the undepressed ground."""
+    body: dict[str, Array]
+    """Columns of ``body.parquet``; of a stand only cog_x, height, pitch and roll, which do not change."""
+    every: int
+    """One step in so many is shown."""
     config: dict[str, Any]
 
     @property
@@ -43,14 +59,47 @@ class RunView:
         """The timelines of every column that changes."""
         return [rr.TimeColumn("time", duration=self.time), rr.TimeColumn("step", sequence=self.step)]
 
+    @property
+    def walks(self) -> bool:
+        """Whether there is a body on legs."""
+        return len(self.legs) > 1
 
-def _lengths(config: dict[str, Any]) -> tuple[float, float] | None:
-    leg = config["machine"].get("leg")
-    return (leg["length_1"], leg["length_2"]) if leg else None
+    def turn(self) -> Array:
+        """Orientation of the body as quaternions (steps, 4), x y z w: roll about x, then pitch about y."""
+        p, r = self.body["pitch"] / 2.0, self.body["roll"] / 2.0
+        return np.stack(
+            [np.cos(p) * np.sin(r), np.sin(p) * np.cos(r), -np.sin(p) * np.sin(r), np.cos(p) * np.cos(r)], 1
+        )
+
+    def in_world(self, points: Array) -> Array:
+        """Points (steps, 3) of the body frame in the world."""
+        p, r = self.body["pitch"], self.body["roll"]
+        x, y, z = points.T
+        y, z = y * np.cos(r) - z * np.sin(r), y * np.sin(r) + z * np.cos(r)
+        x, z = x * np.cos(p) + z * np.sin(p), -x * np.sin(p) + z * np.cos(p)
+        return np.stack([x + self.body["cog_x"], y, z + self.body["height"]], axis=1)
+
+
+def _leg_configs(config: dict[str, Any]) -> list[dict[str, Any]]:
+    machine = config["machine"]
+    return list(machine["legs"].values()) if "legs" in machine else [machine.get("leg") or {}]
+
+
+def _leg(trace: pa.Table, rows: Array, number: int, built: dict[str, Any], every: int) -> LegView:
+    skipped = {"step", "time", "cycle", "leg", "phase"}
+    columns = {n: as_array(trace, n)[rows][::every] for n in trace.column_names if n not in skipped}
+    return LegView(
+        number,
+        NAMES[number - 1] if "hip_x" in built else "leg",
+        columns,
+        is_support(trace)[rows][::every],
+        (built["length_1"], built["length_2"]) if "length_1" in built else None,
+        (built.get("hip_x", 0.0), built.get("hip_y", 0.0)),
+    )
 
 
 def view_of(traces: Traces, config: dict[str, Any]) -> RunView:
-    """Cut a trace into legs.
+    """Cut traces into legs.
 
     Args:
         traces: as the run left them.
@@ -58,14 +107,13 @@ def view_of(traces: Traces, config: dict[str, Any]) -> RunView:
     """
     trace = traces.legs
     number = as_array(trace, "leg")
-    skipped = {"step", "time", "cycle", "leg", "phase"}
-    columns = {name: as_array(trace, name) for name in trace.column_names if name not in skipped}
-    support = is_support(trace)
-    legs = []
-    for leg in np.unique(number):
-        rows = number == leg
-        own = {name: values[rows] for name, values in columns.items()}
-        legs.append(LegView(int(leg), own, support[rows], _lengths(config)))
     first = number == number[0]
-    time, step, cycle = (as_array(trace, name)[first] for name in ("time", "step", "cycle"))
-    return RunView(legs, time, step, cycle, float(config["machine"]["hip_height"]), config)
+    every = -(-int(first.sum()) // MOST_STEPS)
+    legs = [_leg(trace, number == i + 1, i + 1, built, every) for i, built in enumerate(_leg_configs(config))]
+    time, step, cycle = (as_array(trace, name)[first][::every] for name in ("time", "step", "cycle"))
+    if traces.body is not None:
+        body = {name: as_array(traces.body, name)[::every] for name in traces.body.column_names}
+    else:
+        still = np.zeros_like(time)
+        body = {"cog_x": still, "height": still + config["machine"]["hip_height"], "pitch": still, "roll": still}
+    return RunView(legs, time, step, cycle, body, every, config)

@@ -11,8 +11,9 @@ import rerun as rr
 
 from cmacexp.files import write_atomically
 from cmacexp.keep import Traces
-from cmacexp.recording.blueprint import one_leg
-from cmacexp.recording.scene import log_scene
+from cmacexp.recording.blueprint import layout
+from cmacexp.recording.ground import log_ground
+from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
 from cmacexp.recording.view import view_of
 
@@ -50,9 +51,11 @@ def write_recording(traces: Traces, config: dict[str, Any], path: Path) -> None:
     with write_atomically(path) as temporary, _pandas_left_out():
         view = view_of(traces, config)
         recording = rr.RecordingStream("cmacexp", recording_id=path.parent.name)
-        recording.save(temporary, default_blueprint=one_leg(view))
-        recording.send_recording_name(f"{config['scenario']} {path.parent.name}")
-        log_scene(recording, view)
+        recording.save(temporary, default_blueprint=layout(view))
+        thinned = f", every {view.every} steps" if view.every > 1 else ""
+        recording.send_recording_name(f"{config['scenario']} {path.parent.name}{thinned}")
+        log_machine(recording, view)
+        log_ground(recording, view)
         log_series(recording, view)
         recording.flush()
         recording.disconnect()
