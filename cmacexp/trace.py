@@ -71,7 +71,8 @@ BODY_COLUMNS = (
 )
 
 
-def _schema(columns: Sequence[Column]) -> pa.Schema:
+def schema_of(columns: Sequence[Column]) -> pa.Schema:
+    """Arrow schema of columns, with unit and meaning in the metadata of each field."""
     return pa.schema([pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns])
 
 
@@ -102,7 +103,7 @@ def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float) -> p
         phase if c.name == "phase" else arrow(known[c.name] if c.name in known else samples[c.name].ravel(), c.type)
         for c in COLUMNS
     ]
-    return pa.Table.from_arrays(arrays, schema=_schema(COLUMNS))
+    return pa.Table.from_arrays(arrays, schema=schema_of(COLUMNS))
 
 
 def assemble_body(
@@ -133,4 +134,6 @@ def assemble_body(
         "margin_rear": margins[:, 2],
         "supporting_legs": (force > 0.0) @ (1 << np.arange(legs)),
     }
-    return pa.Table.from_arrays([arrow(columns[c.name], c.type) for c in BODY_COLUMNS], schema=_schema(BODY_COLUMNS))
+    return pa.Table.from_arrays(
+        [arrow(columns[c.name], c.type) for c in BODY_COLUMNS], schema=schema_of(BODY_COLUMNS)
+    )

@@ -10,7 +10,7 @@ from cmacexp.cmac.addressing import Address, address_batch
 from cmacexp.cmac.displacement import displacement
 from cmacexp.cmac.memory import read_batch, train_batch
 from cmacexp.cmac.quantiser import InputRange
-from cmacexp.config.check import WORD_BYTES
+from cmacexp.config.check import WORD_BYTES, check_memory
 from cmacexp.config.schema import CmacConfig
 from cmacexp.files import write_atomically
 from cmacexp.models.mix import MASK
@@ -23,7 +23,11 @@ class Cmac:
         config: size and shape; ``inputs`` and ``range_factor`` are not used here.
         ranges: range of each of the n inputs.
         outputs: outputs on one address.
-        seed: seed of the hash.
+        seed: seed of the hash, 32 bits.
+
+    Raises:
+        BadInput: the memory is too small.
+        ValueError: a range is empty.
 
     Attributes:
         weights: (rows, outputs), float64, zero at first.
@@ -32,6 +36,9 @@ class Cmac:
 
     def __init__(self, config: CmacConfig, ranges: InputRange, outputs: int = 2, seed: int = 0):
         inputs = len(ranges.low)
+        check_memory(config, inputs, outputs)
+        if not (np.asarray(ranges.low) < np.asarray(ranges.high)).all():
+            raise ValueError(f"ranges from {ranges.low} to {ranges.high}: the lower end must lie below the upper one")
         hashed = config.addressing == "hashed"
         dense_rows = config.layers * config.resolution_elements**inputs
         rows = config.memory_bytes // (WORD_BYTES * outputs) if hashed else dense_rows
@@ -41,7 +48,7 @@ class Cmac:
             config.resolution_elements,
             rows,
             hashed,
-            (seed ^ (seed >> 32)) & MASK,
+            seed & MASK,
         )
         self.weights = np.zeros((rows, outputs))
         self.clipped = 0
@@ -72,8 +79,16 @@ class Cmac:
         return output
 
     def update(self, inputs: Array, error: Array, rate: float) -> None:
-        """Train with ``error`` (samples, outputs), one sample after the other (eq. 20)."""
-        train_batch(self.weights, self.cells(inputs), np.ascontiguousarray(error, dtype=float), rate)
+        """Train with ``error`` (samples, outputs), one sample after the other (eq. 20).
+
+        Raises:
+            ValueError: an error is not finite, or a shape does not fit.
+        """
+        errors = np.ascontiguousarray(error, dtype=float)
+        expected = (len(inputs), self.weights.shape[1])
+        if errors.shape != expected or not np.isfinite(errors).all():
+            raise ValueError(f"error of shape {errors.shape}: expected finite numbers of shape {expected}")
+        train_batch(self.weights, self.cells(inputs), errors, rate)
 
     def save(self, path: Path) -> None:
         """Keep address law and weights in one ``.npz`` file."""

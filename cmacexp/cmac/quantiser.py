@@ -32,5 +32,6 @@ def spanning(values: Array, factor: float) -> InputRange:
 @kernel
 def quantise(value: float, low: float, high: float, quanta: int) -> tuple[int, bool]:
     """Quantum 0 to ``quanta - 1`` of ``value``, and whether it lay outside [low, high] and was clipped."""
-    quantum = math.floor((value - low) / (high - low) * quanta)
-    return min(max(quantum, 0), quanta - 1), value < low or value > high
+    inside = min(max(value, low), high)  # before the floor: far outside the range it would overflow an integer
+    quantum = math.floor((inside - low) / (high - low) * quanta)
+    return min(quantum, quanta - 1), value < low or value > high

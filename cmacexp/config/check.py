@@ -1,7 +1,7 @@
 """Checks of a config that one field alone cannot tell."""
 
 from cmacexp.config.fields import check_fields, listed
-from cmacexp.config.schema import Config, QuadrupedMachine
+from cmacexp.config.schema import CmacConfig, Config, QuadrupedMachine
 from cmacexp.errors import BadInput
 
 OUTPUTS = 2
@@ -40,6 +40,13 @@ def check_timing(config: Config) -> None:
                 phase,
                 f"must fall on one of the {round(ratio)} samples of the cycle; {near:.12g} does",
             )
+    if gait.pattern == "wave" and round(ratio) % 2:
+        even = gait.cycle_time / (round(ratio) + 1)
+        raise BadInput(
+            "sampling_period",
+            config.sampling_period,
+            f"a wave gait needs an even number of steps a cycle, not {round(ratio)}; {even:.12g} gives one",
+        )
     support = ratio * gait.duty_factor
     if not _is_whole(support) or round(support) < 1:
         near = max(1, round(support)) / round(ratio)
@@ -97,28 +104,41 @@ def check_pattern(config: Config) -> None:
         )
 
 
-def check_memory(config: Config) -> None:
-    """Hold the CMAC's memory to at least one weight per layer and output."""
-    cmac = config.cmac
-    least = cmac.layers * OUTPUTS * WORD_BYTES
+def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
+    """Hold a CMAC's memory to at least one weight per layer and output, and to all its cells if it is dense.
+
+    Raises:
+        BadInput: the memory is too small.
+    """
+    least = cmac.layers * outputs * WORD_BYTES
     if cmac.memory_bytes < least:
         raise BadInput(
             "cmac.memory_bytes",
             cmac.memory_bytes,
             f"must be at least {least} B, one float64 per layer and output ({cmac.layers} layers)",
         )
-    if not cmac.inputs or len(set(cmac.inputs)) != len(cmac.inputs):
-        raise BadInput(
-            "cmac.inputs", cmac.inputs, "must name at least one of angle, velocity, acceleration, each once"
-        )
-    dense = least * cmac.resolution_elements ** (2 * len(cmac.inputs))
+    dense = least * cmac.resolution_elements**inputs
     if cmac.addressing == "dense" and dense > cmac.memory_bytes:
         raise BadInput(
             "cmac.memory_bytes",
             cmac.memory_bytes,
-            f"dense addressing of {2 * len(cmac.inputs)} inputs needs {dense} B (at most {2**34} B are allowed); "
+            f"dense addressing of {inputs} inputs needs {dense} B (at most {2**34} B are allowed); "
             "give it that, take fewer cmac.inputs or layers, or cmac.addressing=hashed",
         )
+
+
+def check_cmac(config: Config) -> None:
+    """Hold the inputs of the CMAC to some, each once, and its memory to what they need."""
+    inputs = config.cmac.inputs
+    if not inputs or len(set(inputs)) != len(inputs):
+        raise BadInput("cmac.inputs", inputs, "must name at least one of angle, velocity, acceleration, each once")
+    check_memory(config.cmac, 2 * len(inputs), OUTPUTS)
+
+
+def check_gains(config: Config) -> None:
+    """Hold the gain that a force control method divides by above 0."""
+    if config.force_control.method == "damping" and config.controller.velocity_gain == 0.0:
+        raise BadInput("controller.velocity_gain", 0.0, "must be above 0 with force_control=damping (eq. 11)")
 
 
 def check_length(config: Config) -> None:
@@ -139,4 +159,5 @@ def check(config: Config) -> None:
     check_machine(config)
     check_pattern(config)
     check_length(config)
-    check_memory(config)
+    check_gains(config)
+    check_cmac(config)

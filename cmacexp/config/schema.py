@@ -232,7 +232,7 @@ class Config:
     learning: LearningConfig
     record: RecordConfig
     cycles: int = number("", at_least=1)
-    seed: int = number("", at_least=0, at_most=2**63 - 1)
+    seed: int = number("", at_least=0, below=2**32)
     """Seeds the hash of the CMAC's memory, and every part that draws random numbers."""
     sampling_period: float = number("s", above=0)
     """T_s."""

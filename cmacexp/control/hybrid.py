@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from cmacexp.arrays import Array
 from cmacexp.control.hybrid_law import METHODS, HybridLaw, HybridState, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise
@@ -56,5 +58,5 @@ class HybridController:
         hybrid_feedback(
             self.law, self.state, reference.support, reference.values, m.q, m.foot, m.velocity, m.force, m.body
         )
-        feedforward = self.feedforward.predict(reference, last) if reference.acting else 0.0 * last
+        feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)
         return Action(self.state.feedback.copy(), feedforward, self.state.reference.copy())

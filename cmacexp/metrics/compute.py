@@ -10,7 +10,7 @@ from cmacexp.table import arrow, as_array, is_support
 
 def cut(trace: pa.Table, steps_per_cycle: int) -> Block:
     """Cut a trace into cycles; the last may be short."""
-    legs = int(as_array(trace, "leg").max())
+    legs = int(as_array(trace, "leg").max(initial=1))
     rows = trace.num_rows
     cycles = -(-rows // (steps_per_cycle * legs))
 

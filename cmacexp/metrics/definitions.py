@@ -95,7 +95,8 @@ def force_overshoot(block: Block) -> Array:
     """Largest force over desired - 1 over support; NaN unless the desired force is constant in the second half."""
     desired = desired_settled(block)
     constant = largest(np.abs(block.force_desired - desired[:, None, :]), block.second_half) <= 1e-9 * np.abs(desired)
-    return np.where(constant & (desired > 0.0), largest(block.force, block.support) / desired - 1.0, np.nan)
+    pressed = np.where(constant & (desired > 0.0), desired, np.nan)
+    return largest(block.force, block.support) / pressed - 1.0
 
 
 def force_ripple(block: Block) -> Array:
@@ -103,41 +104,55 @@ def force_ripple(block: Block) -> Array:
     return rms(block.force - force_settled(block)[:, None, :], block.second_half)
 
 
+def step_time(block: Block) -> float:
+    """Sampling period, s; NaN if there is one sample only."""
+    steps = np.diff(block.time, axis=1)
+    known = steps[np.isfinite(steps)]
+    return float(known.max()) if known.size else float("nan")
+
+
 def since_touch_down(block: Block) -> Array:
-    """Time since the first support sample of the cycle, s."""
-    first = np.where(block.support, block.time, np.inf).min(axis=1, keepdims=True)
-    return np.where(block.support, block.time - np.where(np.isfinite(first), first, 0.0), np.nan)
+    """Time since the first sample of support, s; NaN in transfer, and where support did not begin in this cycle."""
+    first = np.where(block.support, block.time, np.inf).min(axis=1, keepdims=True, initial=np.inf)
+    elapsed = np.where(
+        block.support & np.isfinite(first), block.time - np.where(np.isfinite(first), first, 0.0), np.nan
+    )
+    began = ((elapsed == 0.0) & (block.progress == 0.0)).any(axis=1, keepdims=True)
+    return np.where(began, elapsed, np.nan)
+
+
+def whole_support(block: Block) -> Array:
+    """Support that begins and ends within the cycle: 1.0, else NaN."""
+    advanced = block.progress[block.support & (block.progress > 0.0)]
+    samples = round(1.0 / advanced.min()) if advanced.size else 0
+    began = np.isfinite(since_touch_down(block)).any(axis=1)
+    return np.where(began & (block.support.sum(axis=1) == samples), 1.0, np.nan)
 
 
 def force_settling_time(block: Block) -> Array:
     """Time from touch-down until the force stays within 2 % of its settled value, s; NaN if it never does.
 
-    NaN as well where the support of a cycle does not begin and end within it.
+    NaN as well where the support of a cycle does not begin and end within it, or settles at no force.
     """
     settled = force_settled(block)[:, None, :]
     elapsed = since_touch_down(block)
-    step = np.nanmax(np.diff(block.time, axis=1), initial=0.0)
     outside = block.support & ~(np.abs(block.force - settled) <= 0.02 * np.abs(settled))
-    last_outside = np.where(outside, elapsed, -step).max(axis=1)
-    end = largest(elapsed, block.support)
-    began = np.where(elapsed == 0.0, block.progress, 0.0).max(axis=1) == 0.0
-    smallest = np.where(block.support & (block.progress > 0.0), block.progress, np.inf).min()
-    whole = began & (block.support.sum(axis=1) == round(1.0 / smallest))
-    return np.where(whole & (last_outside < end), last_outside + step, np.nan)
-
-
-def force_itae(block: Block) -> Array:
-    """Integral of time since touch-down times absolute force error over support, N s^2."""
-    step = np.nanmax(np.diff(block.time, axis=1), initial=0.0)
-    weighted = since_touch_down(block) * np.abs(block.force - block.force_desired) * step
-    return _or_nan(np.where(block.support, weighted, 0.0).sum(axis=1), block.support)
+    step = step_time(block)
+    last_outside = np.where(outside, np.nan_to_num(elapsed), -step).max(axis=1, initial=-step)
+    ends = last_outside < largest(np.nan_to_num(elapsed), block.support)
+    return np.where(ends & (settled[:, 0] > 0.0), (last_outside + step) * whole_support(block), np.nan)
 
 
 def force_iae(block: Block) -> Array:
     """Integral of the absolute force error over support, N s."""
-    step = np.nanmax(np.diff(block.time, axis=1), initial=0.0)
     error = np.abs(block.force - block.force_desired)
-    return _or_nan(np.where(block.support, error * step, 0.0).sum(axis=1), block.support)
+    return _or_nan(np.where(block.support, error, 0.0).sum(axis=1) * step_time(block), block.support)
+
+
+def force_itae(block: Block) -> Array:
+    """Integral of time since touch-down times absolute force error, N s^2; NaN unless support is whole in a cycle."""
+    weighted = np.nan_to_num(since_touch_down(block)) * np.abs(block.force - block.force_desired)
+    return np.where(block.support, weighted, 0.0).sum(axis=1) * step_time(block) * whole_support(block)
 
 
 def _torque_rms(torque: Array, valid: Mask) -> Array:

@@ -7,6 +7,7 @@ import numpy as np
 from cmacexp.arrays import Array, Mask
 from cmacexp.compile import kernel
 from cmacexp.config import Config
+from cmacexp.errors import BadInput
 from cmacexp.models.ground import depression_for
 from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of
@@ -107,9 +108,30 @@ def _desired_motion(config: Config, timing: Timing, hip_height: float, force: Ar
             s = s[~support]
             first, last = timing.sample[:, i] == 0, timing.sample[:, i] == timing.support_samples - 1
             take_off, touch_down = desired[support & last, i, 1][0], desired[support & first, i, 1][0]
+            check_apex(config, touch_down - take_off)
             vertical = VERTICAL[gait.vertical](take_off, touch_down, gait.lift, s, transfer_time)
             desired[~support, i, 1::2] = np.stack(vertical, axis=1)
     return desired
+
+
+def check_apex(config: Config, gap: float) -> None:
+    """Hold the lift of a single cubic to what keeps its only extreme at mid transfer.
+
+    Args:
+        config: of the run.
+        gap: of the touch-down below the take-off point, m; not 0 where the foot presses differently at both.
+
+    Raises:
+        BadInput: the cubic would go through the ground instead.
+    """
+    gait = config.gait
+    if gait.vertical == "cubic" and abs(gap) > 1e-12 and gait.lift < 1.25 * abs(gap):
+        raise BadInput(
+            "gait.lift",
+            gait.lift,
+            f"must be at least {1.25 * abs(gap):.6g} m for one cubic between ends {abs(gap):.3g} m apart in height; "
+            "or take gait.vertical=two_cubics",
+        )
 
 
 def _reference(config: Config, timing: Timing, hip_height: float, desired: Array, force: Array) -> Array:

@@ -1,5 +1,7 @@
 """Whether the legs can put their feet where the plan wants them."""
 
+import math
+
 import numpy as np
 
 from cmacexp.arrays import Array
@@ -10,43 +12,66 @@ from cmacexp.models.mechanism import Mechanism
 STRAIGHT = 1.0 - 1e-6
 """Largest extension over reach: a straight leg cannot move along itself."""
 FOLDED = 1e-3
-"""Least distance of the foot from where the links lie on each other, m."""
+"""Least distance of the foot from where the links lie on each other, and from the height of the hip, m."""
+
+
+def _down(value: float) -> str:
+    """``value`` to four digits, rounded towards minus infinity, so that it is within the limit that it names."""
+    scale = 10.0 ** (3 - math.floor(math.log10(abs(value)))) if value else 1.0
+    return f"{math.floor(value * scale) / scale:.10g}"
+
+
+def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array) -> None:
+    """Hold the path (N,) of leg ``i`` to its full length."""
+    reach = (mechanism.legs[i, 0] + mechanism.legs[i, 1]) * STRAIGHT
+    distance = np.hypot(x, y)
+    k = int(np.argmax(distance))
+    if distance[k] <= reach:
+        return
+    where = (
+        f"the foot of leg {i + 1} would be {distance[k]:.3f} m from its hip at sample {k}, but reaches {reach:.3f} m"
+    )
+    if y.max() >= reach:
+        height = mechanism.hip_height - (y.max() - reach)
+        raise BadInput(
+            "machine.hip_height",
+            mechanism.hip_height,
+            f"{where}, and the ground gives way by {y.max() - mechanism.hip_height:.3g} m under the desired force; "
+            f"must be below {_down(height - 1e-9)} m",
+        )
+    # Every x is proportional to the stroke.
+    room = np.sqrt(reach**2 - y**2) / np.maximum(np.abs(x), 1e-12)
+    widest = config.gait.stroke * float(room.min())
+    raise BadInput("gait.stroke", config.gait.stroke, f"{where}; must be at most {_down(widest)} m")
+
+
+def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array) -> None:
+    """Hold the path (N,) of leg ``i`` below its hip, and outside the circle that a folded leg draws."""
+    nearest = float(abs(mechanism.legs[i, 0] - mechanism.legs[i, 1])) + FOLDED
+    ground = float(y.max())
+    if ground <= nearest:
+        raise BadInput(
+            "machine.hip_height",
+            mechanism.hip_height,
+            f"leg {i + 1} cannot fold that far: its foot comes no nearer to the hip than {nearest:.3f} m",
+        )
+    k = int(np.argmin(np.where(y < FOLDED, y, np.hypot(x, y))))
+    if y[k] < FOLDED or np.hypot(x[k], y[k]) <= nearest:
+        raise BadInput(
+            "gait.lift",
+            config.gait.lift,
+            f"leg {i + 1} cannot lift its foot to {y[k]:.3f} m below the hip, as at sample {k}; "
+            f"must be below {_down(ground - nearest)} m",
+        )
 
 
 def check_reach(config: Config, mechanism: Mechanism, desired: Array) -> None:
     """Hold the desired foot path (N, L, 6) to the reach of every leg.
 
     Raises:
-        BadInput: names stroke or hip height, whichever is to blame, and what would be in reach.
+        BadInput: names stroke, lift or hip height, whichever is to blame, and what would be in reach.
     """
-    for i, leg in enumerate(mechanism.legs):
-        reach = (leg[0] + leg[1]) * STRAIGHT
-        nearest = abs(leg[0] - leg[1])
+    for i in range(mechanism.legs.shape[0]):
         x, y = desired[:, i, 0], desired[:, i, 1]
-        distance = np.hypot(x, y)
-        k = int(np.argmax(distance))
-        if distance[k] > reach:
-            where = f"the foot of leg {i + 1} would be {distance[k]:.3f} m from its hip at sample {k}"
-            if abs(y[k]) >= reach:
-                height = mechanism.hip_height - (abs(y[k]) - reach)
-                raise BadInput(
-                    "machine.hip_height",
-                    mechanism.hip_height,
-                    f"{where}, but the leg reaches {reach:.3f} m; must be below {height:.4g} m on this ground",
-                )
-            # Every x is proportional to the stroke.
-            room = np.sqrt(np.maximum(reach**2 - y**2, 0.0)) / np.maximum(np.abs(x), 1e-12)
-            widest = config.gait.stroke * float(room.min())
-            raise BadInput(
-                "gait.stroke",
-                config.gait.stroke,
-                f"{where}, but the leg reaches {reach:.3f} m; must be at most {widest:.4g} m",
-            )
-        k = int(np.argmin(distance))
-        if distance[k] <= nearest + FOLDED:
-            raise BadInput(
-                "gait.lift",
-                config.gait.lift,
-                f"leg {i + 1} cannot fold that far: at sample {k} its foot would be {distance[k]:.3f} m off; "
-                f"must be below {y[0] - nearest - FOLDED:.4g} m",
-            )
+        _check_near(config, mechanism, i, x, y)
+        _check_far(config, mechanism, i, x, y)

@@ -1,5 +1,4 @@
-"""What a plant is from cmacexp.arrays import Array
-to the loop: something that takes torques over a sampling period and can be measured."""
+"""What a plant is to the loop: something that takes torques over a sampling period and can be measured."""
 
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -13,7 +12,7 @@ class Measurement(NamedTuple):
     """State of a machine at the start of a step; L is the number of its legs."""
 
     q: Array
-    """(L, 2): joint angles, rad; NaN where the machine has no joints."""
+    """(L, 2): joint angles, rad; of a point mass its position, m."""
     dq: Array
     """(L, 2): joint velocities, rad/s."""
     foot: Array

@@ -9,11 +9,13 @@ Point = tuple[float, float, float]
 LEGEND = "path: desired grey, first cycle orange, last green; force: desired grey, actual yellow"
 
 
-def _scene(name: str, position: Point, target: Point, *, grid: bool) -> rrb.Spatial3DView:
-    """A view that goes along with the machine."""
+def _scene(
+    name: str, position: Point, target: Point, *, grid: bool = False, without: tuple[str, ...] = ()
+) -> rrb.Spatial3DView:
+    """A view that goes along with the machine, of everything but the entities ``without``."""
     return rrb.Spatial3DView(
         origin="world/travel",
-        contents="/world/**",
+        contents=["+ /world/**", *(f"- /world/{entity}/**" for entity in without)],
         name=name,
         background=[245, 245, 245],
         line_grid=rrb.LineGrid3D(visible=grid, spacing=0.1, color=[190, 190, 190]),
@@ -21,9 +23,20 @@ def _scene(name: str, position: Point, target: Point, *, grid: bool) -> rrb.Spat
     )
 
 
-def _plot(origin: str, name: str) -> rrb.TimeSeriesView:
+def _around_now(cycle_time: float) -> list[rrb.VisibleTimeRange]:
+    """From a cycle and a half before the moment that is shown to half a cycle after it."""
+    start = rrb.TimeRangeBoundary.cursor_relative(seconds=-1.5 * cycle_time)
+    end = rrb.TimeRangeBoundary.cursor_relative(seconds=0.5 * cycle_time)
+    return [rrb.VisibleTimeRange("time", start=start, end=end)]
+
+
+def _plot(origin: str, name: str, cycle_time: float | None = None) -> rrb.TimeSeriesView:
+    """A plot of all times, or of those around now."""
     return rrb.TimeSeriesView(
-        origin=f"series/{origin}", name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop)
+        origin=f"series/{origin}",
+        name=name,
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
+        time_ranges=_around_now(cycle_time) if cycle_time else None,
     )
 
 
@@ -43,7 +56,7 @@ def _one_leg(view: RunView) -> rrb.Container:
         _plot("leg_1/torque_1", first),
         _plot("leg_1/torque_2", second),
     )
-    scene = _scene(LEGEND, (0.1, -0.95, height + 0.16), (0.0, 0.0, height), grid=False)
+    scene = _scene(LEGEND, (0.1, -0.95, height + 0.16), (0.0, 0.0, height))
     return rrb.Horizontal(scene, series, column_shares=[1.0, 1.3])
 
 
@@ -51,19 +64,23 @@ def _walk(view: RunView) -> rrb.Container:
     """The walk in space and from front, side and top, beside its gait, forces, posture and stability."""
     times = depression_scale(view)
     middle = (0.0, 0.0, 0.25)
-    main = _scene(f"{LEGEND}; depression x {times}", (1.0, -1.15, 0.75), (0.0, 0.0, 0.2), grid=True)
+    main = _scene(f"{LEGEND}; depression x {times}", (0.85, -1.0, 0.65), (0.0, 0.0, 0.22), grid=True)
+    paths = tuple(f"travel/body/leg_{leg.number}/path" for leg in view.legs)
     small = rrb.Horizontal(
-        _scene("front", (1.6, 0.0, 0.25), middle, grid=False),
-        _scene("right side", (0.0, -1.6, 0.25), middle, grid=False),
-        _scene("top: support polygon, centre of gravity", (-0.01, 0.0, 1.75), (0.0, 0.0, 0.0), grid=False),
+        _scene("front", (1.3, 0.0, 0.27), middle, without=paths),
+        _scene("right side", (0.0, -1.35, 0.27), middle, without=paths),
+        _scene("top", (-0.01, 0.0, 1.35), (0.0, 0.0, 0.0), without=(*paths, "travel/body/plate")),
     )
+    now = float(view.config["gait"]["cycle_time"])
     walk = rrb.Vertical(
         rrb.StateTimelineView(origin="gait", name="gait diagram"),
-        rrb.Grid(*[_plot(f"leg_{leg.number}/force", f"force of {leg.name}, N") for leg in view.legs], grid_columns=2),
+        rrb.Grid(
+            *[_plot(f"leg_{leg.number}/force", f"force of {leg.name}, N", now) for leg in view.legs], grid_columns=2
+        ),
         _plot("body/tilt", "tilt of the body, mrad"),
         _plot("body/height", "height of the body, mm"),
-        _plot("body/margins", "stability margins, mm"),
-        row_shares=[1.0, 2.4, 1.0, 0.8, 1.0],
+        _plot("body/margins", "stability margins, mm", now),
+        row_shares=[1.45, 2.1, 0.9, 0.8, 0.9],
         name="walk",
     )
     first, second = _torque_names(view)

@@ -23,7 +23,7 @@ def depression_scale(view: RunView) -> int:
     """How many times deeper than they are depressions are drawn."""
     force = max(float(leg["force_desired"].max()) for leg in view.legs)
     depth = force / view.config["terrain"]["stiffness"]
-    return max(1, round(SEEN_DEPRESSION / depth / 10.0) * 10 if depth < SEEN_DEPRESSION / 5.0 else 1)
+    return round(SEEN_DEPRESSION / depth / 10.0) * 10 if 0.0 < depth < SEEN_DEPRESSION / 5.0 else 1
 
 
 def _log_dent(recording: rr.RecordingStream, view: RunView, foot: Array, path: str) -> None:

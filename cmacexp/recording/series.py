@@ -32,7 +32,7 @@ def _force_lines(leg: LegView) -> list[Line]:
 
 def _log_gait(recording: rr.RecordingStream, view: RunView, leg: LegView) -> None:
     """Support and transfer phases as a lane of the gait diagram (Fig. 14); only changes are written."""
-    path = f"gait/{leg.number} {leg.name}"
+    path = f"gait/{leg.number}_{leg.name.replace(' ', '_')}"
     style = rr.StateConfiguration(
         values=["support", "transfer"], labels=["support", "transfer"], colors=[palette.SUPPORT, palette.TRANSFER]
     )

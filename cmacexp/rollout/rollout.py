@@ -19,8 +19,6 @@ from cmacexp.rollout.stop import RUNNING, STATUSES, Guard, describe_stop, new_gu
 from cmacexp.scenario import Scenario
 from cmacexp.sensors import PerfectSensors
 
-Run = Callable[[int, Array, Array], tuple[int, int]]
-
 
 @dataclass(frozen=True)
 class Rollout:
@@ -59,36 +57,41 @@ def is_built_in(scenario: Scenario) -> bool:
     )
 
 
-def _fused(scenario: Scenario, guard: Guard) -> tuple[Run, Callable[[], Measurement]]:
+class _FusedLoop:
     """The fused loop over the states of built-in parts, compiled by running no step of it."""
-    plant, controller, feedforward = scenario.plant, scenario.controller, scenario.feedforward
-    assert isinstance(plant, AnalyticPlant)
-    assert isinstance(controller, HybridController)
-    assert isinstance(feedforward, BuiltInFeedforward)
-    legs = scenario.setup.mechanism.legs.shape[0]
-    limit = scenario.setup.config.actuator.torque_limit
-    loop = FusedLoop(
-        scenario.setup.plan,
-        plant.law,
-        plant.state,
-        controller.law,
-        controller.state,
-        feedforward.law,
-        float("inf") if limit is None else float(limit),
-        Torques(*(np.zeros((legs, 2)) for _ in range(3))),
-        guard,
-    )
 
-    def run(start: int, samples: Array, body_samples: Array) -> tuple[int, int]:
-        return fused_loop(loop, start, samples, body_samples)
+    def __init__(self, scenario: Scenario, guard: Guard):
+        plant, controller, feedforward = scenario.plant, scenario.controller, scenario.feedforward
+        assert isinstance(plant, AnalyticPlant)
+        assert isinstance(controller, HybridController)
+        assert isinstance(feedforward, BuiltInFeedforward)
+        legs = scenario.setup.mechanism.legs.shape[0]
+        limit = scenario.setup.config.actuator.torque_limit
+        self.plant = plant
+        self.taken = 0
+        self.loop = FusedLoop(
+            scenario.setup.plan,
+            plant.law,
+            plant.state,
+            controller.law,
+            controller.state,
+            feedforward.law,
+            float("inf") if limit is None else float(limit),
+            Torques(*(np.zeros((legs, 2)) for _ in range(3))),
+            guard,
+        )
+        self.run(np.zeros((0, legs, len(SAMPLES))), np.zeros((0, len(BODY_SAMPLES))))
 
-    run(0, np.zeros((0, legs, len(SAMPLES))), np.zeros((0, len(BODY_SAMPLES))))
-    return run, plant.measure
+    def run(self, samples: Array, body_samples: Array) -> int:
+        """As :meth:`SteppedLoop.run`."""
+        steps, stop = fused_loop(self.loop, self.taken, samples, body_samples)
+        self.taken += steps
+        return stop
 
-
-def _stepped(scenario: Scenario, guard: Guard) -> tuple[Run, Callable[[], Measurement]]:
-    loop = SteppedLoop(scenario, guard)
-    return loop.run, lambda: loop.state
+    @property
+    def state(self) -> Measurement:
+        """Of the plant now."""
+        return self.plant.measure()
 
 
 def roll_out(scenario: Scenario, watch: Callable[[int], None] = lambda cycle: None, *, fused: bool = True) -> Rollout:
@@ -104,29 +107,30 @@ def roll_out(scenario: Scenario, watch: Callable[[int], None] = lambda cycle: No
         keeps what it has.
     """
     setup = scenario.setup
-    period, cycles = setup.config.steps_per_cycle, setup.config.cycles
-    guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], setup.config.sampling_period)
-    run, measure = (_fused if fused and is_built_in(scenario) else _stepped)(scenario, guard)
+    config, period, cycles = setup.config, setup.config.steps_per_cycle, setup.config.cycles
+    guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
+    loop = (_FusedLoop if fused and is_built_in(scenario) else SteppedLoop)(scenario, guard)
     samples = np.full((cycles * period, setup.mechanism.legs.shape[0], len(SAMPLES)), np.nan)
     body_samples = np.full((cycles * period, len(BODY_SAMPLES)), np.nan)
-    done, status, cause, seconds = 0, "completed", "", 0.0
+    status, cause, seconds = "completed", "", 0.0
     error: Exception | None = None
     try:
         for cycle in range(cycles):
+            rows = slice(cycle * period, (cycle + 1) * period)
             began = time.perf_counter()
-            steps, stop = run(done, samples[done : done + period], body_samples[done : done + period])
+            stop = loop.run(samples[rows], body_samples[rows])
             seconds += time.perf_counter() - began
-            done += steps
             if stop != RUNNING:
-                status, state = STATUSES[stop], measure()
-                cause = describe_stop(guard, stop, done, setup.config.sampling_period, state.q, state.dq, state.body)
+                q, dq, body = loop.state.q, loop.state.dq, loop.state.body
+                status = STATUSES[stop]
+                cause = describe_stop(guard, stop, loop.taken, config.sampling_period, q, dq, body)
                 break
             watch(cycle + 1)
     except KeyboardInterrupt:
-        status, cause = "interrupted", f"after step {done}"
+        status, cause = "interrupted", f"after step {loop.taken}"
     except Exception as raised:
-        status, cause, error = "failed", f"after step {done}: {type(raised).__name__}: {raised}", raised
-    samples = samples[:done]
+        status, cause, error = "failed", f"after step {loop.taken}: {type(raised).__name__}: {raised}", raised
+    done = loop.taken
     if setup.mechanism.kind == POINT_MASS:
         samples[:, :, [SAMPLES.index(name) for name in ("q1", "q2", "dq1", "dq2")]] = np.nan
-    return Rollout(setup.plan, samples, body_samples[:done], status, cause, seconds, error)
+    return Rollout(setup.plan, samples[:done], body_samples[:done], status, cause, seconds, error)

@@ -39,27 +39,37 @@ class SteppedLoop:
         self.scenario = scenario
         self.guard = guard
         self.state = scenario.first
+        self.taken = 0
         limit = scenario.setup.config.actuator.torque_limit
         self.limit = float("inf") if limit is None else limit
 
-    def run(self, start: int, samples: Array, body_samples: Array) -> tuple[int, int]:
-        """As :func:`cmacexp.rollout.fused.fused_loop`."""
+    def run(self, samples: Array, body_samples: Array) -> int:
+        """Run as many steps as ``samples`` (steps, L, columns) and ``body_samples`` (steps, 3) have room for.
+
+        ``taken`` counts the steps whose torque the plant has taken, also when a part raises.
+
+        Returns:
+            RUNNING, or why it stopped.
+        """
         scenario, plan = self.scenario, self.scenario.setup.plan
         torque = np.zeros((samples.shape[1], 2))
         for k in range(samples.shape[0]):
             true = self.state
             seen = scenario.sensors.measure(true)
-            reference = reference_at(plan, start + k)
+            reference = reference_at(plan, self.taken)
             action = scenario.controller.act(reference, seen)
+            # Copies: what a part gives may be its own table, and the limit shortens torques in place.
+            feedback, feedforward = (np.array(part, dtype=float) for part in action[:2])
             fed = reference.values if action.reference is None else action.reference
-            saturate(self.limit, action.feedback, action.feedforward, torque)
+            saturate(self.limit, feedback, feedforward, torque)
             write_samples(
                 samples, body_samples, k, true.foot, true.velocity, true.q, true.dq,
-                true.force, seen.force, fed, action.feedback, action.feedforward, true.body,
+                true.force, seen.force, fed, feedback, feedforward, true.body,
             )  # fmt: skip
             self.state = new = scenario.plant.step(torque)
-            after = (start + k + 1) % plan.support.shape[0]
-            status = stop_reason(self.guard, after, new.q, new.dq, new.foot, new.force, new.body)
+            self.taken += 1
+            sample = self.taken % plan.support.shape[0]
+            status = stop_reason(self.guard, sample, new.q, new.dq, new.foot, new.force, new.body)
             if status != RUNNING:
-                return k + 1, status
-        return samples.shape[0], RUNNING
+                return status
+        return RUNNING

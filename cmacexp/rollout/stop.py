@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel
 from cmacexp.models.body import depth
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism
+from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism
 
 RUNNING, DIVERGED, FELL = range(3)
 STATUSES = {DIVERGED: "diverged", FELL: "fell"}
@@ -77,7 +77,7 @@ def stop_reason(guard: Guard, sample: int, q: Array, dq: Array, foot: Array, for
     return RUNNING
 
 
-def _why_diverged(q: Array, dq: Array) -> str:
+def _why_diverged(guard: Guard, q: Array, dq: Array) -> str:
     bad = np.argwhere(~np.isfinite(q) | ~np.isfinite(dq))
     if len(bad):
         return f"joint {bad[0][1] + 1} of leg {bad[0][0] + 1} is not finite"
@@ -85,6 +85,8 @@ def _why_diverged(q: Array, dq: Array) -> str:
     speed = abs(dq[leg, joint])
     if speed <= FASTEST_JOINT:
         return "a foot or a contact force is not finite"
+    if guard.mechanism.kind == POINT_MASS:
+        return f"the point mass moves at {speed:.3g} m/s along {'xy'[joint]}, above {FASTEST_JOINT:g} m/s"
     return f"joint {joint + 1} of leg {leg + 1} moves at {speed:.3g} rad/s, above {FASTEST_JOINT:g} rad/s"
 
 
@@ -105,5 +107,5 @@ def describe_stop(
     guard: Guard, status: int, step: int, sampling_period: float, q: Array, dq: Array, body: Array
 ) -> str:
     """Step, time and cause of a stop, in words; ``q``, ``dq`` (L, 2) and ``body`` are the state it was seen in."""
-    why = _why_diverged(q, dq) if status == DIVERGED else _why_fell(guard, body)
+    why = _why_diverged(guard, q, dq) if status == DIVERGED else _why_fell(guard, body)
     return f"at step {step} (t = {step * sampling_period:.3f} s): {why}"
