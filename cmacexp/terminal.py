@@ -51,7 +51,10 @@ def progress(config: Config) -> Iterator[Callable[[int], None]]:
 
 
 def _pool(values: list[float], how: str) -> float:
-    """One number for several legs."""
+    """One number for several legs; NaN only if it is undefined for all of them."""
+    values = [value for value in values if not math.isnan(value)]
+    if not values:
+        return math.nan
     if how == LARGEST:
         return max(values)
     if how == RMS:

@@ -20,13 +20,19 @@ def _is_whole(ratio: float) -> bool:
     return abs(ratio - round(ratio)) <= TOLERANCE * max(1.0, abs(ratio))
 
 
+def _near_period(config: Config, multiple: int) -> float:
+    """A sampling period near that of ``config`` that divides the cycle well, and is short to write."""
+    ratio = config.gait.cycle_time / config.sampling_period
+    counts = [n for n in range(int(0.8 * ratio), int(1.25 * ratio) + 3) if n > 1 and n % multiple == 0]
+    return min((config.gait.cycle_time / n for n in counts), key=lambda period: len(f"{period:.12g}"))
+
+
 def check_timing(config: Config) -> None:
     """Hold lift-off and touch-down to samples of the cycle."""
     gait = config.gait
     ratio = gait.cycle_time / config.sampling_period
     if not _is_whole(ratio) or round(ratio) < 2:
-        counts = range(max(2, int(0.8 * ratio)), max(3, int(1.25 * ratio)) + 1)
-        near = min((gait.cycle_time / n for n in counts), key=lambda period: len(f"{period:.12g}"))
+        near = _near_period(config, 2 if gait.pattern == "wave" else 1)
         raise BadInput(
             "sampling_period",
             config.sampling_period,
@@ -41,11 +47,11 @@ def check_timing(config: Config) -> None:
                 f"must fall on one of the {round(ratio)} samples of the cycle; {near:.12g} does",
             )
     if gait.pattern == "wave" and round(ratio) % 2:
-        even = gait.cycle_time / (round(ratio) + 1)
+        near = _near_period(config, 2)
         raise BadInput(
             "sampling_period",
             config.sampling_period,
-            f"a wave gait needs an even number of steps a cycle, not {round(ratio)}; {even:.12g} gives one",
+            f"gives {round(ratio)} steps a cycle, a wave gait needs an even number: try {near:.12g}",
         )
     support = ratio * gait.duty_factor
     if not _is_whole(support) or round(support) < 1:

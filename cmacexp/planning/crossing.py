@@ -48,10 +48,14 @@ def check_crossing(config: Config, mechanism: Mechanism, joints: Array) -> None:
                     crossing |= _links_cross(points[i][m], points[i][m + 1], points[j][n], points[j][n + 1])
             if crossing.any():
                 k = int(np.flatnonzero(crossing)[0])
-                knee = "forward" if mechanism.legs[i, 4] > 0 else "back"
+                where = f"legs {NAMES[i]} and {NAMES[j]} would cross at t = {k * config.sampling_period:.3f} s"
+                if mechanism.legs[i, 4] > 0 > mechanism.legs[j, 4]:
+                    raise BadInput(
+                        "gait.stroke", config.gait.stroke, f"{where}; must be shorter, or the hips further apart"
+                    )
+                inward, bend = (i, "forward") if mechanism.legs[i, 4] < 0 else (j, "back")
                 raise BadInput(
-                    f"machine.legs.{NAMES[i]}.knee",
-                    knee,
-                    f"legs {NAMES[i]} and {NAMES[j]} would cross at t = {k * config.sampling_period:.3f} s; "
-                    "bend front knees forward and rear knees back, or reduce gait.stroke",
+                    f"machine.legs.{NAMES[inward]}.knee",
+                    "back" if bend == "forward" else "forward",
+                    f"{where}; must be {bend}: front knees bend forward and rear knees back",
                 )

@@ -59,22 +59,25 @@ def check_stability(config: Config, support: Mask, planned: Array) -> None:
     Raises:
         BadInput: names the instant, and the feet that are down or the margin.
     """
-    if config.gait.allow_unstable:
+    gait = config.gait
+    if gait.allow_unstable:
         return
-    remedy = "raise gait.duty_factor, or set gait.allow_unstable=true"
+    own = gait.touch_down is not None
+    key, value = ("gait.touch_down", gait.touch_down) if own else ("gait.duty_factor", gait.duty_factor)
+    remedy = "take another, or set gait.allow_unstable=true"
     few = np.flatnonzero(support.sum(axis=1) < 3)
     if len(few):
         when = few[0] * config.sampling_period
         raise BadInput(
-            "gait.duty_factor",
-            config.gait.duty_factor,
+            key,
+            value,
             f"only {support[few[0]].sum()} feet are down at t = {when:.3f} s, three are needed; {remedy}",
         )
     k = int(np.argmin(planned[:, STABILITY]))
     if planned[k, STABILITY] < -ROUNDING:
         when = k * config.sampling_period
         raise BadInput(
-            "gait.touch_down" if config.gait.touch_down is not None else "gait.duty_factor",
-            config.gait.touch_down if config.gait.touch_down is not None else config.gait.duty_factor,
+            key,
+            value,
             f"the stability margin is {planned[k, STABILITY]:.4f} m at t = {when:.3f} s, below 0; {remedy}",
         )

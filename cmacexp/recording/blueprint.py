@@ -10,7 +10,13 @@ LEGEND = "path: desired grey, first cycle orange, last green; force: desired gre
 
 
 def _scene(
-    name: str, position: Point, target: Point, *, grid: bool = False, without: tuple[str, ...] = ()
+    name: str,
+    position: Point,
+    target: Point,
+    *,
+    up: Point = (0.0, 0.0, 1.0),
+    grid: bool = False,
+    without: tuple[str, ...] = (),
 ) -> rrb.Spatial3DView:
     """A view that goes along with the machine, of everything but the entities ``without``."""
     return rrb.Spatial3DView(
@@ -19,7 +25,7 @@ def _scene(
         name=name,
         background=[245, 245, 245],
         line_grid=rrb.LineGrid3D(visible=grid, spacing=0.1, color=[190, 190, 190]),
-        eye_controls=rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0)),
+        eye_controls=rrb.EyeControls3D(position=position, look_target=target, eye_up=up),
     )
 
 
@@ -35,7 +41,7 @@ def _plot(origin: str, name: str, cycle_time: float | None = None) -> rrb.TimeSe
     return rrb.TimeSeriesView(
         origin=f"series/{origin}",
         name=name,
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop if cycle_time else rrb.Corner2D.RightTop),
         time_ranges=_around_now(cycle_time) if cycle_time else None,
     )
 
@@ -69,7 +75,7 @@ def _walk(view: RunView) -> rrb.Container:
     small = rrb.Horizontal(
         _scene("front", (1.3, 0.0, 0.27), middle, without=paths),
         _scene("right side", (0.0, -1.35, 0.27), middle, without=paths),
-        _scene("top", (-0.01, 0.0, 1.35), (0.0, 0.0, 0.0), without=(*paths, "travel/body/plate")),
+        _scene("top", (0.0, -0.01, 1.35), (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), without=(*paths, "travel/body/plate")),
     )
     now = float(view.config["gait"]["cycle_time"])
     walk = rrb.Vertical(
@@ -80,7 +86,7 @@ def _walk(view: RunView) -> rrb.Container:
         _plot("body/tilt", "tilt of the body, mrad"),
         _plot("body/height", "height of the body, mm"),
         _plot("body/margins", "stability margins, mm", now),
-        row_shares=[1.45, 2.1, 0.9, 0.8, 0.9],
+        row_shares=[1.7, 2.1, 0.9, 0.8, 0.9],
         name="walk",
     )
     first, second = _torque_names(view)
