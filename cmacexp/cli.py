@@ -36,7 +36,7 @@ def _run_job(composed: DictConfig, session: _Session) -> None:
     from cmacexp.terminal import progress, summary
 
     if not is_compiled("fused_loop"):
-        print("first run: compiling the control loop, once for all later runs (about 15 s) ...", file=sys.stderr)
+        print("first run: compiling the control loop, once for all later runs (about 10 s) ...", file=sys.stderr)
     scenario = make_scenario(config)
     with progress(config) as watch:
         result = run_scenario(config, Path(hydra.runtime.output_dir), watch, scenario)

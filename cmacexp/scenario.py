@@ -14,20 +14,9 @@ from cmacexp.control import Controller, Feedforward
 from cmacexp.errors import BadInput
 from cmacexp.models.leg import Leg
 from cmacexp.models.mechanism import Mechanism, legs_on_stand, legs_under_body, point_mass
-from cmacexp.planning import Plan, make_plan
+from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.plants import Measurement, Plant
 from cmacexp.sensors import Sensors
-
-
-@dataclass(frozen=True)
-class Setup:
-    """What every part may know before a run starts."""
-
-    config: Config
-    mechanism: Mechanism
-    plan: Plan
-    start: Array
-    """(L, 2): joint angles at the start, rad; of a point mass its position, m."""
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,15 @@
 """What lies between the plant and the controller's knowledge of it."""
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
+from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
-
-if TYPE_CHECKING:
-    from cmacexp.scenario import Setup
 
 
 class Sensors(Protocol):
     """From the true state to what the controller sees."""
 
-    def reset(self, setup: "Setup") -> None:
+    def reset(self, setup: Setup) -> None:
         """Start a run."""
         ...
 
@@ -23,7 +21,7 @@ class Sensors(Protocol):
 class PerfectSensors:
     """The controller sees the true state."""
 
-    def reset(self, setup: "Setup") -> None:
+    def reset(self, setup: Setup) -> None:
         """Nothing to prepare."""
 
     def measure(self, true: Measurement) -> Measurement:

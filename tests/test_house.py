@@ -31,11 +31,8 @@ def is_module(name: str) -> bool:
 
 
 def imports(module: str) -> set[str]:
-    """Modules of the project that ``module`` imports, lazily too, but not for types alone."""
+    """Modules of the project that ``module`` imports, lazily too."""
     tree = ast.parse(text_of(module))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
-            node.body = []
     used = [n for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and (n.module or "").startswith("cmacexp")]
     names = {node.module for node in used} | {f"{node.module}.{alias.name}" for node in used for alias in node.names}
     return {name for name in names - {"cmacexp"} if is_module(name)}
@@ -72,6 +69,11 @@ def test_what_a_kernel_uses_stands_where_its_text_keys_the_cache(module):
     rooms = {room.removesuffix(".py") for room in ROOMS}
     outside = {used for used in imports(module) if used.split(".")[1] not in rooms | {"arrays", "config", "errors"}}
     assert not outside
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_module_imports_itself_by_a_detour(module):
+    assert module not in reach(module)
 
 
 @pytest.mark.parametrize("module", MODULES)

@@ -1,7 +1,5 @@
 """The built-in feedforwards as parts that a config can name."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from cmacexp.arrays import Array
@@ -11,9 +9,7 @@ from cmacexp.control.feedforward_law import CMAC, NONE, TABLE, FeedforwardLaw, f
 from cmacexp.control.protocol import Reference
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
-
-if TYPE_CHECKING:
-    from cmacexp.scenario import Setup
+from cmacexp.planning.setup import Setup
 
 COLUMNS = {"angle": (0, 1), "velocity": (2, 3), "acceleration": (4, 5)}
 """Columns of ``Plan.joints`` that a CMAC input names."""
@@ -25,7 +21,7 @@ class BuiltInFeedforward:
     acts = True
     law: FeedforwardLaw
 
-    def reset(self, setup: "Setup") -> None:
+    def reset(self, setup: Setup) -> None:
         """Work out everything that the plan fixes."""
         raise TypeError(f"{type(self).__name__} is a base class; choose one of its subclasses")
 
@@ -36,7 +32,7 @@ class BuiltInFeedforward:
         return output
 
 
-def _law(kind: int, setup: "Setup", torque: Array | None = None, cmacs: list[Cmac] | None = None) -> FeedforwardLaw:
+def _law(kind: int, setup: Setup, torque: Array | None = None, cmacs: list[Cmac] | None = None) -> FeedforwardLaw:
     """A law of the given kind; parts that it does not use are empty arrays, so that one compiled loop fits all."""
     legs, config = setup.mechanism.legs.shape[0], setup.config
     cells, weights = np.zeros((1, legs, 1), dtype=np.int32), np.zeros((legs, 1, 2))
@@ -59,7 +55,7 @@ class NoFeedforward(BuiltInFeedforward):
 
     acts = False
 
-    def reset(self, setup: "Setup") -> None:
+    def reset(self, setup: Setup) -> None:
         """Nothing to work out."""
         self.law = _law(NONE, setup)
 
@@ -70,7 +66,7 @@ class InverseDynamics(BuiltInFeedforward):
     The contact force is that of the desired depression, in transfer too: the path leaves the ground on the way up.
     """
 
-    def reset(self, setup: "Setup") -> None:
+    def reset(self, setup: Setup) -> None:
         """Torque of every sample of the cycle."""
         plan, mechanism = setup.plan, setup.mechanism
         torque = np.zeros((*plan.joints.shape[:2], 2))
@@ -86,7 +82,7 @@ class InverseDynamics(BuiltInFeedforward):
 class CmacFeedforward(BuiltInFeedforward):
     """One CMAC per leg, addressed by planned joint values, trained by the feedback (Lin & Song 1997, section 4)."""
 
-    def reset(self, setup: "Setup") -> None:
+    def reset(self, setup: Setup) -> None:
         """Empty memories; the cells of every sample of the cycle."""
         config = setup.config
         columns = [c for name in config.cmac.inputs for c in COLUMNS[name]]

@@ -1,17 +1,13 @@
 """The hybrid position/force controller as a part that a config can name."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from cmacexp.arrays import Array
 from cmacexp.control.hybrid_law import METHODS, HybridLaw, HybridState, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise
 from cmacexp.control.protocol import Action, Feedforward, Reference
+from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
-
-if TYPE_CHECKING:
-    from cmacexp.scenario import Setup
 
 
 class HybridController:
@@ -34,7 +30,7 @@ class HybridController:
         self.lead_omega = lead_omega
         self.lead_alpha = lead_alpha
 
-    def reset(self, setup: "Setup", feedforward: Feedforward) -> None:
+    def reset(self, setup: Setup, feedforward: Feedforward) -> None:
         """LEAD states of zero."""
         method = setup.config.force_control
         self.law = HybridLaw(

@@ -1,12 +1,10 @@
 """What controller and feedforward are to the loop."""
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from cmacexp.arrays import Array, Mask
+from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
-
-if TYPE_CHECKING:
-    from cmacexp.scenario import Setup
 
 
 class Reference(NamedTuple):
@@ -47,7 +45,7 @@ class Feedforward(Protocol):
     acts: bool
     """False if it never gives a torque, so that references need not make room for it."""
 
-    def reset(self, setup: "Setup") -> None:
+    def reset(self, setup: Setup) -> None:
         """Forget everything; look at the plan."""
         ...
 
@@ -59,7 +57,7 @@ class Feedforward(Protocol):
 class Controller(Protocol):
     """From what should be and what is to joint torques."""
 
-    def reset(self, setup: "Setup", feedforward: Feedforward) -> None:
+    def reset(self, setup: Setup, feedforward: Feedforward) -> None:
         """Start a run."""
         ...
 

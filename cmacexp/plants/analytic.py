@@ -1,14 +1,10 @@
 """The project's own plant: point mass or legs on elastic ground, by their equations of motion."""
 
-from typing import TYPE_CHECKING
-
 from cmacexp.arrays import Array
 from cmacexp.models.ground import Ground
+from cmacexp.planning.setup import Setup
 from cmacexp.plants.kernels import PlantLaw, PlantState, advance, feel_ground, new_state, observe
 from cmacexp.plants.protocol import Measurement
-
-if TYPE_CHECKING:
-    from cmacexp.scenario import Setup
 
 
 class AnalyticPlant:
@@ -24,7 +20,7 @@ class AnalyticPlant:
     def __init__(self, substeps: int = 1):
         self.substeps = substeps
 
-    def reset(self, setup: "Setup") -> Measurement:
+    def reset(self, setup: Setup) -> Measurement:
         """Start at the planned joint angles, at rest."""
         mechanism, config = setup.mechanism, setup.config
         terrain = config.terrain

@@ -1,11 +1,9 @@
 """What a plant is to the loop: something that takes torques over a sampling period and can be measured."""
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from cmacexp.arrays import Array
-
-if TYPE_CHECKING:
-    from cmacexp.scenario import Setup
+from cmacexp.planning.setup import Setup
 
 
 class Measurement(NamedTuple):
@@ -28,7 +26,7 @@ class Measurement(NamedTuple):
 class Plant(Protocol):
     """A machine on its ground."""
 
-    def reset(self, setup: "Setup") -> Measurement:
+    def reset(self, setup: Setup) -> Measurement:
         """Put the machine at the start of the plan and measure it."""
         ...
 
