@@ -34,8 +34,8 @@ def imports(module: str) -> set[str]:
     """Modules of the project that ``module`` imports, lazily too."""
     tree = ast.parse(text_of(module))
     used = [n for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and (n.module or "").startswith("cmacexp")]
-    names = {node.module for node in used} | {f"{node.module}.{alias.name}" for node in used for alias in node.names}
-    return {name for name in names - {"cmacexp"} if is_module(name)}
+    names = {(node.module, f"{node.module}.{alias.name}") for node in used for alias in node.names}
+    return {inner if is_module(inner) else outer for outer, inner in names} - {"cmacexp"}
 
 
 def reach(module: str) -> set[str]:
