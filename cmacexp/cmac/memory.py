@@ -14,10 +14,10 @@ def read(weights: Array, cells: Cells, output: Array) -> None:
         output: (outputs,): is filled.
     """
     for o in range(output.shape[0]):
-        output[o] = 0.0
-    for j in range(cells.shape[0]):
-        for o in range(output.shape[0]):
-            output[o] += weights[cells[j], o]
+        total = 0.0
+        for j in range(cells.shape[0]):
+            total += weights[cells[j], o]
+        output[o] = total
 
 
 @kernel
