@@ -190,7 +190,7 @@ def test_interrupt_keeps_what_there_is(tmp_path):
         sys.executable,
         "-m",
         "cmacexp",
-        "cycles=55000",
+        "cycles=27000",
         "learning.lead=1",
         "record=trace",
         f"hydra.run.dir={tmp_path}",

@@ -10,8 +10,8 @@ WORD_BYTES = 8
 """Bytes of a CMAC weight, a float64."""
 LEGS = {"transfer_first": 1, "standing": 1, "wave": 4}
 """Legs that each gait pattern is for."""
-MOST_STEPS = 2**25
-"""Steps of the longest run; its samples are kept in memory until it ends."""
+MOST_ROWS = 2**24
+"""Steps times legs of the longest run; its samples are kept in memory until it ends, at most some 8 GB."""
 TOLERANCE = 1e-9
 """Largest relative distance of an event from its sample."""
 
@@ -149,7 +149,8 @@ def check_gains(config: Config) -> None:
 
 def check_length(config: Config) -> None:
     """Hold the run to what fits into memory."""
-    most = MOST_STEPS // config.steps_per_cycle
+    legs = LEGS[config.gait.pattern]
+    most = MOST_ROWS // (config.steps_per_cycle * legs)
     if config.cycles > most:
         raise BadInput("cycles", config.cycles, f"must be at most {most} with {config.steps_per_cycle} steps a cycle")
 
