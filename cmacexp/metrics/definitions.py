@@ -3,7 +3,6 @@
 Every function gives (cycles, L); what is undefined is NaN, never 0.
 """
 
-import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -40,18 +39,24 @@ class Block(NamedTuple):
         return self.support & (self.progress >= 0.5)
 
 
+def _phase_samples(block: Block, phase: Mask) -> float:
+    """Samples of a whole phase, told from its first advance in progress; very many if there was none."""
+    advanced = block.progress[phase & (block.progress > 0.0)]
+    return float(np.rint(1.0 / advanced.min())) if advanced.size else 1e9
+
+
 def three_feet(block: Block) -> Mask:
-    """Middle half of each interval of a cycle in which the same three feet are planned to support; all legs."""
-    cycles, steps, _ = block.support.shape
-    chosen = np.zeros(block.support.shape, dtype=bool)
-    for cycle in range(cycles):
-        support = block.support[cycle]
-        starts = [0, *(np.flatnonzero((support[1:] != support[:-1]).any(axis=1)) + 1), steps]
-        for start, end in itertools.pairwise(starts):
-            if support[start].sum() == 3:
-                quarter = (end - start) // 4
-                chosen[cycle, start + quarter : end - quarter] = True
-    return chosen & block.valid
+    """Middle half of each planned interval in which the same three feet support, for all legs.
+
+    How long an interval is follows from the progress of the legs, also where it straddles cycles or the run stops.
+    """
+    samples = np.where(block.support, _phase_samples(block, block.support), _phase_samples(block, block.transfer))
+    progress = np.where(block.valid, block.progress, 0.0)
+    done = np.rint(progress * samples).min(axis=2)
+    left = np.rint((1.0 - progress) * samples).min(axis=2)
+    quarter = (done + left) // 4
+    middle = (block.support.sum(axis=2) == 3) & (done >= quarter) & (left > quarter)
+    return block.valid & middle[:, :, None]
 
 
 def _or_nan(value: Array, mask: Mask) -> Array:
@@ -123,10 +128,9 @@ def since_touch_down(block: Block) -> Array:
 
 def whole_support(block: Block) -> Array:
     """Support that begins and ends within the cycle: 1.0, else NaN."""
-    advanced = block.progress[block.support & (block.progress > 0.0)]
-    samples = round(1.0 / advanced.min()) if advanced.size else 0
     began = np.isfinite(since_touch_down(block)).any(axis=1)
-    return np.where(began & (block.support.sum(axis=1) == samples), 1.0, np.nan)
+    whole = block.support.sum(axis=1) == _phase_samples(block, block.support)
+    return np.where(began & whole, 1.0, np.nan)
 
 
 def force_settling_time(block: Block) -> Array:

@@ -20,6 +20,8 @@ MOST_ITERATIONS = 100
 MOST_HALVINGS = 40
 TOLERANCE = 1e-12
 """Largest force out of balance over the weight; moments likewise, per metre."""
+DEPTH_ROUNDING = 1e-15
+"""Rounding of a depth, m: stiff ground makes a force of it that cannot be balanced."""
 ROUNDING = 1e-13
 """A rise of the energy by so much of itself is rounding."""
 LONGEST_STEP = 0.02
@@ -130,10 +132,13 @@ def balance(
     Returns:
         False if there is no balance; ``body`` and ``force`` are then of no use.
     """
+    enough = TOLERANCE * weight
+    for i in range(stiffness.shape[0]):
+        enough += DEPTH_ROUNDING * stiffness[i]
     for _ in range(MOST_ITERATIONS):
         slope(body, hips, foot, stiffness, weight, force, work)
         out = max(abs(work[0]), abs(work[1]), abs(work[2]))
-        if out <= TOLERANCE * weight:
+        if out <= enough:
             return True
         if not (math.isfinite(out) and abs(body[1]) < STEEPEST and abs(body[2]) < STEEPEST):
             return False

@@ -2,35 +2,61 @@
 
 import numpy as np
 
-from cmacexp.arrays import Array
+from cmacexp.arrays import Array, Mask
+
+LEAST_WILLING = 1e-9
+"""A foot that is not willing counts as so willing where the others cannot do without it."""
+ROUNDING = 1e-9
+"""A force this much of the weight below zero is rounding."""
 
 
-def share_load(weight: float, feet: Array, willing: Array) -> Array:
+def _solve(weight: float, feet: Array, willing: Array) -> Array:
+    """Forces (N, L) that balance the weight and both moments with the least sum of F^2 / willing."""
+    rows = np.stack([np.ones(willing.shape), feet[..., 0], feet[..., 1]], axis=1)
+    weighted = rows * willing[:, None, :]
+    gram = weighted @ rows.transpose(0, 2, 1)
+    multipliers = np.linalg.pinv(gram, hermitian=True) @ np.array([weight, 0.0, 0.0])
+    force: Array = (weighted.transpose(0, 2, 1) @ multipliers[:, :, None])[:, :, 0]
+    return force
+
+
+def _without_one(weight: float, feet: Array, support: Mask, willing: Array) -> tuple[Array, Array]:
+    """The best forces (N, L) that leave one foot out and pull with none, and what they cost (N,): F^2 / willing.
+
+    Three feet leave no choice, however willing they are. The cost is infinite where every choice pulls.
+    """
+    best, least = np.zeros_like(willing), np.full(len(willing), np.inf)
+    for left_out in range(willing.shape[1]):
+        used = support & (np.arange(willing.shape[1]) != left_out)
+        force = _solve(weight, feet, used.astype(float))
+        cost = np.where(used, force**2 / np.maximum(willing, LEAST_WILLING), 0.0).sum(axis=1)
+        fits = (force >= -ROUNDING * weight).all(axis=1) & (used.sum(axis=1) >= 3) & (cost < least)
+        best[fits], least[fits] = force[fits], cost[fits]
+    return best, least
+
+
+def share_load(weight: float, feet: Array, support: Mask, willing: Array) -> Array:
     """Forces that balance the weight and both moments about the centre of gravity, with the least sum of squares.
 
     With three feet there is one solution. With four the sum of F^2 / willing is least: a foot that is half willing
-    takes about half of what it would, one that is not willing takes nothing. Feet cannot pull: where the solution
-    has one pull, it is left out and the others share anew.
+    takes about half of what it would, one that is not willing takes nothing if the others can do without it.
+    Feet cannot pull: where the solution has some pull, the best one that leaves a foot out is taken.
 
     Args:
         weight: N.
         feet: (N, L, 2): feet in the horizontal plane, relative to the centre of gravity, m.
-        willing: (N, L): 0 for a foot that is not to carry, up to 1.
+        support: (N, L): whether a foot is down.
+        willing: (N, L): how willing a foot that is down is to carry, 0 to 1.
 
     Returns:
-        (N, L): N. With fewer than three willing feet the moments are balanced as nearly as can be.
+        (N, L): N. With fewer than three feet down, or the centre of gravity outside them, the moments are balanced
+        as nearly as can be, and feet may pull.
     """
-    rows = np.stack([np.ones(willing.shape), feet[..., 0], feet[..., 1]], axis=1)
-    wanted = np.array([weight, 0.0, 0.0])
-    willing = np.array(willing, dtype=float)
-    for _ in range(willing.shape[1]):
-        weighted = rows * willing[:, None, :]
-        gram = weighted @ rows.transpose(0, 2, 1)
-        multipliers = (np.linalg.pinv(gram, hermitian=True) @ wanted)[:, :, None]
-        force: Array = (weighted.transpose(0, 2, 1) @ multipliers)[:, :, 0]
-        pulling = force < -1e-9 * weight
-        enough = (willing > 0.0).sum(axis=1, keepdims=True) > 3
-        if not (pulling & enough).any():
-            break
-        willing[pulling & enough] = 0.0
+    few = support.sum(axis=1, keepdims=True) <= 3
+    willing = np.where(few, 1.0, willing)
+    force = _solve(weight, feet, np.where(support, willing, 0.0))
+    pulls = (force < -ROUNDING * weight).any(axis=1)
+    if pulls.any():
+        others, cost = _without_one(weight, feet[pulls], support[pulls], willing[pulls])
+        force[pulls] = np.where(np.isfinite(cost)[:, None], others, force[pulls])
     return force

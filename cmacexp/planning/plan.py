@@ -90,7 +90,7 @@ def _desired_force(config: Config, mechanism: Mechanism, timing: Timing, feet: A
     force = config.force_control.desired_force
     if force is None:
         # The rate matters for the path of a soft foot only: the depression of a quadruped's is a few mm.
-        return share_load(mechanism.weight, feet, willing), np.zeros_like(willing)
+        return share_load(mechanism.weight, feet, timing.support, willing), np.zeros_like(willing)
     return force * willing, np.where(rising, force / ramp if ramp else 0.0, 0.0)
 
 

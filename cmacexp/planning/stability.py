@@ -16,11 +16,20 @@ ROUNDING = 1e-9
 """A margin no more negative than this is zero, m."""
 
 
+def _half_hull(feet: list[Array]) -> list[Array]:
+    """Feet that bound the others on one side, by turning left from each to the next."""
+    hull: list[Array] = []
+    for foot in feet:
+        while len(hull) > 1 and np.cross(np.append(hull[-1] - hull[-2], 0), np.append(foot - hull[-1], 0))[2] <= 0.0:
+            hull.pop()
+        hull.append(foot)
+    return hull[:-1]
+
+
 def polygon(feet: Array) -> Array:
-    """Feet (n, 2) in counterclockwise order about their middle."""
-    off = feet - feet.mean(axis=0)
-    ordered: Array = feet[np.argsort(np.arctan2(off[:, 1], off[:, 0]), kind="stable")]
-    return ordered
+    """Convex hull of feet (n, 2), counterclockwise (Andrew 1979); a foot inside the others is no corner."""
+    ordered = [feet[i] for i in np.lexsort((feet[:, 1], feet[:, 0]))]
+    return np.array(_half_hull(ordered) + _half_hull(ordered[::-1]))
 
 
 def margins(feet: Array) -> tuple[float, float, float]:

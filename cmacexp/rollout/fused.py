@@ -48,6 +48,10 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
     feedforward, total, last = loop.torques.feedforward, loop.torques.total, loop.torques.last_taught
     steps = samples.shape[0]
     period = plan.support.shape[0]
+    if start == 0 and steps > 0:
+        status = stop_reason(loop.guard, 0, machine.q, machine.dq, machine.foot, machine.force, machine.body)
+        if status != RUNNING:
+            return 0, status
     for k in range(steps):
         sample = (start + k) % period
         acting = start + k >= plan.start_step

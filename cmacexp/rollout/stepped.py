@@ -53,6 +53,11 @@ class SteppedLoop:
         """
         scenario, plan = self.scenario, self.scenario.setup.plan
         torque = np.zeros((samples.shape[1], 2))
+        first = self.state
+        if self.taken == 0:
+            status = stop_reason(self.guard, 0, first.q, first.dq, first.foot, first.force, first.body)
+            if status != RUNNING:
+                return status
         for k in range(samples.shape[0]):
             true = self.state
             seen = scenario.sensors.measure(true)
