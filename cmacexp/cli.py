@@ -11,10 +11,12 @@ from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 from cmacexp.config import config_folder, to_config
 from cmacexp.errors import BadInput, CmacexpError
 
+COMPILING = "first run: compiling the control loop, once for all later runs (about 10 s) ..."
 EXIT_CODES = {"completed": 0, "failed": 1, "bad input": 2, "fell": 3, "diverged": 3, "interrupted": 130}
 
 
@@ -23,25 +25,38 @@ class _Session:
 
     def __init__(self) -> None:
         self.outcomes: list[str] = []
+        self.sweep = False
+
+    def code(self) -> int:
+        """Exit code of a session that came to its end; nothing at all, as for ``--help``, is well."""
+        if self.outcomes and all(outcome == "bad input" for outcome in self.outcomes):
+            return EXIT_CODES["bad input"]
+        if self.sweep:
+            return EXIT_CODES["failed"] if {"failed", "bad input"} & set(self.outcomes) else 0
+        return EXIT_CODES[self.outcomes[-1]] if self.outcomes else 0
+
+    def fail(self, outcome: str, message: str) -> int:
+        """Say why nothing more can be done; the exit code."""
+        print(f"error: {message}", file=sys.stderr)
+        self.outcomes.append(outcome)
+        return self.code()
 
 
 def _run_job(composed: DictConfig, session: _Session) -> None:
     """One run: the only one, or a job of a sweep."""
     hydra = HydraConfig.get()
-    sweep = hydra.mode == RunMode.MULTIRUN
     config = to_config(composed)
-    from cmacexp.compile import is_compiled
+    from cmacexp.compile import announce_compiling
     from cmacexp.run import run_scenario
     from cmacexp.scenario import make_scenario
     from cmacexp.terminal import progress, summary
 
-    if not is_compiled("fused_loop"):
-        print("first run: compiling the control loop, once for all later runs (about 10 s) ...", file=sys.stderr)
+    announce_compiling(lambda: print(COMPILING, file=sys.stderr))
     scenario = make_scenario(config)
     with progress(config) as watch:
         result = run_scenario(config, Path(hydra.runtime.output_dir), watch, scenario)
     session.outcomes.append(result.status)
-    if sweep:
+    if session.sweep:
         print(f"#{hydra.job.num} {' '.join(hydra.overrides.task)}")
     summary(result)
     if result.status == "failed":
@@ -52,35 +67,27 @@ def _run_job(composed: DictConfig, session: _Session) -> None:
 
 def _remove_empty(folder: Path) -> None:
     """Remove the folder that Hydra made for a run that left nothing in it."""
-    if {path.name for path in folder.glob("*")} == {".hydra"}:
+    if {path.name for path in folder.glob("*")} == {".hydra"} and folder.resolve() != Path.cwd():
         shutil.rmtree(folder)
 
 
 def _task(session: _Session) -> None:
     def task(composed: DictConfig) -> None:
+        hydra = HydraConfig.get()
+        session.sweep = hydra.mode == RunMode.MULTIRUN
         try:
             _run_job(composed, session)
-        except BrokenPipeError:  # who read our output has stopped: the run is on disk all the same
+        except (BrokenPipeError, SystemExit):  # who read our output has stopped: the run is on disk all the same
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        except (CmacexpError, OSError) as error:
+        except (CmacexpError, OSError, MemoryError) as error:
             session.outcomes.append("bad input" if isinstance(error, BadInput) else "failed")
-            sweep = HydraConfig.get().mode == RunMode.MULTIRUN
-            _remove_empty(Path(HydraConfig.get().runtime.output_dir))
-            print(f"error: {f'#{HydraConfig.get().job.num}: ' if sweep else ''}{error}", file=sys.stderr)
-            if sweep:
-                raise  # Hydra runs the other jobs, then knows that this one failed
+            _remove_empty(Path(hydra.runtime.output_dir))
+            reason = str(error) or type(error).__name__
+            print(f"error: {f'#{hydra.job.num}: ' if session.sweep else ''}{reason}", file=sys.stderr)
+            if session.sweep:
+                raise CmacexpError(reason) from error  # Hydra runs the other jobs, then knows that this one failed
 
     hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
-
-
-def _code(outcomes: list[str]) -> int:
-    """Exit code of a session that came to its end."""
-    if len(outcomes) == 1:
-        sweep = any(flag in sys.argv for flag in ("-m", "--multirun"))
-        return 0 if sweep and EXIT_CODES[outcomes[0]] == 3 else EXIT_CODES[outcomes[0]]
-    if outcomes and all(outcome == "bad input" for outcome in outcomes):
-        return EXIT_CODES["bad input"]
-    return EXIT_CODES["failed"] if {"failed", "bad input"} & set(outcomes) else 0
 
 
 def main() -> int:
@@ -99,8 +106,17 @@ def main() -> int:
     except (HydraException, OmegaConfBaseException) as error:
         from cmacexp.config.explain import explain_composition
 
-        print(f"error: {explain_composition(error, sys.argv[1:])}", file=sys.stderr)
-        return _code([*session.outcomes, "bad input"])
-    except (CmacexpError, OSError):
+        return session.fail("bad input", explain_composition(error, sys.argv[1:]))
+    except (YAMLError, ValueError) as error:
+        hint = "a group takes the name of an option (cmac=one_leg), a field a value (cmac.layers=8)"
+        return session.fail("bad input", f"{' '.join(str(error).split())}; {hint}")
+    except CmacexpError:
         pass  # a job of a sweep failed, and has said so
-    return _code(session.outcomes)
+    except OSError as error:
+        return session.fail("failed", str(error))
+    except EOFError:
+        from cmacexp.compile import CACHE_FOLDER
+
+        shutil.rmtree(CACHE_FOLDER, ignore_errors=True)
+        return session.fail("failed", f"{CACHE_FOLDER}: compiled code was damaged and is removed; run again")
+    return session.code()

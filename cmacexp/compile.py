@@ -3,7 +3,7 @@
 With ``NUMBA_DISABLE_JIT=1`` the same functions run as they stand, and give the same bits.
 """
 
-import getpass
+import contextlib
 import hashlib
 import os
 import tempfile
@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import event
 
 numba_config: Any = numba.config
 numba_njit: Any = numba.njit
+register: Any = event.register
 Function = TypeVar("Function", bound=Callable[..., object])
 
 ROOMS = ("compile.py", "models", "cmac", "control", "planning", "plants", "rollout")
@@ -45,10 +47,22 @@ def _writable(folder: Path) -> bool:
 
 
 def _cache_folder() -> Path:
-    """Where compiled code of these sources is kept: the user's cache, or a temporary folder if that is read-only."""
-    root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    """Where compiled code of these sources is kept: the user's cache, or a new temporary folder."""
+    root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
     folder = Path(root) / "cmacexp" / _sources_hash()
-    return folder if _writable(folder) else Path(tempfile.gettempdir()) / f"cmacexp-{getpass.getuser()}" / folder.name
+    return folder if _writable(folder) else _temporary_folder(folder.name)
+
+
+def _temporary_folder(name: str) -> Path:
+    """A temporary folder that lasts; a new one if others could have put code there."""
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    folder = Path(tempfile.gettempdir()) / f"cmacexp-{user}"
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.stat()
+        if status.st_uid == user and not status.st_mode & 0o077:
+            return folder / name
+    return Path(tempfile.mkdtemp(prefix="cmacexp-"))
 
 
 CACHE_FOLDER = _cache_folder()
@@ -79,6 +93,22 @@ def kernel_apart(function: Function) -> Function:
     return _compile(function, inline=False)
 
 
-def is_compiled(name: str) -> bool:
-    """Whether compiled code of the kernel ``name`` is on disk, or none is needed."""
-    return bool(numba_config.DISABLE_JIT) or any(CACHE_FOLDER.rglob(f"*.{name}-*.nbi"))
+class _Announcement(event.Listener):
+    """Calls back once, when the first kernel of this process is compiled because none is kept on disk."""
+
+    def __init__(self, call: Callable[[], None]):
+        self.call: Callable[[], None] | None = call
+
+    def on_start(self, event: event.Event) -> None:
+        """A kernel is about to be compiled."""
+        if self.call is not None:
+            self.call()
+            self.call = None
+
+    def on_end(self, event: event.Event) -> None:
+        """A kernel has been compiled."""
+
+
+def announce_compiling(call: Callable[[], None]) -> None:
+    """Have ``call`` called once if something has to be compiled, before it is."""
+    register("numba:compile", _Announcement(call))

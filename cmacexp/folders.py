@@ -47,6 +47,8 @@ def command(
         parser.add_argument(flag, action="store_true", help=text)
     try:
         return work(parser.parse_args())
+    except KeyboardInterrupt:
+        return 130
     except (CmacexpError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -10,6 +10,7 @@ from cmacexp.errors import BadRun
 from cmacexp.files import write_atomically
 from cmacexp.metrics import compute, compute_body
 from cmacexp.table import read_table, write_table
+from cmacexp.trace import COLUMNS
 
 TRACE, BODY = "trace.parquet", "body.parquet"
 METRICS, METRICS_CSV, BODY_METRICS = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
@@ -47,7 +48,11 @@ def read_traces(folder: Path) -> Traces:
     Raises:
         BadRun: one is missing or cannot be read.
     """
-    return Traces(_read(folder / TRACE), _read(folder / BODY) if (folder / BODY).exists() else None)
+    traces = Traces(_read(folder / TRACE), _read(folder / BODY) if (folder / BODY).exists() else None)
+    missing = {column.name for column in COLUMNS} - set(traces.legs.column_names)
+    if missing:
+        raise BadRun(f"{folder / TRACE}: not a trace: it has no {', '.join(sorted(missing))}")
+    return traces
 
 
 def write_traces(folder: Path, traces: Traces) -> list[str]:

@@ -61,8 +61,9 @@ def read(folder: Path) -> Manifest:
         raise BadRun(f"{folder}: no {NAME}: not the folder of a run, or the run was killed before its end") from None
     except (json.JSONDecodeError, UnicodeDecodeError, OSError) as error:
         raise BadRun(f"{path}: cannot be read ({error})") from None
-    if not isinstance(manifest, dict) or not isinstance(manifest.get("files"), dict):
-        raise BadRun(f"{path}: not a manifest: it has no table of files")
+    missing = [key for key in ("status", "config", "files") if not isinstance(manifest, dict) or key not in manifest]
+    if missing:
+        raise BadRun(f"{path}: not the manifest of a run: it has no {', '.join(missing)}")
     return manifest
 
 

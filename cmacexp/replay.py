@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from cmacexp import manifest as manifests
+from cmacexp.errors import BadRun
 from cmacexp.folders import command, runs_below
 from cmacexp.keep import RECORDING, read_traces
 
@@ -18,7 +19,10 @@ def rebuild(folder: Path) -> Path:
     """
     from cmacexp.recording import write_recording
 
-    write_recording(read_traces(folder), manifests.read(folder)["config"], folder / RECORDING)
+    traces = read_traces(folder)
+    if not traces.legs.num_rows:
+        raise BadRun(f"{folder}: the run took no step, there is nothing to show")
+    write_recording(traces, manifests.read(folder)["config"], folder / RECORDING)
     manifests.update_files(folder, [RECORDING])
     return folder / RECORDING
 

@@ -57,14 +57,27 @@ def _start(config: Config, plan: Plan) -> Array:
     return start
 
 
+METHODS = {
+    "plant": ("reset", "step"),
+    "sensors": ("reset", "measure"),
+    "controller": ("reset", "act"),
+    "feedforward": ("reset", "predict", "acts"),
+}
+"""What each part must have."""
+
+
 def _build(config: Config, key: str) -> Any:
     """The part that the ``_target_`` of a config node names, made with the rest of the node."""
     node = to_plain(config)[key]
     try:
-        return instantiate(node)
+        part = instantiate(node)
     except InstantiationException as error:
-        reason = str(error).splitlines()[0]
+        reason = " ".join(str(error.__cause__ or error).split())
         raise BadInput(f"{key}._target_", node.get("_target_"), f"cannot be made: {reason}") from error
+    missing = [name for name in METHODS[key] if not hasattr(part, name)]
+    if missing:
+        raise BadInput(f"{key}._target_", node.get("_target_"), f"is no {key}: it has no {' and no '.join(missing)}")
+    return part
 
 
 def make_scenario(config: Config) -> Scenario:

@@ -5,8 +5,10 @@ import sys
 from pathlib import Path
 
 from cmacexp import manifest as manifests
+from cmacexp.errors import BadRun
+from cmacexp.files import sha256
 from cmacexp.folders import command, runs_below
-from cmacexp.keep import Scores, read_traces, write_scores
+from cmacexp.keep import BODY, TRACE, Scores, read_traces, write_scores
 from cmacexp.terminal import scores_table
 
 
@@ -16,7 +18,11 @@ def score(folder: Path) -> Scores:
     Raises:
         BadRun: it has no readable trace or manifest.
     """
-    config = manifests.read(folder)["config"]
+    manifest = manifests.read(folder)
+    config = manifest["config"]
+    for name in (TRACE, BODY):
+        if name in manifest["files"] and sha256(folder / name) != manifest["files"][name]:
+            raise BadRun(f"{folder / name}: changed since it was written; its metrics would not be those of the run")
     steps_per_cycle = round(config["gait"]["cycle_time"] / config["sampling_period"])
     scores, names = write_scores(folder, read_traces(folder), steps_per_cycle)
     manifests.update_files(folder, names)

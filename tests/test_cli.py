@@ -106,16 +106,31 @@ BAD = {
     "gait.stroke=2": "gait.stroke=2.0: the foot of leg 1 would be",
     "machine.hip_height=0.65": "machine.hip_height=0.65: the foot of leg 1 would be",
     "learning.rate=nan": "learning.rate=nan: must be above 0 and below 2",
-    "terrain.stiffness=inf": "terrain.stiffness=inf: must be above 0",
+    "terrain.stiffness=inf": "terrain.stiffness=inf: must be at least 0.001 and at most 1000000000 (N/m)",
     "cmac.inputs=[]": "cmac.inputs=[]: must name at least one",
     "feedforward._target_=os.system": "feedforward._target_=os.system: cannot be made",
     "a=[": "cannot be read",
+    "cmac=null": "a group takes the name of an option",
+    "cycles=${nope}": "interpolation key 'nope' not found",
+    "~plant": "plant=None: must be a group of fields",
+    "gait.load_ramp=0.003": "gait.load_ramp=0.003: must be 0, or from 0.05 s",
+    "terrain.assumed_stiffness=1": "must be above 5 N/m",
+    "plant._target_=collections.OrderedDict": "is no plant: it has no reset and no step",
+    "learning.start_cycle=100000000000000000000": "at most 1000000000",
+    "force_control=damping controller.velocity_gain=0": "must be above 0 with force_control=damping",
+    "scenario=quadruped gait.duty_factor=0.7": "must be at least 0.75",
+    "scenario=quadruped gait.touch_down=[0,0.5,0.3,0.8]": "the stability margin is -0.0488 m at t = 0.300 s",
+    "scenario=quadruped gait.stroke=0.6": "gait.stroke=0.6: legs left_front and left_rear would cross",
+    "scenario=quadruped machine.legs.left_front.knee=back machine.legs.left_rear.knee=forward": "would cross",
+    "scenario=quadruped gait.lift=0.6": "gait.lift=0.6: leg 1 cannot lift its foot",
+    "scenario=quadruped gait=one_leg": "with machine.kind=quadruped choose from wave",
+    "scenario=quadruped force_control.desired_force=3": "the weight is shared out",
 }
 
 
 @pytest.mark.parametrize("override", BAD)
 def test_bad_input_is_one_line_before_anything_is_simulated(override, tmp_path):
-    done = cmacexp(override, folder=tmp_path)
+    done = cmacexp(*override.split(), folder=tmp_path)
     assert done.returncode == 2
     assert BAD[override] in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
@@ -143,6 +158,45 @@ def test_a_sweep_goes_on_past_divergence_and_bad_input(tmp_path):
 
 def test_a_sweep_with_a_divergence_alone_has_not_failed(tmp_path):
     assert cmacexp("-m", "controller.velocity_gain=80", folder=tmp_path).returncode == 0
+
+
+def test_a_run_folder_that_cannot_be_made_is_an_error(tmp_path):
+    (tmp_path / "file").touch()
+    done = cmacexp("cycles=1", "hydra.run.dir=file/run", folder=tmp_path)
+    assert done.returncode == 1
+    assert "error: [Errno 20] Not a directory: 'file/run'" in done.stderr
+
+
+def test_bad_input_leaves_no_folder(tmp_path):
+    cmacexp("cycles=0", folder=tmp_path)
+    assert not list(tmp_path.rglob(".hydra"))
+
+
+def test_score_refuses_a_changed_trace(run, tmp_path):
+    folder = tmp_path / "copy"
+    subprocess.run(["cp", "-r", str(run[0]), str(folder)], check=True)
+    table = pq.read_table(folder / "trace.parquet")
+    pq.write_table(table, folder / "trace.parquet")
+    done = python("-m", "cmacexp.score", str(folder), folder=tmp_path)
+    assert done.returncode == 2
+    assert "changed since it was written" in done.stderr
+
+
+def test_a_class_of_the_user_runs_in_the_place_of_the_one_it_is_made_from(tmp_path):
+    code = "from cmacexp.control import CmacFeedforward\n\nclass Lazy(CmacFeedforward):\n"
+    code += "    def predict(self, reference, taught):\n        return 0.0 * taught\n"
+    (tmp_path / "mine.py").write_text(code)
+    done = cmacexp("feedforward._target_=mine.Lazy", "cycles=2", "hydra.run.dir=r", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (pd.read_parquet(tmp_path / "r" / "metrics.parquet").feedforward_share == 0.0).all()
+
+
+def test_a_fall_is_a_result(tmp_path):
+    done = cmacexp("scenario=quadruped", "posture.gain=0", f"hydra.run.dir={tmp_path}", folder=tmp_path)
+    assert done.returncode == 3
+    assert "fell at step" in done.stdout
+    assert (tmp_path / "recording.rrd").exists()
+    assert python("-m", "cmacexp.verify", str(tmp_path), folder=tmp_path).returncode == 0
 
 
 def test_verify_sees_a_changed_byte_and_a_missing_file(run, tmp_path):

@@ -12,6 +12,8 @@ LEGS = {"transfer_first": 1, "standing": 1, "wave": 4}
 """Legs that each gait pattern is for."""
 MOST_ROWS = 2**24
 """Steps times legs of the longest run; its samples are kept in memory until it ends, at most some 8 GB."""
+SHORTEST_RAMP = 10
+"""Samples of the shortest ramp of the load: a shorter one is a jump that no sampled motion follows."""
 TOLERANCE = 1e-9
 """Largest relative distance of an event from its sample."""
 
@@ -102,11 +104,12 @@ def check_pattern(config: Config) -> None:
             "gait.duty_factor", 1, f"must be below 1 with gait.pattern={gait.pattern}; or take gait=standing"
         )
     support_time = gait.duty_factor * gait.cycle_time
-    if gait.load_ramp >= support_time:
+    shortest = SHORTEST_RAMP * config.sampling_period
+    if gait.load_ramp and not shortest <= gait.load_ramp <= support_time - config.sampling_period:
         raise BadInput(
             "gait.load_ramp",
             gait.load_ramp,
-            f"must be below the support time, {support_time:g} s (0 switches it off)",
+            f"must be 0, or from {shortest:g} s ({SHORTEST_RAMP} samples) to below {support_time:g} s, all of support",
         )
 
 
@@ -128,7 +131,7 @@ def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
         raise BadInput(
             "cmac.memory_bytes",
             cmac.memory_bytes,
-            f"dense addressing of {inputs} inputs needs {dense} B (at most {2**34} B are allowed); "
+            f"dense addressing of {inputs} inputs needs {dense} B (at most {2**30} B are allowed); "
             "give it that, take fewer cmac.inputs or layers, or cmac.addressing=hashed",
         )
 
@@ -151,6 +154,12 @@ def check_length(config: Config) -> None:
     """Hold the run to what fits into memory."""
     legs = LEGS[config.gait.pattern]
     most = MOST_ROWS // (config.steps_per_cycle * legs)
+    if most < 1:
+        raise BadInput(
+            "sampling_period",
+            config.sampling_period,
+            f"gives {config.steps_per_cycle} steps a cycle, more than the {MOST_ROWS // legs} that a run can have",
+        )
     if config.cycles > most:
         raise BadInput("cycles", config.cycles, f"must be at most {most} with {config.steps_per_cycle} steps a cycle")
 

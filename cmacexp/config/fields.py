@@ -15,11 +15,10 @@ def number(
     at_least: float | None = None,
     below: float | None = None,
     at_most: float | None = None,
-    finite: bool = True,
 ) -> Any:
     """A dataclass field holding a quantity in ``unit`` within the given range."""
     bounds = {"above": above, "at_least": at_least, "below": below, "at_most": at_most}
-    return field(metadata={"unit": unit, "finite": finite, **{k: v for k, v in bounds.items() if v is not None}})
+    return field(metadata={"unit": unit, **{k: v for k, v in bounds.items() if v is not None}})
 
 
 def choice(*names: str) -> Any:
@@ -30,19 +29,22 @@ def choice(*names: str) -> Any:
 def describe_range(metadata: dict[str, Any]) -> str:
     """The allowed range in words, e.g. ``must be above 0 and at most 1``."""
     words = {"above": "above", "at_least": "at least", "below": "below", "at_most": "at most"}
-    parts = [f"{word} {metadata[name]:g}" for name, word in words.items() if name in metadata]
+    parts = [f"{word} {_plain(metadata[name])}" for name, word in words.items() if name in metadata]
     return "must be " + (" and ".join(parts) if parts else "a finite number")
 
 
+def _plain(bound: float) -> str:
+    """A bound as one would write it: whole numbers in full."""
+    return str(int(bound)) if float(bound).is_integer() and abs(bound) < 1e15 else f"{bound:g}"
+
+
 def _within(value: float, metadata: dict[str, Any]) -> bool:
-    if math.isnan(value) or (metadata.get("finite", True) and math.isinf(value)):
-        return False
-    return (
+    return math.isfinite(value) and (
         value > metadata.get("above", -math.inf)
         and value >= metadata.get("at_least", -math.inf)
         and value < metadata.get("below", math.inf)
         and value <= metadata.get("at_most", math.inf)
-    ) or (math.isinf(value) and not metadata.get("finite", True) and value > 0)
+    )
 
 
 def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:

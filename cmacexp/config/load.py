@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,10 @@ WITHOUT_EFFECT = ("record", "sweep", "optimize", "hydra")
 """Root keys that do not change the results of a run, and so stay out of its hash."""
 
 
+SCALARS = ("scenario", "cycles", "seed", "sampling_period", "reference")
+"""Root keys that are values, not groups."""
+
+
 def config_folder() -> Path:
     """The folder of the shipped configs: inside an installed package, else at the top of the checkout."""
     package = Path(__file__).resolve().parents[1]
@@ -28,12 +32,15 @@ def config_folder() -> Path:
 def _schema(composed: DictConfig) -> DictConfig:
     """The schema of Config with the parts that this config chose filled in."""
     schema = OmegaConf.structured(Config)
+    for group in (field.name for field in fields(Config) if field.name not in SCALARS):
+        if not isinstance(composed.get(group), DictConfig):
+            raise BadInput(group, composed.get(group), f"must be a group of fields; choose an option of conf/{group}")
     kind = composed.machine.get("kind")
     if kind not in MACHINES:
         raise BadInput("machine.kind", kind, "choose from " + ", ".join(MACHINES))
     schema.machine = OmegaConf.structured(MACHINES[kind])
     for part in ("plant", "sensors", "feedforward"):
-        target = composed[part].get("_target_") if isinstance(composed[part], DictConfig) else None
+        target = composed[part].get("_target_")
         if target in BUILT_IN_PARTS:
             schema[part] = OmegaConf.structured(BUILT_IN_PARTS[target])
     assert isinstance(schema, DictConfig)
@@ -71,7 +78,11 @@ def _explain(error: OmegaConfBaseException, composed: DictConfig) -> BadInput:
         node = OmegaConf.select(composed, parent) if parent else composed
         names = [str(name) for name in node if name != unknown]
         reason = f"no such key; {parent or 'the config'} has {listed(names)}"
-    return BadInput(key, OmegaConf.select(composed, key, throw_on_missing=False), reason[:1].lower() + reason[1:])
+    try:
+        value = OmegaConf.select(composed, key, throw_on_missing=False)
+    except OmegaConfBaseException:
+        value = "?"
+    return BadInput(key, value, reason[:1].lower() + reason[1:])
 
 
 def to_plain(config: Config) -> dict[str, Any]:

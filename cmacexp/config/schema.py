@@ -69,7 +69,7 @@ class QuadrupedMachine:
     """Links of all legs that ``legs`` does not set otherwise."""
     legs: FourLegs
     kind: str = choice("quadruped")
-    hip_height: float = number("m", above=0)
+    hip_height: float = number("m", above=0.25)
     """Height of the hips above the undepressed ground that the feet are planned for, h0 (assumed)."""
     weight: float = number("N", above=0)
     """What the feet carry together; 40 N in the paper."""
@@ -91,11 +91,11 @@ class PointMassMachine:
 class TerrainConfig:
     """Elastic ground (Lin & Song 1997, eq. 1)."""
 
-    stiffness: float = number("N/m", above=0)
+    stiffness: float = number("N/m", at_least=1e-3, at_most=1e9)
     """K_n, the stiffness that the plant feels."""
-    assumed_stiffness: float | None = number("N/m", above=0)
+    assumed_stiffness: float | None = number("N/m", at_least=1e-3, at_most=1e9)
     """The K_n that planner and controller believe in; null: the true one."""
-    patch_size: float = number("m", above=0)
+    patch_size: float = number("m", at_least=1e-3)
     """Side of the square patches of the ground."""
     patch_spread: float = number("", at_least=0, below=1)
     """Each patch has K_n times a factor between 1 - spread and 1 + spread; 0: the same everywhere."""
@@ -111,7 +111,7 @@ class GaitConfig:
     """transfer_first: one leg, a cycle begins with lift-off; standing: one leg, no transfer; wave: four legs."""
     touch_down: list[float] | None = number("cycles", at_least=0, below=1)
     """Touch-down of each leg within the cycle; null: by the pattern."""
-    cycle_time: float = number("s", above=0)
+    cycle_time: float = number("s", at_least=1e-3, at_most=1e5)
     """T."""
     duty_factor: float = number("", above=0, at_most=1)
     """Fraction of the cycle in which a foot supports."""
@@ -132,13 +132,13 @@ class ControllerConfig:
     """Position control and the LEAD compensator (Lin & Song 1997, eq. 5-7, 21)."""
 
     _target_: str
-    position_gain: float = number("N/m", above=0)
+    position_gain: float = number("N/m", above=0, at_most=1e9)
     """K_ap."""
-    velocity_gain: float = number("N s/m", at_least=0)
+    velocity_gain: float = number("N s/m", at_least=0, at_most=1e9)
     """K_av."""
-    lead_omega: float = number("rad/s", above=0)
+    lead_omega: float = number("rad/s", above=0, at_most=1e6)
     """Lower corner frequency omega (assumed; see pipelines/lead_design.py)."""
-    lead_alpha: float = number("", above=0)
+    lead_alpha: float = number("", above=0, at_most=1e6)
     """Upper over lower corner frequency, alpha (assumed)."""
 
 
@@ -165,11 +165,11 @@ class ForceControlConfig:
     method: str = choice("stiffness", "damping", "combined", "explicit")
     desired_force: float | None = number("N", above=0)
     """F_d; null under a body, whose weight is shared out among the feet."""
-    elasticity: float = number("m/N", at_least=0)
+    elasticity: float = number("m/N", at_least=0, at_most=1e6)
     """P_fn."""
-    admittance: float = number("m/(N s)", at_least=0)
+    admittance: float = number("m/(N s)", at_least=0, at_most=1e6)
     """V_fn."""
-    force_gain: float = number("", above=0)
+    force_gain: float = number("", above=0, at_most=1e9)
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
 
 
@@ -181,14 +181,14 @@ class CmacConfig:
     """C, the number of quantisation functions, which is the generalisation size."""
     resolution_elements: int = number("", at_least=2, at_most=65536)
     """Blocks of each quantisation function; (resolution_elements - 1) x layers quanta span an input's range."""
-    memory_bytes: int = number("B", at_least=1, at_most=2**34)
+    memory_bytes: int = number("B", at_least=1, at_most=2**30)
     """Memory of one CMAC; a word is a float64, so rows = memory_bytes / (8 x outputs)."""
     addressing: str = choice("hashed", "dense")
     displacement: str = choice("diagonal", "odd_lattice", "parks_militzer")
     """How the layers are shifted against each other; diagonal as in the paper."""
     inputs: list[str] = choice("angle", "velocity", "acceleration")
     """Planned joint values that address the memory (assumed)."""
-    range_factor: float = number("", at_least=1)
+    range_factor: float = number("", at_least=1, at_most=1e6)
     """Input range over the planned span, centred on its middle (assumed)."""
 
 
@@ -201,7 +201,7 @@ class LearningConfig:
     """beta; 50/256 in the paper."""
     lead: int = number("samples", at_least=-100, at_most=100)
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper."""
-    start_cycle: int = number("", at_least=1)
+    start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts."""
 
 
@@ -231,10 +231,10 @@ class Config:
     cmac: CmacConfig
     learning: LearningConfig
     record: RecordConfig
-    cycles: int = number("", at_least=1)
+    cycles: int = number("", at_least=1, at_most=10**9)
     seed: int = number("", at_least=0, below=2**32)
     """Seeds the hash of the CMAC's memory, and every part that draws random numbers."""
-    sampling_period: float = number("s", above=0)
+    sampling_period: float = number("s", at_least=1e-6, at_most=1e3)
     """T_s."""
     reference: str = choice("literal", "aware", "force_feedforward")
     """literal: eq. 9, 11, 13, 15 always; aware: without their 1/K_a term while a feedforward acts;

@@ -39,7 +39,9 @@ def _law(kind: int, setup: Setup, torque: Array | None = None, cmacs: list[Cmac]
     if cmacs:
         columns = [c for name in config.cmac.inputs for c in COLUMNS[name]]
         cells = np.stack([cmac.cells(setup.plan.joints[:, i, columns]) for i, cmac in enumerate(cmacs)], axis=1)
-        weights = np.stack([cmac.weights for cmac in cmacs])
+        weights = np.zeros((legs, *cmacs[0].weights.shape))
+        for cmac, own in zip(cmacs, weights, strict=True):
+            cmac.weights = own
     return FeedforwardLaw(
         kind,
         torque if torque is not None else np.zeros((1, legs, 2)),
@@ -96,5 +98,3 @@ class CmacFeedforward(BuiltInFeedforward):
             for i in range(setup.mechanism.legs.shape[0])
         ]
         self.law = _law(CMAC, setup, cmacs=self.cmacs)
-        for cmac, weights in zip(self.cmacs, self.law.weights, strict=True):
-            cmac.weights = weights

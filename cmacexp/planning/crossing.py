@@ -49,6 +49,9 @@ def check_crossing(config: Config, mechanism: Mechanism, joints: Array) -> None:
             if crossing.any():
                 k = int(np.flatnonzero(crossing)[0])
                 where = f"legs {NAMES[i]} and {NAMES[j]} would cross at t = {k * config.sampling_period:.3f} s"
+                if mechanism.hips[i, 0] == mechanism.hips[j, 0]:
+                    key = f"machine.legs.{NAMES[j]}.hip_y"
+                    raise BadInput(key, mechanism.hips[j, 1], f"{where}: both hips are in one place")
                 if mechanism.legs[i, 4] > 0 > mechanism.legs[j, 4]:
                     raise BadInput(
                         "gait.stroke", config.gait.stroke, f"{where}; must be shorter, or the hips further apart"

@@ -31,12 +31,22 @@ def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array)
     where = (
         f"the foot of leg {i + 1} would be {distance[k]:.3f} m from its hip at sample {k}, but reaches {reach:.3f} m"
     )
+    depression = y.max() - mechanism.hip_height
+    if y.max() >= reach and mechanism.hip_height < reach - 1e-6 and depression > 0.5 * (reach - FOLDED):
+        key = "assumed_stiffness" if config.terrain.assumed_stiffness is not None else "stiffness"
+        stiffest = config.assumed_stiffness * depression / (reach - mechanism.hip_height)
+        raise BadInput(
+            f"terrain.{key}",
+            config.assumed_stiffness,
+            f"gives way by {depression:.3g} m under the desired force, further than leg {i + 1} reaches; "
+            f"must be above {stiffest:.4g} N/m, or the desired force smaller",
+        )
     if y.max() >= reach:
         height = mechanism.hip_height - (y.max() - reach)
         raise BadInput(
             "machine.hip_height",
             mechanism.hip_height,
-            f"{where}, and the ground gives way by {y.max() - mechanism.hip_height:.3g} m under the desired force; "
+            f"{where}, and the ground gives way by {depression:.3g} m under the desired force; "
             f"must be below {_down(height - 1e-9)} m",
         )
     # Every x is proportional to the stroke.

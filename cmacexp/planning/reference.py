@@ -39,26 +39,26 @@ NOT_USED = float("nan")
 
 
 def stiffness_reference(gains: Gains, static_load: bool) -> SupportReference:
-    """Stiffness control (Lin & Song 1997, eq. 9)."""
+    """Stiffness control (Lin & Song 1997, eq. 9, which solves eq. 8 for the desired force)."""
     load = 1.0 / gains.position_gain if static_load else 0.0
     return SupportReference(1.0 / gains.stiffness + load + gains.elasticity, 0.0, NOT_USED)
 
 
 def damping_reference(gains: Gains, static_load: bool) -> SupportReference:
-    """Damping control (Lin & Song 1997, eq. 11)."""
+    """Damping control (Lin & Song 1997, eq. 11, which solves eq. 10 for the desired force)."""
     load = 1.0 / gains.velocity_gain if static_load else 0.0
     return SupportReference(NOT_USED, gains.admittance + load, NOT_USED)
 
 
 def combined_reference(gains: Gains, static_load: bool) -> SupportReference:
-    """Combined stiffness and damping control (Lin & Song 1997, eq. 13 and 24)."""
+    """Combined stiffness and damping control (Lin & Song 1997, eq. 13, which solves eq. 12; eq. 24 per leg)."""
     load = 1.0 / gains.position_gain if static_load else 0.0
     damping = gains.velocity_gain / gains.position_gain * gains.admittance
     return SupportReference(1.0 / gains.stiffness + load + gains.elasticity + damping, 0.0, NOT_USED)
 
 
 def explicit_reference(gains: Gains, static_load: bool) -> SupportReference:
-    """Explicit force control (Lin & Song 1997, eq. 15)."""
+    """Explicit force control (Lin & Song 1997, eq. 15, which solves eq. 14 for the desired force)."""
     load = 1.0 / gains.force_gain if static_load else 0.0
     return SupportReference(NOT_USED, 0.0, 1.0 + load)
 

@@ -40,6 +40,15 @@ def _pandas_left_out() -> Iterator[None]:
         sys.meta_path.remove(finder)
 
 
+@contextmanager
+def _as_os_error(path: Path) -> Iterator[None]:
+    """Rerun raises RuntimeError where a file cannot be written."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise OSError(f"{path}: cannot be written ({str(error).splitlines()[0]})") from error
+
+
 def write_recording(traces: Traces, config: dict[str, Any], path: Path) -> None:
     """Write the Rerun view of a run, whole or not at all.
 
@@ -48,7 +57,7 @@ def write_recording(traces: Traces, config: dict[str, Any], path: Path) -> None:
         config: as it stands in the manifest.
         path: of the ``.rrd`` file.
     """
-    with write_atomically(path) as temporary, _pandas_left_out():
+    with write_atomically(path) as temporary, _pandas_left_out(), _as_os_error(path):
         view = view_of(traces, config)
         recording = rr.RecordingStream("cmacexp", recording_id=path.parent.name)
         recording.save(temporary, default_blueprint=layout(view))
