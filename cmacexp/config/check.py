@@ -109,7 +109,7 @@ def check_pattern(config: Config) -> None:
         raise BadInput(
             "gait.load_ramp",
             gait.load_ramp,
-            f"must be 0, or from {shortest:g} s ({SHORTEST_RAMP} samples) to below {support_time:g} s, all of support",
+            f"must be 0, or from {shortest:g} s ({SHORTEST_RAMP} samples) to below {support_time:g} s of support",
         )
 
 
