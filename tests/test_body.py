@@ -369,3 +369,23 @@ def test_each_foot_presses_the_patch_that_it_stands_on(walk):
         expected = pressed(body[k], foot, stiffness)[0]
         assert_allclose(columns["force"][k][clear], expected[clear], rtol=1e-9, atol=1e-9)
     assert len(seen) > 10
+
+
+# Body and legs in motion
+
+
+def test_with_the_body_balanced_in_every_stage_the_integration_is_of_fourth_order(make_config):
+    """From standing, under torques that load the feet unevenly and keep all of them down."""
+
+    def after(substeps):
+        plant = make_scenario(make_config("scenario=quadruped", f"plant.substeps={substeps}")).plant
+        weight_of_legs = -np.array([(6.0, 1.5), (6.5, 1.2), (-6.0, -1.5), (-5.5, -1.8)])
+        for _ in range(4):
+            state = plant.step(weight_of_legs)
+        assert (state.force > 0.0).all()
+        return np.concatenate([state.q.ravel(), state.dq.ravel(), state.body])
+
+    exact = after(400)
+    errors = [np.abs(after(substeps) - exact).max() for substeps in (5, 10, 20)]
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert_allclose(orders, 4.0, atol=0.5)

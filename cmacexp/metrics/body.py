@@ -28,7 +28,7 @@ def compute_body(body: pa.Table, steps_per_cycle: int) -> pa.Table:
     for name in MARGINS:
         least = np.fmin.reduceat(as_array(body, name), starts)
         columns[f"{name}_min"] = ("m", f"least {name.replace('_', ' ')}", least)
-    fields = [pa.field("cycle", pa.int32())]
+    fields = [pa.field("cycle", pa.int32(), metadata={"unit": "", "meaning": "gait cycle, from 1"})]
     arrays = [arrow(np.arange(1, len(starts) + 1), pa.int32())]
     for name, (unit, meaning, values) in columns.items():
         fields.append(pa.field(name, pa.float64(), metadata={"unit": unit, "meaning": meaning}))

@@ -46,7 +46,10 @@ def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:
     """
     block = cut(trace, steps_per_cycle)
     cycles, _, legs = block.valid.shape
-    fields = [pa.field("cycle", pa.int32()), pa.field("leg", pa.int32())]
+    fields = [
+        pa.field("cycle", pa.int32(), metadata={"unit": "", "meaning": "gait cycle, from 1"}),
+        pa.field("leg", pa.int32(), metadata={"unit": "", "meaning": "as in the trace"}),
+    ]
     arrays = [
         arrow(np.repeat(np.arange(1, cycles + 1), legs), pa.int32()),
         arrow(np.tile(np.arange(1, legs + 1), cycles), pa.int32()),

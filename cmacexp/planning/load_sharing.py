@@ -38,8 +38,8 @@ def _without_one(weight: float, feet: Array, support: Mask, willing: Array) -> t
 def share_load(weight: float, feet: Array, support: Mask, willing: Array) -> Array:
     """Forces that balance the weight and both moments about the centre of gravity, with the least sum of squares.
 
-    With three feet there is one solution. With four the sum of F^2 / willing is least: a foot that is half willing
-    takes about half of what it would, one that is not willing takes nothing if the others can do without it.
+    With three feet there is one solution. With four the sum of F^2/willing is least: the less willing a foot is, the
+    less it takes, down to nothing if the others can do without it.
     Feet cannot pull: where the solution has some pull, the best one that leaves a foot out is taken.
 
     Args:
