@@ -149,6 +149,11 @@ class ActuatorConfig:
     torque_limit: float | None = number("N m (N for a point mass)", above=0)
     """Largest absolute torque of each joint; null: none."""
 
+    @property
+    def limit(self) -> float:
+        """The largest absolute torque, infinite if there is none."""
+        return float("inf") if self.torque_limit is None else self.torque_limit
+
 
 @dataclass
 class PostureConfig:

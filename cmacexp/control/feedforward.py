@@ -32,13 +32,17 @@ class BuiltInFeedforward:
         return output
 
 
+def _inputs(setup: Setup, i: int) -> Array:
+    """Planned CMAC inputs (N, n) of leg ``i``."""
+    return setup.plan.joints[:, i, [column for name in setup.config.cmac.inputs for column in COLUMNS[name]]]
+
+
 def _law(kind: int, setup: Setup, torque: Array | None = None, cmacs: list[Cmac] | None = None) -> FeedforwardLaw:
     """A law of the given kind; parts that it does not use are empty arrays, so that one compiled loop fits all."""
     legs, config = setup.mechanism.legs.shape[0], setup.config
     cells, weights = np.zeros((1, legs, 1), dtype=np.int32), np.zeros((legs, 1, 2))
     if cmacs:
-        columns = [c for name in config.cmac.inputs for c in COLUMNS[name]]
-        cells = np.stack([cmac.cells(setup.plan.joints[:, i, columns]) for i, cmac in enumerate(cmacs)], axis=1)
+        cells = np.stack([cmac.cells(_inputs(setup, i)) for i, cmac in enumerate(cmacs)], axis=1)
         weights = np.zeros((legs, *cmacs[0].weights.shape))
         for cmac, own in zip(cmacs, weights, strict=True):
             cmac.weights = own
@@ -87,14 +91,8 @@ class CmacFeedforward(BuiltInFeedforward):
     def reset(self, setup: Setup) -> None:
         """Empty memories; the cells of every sample of the cycle."""
         config = setup.config
-        columns = [c for name in config.cmac.inputs for c in COLUMNS[name]]
         self.cmacs = [
-            Cmac(
-                config.cmac,
-                spanning(setup.plan.joints[:, i, columns], config.cmac.range_factor),
-                2,
-                config.seed,
-            )
+            Cmac(config.cmac, spanning(_inputs(setup, i), config.cmac.range_factor), 2, config.seed)
             for i in range(setup.mechanism.legs.shape[0])
         ]
         self.law = _law(CMAC, setup, cmacs=self.cmacs)

@@ -66,7 +66,6 @@ class _FusedLoop:
         assert isinstance(controller, HybridController)
         assert isinstance(feedforward, BuiltInFeedforward)
         legs = scenario.setup.mechanism.legs.shape[0]
-        limit = scenario.setup.config.actuator.torque_limit
         self.plant = plant
         self.taken = 0
         self.loop = FusedLoop(
@@ -76,7 +75,7 @@ class _FusedLoop:
             controller.law,
             controller.state,
             feedforward.law,
-            float("inf") if limit is None else float(limit),
+            scenario.setup.config.actuator.limit,
             Torques(*(np.zeros((legs, 2)) for _ in range(3))),
             guard,
         )

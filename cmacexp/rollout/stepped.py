@@ -40,8 +40,7 @@ class SteppedLoop:
         self.guard = guard
         self.state = scenario.first
         self.taken = 0
-        limit = scenario.setup.config.actuator.torque_limit
-        self.limit = float("inf") if limit is None else limit
+        self.limit = scenario.setup.config.actuator.limit
 
     def run(self, samples: Array, body_samples: Array) -> int:
         """Run as many steps as ``samples`` (steps, L, columns) and ``body_samples`` (steps, 3) have room for.
