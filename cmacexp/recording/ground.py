@@ -3,8 +3,8 @@
 import numpy as np
 import rerun as rr
 
+from cmacexp import palette
 from cmacexp.arrays import Array, Mask
-from cmacexp.recording import palette
 from cmacexp.recording.view import LegView, RunView
 
 FORCE_LENGTH = 0.15

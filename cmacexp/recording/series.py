@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
+from cmacexp import palette
 from cmacexp.arrays import Array
-from cmacexp.recording import palette
 from cmacexp.recording.view import LegView, RunView
 
 Line = tuple[str, Array, tuple[int, ...]]
