@@ -4,7 +4,6 @@ With ``NUMBA_DISABLE_JIT=1`` the same functions run as they stand, and give the 
 """
 
 import contextlib
-import hashlib
 import os
 import tempfile
 from collections.abc import Callable
@@ -14,27 +13,19 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.core import event
 
+from cmacexp.sources import sources_hash
+
 numba_config: Any = numba.config
 numba_njit: Any = numba.njit
 register: Any = event.register
 Function = TypeVar("Function", bound=Callable[..., object])
 
 ROOMS = ("compile.py", "models", "cmac", "control", "planning", "plants", "rollout")
-"""Where kernels, and constants that kernels use, may stand; their text keys the cache."""
+"""Where kernels, and constants that kernels use, may stand; their text keys the cache.
 
-
-def _sources_hash() -> str:
-    """Hash of every file whose text can change compiled code.
-
-    numba keys a cached kernel by its own file alone, and would go on using it after an edit of a kernel
-    that it calls; a folder per state of the sources is never stale.
-    """
-    package = Path(__file__).parent
-    files = [file for room in ROOMS for file in sorted((package / room).rglob("*.py"))] + [Path(__file__)]
-    digest = hashlib.sha256()
-    for file in files:
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
+numba keys a cached kernel by its own file alone, and would go on using it after an edit of a kernel that it calls;
+a folder per state of the sources is never stale.
+"""
 
 
 def _writable(folder: Path) -> bool:
@@ -49,7 +40,7 @@ def _writable(folder: Path) -> bool:
 def _cache_folder() -> Path:
     """Where compiled code of these sources is kept: the user's cache, or a new temporary folder."""
     root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
-    folder = Path(root) / "cmacexp" / _sources_hash()
+    folder = Path(root) / "cmacexp" / sources_hash(ROOMS)
     return folder if _writable(folder) else _temporary_folder(folder.name)
 
 

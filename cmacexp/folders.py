@@ -11,20 +11,26 @@ from cmacexp.errors import BadRun, CmacexpError
 
 def is_run(folder: Path) -> bool:
     """Whether ``folder`` is, or was to become, the folder of a run."""
-    return any((folder / name).exists() for name in (manifests.NAME, "trace.parquet", ".hydra"))
+    named = any((folder / name).exists() for name in (manifests.NAME, "trace.parquet", ".hydra"))
+    return named and not manifests.is_report(folder)
 
 
-def runs_below(folder: Path) -> list[Path]:
+def runs_below(folder: Path, reports: bool = False) -> list[Path]:
     """``folder`` if it is a run, else all runs below it, in order.
+
+    Args:
+        folder: where to look.
+        reports: take folders of reports as well.
 
     Raises:
         BadRun: the folder does not exist or holds no run.
     """
     if not folder.is_dir():
         raise BadRun(f"{folder}: no such folder")
-    if is_run(folder):
+    if is_run(folder) or (reports and manifests.is_report(folder)):
         return [folder]
     found = sorted({path.parent for path in folder.rglob("*") if path.name in (manifests.NAME, ".hydra")})
+    found = [path for path in found if reports or is_run(path)]
     if not found:
         raise BadRun(f"{folder}: holds no run; give the folder that a run printed at its end")
     return found

@@ -12,6 +12,8 @@ from cmacexp.errors import BadRun
 from cmacexp.files import sha256, write_atomically
 
 NAME = "manifest.json"
+REPORT = "report"
+"""Kind of a manifest that lists a report and all that its numbers are computed from, not a run."""
 PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk")
 
 Manifest = dict[str, Any]
@@ -65,6 +67,14 @@ def read(folder: Path) -> Manifest:
     if missing:
         raise BadRun(f"{path}: not the manifest of a run: it has no {', '.join(missing)}")
     return manifest
+
+
+def is_report(folder: Path) -> bool:
+    """Whether ``folder`` holds a report, not a run."""
+    try:
+        return read(folder).get("kind") == REPORT
+    except BadRun:
+        return False
 
 
 def update_files(folder: Path, names: list[str]) -> None:

@@ -24,6 +24,7 @@ from cmacexp.keep import (
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.rollout import Rollout, roll_out
 from cmacexp.scenario import Scenario, make_scenario
+from cmacexp.sources import code_hash
 from cmacexp.trace import assemble, assemble_body
 
 
@@ -107,9 +108,11 @@ def run_scenario(
         "seed": config.seed,
         "config": plain,
         "config_hash": config_hash(plain),
+        "code_hash": code_hash(),
         "versions": manifests.versions(),
         "git_commit": manifests.git_commit(),
         "steps": len(rollout.samples),
+        "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],
         "rollout_seconds": rollout.seconds,
         "wall_seconds": time.perf_counter() - began,
         "files": {name: sha256(folder / name) for name in names},

@@ -30,7 +30,7 @@ def faults(folder: Path) -> list[str]:
 
 def _verify(arguments: argparse.Namespace) -> int:
     whole = True
-    for folder in [run for given in arguments.folders for run in runs_below(given)]:
+    for folder in [run for given in arguments.folders for run in runs_below(given, reports=True)]:
         found = faults(folder)
         whole = whole and not found
         status = "NOT WHOLE" if found else manifests.read(folder)["status"]

@@ -5,6 +5,7 @@ import numpy as np
 from cmacexp.arrays import Array
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import spanning
+from cmacexp.cmac.use import MemoryUse, memory_use
 from cmacexp.control.feedforward_law import CMAC, NONE, TABLE, FeedforwardLaw, feedforward_step
 from cmacexp.control.protocol import Reference
 from cmacexp.models.ground import contact_force
@@ -20,10 +21,15 @@ class BuiltInFeedforward:
 
     acts = True
     law: FeedforwardLaw
+    memory: list[MemoryUse]
+    """Of the memory of each leg; empty for a feedforward without memory."""
 
     def reset(self, setup: Setup) -> None:
         """Work out everything that the plan fixes."""
         raise TypeError(f"{type(self).__name__} is a base class; choose one of its subclasses")
+
+    def __init__(self) -> None:
+        self.memory = []
 
     def predict(self, reference: Reference, taught: Array) -> Array:
         """Learn from the last step's feedback (L, 2), N m, then give this step's torque (L, 2), N m."""
@@ -96,3 +102,4 @@ class CmacFeedforward(BuiltInFeedforward):
             for i in range(setup.mechanism.legs.shape[0])
         ]
         self.law = _law(CMAC, setup, cmacs=self.cmacs)
+        self.memory = [memory_use(cmac, _inputs(setup, i)) for i, cmac in enumerate(self.cmacs)]

@@ -1,0 +1,42 @@
+"""How much of its memory a CMAC uses on a path, and how many of its cells share a word by hashing."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.arrays import Array
+from cmacexp.cmac.addressing import address_batch
+from cmacexp.cmac.network import Cmac
+
+MOST_POSITIONS = 2**63
+"""Positions in dense memory that 64 bits tell apart."""
+
+
+class MemoryUse(NamedTuple):
+    """Use of memory by the inputs of a path."""
+
+    rows: int
+    """Rows of memory."""
+    rows_used: int
+    """Rows that the path reads and trains."""
+    cells_visited: int | None
+    """Cells of the CMAC before hashing, over all layers; None if their positions do not fit into 64 bits."""
+    cells_colliding: int | None
+    """Visited cells that share their row with another one."""
+    clipped: int
+    """Inputs of the path that lay outside their range."""
+
+
+def memory_use(cmac: Cmac, inputs: Array) -> MemoryUse:
+    """What a path of inputs (samples, n) uses of the memory of ``cmac``."""
+    law = cmac.address
+    rows = np.empty((len(inputs), cmac.layers), dtype=np.int64)
+    clipped = address_batch(law, inputs, rows)
+    used, row_of = np.unique(rows, return_inverse=True)
+    if cmac.layers * law.resolution_elements ** inputs.shape[1] > MOST_POSITIONS:
+        return MemoryUse(law.rows, len(used), None, None, clipped)
+    positions = np.empty_like(rows)
+    address_batch(law._replace(hashed=False), inputs, positions)
+    cells, first = np.unique(positions, return_index=True)
+    shared = np.bincount(row_of.ravel()[first], minlength=len(used))
+    return MemoryUse(law.rows, len(used), len(cells), int(shared[shared > 1].sum()), clipped)

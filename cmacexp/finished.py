@@ -1,0 +1,26 @@
+"""Which runs need not be run again: one look-up, for studies and for sweeps that are taken up again."""
+
+from pathlib import Path
+
+from cmacexp import manifest as manifests
+from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.errors import BadRun
+from cmacexp.sources import code_hash
+from cmacexp.verify import faults
+
+RESULTS = ("completed", "fell", "diverged")
+"""Ends of a run that are a result."""
+
+
+def is_finished(folder: Path, config: Config) -> bool:
+    """Whether ``folder`` holds the whole result of ``config``, made by the code as it is now.
+
+    A run is taken for finished if its manifest says how it ended, names the same hash of the config and of the code,
+    and every file that it lists is there unchanged. Parts of one's own are told apart by their config alone.
+    """
+    try:
+        manifest = manifests.read(folder)
+    except BadRun:
+        return False
+    same = manifest.get("config_hash") == config_hash(to_plain(config)) and manifest.get("code_hash") == code_hash()
+    return same and manifest["status"] in RESULTS and not faults(folder)

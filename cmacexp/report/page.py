@@ -1,0 +1,170 @@
+"""A report: sections of text, tables, claims and figures as one HTML file that needs nothing else."""
+
+import base64
+import csv
+import io
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from cmacexp import manifest as manifests
+from cmacexp.files import sha256, write_atomically
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+HTML, CLAIMS_CSV, FIGURES = "report.html", "claims.csv", "figures"
+VERDICTS = ("reproduced", "reproduced in part", "not reproduced", "contradicted")
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph."""
+
+    kind: ClassVar = "text"
+    text: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under named columns; numbers come formatted, with their units in the names."""
+
+    kind: ClassVar = "table"
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure, the name of its files, and what it shows."""
+
+    kind: ClassVar = "drawing"
+    name: str
+    figure: "Figure"
+    caption: str
+    title: str = ""
+    """E.g. ``Fig. 10``, if it is one of the paper's."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What the paper says, and what came out."""
+
+    claim: str
+    where: str
+    """Section and figure of the paper."""
+    measured: str
+    verdict: str
+    """One of :data:`VERDICTS`."""
+    runs: Sequence[str]
+    """Folders of the runs behind it, as seen from the report."""
+
+    def __post_init__(self) -> None:
+        if self.verdict not in VERDICTS:
+            raise ValueError(f"verdict {self.verdict!r}: choose from {', '.join(VERDICTS)}")
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a report."""
+
+    title: str
+    parts: Sequence[Text | Table | Drawing]
+    claims: Sequence[Claim] = ()
+
+    @property
+    def anchor(self) -> str:
+        """Where a link to it leads."""
+        return "".join(c if c.isalnum() else "-" for c in self.title.lower())
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that goes into one page."""
+
+    title: str
+    summary: str
+    sections: Sequence[Section]
+    inputs: Sequence[Path]
+    """Every file that its numbers are computed from."""
+    config: dict[str, Any] = field(default_factory=dict)
+    """What was asked for; stands in the manifest."""
+
+    @property
+    def claims(self) -> list[Claim]:
+        """Of all sections, in order."""
+        return [claim for section in self.sections for claim in section.claims]
+
+
+def _image(figure: "Figure", path: Path) -> tuple[str, list[Path]]:
+    """Save a figure as PNG and SVG; the SVG as a data address, and the files."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    files = []
+    for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
+        name = path.with_name(f"{path.name}.{kind}")
+        with write_atomically(name) as temporary:
+            figure.savefig(temporary, format=kind, metadata=metadata)
+        files.append(name)
+    return "data:image/svg+xml;base64," + base64.b64encode(files[-1].read_bytes()).decode(), files
+
+
+def _claims_csv(claims: Sequence[Claim]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["claim", "where", "measured", "verdict", "runs"])
+    writer.writerows([c.claim, c.where, c.measured, c.verdict, " ".join(c.runs)] for c in claims)
+    return text.getvalue()
+
+
+def _write_text(path: Path, text: str) -> Path:
+    with write_atomically(path) as temporary:
+        temporary.write_text(text)
+    return path
+
+
+def relative(path: Path, folder: Path) -> str:
+    """``path`` as seen from ``folder``."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+
+
+def write_report(report: Report, folder: Path, key: str) -> Path:
+    """Write a report and its figures; the manifest last, with the hash of every file and of all that it rests on.
+
+    Args:
+        report: what to write.
+        folder: is made if missing.
+        key: of the code and the inputs that made it, to know later whether it is still up to date.
+
+    Returns:
+        The HTML file.
+    """
+    from jinja2 import Environment, FileSystemLoader
+
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / manifests.NAME).unlink(missing_ok=True)
+    images, written = {}, []
+    for section in report.sections:
+        for part in section.parts:
+            if isinstance(part, Drawing):
+                images[part.name], files = _image(part.figure, folder / FIGURES / part.name)
+                written += files
+    environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True)
+    page = environment.get_template("page.html").render(report=report, images=images)
+    written.append(_write_text(folder / HTML, page))
+    if report.claims:
+        written.append(_write_text(folder / CLAIMS_CSV, _claims_csv(report.claims)))
+    manifests.write(
+        folder,
+        {
+            "kind": manifests.REPORT,
+            "status": "completed",
+            "config": report.config,
+            "key": key,
+            "versions": manifests.versions(),
+            "files": {relative(path, folder): sha256(path) for path in [*written, *report.inputs]},
+        },
+    )
+    return folder / HTML

@@ -1,0 +1,85 @@
+"""What all studies share: run what is missing, reuse what is there, write the report, say how it went."""
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cmacexp.report.page import HTML, Claim, Report, Section, write_report
+from pipelines.runs import Runs, collect
+from pipelines.state import is_up_to_date, state_key
+
+FOLDER = Path("outputs/studies")
+Jobs = Mapping[str, Sequence[str]]
+"""Overrides of each run that a study asks for, by the study's own name of it."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study: what it runs, and what it tells of it."""
+
+    name: str
+    """That of its module in ``pipelines``."""
+    title: str
+    purpose: str
+    """What it claims, in a sentence or two."""
+    jobs: Callable[[bool], Jobs]
+    """The runs, given whether it is to be quick."""
+    tell: Callable[[Runs], Sequence[Section]]
+    """The sections of its report."""
+
+
+def _print_claims(claims: Sequence[Claim]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    if not claims:
+        return
+    table = Table("verdict", "the paper says", "measured here", box=None, pad_edge=False, header_style="bold")
+    for claim in claims:
+        table.add_row(claim.verdict, f"{claim.claim} ({claim.where})", claim.measured)
+    Console(highlight=False, width=None if sys.stdout.isatty() else 160).print(table)
+
+
+def write_study(studies: Sequence[Study], title: str, purpose: str, folder: Path, quick: bool) -> Path:
+    """Run the studies and write one report of them into ``folder``; nothing is done again that has not changed.
+
+    Returns:
+        The HTML file.
+    """
+    key = state_key([study.name for study in studies], quick)
+    if is_up_to_date(folder, key):
+        print(f"nothing changed since it was written: {folder / HTML}")
+        return folder / HTML
+    jobs = {study.name: study.jobs(quick) for study in studies}
+    runs = collect(jobs, folder.parent / "runs")
+    sections, inputs = [], set()
+    for study in studies:
+        print(f"{study.name}: drawing", file=sys.stderr)
+        own = Runs(runs[study.name], folder)
+        sections += study.tell(own)
+        inputs |= own.files
+    config = {"studies": [study.name for study in studies], "quick": quick}
+    report = Report(title, purpose, sections, sorted(inputs), config)
+    path = write_report(report, folder, key)
+    _print_claims(report.claims)
+    print(path)
+    return path
+
+
+def arguments_of(name: str, purpose: str) -> argparse.Namespace:
+    """The command line that every study has: ``folder`` and ``quick``."""
+    parser = argparse.ArgumentParser(prog=f"python -m pipelines.{name}", description=purpose)
+    parser.add_argument("--quick", action="store_true", help="fewer and shorter runs: does it work at all?")
+    parser.add_argument(
+        "--folder", type=Path, default=FOLDER, help=f"reports and runs of all studies (default: {FOLDER})"
+    )
+    return parser.parse_args()
+
+
+def main(study: Study) -> None:
+    """Run one study from the command line."""
+    arguments = arguments_of(study.name, study.purpose)
+    folder = arguments.folder / (f"{study.name}-quick" if arguments.quick else study.name)
+    write_study([study], study.title, study.purpose, folder, arguments.quick)
