@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import compose_config
 
+from cmacexp.config.compose import compose_config
 from cmacexp.metrics import compute
 from cmacexp.metrics.definitions import METRICS
 from cmacexp.rollout import roll_out
@@ -23,7 +23,7 @@ GOLDEN = Path(__file__).parent / "golden" / "one_leg_metrics.csv"
 
 def measure():
     """Metrics of ``scenario=one_leg`` by name, a value for each cycle."""
-    config = compose_config("scenario=one_leg")
+    config = compose_config(["scenario=one_leg"])
     rollout = roll_out(make_scenario(config))
     trace = assemble(rollout.plan, rollout.columns(), config.sampling_period)
     table = compute(trace, config.steps_per_cycle)
