@@ -7,13 +7,18 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.finished import is_finished
 from cmacexp.report.page import relative
 from cmacexp.stored import StoredRun
+from cmacexp.table import read_table, write_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
 
 HASH_DIGITS = 12
 
@@ -25,15 +30,24 @@ class Runs(dict[str, StoredRun]):
         super().__init__(runs)
         self.report = report
         """Folder of the report that tells of them."""
+        self._kept: set[Path] = set()
 
     def links(self, *names: str) -> list[str]:
         """Folders of runs as seen from the report, for the claims that rest on them."""
         return [relative(self[name].folder, self.report) for name in names]
 
+    def keep(self, name: str, table: "pa.Table") -> "pd.DataFrame":
+        """Keep a table that was computed without a run beside the report, which lists it; as it was read back."""
+        path = self.report / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_table(table, path)
+        self._kept.add(path)
+        return read_table(path).to_pandas()
+
     @property
     def files(self) -> set[Path]:
-        """Every file of these runs that their manifests list."""
-        return {run.folder / name for run in self.values() for name in run.manifest["files"]}
+        """Every file of these runs that their manifests list, and every table that was kept."""
+        return self._kept | {run.folder / name for run in self.values() for name in run.manifest["files"]}
 
 
 def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, bool]:
