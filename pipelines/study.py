@@ -55,14 +55,15 @@ def write_study(studies: Sequence[Study], title: str, purpose: str, folder: Path
         return folder / HTML
     jobs = {study.name: study.jobs(quick) for study in studies}
     runs = collect(jobs, folder.parent / "runs")
-    sections, inputs = [], set()
+    sections, inputs, of_config = [], set(), {}
     for study in studies:
         print(f"{study.name}: drawing", file=sys.stderr)
         own = Runs(runs[study.name], folder)
         sections += study.tell(own)
         inputs |= own.files
+        of_config |= {run.folder: str(run.manifest["config_hash"]) for run in own.values()}
     config = {"studies": [study.name for study in studies], "quick": quick}
-    report = Report(title, purpose, sections, sorted(inputs), config)
+    report = Report(title, purpose, sections, sorted(inputs), config, of_config)
     path = write_report(report, folder, key)
     _print_claims(report.claims)
     print(path)

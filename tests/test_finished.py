@@ -117,6 +117,16 @@ def test_a_report_lists_what_it_rests_on(finished, tmp_path):
     assert not is_up_to_date(page.parent, "key")
 
 
+def test_a_report_notices_a_config_that_was_changed_by_hand(finished, tmp_path):
+    run = finished[0]
+    report = Report("T", "S", [], [], runs={run: manifests.read(run)["config_hash"]})
+    folder = write_report(report, tmp_path / "report", "key").parent
+    assert not faults(folder)
+    config = manifests.read(run)["config"]
+    change_manifest(run, config={**config, "seed": 1})
+    assert faults(folder) == ["../run: its config is not the one that the report tells of"]
+
+
 def test_a_report_is_no_run(finished, tmp_path):
     make_report(tmp_path / "report", finished[0])
     assert runs_below(tmp_path) == [finished[0]]

@@ -4,7 +4,7 @@ import base64
 import csv
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -92,6 +92,8 @@ class Report:
     """Every file that its numbers are computed from."""
     config: dict[str, Any] = field(default_factory=dict)
     """What was asked for; stands in the manifest."""
+    runs: Mapping[Path, str] = field(default_factory=dict)
+    """The hash of the config of every run that it tells of, by folder."""
 
     @property
     def claims(self) -> list[Claim]:
@@ -164,6 +166,7 @@ def write_report(report: Report, folder: Path, key: str) -> Path:
             "config": report.config,
             "key": key,
             "versions": manifests.versions(),
+            "runs": {relative(path, folder): of_config for path, of_config in report.runs.items()},
             "files": {relative(path, folder): sha256(path) for path in [*written, *report.inputs]},
         },
     )
