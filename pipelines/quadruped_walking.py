@@ -301,9 +301,8 @@ def tell(runs: Runs) -> list[Section]:
 STUDY = Study(
     "quadruped_walking",
     "Quadruped walking",
-    "Section 6 of Lin & Song 1997: four legs walk with force/position feedback, posture control and one CMAC for "
-    "each leg. Without posture control the machine falls; with it and CMAC it walks level with a few percent of "
-    "feedback.",
+    "Section 6 of Lin & Song 1997: four legs walk with force/position feedback, posture control and a CMAC for each "
+    "leg. Posture control is what keeps the machine up; CMAC makes it level and leaves little to the feedback.",
     jobs,
     tell,
 )
