@@ -3,18 +3,17 @@
 import sys
 from collections.abc import Sequence
 
-WIDTH = 120
-"""Width where no person watches, characters."""
+WIDTH = 400
+"""Most characters in a line where no person watches; a table takes what it needs."""
 
 
-def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]], left: int = 0, width: int = WIDTH) -> None:
+def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]], left: int = 0) -> None:
     """Print rows under their titles.
 
     Args:
         titles: of the columns; what follows a line break is the unit.
         rows: cells as text.
         left: so many columns hold text and stand to the left.
-        width: where the output goes to a file or another program, characters.
     """
     from rich.console import Console
     from rich.table import Table
@@ -25,4 +24,4 @@ def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]], left: int 
         table.add_column(title, justify="left" if index < left else "right")
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
-    Console(highlight=False, width=None if sys.stdout.isatty() else width).print(table)
+    Console(highlight=False, width=None if sys.stdout.isatty() else WIDTH).print(table)

@@ -94,17 +94,26 @@ def _rank(key: str) -> tuple[int, int, str]:
     return (order.index(True) if True in order else len(order), len(key), key)
 
 
-def find_swept(jobs: Iterable[Job]) -> Swept:
-    """The config keys in which runs differ; keys whose values differ between the same runs are one."""
-    configs = [job.config for job in jobs if job.config]
+def _patterns(configs: Sequence[dict[str, Any]]) -> dict[tuple[int, ...], list[str]]:
+    """Keys that differ, by the first run that has the same value as each run.
+
+    What the scenario alone decides differs as the scenario does.
+    """
+    scenarios = [config.get("scenario") for config in configs]
+    by_scenario = tuple(map(scenarios.index, scenarios))
     groups: dict[tuple[int, ...], list[str]] = {}
     for key in dict.fromkeys(key for config in configs for key in config):
-        if key.split(".")[0] in WITHOUT_EFFECT:
-            continue
-        seen: dict[str, int] = {}
-        pattern = tuple(seen.setdefault(repr(config.get(key)), len(seen)) for config in configs)
-        if len(seen) > 1:
-            groups.setdefault(pattern, []).append(key)
+        values = [repr(config.get(key)) for config in configs]
+        pattern = tuple(map(values.index, values))
+        decided = len(set(zip(by_scenario, pattern, strict=True))) == len(set(by_scenario))
+        if len(set(values)) > 1 and key.split(".")[0] not in WITHOUT_EFFECT:
+            groups.setdefault(by_scenario if decided else pattern, []).append(key)
+    return groups
+
+
+def find_swept(jobs: Iterable[Job]) -> Swept:
+    """The config keys in which runs differ; keys whose values differ between the same runs are one."""
+    groups = _patterns([job.config for job in jobs if job.config])
     together = [sorted(keys, key=_rank) for keys in groups.values()]
     seeds = [keys[0] for keys in together if keys[0].endswith("seed")]
     others = [keys for keys in together if not keys[0].endswith("seed")]
@@ -128,8 +137,8 @@ def names_of(folders: Sequence[Path]) -> list[str]:
 def sweep_rows(jobs: Sequence[Job], keys: Sequence[str]) -> list[Row]:
     """One flat row per job: ``run``, the value of each key, how it ended, and its metrics.
 
-    How it ended: ``status``, ``cause`` and ``cycles``, the whole ones. Metrics are in SI units under ``final_NAME`` (of
-    the last whole cycle) and ``best_NAME`` (over all whole cycles), NaN where undefined.
+    How it ended: ``status``, ``cause`` and ``cycles``, the whole ones. Metrics are in SI units under ``final_NAME``
+    (of the last whole cycle) and ``best_NAME`` (over all whole cycles), NaN where undefined.
     """
     rows = []
     for name, job in zip(names_of([job.folder for job in jobs]), jobs, strict=True):

@@ -50,7 +50,7 @@ def _report_of_several(folders: Sequence[Path], title: str, cycles: str | None, 
     titles, rows = table_of_jobs(jobs, swept := find_swept(jobs))
     report = sweep_report(jobs, title)
     path = write_report(report, out, _key(report))
-    print_table(titles, rows, left=1 + len(swept.keys) + len(swept.repeats) + 1, width=160)
+    print_table(titles, rows, left=1 + len(swept.keys) + len(swept.repeats) + 1)
     return path
 
 

@@ -33,6 +33,8 @@ class Look:
     trace: "pd.DataFrame"
     body: "pd.DataFrame | None"
     cycle_time: float
+    period: float
+    """Between two samples, s."""
     legs: int
     has_joints: bool
 
@@ -49,6 +51,11 @@ class Look:
         """Time since the cycle began, s."""
         return np.asarray(rows["time"] - (rows["cycle"] - 1) * self.cycle_time)
 
+    @property
+    def span(self) -> float:
+        """Time that the longest of the cycles lasted, s; less than a cycle if the run stopped in its first."""
+        return float(self.clock(self.trace).max()) + self.period
+
     def name(self, leg: int) -> str:
         """E.g. ``leg 1, left front``; empty if there is one leg only."""
         return f"leg {leg}, {LEG_NAMES[leg - 1]}" if self.legs > 1 else ""
@@ -59,7 +66,8 @@ def look_at(run: StoredRun, numbers: Sequence[int]) -> Look:
     trace = run.cycles(numbers)
     body = run.cycles(numbers, BODY) if run.walks else None
     has_joints = bool(trace["q1"].notna().any())
-    return Look(numbers, trace, body, run.config["gait"]["cycle_time"], int(trace["leg"].max()), has_joints)
+    times = run.config["gait"]["cycle_time"], run.config["sampling_period"]
+    return Look(numbers, trace, body, *times, int(trace["leg"].max()), has_joints)
 
 
 def mark(index: int) -> dict[str, Any]:
@@ -90,7 +98,7 @@ def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> No
 
     known = np.asarray(values, dtype=float)
     known = known[np.isfinite(known) & (known > 0)]
-    axes.set(**{f"{which}scale": "log"})
+    (axes.set_xscale if which == "x" else axes.set_yscale)("log", nonpositive="mask")
     axis = axes.xaxis if which == "x" else axes.yaxis
     few = known.max() < 1e2 * known.min()
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
@@ -103,7 +111,7 @@ def legend_below(figure: "Figure", axes: "Axes", columns: int = 6, title: str = 
     handles, names = axes.get_legend_handles_labels()
     once = dict(zip(names, handles, strict=True))
     if len(once) > 1 or title:
-        columns = max(1, min(columns, len(once), 110 // (8 + max(map(len, once)))))
+        columns = max(1, min(columns, len(once), 112 // (8 + max(map(len, once)))))
         place: dict[str, Any] = {"loc": "outside lower center", "ncols": columns, "handlelength": 3}
         figure.legend(list(once.values()), list(once), title=title or None, **place)
 

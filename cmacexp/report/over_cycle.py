@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CLOCK = "time in the cycle, s"
-LAST_STEPS = 200
+LAST_STEPS = 100
 """Steps that are shown of the end of a run that stopped."""
-LEG_SHADED = "The planned support is shaded."
+SHADED = "The planned support is shaded."
 
 
 def _shade_support(axes: "Axes", look: Look, leg: int) -> None:
@@ -34,7 +34,7 @@ def _cycles(axes: "Axes", look: Look, leg: int, value: Callable[["pd.DataFrame"]
     for index, number in enumerate(look.numbers):
         rows = look.of(number, leg)
         axes.plot(look.clock(rows), value(rows), label=f"cycle {number}", **mark(index))
-    axes.set_xlim(0, look.cycle_time)
+    axes.set_xlim(0, look.span)
 
 
 def _foot(axes: "Axes", look: Look, leg: int) -> None:
@@ -75,10 +75,9 @@ PANELS: dict[str, tuple[Callable[["Axes", Look, int], None], str]] = {
 }
 
 
-def _panels(look: Look) -> list[str]:
-    """The panels that show something: a foot that does not move along x has neither path nor error there."""
-    moves = float(np.ptp(look.trace["x"])) > 1e-6 or float(np.ptp(look.trace["x_desired"])) > 1e-6
-    return list(PANELS) if moves else ["force", "error_y"]
+def moves(look: Look) -> bool:
+    """Whether the feet move along x; one that only presses has neither path nor error there."""
+    return any(float(np.ptp(look.trace[name])) > 1e-6 for name in ("x", "x_desired"))
 
 
 def _flip_foot(axes: "Axes") -> None:
@@ -88,7 +87,7 @@ def _flip_foot(axes: "Axes") -> None:
 
 def tracking(look: Look) -> list[Drawing]:
     """Foot path, force and errors over the chosen cycles: one figure for one leg, else one for each."""
-    names = _panels(look)
+    names = list(PANELS) if moves(look) else ["force", "error_y"]
     if look.legs == 1:
         figure, axes = new_figure(-(-len(names) // 2), 2, 2.7)
         for ax, name in zip(axes, names, strict=True):
@@ -96,21 +95,21 @@ def tracking(look: Look) -> list[Drawing]:
         if "foot" in names:
             _flip_foot(axes[0])
         legend_below(figure, axes[names.index("force")])
-        shaded = "" if bool((look.trace["phase"] == "support").all()) else f" {LEG_SHADED}"
+        shaded = "" if bool((look.trace["phase"] == "support").all()) else f" {SHADED}"
         return [Drawing("tracking", figure, f"Force and errors over the chosen cycles.{shaded}")]
     return [_of_all_legs(look, name) for name in names]
 
 
 def _of_all_legs(look: Look, name: str) -> Drawing:
     draw, caption = PANELS[name]
-    figure, axes = new_figure(2, 2, 2.3, sharex=True, sharey=True)
+    figure, axes = new_figure(2, 2, 1.8 if name == "foot" else 2.3, sharex=True, sharey=True)
     for leg, ax in enumerate(axes, 1):
         draw(ax, look, leg)
         ax.label_outer()
     if name == "foot":
         _flip_foot(axes[0])
     legend_below(figure, axes[0])
-    return Drawing(name, figure, f"{caption}." if name == "foot" else f"{caption}. {LEG_SHADED}")
+    return Drawing(name, figure, f"{caption}." if name == "foot" else f"{caption}. {SHADED}")
 
 
 def torques(look: Look) -> Drawing:
@@ -128,12 +127,11 @@ def torques(look: Look) -> Drawing:
         if learns:
             ax.plot(look.clock(rows), rows[f"tau_feedforward_{joint}"], "--", color=FEEDFORWARD, label="feedforward")
         name = look.name(leg)
-        label(ax, f"{name}: {names[joint - 1]}" if name else names[joint - 1], CLOCK, unit)
-        ax.label_outer(remove_inner_ticks=False) if look.legs > 1 else None
-        ax.set_ylabel(unit)
-        ax.set_xlim(0, look.cycle_time)
+        title = f"{name}: {names[joint - 1]}" if name else names[joint - 1]
+        label(ax, title, CLOCK if leg == look.legs else "", unit)
+        ax.set_xlim(0, look.span)
     legend_below(figure, axes[0])
-    shaded = "" if bool((look.trace["phase"] == "support").all()) else f" {LEG_SHADED}"
+    shaded = "" if bool((look.trace["phase"] == "support").all()) else f" {SHADED}"
     what = "Feedback and feedforward" if learns else "Feedback"
     return Drawing("torques", figure, f"{what} in cycle {number}; the plant gets their sum.{shaded}")
 
@@ -152,7 +150,7 @@ def body(look: Look) -> Drawing:
             rows = look.of_body(number)
             ax.plot(look.clock(rows), factor * rows[name], label=f"cycle {number}", **mark(index))
         label(ax, title, CLOCK if ax in axes[2:] else "", unit)
-        ax.set_xlim(0, look.cycle_time)
+        ax.set_xlim(0, look.span)
     legend_below(figure, axes[0])
     caption = "The body over the chosen cycles; the margin is that over the planned support polygon."
     return Drawing("body", figure, caption)

@@ -31,16 +31,16 @@ class Panel(NamedTuple):
 
 PANELS = (
     Panel(
-        "tracking error",
-        "RMS, mm",
+        "tracking error, RMS",
+        "mm",
         1e3,
         {"transfer_rmse_x": "transfer x", "transfer_rmse_y": "transfer y", "support_rmse_x": "support x"},
     ),
     Panel(
-        "force error",
+        "force error, RMS",
         "N",
         1.0,
-        {"force_rmse": "RMS in support", "force_rmse_three_feet": "RMS on three feet", "force_ripple": "ripple"},
+        {"force_rmse": "support", "force_rmse_three_feet": "three feet", "force_ripple": "ripple"},
     ),
     Panel(
         "force over its desired value",

@@ -75,14 +75,16 @@ def _styles(jobs: Sequence[Job], keys: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def learning_curves(jobs: Sequence[Job], names: Sequence[str], keys: Sequence[str]) -> list[Drawing]:
-    """The main metrics per cycle, a line for each run; none if all runs have one cycle only.
+    """The main metrics per cycle, a line for each run that has a whole one; none if no run has two.
 
     Args:
         jobs: results.
         names: of the jobs, as the legend says them.
         keys: what was swept.
     """
-    if max(len(job.cycles) for job in jobs) < 2:
+    begun = [index for index, job in enumerate(jobs) if job.cycles]
+    jobs, names = [jobs[i] for i in begun], [names[i] for i in begun]
+    if not jobs or max(len(job.cycles) for job in jobs) < 2:
         return []
     if len(jobs) <= MOST_LINES:
         figure = _learning_figure(jobs, _styles(jobs, keys), names)
@@ -120,7 +122,7 @@ def _learning_figure(
     if mappable is not None:
         figure.colorbar(mappable, ax=axes[: len(shown)], label=title, location="bottom", aspect=50, shrink=0.6)
     else:
-        legend_below(figure, axes[0], 4, title)
+        legend_below(figure, axes[0], title=title)
     return figure
 
 
@@ -171,15 +173,12 @@ def _mean_line(places: Sequence[float], values: Sequence[float]) -> tuple[list[f
     return sorted(at), [float(np.mean(at[place])) for place in sorted(at)]
 
 
-def _family(axes: "Axes", places: Sequence[float], values: Sequence[float], **style: Any) -> None:
-    """Dots for all runs and a line through their means."""
-    marker, filled, joined = style.pop("marker"), style.pop("filled", True), style.pop("joined")
+def _family(axes: "Axes", places: Sequence[float], values: Sequence[float], joined: bool, **style: Any) -> None:
+    """Dots for all runs and, if ``joined``, a line through their means."""
     x, y = _mean_line(places, values)
-    line = axes.plot(x, y, marker=marker, ms=5, mfc=None if filled else "white", **style)[0]
-    if not joined:
-        line.set_linestyle("none")
+    axes.plot(x, y, **style if joined else style | {"linestyle": "none"})
     if len(x) < len(places):
-        axes.plot(places, values, marker=marker, ms=3, color=style["color"], alpha=0.5, linestyle="none")
+        axes.plot(places, values, marker=style["marker"], ms=3, color=style["color"], alpha=0.5, linestyle="none")
 
 
 def _mark_stopped(axes: "Axes", places: Sequence[float]) -> None:
@@ -194,9 +193,10 @@ def _one_key(axes: "Axes", jobs: Sequence[Job], places: Sequence[float], name: s
     factor = COLUMNS[name].factor
     final = [factor * job.final(name) for job in jobs]
     best = [factor * job.best(name) for job in jobs]
-    _family(axes, places, final, label="last cycle", marker=MARKERS[0], joined=joined, **mark(0))
-    if np.isfinite(best).any():
-        _family(axes, places, best, label="best cycle", marker=MARKERS[1], filled=False, joined=joined, **mark(1))
+    if np.isfinite(best).any() and any(len(job.cycles) > 1 for job in jobs):
+        style = mark(1) | {"marker": MARKERS[1], "ms": 8, "mfc": "white", "lw": 1.0}
+        _family(axes, places, best, joined, label="best cycle", **style)
+    _family(axes, places, final, joined, label="last cycle", marker=MARKERS[0], ms=4, **mark(0))
     return [*final, *best]
 
 
@@ -209,8 +209,9 @@ def _by_second(
     kinds = sorted(set(values), key=float) if is_numeric(values) else list(dict.fromkeys(values))
     for index, kind in enumerate(kinds):
         own = [i for i, value in enumerate(values) if value == kind]
-        style = {"marker": MARKERS[index % len(MARKERS)], "joined": joined, **mark(index)}
-        _family(axes, [places[i] for i in own], [final[i] for i in own], label=text_of(kind), **style)
+        aside = 0.0 if joined else 0.1 * (index - (len(kinds) - 1) / 2)
+        style = mark(index) | {"marker": MARKERS[index], "ms": 5, "label": text_of(kind)}
+        _family(axes, [places[i] + aside for i in own], [final[i] for i in own], joined, **style)
     return final
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from cmacexp.pooled import COLUMNS, Row, Shown, defined, number
 from cmacexp.report.page import Report, Section, Table, Text
+from cmacexp.report.side_by_side import side_by_side
 from cmacexp.report.sweep_plots import learning_curves, over_key
 from cmacexp.sweep_table import TABLES, Job, Swept, find_swept, names_of, sweep_rows, text_of
 
@@ -82,13 +83,16 @@ def sweep_report(jobs: Sequence[Job], title: str) -> Report:
     swept = find_swept(jobs)
     results = [job for job in jobs if job.is_result]
     keys = [*swept.keys, *swept.repeats]
-    curves = learning_curves(results, _line_names(results, keys), keys or ["scenario"]) if results else []
+    names = _line_names(results, keys)
+    curves = learning_curves(results, names, keys or ["scenario"])
+    beside = side_by_side(results, names)
     over = [drawing for key in swept.keys[:MOST_KEYS] for drawing in over_key(results, key, swept.keys)]
     final = _html_table(jobs, swept, "final_", "Metrics of the last whole cycle, pooled over the legs")
     best = _html_table(jobs, swept, "best_", "Best value over all whole cycles: least error, largest share")
     sections = [Section("The runs", [*_what_differs(jobs, swept), final, best, *_not_shown(jobs)])]
     sections += [Section("Over what was swept", over)] if over else []
     sections += [Section("Learning curves", curves)] if curves else []
+    sections += [Section("Side by side", beside)] if beside else []
     ended = {status: sum(job.status == status for job in jobs) for status in dict.fromkeys(j.status for j in jobs)}
     ends = ", ".join(f"{count} {status}" for status, count in ended.items())
     summary = f"{len(jobs)} runs: {ends}. What differs between them: {', '.join(keys) or 'nothing'}."
