@@ -1,9 +1,13 @@
 """A run as it stands on disk, for those who look at it: manifest, and tables as DataFrames."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 
 from cmacexp import manifest as manifests
 from cmacexp.errors import BadRun
@@ -69,6 +73,13 @@ class StoredRun:
     def body_metrics(self) -> "pd.DataFrame":
         """One row per cycle; only of a run that :attr:`walks`."""
         return self._table(BODY_METRICS)
+
+    def cycles(self, numbers: Sequence[int], name: str = TRACE) -> "pd.DataFrame":
+        """Rows of some cycles of the trace, or of another table, without holding all of a long run in memory."""
+        try:
+            return pq.read_table(self.folder / name, filters=pc.field("cycle").isin(list(numbers))).to_pandas()
+        except (OSError, ValueError) as error:
+            raise BadRun(f"{self.folder / name}: cannot be read ({str(error).splitlines()[0]})") from None
 
     def cycle(self, number: int, leg: int = 1) -> "pd.DataFrame":
         """Rows of one leg in one cycle; none if the run did not reach it."""

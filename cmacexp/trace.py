@@ -22,6 +22,8 @@ class Column:
 
 
 PHASES = ["transfer", "support"]
+LEG_NAMES = ("left front", "right front", "left rear", "right rear")
+"""Of legs 1 to 4 under a body."""
 
 COLUMNS = (
     Column("step", "", "sampling period, from 0 over the whole run", pa.int32()),

@@ -13,10 +13,10 @@ import rerun as rr
 from cmacexp.arrays import Array, Mask
 from cmacexp.keep import Traces
 from cmacexp.table import as_array, is_support
+from cmacexp.trace import LEG_NAMES
 
 MOST_STEPS = 20_000
 """Steps that a recording shows at the most; of a longer run it shows one step in so many."""
-NAMES = ("left front", "right front", "left rear", "right rear")
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def _leg(trace: pa.Table, rows: Array, number: int, built: dict[str, Any], every
     columns = {n: as_array(trace, n)[rows][::every] for n in trace.column_names if n not in skipped}
     return LegView(
         number,
-        NAMES[number - 1] if "hip_x" in built else "leg",
+        LEG_NAMES[number - 1] if "hip_x" in built else "leg",
         columns,
         is_support(trace)[rows][::every],
         (built["length_1"], built["length_2"]) if "length_1" in built else None,

@@ -35,6 +35,8 @@ class Table:
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
+    text_columns: int = 1
+    """So many columns hold text and stand to the left."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,85 @@
+"""``python -m cmacexp.report DIR...``: figures and tables of a run, or of several beside each other."""
+
+import argparse
+import hashlib
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cmacexp.console import print_table
+from cmacexp.errors import BadInput, BadRun, CmacexpError
+from cmacexp.folders import runs_below
+from cmacexp.report.page import Report, write_report
+from cmacexp.report.run_report import run_report
+from cmacexp.report.sweep_report import sweep_report, table_of_jobs
+from cmacexp.stored import StoredRun
+from cmacexp.sweep_table import find_swept, in_order, job_of
+
+REPORTS = Path("outputs/reports")
+"""Where a report over several folders goes, in a folder of its own."""
+
+
+def _cycles(text: str) -> list[int]:
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise BadInput("--cycles", text, "must be whole numbers with commas between them, such as 1,2,5") from None
+
+
+def _destination(given: Sequence[Path], out: Path | None) -> Path:
+    if out is not None:
+        return out
+    return given[0] / "report" if len(given) == 1 else REPORTS / "-".join(path.resolve().name for path in given[:4])
+
+
+def _key(report: Report) -> str:
+    return hashlib.sha256(repr((report.title, report.config)).encode()).hexdigest()
+
+
+def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
+    report = run_report(StoredRun(folder), _cycles(cycles) if cycles else [])
+    return write_report(report, out, _key(report))
+
+
+def _report_of_several(folders: Sequence[Path], title: str, cycles: str | None, out: Path) -> Path:
+    if cycles:
+        raise BadInput("--cycles", cycles, f"is for the report of one run, and these are {len(folders)}")
+    jobs = [job_of(folder) for folder in folders]
+    if not any(job.is_result for job in jobs):
+        raise BadRun(f"{title}: none of its {len(jobs)} runs can be read ({jobs[0].folder.name}: {jobs[0].cause})")
+    titles, rows = table_of_jobs(jobs, swept := find_swept(jobs))
+    report = sweep_report(jobs, title)
+    path = write_report(report, out, _key(report))
+    print_table(titles, rows, left=1 + len(swept.keys) + len(swept.repeats) + 1)
+    return path
+
+
+def _report(arguments: argparse.Namespace) -> int:
+    given: list[Path] = arguments.folders
+    folders = list(dict.fromkeys(run for folder in given for run in in_order(runs_below(folder))))
+    out = _destination(given, arguments.out)
+    if len(folders) == 1:
+        print(_report_of_one(folders[0], arguments.cycles, out))
+    else:
+        print(_report_of_several(folders, " and ".join(map(str, given)), arguments.cycles, out))
+    return 0
+
+
+def main() -> int:
+    """Run the command."""
+    description = "Figures and tables of a run, or of a sweep or several runs beside each other, as one HTML page."
+    parser = argparse.ArgumentParser(prog="python -m cmacexp.report", description=description)
+    parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
+    parser.add_argument("--cycles", metavar="1,2,5", help="cycles of one run to show (default: a choice)")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: report in DIR, if one is given")
+    try:
+        return _report(parser.parse_args())
+    except KeyboardInterrupt:
+        return 130
+    except (CmacexpError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,159 @@
+"""A sweep as a table: one row per job with what was swept, how it ended, and its main metrics."""
+
+import math
+import os
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cmacexp import manifest as manifests
+from cmacexp.config.load import WITHOUT_EFFECT
+from cmacexp.errors import BadRun
+from cmacexp.finished import RESULTS
+from cmacexp.keep import BODY, BODY_METRICS, METRICS, TRACE, Scores
+from cmacexp.pooled import COLUMNS, Row, best, rows_per_cycle
+from cmacexp.table import read_table
+from cmacexp.verify import faults
+
+TABLES = (TRACE, BODY, METRICS, BODY_METRICS)
+"""Files of a run that a report can be computed from."""
+BROKEN = "not whole"
+"""Status of a run that left no whole manifest and tables."""
+
+
+def flatten(config: Any, prefix: str = "") -> dict[str, Any]:
+    """A nested config as ``{"cmac.layers": 8}``; lists become one text."""
+    if isinstance(config, dict):
+        parts = (flatten(value, f"{prefix}{key}.") for key, value in config.items())
+        return {key: value for part in parts for key, value in part.items()}
+    value = f"[{', '.join(map(str, config))}]" if isinstance(config, list) else config
+    return {prefix.rstrip("."): value}
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run as a row of a table; metrics are those of whole cycles, in SI units, pooled over the legs."""
+
+    folder: Path
+    status: str
+    cause: str
+    config: dict[str, Any] = field(default_factory=dict)
+    """Flat; empty if the run is broken."""
+    cycles: list[Row] = field(default_factory=list)
+
+    @property
+    def is_result(self) -> bool:
+        """Whether it can be compared with others."""
+        return self.status in RESULTS
+
+    def final(self, name: str) -> float:
+        """A metric of the last whole cycle; NaN if there is none."""
+        return float(self.cycles[-1].get(name, math.nan)) if self.cycles else math.nan
+
+    def best(self, name: str) -> float:
+        """The best value that a metric has over all whole cycles; NaN if it is never defined."""
+        return best([row.get(name, math.nan) for row in self.cycles], COLUMNS[name].good)
+
+
+def job_of(folder: Path) -> Job:
+    """What a folder holds; a run that is not whole says why in ``cause``."""
+    try:
+        manifest = manifests.read(folder)
+        wrong = [fault for fault in faults(folder) if fault.split(":")[0] in TABLES]
+        if wrong:
+            return Job(folder, BROKEN, "; ".join(wrong), flatten(manifest["config"]))
+        body = read_table(folder / BODY_METRICS) if BODY_METRICS in manifest["files"] else None
+        rows = rows_per_cycle(Scores(read_table(folder / METRICS), body))
+    except (BadRun, OSError, ValueError) as error:
+        return Job(folder, BROKEN, str(error).splitlines()[0].removeprefix(f"{folder}: "))
+    whole = rows[: manifest["steps"] // steps_per_cycle(manifest["config"])]
+    return Job(folder, manifest["status"], manifest["cause"] or "", flatten(manifest["config"]), whole)
+
+
+def steps_per_cycle(config: dict[str, Any]) -> int:
+    """Samples of one cycle of a run, from the config in its manifest."""
+    return round(config["gait"]["cycle_time"] / config["sampling_period"])
+
+
+class Swept(NamedTuple):
+    """What tells the runs of a sweep apart."""
+
+    keys: list[str]
+    """Config keys that vary independently of each other."""
+    along: dict[str, list[str]]
+    """Keys that vary together with one of ``keys``, by that key."""
+    repeats: list[str]
+    """Seeds that vary besides: runs that differ in them alone repeat each other."""
+
+
+def _rank(key: str) -> tuple[int, int, str]:
+    """What names a difference best: the scenario, then the part or method chosen, then the shortest key."""
+    order = [key == "scenario", key.endswith("_target_"), key.endswith((".method", ".kind", ".rule", ".pattern"))]
+    return (order.index(True) if True in order else len(order), len(key), key)
+
+
+def _patterns(configs: Sequence[dict[str, Any]]) -> dict[tuple[int, ...], list[str]]:
+    """Keys that differ, by the first run that has the same value as each run.
+
+    What the scenario alone decides differs as the scenario does.
+    """
+    scenarios = [config.get("scenario") for config in configs]
+    by_scenario = tuple(map(scenarios.index, scenarios))
+    groups: dict[tuple[int, ...], list[str]] = {}
+    for key in dict.fromkeys(key for config in configs for key in config):
+        values = [repr(config.get(key)) for config in configs]
+        pattern = tuple(map(values.index, values))
+        decided = len(set(zip(by_scenario, pattern, strict=True))) == len(set(by_scenario))
+        if len(set(values)) > 1 and key.split(".")[0] not in WITHOUT_EFFECT:
+            groups.setdefault(by_scenario if decided else pattern, []).append(key)
+    return groups
+
+
+def find_swept(jobs: Iterable[Job]) -> Swept:
+    """The config keys in which runs differ; keys whose values differ between the same runs are one."""
+    groups = _patterns([job.config for job in jobs if job.config])
+    together = [sorted(keys, key=_rank) for keys in groups.values()]
+    seeds = [keys[0] for keys in together if keys[0].endswith("seed")]
+    others = [keys for keys in together if not keys[0].endswith("seed")]
+    if not others:
+        return Swept(seeds, {}, [])
+    return Swept([keys[0] for keys in others], {keys[0]: keys[1:] for keys in others if keys[1:]}, seeds)
+
+
+def in_order(folders: Iterable[Path]) -> list[Path]:
+    """Folders without repeats, in the order of the numbers in their names: job 2 before job 10."""
+    unique = {folder.resolve() for folder in folders}
+    return sorted(unique, key=lambda path: [(p.isdigit() and int(p), p) for p in re.split(r"(\d+)", str(path))])
+
+
+def names_of(folders: Sequence[Path]) -> list[str]:
+    """Short names of folders: their paths below the folder that holds them all."""
+    base = os.path.commonpath([folder.resolve().parent for folder in folders])
+    return [folder.resolve().relative_to(base).as_posix() for folder in folders]
+
+
+def sweep_rows(jobs: Sequence[Job], keys: Sequence[str]) -> list[Row]:
+    """One flat row per job: ``run``, the value of each key, how it ended, and its metrics.
+
+    How it ended: ``status``, ``cause`` and ``cycles``, the whole ones. Metrics are in SI units under ``final_NAME``
+    (of the last whole cycle) and ``best_NAME`` (over all whole cycles), NaN where undefined.
+    """
+    rows = []
+    for name, job in zip(names_of([job.folder for job in jobs]), jobs, strict=True):
+        row: Row = {"run": name, **{key: job.config.get(key) for key in keys}}
+        row |= {"status": job.status, "cause": job.cause, "cycles": len(job.cycles)}
+        row |= {f"final_{metric}": job.final(metric) for metric in COLUMNS}
+        rows.append(row | {f"best_{metric}": job.best(metric) for metric, how in COLUMNS.items() if how.good})
+    return rows
+
+
+def text_of(value: Any) -> str:
+    """A value of a config as text: short numbers, a class by its name."""
+    if value is None:
+        return "null"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    text = str(value)
+    return text.rpartition(".")[2] if text.startswith("cmacexp.") else text
