@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 from cmacexp.config import Config
 from cmacexp.console import print_table
-from cmacexp.keep import Scores
+from cmacexp.keep import RECORDING, Scores
 from cmacexp.pooled import table_of_cycles
 from cmacexp.run import RunResult
 
@@ -41,4 +41,9 @@ def summary(result: RunResult) -> None:
     per_step = f", loop {seconds / steps * 1e6:.2f} us a step" if steps else ""
     cause = f" {manifest['cause']}" if manifest["cause"] else ""
     print(f"{result.status}{cause}: {steps} steps in {manifest['wall_seconds']:.2f} s{per_step}")
+    if RECORDING in manifest["files"]:
+        from cmacexp.recording import every_of
+
+        if (every := every_of(steps)) > 1:
+            print(f"{RECORDING}: one step in {every} of {steps}; python -m cmacexp.replay DIR --every 1 shows all")
     print(result.folder)
