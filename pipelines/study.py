@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cmacexp.errors import CmacexpError
 from cmacexp.report.page import HTML, Claim, Report, Section, write_report
 from pipelines.runs import Runs, collect
 from pipelines.state import is_up_to_date, state_key
@@ -68,18 +69,32 @@ def write_study(studies: Sequence[Study], title: str, purpose: str, folder: Path
     return path
 
 
-def arguments_of(name: str, purpose: str) -> argparse.Namespace:
-    """The command line that every study has: ``folder`` and ``quick``."""
+def command(name: str, purpose: str, work: Callable[[Path, bool], Path]) -> None:
+    """The command line that every study has.
+
+    Args:
+        name: of the module in ``pipelines``.
+        purpose: what it claims, for ``--help``.
+        work: takes the folder of the report and whether to be quick.
+    """
     parser = argparse.ArgumentParser(prog=f"python -m pipelines.{name}", description=purpose)
-    parser.add_argument("--quick", action="store_true", help="fewer and shorter runs: does it work at all?")
+    parser.add_argument("--quick", action="store_true", help="fewer and shorter runs, into a folder of their own")
     parser.add_argument(
         "--folder", type=Path, default=FOLDER, help=f"reports and runs of all studies (default: {FOLDER})"
     )
-    return parser.parse_args()
+    arguments = parser.parse_args()
+    try:
+        work(arguments.folder / (f"{name}-quick" if arguments.quick else name), arguments.quick)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except (CmacexpError, OSError) as error:
+        sys.exit(f"error: {error}")
 
 
 def main(study: Study) -> None:
     """Run one study from the command line."""
-    arguments = arguments_of(study.name, study.purpose)
-    folder = arguments.folder / (f"{study.name}-quick" if arguments.quick else study.name)
-    write_study([study], study.title, study.purpose, folder, arguments.quick)
+    command(
+        study.name,
+        study.purpose,
+        lambda folder, quick: write_study([study], study.title, study.purpose, folder, quick),
+    )

@@ -3,52 +3,15 @@
 import math
 
 import numpy as np
-import pyarrow as pa
 import pytest
+from made_traces import NOTHING, PERIOD, make_trace, measure
 from numpy.testing import assert_allclose
 
 from cmacexp.metrics import compute
 from cmacexp.metrics.definitions import METRICS
-from cmacexp.trace import COLUMNS, schema_of
+from cmacexp.metrics.learning import LEARNT
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
-
-PERIOD = 0.1
-NOTHING = float("nan")
-
-
-def phases(text):
-    """Phase and progress of each sample of a cycle that repeats, ``"TTSSSS"``."""
-    after = len(text) if len(set(text)) == 1 else next(k for k in range(len(text)) if text[k] != text[k - 1])
-    turned = text[after:] + text[:after]
-    lengths = {phase: text.count(phase) for phase in "TS"}
-    since = [turned[: k + 1].count(turned[k]) - 1 for k in range(len(text))]
-    progress = [n / lengths[phase] for n, phase in zip(since, turned, strict=True)]
-    return [{"T": "transfer", "S": "support"}[p] for p in text], np.roll(progress, after)
-
-
-def make_trace(text, rows=None, legs=1, **columns):
-    """A trace of one or more cycles of ``text``; a column is a value, or one for each step and leg."""
-    rows = rows or len(text)
-    values = {"x": 0.0, "y": 0.0, "force": 0.0, "force_desired": 0.0, "x_desired": 0.0, "y_desired": 0.0}
-    values |= {f"tau_{part}_{joint}": 0.0 for part in ("feedback", "feedforward") for joint in (1, 2)}
-    phase, progress = (np.resize(values, rows) for values in phases(text))
-    values |= {"step": np.arange(rows), "time": np.arange(rows) * PERIOD, "progress": progress, "phase": phase}
-    values |= {"cycle": np.arange(rows) // len(text) + 1, "leg": np.tile(np.arange(1, legs + 1), (rows, 1))}
-    values |= columns
-    arrays = []
-    for field in schema_of(COLUMNS):
-        value = np.asarray(values.get(field.name, NOTHING))
-        whole = np.broadcast_to(value if value.ndim == 2 else value.reshape(-1, 1), (rows, legs)).ravel()
-        arrays.append(pa.array(whole.tolist(), pa.string()).dictionary_encode().cast(field.type)
-                      if field.name == "phase" else pa.array(whole, field.type))  # fmt: skip
-    return pa.Table.from_arrays(arrays, schema=schema_of(COLUMNS))
-
-
-def measure(text, **columns):
-    """Metrics of each cycle and leg, by name."""
-    table = compute(make_trace(text, **columns), len(text))
-    return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
 def all_nan(metrics, *names):
@@ -57,7 +20,7 @@ def all_nan(metrics, *names):
 
 FORCE_METRICS = (
     "force_rmse", "force_settled", "force_steady_state_error", "force_overshoot", "force_ripple",
-    "force_settling_time", "force_iae", "force_itae",
+    "force_rise_time", "force_settling_time", "force_iae", "force_ise", "force_itae",
 )  # fmt: skip
 
 ONE_CYCLE = {
@@ -70,6 +33,10 @@ ONE_CYCLE = {
 BY_HAND = {
     "transfer_rmse_x": math.sqrt((9.0 + 16.0) / 2.0) * 1e-3,
     "transfer_rmse_y": 2e-3,
+    "transfer_iae_x": (3.0 + 4.0) * 1e-3 * PERIOD,
+    "transfer_iae_y": (2.0 + 2.0) * 1e-3 * PERIOD,
+    "transfer_ise_x": (9.0 + 16.0) * 1e-6 * PERIOD,
+    "transfer_ise_y": (4.0 + 4.0) * 1e-6 * PERIOD,
     "support_rmse_x": 1e-3,
     "force_rmse": math.sqrt((0.25 + 0.04 + 0.01 + 0.01) / 4.0),
     "force_rmse_three_feet": math.nan,
@@ -78,14 +45,18 @@ BY_HAND = {
     "force_steady_state_error": 0.0,
     "force_overshoot": 0.5,
     "force_ripple": 0.1,
+    "force_rise_time": NOTHING,
     "force_settling_time": NOTHING,  # 0.9 is the last sample, and 10 % off
     "force_iae": (0.5 + 0.2 + 0.1 + 0.1) * PERIOD,
+    "force_ise": (0.25 + 0.04 + 0.01 + 0.01) * PERIOD,
     "force_itae": (0.0 * 0.5 + 0.1 * 0.2 + 0.2 * 0.1 + 0.3 * 0.1) * PERIOD,
     "feedback_rms": math.sqrt(0.5),
     "feedforward_rms": math.sqrt((9.0 + 1.0) / 2.0),
     "torque_peak": 4.0,
     "feedforward_share": 4.0 / 5.0,
 }
+BY_HAND |= {f"{name}_ratio": 1.0 for name in LEARNT} | {f"{name}_cycles_to_1_e": NOTHING for name in LEARNT}
+BY_HAND |= {"force_rmse_three_feet_ratio": NOTHING, "force_steady_state_error_ratio": NOTHING}  # of NaN and of 0
 
 
 @pytest.mark.parametrize("name", METRICS)
@@ -102,11 +73,13 @@ def test_each_cycle_and_leg_has_its_own_row():
     assert_allclose(metrics["force_overshoot"], [6.0, 7.0, 14.0, 15.0])
 
 
-def test_units_and_meanings_stand_in_the_table():
+def test_unit_meaning_undefined_and_source_stand_in_the_table():
     table = compute(make_trace("TTSSSS", **ONE_CYCLE), 6)
     assert table.schema.field("force_iae").metadata == {
         b"unit": b"N s",
         b"meaning": b"integral of the absolute force error over support",
+        b"undefined": b"no sample of support, or one sample in all",
+        b"source": b"Graham & Lathrop 1953",
     }
 
 
@@ -126,6 +99,22 @@ def test_settling_time_is_from_touch_down_until_within_two_percent_for_good(forc
     assert_allclose(metrics["force_settling_time"], [time], atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("force", "time"),
+    [
+        ([0.0, 0.1, 0.5, 0.9, 1.0, 1.0, 1.0, 1.0], 0.2),
+        ([0.0, 1.2, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0], 0.0),  # within one sample
+        ([0.0, 0.4, 1.9, 2.0, 2.0, 2.0, 2.0, 2.0], 0.1),  # of what it settles at, not of what is desired
+        ([0.3, 0.9, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0], NOTHING),  # pressed before touch-down
+        ([0.0, 0.5, 1.5, 0.5, 1.5, 0.5, 1.5, 0.5], NOTHING),  # never settles
+        ([0.0] * 8, NOTHING),
+    ],
+)
+def test_rise_time_is_from_ten_to_ninety_percent_of_the_settled_force(force, time):
+    metrics = measure("TSSSSSSSS", force=[0.7, *force], force_desired=1.0)
+    assert_allclose(metrics["force_rise_time"], [time], atol=1e-12)
+
+
 def test_without_support_force_metrics_are_nan_and_the_others_stand():
     metrics = measure("TTTT", x=0.1, force=0.2)
     assert all_nan(metrics, *FORCE_METRICS, "support_rmse_x")
@@ -135,7 +124,7 @@ def test_without_support_force_metrics_are_nan_and_the_others_stand():
 
 def test_without_transfer_transfer_metrics_are_nan_and_the_others_stand():
     metrics = measure("SSSS", x=0.1, force=[2.0, 1.0, 1.0, 1.0], force_desired=1.0)
-    assert all_nan(metrics, "transfer_rmse_x", "transfer_rmse_y")
+    assert all_nan(metrics, *(f"transfer_{kind}_{axis}" for kind in ("rmse", "iae", "ise") for axis in "xy"))
     assert_allclose(metrics["support_rmse_x"], [0.1])
     assert_allclose(metrics["force_settling_time"], [0.1])
 
@@ -146,7 +135,7 @@ def test_of_a_single_sample_what_needs_more_is_nan():
     assert_allclose([metrics["support_rmse_x"], metrics["force_rmse"]], [[0.1], [0.5]])
     settled = ("force_settled", "force_steady_state_error", "force_overshoot", "force_ripple", "force_settling_time")
     assert all_nan(metrics, *settled, "transfer_rmse_x")
-    assert metrics["force_iae"] != 0.0  # an error of 0.5 N is not none
+    assert all_nan(metrics, "force_iae", "force_ise", "force_itae", "force_rise_time")
 
 
 def test_of_no_sample_there_are_no_metrics():
@@ -163,6 +152,8 @@ def test_a_cycle_cut_short_is_measured_as_far_as_it_goes():
     assert_allclose(metrics["force_settled"], [1.0, NOTHING])
     assert_allclose(metrics["force_settling_time"], [0.1, NOTHING])
     assert_allclose(metrics["force_iae"], [0.1, 0.2])
+    assert_allclose(metrics["transfer_iae_x"], [0.2, 0.4])
+    assert_allclose(metrics["transfer_ise_x"], [0.2, 0.8])
 
 
 def test_settling_time_of_a_support_cut_short_in_its_second_half_is_nan():
@@ -198,7 +189,7 @@ def test_a_support_that_straddles_two_cycles_settles_in_its_own_second_half():
     assert_allclose(metrics["force_settled"], [1.0])
     assert_allclose(metrics["force_ripple"], [math.sqrt(0.02 / 3.0)])
     assert_allclose(metrics["force_overshoot"], [2.0])
-    assert all_nan(metrics, "force_settling_time")
+    assert all_nan(metrics, "force_settling_time", "force_rise_time")
 
 
 def test_time_weighted_error_of_a_support_that_straddles_two_cycles_does_not_count_time_in_transfer():

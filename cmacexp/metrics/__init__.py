@@ -1,6 +1,7 @@
-"""Metrics of tracking and force error per learning cycle and leg: pure functions of the trace."""
+"""Metrics of tracking, force and learning: per cycle and leg from a trace, or of one response."""
 
 from cmacexp.metrics.body import compute_body
 from cmacexp.metrics.compute import compute
+from cmacexp.metrics.step import StepInfo, step_info
 
-__all__ = ["compute", "compute_body"]
+__all__ = ["StepInfo", "compute", "compute_body", "step_info"]

@@ -1,12 +1,67 @@
 """Metrics of a body per cycle: pure functions of its trace."""
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from cmacexp.arrays import Array
-from cmacexp.table import arrow, as_array
+from cmacexp.metrics.metric import CONTRACT, CYCLE, MCGHEE_FRANK, Metric, to_table
+from cmacexp.table import as_array
 
-MARGINS = ("stability_margin", "margin_front", "margin_rear")
+
+class BodyBlock(NamedTuple):
+    """The trace of a body and the rows at which its cycles start."""
+
+    table: pa.Table
+    starts: NDArray[np.intp]
+
+    def reduce(self, by: np.ufunc, values: Array) -> Array:
+        """One value per cycle."""
+        return np.asarray(by.reduceat(values, self.starts))
+
+
+def _height(by: np.ufunc) -> Callable[[BodyBlock], Array]:
+    return lambda b: b.reduce(by, as_array(b.table, "height"))
+
+
+def _mean_height(block: BodyBlock) -> Array:
+    return _height(np.add)(block) / np.diff([*block.starts, block.table.num_rows])
+
+
+def _tilt(block: BodyBlock) -> Array:
+    pitch, roll = (np.abs(as_array(block.table, name)) for name in ("pitch", "roll"))
+    return block.reduce(np.maximum, np.maximum(pitch, roll))
+
+
+def _least(name: str) -> Callable[[BodyBlock], Array]:
+    return lambda b: b.reduce(np.fmin, as_array(b.table, name))
+
+
+_TWO_FEET = "never three feet down"
+
+BODY_METRICS: dict[str, Metric[BodyBlock]] = {
+    "height_mean": Metric("m", "mean height of the body", "never", CONTRACT, _mean_height),
+    "height_min": Metric("m", "least height of the body", "never", CONTRACT, _height(np.minimum)),
+    "height_max": Metric("m", "largest height of the body", "never", CONTRACT, _height(np.maximum)),
+    "tilt_max": Metric("rad", "largest of abs(pitch) and abs(roll)", "never", CONTRACT, _tilt),
+    "stability_margin_min": Metric(
+        "m",
+        "least margin to the nearest edge of the planned support polygon",
+        _TWO_FEET,
+        MCGHEE_FRANK,
+        _least("stability_margin"),
+    ),
+    "margin_front_min": Metric(
+        "m", "least margin to the front of the planned support polygon", _TWO_FEET, CONTRACT, _least("margin_front")
+    ),
+    "margin_rear_min": Metric(
+        "m", "least margin to the rear of the planned support polygon", _TWO_FEET, CONTRACT, _least("margin_rear")
+    ),
+}
+"""All columns of ``body_metrics.parquet`` but ``cycle``, in their order."""
 
 
 def compute_body(body: pa.Table, steps_per_cycle: int) -> pa.Table:
@@ -16,21 +71,6 @@ def compute_body(body: pa.Table, steps_per_cycle: int) -> pa.Table:
         body: as :func:`cmacexp.trace.assemble_body` makes it; the last cycle may be short.
         steps_per_cycle: N.
     """
-    starts = np.arange(0, body.num_rows, steps_per_cycle)
-    height, tilt = (as_array(body, "height"), np.maximum(*(np.abs(as_array(body, n)) for n in ("pitch", "roll"))))
-    counts = np.diff([*starts, body.num_rows])
-    columns: dict[str, tuple[str, str, Array]] = {
-        "height_mean": ("m", "mean height of the body", np.add.reduceat(height, starts) / counts),
-        "height_min": ("m", "least height of the body", np.minimum.reduceat(height, starts)),
-        "height_max": ("m", "largest height of the body", np.maximum.reduceat(height, starts)),
-        "tilt_max": ("rad", "largest of |pitch| and |roll|", np.maximum.reduceat(tilt, starts)),
-    }
-    for name in MARGINS:
-        least = np.fmin.reduceat(as_array(body, name), starts)
-        columns[f"{name}_min"] = ("m", f"least {name.replace('_', ' ')}", least)
-    fields = [pa.field("cycle", pa.int32(), metadata={"unit": "", "meaning": "gait cycle, from 1"})]
-    arrays = [arrow(np.arange(1, len(starts) + 1), pa.int32())]
-    for name, (unit, meaning, values) in columns.items():
-        fields.append(pa.field(name, pa.float64(), metadata={"unit": unit, "meaning": meaning}))
-        arrays.append(arrow(values, pa.float64()))
-    return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
+    block = BodyBlock(body, np.arange(0, body.num_rows, steps_per_cycle))
+    values = {name: metric.of(block) for name, metric in BODY_METRICS.items()}
+    return to_table({"cycle": (CYCLE, np.arange(1, len(block.starts) + 1))}, values, BODY_METRICS)

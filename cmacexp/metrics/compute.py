@@ -4,8 +4,11 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.arrays import Array
-from cmacexp.metrics.definitions import METRICS, Block
-from cmacexp.table import arrow, as_array, is_support
+from cmacexp.metrics.block import Block
+from cmacexp.metrics.definitions import METRICS, OF_A_CYCLE
+from cmacexp.metrics.learning import LEARNING
+from cmacexp.metrics.metric import CYCLE, LEG, to_table
+from cmacexp.table import as_array, is_support
 
 
 def cut(trace: pa.Table, steps_per_cycle: int) -> Block:
@@ -17,7 +20,7 @@ def cut(trace: pa.Table, steps_per_cycle: int) -> Block:
     def block(values: Array) -> Array:
         padded = np.full(cycles * steps_per_cycle * legs, np.nan)
         padded[:rows] = values
-        return padded.reshape(cycles, steps_per_cycle, legs)
+        return np.ascontiguousarray(padded.reshape(cycles, steps_per_cycle, legs).swapaxes(1, 2))
 
     def columns(name: str) -> Array:
         return block(as_array(trace, name))
@@ -45,16 +48,11 @@ def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:
         steps_per_cycle: N.
     """
     block = cut(trace, steps_per_cycle)
-    cycles, _, legs = block.valid.shape
-    fields = [
-        pa.field("cycle", pa.int32(), metadata={"unit": "", "meaning": "gait cycle, from 1"}),
-        pa.field("leg", pa.int32(), metadata={"unit": "", "meaning": "as in the trace"}),
-    ]
-    arrays = [
-        arrow(np.repeat(np.arange(1, cycles + 1), legs), pa.int32()),
-        arrow(np.tile(np.arange(1, legs + 1), cycles), pa.int32()),
-    ]
-    for name, metric in METRICS.items():
-        arrays.append(arrow(metric.of(block).ravel(), pa.float64()))
-        fields.append(pa.field(name, pa.float64(), metadata={"unit": metric.unit, "meaning": metric.meaning}))
-    return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
+    cycles, legs, _ = block.valid.shape
+    values = {name: metric.of(block) for name, metric in OF_A_CYCLE.items()}
+    values |= {name: metric.of(values) for name, metric in LEARNING.items()}
+    index = {
+        "cycle": (CYCLE, np.repeat(np.arange(1, cycles + 1), legs)),
+        "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),
+    }
+    return to_table(index, values, METRICS)

@@ -1,0 +1,84 @@
+"""A trace cut into cycles, and what of it is which phase."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cmacexp.arrays import Array, Mask
+from cmacexp.metrics.measures import largest
+
+
+@dataclass(frozen=True)
+class Block:
+    """A trace cut into cycles: arrays (cycles, L, N); rows that a run did not reach are NaN and not ``valid``."""
+
+    valid: Mask
+    support: Mask
+    """Valid and planned to support."""
+    progress: Array
+    time: Array
+    error_x: Array
+    """x - x_desired, m."""
+    error_y: Array
+    force: Array
+    force_desired: Array
+    feedback: Array
+    """(cycles, L, N, 2): N m."""
+    feedforward: Array
+
+    @cached_property
+    def transfer(self) -> Mask:
+        """Valid and planned transfer."""
+        return self.valid & ~self.support
+
+    @cached_property
+    def second_half(self) -> Mask:
+        """Second half of support."""
+        return self.support & (self.progress >= 0.5)
+
+    @cached_property
+    def force_error(self) -> Array:
+        """force - force_desired, N."""
+        return self.force - self.force_desired
+
+    @cached_property
+    def step(self) -> float:
+        """Sampling period, s, from the first two samples of the run; NaN if there is one only."""
+        times = self.time[:, 0].flat[:2]
+        return float(times[1] - times[0]) if len(times) == 2 else float("nan")
+
+    @cached_property
+    def since_touch_down(self) -> Array:
+        """Time since the first sample of support, s; NaN in transfer, and if support began before the cycle."""
+        first = np.where(self.support, self.time, np.inf).min(axis=2, keepdims=True)
+        elapsed = np.where(self.support, self.time - np.where(np.isfinite(first), first, 0.0), np.nan)
+        began = ((elapsed == 0.0) & (self.progress == 0.0)).any(axis=2, keepdims=True)
+        return np.where(began, elapsed, np.nan)
+
+    @cached_property
+    def whole_support(self) -> Array:
+        """Support that begins and ends within the cycle: 1.0, else NaN; (cycles, L)."""
+        began = np.isfinite(largest(self.since_touch_down, self.support))
+        whole = self.support.sum(axis=2) == _phase_samples(self, self.support)
+        return np.where(began & whole, 1.0, np.nan)
+
+
+def _phase_samples(block: Block, phase: Mask) -> float:
+    """Samples of a whole phase, told from its first advance in progress; very many if there was none."""
+    advanced = block.progress[phase & (block.progress > 0.0)]
+    return float(np.rint(1.0 / advanced.min())) if advanced.size else 1e9
+
+
+def three_feet(block: Block) -> Mask:
+    """Middle half of each planned interval in which the same three feet support, for all legs.
+
+    How long an interval is follows from the progress of the legs, also where it straddles cycles or the run stops.
+    """
+    samples = np.where(block.support, _phase_samples(block, block.support), _phase_samples(block, block.transfer))
+    progress = np.where(block.valid, block.progress, 0.0)
+    done = np.rint(progress * samples).min(axis=1)
+    left = np.rint((1.0 - progress) * samples).min(axis=1)
+    quarter = (done + left) // 4
+    middle = (block.support.sum(axis=1) == 3) & (done >= quarter) & (left > quarter)
+    return block.valid & middle[:, None, :]

@@ -1,0 +1,139 @@
+"""How the foot presses; a support is the response to a step from no force to the desired one."""
+
+import numpy as np
+
+from cmacexp.arrays import Array
+from cmacexp.metrics import measures
+from cmacexp.metrics.block import Block, three_feet
+from cmacexp.metrics.measures import iae, ise, largest, mean, rms
+from cmacexp.metrics.metric import BRISTOW, CONTRACT, GRAHAM_LATHROP, OGATA, Metric
+
+IN_THE_AIR = 0.0
+"""Force from which a support starts, N."""
+
+
+def force_settled(block: Block) -> Array:
+    """Mean force over the second half of support, N."""
+    return mean(block.force, block.second_half)
+
+
+def desired_settled(block: Block) -> Array:
+    """Mean desired force over the second half of support, N."""
+    return mean(block.force_desired, block.second_half)
+
+
+def force_steady_state_error(block: Block) -> Array:
+    """(settled - desired) / desired, signed."""
+    return measures.steady_state_error(force_settled(block), IN_THE_AIR, desired_settled(block))
+
+
+def force_overshoot(block: Block) -> Array:
+    """Largest force over desired - 1 over support; NaN unless the desired force is constant in the second half."""
+    desired = desired_settled(block)
+    constant = largest(np.abs(block.force_desired - desired[:, :, None]), block.second_half) <= 1e-9 * np.abs(desired)
+    pressed = np.where(constant & (desired > 0.0), desired, np.nan)
+    return measures.overshoot(block.force, IN_THE_AIR, pressed, block.support)
+
+
+def force_rise_time(block: Block) -> Array:
+    """Time from 10 % to 90 % of the settled force in support, s; NaN if the foot pressed before touch-down."""
+    elapsed, settled = block.since_touch_down, force_settled(block)
+    rise = measures.rise_time(elapsed, block.force, IN_THE_AIR, settled, block.support, block.step)
+    return rise * block.whole_support
+
+
+def force_settling_time(block: Block) -> Array:
+    """Time from touch-down until the force stays within 2 % of its settled value, s; NaN if it never does.
+
+    NaN as well where the support of a cycle does not begin and end within it, or settles at no force.
+    """
+    elapsed, settled = block.since_touch_down, force_settled(block)
+    settling = measures.settling_time(elapsed, block.force, IN_THE_AIR, settled, block.support, block.step)
+    return settling * block.whole_support
+
+
+def force_itae(block: Block) -> Array:
+    """Integral of time since touch-down times absolute force error, N s^2; NaN unless support is whole in a cycle."""
+    weighted = measures.itae(block.since_touch_down, block.force_error, block.support, block.step)
+    return weighted * block.whole_support
+
+
+_NO_SUPPORT, _NO_SECOND_HALF = "no sample of support", "no sample of the second half of support"
+_NO_PERIOD = f"{_NO_SUPPORT}, or one sample in all"
+_NOT_WHOLE = "support does not begin and end in the cycle"
+
+FORCE: dict[str, Metric[Block]] = {
+    "force_rmse": Metric(
+        "N", "RMS force error in support", _NO_SUPPORT, BRISTOW, lambda b: rms(b.force_error, b.support)
+    ),
+    "force_rmse_cycle": Metric(
+        "N", "RMS force error, all samples", "never", BRISTOW, lambda b: rms(b.force_error, b.valid)
+    ),
+    "force_rmse_three_feet": Metric(
+        "N",
+        "RMS force error over the middle half of each planned three-foot interval",
+        "never three feet down (one leg)",
+        CONTRACT,
+        lambda b: rms(b.force_error, three_feet(b)),
+    ),
+    "force_settled": Metric(
+        "N", "mean force over the second half of support", _NO_SECOND_HALF, CONTRACT, force_settled
+    ),
+    "force_steady_state_error": Metric(
+        "",
+        "(force_settled - desired)/desired, signed",
+        f"{_NO_SECOND_HALF}, or desired force 0",
+        CONTRACT,
+        force_steady_state_error,
+    ),
+    "force_overshoot": Metric(
+        "",
+        "max force/desired - 1 over support",
+        "desired force not constant over the second half of support, or 0",
+        f"{OGATA}, of the desired force",
+        force_overshoot,
+    ),
+    "force_ripple": Metric(
+        "N",
+        "standard deviation of force over the second half of support",
+        _NO_SECOND_HALF,
+        CONTRACT,
+        lambda b: measures.ripple(b.force, b.second_half),
+    ),
+    "force_rise_time": Metric(
+        "s",
+        "from 10 % to 90 % of force_settled in support",
+        "force_settling_time is, or beyond 10 % at touch-down already",
+        OGATA,
+        force_rise_time,
+    ),
+    "force_settling_time": Metric(
+        "s",
+        "from touch-down to within 2 % of force_settled",
+        f"never settles, settles at 0, or {_NOT_WHOLE}",
+        OGATA,
+        force_settling_time,
+    ),
+    "force_iae": Metric(
+        "N s",
+        "integral of the absolute force error over support",
+        _NO_PERIOD,
+        GRAHAM_LATHROP,
+        lambda b: iae(b.force_error, b.support, b.step),
+    ),
+    "force_ise": Metric(
+        "N^2 s",
+        "integral of the squared force error over support",
+        _NO_PERIOD,
+        GRAHAM_LATHROP,
+        lambda b: ise(b.force_error, b.support, b.step),
+    ),
+    "force_itae": Metric(
+        "N s^2",
+        "integral of time since touch-down times absolute force error over support",
+        _NOT_WHOLE,
+        GRAHAM_LATHROP,
+        force_itae,
+    ),
+}
+"""Columns about force, by name."""

@@ -1,0 +1,65 @@
+"""How fast the cycles get better: each against the first.
+
+Row after row: the value of cycle 1 and the count reached so far are all that a row needs of those before it.
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from cmacexp.arrays import Array
+from cmacexp.metrics.metric import BRISTOW, Metric
+
+LEARNT = (
+    "transfer_rmse_x",
+    "transfer_rmse_y",
+    "support_rmse_x",
+    "force_rmse",
+    "force_rmse_three_feet",
+    "force_steady_state_error",
+    "feedback_rms",
+)
+"""Metrics that learning is to make small."""
+
+
+def ratio_to_first(value: Array) -> Array:
+    """Absolute ``value`` (cycles, L) over that of the first cycle; NaN where that is NaN or 0."""
+    size = np.abs(value)
+    return size / np.where(size[:1] == 0.0, np.nan, size[:1])
+
+
+def cycles_to_1_e(value: Array) -> Array:
+    """Cycles after the first until ``value`` (cycles, L) is at most 1/e of the first, as known in each cycle.
+
+    NaN before, then the count for good. Of an error that decays as exp(-n/c) it is c rounded up: its time constant.
+    """
+    cycles = np.arange(len(value), dtype=float)[:, None]
+    reached = np.where(ratio_to_first(value) <= np.exp(-1.0), cycles, np.nan)
+    return np.fmin.accumulate(reached, axis=0)
+
+
+def _of(function: Callable[[Array], Array], name: str) -> Callable[[Mapping[str, Array]], Array]:
+    return lambda known: function(known[name])
+
+
+def _columns(name: str) -> dict[str, Metric[Mapping[str, Array]]]:
+    return {
+        f"{name}_ratio": Metric(
+            "",
+            f"abs({name}) over that of cycle 1, same leg",
+            "either is, or that of cycle 1 is 0",
+            BRISTOW,
+            _of(ratio_to_first, name),
+        ),
+        f"{name}_cycles_to_1_e": Metric(
+            "",
+            f"cycles after the first until {name}_ratio is first at most 1/e",
+            "not reached up to this cycle",
+            "time constant: Ogata 2010, section 5-2",
+            _of(cycles_to_1_e, name),
+        ),
+    }
+
+
+LEARNING: dict[str, Metric[Mapping[str, Array]]] = {k: m for name in LEARNT for k, m in _columns(name).items()}
+"""Columns that follow from those of all cycles, by name."""

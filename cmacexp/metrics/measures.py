@@ -1,0 +1,101 @@
+"""Measures of responses over the samples of a mask; what is undefined is NaN, never 0.
+
+Samples run along the last axis: (..., N) gives (...). A run is (cycles, L, N), one response (N,).
+Times are told in whole samples, without interpolation.
+"""
+
+import numpy as np
+
+from cmacexp.arrays import Array, Mask
+
+BAND = 0.02
+"""A response has settled within this part of its way from start to settled value (Ogata 2010, section 5-3)."""
+RISE = (0.1, 0.9)
+"""Parts of that way between which a response rises (Ogata 2010, section 5-3)."""
+
+
+def _or_nan(value: Array, mask: Mask) -> Array:
+    """``value`` (...) where ``mask`` has at least one sample, else NaN."""
+    return np.where(mask.any(axis=-1), value, np.nan)
+
+
+def mean(value: Array, mask: Mask) -> Array:
+    """Mean over the samples of ``mask``."""
+    count = mask.sum(axis=-1)
+    return _or_nan(np.where(mask, value, 0.0).sum(axis=-1) / np.maximum(count, 1), mask)
+
+
+def rms(value: Array, mask: Mask) -> Array:
+    """Root mean square over the samples of ``mask``."""
+    return np.sqrt(mean(value**2, mask))
+
+
+def largest(value: Array, mask: Mask) -> Array:
+    """Largest value over the samples of ``mask``."""
+    return _or_nan(np.where(mask, value, -np.inf).max(axis=-1), mask)
+
+
+def ripple(value: Array, mask: Mask) -> Array:
+    """Standard deviation over the samples of ``mask``."""
+    return rms(value - mean(value, mask)[..., None], mask)
+
+
+def _integral(value: Array, mask: Mask, step: float) -> Array:
+    """Sum over the samples of ``mask`` times the sampling period ``step``, s: each sample holds for one period."""
+    return _or_nan(np.where(mask, value, 0.0).sum(axis=-1) * step, mask)
+
+
+def iae(error: Array, mask: Mask, step: float) -> Array:
+    """Integral of the absolute error (Graham & Lathrop 1953)."""
+    return _integral(np.abs(error), mask, step)
+
+
+def ise(error: Array, mask: Mask, step: float) -> Array:
+    """Integral of the squared error (Graham & Lathrop 1953)."""
+    return _integral(error**2, mask, step)
+
+
+def itae(elapsed: Array, error: Array, mask: Mask, step: float) -> Array:
+    """Integral of ``elapsed`` time times absolute error (Graham & Lathrop 1953)."""
+    return _integral(elapsed * np.abs(error), mask, step)
+
+
+def _span(start: float, end: Array) -> Array:
+    """``end`` - ``start`` (...), NaN where there is no way between them."""
+    return np.where(end == start, np.nan, end - start)
+
+
+def overshoot(value: Array, start: float, target: Array, mask: Mask) -> Array:
+    """How far the response goes beyond ``target`` (...), as a part of the way there from ``start``.
+
+    Negative where it never gets there: what is missing.
+    """
+    return largest((value - start) / _span(start, target)[..., None], mask) - 1.0
+
+
+def steady_state_error(settled: Array, start: float, target: Array) -> Array:
+    """``settled`` - ``target`` as a part of the way from ``start`` to ``target``; negative if it stops short."""
+    return (settled - target) / _span(start, target)
+
+
+def settling_time(elapsed: Array, value: Array, start: float, settled: Array, mask: Mask, step: float) -> Array:
+    """Time until the response stays within :data:`BAND` around ``settled`` (...), s.
+
+    NaN where it never does, or settles where it started.
+    """
+    away = np.abs((value - settled[..., None]) / _span(start, settled)[..., None])
+    outside = mask & ~(away <= BAND)
+    last_outside = np.where(outside, elapsed, -step).max(axis=-1)
+    return np.where(last_outside < largest(elapsed, mask), last_outside + step, np.nan)
+
+
+def rise_time(elapsed: Array, value: Array, start: float, settled: Array, mask: Mask, step: float) -> Array:
+    """Time between the first samples at 10 % and at 90 % of the way from ``start`` to ``settled`` (...), s.
+
+    NaN where the response does not settle, or if its first sample is already beyond 10 %: the rise was not seen.
+    """
+    way = (value - start) / _span(start, settled)[..., None]
+    low, high = (np.where(mask & (way >= part), elapsed, np.inf).min(axis=-1) for part in RISE)
+    settles = np.isfinite(settling_time(elapsed, value, start, settled, mask, step))
+    seen = settles & (low > 0.0) & np.isfinite(high)
+    return np.where(seen, high, np.nan) - np.where(seen, low, np.nan)

@@ -1,0 +1,49 @@
+"""How far the foot is from where it should be."""
+
+from cmacexp.metrics.block import Block
+from cmacexp.metrics.measures import iae, ise, rms
+from cmacexp.metrics.metric import BRISTOW, GRAHAM_LATHROP, Metric
+
+_NO_TRANSFER, _NO_SUPPORT = "no sample of transfer", "no sample of support"
+_NO_PERIOD = f"{_NO_TRANSFER}, or one sample in all"
+
+TRACKING: dict[str, Metric[Block]] = {
+    "transfer_rmse_x": Metric(
+        "m", "RMS of x - x_desired in transfer", _NO_TRANSFER, BRISTOW, lambda b: rms(b.error_x, b.transfer)
+    ),
+    "transfer_rmse_y": Metric(
+        "m", "RMS of y - y_desired in transfer", _NO_TRANSFER, BRISTOW, lambda b: rms(b.error_y, b.transfer)
+    ),
+    "support_rmse_x": Metric(
+        "m", "RMS of x - x_desired in support", _NO_SUPPORT, BRISTOW, lambda b: rms(b.error_x, b.support)
+    ),
+    "transfer_iae_x": Metric(
+        "m s",
+        "integral of abs(x - x_desired) over transfer",
+        _NO_PERIOD,
+        GRAHAM_LATHROP,
+        lambda b: iae(b.error_x, b.transfer, b.step),
+    ),
+    "transfer_iae_y": Metric(
+        "m s",
+        "integral of abs(y - y_desired) over transfer",
+        _NO_PERIOD,
+        GRAHAM_LATHROP,
+        lambda b: iae(b.error_y, b.transfer, b.step),
+    ),
+    "transfer_ise_x": Metric(
+        "m^2 s",
+        "integral of (x - x_desired)^2 over transfer",
+        _NO_PERIOD,
+        GRAHAM_LATHROP,
+        lambda b: ise(b.error_x, b.transfer, b.step),
+    ),
+    "transfer_ise_y": Metric(
+        "m^2 s",
+        "integral of (y - y_desired)^2 over transfer",
+        _NO_PERIOD,
+        GRAHAM_LATHROP,
+        lambda b: ise(b.error_y, b.transfer, b.step),
+    ),
+}
+"""Columns about position, by name."""
