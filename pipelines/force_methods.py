@@ -11,8 +11,8 @@ from functools import partial
 from itertools import pairwise
 
 import pandas as pd
-from cmacexp.metrics.step import step_info
 
+from cmacexp.metrics.step import step_info
 from cmacexp.report.page import Claim, Drawing, Section, Table, Text
 from cmacexp.stored import StoredRun
 from pipelines import figures_force as figures
