@@ -16,7 +16,8 @@ def is_finished(folder: Path, config: Config) -> bool:
     """Whether ``folder`` holds the whole result of ``config``, made by the code as it is now.
 
     A run is taken for finished if its manifest says how it ended, names the same hash of the config and of the code,
-    every file that it lists is there unchanged, and its traces are as thin as asked for. Parts of one's own are told apart by their config alone.
+    every file that it lists is there unchanged, and its traces are as thin as asked for. Parts of one's own are told
+    apart by their config alone.
     """
     try:
         manifest = manifests.read(folder)

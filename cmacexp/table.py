@@ -29,7 +29,7 @@ def arrow_strings(values: list[str]) -> pa.Array:
 
 @contextmanager
 def table_writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
-    """Write a table as Parquet part by part, a row group each, whole or not at all; the same parts, the same bytes."""
+    """Write a table as Parquet part by part, a row group each, whole or not at all; same parts, same bytes."""
     floats = [field.name for field in schema if pa.types.is_floating(field.type)]
     with (
         write_atomically(path) as temporary,

@@ -21,7 +21,6 @@ from cmacexp.rollout.stop import RUNNING, STATUSES, Guard, describe_stop, new_gu
 from cmacexp.scenario import Scenario
 from cmacexp.sensors import PerfectSensors
 
-
 MOST_ROWS = 1 << 15
 """Rows of leg samples that are worked on at a time: a long run needs no more memory than a short one."""
 
@@ -135,7 +134,10 @@ def stream(
     loop = (_FusedLoop if fused and is_built_in(scenario) else SteppedLoop)(scenario, guard)
     legs = setup.mechanism.legs.shape[0]
     together = min(cycles, max(1, MOST_ROWS // (period * legs)))
-    samples, body = np.empty((together * period, legs, len(SAMPLES))), np.empty((together * period, len(BODY_SAMPLES)))
+    samples, body = (
+        np.empty((together * period, legs, len(SAMPLES))),
+        np.empty((together * period, len(BODY_SAMPLES))),
+    )
     status, cause, seconds = "completed", "", 0.0
     error: Exception | None = None
     while status == "completed" and loop.taken < cycles * period:
