@@ -1,50 +1,179 @@
-"""``python -m cmacexp.replay DIR``: rebuild the recording from the trace if it is missing, and open the viewer."""
+"""``python -m cmacexp.replay DIR...``: look at a run, or at several side by side, in the Rerun viewer."""
 
 import argparse
+import hashlib
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from cmacexp import manifest as manifests
-from cmacexp.errors import BadRun
-from cmacexp.folders import command, runs_below
-from cmacexp.keep import RECORDING, read_traces
+from cmacexp.errors import BadInput, BadRun
+from cmacexp.folders import command, is_run, runs_below
+from cmacexp.keep import BODY, RECORDING, Traces, read_traces
+
+COMPARISONS = Path("outputs", "comparisons")
+"""Where comparisons are kept unless told."""
+LONGEST_NAME = 120
+"""Characters of the names of runs in the name of a comparison; more are replaced by a hash."""
 
 
-def rebuild(folder: Path) -> Path:
-    """Write the recording of a run from its trace.
+class Wish(NamedTuple):
+    """What is to be shown; None: as usual."""
 
-    Raises:
-        BadRun: it has no readable trace or manifest.
-    """
-    from cmacexp.recording import write_recording
+    cycles: str | None = None
+    """As typed."""
+    views: list[str] | None = None
+    """Names of panels."""
+    every: int | None = None
+    """One step in so many."""
 
+
+def _read(folder: Path) -> tuple[Traces, dict[str, Any]]:
+    config = manifests.read(folder)["config"]
     traces = read_traces(folder)
     if not traces.legs.num_rows:
         raise BadRun(f"{folder}: the run took no step, there is nothing to show")
-    write_recording(traces, manifests.read(folder)["config"], folder / RECORDING)
-    manifests.update_files(folder, [RECORDING])
-    return folder / RECORDING
+    return traces, config
 
 
-def open_viewer(recordings: list[Path]) -> int:
-    """Open recordings in the Rerun viewer, and wait until it is closed."""
-    return subprocess.call([sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *map(str, recordings)])
+def _check_views(wish: Wish, walking: Sequence[bool]) -> None:
+    """Each view must be there for one of the runs at least."""
+    from cmacexp.recording import panel_names
+
+    known = list(dict.fromkeys(name for walks in sorted(walking, reverse=True) for name in panel_names(walks)))
+    for name in wish.views or ():
+        if name not in known:
+            raise BadInput("--views", name, f"no such view; choose from {', '.join(known)}")
+
+
+def rebuild(folder: Path, path: Path, wish: Wish) -> str:
+    """Write the recording of a run from its trace; what it shows.
+
+    Raises:
+        BadRun: the run has no readable trace or manifest, or no step.
+        BadInput: the run has not what is wished for.
+    """
+    from cmacexp.recording import last_cycle, part_of, read_cycles, write_recording
+
+    traces, config = _read(folder)
+    _check_views(wish, [traces.body is not None])
+    cycles = read_cycles(wish.cycles, last_cycle(traces.legs)) if wish.cycles is not None else None
+    part = part_of(traces.legs, cycles, wish.every)
+    name = write_recording(traces, config, path, label=folder.resolve().name, part=part, names=wish.views)
+    if path == folder / RECORDING:
+        manifests.update_files(folder, [RECORDING])
+    return name + part.hint
+
+
+def compare(folders: Sequence[Path], path: Path, wish: Wish) -> str:
+    """Write one recording of several runs side by side; what it shows.
+
+    Raises:
+        BadRun: a run has no readable trace or manifest, or no step; there are too many.
+        BadInput: the runs have not what is wished for.
+    """
+    from cmacexp.config.difference import labels
+    from cmacexp.recording import MOST_RUNS, last_cycle, part_of, read_cycles, root_of, view_of, write_comparison
+
+    if len(folders) > MOST_RUNS:
+        raise BadRun(
+            f"{len(folders)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare"
+        )
+    _check_views(wish, [(folder / BODY).exists() for folder in folders])
+    cycles = None
+    if wish.cycles is not None:
+        cycles = read_cycles(wish.cycles, min(last_cycle(_read(folder)[0].legs) for folder in folders), "all runs")
+    views = []
+    configs = [manifests.read(folder)["config"] for folder in folders]
+    names = labels(configs, [folder.resolve().name for folder in folders])
+    for number, (folder, label) in enumerate(zip(folders, names, strict=True), start=1):
+        traces, config = _read(folder)  # one after the other: all traces together may not go into memory
+        part = part_of(traces.legs, cycles, wish.every, sharing=len(folders))
+        views.append(view_of(traces, config, label, part, root_of(number, label)))
+    if max(view.time[0] for view in views) > min(view.time[-1] for view in views):
+        raise BadInput(
+            "--cycles", wish.cycles, "these cycles of the runs have no time in common; choose earlier ones"
+        )
+    name = write_comparison(views, path, wish.views)
+    return name + next((view.part.hint for view in views if view.part.hint), "")
+
+
+def _comparison_path(folders: Sequence[Path]) -> Path:
+    """Where a comparison is kept unless told; a job of a sweep goes by the name of the sweep too."""
+    full = [folder.resolve() for folder in folders]
+    names = "-".join(f"{path.parent.name}_{path.name}" if path.name.isdecimal() else path.name for path in full)
+    if len(names) > LONGEST_NAME:
+        names = hashlib.sha256("\n".join(map(str, full)).encode()).hexdigest()[:16]
+    return COMPARISONS / f"{names}.rrd"
+
+
+def _out(given: str) -> Path:
+    path = Path(given)
+    if path.suffix != ".rrd":
+        raise BadInput("--out", given, "must end in .rrd")
+    if any(is_run(parent) for parent in path.resolve().parents):
+        raise BadInput("--out", given, "must lie outside the folders of runs")
+    return path
+
+
+def open_viewer(recording: Path) -> int:
+    """Open a recording in the Rerun viewer, and wait until it is closed."""
+    return subprocess.call([sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(recording)])
+
+
+def _wish(arguments: argparse.Namespace) -> Wish:
+    every = arguments.every
+    if every is not None and not (every.isdecimal() and int(every) > 0):
+        raise BadInput("--every", every, "must be a whole number from 1; 1 shows every step")
+    views = None if arguments.views is None else list(dict.fromkeys(arguments.views.split(",")))
+    return Wish(arguments.cycles, views, None if every is None else int(every))
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    recordings = []
-    for folder in [run for given in arguments.folders for run in runs_below(given)]:
-        path = folder / RECORDING
-        recordings.append(rebuild(folder) if arguments.rebuild or not path.exists() else path)
-        print(path)
-    return 0 if arguments.no_viewer else open_viewer(recordings)
+    from cmacexp.recording import name_of
+
+    wish = _wish(arguments)
+    found = {run.resolve(): run for given in arguments.folders for run in runs_below(given)}
+    folders = list(found.values())
+    out = _out(arguments.out) if arguments.out is not None else None
+    path = out or (_comparison_path(folders) if len(folders) > 1 else folders[0] / RECORDING)
+    kept = len(folders) == 1 and out is None and wish == Wish() and not arguments.rebuild
+    shown = name_of(path) if kept and path.exists() else None
+    if shown is not None:
+        shown += " (as it was built; --rebuild builds it anew)"
+    else:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shown = compare(folders, path, wish) if len(folders) > 1 else rebuild(folders[0], path, wish)
+    print(f"{path}: {shown}", flush=True)
+    return 0 if arguments.no_viewer else open_viewer(path)
 
 
 def main() -> int:
     """Run the command."""
-    options = [("--no-viewer", "only rebuild what is missing"), ("--rebuild", "rebuild even if it is there")]
-    return command("cmacexp.replay", "Look at runs in the Rerun viewer.", _replay, options)
+    options = [
+        ("--no-viewer", "only build what is missing or asked for"),
+        ("--rebuild", "build the recording of a run even if it is there, with all cycles and the usual views"),
+    ]
+    values = [
+        (
+            "--cycles",
+            "CYCLES",
+            "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)",
+        ),
+        ("--views", "NAME,...", "what is laid out: scene, sides, gait, force, posture, margins, error, torque"),
+        ("--every", "N", "show one step in N; unless given, all of a short run, fewer of a long one"),
+        (
+            "--out",
+            "FILE.rrd",
+            "where the recording goes; unless given, recording.rrd in the folder of a run, "
+            f"{COMPARISONS}/NAMES.rrd for several",
+        ),
+    ]
+    description = "Look at a run in the Rerun viewer, or at several side by side. A missing recording is built from "
+    description += "the trace; --cycles, --views and --every build it anew."
+    return command("cmacexp.replay", description, _replay, options, values)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from cmacexp.config import Config
-from cmacexp.keep import Scores
+from cmacexp.keep import RECORDING, Scores
 from cmacexp.run import RunResult
 
 Row = dict[str, Any]
@@ -111,4 +111,9 @@ def summary(result: RunResult) -> None:
     per_step = f", loop {seconds / steps * 1e6:.2f} us a step" if steps else ""
     cause = f" {manifest['cause']}" if manifest["cause"] else ""
     print(f"{result.status}{cause}: {steps} steps in {manifest['wall_seconds']:.2f} s{per_step}")
+    if RECORDING in manifest["files"]:
+        from cmacexp.recording import every_of
+
+        if (every := every_of(steps)) > 1:
+            print(f"{RECORDING}: one step in {every} of {steps}; python -m cmacexp.replay DIR --every 1 shows all")
     print(result.folder)

@@ -223,15 +223,6 @@ def test_score_gives_the_same_metrics_again(run, tmp_path):
     assert python("-m", "cmacexp.verify", str(folder), folder=tmp_path).returncode == 0
 
 
-def test_replay_rebuilds_a_missing_recording(run, tmp_path):
-    folder = tmp_path / "copy"
-    subprocess.run(["cp", "-r", str(run[0]), str(folder)], check=True)
-    (folder / "recording.rrd").unlink()
-    assert python("-m", "cmacexp.replay", str(folder), "--no-viewer", folder=tmp_path).returncode == 0
-    assert (folder / "recording.rrd").stat().st_size > 100_000
-    assert python("-m", "cmacexp.verify", str(folder), folder=tmp_path).returncode == 0
-
-
 @pytest.mark.parametrize("command", ["score", "verify", "replay"])
 def test_commands_refuse_a_folder_without_a_run(command, tmp_path):
     done = python("-m", f"cmacexp.{command}", str(tmp_path), folder=tmp_path)

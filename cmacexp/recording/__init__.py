@@ -1,5 +1,23 @@
-"""A Rerun view of a run, rebuilt from its trace at any time."""
+"""A Rerun view of a run, or of several side by side, rebuilt from their traces at any time."""
 
-from cmacexp.recording.write import write_recording
+from cmacexp.recording.compare import MOST_RUNS, root_of, write_comparison
+from cmacexp.recording.panels import panel_names
+from cmacexp.recording.part import Part, every_of, last_cycle, part_of, read_cycles
+from cmacexp.recording.view import RunView, view_of
+from cmacexp.recording.write import name_of, write_recording
 
-__all__ = ["write_recording"]
+__all__ = [
+    "MOST_RUNS",
+    "Part",
+    "RunView",
+    "every_of",
+    "last_cycle",
+    "name_of",
+    "panel_names",
+    "part_of",
+    "read_cycles",
+    "root_of",
+    "view_of",
+    "write_comparison",
+    "write_recording",
+]

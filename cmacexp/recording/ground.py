@@ -5,6 +5,7 @@ import rerun as rr
 
 from cmacexp import palette
 from cmacexp.arrays import Array, Mask
+from cmacexp.recording.entities import Entities
 from cmacexp.recording.view import LegView, RunView
 
 FORCE_LENGTH = 0.15
@@ -26,7 +27,7 @@ def depression_scale(view: RunView) -> int:
     return round(SEEN_DEPRESSION / depth / 10.0) * 10 if 0.0 < depth < SEEN_DEPRESSION / 5.0 else 1
 
 
-def _log_dent(recording: rr.RecordingStream, view: RunView, foot: Array, path: str) -> None:
+def _log_dent(entities: Entities, view: RunView, foot: Array, path: str) -> None:
     """The surface of the ground in the plane of a leg, pressed down by its foot."""
     x, y, z = foot.T
     depth = np.maximum(-z, 0.0) * depression_scale(view)
@@ -36,23 +37,23 @@ def _log_dent(recording: rr.RecordingStream, view: RunView, foot: Array, path: s
     along = np.stack([start, x - DENT, x - DENT / 2.0, x, x + DENT / 2.0, x + DENT, end], axis=1)
     up = np.stack([zero, zero, -depth / 2.0, -depth, -depth / 2.0, zero, zero], axis=1)
     strips = np.stack([along, np.repeat(y[:, None], 7, axis=1), up], axis=2)
-    recording.log(path, rr.LineStrips3D.from_fields(radii=[0.005], colors=[palette.GROUND]), static=True)
-    recording.send_columns(path, view.indexes, rr.LineStrips3D.columns(strips=strips))
+    entities.log(path, rr.LineStrips3D.from_fields(radii=[0.005], colors=[palette.GROUND]))
+    entities.send_columns(path, view.indexes, rr.LineStrips3D.columns(strips=strips))
 
 
-def _log_foot(recording: rr.RecordingStream, view: RunView, leg: LegView, foot: Array, path: str) -> None:
+def _log_foot(entities: Entities, view: RunView, leg: LegView, foot: Array, path: str) -> None:
     """The foot, coloured by planned phase, with desired and actual contact force as arrows side by side."""
     colours = np.where(leg.support[:, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
-    recording.log(f"{path}/foot", rr.Points3D.from_fields(radii=[0.018]), static=True)
-    recording.send_columns(f"{path}/foot", view.indexes, rr.Points3D.columns(positions=foot, colors=colours))
+    entities.log(f"{path}/foot", rr.Points3D.from_fields(radii=[0.018]))
+    entities.send_columns(f"{path}/foot", view.indexes, rr.Points3D.columns(positions=foot, colors=colours))
     scale = FORCE_LENGTH / max(1e-9, *(float(each["force_desired"].max()) for each in view.legs))
     for name, aside, colour in (("force", 0.0, palette.FORCE), ("force_desired", 0.025, palette.DESIRED)):
         # Arrows stand on the foot and point the way the ground pushes it.
         up = np.zeros_like(foot)
         up[:, 2] = np.clip(leg[name] * scale, 0.0, LONGEST_ARROW * FORCE_LENGTH)
-        recording.log(f"{path}/{name}", rr.Arrows3D.from_fields(radii=[0.006], colors=[colour]), static=True)
+        entities.log(f"{path}/{name}", rr.Arrows3D.from_fields(radii=[0.006], colors=[colour]))
         origins = foot + np.array([aside, 0.0, 0.0])
-        recording.send_columns(f"{path}/{name}", view.indexes, rr.Arrows3D.columns(vectors=up, origins=origins))
+        entities.send_columns(f"{path}/{name}", view.indexes, rr.Arrows3D.columns(vectors=up, origins=origins))
 
 
 def _around(feet: Array, support: Mask) -> Array:
@@ -72,28 +73,26 @@ def _around(feet: Array, support: Mask) -> Array:
     return corners
 
 
-def _log_stability(recording: rr.RecordingStream, view: RunView, feet: Array) -> None:
+def _log_stability(entities: Entities, view: RunView, feet: Array) -> None:
     """Polygon of the feet planned to support, and the centre of gravity projected on the ground."""
     support = np.stack([leg.support for leg in view.legs], axis=1)
     corners = _around(feet, support)
-    recording.log("world/support", rr.LineStrips3D.from_fields(radii=[0.004], colors=[palette.POLYGON]), static=True)
-    recording.send_columns("world/support", view.indexes, rr.LineStrips3D.columns(strips=corners.astype(np.float32)))
+    entities.log("world/support", rr.LineStrips3D.from_fields(radii=[0.004], colors=[palette.POLYGON]))
+    entities.send_columns("world/support", view.indexes, rr.LineStrips3D.columns(strips=corners.astype(np.float32)))
     zero = np.zeros_like(view.time)
     point = np.stack([view.body["cog_x"], zero, zero + 0.002], axis=1)
-    recording.log(
-        "world/centre_of_gravity", rr.Points3D.from_fields(radii=[0.012], colors=[palette.COG]), static=True
-    )
-    recording.send_columns("world/centre_of_gravity", view.indexes, rr.Points3D.columns(positions=point))
+    entities.log("world/centre_of_gravity", rr.Points3D.from_fields(radii=[0.012], colors=[palette.COG]))
+    entities.send_columns("world/centre_of_gravity", view.indexes, rr.Points3D.columns(positions=point))
     plumb = np.stack([point, point + np.stack([zero, zero, view.body["height"]], axis=1)], axis=1)
-    recording.log("world/plumb", rr.LineStrips3D.from_fields(radii=[0.0015], colors=[palette.COG]), static=True)
-    recording.send_columns("world/plumb", view.indexes, rr.LineStrips3D.columns(strips=plumb))
+    entities.log("world/plumb", rr.LineStrips3D.from_fields(radii=[0.0015], colors=[palette.COG]))
+    entities.send_columns("world/plumb", view.indexes, rr.LineStrips3D.columns(strips=plumb))
 
 
-def log_ground(recording: rr.RecordingStream, view: RunView) -> None:
+def log_ground(entities: Entities, view: RunView) -> None:
     """Everything between feet and ground."""
     feet = [view.in_world(leg.in_body(leg["x"], leg["y"])) for leg in view.legs]
     for leg, foot in zip(view.legs, feet, strict=True):
-        _log_dent(recording, view, foot, f"world/ground/leg_{leg.number}")
-        _log_foot(recording, view, leg, foot, f"world/feet/leg_{leg.number}")
+        _log_dent(entities, view, foot, f"world/ground/leg_{leg.number}")
+        _log_foot(entities, view, leg, foot, f"world/feet/leg_{leg.number}")
     if view.walks:
-        _log_stability(recording, view, np.stack(feet, axis=1))
+        _log_stability(entities, view, np.stack(feet, axis=1))

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import rerun as rr
+from numpy.typing import NDArray
 
 from cmacexp.arrays import Array, Mask
 from cmacexp.keep import Traces
+from cmacexp.recording.part import Part
 from cmacexp.table import as_array, is_support
 
-MOST_STEPS = 20_000
-"""Steps that a recording shows at the most; of a longer run it shows one step in so many."""
 NAMES = ("left front", "right front", "left rear", "right rear")
 
 
@@ -50,9 +50,12 @@ class RunView:
     cycle: Array
     body: dict[str, Array]
     """Columns of ``body.parquet``; of a stand only cog_x, height, pitch and roll, which do not change."""
-    every: int
-    """One step in so many is shown."""
+    part: Part
     config: dict[str, Any]
+    label: str
+    """The name of the run, or what sets it apart from those beside it."""
+    root: str = ""
+    """What the paths of its entities begin with."""
 
     @property
     def indexes(self) -> list[rr.TimeColumn]:
@@ -63,6 +66,12 @@ class RunView:
     def walks(self) -> bool:
         """Whether there is a body on legs."""
         return len(self.legs) > 1
+
+    def whole_cycles(self) -> tuple[int, int]:
+        """The first cycle and the last whole one."""
+        cycles, counts = np.unique(self.cycle, return_counts=True)
+        whole = cycles[counts >= counts.max() - 1]  # thinned, a whole cycle may have one step less than another
+        return int(cycles[0]), int(whole[-1])
 
     def turn(self) -> Array:
         """Orientation of the body as quaternions (steps, 4), x y z w: roll about x, then pitch about y."""
@@ -85,35 +94,38 @@ def _leg_configs(config: dict[str, Any]) -> list[dict[str, Any]]:
     return list(machine["legs"].values()) if "legs" in machine else [machine.get("leg") or {}]
 
 
-def _leg(trace: pa.Table, rows: Array, number: int, built: dict[str, Any], every: int) -> LegView:
+def _leg(trace: pa.Table, rows: NDArray[np.intp], number: int, built: dict[str, Any]) -> LegView:
     skipped = {"step", "time", "cycle", "leg", "phase"}
-    columns = {n: as_array(trace, n)[rows][::every] for n in trace.column_names if n not in skipped}
     return LegView(
         number,
         NAMES[number - 1] if "hip_x" in built else "leg",
-        columns,
-        is_support(trace)[rows][::every],
+        {name: as_array(trace, name)[rows] for name in trace.column_names if name not in skipped},
+        is_support(trace)[rows],
         (built["length_1"], built["length_2"]) if "length_1" in built else None,
         (built.get("hip_x", 0.0), built.get("hip_y", 0.0)),
     )
 
 
-def view_of(traces: Traces, config: dict[str, Any]) -> RunView:
+def view_of(traces: Traces, config: dict[str, Any], label: str, part: Part, root: str = "") -> RunView:
     """Cut traces into legs.
 
     Args:
         traces: as the run left them.
         config: as it stands in the manifest.
+        label: what the run is called.
+        part: which of its steps are shown.
+        root: what the paths of its entities begin with.
     """
     trace = traces.legs
-    number = as_array(trace, "leg")
-    first = number == number[0]
-    every = -(-int(first.sum()) // MOST_STEPS)
-    legs = [_leg(trace, number == i + 1, i + 1, built, every) for i, built in enumerate(_leg_configs(config))]
-    time, step, cycle = (as_array(trace, name)[first][::every] for name in ("time", "step", "cycle"))
+    number, cycle = as_array(trace, "leg"), as_array(trace, "cycle")
+    shown = (cycle >= part.first) & (cycle <= part.last)
+    built = enumerate(_leg_configs(config), start=1)
+    rows = {i: np.flatnonzero(shown & (number == i))[:: part.every] for i, _ in built}
+    legs = [_leg(trace, rows[i], i, leg) for i, leg in enumerate(_leg_configs(config), start=1)]
+    time, step, cycle = (as_array(trace, name)[rows[1]] for name in ("time", "step", "cycle"))
     if traces.body is not None:
-        body = {name: as_array(traces.body, name)[::every] for name in traces.body.column_names}
+        body = {name: as_array(traces.body, name)[step] for name in traces.body.column_names}
     else:
         still = np.zeros_like(time)
         body = {"cog_x": still, "height": still + config["machine"]["hip_height"], "pitch": still, "roll": still}
-    return RunView(legs, time, step, cycle, body, every, config)
+    return RunView(legs, time, step, cycle, body, part, config, label, root)

@@ -1,21 +1,25 @@
 """Write ``recording.rrd`` from a trace."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import Any
 
 import rerun as rr
+import rerun.blueprint as rrb
+from rerun.chunk import RrdReader
 
 from cmacexp.files import write_atomically
 from cmacexp.keep import Traces
 from cmacexp.recording.blueprint import layout
+from cmacexp.recording.entities import Entities
 from cmacexp.recording.ground import log_ground
+from cmacexp.recording.part import Part, part_of
 from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
-from cmacexp.recording.view import view_of
+from cmacexp.recording.view import RunView, view_of
 
 
 class _NoPandas(MetaPathFinder):
@@ -49,22 +53,66 @@ def _as_os_error(path: Path) -> Iterator[None]:
         raise OSError(f"{path}: cannot be written ({str(error).splitlines()[0]})") from error
 
 
-def write_recording(traces: Traces, config: dict[str, Any], path: Path) -> None:
+def write_views(
+    views: Sequence[RunView], blueprint: rrb.Blueprint, name: str, path: Path, texts: Mapping[str, str] | None = None
+) -> None:
+    """Write runs into one recording, whole or not at all.
+
+    Args:
+        views: the runs, each below its own root.
+        blueprint: how the viewer lays them out.
+        name: what the viewer calls the recording.
+        path: of the ``.rrd`` file.
+        texts: Markdown by the path of its entity.
+    """
+    with write_atomically(path) as temporary, _pandas_left_out(), _as_os_error(path):
+        recording = rr.RecordingStream("cmacexp", recording_id=name)
+        recording.save(temporary, default_blueprint=blueprint)
+        recording.send_recording_name(name)
+        for entity, text in (texts or {}).items():
+            recording.log(entity, rr.TextDocument(text, media_type="text/markdown"), static=True)
+        for view in views:
+            entities = Entities(recording, view.root)
+            log_machine(entities, view)
+            log_ground(entities, view)
+            log_series(entities, view)
+        recording.flush()
+        recording.disconnect()
+
+
+def write_recording(
+    traces: Traces,
+    config: dict[str, Any],
+    path: Path,
+    *,
+    label: str | None = None,
+    part: Part | None = None,
+    names: Sequence[str] | None = None,
+) -> str:
     """Write the Rerun view of a run, whole or not at all.
 
     Args:
         traces: as the run left them, at least one step.
         config: as it stands in the manifest.
         path: of the ``.rrd`` file.
+        label: what the run is called; None: as the folder of ``path``.
+        part: the steps that are shown; None: all cycles, thinned if the run is long.
+        names: of the panels that are laid out; None: the usual ones.
+
+    Returns:
+        The name of the recording: what it shows.
     """
-    with write_atomically(path) as temporary, _pandas_left_out(), _as_os_error(path):
-        view = view_of(traces, config)
-        recording = rr.RecordingStream("cmacexp", recording_id=path.parent.name)
-        recording.save(temporary, default_blueprint=layout(view))
-        thinned = f", every {view.every} steps" if view.every > 1 else ""
-        recording.send_recording_name(f"{config['scenario']} {path.parent.name}{thinned}")
-        log_machine(recording, view)
-        log_ground(recording, view)
-        log_series(recording, view)
-        recording.flush()
-        recording.disconnect()
+    view = view_of(traces, config, label or path.parent.name, part or part_of(traces.legs))
+    name = f"{config['scenario']} {view.label}, {view.part}"
+    write_views([view], layout(view, names), name, path)
+    return name
+
+
+def name_of(path: Path) -> str | None:
+    """The name that a recording was given; None if it cannot be read."""
+    try:
+        chunks = RrdReader(path).stream().filter(content="/__properties").to_chunks()
+    except RuntimeError:
+        return None
+    rows = [row for chunk in chunks for row in chunk.to_record_batch().to_pylist()]
+    return next((row["RecordingInfo:name"][0] for row in rows if row.get("RecordingInfo:name")), None)

@@ -1,0 +1,74 @@
+"""What sets runs apart: the keys in which their configs differ, as they are typed on the command line."""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+
+from cmacexp.config.load import WITHOUT_EFFECT, config_folder
+
+MOST_KEYS = 3
+"""Runs that differ in more keys than that are better told by the names of their folders."""
+
+
+@cache
+def _option(group: str, target: str) -> str:
+    """The option of a group that makes the class ``target``, else the name of the class."""
+    for path in sorted((config_folder() / group).glob("*.yaml")):
+        option = OmegaConf.load(path)
+        if isinstance(option, DictConfig) and target in (
+            option.get("_target_"),
+            OmegaConf.select(option, f"{group}._target_"),
+        ):
+            return path.stem
+    return target.rpartition(".")[2]
+
+
+def flat(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """A config as dotted keys with their values; a ``_target_`` as its group with its option.
+
+    Args:
+        config: as it stands in a manifest.
+        before: what the keys begin with.
+    """
+    found: dict[str, Any] = {}
+    for key, value in config.items():
+        if isinstance(value, Mapping):
+            found |= flat(value, f"{before}{key}.")
+        elif key == "_target_":
+            found[before[:-1]] = _option(before[:-1], value)
+        else:
+            found[before + key] = value
+    return found
+
+
+def differences(configs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Of each config, the keys with values in which not all of them agree; a key that it has not is left out."""
+    flats = [flat({k: v for k, v in config.items() if k not in WITHOUT_EFFECT}) for config in configs]
+    keys = list(dict.fromkeys(key for each in flats for key in each))
+    apart = [key for key in keys if any(key not in each or each[key] != flats[0].get(key) for each in flats)]
+    return [{key: each[key] for key in apart if key in each} for each in flats]
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{','.join(map(_text, value))}]"
+    return "null" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def labels(configs: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[str]:
+    """A name for each of several runs: what it was given that others were not, else the name of its folder.
+
+    Args:
+        configs: as they stand in the manifests.
+        names: of the folders, in the same order.
+    """
+    apart = differences(configs)
+    scenarios = [str(config["scenario"]) for config in configs]
+    if len(set(scenarios)) == len(configs):
+        return scenarios
+    found = [" ".join(f"{key}={_text(value)}" for key, value in each.items()) for each in apart]
+    if max(map(len, apart)) > MOST_KEYS or len(set(found)) < len(found):
+        return list(names)
+    return found
