@@ -1,6 +1,6 @@
 """The tables of a run on disk: its traces, and the metrics that are computed from them alone."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +10,6 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
-from cmacexp.arrays import Mask
 from cmacexp.config.schema import RecordConfig
 from cmacexp.errors import BadRun
 from cmacexp.files import write_atomically
@@ -90,51 +89,58 @@ def writing(folder: Path, record: RecordConfig, steps_per_cycle: int, body: bool
         yield RunWriter(writers, record, steps_per_cycle)
 
 
-def _parts(path: Path) -> Iterator[pa.Table]:
+def _parts(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
     try:
-        yield from parts_of(path)
+        yield from parts_of(path, columns)
     except (OSError, pa.ArrowException) as error:
         raise BadRun(f"{path}: cannot be read as a trace ({str(error).splitlines()[0]})") from None
 
 
-def _read(path: Path, columns: Sequence[Column], wanted: Callable[[pa.Table], Mask], every: int) -> pa.Table:
-    """The ``wanted`` rows of a trace, of which one step in ``every``; read part by part, so that no more is held."""
-    kept, steps = [schema_of(columns).empty_table()], 0
-    for part in _parts(path):
-        missing = {column.name for column in columns} - set(part.column_names)
-        if missing:
-            raise BadRun(f"{path}: not a trace: it has no {', '.join(sorted(missing))}")
-        part = rows_of(part, wanted(part))
-        legs = int(as_array(part, "leg").max(initial=1)) if "leg" in part.column_names else 1
-        kept.append(rows_of(part, (np.arange(part.num_rows) // legs + steps) % every == 0))
-        steps += part.num_rows // legs
-    return pa.concat_tables(kept).combine_chunks()
-
-
-def steps_kept(folder: Path) -> int:
-    """Steps that stand in the body's or else the only leg's trace of a run.
+def steps_by_cycle(folder: Path) -> dict[int, int]:
+    """How many steps of each cycle stand in the trace of a run.
 
     Raises:
         BadRun: it is missing or cannot be read.
     """
-    return sum(part.num_rows for part in _parts(folder / (BODY if (folder / BODY).exists() else TRACE)))
+    steps: dict[int, int] = {}
+    for part in _parts(folder / TRACE, ["cycle", "leg"]):
+        cycles, counts = np.unique(as_array(part, "cycle")[as_array(part, "leg") == 1], return_counts=True)
+        for cycle, count in zip(cycles.tolist(), counts.tolist(), strict=True):
+            steps[cycle] = steps.get(cycle, 0) + count
+    return steps
 
 
-def read_traces(
-    folder: Path, wanted: Callable[[pa.Table], Mask] = lambda part: np.ones(part.num_rows, dtype=bool), every: int = 1
-) -> Traces:
+def _read(path: Path, columns: Sequence[Column], cycles: tuple[int, int], every: int) -> pa.Table:
+    """A window of a trace, of which one step in ``every``; read part by part, so that no more than it is held."""
+    kept, seen = [schema_of(columns).empty_table()], 0
+    for part in _parts(path):
+        missing = {column.name for column in columns} - set(part.column_names)
+        if missing:
+            raise BadRun(f"{path}: not a trace: it has no {', '.join(sorted(missing))}")
+        cycle = as_array(part, "cycle")
+        part = rows_of(part, (cycle >= cycles[0]) & (cycle <= cycles[1]))
+        legs = int(as_array(part, "leg").max(initial=1)) if "leg" in part.column_names else 1
+        kept.append(rows_of(part, (np.arange(part.num_rows) // legs + seen) % every == 0))
+        seen += part.num_rows // legs
+    return pa.concat_tables(kept).combine_chunks()
+
+
+ALL_CYCLES = (1, 2**31 - 1)
+
+
+def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int = 1) -> Traces:
     """The traces of a run.
 
     Args:
         folder: of the run.
-        wanted: which rows of a part of a trace to read.
-        every: read one step in so many of those.
+        cycles: the first and the last that are wanted.
+        every: one step in so many of those.
 
     Raises:
         BadRun: one is missing or cannot be read.
     """
-    legs = _read(folder / TRACE, COLUMNS, wanted, every)
-    return Traces(legs, _read(folder / BODY, BODY_COLUMNS, wanted, every) if (folder / BODY).exists() else None)
+    legs = _read(folder / TRACE, COLUMNS, cycles, every)
+    return Traces(legs, _read(folder / BODY, BODY_COLUMNS, cycles, every) if (folder / BODY).exists() else None)
 
 
 def write_scores(folder: Path, scores: Scores) -> list[str]:

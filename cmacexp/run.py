@@ -18,7 +18,7 @@ from cmacexp.keep import (
     TRACE,
     Scores,
     Traces,
-    steps_kept,
+    steps_by_cycle,
     write_scores,
     writing,
 )
@@ -69,10 +69,10 @@ def _roll_out(scenario: Scenario, folder: Path, watch: Callable[[int], None]) ->
         end = stream(scenario, lambda samples: writer.add(_traces(scenario, samples)), watch)
     names = [TRACE, BODY] if walks else [TRACE]
     names += write_scores(folder, writer.scores)
-    if config.record.recording and steps_kept(folder):
+    if config.record.recording and steps_by_cycle(folder):
         from cmacexp.recording import write_recording
 
-        write_recording(folder, to_plain(config))
+        write_recording(folder, to_plain(config), folder / RECORDING)
         names.append(RECORDING)
     return end, writer.scores, names
 

@@ -50,11 +50,11 @@ def write_table(table: pa.Table, path: Path) -> None:
         writer.write_table(table)
 
 
-def parts_of(path: Path) -> Iterator[pa.Table]:
-    """The table that :func:`table_writer` wrote, part by part."""
+def parts_of(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
+    """The table that :func:`table_writer` wrote, or some columns of it, part by part."""
     with pq.ParquetFile(path) as file:
         for group in range(file.num_row_groups):
-            yield file.read_row_group(group)
+            yield file.read_row_group(group, columns)
 
 
 def rows_of(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
