@@ -257,3 +257,27 @@ def test_plots_share_an_axis_unless_one_dwarfs_the_other(runs):
     assert 2.0 * force.max() < high < 2.2 * force.max()
     assert "leg_1/force" not in shared_ranges([view, dwarfing])
     assert "leg_1/error" in shared_ranges([view, dwarfing])
+
+
+@pytest.mark.parametrize("name", ["leg_none", "walk"])
+def test_every_view_can_be_asked_for(name, copy, tmp_path):
+    names = [
+        "scene",
+        "gait",
+        "force",
+        "error",
+        "torque",
+        *(["sides", "posture", "margins"] if name == "walk" else []),
+    ]
+    folder = copy(name)
+    assert replay(folder, "--cycles", "2", "--views", ",".join(names), folder=tmp_path).returncode == 0
+    reader = RrdReader(folder / "recording.rrd")
+    origins = set()
+    for chunk in reader.stream(store=reader.blueprints()[0]).to_chunks():
+        for row in chunk.to_record_batch().to_pylist():
+            origins.update(origin.strip("/") for origin in row.get("ViewBlueprint:space_origin") or ())
+    shown = {"world/travel", "gait"} | {f"series/leg_1/{plot}" for plot in ("force", "error", "torque_1", "torque_2")}
+    if name == "walk":
+        shown |= {f"series/leg_{n}/{plot}" for n in (2, 3, 4) for plot in ("force", "error", "torque_1", "torque_2")}
+        shown |= {"series/body/tilt", "series/body/height", "series/body/margins"}
+    assert origins == shown

@@ -71,12 +71,13 @@ def _column(view: RunView, panels: Panels, names: Sequence[str]) -> Panel:
 def _layout(views: Sequence[RunView], names: Sequence[str] | None) -> rrb.Blueprint:
     """One column for each run, of those of the panels ``names`` that it has; None: the usual ones."""
     ranges = shared_ranges(views)
+    times = min(float(view.time[0]) for view in views), max(float(view.time[-1]) for view in views)
     columns = []
     for number, view in enumerate(views):
         first = view.walks not in [earlier.walks for earlier in views[:number]]
         title = view.label if _one_depression(views) else view.label + depression_of(view)
         shown = [name for name in names or _usual(view, len(views)) if name in panel_names(view.walks)]
-        columns.append(_column(view, Panels(view, title, ranges, max(1.0, len(views) / WIDE), first), shown))
+        columns.append(_column(view, Panels(view, title, ranges, times, max(1.0, len(views) / WIDE), first), shown))
     content = rrb.Horizontal(*columns)
     if names is not None and not set(names) & set(SPACE):
         return laid_out(content)

@@ -47,6 +47,7 @@ class Panels:
         view: the run.
         title: of its scene.
         ranges: of the vertical axes of plots that several runs share, by the name of the plot.
+        times: first and last moment of plots of all times that several runs share, s.
         away: how many times further than usual the eye is from the machine.
         legends: whether plots have one; of the same plot for each leg the first has it.
     """
@@ -56,12 +57,14 @@ class Panels:
         view: RunView,
         title: str,
         ranges: Mapping[str, tuple[float, float]] | None = None,
+        times: tuple[float, float] | None = None,
         away: float = 1.0,
         legends: bool = True,
     ):
         self._view = view
         self._title = title
         self._ranges = ranges or {}
+        self._times = times
         self._away = away
         self._legends = legends
         self._now = float(view.config["gait"]["cycle_time"]) if view.walks else None
@@ -101,15 +104,19 @@ class Panels:
 
     def plot(self, path: str, name: str, around: float | None = None) -> rrb.TimeSeriesView:
         """A plot of all times, or of those from 1.5 to 0.5 times ``around`` seconds about now."""
-        shown = None
+        shown, horizontal = None, None
         if around:
             start = rrb.TimeRangeBoundary.cursor_relative(seconds=-1.5 * around)
             end = rrb.TimeRangeBoundary.cursor_relative(seconds=0.5 * around)
             shown = [rrb.VisibleTimeRange("time", start=start, end=end)]
+        elif self._times:
+            first, last = (rrb.TimeRangeBoundary.absolute(seconds=time) for time in self._times)
+            horizontal = rrb.TimeAxis(view_range=rrb.TimeRange(first, last))
         corner = rrb.Corner2D.LeftTop if around else rrb.Corner2D.RightTop
         return rrb.TimeSeriesView(
             origin=f"{self._view.root}series/{path}",
             name=name,
+            axis_x=horizontal,
             axis_y=rrb.ScalarAxis(range=self._ranges[path]) if path in self._ranges else None,
             plot_legend=rrb.PlotLegend(corner=corner, visible=self._legends and path.startswith(("leg_1/", "body/"))),
             time_ranges=shown,
