@@ -16,11 +16,14 @@ def is_finished(folder: Path, config: Config) -> bool:
     """Whether ``folder`` holds the whole result of ``config``, made by the code as it is now.
 
     A run is taken for finished if its manifest says how it ended, names the same hash of the config and of the code,
-    and every file that it lists is there unchanged. Parts of one's own are told apart by their config alone.
+    every file that it lists is there unchanged, and its traces are as thin as asked for. Parts of one's own are told
+    apart by their config alone.
     """
     try:
         manifest = manifests.read(folder)
     except BadRun:
         return False
-    same = manifest.get("config_hash") == config_hash(to_plain(config)) and manifest.get("code_hash") == code_hash()
-    return same and manifest["status"] in RESULTS and not faults(folder)
+    plain, kept = to_plain(config), manifest["config"].get("record", {})
+    same = manifest.get("config_hash") == config_hash(plain) and manifest.get("code_hash") == code_hash()
+    as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
+    return same and as_thin and manifest["status"] in RESULTS and not faults(folder)

@@ -1,16 +1,21 @@
 """The tables of a run on disk: its traces, and the metrics that are computed from them alone."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
 
+from cmacexp.config.schema import RecordConfig
 from cmacexp.errors import BadRun
 from cmacexp.files import write_atomically
-from cmacexp.metrics import compute, compute_body
-from cmacexp.table import read_table, write_table
-from cmacexp.trace import COLUMNS
+from cmacexp.metrics import BodyScorer, Scorer
+from cmacexp.table import as_array, parts_of, rows_of, table_writer, write_table
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, schema_of
 
 TRACE, BODY = "trace.parquet", "body.parquet"
 METRICS, METRICS_CSV, BODY_METRICS = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
@@ -35,43 +40,131 @@ class Scores(NamedTuple):
     """One row per cycle; None without a body."""
 
 
-def _read(path: Path) -> pa.Table:
+class RunWriter:
+    """Takes what a run leaves of its steps, part by part; see :func:`writing`."""
+
+    def __init__(self, writers: Sequence[pq.ParquetWriter], record: RecordConfig, steps_per_cycle: int):
+        self.writers = writers
+        self.record = record
+        self.legs, self.body = Scorer(steps_per_cycle), BodyScorer(steps_per_cycle)
+
+    def _kept(self, table: pa.Table) -> pa.Table:
+        """The rows that go into the trace."""
+        if not self.record.thins:
+            return table
+        keep = as_array(table, "step") % self.record.every_nth_step == 0
+        if self.record.cycles is not None:
+            keep &= np.isin(as_array(table, "cycle"), self.record.cycles)
+        return rows_of(table, keep)
+
+    def add(self, traces: Traces) -> None:
+        """Score the next cycles, and keep of their traces what is asked for."""
+        self.legs.add(traces.legs)
+        if traces.body is not None:
+            self.body.add(traces.body)
+        for writer, table in zip(self.writers, traces, strict=False):
+            kept = self._kept(table)
+            if kept.num_rows:
+                writer.write_table(kept)
+
+    @property
+    def scores(self) -> Scores:
+        """The metrics of all steps so far."""
+        return Scores(self.legs.table(), self.body.table() if len(self.writers) > 1 else None)
+
+
+@contextmanager
+def writing(folder: Path, record: RecordConfig, steps_per_cycle: int, body: bool) -> Iterator[RunWriter]:
+    """Write the traces of a run as it goes on; they appear when the block ends well.
+
+    Args:
+        folder: of the run.
+        record: what of the traces is kept.
+        steps_per_cycle: N.
+        body: whether the machine has one.
+    """
+    with ExitStack() as stack:
+        files = [(TRACE, COLUMNS), (BODY, BODY_COLUMNS)][: 2 if body else 1]
+        writers = [stack.enter_context(table_writer(folder / name, schema_of(columns))) for name, columns in files]
+        yield RunWriter(writers, record, steps_per_cycle)
+
+
+def _parts(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
     try:
-        return read_table(path)
+        yield from parts_of(path, columns)
     except (OSError, pa.ArrowException) as error:
         raise BadRun(f"{path}: cannot be read as a trace ({str(error).splitlines()[0]})") from None
 
 
-def read_traces(folder: Path) -> Traces:
+def steps_by_cycle(folder: Path) -> dict[int, int]:
+    """How many steps of each cycle stand in the trace of a run.
+
+    Raises:
+        BadRun: it is missing or cannot be read.
+    """
+    steps: dict[int, int] = {}
+    for part in _parts(folder / TRACE, ["cycle", "leg"]):
+        cycles, counts = np.unique(as_array(part, "cycle")[as_array(part, "leg") == 1], return_counts=True)
+        for cycle, count in zip(cycles.tolist(), counts.tolist(), strict=True):
+            steps[cycle] = steps.get(cycle, 0) + count
+    return steps
+
+
+def _read(path: Path, columns: Sequence[Column], cycles: tuple[int, int], every: int) -> pa.Table:
+    """A window of a trace, of which one step in ``every``; read part by part, so that no more than it is held."""
+    kept, seen = [schema_of(columns).empty_table()], 0
+    for part in _parts(path):
+        missing = {column.name for column in columns} - set(part.column_names)
+        if missing:
+            raise BadRun(f"{path}: not a trace: it has no {', '.join(sorted(missing))}")
+        cycle = as_array(part, "cycle")
+        part = rows_of(part, (cycle >= cycles[0]) & (cycle <= cycles[1]))
+        legs = int(as_array(part, "leg").max(initial=1)) if "leg" in part.column_names else 1
+        kept.append(rows_of(part, (np.arange(part.num_rows) // legs + seen) % every == 0))
+        seen += part.num_rows // legs
+    return pa.concat_tables(kept).combine_chunks()
+
+
+ALL_CYCLES = (1, 2**31 - 1)
+
+
+def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int = 1) -> Traces:
     """The traces of a run.
+
+    Args:
+        folder: of the run.
+        cycles: the first and the last that are wanted.
+        every: one step in so many of those.
 
     Raises:
         BadRun: one is missing or cannot be read.
     """
-    traces = Traces(_read(folder / TRACE), _read(folder / BODY) if (folder / BODY).exists() else None)
-    missing = {column.name for column in COLUMNS} - set(traces.legs.column_names)
-    if missing:
-        raise BadRun(f"{folder / TRACE}: not a trace: it has no {', '.join(sorted(missing))}")
-    return traces
+    legs = _read(folder / TRACE, COLUMNS, cycles, every)
+    return Traces(legs, _read(folder / BODY, BODY_COLUMNS, cycles, every) if (folder / BODY).exists() else None)
 
 
-def write_traces(folder: Path, traces: Traces) -> list[str]:
-    """Write the traces of a run; the names of the files."""
-    write_table(traces.legs, folder / TRACE)
-    if traces.body is None:
-        return [TRACE]
-    write_table(traces.body, folder / BODY)
-    return [TRACE, BODY]
-
-
-def write_scores(folder: Path, traces: Traces, steps_per_cycle: int) -> tuple[Scores, list[str]]:
-    """Compute the metrics of a run and write them; with the names of the files."""
-    legs = compute(traces.legs, steps_per_cycle)
-    write_table(legs, folder / METRICS)
+def write_scores(folder: Path, scores: Scores) -> list[str]:
+    """Write the metrics of a run; the names of the files."""
+    write_table(scores.legs, folder / METRICS)
     with write_atomically(folder / METRICS_CSV) as temporary:
-        pa_csv.write_csv(legs, temporary)
-    if traces.body is None:
-        return Scores(legs, None), [METRICS, METRICS_CSV]
-    body = compute_body(traces.body, steps_per_cycle)
-    write_table(body, folder / BODY_METRICS)
-    return Scores(legs, body), [METRICS, METRICS_CSV, BODY_METRICS]
+        pa_csv.write_csv(scores.legs, temporary)
+    if scores.body is None:
+        return [METRICS, METRICS_CSV]
+    write_table(scores.body, folder / BODY_METRICS)
+    return [METRICS, METRICS_CSV, BODY_METRICS]
+
+
+def score_traces(folder: Path, steps_per_cycle: int) -> Scores:
+    """The metrics of a run from its traces, which must hold every step.
+
+    Raises:
+        BadRun: a trace is missing or cannot be read.
+    """
+    legs, body = Scorer(steps_per_cycle), BodyScorer(steps_per_cycle)
+    for part in _parts(folder / TRACE):
+        legs.add(part)
+    if not (folder / BODY).exists():
+        return Scores(legs.table(), None)
+    for part in _parts(folder / BODY):
+        body.add(part)
+    return Scores(legs.table(), body.table())

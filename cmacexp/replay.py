@@ -6,12 +6,12 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from cmacexp import manifest as manifests
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.folders import command, is_run, runs_below
-from cmacexp.keep import BODY, RECORDING, Traces, read_traces
+from cmacexp.keep import BODY, RECORDING, read_traces, steps_by_cycle
 
 COMPARISONS = Path("outputs", "comparisons")
 """Where comparisons are kept unless told."""
@@ -30,12 +30,12 @@ class Wish(NamedTuple):
     """One step in so many."""
 
 
-def _read(folder: Path) -> tuple[Traces, dict[str, Any]]:
-    config = manifests.read(folder)["config"]
-    traces = read_traces(folder)
-    if not traces.legs.num_rows:
+def _kept(folder: Path) -> dict[int, int]:
+    """Steps of each cycle in the trace of a run."""
+    kept = steps_by_cycle(folder)
+    if not kept:
         raise BadRun(f"{folder}: the run took no step, there is nothing to show")
-    return traces, config
+    return kept
 
 
 def _check_views(wish: Wish, walking: Sequence[bool]) -> None:
@@ -55,13 +55,13 @@ def rebuild(folder: Path, path: Path, wish: Wish) -> str:
         BadRun: the run has no readable trace or manifest, or no step.
         BadInput: the run has not what is wished for.
     """
-    from cmacexp.recording import last_cycle, part_of, read_cycles, write_recording
+    from cmacexp.recording import part_of, read_cycles, write_recording
 
-    traces, config = _read(folder)
-    _check_views(wish, [traces.body is not None])
-    cycles = read_cycles(wish.cycles, last_cycle(traces.legs)) if wish.cycles is not None else None
-    part = part_of(traces.legs, cycles, wish.every)
-    name = write_recording(traces, config, path, label=folder.resolve().name, part=part, names=wish.views)
+    config, kept = manifests.read(folder)["config"], _kept(folder)
+    _check_views(wish, [(folder / BODY).exists()])
+    cycles = read_cycles(wish.cycles, max(kept)) if wish.cycles is not None else None
+    part = part_of(kept, cycles, wish.every)
+    name = write_recording(folder, config, path, label=folder.resolve().name, part=part, names=wish.views)
     if path == folder / RECORDING:
         manifests.update_files(folder, [RECORDING])
     return name + part.hint
@@ -75,7 +75,7 @@ def compare(folders: Sequence[Path], path: Path, wish: Wish) -> str:
         BadInput: the runs have not what is wished for.
     """
     from cmacexp.config.difference import labels
-    from cmacexp.recording import MOST_RUNS, last_cycle, part_of, read_cycles, root_of, view_of, write_comparison
+    from cmacexp.recording import MOST_RUNS, part_of, read_cycles, root_of, view_of, write_comparison
 
     if len(folders) > MOST_RUNS:
         raise BadRun(
@@ -84,13 +84,13 @@ def compare(folders: Sequence[Path], path: Path, wish: Wish) -> str:
     _check_views(wish, [(folder / BODY).exists() for folder in folders])
     cycles = None
     if wish.cycles is not None:
-        cycles = read_cycles(wish.cycles, min(last_cycle(_read(folder)[0].legs) for folder in folders), "all runs")
+        cycles = read_cycles(wish.cycles, min(max(_kept(folder)) for folder in folders), "all runs")
     views = []
     configs = [manifests.read(folder)["config"] for folder in folders]
     names = labels(configs, [folder.resolve().name for folder in folders])
-    for number, (folder, label) in enumerate(zip(folders, names, strict=True), start=1):
-        traces, config = _read(folder)  # one after the other: all traces together may not go into memory
-        part = part_of(traces.legs, cycles, wish.every, sharing=len(folders))
+    for number, (folder, config, label) in enumerate(zip(folders, configs, names, strict=True), start=1):
+        part = part_of(_kept(folder), cycles, wish.every, sharing=len(folders))
+        traces = read_traces(folder, part.cycles, part.every)
         views.append(view_of(traces, config, label, part, root_of(number, label)))
     if max(view.time[0] for view in views) > min(view.time[-1] for view in views):
         raise BadInput(

@@ -18,11 +18,12 @@ from cmacexp.keep import (
     TRACE,
     Scores,
     Traces,
+    steps_by_cycle,
     write_scores,
-    write_traces,
+    writing,
 )
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
-from cmacexp.rollout import Rollout, roll_out
+from cmacexp.rollout import End, Samples, stream
 from cmacexp.scenario import Scenario, make_scenario
 from cmacexp.sources import code_hash
 from cmacexp.trace import assemble, assemble_body
@@ -51,28 +52,29 @@ def _clear(folder: Path) -> None:
         leftover.unlink(missing_ok=True)
 
 
-def _traces(config: Config, scenario: Scenario, rollout: Rollout) -> Traces:
-    samples = rollout.columns()
-    legs = assemble(rollout.plan, samples, config.sampling_period)
+def _traces(scenario: Scenario, samples: Samples) -> Traces:
+    """The part of the traces that some steps give."""
+    plan, config, columns = scenario.setup.plan, scenario.setup.config, samples.columns()
+    legs = assemble(plan, columns, config.sampling_period, samples.start)
     if scenario.setup.mechanism.kind != LEGS_UNDER_BODY:
         return Traces(legs, None)
-    body = rollout.body_columns()
-    return Traces(
-        legs, assemble_body(rollout.plan, body, samples["force"], config.sampling_period, config.body_speed)
-    )
+    body, speed = samples.body_columns(), config.body_speed
+    return Traces(legs, assemble_body(plan, body, columns["force"], config.sampling_period, speed, samples.start))
 
 
-def _write_files(config: Config, folder: Path, traces: Traces) -> tuple[Scores, list[str]]:
-    """Write all that a rollout leaves behind but the manifest; the metrics and the names of the files."""
-    names = write_traces(folder, traces)
-    scores, more = write_scores(folder, traces, config.steps_per_cycle)
-    names += more
-    if config.record.recording and traces.legs.num_rows:
+def _roll_out(scenario: Scenario, folder: Path, watch: Callable[[int], None]) -> tuple[End, Scores, list[str]]:
+    """Run, and write all that it leaves behind but the manifest; how it ended, its metrics, names of the files."""
+    config, walks = scenario.setup.config, scenario.setup.mechanism.kind == LEGS_UNDER_BODY
+    with writing(folder, config.record, config.steps_per_cycle, walks) as writer:
+        end = stream(scenario, lambda samples: writer.add(_traces(scenario, samples)), watch)
+    names = [TRACE, BODY] if walks else [TRACE]
+    names += write_scores(folder, writer.scores)
+    if config.record.recording and steps_by_cycle(folder):
         from cmacexp.recording import write_recording
 
-        write_recording(traces, to_plain(config), folder / RECORDING)
+        write_recording(folder, to_plain(config), folder / RECORDING)
         names.append(RECORDING)
-    return scores, names
+    return end, writer.scores, names
 
 
 def run_scenario(
@@ -99,25 +101,24 @@ def run_scenario(
     began = time.perf_counter()
     scenario = prepared or make_scenario(config)
     _clear(folder)
-    rollout = roll_out(scenario, watch)
-    scores, names = _write_files(config, folder, _traces(config, scenario, rollout))
+    end, scores, names = _roll_out(scenario, folder, watch)
     plain = to_plain(config)
     manifest: manifests.Manifest = {
-        "status": rollout.status,
-        "cause": rollout.cause,
+        "status": end.status,
+        "cause": end.cause,
         "seed": config.seed,
         "config": plain,
         "config_hash": config_hash(plain),
         "code_hash": code_hash(),
         "versions": manifests.versions(),
         "git_commit": manifests.git_commit(),
-        "steps": len(rollout.samples),
+        "steps": end.steps,
         "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],
-        "rollout_seconds": rollout.seconds,
+        "rollout_seconds": end.seconds,
         "wall_seconds": time.perf_counter() - began,
         "files": {name: sha256(folder / name) for name in names},
     }
-    if rollout.error is not None:
-        manifest["traceback"] = "".join(traceback.format_exception(rollout.error))
+    if end.error is not None:
+        manifest["traceback"] = "".join(traceback.format_exception(end.error))
     manifests.write(folder, manifest)
     return RunResult(folder, manifest, scores)

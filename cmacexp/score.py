@@ -8,7 +8,7 @@ from cmacexp import manifest as manifests
 from cmacexp.errors import BadRun
 from cmacexp.files import sha256
 from cmacexp.folders import command, runs_below
-from cmacexp.keep import BODY, TRACE, Scores, read_traces, write_scores
+from cmacexp.keep import BODY, TRACE, Scores, score_traces, write_scores
 from cmacexp.terminal import scores_table
 
 
@@ -23,9 +23,13 @@ def score(folder: Path) -> Scores:
     for name in (TRACE, BODY):
         if name in manifest["files"] and sha256(folder / name) != manifest["files"][name]:
             raise BadRun(f"{folder / name}: changed since it was written; its metrics would not be those of the run")
-    steps_per_cycle = round(config["gait"]["cycle_time"] / config["sampling_period"])
-    scores, names = write_scores(folder, read_traces(folder), steps_per_cycle)
-    manifests.update_files(folder, names)
+    for key in ("every_nth_step", "cycles"):
+        if config["record"].get(key) not in (None, 1):
+            raise BadRun(
+                f"{folder}: its trace lacks steps (record.{key}={config['record'][key]}): metrics need them all"
+            )
+    scores = score_traces(folder, round(config["gait"]["cycle_time"] / config["sampling_period"]))
+    manifests.update_files(folder, write_scores(folder, scores))
     return scores
 
 

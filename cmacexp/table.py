@@ -1,5 +1,7 @@
 """Tables on disk, and their columns as arrays."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,17 +27,40 @@ def arrow_strings(values: list[str]) -> pa.Array:
     return pa.StringArray.from_buffers(len(values), pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded)))
 
 
+@contextmanager
+def table_writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
+    """Write a table as Parquet part by part, a row group each, whole or not at all; same parts, same bytes."""
+    floats = [field.name for field in schema if pa.types.is_floating(field.type)]
+    with (
+        write_atomically(path) as temporary,
+        pq.ParquetWriter(
+            temporary,
+            schema,
+            compression="zstd",
+            use_dictionary=[name for name in schema.names if name not in floats],
+            column_encoding=dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
+        ) as writer,
+    ):
+        yield writer
+
+
 def write_table(table: pa.Table, path: Path) -> None:
     """Write a table as Parquet, whole or not at all; the same table gives the same bytes."""
-    floats = [field.name for field in table.schema if pa.types.is_floating(field.type)]
-    with write_atomically(path) as temporary:
-        pq.write_table(
-            table,
-            temporary,
-            compression="zstd",
-            use_dictionary=[name for name in table.column_names if name not in floats],
-            column_encoding=dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
-        )
+    with table_writer(path, table.schema) as writer:
+        writer.write_table(table)
+
+
+def parts_of(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
+    """The table that :func:`table_writer` wrote, or some columns of it, part by part."""
+    with pq.ParquetFile(path) as file:
+        for group in range(file.num_row_groups):
+            yield file.read_row_group(group, columns)
+
+
+def rows_of(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
+    """Some rows of a table, by their numbers or by a mask."""
+    numbers = np.flatnonzero(rows) if rows.dtype == bool else rows
+    return table if len(numbers) == table.num_rows else table.take(arrow(numbers, pa.int64()))
 
 
 def read_table(path: Path) -> pa.Table:

@@ -78,17 +78,18 @@ def schema_of(columns: Sequence[Column]) -> pa.Schema:
     return pa.schema([pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns])
 
 
-def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float) -> pa.Table:
-    """The trace of a run from what was planned and what the loop wrote down.
+def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float, start: int = 0) -> pa.Table:
+    """The trace of a run, or of a part of it, from what was planned and what the loop wrote down.
 
     Args:
         plan: the cycle that repeats.
         samples: (steps, L) by column name: everything that is not planned.
         sampling_period: T_s, s.
+        start: step of the first row.
     """
     steps, legs = samples["x"].shape
     period = plan.support.shape[0]
-    step = np.arange(steps, dtype=np.int32)
+    step = np.arange(start, start + steps, dtype=np.int32)
     sample = step % period
     known = {
         "step": np.repeat(step, legs),
@@ -109,9 +110,9 @@ def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float) -> p
 
 
 def assemble_body(
-    plan: Plan, samples: dict[str, Array], force: Array, sampling_period: float, speed: float
+    plan: Plan, samples: dict[str, Array], force: Array, sampling_period: float, speed: float, start: int = 0
 ) -> pa.Table:
-    """The trace of a body, one row per step.
+    """The trace of a body, or of a part of it, one row per step.
 
     Args:
         plan: the cycle that repeats.
@@ -119,10 +120,11 @@ def assemble_body(
         force: (steps, L): contact forces, N.
         sampling_period: T_s, s.
         speed: of the body over the ground, m/s.
+        start: step of the first row.
     """
     steps, legs = force.shape
     period = plan.support.shape[0]
-    step = np.arange(steps, dtype=np.int32)
+    step = np.arange(start, start + steps, dtype=np.int32)
     margins = plan.margins[step % period]
     columns = {
         **samples,

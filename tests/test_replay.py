@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 
 from cmacexp.config import to_plain
 from cmacexp.config.difference import labels
-from cmacexp.keep import read_traces
+from cmacexp.keep import read_traces, steps_by_cycle
 from cmacexp.recording import part_of, read_cycles, view_of
 from cmacexp.recording.compare import shared_ranges
 from cmacexp.recording.part import MOST_STEPS
@@ -215,13 +215,11 @@ def test_a_run_without_a_step_is_one_line(copy, tmp_path):
 
 
 def test_the_usual_thinning_keeps_within_the_most_steps(runs):
-    import pyarrow.parquet as pq
-
-    trace = pq.read_table(runs / "leg_none" / "trace.parquet")
+    kept = steps_by_cycle(runs / "leg_none")
     sharing = 3 * MOST_STEPS // 2400
-    assert part_of(trace).every == 1
-    assert part_of(trace, sharing=sharing).every == 3
-    assert part_of(trace, sharing=sharing + 1).every == 4
+    assert part_of(kept).every == 1
+    assert part_of(kept, sharing=sharing).every == 3
+    assert part_of(kept, sharing=sharing + 1).every == 4
 
 
 @pytest.mark.parametrize(("text", "cycles"), [("3-5", (3, 5)), ("7", (7, 7)), ("last", (9, 9)), ("last9", (1, 9))])
@@ -251,7 +249,7 @@ def test_names_of_runs_side_by_side(first, second, expected, make_config):
 def test_plots_share_an_axis_unless_one_dwarfs_the_other(runs):
     trace = read_traces(runs / "leg_none")
     config = json.loads((runs / "leg_none" / "manifest.json").read_text())["config"]
-    view = view_of(trace, config, "leg", part_of(trace.legs))
+    view = view_of(trace, config, "leg", part_of(steps_by_cycle(runs / "leg_none")))
     force = view.legs[0]["force"]
     larger, dwarfing = (replace_force(view, factor * force) for factor in (2.0, 50.0))
     low, high = shared_ranges([view, larger])["leg_1/force"]

@@ -11,7 +11,9 @@ WORD_BYTES = 8
 LEGS = {"transfer_first": 1, "standing": 1, "wave": 4}
 """Legs that each gait pattern is for."""
 MOST_ROWS = 2**24
-"""Steps times legs of the longest run; its samples are kept in memory until it ends, at most some 8 GB."""
+"""Steps times legs of the longest cycle, which is worked on as a whole."""
+MOST_STEPS = 2**31 - 1
+"""Steps of the longest run: the trace counts them in 32 bits."""
 SHORTEST_RAMP = 10
 """Samples of the shortest ramp of the load: a shorter one is a jump that no sampled motion follows."""
 TOLERANCE = 1e-9
@@ -151,17 +153,23 @@ def check_gains(config: Config) -> None:
 
 
 def check_length(config: Config) -> None:
-    """Hold the run to what fits into memory."""
-    legs = LEGS[config.gait.pattern]
-    most = MOST_ROWS // (config.steps_per_cycle * legs)
-    if most < 1:
+    """Hold the cycle to what fits into memory, and the run to what the trace can count."""
+    steps, legs = config.steps_per_cycle, LEGS[config.gait.pattern]
+    if steps * legs > MOST_ROWS:
         raise BadInput(
             "sampling_period",
             config.sampling_period,
-            f"gives {config.steps_per_cycle} steps a cycle, more than the {MOST_ROWS // legs} that a run can have",
+            f"gives {steps} steps a cycle, more than the {MOST_ROWS // legs} that a cycle can have",
         )
-    if config.cycles > most:
-        raise BadInput("cycles", config.cycles, f"must be at most {most} with {config.steps_per_cycle} steps a cycle")
+    if config.cycles > MOST_STEPS // steps:
+        raise BadInput("cycles", config.cycles, f"must be at most {MOST_STEPS // steps} with {steps} steps a cycle")
+
+
+def check_record(config: Config) -> None:
+    """Hold the cycles to be kept to those that there are."""
+    for cycle in config.record.cycles or []:
+        if cycle > config.cycles:
+            raise BadInput("record.cycles", cycle, f"must be at most {config.cycles}, the cycles of the run")
 
 
 def check(config: Config) -> None:
@@ -175,5 +183,6 @@ def check(config: Config) -> None:
     check_machine(config)
     check_pattern(config)
     check_length(config)
+    check_record(config)
     check_gains(config)
     check_cmac(config)

@@ -216,6 +216,15 @@ class RecordConfig:
 
     recording: bool
     """Write recording.rrd, the Rerun view."""
+    every_nth_step: int = number("steps", at_least=1, at_most=10**9)
+    """Keep one step in so many in the traces; the metrics are those of all steps."""
+    cycles: list[int] | None = number("cycle", at_least=1, at_most=10**9)
+    """Keep these cycles in the traces; null: all. The metrics are those of all cycles."""
+
+    @property
+    def thins(self) -> bool:
+        """Whether the traces lack some of the steps."""
+        return self.every_nth_step > 1 or self.cycles is not None
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,10 +10,34 @@ from cmacexp.arrays import Array, Mask
 from cmacexp.metrics.measures import largest
 
 
+class Rhythm(NamedTuple):
+    """What is the same in all cycles of a run; told from its first cycles."""
+
+    step: float
+    """Sampling period, s, from the first two samples of the run; NaN if there is one only."""
+    support_samples: float
+    """Samples of a whole support, told from its first advance in progress; very many if there was none."""
+    transfer_samples: float
+    """Likewise of a transfer."""
+
+
+def rhythm_of(time: Array, progress: Array, valid: Mask, support: Mask) -> Rhythm:
+    """The rhythm of a run from its first cycles; arrays (cycles, L, N)."""
+    times = time[:, 0].flat[:2]
+
+    def samples(phase: Mask) -> float:
+        advanced = progress[phase & (progress > 0.0)]
+        return float(np.rint(1.0 / advanced.min())) if advanced.size else 1e9
+
+    step = float(times[1] - times[0]) if len(times) == 2 else float("nan")
+    return Rhythm(step, samples(support), samples(valid & ~support))
+
+
 @dataclass(frozen=True)
 class Block:
     """A trace cut into cycles: arrays (cycles, L, N); rows that a run did not reach are NaN and not ``valid``."""
 
+    rhythm: Rhythm
     valid: Mask
     support: Mask
     """Valid and planned to support."""
@@ -43,12 +68,6 @@ class Block:
         return self.force - self.force_desired
 
     @cached_property
-    def step(self) -> float:
-        """Sampling period, s, from the first two samples of the run; NaN if there is one only."""
-        times = self.time[:, 0].flat[:2]
-        return float(times[1] - times[0]) if len(times) == 2 else float("nan")
-
-    @cached_property
     def since_touch_down(self) -> Array:
         """Time since the first sample of support, s; NaN in transfer, and if support began before the cycle."""
         first = np.where(self.support, self.time, np.inf).min(axis=2, keepdims=True)
@@ -60,14 +79,8 @@ class Block:
     def whole_support(self) -> Array:
         """Support that begins and ends within the cycle: 1.0, else NaN; (cycles, L)."""
         began = np.isfinite(largest(self.since_touch_down, self.support))
-        whole = self.support.sum(axis=2) == _phase_samples(self, self.support)
+        whole = self.support.sum(axis=2) == self.rhythm.support_samples
         return np.where(began & whole, 1.0, np.nan)
-
-
-def _phase_samples(block: Block, phase: Mask) -> float:
-    """Samples of a whole phase, told from its first advance in progress; very many if there was none."""
-    advanced = block.progress[phase & (block.progress > 0.0)]
-    return float(np.rint(1.0 / advanced.min())) if advanced.size else 1e9
 
 
 def three_feet(block: Block) -> Mask:
@@ -75,7 +88,7 @@ def three_feet(block: Block) -> Mask:
 
     How long an interval is follows from the progress of the legs, also where it straddles cycles or the run stops.
     """
-    samples = np.where(block.support, _phase_samples(block, block.support), _phase_samples(block, block.transfer))
+    samples = np.where(block.support, block.rhythm.support_samples, block.rhythm.transfer_samples)
     progress = np.where(block.valid, block.progress, 0.0)
     done = np.rint(progress * samples).min(axis=1)
     left = np.rint((1.0 - progress) * samples).min(axis=1)

@@ -64,6 +64,29 @@ BODY_METRICS: dict[str, Metric[BodyBlock]] = {
 """All columns of ``body_metrics.parquet`` but ``cycle``, in their order."""
 
 
+class BodyScorer:
+    """The metrics of a body whose trace comes part by part.
+
+    Args:
+        steps_per_cycle: N.
+    """
+
+    def __init__(self, steps_per_cycle: int):
+        self.steps_per_cycle = steps_per_cycle
+        self.parts: list[dict[str, Array]] = []
+
+    def add(self, body: pa.Table) -> None:
+        """Score the next cycles; only the last of the run may be short."""
+        block = BodyBlock(body, np.arange(0, body.num_rows, self.steps_per_cycle))
+        self.parts.append({name: metric.of(block) for name, metric in BODY_METRICS.items()})
+
+    def table(self) -> pa.Table:
+        """One row per cycle."""
+        values = {name: np.concatenate([part[name] for part in self.parts]) for name in BODY_METRICS}
+        cycles = len(values["height_mean"])
+        return to_table({"cycle": (CYCLE, np.arange(1, cycles + 1))}, values, BODY_METRICS)
+
+
 def compute_body(body: pa.Table, steps_per_cycle: int) -> pa.Table:
     """One row per cycle: mean, least and largest height, largest tilt, least of each margin.
 
@@ -71,6 +94,6 @@ def compute_body(body: pa.Table, steps_per_cycle: int) -> pa.Table:
         body: as :func:`cmacexp.trace.assemble_body` makes it; the last cycle may be short.
         steps_per_cycle: N.
     """
-    block = BodyBlock(body, np.arange(0, body.num_rows, steps_per_cycle))
-    values = {name: metric.of(block) for name, metric in BODY_METRICS.items()}
-    return to_table({"cycle": (CYCLE, np.arange(1, len(block.starts) + 1))}, values, BODY_METRICS)
+    scorer = BodyScorer(steps_per_cycle)
+    scorer.add(body)
+    return scorer.table()

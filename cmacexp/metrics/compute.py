@@ -4,15 +4,15 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.arrays import Array
-from cmacexp.metrics.block import Block
+from cmacexp.metrics.block import Block, Rhythm, rhythm_of
 from cmacexp.metrics.definitions import METRICS, OF_A_CYCLE
 from cmacexp.metrics.learning import LEARNING
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
 from cmacexp.table import as_array, is_support
 
 
-def cut(trace: pa.Table, steps_per_cycle: int) -> Block:
-    """Cut a trace into cycles; the last may be short."""
+def cut(trace: pa.Table, steps_per_cycle: int, rhythm: Rhythm | None = None) -> Block:
+    """Cut a trace into cycles; the last may be short. Its rhythm is that of the run, or told from this trace."""
     legs = int(as_array(trace, "leg").max(initial=1))
     rows = trace.num_rows
     cycles = -(-rows // (steps_per_cycle * legs))
@@ -25,11 +25,13 @@ def cut(trace: pa.Table, steps_per_cycle: int) -> Block:
     def columns(name: str) -> Array:
         return block(as_array(trace, name))
 
-    time = columns("time")
+    time, progress = columns("time"), columns("progress")
+    valid, support = ~np.isnan(time), block(is_support(trace).astype(float)) == 1.0
     return Block(
-        ~np.isnan(time),
-        block(is_support(trace).astype(float)) == 1.0,
-        columns("progress"),
+        rhythm or rhythm_of(time, progress, valid, support),
+        valid,
+        support,
+        progress,
         time,
         columns("x") - columns("x_desired"),
         columns("y") - columns("y_desired"),
@@ -40,6 +42,36 @@ def cut(trace: pa.Table, steps_per_cycle: int) -> Block:
     )
 
 
+class Scorer:
+    """The metrics of a run whose trace comes part by part.
+
+    Args:
+        steps_per_cycle: N.
+    """
+
+    def __init__(self, steps_per_cycle: int):
+        self.steps_per_cycle = steps_per_cycle
+        self.rhythm: Rhythm | None = None
+        self.parts: list[dict[str, Array]] = []
+
+    def add(self, trace: pa.Table) -> None:
+        """Score the next cycles; only the last of the run may be short."""
+        block = cut(trace, self.steps_per_cycle, self.rhythm)
+        self.rhythm = block.rhythm
+        self.parts.append({name: metric.of(block) for name, metric in OF_A_CYCLE.items()})
+
+    def table(self) -> pa.Table:
+        """One row per cycle and leg; undefined is NaN."""
+        values = {name: np.concatenate([part[name] for part in self.parts]) for name in OF_A_CYCLE}
+        cycles, legs = next(iter(values.values())).shape
+        values |= {name: metric.of(values) for name, metric in LEARNING.items()}
+        index = {
+            "cycle": (CYCLE, np.repeat(np.arange(1, cycles + 1), legs)),
+            "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),
+        }
+        return to_table(index, values, METRICS)
+
+
 def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:
     """Metrics of a trace, one row per cycle and leg; undefined is NaN.
 
@@ -47,12 +79,6 @@ def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:
         trace: as :func:`cmacexp.trace.assemble` makes it; the last cycle may be short.
         steps_per_cycle: N.
     """
-    block = cut(trace, steps_per_cycle)
-    cycles, legs, _ = block.valid.shape
-    values = {name: metric.of(block) for name, metric in OF_A_CYCLE.items()}
-    values |= {name: metric.of(values) for name, metric in LEARNING.items()}
-    index = {
-        "cycle": (CYCLE, np.repeat(np.arange(1, cycles + 1), legs)),
-        "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),
-    }
-    return to_table(index, values, METRICS)
+    scorer = Scorer(steps_per_cycle)
+    scorer.add(trace)
+    return scorer.table()

@@ -38,7 +38,7 @@ def force_overshoot(block: Block) -> Array:
 def force_rise_time(block: Block) -> Array:
     """Time from 10 % to 90 % of the settled force in support, s; NaN if the foot pressed before touch-down."""
     elapsed, settled = block.since_touch_down, force_settled(block)
-    rise = measures.rise_time(elapsed, block.force, IN_THE_AIR, settled, block.support, block.step)
+    rise = measures.rise_time(elapsed, block.force, IN_THE_AIR, settled, block.support, block.rhythm.step)
     return rise * block.whole_support
 
 
@@ -48,13 +48,13 @@ def force_settling_time(block: Block) -> Array:
     NaN as well where the support of a cycle does not begin and end within it, or settles at no force.
     """
     elapsed, settled = block.since_touch_down, force_settled(block)
-    settling = measures.settling_time(elapsed, block.force, IN_THE_AIR, settled, block.support, block.step)
+    settling = measures.settling_time(elapsed, block.force, IN_THE_AIR, settled, block.support, block.rhythm.step)
     return settling * block.whole_support
 
 
 def force_itae(block: Block) -> Array:
     """Integral of time since touch-down times absolute force error, N s^2; NaN unless support is whole in a cycle."""
-    weighted = measures.itae(block.since_touch_down, block.force_error, block.support, block.step)
+    weighted = measures.itae(block.since_touch_down, block.force_error, block.support, block.rhythm.step)
     return weighted * block.whole_support
 
 
@@ -119,14 +119,14 @@ FORCE: dict[str, Metric[Block]] = {
         "integral of the absolute force error over support",
         _NO_PERIOD,
         GRAHAM_LATHROP,
-        lambda b: iae(b.force_error, b.support, b.step),
+        lambda b: iae(b.force_error, b.support, b.rhythm.step),
     ),
     "force_ise": Metric(
         "N^2 s",
         "integral of the squared force error over support",
         _NO_PERIOD,
         GRAHAM_LATHROP,
-        lambda b: ise(b.force_error, b.support, b.step),
+        lambda b: ise(b.force_error, b.support, b.rhythm.step),
     ),
     "force_itae": Metric(
         "N s^2",

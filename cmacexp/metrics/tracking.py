@@ -22,28 +22,28 @@ TRACKING: dict[str, Metric[Block]] = {
         "integral of abs(x - x_desired) over transfer",
         _NO_PERIOD,
         GRAHAM_LATHROP,
-        lambda b: iae(b.error_x, b.transfer, b.step),
+        lambda b: iae(b.error_x, b.transfer, b.rhythm.step),
     ),
     "transfer_iae_y": Metric(
         "m s",
         "integral of abs(y - y_desired) over transfer",
         _NO_PERIOD,
         GRAHAM_LATHROP,
-        lambda b: iae(b.error_y, b.transfer, b.step),
+        lambda b: iae(b.error_y, b.transfer, b.rhythm.step),
     ),
     "transfer_ise_x": Metric(
         "m^2 s",
         "integral of (x - x_desired)^2 over transfer",
         _NO_PERIOD,
         GRAHAM_LATHROP,
-        lambda b: ise(b.error_x, b.transfer, b.step),
+        lambda b: ise(b.error_x, b.transfer, b.rhythm.step),
     ),
     "transfer_ise_y": Metric(
         "m^2 s",
         "integral of (y - y_desired)^2 over transfer",
         _NO_PERIOD,
         GRAHAM_LATHROP,
-        lambda b: ise(b.error_y, b.transfer, b.step),
+        lambda b: ise(b.error_y, b.transfer, b.rhythm.step),
     ),
 }
 """Columns about position, by name."""

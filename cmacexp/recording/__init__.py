@@ -2,7 +2,7 @@
 
 from cmacexp.recording.compare import MOST_RUNS, root_of, write_comparison
 from cmacexp.recording.panels import panel_names
-from cmacexp.recording.part import Part, every_of, last_cycle, part_of, read_cycles
+from cmacexp.recording.part import Part, every_of, part_of, read_cycles
 from cmacexp.recording.view import RunView, view_of
 from cmacexp.recording.write import name_of, write_recording
 
@@ -11,7 +11,6 @@ __all__ = [
     "Part",
     "RunView",
     "every_of",
-    "last_cycle",
     "name_of",
     "panel_names",
     "part_of",

@@ -1,13 +1,10 @@
 """Which steps of a run a recording shows: a window of its cycles, thinned if it is long."""
 
 import re
+from collections.abc import Mapping
 from typing import NamedTuple
 
-import numpy as np
-import pyarrow as pa
-
 from cmacexp.errors import BadInput
-from cmacexp.table import as_array
 
 MOST_STEPS = 20_000
 """Steps that a recording shows at the most unless told; of a longer run it shows one step in so many."""
@@ -31,6 +28,11 @@ class Part(NamedTuple):
         return f"{cycles}, " + ("every step" if self.every == 1 else f"one step in {self.every} of {self.steps}")
 
     @property
+    def cycles(self) -> tuple[int, int]:
+        """First and last cycle."""
+        return self.first, self.last
+
+    @property
     def hint(self) -> str:
         """How to see all, where not all is shown."""
         return "; --every 1 shows all" if self.every > 1 else ""
@@ -39,11 +41,6 @@ class Part(NamedTuple):
 def every_of(steps: int, sharing: int = 1) -> int:
     """One step in how many is shown of a run of so many steps, of which so many share a recording."""
     return -(-steps * sharing // MOST_STEPS)
-
-
-def last_cycle(trace: pa.Table) -> int:
-    """The cycle that a run came to."""
-    return int(as_array(trace, "cycle")[-1])
 
 
 def read_cycles(text: str, cycles: int, who: str = "the run") -> tuple[int, int]:
@@ -70,22 +67,23 @@ def read_cycles(text: str, cycles: int, who: str = "the run") -> tuple[int, int]
 
 
 def part_of(
-    trace: pa.Table, cycles: tuple[int, int] | None = None, every: int | None = None, sharing: int = 1
+    kept: Mapping[int, int], cycles: tuple[int, int] | None = None, every: int | None = None, sharing: int = 1
 ) -> Part:
     """The part of a run that is shown.
 
     Args:
-        trace: one row per step and leg, at least one step.
+        kept: steps of each cycle that stand in the trace, at least one.
         cycles: first and last cycle; None: all.
         every: one step in so many; None: so many that a recording is not too large for the viewer.
         sharing: runs that stand in one recording.
 
     Raises:
-        BadInput: fewer steps than ``every``.
+        BadInput: the trace has none of these cycles, or fewer steps than ``every``.
     """
-    first, last = cycles or (1, last_cycle(trace))
-    cycle = as_array(trace, "cycle")[np.asarray(as_array(trace, "leg") == 1)]
-    steps = int(((cycle >= first) & (cycle <= last)).sum())
+    first, last = cycles or (min(kept), max(kept))
+    steps = sum(count for cycle, count in kept.items() if first <= cycle <= last)
+    if not steps:
+        raise BadInput("--cycles", f"{first}-{last}", "are not in the trace, of which record.cycles kept others")
     if every is not None and every > steps:
         raise BadInput("--every", every, f"must be at most the {steps} steps that are to be shown")
     return Part(first, last, every or every_of(steps, sharing), steps)

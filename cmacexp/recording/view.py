@@ -109,21 +109,19 @@ def view_of(traces: Traces, config: dict[str, Any], label: str, part: Part, root
     """Cut traces into legs.
 
     Args:
-        traces: as the run left them.
+        traces: the steps that are shown.
         config: as it stands in the manifest.
         label: what the run is called.
-        part: which of its steps are shown.
+        part: which steps these are.
         root: what the paths of its entities begin with.
     """
     trace = traces.legs
-    number, cycle = as_array(trace, "leg"), as_array(trace, "cycle")
-    shown = (cycle >= part.first) & (cycle <= part.last)
-    built = enumerate(_leg_configs(config), start=1)
-    rows = {i: np.flatnonzero(shown & (number == i))[:: part.every] for i, _ in built}
+    number = as_array(trace, "leg")
+    rows = {i: np.flatnonzero(number == i) for i in range(1, len(_leg_configs(config)) + 1)}
     legs = [_leg(trace, rows[i], i, leg) for i, leg in enumerate(_leg_configs(config), start=1)]
     time, step, cycle = (as_array(trace, name)[rows[1]] for name in ("time", "step", "cycle"))
     if traces.body is not None:
-        body = {name: as_array(traces.body, name)[step] for name in traces.body.column_names}
+        body = {name: as_array(traces.body, name) for name in traces.body.column_names}
     else:
         still = np.zeros_like(time)
         body = {"cog_x": still, "height": still + config["machine"]["hip_height"], "pitch": still, "roll": still}

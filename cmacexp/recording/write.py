@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from cmacexp.files import write_atomically
-from cmacexp.keep import Traces
+from cmacexp.keep import read_traces, steps_by_cycle
 from cmacexp.recording.blueprint import layout
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.ground import log_ground
@@ -81,7 +81,7 @@ def write_views(
 
 
 def write_recording(
-    traces: Traces,
+    folder: Path,
     config: dict[str, Any],
     path: Path,
     *,
@@ -92,7 +92,7 @@ def write_recording(
     """Write the Rerun view of a run, whole or not at all.
 
     Args:
-        traces: as the run left them, at least one step.
+        folder: of the run, whose trace has at least one step.
         config: as it stands in the manifest.
         path: of the ``.rrd`` file.
         label: what the run is called; None: as the folder of ``path``.
@@ -102,7 +102,8 @@ def write_recording(
     Returns:
         The name of the recording: what it shows.
     """
-    view = view_of(traces, config, label or path.parent.name, part or part_of(traces.legs))
+    part = part or part_of(steps_by_cycle(folder))
+    view = view_of(read_traces(folder, part.cycles, part.every), config, label or path.parent.name, part)
     name = f"{config['scenario']} {view.label}, {view.part}"
     write_views([view], layout(view, names), name, path)
     return name

@@ -1,5 +1,5 @@
 """The closed loop: plan x sensors x controller x plant, at the sampling period."""
 
-from cmacexp.rollout.rollout import Rollout, roll_out
+from cmacexp.rollout.rollout import End, Rollout, Samples, roll_out, stream
 
-__all__ = ["Rollout", "roll_out"]
+__all__ = ["End", "Rollout", "Samples", "roll_out", "stream"]

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,38 +14,54 @@ from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.plants import AnalyticPlant, Measurement
 from cmacexp.rollout.fused import FusedLoop, Torques, fused_loop
+from cmacexp.rollout.interrupt import interrupt_held_back
 from cmacexp.rollout.layout import BODY_SAMPLES, SAMPLES
 from cmacexp.rollout.stepped import SteppedLoop
 from cmacexp.rollout.stop import RUNNING, STATUSES, Guard, describe_stop, new_guard
 from cmacexp.scenario import Scenario
 from cmacexp.sensors import PerfectSensors
 
+MOST_ROWS = 1 << 15
+"""Rows of leg samples that are worked on at a time: a long run needs no more memory than a short one."""
+
+
+JOINT_COLUMNS = [SAMPLES.index(name) for name in ("q1", "q2", "dq1", "dq2")]
+"""Undefined for a point mass."""
+
+
+class Samples(NamedTuple):
+    """What some steps of a closed loop gave, whole cycles unless the run ends in them."""
+
+    start: int
+    """First step."""
+    legs: Array
+    """(steps, L, columns), in the order of :data:`cmacexp.rollout.layout.SAMPLES`."""
+    body: Array
+    """(steps, 3), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`."""
+
+    def columns(self) -> dict[str, Array]:
+        """Of the legs, (steps, L) by column name."""
+        return {name: self.legs[:, :, i] for i, name in enumerate(SAMPLES)}
+
+    def body_columns(self) -> dict[str, Array]:
+        """Of the body, (steps,) by column name."""
+        return {name: self.body[:, i] for i, name in enumerate(BODY_SAMPLES)}
+
 
 @dataclass(frozen=True)
-class Rollout:
-    """What a closed loop gave."""
+class End:
+    """How a closed loop ended."""
 
-    plan: Plan
-    samples: Array
-    """(steps, L, columns), in the order of :data:`cmacexp.rollout.layout.SAMPLES`."""
-    body_samples: Array
-    """(steps, 3), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`."""
+    steps: int
+    """Steps taken."""
     status: str
     """``completed``, ``diverged``, ``fell``, ``interrupted`` or ``failed``."""
     cause: str
     """Why it is not completed: step, time and cause; empty if it is."""
     seconds: float
     """Wall time of the closed loop alone, compiling not counted."""
-    error: Exception | None = None
+    error: Exception | None
     """What a part raised in the middle."""
-
-    def columns(self) -> dict[str, Array]:
-        """Samples (steps, L) by column name."""
-        return {name: self.samples[:, :, i] for i, name in enumerate(SAMPLES)}
-
-    def body_columns(self) -> dict[str, Array]:
-        """Samples of the body (steps,) by column name."""
-        return {name: self.body_samples[:, i] for i, name in enumerate(BODY_SAMPLES)}
 
 
 def is_built_in(scenario: Scenario) -> bool:
@@ -93,43 +110,83 @@ class _FusedLoop:
         return self.plant.measure()
 
 
-def roll_out(scenario: Scenario, watch: Callable[[int], None] = lambda cycle: None, *, fused: bool = True) -> Rollout:
-    """Run a scenario, cycle by cycle.
+def stream(
+    scenario: Scenario,
+    keep: Callable[[Samples], None],
+    watch: Callable[[int], None] = lambda cycle: None,
+    *,
+    fused: bool = True,
+) -> End:
+    """Run a scenario, some cycles at a time.
 
     Args:
         scenario: the parts.
-        watch: is called after every cycle with the cycles done so far.
+        keep: takes the samples of these cycles; their arrays are used again for the next ones.
+        watch: is called after them with the cycles done so far.
         fused: False takes the step-by-step loop even where the fused one knows every part.
 
     Returns:
-        The samples up to the last step taken; a run that diverges, that a part fails in or that is interrupted
-        keeps what it has.
+        How it ended; a run that diverges, that a part fails in or that is interrupted has kept what it has.
     """
     setup = scenario.setup
     config, period, cycles = setup.config, setup.config.steps_per_cycle, setup.config.cycles
     guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
     loop = (_FusedLoop if fused and is_built_in(scenario) else SteppedLoop)(scenario, guard)
-    samples = np.full((cycles * period, setup.mechanism.legs.shape[0], len(SAMPLES)), np.nan)
-    body_samples = np.full((cycles * period, len(BODY_SAMPLES)), np.nan)
+    legs = setup.mechanism.legs.shape[0]
+    together = min(cycles, max(1, MOST_ROWS // (period * legs)))
+    samples, body = (
+        np.empty((together * period, legs, len(SAMPLES))),
+        np.empty((together * period, len(BODY_SAMPLES))),
+    )
     status, cause, seconds = "completed", "", 0.0
     error: Exception | None = None
-    try:
-        for cycle in range(cycles):
-            rows = slice(cycle * period, (cycle + 1) * period)
-            began = time.perf_counter()
-            stop = loop.run(samples[rows], body_samples[rows])
-            seconds += time.perf_counter() - began
+    while status == "completed" and loop.taken < cycles * period:
+        start, steps = loop.taken, min(len(samples), cycles * period - loop.taken)
+        began = time.perf_counter()
+        try:
+            stop = loop.run(samples[:steps], body[:steps])
             if stop != RUNNING:
-                q, dq, body = loop.state.q, loop.state.dq, loop.state.body
+                q, dq, pose = loop.state.q, loop.state.dq, loop.state.body
                 status = STATUSES[stop]
-                cause = describe_stop(guard, stop, loop.taken, config.sampling_period, q, dq, body)
-                break
-            watch(cycle + 1)
-    except KeyboardInterrupt:
-        status, cause = "interrupted", f"after step {loop.taken}"
-    except Exception as raised:
-        status, cause, error = "failed", f"after step {loop.taken}: {type(raised).__name__}: {raised}", raised
-    done = loop.taken
-    if setup.mechanism.kind == POINT_MASS:
-        samples[:, :, [SAMPLES.index(name) for name in ("q1", "q2", "dq1", "dq2")]] = np.nan
-    return Rollout(setup.plan, samples[:done], body_samples[:done], status, cause, seconds, error)
+                cause = describe_stop(guard, stop, loop.taken, config.sampling_period, q, dq, pose)
+        except KeyboardInterrupt:
+            status, cause = "interrupted", f"after step {loop.taken}"
+        except Exception as raised:
+            status, cause, error = "failed", f"after step {loop.taken}: {type(raised).__name__}: {raised}", raised
+        seconds += time.perf_counter() - began
+        done = loop.taken - start
+        if setup.mechanism.kind == POINT_MASS:
+            samples[:done, :, JOINT_COLUMNS] = np.nan
+        with interrupt_held_back() as interrupted:
+            keep(Samples(start, samples[:done], body[:done]))
+            watch(loop.taken // period)
+        if interrupted() and status == "completed" and loop.taken < cycles * period:
+            status, cause = "interrupted", f"after step {loop.taken}"
+    return End(loop.taken, status, cause, seconds, error)
+
+
+@dataclass(frozen=True)
+class Rollout(End):
+    """A closed loop with all its samples in memory."""
+
+    plan: Plan
+    samples: Array
+    """(steps, L, columns), as :attr:`Samples.legs`."""
+    body_samples: Array
+    """(steps, 3), as :attr:`Samples.body`."""
+
+    def columns(self) -> dict[str, Array]:
+        """Samples (steps, L) by column name."""
+        return Samples(0, self.samples, self.body_samples).columns()
+
+    def body_columns(self) -> dict[str, Array]:
+        """Samples of the body (steps,) by column name."""
+        return Samples(0, self.samples, self.body_samples).body_columns()
+
+
+def roll_out(scenario: Scenario, *, fused: bool = True) -> Rollout:
+    """:func:`stream` with all samples kept in memory."""
+    kept: list[tuple[Array, Array]] = []
+    end = stream(scenario, lambda new: kept.append((new.legs.copy(), new.body.copy())), fused=fused)
+    samples, body = (np.concatenate(arrays) for arrays in zip(*kept, strict=True))
+    return Rollout(**vars(end), plan=scenario.setup.plan, samples=samples, body_samples=body)
