@@ -75,7 +75,7 @@ def compare(folders: Sequence[Path], path: Path, wish: Wish) -> str:
         BadInput: the runs have not what is wished for.
     """
     from cmacexp.config.difference import labels
-    from cmacexp.recording import MOST_RUNS, part_of, read_cycles, root_of, view_of, write_comparison
+    from cmacexp.recording import MOST_RUNS, part_of, read_cycles, root_of, show, write_comparison
 
     if len(folders) > MOST_RUNS:
         raise BadRun(
@@ -91,7 +91,7 @@ def compare(folders: Sequence[Path], path: Path, wish: Wish) -> str:
     for number, (folder, config, label) in enumerate(zip(folders, configs, names, strict=True), start=1):
         part = part_of(_kept(folder), cycles, wish.every, sharing=len(folders))
         traces = read_traces(folder, part.cycles, part.every)
-        views.append(view_of(traces, config, label, part, root_of(number, label)))
+        views.append(show(traces, config, label, part, root_of(number, label)))
     if max(view.time[0] for view in views) > min(view.time[-1] for view in views):
         raise BadInput(
             "--cycles", wish.cycles, "these cycles of the runs have no time in common; choose earlier ones"

@@ -44,7 +44,11 @@ READING = (
 def jobs(quick: bool) -> Jobs:
     """The ladder of controllers, and two long runs."""
     short = ["scenario=quadruped", f"cycles={QUICK_CYCLES if quick else CYCLES}"]
-    long = ["scenario=quadruped", f"cycles={QUICK_LONG if quick else LONG}"]
+    long = [
+        "scenario=quadruped",
+        f"cycles={QUICK_LONG if quick else LONG}",
+        "record.cycles=[1]",
+    ]
     return {
         FEEDBACK: [*short, "feedforward=none", "posture.gain=0"],
         NO_POSTURE: [*short, "posture.gain=0", "learning.start_cycle=1"],

@@ -1,13 +1,9 @@
 """The runs of studies: found by the hash of their config where they are finished, else run, on all cores."""
 
-import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
-from multiprocessing import get_context
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.compose import compose_config
@@ -15,6 +11,7 @@ from cmacexp.finished import is_finished
 from cmacexp.report.page import relative
 from cmacexp.stored import StoredRun
 from cmacexp.table import read_table, write_table
+from pipelines.workers import Each
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,7 +50,8 @@ class Runs(dict[str, StoredRun]):
 def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, bool]:
     """Where the run of ``overrides`` stands, its config, and whether it is finished."""
     config = compose_config([*overrides, "record=trace"])
-    folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}"
+    thin = "-thin" if config.record.thins else ""
+    folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{thin}"
     return folder, config, is_finished(folder, config)
 
 
@@ -71,30 +69,13 @@ def _announce_compiling() -> None:
         print(COMPILING, file=sys.stderr)
 
 
-@contextmanager
-def _progress(what: str, total: int) -> Iterable[Callable[[], None]]:
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
-        task = bar.add_task(what, total=total)
-        yield lambda: bar.advance(task)
-
-
-def _each(pool: ProcessPoolExecutor, what: str, work: Callable[..., Any], items: Sequence[tuple]) -> list[Any]:
-    """``work`` of every item, on all cores, in order."""
-    futures = [pool.submit(work, *item) for item in items]
-    with _progress(what, len(items)) as advance:
-        for future in as_completed(futures):
-            future.result()
-            advance()
-    return [future.result() for future in futures]
-
-
-def collect(jobs: Mapping[str, Mapping[str, Sequence[str]]], store: Path) -> dict[str, dict[str, StoredRun]]:
+def collect(
+    each: Each, jobs: Mapping[str, Mapping[str, Sequence[str]]], store: Path
+) -> dict[str, dict[str, StoredRun]]:
     """The runs of several studies; equal ones are run once, finished ones not at all.
 
     Args:
+        each: runs work on all cores.
         jobs: overrides by study and name.
         store: folder of all runs.
 
@@ -102,12 +83,11 @@ def collect(jobs: Mapping[str, Mapping[str, Sequence[str]]], store: Path) -> dic
         CmacexpError: overrides that cannot be run.
     """
     wanted = sorted({tuple(overrides) for study in jobs.values() for overrides in study.values()})
-    with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
-        found = dict(zip(wanted, _each(pool, "configs", _look_up, [(o, store) for o in wanted]), strict=True))
-        missing = {folder: config for folder, config, finished in found.values() if not finished}
-        print(f"{len(found)} runs, {len(missing)} of them to be run", file=sys.stderr)
-        if missing:
-            _announce_compiling()
-            _each(pool, "runs", _run, list(missing.items()))
+    found = dict(zip(wanted, each("looking for runs", _look_up, [(o, store) for o in wanted]), strict=True))
+    missing = {folder: config for folder, config, finished in found.values() if not finished}
+    print(f"{len(found)} runs, {len(missing)} of them to be run", file=sys.stderr)
+    if missing:
+        _announce_compiling()
+        each("running", _run, list(missing.items()))
     stored = {overrides: StoredRun(folder) for overrides, (folder, _, _) in found.items()}
     return {study: {name: stored[tuple(o)] for name, o in own.items()} for study, own in jobs.items()}

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cmacexp.errors import CmacexpError
-from cmacexp.report.page import HTML, Claim, Report, Section, write_report
+from cmacexp.report.page import HTML, Claim, Report, Section, draw, write_report
 from pipelines.runs import Runs, collect
 from pipelines.state import is_up_to_date, state_key
+from pipelines.workers import workers
 
 FOLDER = Path("outputs/studies")
 Jobs = Mapping[str, Sequence[str]]
@@ -43,6 +44,12 @@ def _print_claims(claims: Sequence[Claim]) -> None:
     Console(highlight=False, width=None if sys.stdout.isatty() else 160).print(table)
 
 
+def _tell(tell: Callable[[Runs], Sequence[Section]], runs: Runs) -> tuple[list[Section], set[Path]]:
+    """The sections of a study with their figures drawn, and every file that they rest on or consist of."""
+    drawn = [draw(section, runs.report) for section in tell(runs)]
+    return [section for section, _ in drawn], runs.files | {file for _, files in drawn for file in files}
+
+
 def write_study(studies: Sequence[Study], title: str, purpose: str, folder: Path, quick: bool) -> Path:
     """Run the studies and write one report of them into ``folder``; nothing is done again that has not changed.
 
@@ -53,17 +60,15 @@ def write_study(studies: Sequence[Study], title: str, purpose: str, folder: Path
     if is_up_to_date(folder, key):
         print(f"nothing changed since it was written: {folder / HTML}")
         return folder / HTML
-    jobs = {study.name: study.jobs(quick) for study in studies}
-    runs = collect(jobs, folder.parent / "runs")
-    sections, inputs, of_config = [], set(), {}
-    for study in studies:
-        print(f"{study.name}: drawing", file=sys.stderr)
-        own = Runs(runs[study.name], folder)
-        sections += study.tell(own)
-        inputs |= own.files
-        of_config |= {run.folder: str(run.manifest["config_hash"]) for run in own.values()}
+    with workers() as each:
+        jobs = {study.name: study.jobs(quick) for study in studies}
+        runs = collect(each, jobs, folder.parent / "runs")
+        told = each("drawing", _tell, [(study.tell, Runs(runs[study.name], folder)) for study in studies])
+    sections = [section for own, _ in told for section in own]
+    files = {path for _, own in told for path in own}
+    of_config = {run.folder: str(run.manifest["config_hash"]) for own in runs.values() for run in own.values()}
     config = {"studies": [study.name for study in studies], "quick": quick}
-    report = Report(title, purpose, sections, sorted(inputs), config, of_config)
+    report = Report(title, purpose, sections, sorted(files), config, of_config)
     path = write_report(report, folder, key)
     _print_claims(report.claims)
     print(path)

@@ -13,8 +13,8 @@ import numpy as np
 from cmacexp.arrays import Array, Mask
 from cmacexp.keep import read_traces
 from cmacexp.planning.stability import FRONT, REAR, STABILITY, margins
-from cmacexp.recording.view import RunView, view_of
 from cmacexp.stored import StoredRun
+from cmacexp.view import RunView, view_of
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,6 +15,7 @@ from cmacexp.stored import StoredRun
 from cmacexp.verify import faults
 from pipelines.runs import collect
 from pipelines.state import is_up_to_date
+from pipelines.workers import workers
 
 JOB = ["scenario=force_step", "gait.cycle_time=1.0", "record=trace"]
 
@@ -76,11 +77,13 @@ def test_overrides_that_cannot_be_are_answered_in_one_line():
 
 def test_runs_are_reused_and_equal_ones_run_once(tmp_path, capfd):
     jobs = {"one": {"a": JOB, "same": JOB}, "other": {"b": JOB, "c": [*JOB, "machine.mass=0.7"]}}
-    first = collect(jobs, tmp_path)
+    with workers() as each:
+        first = collect(each, jobs, tmp_path)
     assert "2 runs, 2 of them to be run" in capfd.readouterr().err
     assert first["one"]["a"].folder == first["one"]["same"].folder == first["other"]["b"].folder
     times = {run.folder: (run.folder / "trace.parquet").stat().st_mtime_ns for run in first["other"].values()}
-    again = collect(jobs, tmp_path)
+    with workers() as each:
+        again = collect(each, jobs, tmp_path)
     assert "2 runs, 0 of them to be run" in capfd.readouterr().err
     assert {r.folder: (r.folder / "trace.parquet").stat().st_mtime_ns for r in again["other"].values()} == times
 

@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from cmacexp.config import to_plain
 from cmacexp.config.difference import labels
 from cmacexp.keep import read_traces, steps_by_cycle
-from cmacexp.recording import part_of, read_cycles, view_of
+from cmacexp.recording import part_of, read_cycles, show
 from cmacexp.recording.compare import shared_ranges
 from cmacexp.recording.part import MOST_STEPS
 
@@ -249,7 +249,7 @@ def test_names_of_runs_side_by_side(first, second, expected, make_config):
 def test_plots_share_an_axis_unless_one_dwarfs_the_other(runs):
     trace = read_traces(runs / "leg_none")
     config = json.loads((runs / "leg_none" / "manifest.json").read_text())["config"]
-    view = view_of(trace, config, "leg", part_of(steps_by_cycle(runs / "leg_none")))
+    view = show(trace, config, "leg", part_of(steps_by_cycle(runs / "leg_none")))
     force = view.legs[0]["force"]
     larger, dwarfing = (replace_force(view, factor * force) for factor in (2.0, 50.0))
     low, high = shared_ranges([view, larger])["leg_1/force"]

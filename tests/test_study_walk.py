@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cmacexp.recording.view import LegView, RunView
+from cmacexp.view import LegView, RunView
 from pipelines import walk_claims
 from pipelines.figures_walk import pooled
 from pipelines.walk_claims import CONTRADICTED, IN_PART, NOT_REPRODUCED, REPRODUCED, End
@@ -50,7 +50,7 @@ def a_walk(force=None, cycles=3) -> Walk:
     body |= {name: np.linspace(0.01, 0.2, n) for name in names}
     time = np.arange(n) * PERIOD
     step = np.arange(n)
-    return Walk(RunView(legs, time, step, step // STEPS + 1, body, 1, {}))
+    return Walk(RunView(legs, time, step, step // STEPS + 1, body, {}))
 
 
 def test_the_gait_is_read_from_the_planned_phases():

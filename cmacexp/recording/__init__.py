@@ -3,20 +3,20 @@
 from cmacexp.recording.compare import MOST_RUNS, root_of, write_comparison
 from cmacexp.recording.panels import panel_names
 from cmacexp.recording.part import Part, every_of, part_of, read_cycles
-from cmacexp.recording.view import RunView, view_of
+from cmacexp.recording.view import ShownRun, show
 from cmacexp.recording.write import name_of, write_recording
 
 __all__ = [
     "MOST_RUNS",
     "Part",
-    "RunView",
+    "ShownRun",
     "every_of",
     "name_of",
     "panel_names",
     "part_of",
     "read_cycles",
     "root_of",
-    "view_of",
+    "show",
     "write_comparison",
     "write_recording",
 ]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import rerun.blueprint as rrb
 
 from cmacexp.recording.panels import SPACE, Panel, Panels, colours_of, depression_of
-from cmacexp.recording.view import RunView
+from cmacexp.recording.view import ShownRun
 
 
 def stack(panels: Panels, names: Sequence[str]) -> Panel:
@@ -13,7 +13,7 @@ def stack(panels: Panels, names: Sequence[str]) -> Panel:
     return rrb.Vertical(*map(panels.make, names), row_shares=[panels.share(name) for name in names])
 
 
-def _walk(panels: Panels, view: RunView) -> rrb.Container:
+def _walk(panels: Panels, view: ShownRun) -> rrb.Container:
     """The walk in space and from front, side and top, beside its gait, forces, posture and stability."""
     names = ("gait", "force", "posture", "margins")
     walk = rrb.Vertical(*map(panels.make, names), row_shares=[panels.share(name) for name in names], name="walk")
@@ -45,7 +45,7 @@ def laid_out(content: Panel) -> rrb.Blueprint:
     )
 
 
-def layout(view: RunView, names: Sequence[str] | None = None) -> rrb.Blueprint:
+def layout(view: ShownRun, names: Sequence[str] | None = None) -> rrb.Blueprint:
     """The blueprint of the recording of one run.
 
     Args:

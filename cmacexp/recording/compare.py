@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from cmacexp.recording.blueprint import laid_out, stack
 from cmacexp.recording.panels import COLOURS, SPACE, Panel, Panels, colours_of, depression_of, panel_names
 from cmacexp.recording.series import series_of
-from cmacexp.recording.view import RunView
+from cmacexp.recording.view import ShownRun
 from cmacexp.recording.write import write_views
 
 MOST_RUNS = 6
@@ -25,7 +25,7 @@ ALIKE = 10.0
 """Plots share their vertical axis unless one spans so many times what another does."""
 
 
-def shared_ranges(views: Sequence[RunView]) -> dict[str, tuple[float, float]]:
+def shared_ranges(views: Sequence[ShownRun]) -> dict[str, tuple[float, float]]:
     """Lowest and highest value of the plots that several runs have, by the name of the plot."""
     found: dict[str, list[tuple[float, float]]] = {}
     for view in views:
@@ -43,24 +43,24 @@ def shared_ranges(views: Sequence[RunView]) -> dict[str, tuple[float, float]]:
     return shared
 
 
-def _key(views: Sequence[RunView]) -> str:
+def _key(views: Sequence[ShownRun]) -> str:
     """What colours and depressions of the scenes mean."""
     meanings = {colours_of(view) for view in views}
     meaning = meanings.pop() if len(meanings) == 1 else COLOURS.format("first cycle orange, last cycle green")
     return meaning + (depression_of(views[0]) if _one_depression(views) else "")
 
 
-def _one_depression(views: Sequence[RunView]) -> bool:
+def _one_depression(views: Sequence[ShownRun]) -> bool:
     return len({depression_of(view) for view in views}) == 1
 
 
-def _usual(view: RunView, runs: int) -> tuple[str, ...]:
+def _usual(view: ShownRun, runs: int) -> tuple[str, ...]:
     if not view.walks:
         return ("scene", "force", "error")
     return ("scene", "force", "posture") if runs <= FEW else ("scene", "posture", "margins")
 
 
-def _column(view: RunView, panels: Panels, names: Sequence[str]) -> Panel:
+def _column(view: ShownRun, panels: Panels, names: Sequence[str]) -> Panel:
     """Panels above each other under the label of the run, which stands in the title of a scene or else above all."""
     if names[:1] == ["scene"]:
         return stack(panels, names)
@@ -68,7 +68,7 @@ def _column(view: RunView, panels: Panels, names: Sequence[str]) -> Panel:
     return rrb.Vertical(title, *([stack(panels, names)] if names else []), row_shares=[1.0, 20.0][: 1 + bool(names)])
 
 
-def _layout(views: Sequence[RunView], names: Sequence[str] | None) -> rrb.Blueprint:
+def _layout(views: Sequence[ShownRun], names: Sequence[str] | None) -> rrb.Blueprint:
     """One column for each run, of those of the panels ``names`` that it has; None: the usual ones."""
     ranges = shared_ranges(views)
     times = min(float(view.time[0]) for view in views), max(float(view.time[-1]) for view in views)
@@ -89,7 +89,7 @@ def root_of(number: int, label: str) -> str:
     return f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
 
 
-def write_comparison(views: Sequence[RunView], path: Path, names: Sequence[str] | None = None) -> str:
+def write_comparison(views: Sequence[ShownRun], path: Path, names: Sequence[str] | None = None) -> str:
     """Write several runs into one recording, whole or not at all.
 
     Args:

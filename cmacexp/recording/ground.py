@@ -6,7 +6,8 @@ import rerun as rr
 from cmacexp import palette
 from cmacexp.arrays import Array, Mask
 from cmacexp.recording.entities import Entities
-from cmacexp.recording.view import LegView, RunView
+from cmacexp.recording.view import ShownRun
+from cmacexp.view import LegView
 
 FORCE_LENGTH = 0.15
 """Length of an arrow for the largest desired force, m."""
@@ -20,14 +21,14 @@ DENT = 0.06
 """Half the length of the dent that a foot presses, m."""
 
 
-def depression_scale(view: RunView) -> int:
+def depression_scale(view: ShownRun) -> int:
     """How many times deeper than they are depressions are drawn."""
     force = max(float(leg["force_desired"].max()) for leg in view.legs)
     depth = force / view.config["terrain"]["stiffness"]
     return round(SEEN_DEPRESSION / depth / 10.0) * 10 if 0.0 < depth < SEEN_DEPRESSION / 5.0 else 1
 
 
-def _log_dent(entities: Entities, view: RunView, foot: Array, path: str) -> None:
+def _log_dent(entities: Entities, view: ShownRun, foot: Array, path: str) -> None:
     """The surface of the ground in the plane of a leg, pressed down by its foot."""
     x, y, z = foot.T
     depth = np.maximum(-z, 0.0) * depression_scale(view)
@@ -41,7 +42,7 @@ def _log_dent(entities: Entities, view: RunView, foot: Array, path: str) -> None
     entities.send_columns(path, view.indexes, rr.LineStrips3D.columns(strips=strips))
 
 
-def _log_foot(entities: Entities, view: RunView, leg: LegView, foot: Array, path: str) -> None:
+def _log_foot(entities: Entities, view: ShownRun, leg: LegView, foot: Array, path: str) -> None:
     """The foot, coloured by planned phase, with desired and actual contact force as arrows side by side."""
     colours = np.where(leg.support[:, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
     entities.log(f"{path}/foot", rr.Points3D.from_fields(radii=[0.018]))
@@ -73,7 +74,7 @@ def _around(feet: Array, support: Mask) -> Array:
     return corners
 
 
-def _log_stability(entities: Entities, view: RunView, feet: Array) -> None:
+def _log_stability(entities: Entities, view: ShownRun, feet: Array) -> None:
     """Polygon of the feet planned to support, and the centre of gravity projected on the ground."""
     support = np.stack([leg.support for leg in view.legs], axis=1)
     corners = _around(feet, support)
@@ -88,7 +89,7 @@ def _log_stability(entities: Entities, view: RunView, feet: Array) -> None:
     entities.send_columns("world/plumb", view.indexes, rr.LineStrips3D.columns(strips=plumb))
 
 
-def log_ground(entities: Entities, view: RunView) -> None:
+def log_ground(entities: Entities, view: ShownRun) -> None:
     """Everything between feet and ground."""
     feet = [view.in_world(leg.in_body(leg["x"], leg["y"])) for leg in view.legs]
     for leg, foot in zip(view.legs, feet, strict=True):

@@ -6,13 +6,14 @@ import rerun as rr
 from cmacexp import palette
 from cmacexp.arrays import Array
 from cmacexp.recording.entities import Entities
-from cmacexp.recording.view import LegView, RunView
+from cmacexp.recording.view import ShownRun
+from cmacexp.view import LegView
 
 PATH_POINTS = 150
 """Points of a drawn foot path."""
 
 
-def _log_body(entities: Entities, view: RunView) -> None:
+def _log_body(entities: Entities, view: ShownRun) -> None:
     """The frames ``world/travel``, which moves on with the machine, and ``world/travel/body``, which tilts too."""
     zero = np.zeros_like(view.time)
     way = np.stack([view.body["cog_x"], zero, zero], axis=1)
@@ -35,7 +36,7 @@ def _log_body(entities: Entities, view: RunView) -> None:
         entities.log("world/travel/body/nose", rr.LineStrips3D([nose], radii=0.006, colors=palette.THIGH))
 
 
-def _log_link(entities: Entities, view: RunView, path: str, start: Array, angle: Array, length: float) -> None:
+def _log_link(entities: Entities, view: ShownRun, path: str, start: Array, angle: Array, length: float) -> None:
     """A link as a capsule along +z, turned about the body's y so that it points along ``angle`` from +x, y down."""
     colour = palette.THIGH if path.endswith("thigh") else palette.SHANK
     capsule = rr.Capsules3D(lengths=[length], radii=[0.012], colors=[colour], fill_mode="solid")
@@ -46,7 +47,7 @@ def _log_link(entities: Entities, view: RunView, path: str, start: Array, angle:
     entities.send_columns(path, view.indexes, rr.Transform3D.columns(translation=start, quaternion=turn))
 
 
-def _log_links(entities: Entities, view: RunView, leg: LegView, path: str) -> None:
+def _log_links(entities: Entities, view: ShownRun, leg: LegView, path: str) -> None:
     if leg.lengths is None:
         return
     upper, lower = leg.lengths
@@ -59,7 +60,7 @@ def _log_links(entities: Entities, view: RunView, leg: LegView, path: str) -> No
     entities.send_columns(f"{path}/knee", view.indexes, rr.Points3D.columns(positions=knee))
 
 
-def _log_paths(entities: Entities, view: RunView, leg: LegView, path: str) -> None:
+def _log_paths(entities: Entities, view: ShownRun, leg: LegView, path: str) -> None:
     """The desired path, and the actual one in the first and in the last whole cycle, as the hip sees them."""
     first, last = view.whole_cycles()
     shown = {
@@ -76,7 +77,7 @@ def _log_paths(entities: Entities, view: RunView, leg: LegView, path: str) -> No
         entities.log(f"{path}/path/{name}", strip)
 
 
-def log_machine(entities: Entities, view: RunView) -> None:
+def log_machine(entities: Entities, view: ShownRun) -> None:
     """Everything that is part of the machine, or moves with it."""
     entities.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _log_body(entities, view)

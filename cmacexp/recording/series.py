@@ -6,7 +6,8 @@ import rerun as rr
 from cmacexp import palette
 from cmacexp.arrays import Array
 from cmacexp.recording.entities import Entities
-from cmacexp.recording.view import LegView, RunView
+from cmacexp.recording.view import ShownRun
+from cmacexp.view import LegView
 
 Line = tuple[str, Array, tuple[int, ...]]
 """Name, values (steps,), colour."""
@@ -51,7 +52,7 @@ def _body_lines(body: dict[str, Array]) -> dict[str, list[Line]]:
     }
 
 
-def series_of(view: RunView) -> dict[str, list[Line]]:
+def series_of(view: ShownRun) -> dict[str, list[Line]]:
     """All time series by the name of their plot, ``leg_1/force`` or ``body/tilt``; N, mm, N m, mrad."""
     found = {f"leg_{leg.number}/{name}": lines for leg in view.legs for name, lines in _leg_lines(leg).items()}
     if view.walks:
@@ -59,7 +60,7 @@ def series_of(view: RunView) -> dict[str, list[Line]]:
     return found
 
 
-def _log_gait(entities: Entities, view: RunView, leg: LegView) -> None:
+def _log_gait(entities: Entities, view: ShownRun, leg: LegView) -> None:
     """Support and transfer phases as a lane of the gait diagram (Fig. 14); only changes are written."""
     path = f"gait/{leg.number}_{leg.name.replace(' ', '_')}"
     style = rr.StateConfiguration(
@@ -72,7 +73,7 @@ def _log_gait(entities: Entities, view: RunView, leg: LegView) -> None:
     entities.send_columns(path, indexes, rr.StateChange.columns(state=states))
 
 
-def log_series(entities: Entities, view: RunView) -> None:
+def log_series(entities: Entities, view: ShownRun) -> None:
     """All time series, several lines in one entity, and the gait diagram."""
     for path, lines in series_of(view).items():
         names, values, colours = zip(*lines, strict=True)

@@ -19,7 +19,7 @@ from cmacexp.recording.ground import log_ground
 from cmacexp.recording.part import Part, part_of
 from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
-from cmacexp.recording.view import RunView, view_of
+from cmacexp.recording.view import ShownRun, show
 
 
 class _NoPandas(MetaPathFinder):
@@ -54,7 +54,7 @@ def _as_os_error(path: Path) -> Iterator[None]:
 
 
 def write_views(
-    views: Sequence[RunView], blueprint: rrb.Blueprint, name: str, path: Path, texts: Mapping[str, str] | None = None
+    views: Sequence[ShownRun], blueprint: rrb.Blueprint, name: str, path: Path, texts: Mapping[str, str] | None = None
 ) -> None:
     """Write runs into one recording, whole or not at all.
 
@@ -103,7 +103,7 @@ def write_recording(
         The name of the recording: what it shows.
     """
     part = part or part_of(steps_by_cycle(folder))
-    view = view_of(read_traces(folder, part.cycles, part.every), config, label or path.parent.name, part)
+    view = show(read_traces(folder, part.cycles, part.every), config, label or path.parent.name, part)
     name = f"{config['scenario']} {view.label}, {view.part}"
     write_views([view], layout(view, names), name, path)
     return name

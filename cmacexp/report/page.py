@@ -5,7 +5,7 @@ import csv
 import io
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -43,12 +43,26 @@ class Table:
 class Drawing:
     """A figure, the name of its files, and what it shows."""
 
-    kind: ClassVar = "drawing"
     name: str
     figure: "Figure"
     caption: str
     title: str = ""
     """E.g. ``Fig. 10``, if it is one of the paper's."""
+
+
+@dataclass(frozen=True)
+class Image:
+    """A drawing that has been saved."""
+
+    kind: ClassVar = "image"
+    name: str
+    source: str
+    """Address of its data."""
+    caption: str
+    title: str
+
+
+Part = Text | Table | Drawing | Image
 
 
 @dataclass(frozen=True)
@@ -74,7 +88,7 @@ class Section:
     """A part of a report."""
 
     title: str
-    parts: Sequence[Text | Table | Drawing]
+    parts: Sequence[Part]
     claims: Sequence[Claim] = ()
 
     @property
@@ -103,16 +117,29 @@ class Report:
         return [claim for section in self.sections for claim in section.claims]
 
 
-def _image(figure: "Figure", path: Path) -> tuple[str, list[Path]]:
-    """Save a figure as PNG and SVG; the SVG as a data address, and the files."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+def draw(section: Section, folder: Path) -> tuple[Section, list[Path]]:
+    """Save the figures of a section as PNG and SVG below ``folder``; the section with images, and the files."""
+    parts: list[Part] = []
+    files: list[Path] = []
+    for part in section.parts:
+        if isinstance(part, Drawing):
+            part, saved = _image(part, folder / FIGURES)
+            files += saved
+        parts.append(part)
+    return replace(section, parts=parts), files
+
+
+def _image(drawing: Drawing, folder: Path) -> tuple[Image, list[Path]]:
+    folder.mkdir(parents=True, exist_ok=True)
     files = []
     for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
-        name = path.with_name(f"{path.name}.{kind}")
+        name = folder / f"{drawing.name}.{kind}"
         with write_atomically(name) as temporary:
-            figure.savefig(temporary, format=kind, metadata=metadata)
+            drawing.figure.savefig(temporary, format=kind, metadata=metadata)
+        drawing.figure.set_layout_engine("none")  # found for the first format, it holds for the second
         files.append(name)
-    return "data:image/svg+xml;base64," + base64.b64encode(files[-1].read_bytes()).decode(), files
+    source = "data:image/svg+xml;base64," + base64.b64encode(files[-1].read_bytes()).decode()
+    return Image(drawing.name, source, drawing.caption, drawing.title), files
 
 
 def _claims_csv(claims: Sequence[Claim]) -> str:
@@ -149,14 +176,10 @@ def write_report(report: Report, folder: Path, key: str) -> Path:
 
     folder.mkdir(parents=True, exist_ok=True)
     (folder / manifests.NAME).unlink(missing_ok=True)
-    images, written = {}, []
-    for section in report.sections:
-        for part in section.parts:
-            if isinstance(part, Drawing):
-                images[part.name], files = _image(part.figure, folder / FIGURES / part.name)
-                written += files
+    drawn = [draw(section, folder) for section in report.sections]
+    written = [file for _, files in drawn for file in files]
     environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True)
-    page = environment.get_template("page.html").render(report=report, images=images)
+    page = environment.get_template("page.html").render(report=report, sections=[section for section, _ in drawn])
     written.append(_write_text(folder / HTML, page))
     if report.claims:
         written.append(_write_text(folder / CLAIMS_CSV, _claims_csv(report.claims)))

@@ -1,0 +1,43 @@
+"""Work on all cores, with its progress shown to a person who watches."""
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any
+
+Each = Callable[[str, Callable[..., Any], Sequence[tuple[Any, ...]]], list[Any]]
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def workers() -> Iterator[Each]:
+    """Start a process for every core; gives ``each(what, work, items)``: ``work`` of every item, in their order.
+
+    ``what`` is shown beside the progress. What ``work`` raises is raised; work that has not begun is dropped then.
+    """
+    from rich.console import Console
+    from rich.progress import MofNCompleteColumn, Progress
+
+    pool = ProcessPoolExecutor(os.cpu_count(), get_context("spawn"), _leave_interrupts_to_the_parent)
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn())
+
+    def each(what: str, work: Callable[..., Any], items: Sequence[tuple[Any, ...]]) -> list[Any]:
+        futures = [pool.submit(work, *item) for item in items]
+        with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
+            task = bar.add_task(what, total=len(items))
+            for future in as_completed(futures):
+                future.result()
+                bar.advance(task)
+        return [future.result() for future in futures]
+
+    try:
+        yield each
+    finally:
+        pool.shutdown(cancel_futures=True)
