@@ -100,8 +100,8 @@ def advice(sizes: Sequence[Size]) -> list[Text]:
             f"Memory: {size_of(enough)} do as well as {size_of(paper.memory)} (errors of cycle {last} within "
             f"{AS_GOOD:g} times), because the path visits {paper.cells} cells only, which would fill "
             f"{size_of(paper.bytes_needed)}. Advice: take cells some {soon.width:.1g} of the planned span wide, "
-            f"{layers[0]} to {paper.layers} layers, and {enough_room(sizes):.2g} rows of memory for each cell that the "
-            "path visits: with fewer layers a collision weighs more."
+            f"{layers[0]} to {paper.layers} layers, and {enough_room(sizes):.2g} rows of memory for each cell that "
+            "the path visits: with fewer layers a collision weighs more."
         ),
     ]
 
