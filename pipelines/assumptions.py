@@ -10,7 +10,9 @@ from typing import Any
 
 from cmacexp.report.page import Drawing, Section, Table, Text
 from cmacexp.stored import StoredRun
-from pipelines.assumptions_conclusions import (
+from pipelines.shared.runs import Runs
+from pipelines.shared.study import Jobs, Study, main
+from pipelines.telling.assumptions_conclusions import (
     Conclusion,
     Outcome,
     changed_by,
@@ -21,11 +23,9 @@ from pipelines.assumptions_conclusions import (
     quadruped,
     shown,
 )
-from pipelines.assumptions_figure import draw
-from pipelines.assumptions_list import METHODS, ONE_LEG, QUADRUPED, Assumption
-from pipelines.measured import listed
-from pipelines.runs import Runs
-from pipelines.study import Jobs, Study, main
+from pipelines.telling.assumptions_figure import draw
+from pipelines.telling.assumptions_list import METHODS, ONE_LEG, QUADRUPED, Assumption
+from pipelines.telling.measured import listed
 
 LEG, WALK, MASS = "one leg", "quadruped", "point mass"
 MACHINES = {

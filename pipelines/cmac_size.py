@@ -5,9 +5,11 @@ What it shows: the width of a cell matters most, layers hardly, and a small part
 """
 
 from cmacexp.report.page import Drawing, Section
-from pipelines.cmac_size_figures import draw_accuracy, draw_collisions, draw_walk
-from pipelines.cmac_size_verdicts import ELEMENTS as RESOLUTION
-from pipelines.cmac_size_verdicts import (
+from pipelines.shared.runs import Runs
+from pipelines.shared.study import Jobs, Study, main
+from pipelines.telling.cmac_size_figures import draw_accuracy, draw_collisions, draw_walk
+from pipelines.telling.cmac_size_verdicts import ELEMENTS as RESOLUTION
+from pipelines.telling.cmac_size_verdicts import (
     INPUTS,
     LAYERS,
     MEMORY,
@@ -19,10 +21,8 @@ from pipelines.cmac_size_verdicts import (
     median_worsening,
     paper_size,
 )
-from pipelines.cmac_size_words import advice, captions, claims, shown_cycles, tables
-from pipelines.measured import size_of
-from pipelines.runs import Runs
-from pipelines.study import Jobs, Study, main
+from pipelines.telling.cmac_size_words import advice, captions, claims, shown_cycles, tables
+from pipelines.telling.measured import size_of
 
 LEG, WALK = "one leg", "quadruped"
 LAYER_COUNTS, GRID_LAYERS = (2, 4, 16, 64), (8, 128)

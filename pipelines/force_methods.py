@@ -13,12 +13,12 @@ from itertools import pairwise
 import pandas as pd
 
 from cmacexp.metrics.step import step_info
-from cmacexp.report.page import Claim, Drawing, Section, Table, Text
+from cmacexp.report.page import Claim, Drawing, Link, Section, Table, Text
 from cmacexp.stored import StoredRun
-from pipelines import figures_force as figures
-from pipelines.ground_belief import METHODS, apparent_stiffness, predicted_force
-from pipelines.runs import Runs
-from pipelines.study import Jobs, Study, main
+from pipelines.shared.runs import Runs
+from pipelines.shared.study import Jobs, Study, main
+from pipelines.telling import figures_force as figures
+from pipelines.telling.ground_belief import METHODS, apparent_stiffness, predicted_force
 
 ASSUMED = 10.0
 """Ground stiffness of section 5, N/m, which the references are made for."""
@@ -70,7 +70,7 @@ def settles(row: pd.Series, desired: float) -> bool:
     return row["status"] == "completed" and error <= EXACT and row["force_ripple"] <= STEADY * desired
 
 
-def method_claim(method: str, equations: str, rows: pd.DataFrame, desired: float, links: Sequence[str]) -> Claim:
+def method_claim(method: str, equations: str, rows: pd.DataFrame, desired: float, links: Sequence[Link]) -> Claim:
     """Whether a method presses with the desired force on the ground that its reference is made for."""
     good = [settles(row, desired) for _, row in rows.iterrows()]
     verdict = "reproduced" if all(good) else "reproduced in part" if any(good) else "not reproduced"
@@ -82,7 +82,7 @@ def method_claim(method: str, equations: str, rows: pd.DataFrame, desired: float
     return Claim(claim, "section 3", f"desired {desired:g} N; {said}", verdict, links)
 
 
-def best_claim(soft: pd.DataFrame, desired: float, links: Sequence[str]) -> Claim:
+def best_claim(soft: pd.DataFrame, desired: float, links: Sequence[Link]) -> Claim:
     """Whether combined control overshoots least and errs least of the methods that come to rest."""
     resting = soft[[settles(row, desired) for _, row in soft.iterrows()]]
     best = [resting[name].idxmin() == "combined" for name in ("force_overshoot", "force_itae")]
@@ -97,7 +97,7 @@ def best_claim(soft: pd.DataFrame, desired: float, links: Sequence[str]) -> Clai
     return Claim(claim, "sections 3, 7", measured, verdict, links)
 
 
-def elasticity_claim(stiffness: dict[float, float], links: Sequence[str]) -> Claim:
+def elasticity_claim(stiffness: dict[float, float], links: Sequence[Link]) -> Claim:
     """Whether a smaller elasticity makes the controlled mass stiffer; ``stiffness`` in N/m by elasticity in m/N."""
     by_elasticity = [stiffness[p] for p in sorted(stiffness)]
     falls = [a > b for a, b in pairwise(by_elasticity)]
@@ -235,7 +235,7 @@ def tell(runs: Runs) -> list[Section]:
     ]
     return [
         Section("Force control methods", comparison, claims),
-        Section("Not seen by the paper: wrong ground stiffness", [_belief(runs)]),
+        Section("What the paper did not see: wrong ground stiffness", [_belief(runs)], beyond=True),
     ]
 
 

@@ -12,10 +12,10 @@ import pyarrow as pa
 
 from cmacexp.config.compose import compose_config
 from cmacexp.control.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth, scan
-from cmacexp.report.page import Claim, Drawing, Section, Table
-from pipelines.figures_lead import design_maps
-from pipelines.runs import Runs
-from pipelines.study import Jobs, Study, main
+from cmacexp.report.page import Claim, Drawing, Link, Section, Table
+from pipelines.shared.runs import Runs
+from pipelines.shared.study import Jobs, Study, main
+from pipelines.telling.figures_lead import design_maps
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,7 +68,7 @@ def defaults_claim(defaults: "pd.DataFrame", objective: str, claim: str) -> Clai
         for row in defaults.itertuples()
     )
     verdict = "reproduced" if all(met) else "reproduced in part" if any(met) else "not reproduced"
-    return Claim(claim, "section 2", f"{said} (omega and alpha assumed)", verdict, [TABLE])
+    return Claim(claim, "section 2", f"{said} (omega and alpha assumed)", verdict, [Link(TABLE, TABLE)])
 
 
 def both_claim(loops: "pd.DataFrame") -> Claim:
@@ -87,7 +87,7 @@ def both_claim(loops: "pd.DataFrame") -> Claim:
         "section 2, eq. 5",
         "; ".join(said),
         "reproduced" if all(found) else "reproduced in part" if any(found) else "not reproduced",
-        [TABLE],
+        [Link(TABLE, TABLE)],
     )
 
 

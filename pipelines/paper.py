@@ -4,14 +4,16 @@
 was measured, its figures drawn anew, and what it did not see.
 """
 
-from pipelines import force_methods, lead_design, one_leg_learning, quadruped_walking
-from pipelines.study import command, write_study
+from pipelines import assumptions, cmac_size, force_methods, lead_design, one_leg_learning, quadruped_walking
+from pipelines.shared.study import command, write_study
 
 STUDIES = [
     lead_design.STUDY,
     force_methods.STUDY,
     one_leg_learning.STUDY,
     quadruped_walking.STUDY,
+    cmac_size.STUDY,
+    assumptions.STUDY,
 ]
 TITLE = "Lin & Song 1997, claim by claim"
 PURPOSE = (

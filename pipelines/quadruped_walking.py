@@ -11,11 +11,11 @@ import numpy as np
 
 from cmacexp.report.page import Drawing, Section, Table, Text
 from cmacexp.stored import StoredRun
-from pipelines import figures_walk, machine_views, walk_claims, walk_moments
-from pipelines.runs import Runs
-from pipelines.study import Jobs, Study, main
-from pipelines.walk_claims import MM, PERCENT, End
-from pipelines.walk_moments import Walk
+from pipelines.shared.runs import Runs
+from pipelines.shared.study import Jobs, Study, main
+from pipelines.telling import figures_walk, machine_views, walk_claims, walk_moments
+from pipelines.telling.walk_claims import MM, PERCENT, End
+from pipelines.telling.walk_moments import Walk
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -298,7 +298,7 @@ def tell(runs: Runs) -> list[Section]:
     """The quadruped as the paper shows it, and what the paper did not see."""
     return [
         _quadruped(runs),
-        Section("What the paper did not see: the quadruped", [*_lean(runs), *_divergence(runs)]),
+        Section("What the paper did not see: the quadruped", [*_lean(runs), *_divergence(runs)], beyond=True),
     ]
 
 

@@ -9,13 +9,13 @@ from cmacexp.config.compose import compose_config
 from cmacexp.errors import CmacexpError
 from cmacexp.finished import is_finished
 from cmacexp.folders import runs_below
-from cmacexp.report.page import HTML, Claim, Report, Section, Table, Text, write_report
+from cmacexp.report.page import HTML, Claim, Link, Report, Section, Table, Text, write_report
 from cmacexp.run import run_scenario
 from cmacexp.stored import StoredRun
 from cmacexp.verify import faults
-from pipelines.runs import collect
-from pipelines.state import is_up_to_date
-from pipelines.workers import workers
+from pipelines.shared.runs import collect
+from pipelines.shared.state import is_up_to_date
+from pipelines.shared.workers import workers
 
 JOB = ["scenario=force_step", "gait.cycle_time=1.0", "record=trace"]
 
@@ -98,7 +98,7 @@ def test_a_stored_run_gives_its_tables(finished):
 
 
 def make_report(folder, run, verdict="reproduced"):
-    claim = Claim("it presses <hard>", "section 3", "1 N", verdict, ["../run"])
+    claim = Claim("it presses <hard>", "section 3", "1 N", verdict, [Link("run", "../run")])
     section = Section("One & only", [Text("a < b"), Table(["x", "y"], [["1", "2"]])], [claim])
     return write_report(Report("T", "S", [section], [run / "trace.parquet"]), folder, "key")
 

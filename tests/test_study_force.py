@@ -7,7 +7,7 @@ import pytest
 from command import python
 
 from pipelines.force_methods import best_claim, elasticity_claim, method_claim, settles
-from pipelines.ground_belief import apparent_stiffness, predicted_force
+from pipelines.telling.ground_belief import apparent_stiffness, predicted_force
 
 CONFIG = {
     "controller": {"position_gain": 100.0, "velocity_gain": 5.0},

@@ -8,12 +8,18 @@ import pytest
 from command import python
 
 from cmacexp.verify import faults
-from pipelines import one_leg_claims as claims
-from pipelines import one_leg_torque_claims as torque_claims
-from pipelines.figures_one_leg import derivative, phases, touch_down, velocity_jumps
 from pipelines.lead_design import both_claim, defaults_claim, objectives
-from pipelines.one_leg_measures import force_oscillation, judged, torque_oscillation, torque_step, without_trend
-from pipelines.one_leg_statics import feedback_force, learned_error, literal_depth, weight_at_foot, weight_for
+from pipelines.telling import one_leg_claims as claims
+from pipelines.telling import one_leg_torque_claims as torque_claims
+from pipelines.telling.figures_one_leg import derivative, phases, touch_down, velocity_jumps
+from pipelines.telling.one_leg_measures import (
+    force_oscillation,
+    judged,
+    torque_oscillation,
+    torque_step,
+    without_trend,
+)
+from pipelines.telling.one_leg_statics import feedback_force, learned_error, literal_depth, weight_at_foot, weight_for
 
 CONFIG = {
     "controller": {"position_gain": 100.0, "velocity_gain": 5.0},

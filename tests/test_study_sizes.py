@@ -13,9 +13,17 @@ from command import ROOT, python
 
 from cmacexp.verify import faults
 from pipelines import assumptions, cmac_size
-from pipelines.assumptions_conclusions import Conclusion, Outcome, changed_by, cycle_of, matters, one_leg, quadruped
-from pipelines.assumptions_list import METHODS, ONE_LEG, QUADRUPED
-from pipelines.cmac_size_verdicts import (
+from pipelines.telling.assumptions_conclusions import (
+    Conclusion,
+    Outcome,
+    changed_by,
+    cycle_of,
+    matters,
+    one_leg,
+    quadruped,
+)
+from pipelines.telling.assumptions_list import METHODS, ONE_LEG, QUADRUPED
+from pipelines.telling.cmac_size_verdicts import (
     MEMORY,
     Size,
     enough_memory,
@@ -24,7 +32,7 @@ from pipelines.cmac_size_verdicts import (
     verdict_of_rate,
     verdict_of_robustness,
 )
-from pipelines.measured import changed, short, size_of
+from pipelines.telling.measured import changed, short, size_of
 
 PAPER = Size(
     changed={},

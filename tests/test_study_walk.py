@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 
 from cmacexp.view import LegView, RunView
-from pipelines import walk_claims
-from pipelines.figures_walk import pooled
-from pipelines.walk_claims import CONTRADICTED, IN_PART, NOT_REPRODUCED, REPRODUCED, End
-from pipelines.walk_moments import Walk, gait, instants, lift_off_of_3, touch_down_of_2, touch_down_of_3
+from pipelines.telling import walk_claims
+from pipelines.telling.figures_walk import pooled
+from pipelines.telling.walk_claims import CONTRADICTED, IN_PART, NOT_REPRODUCED, REPRODUCED, End
+from pipelines.telling.walk_moments import Walk, gait, instants, lift_off_of_3, touch_down_of_2, touch_down_of_3
 from tests.command import python
 
 PERIOD = 0.1

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from cmacexp import manifest as manifests
 from cmacexp.files import sha256, write_atomically
@@ -65,6 +65,14 @@ class Image:
 Part = Text | Table | Drawing | Image
 
 
+class Link(NamedTuple):
+    """Something that a claim rests on."""
+
+    name: str
+    address: str
+    """As seen from the report."""
+
+
 @dataclass(frozen=True)
 class Claim:
     """What the paper says, and what came out."""
@@ -75,8 +83,8 @@ class Claim:
     measured: str
     verdict: str
     """One of :data:`VERDICTS`."""
-    runs: Sequence[str]
-    """Folders of the runs behind it, as seen from the report."""
+    runs: Sequence[Link]
+    """The runs behind it."""
 
     def __post_init__(self) -> None:
         if self.verdict not in VERDICTS:
@@ -90,6 +98,8 @@ class Section:
     title: str
     parts: Sequence[Part]
     claims: Sequence[Claim] = ()
+    beyond: bool = False
+    """Tells what the paper did not see, and so comes after what it says."""
 
     @property
     def anchor(self) -> str:
@@ -146,7 +156,9 @@ def _claims_csv(claims: Sequence[Claim]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["claim", "where", "measured", "verdict", "runs"])
-    writer.writerows([c.claim, c.where, c.measured, c.verdict, " ".join(c.runs)] for c in claims)
+    writer.writerows(
+        [c.claim, c.where, c.measured, c.verdict, " ".join(run.address for run in c.runs)] for c in claims
+    )
     return text.getvalue()
 
 
@@ -176,7 +188,7 @@ def write_report(report: Report, folder: Path, key: str) -> Path:
 
     folder.mkdir(parents=True, exist_ok=True)
     (folder / manifests.NAME).unlink(missing_ok=True)
-    drawn = [draw(section, folder) for section in report.sections]
+    drawn = [draw(section, folder) for section in sorted(report.sections, key=lambda section: section.beyond)]
     written = [file for _, files in drawn for file in files]
     environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True)
     page = environment.get_template("page.html").render(report=report, sections=[section for section, _ in drawn])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.stored import StoredRun
-from pipelines.measured import changed, per_cycle
+from pipelines.telling.measured import changed, per_cycle
 
 LAYERS, ELEMENTS, MEMORY = "cmac.layers", "cmac.resolution_elements", "cmac.memory_bytes"
 INPUTS, RANGE, SEED = "cmac.inputs", "cmac.range_factor", "seed"

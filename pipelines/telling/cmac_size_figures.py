@@ -6,8 +6,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cmacexp.report.style import DASHES, MARKERS, SERIES, label, new_figure
-from pipelines.cmac_size_verdicts import ELEMENTS, LAYERS, MEMORY, RANGE, SEED, Size, by_memory, differing, paper_size
-from pipelines.measured import size_of
+from pipelines.telling.cmac_size_verdicts import (
+    ELEMENTS,
+    LAYERS,
+    MEMORY,
+    RANGE,
+    SEED,
+    Size,
+    by_memory,
+    differing,
+    paper_size,
+)
+from pipelines.telling.measured import size_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

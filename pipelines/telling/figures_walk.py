@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.arrays import Array
 from cmacexp.report.style import DASHES, DESIRED, MARKERS, SERIES, label, new_figure
 from cmacexp.stored import StoredRun
-from pipelines.walk_moments import Walk
+from pipelines.telling.walk_moments import Walk
 
 if TYPE_CHECKING:
     import pandas as pd

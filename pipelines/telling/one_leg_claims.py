@@ -3,10 +3,19 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cmacexp.report.page import Claim
-from pipelines.figures_one_leg import AXES, MM, touch_down
-from pipelines.one_leg_measures import FIFTH, FIRST, LANDED, SECOND, WINDOW, by_cycle, force_oscillation, judged
-from pipelines.one_leg_statics import Config, feedback_force, weight_at_foot, weight_for
+from cmacexp.report.page import Claim, Link
+from pipelines.telling.figures_one_leg import AXES, MM, touch_down
+from pipelines.telling.one_leg_measures import (
+    FIFTH,
+    FIRST,
+    LANDED,
+    SECOND,
+    WINDOW,
+    by_cycle,
+    force_oscillation,
+    judged,
+)
+from pipelines.telling.one_leg_statics import Config, feedback_force, weight_at_foot, weight_for
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,7 +32,7 @@ STEADY = 0.02
 """Standard deviation of a relatively steady force over the desired one."""
 
 
-def large_errors(rows: "pd.DataFrame", config: Config, links: Sequence[str]) -> Claim:
+def large_errors(rows: "pd.DataFrame", config: Config, links: Sequence[Link]) -> Claim:
     """Fig. 10: errors of feedback alone, in the first cycle."""
     swing = rows[rows["phase"] == "transfer"]
     peak = [float((swing[axis] - swing[f"{axis}_desired"]).abs().max()) for axis in AXES]
@@ -38,7 +47,7 @@ def large_errors(rows: "pd.DataFrame", config: Config, links: Sequence[str]) -> 
     )
 
 
-def errors_vanish(metrics: "pd.DataFrame", config: Config, links: Sequence[str]) -> Claim:
+def errors_vanish(metrics: "pd.DataFrame", config: Config, links: Sequence[Link]) -> Claim:
     """Fig. 11: errors after 12 s of learning."""
     table = by_cycle(metrics)
     ratios = (
@@ -63,7 +72,7 @@ def errors_vanish(metrics: "pd.DataFrame", config: Config, links: Sequence[str])
     )
 
 
-def force_of_feedback(rows: "pd.DataFrame", metrics: "pd.DataFrame", config: Config, links: Sequence[str]) -> Claim:
+def force_of_feedback(rows: "pd.DataFrame", metrics: "pd.DataFrame", config: Config, links: Sequence[Link]) -> Claim:
     """Fig. 12, first 3 s; with the reason from statics."""
     second_half = rows[(rows["phase"] == "support") & (rows["progress"] >= 0.5)]
     peak = float(rows["force"].to_numpy()[touch_down(rows) :].max())
@@ -81,7 +90,7 @@ def force_of_feedback(rows: "pd.DataFrame", metrics: "pd.DataFrame", config: Con
     )
 
 
-def some_improvement(metrics: "pd.DataFrame", links: Sequence[str]) -> Claim:
+def some_improvement(metrics: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     """Fig. 12, from 3 to 6 s: better than feedback alone."""
     table = by_cycle(metrics)
     error, rmse = table["force_steady_state_error"].abs(), table["force_rmse"]
@@ -95,7 +104,7 @@ def some_improvement(metrics: "pd.DataFrame", links: Sequence[str]) -> Claim:
     )
 
 
-def below_5_percent(metrics: "pd.DataFrame", links: Sequence[str]) -> Claim:
+def below_5_percent(metrics: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     """Fig. 12: the steady-state error in the second cycle, and in those to come."""
     error = by_cycle(metrics)["force_steady_state_error"].loc[SECOND:]
     good = error.abs() < SMALL
@@ -113,7 +122,7 @@ def below_5_percent(metrics: "pd.DataFrame", links: Sequence[str]) -> Claim:
     )
 
 
-def force_is_steady(metrics: "pd.DataFrame", config: Config, links: Sequence[str]) -> Claim:
+def force_is_steady(metrics: "pd.DataFrame", config: Config, links: Sequence[Link]) -> Claim:
     """Fig. 12, from 3 to 6 s: the force in support."""
     ripple = float(by_cycle(metrics)["force_ripple"][SECOND]) / config["force_control"]["desired_force"]
     return Claim(
@@ -125,7 +134,7 @@ def force_is_steady(metrics: "pd.DataFrame", config: Config, links: Sequence[str
     )
 
 
-def more_oscillation(second: "pd.DataFrame", fifth: "pd.DataFrame", links: Sequence[str]) -> Claim:
+def more_oscillation(second: "pd.DataFrame", fifth: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     """Fig. 12, from 12 to 15 s: oscillations against those of the second cycle."""
     before, after = force_oscillation(second), force_oscillation(fifth)
     return Claim(
@@ -138,7 +147,7 @@ def more_oscillation(second: "pd.DataFrame", fifth: "pd.DataFrame", links: Seque
     )
 
 
-def more_learning_is_no_better(metrics: "pd.DataFrame", links: Sequence[str]) -> Claim:
+def more_learning_is_no_better(metrics: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     """Fig. 12, from 12 to 15 s: steady-state error and RMS error against those of the second cycle."""
     table = by_cycle(metrics)
     error, rmse = table["force_steady_state_error"].abs(), table["force_rmse"]
@@ -152,7 +161,7 @@ def more_learning_is_no_better(metrics: "pd.DataFrame", links: Sequence[str]) ->
     )
 
 
-def all_improve(metrics: "pd.DataFrame", links: Sequence[str]) -> Claim:
+def all_improve(metrics: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     """The summary of section 5."""
     table = by_cycle(metrics)
     told = {

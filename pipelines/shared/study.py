@@ -8,9 +8,9 @@ from pathlib import Path
 
 from cmacexp.errors import CmacexpError
 from cmacexp.report.page import HTML, Claim, Report, Section, draw, write_report
-from pipelines.runs import Runs, collect
-from pipelines.state import is_up_to_date, state_key
-from pipelines.workers import workers
+from pipelines.shared.runs import Runs, collect
+from pipelines.shared.state import is_up_to_date, state_key
+from pipelines.shared.workers import workers
 
 FOLDER = Path("outputs/studies")
 Jobs = Mapping[str, Sequence[str]]

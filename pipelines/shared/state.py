@@ -10,11 +10,13 @@ from cmacexp.errors import BadRun
 from cmacexp.sources import PACKAGE
 from cmacexp.verify import faults
 
+PIPELINES = Path(__file__).resolve().parents[1]
+
 
 def state_key(studies: Sequence[str], quick: bool) -> str:
     """Hash of everything besides its runs that a report depends on."""
     digest = hashlib.sha256(repr((list(studies), quick, sorted(manifests.versions().items()))).encode())
-    for folder, pattern in ((PACKAGE, "*.py"), (PACKAGE, "*.html"), (Path(__file__).parent, "*.py")):
+    for folder, pattern in ((PACKAGE, "*.py"), (PACKAGE, "*.html"), (PIPELINES, "*.py")):
         for file in sorted(folder.rglob(pattern)):
             digest.update(file.read_bytes())
     for file in sorted(config_folder().rglob("*.yaml")):

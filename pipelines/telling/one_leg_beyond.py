@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING
 
 from cmacexp.report.page import Drawing, Section
 from cmacexp.stored import StoredRun
-from pipelines import figures_learning as figures
-from pipelines.one_leg_measures import FIFTH, by_cycle
-from pipelines.one_leg_statics import learned_error
-from pipelines.runs import Runs
+from pipelines.shared.runs import Runs
+from pipelines.telling import figures_learning as figures
+from pipelines.telling.one_leg_measures import FIFTH, by_cycle
+from pipelines.telling.one_leg_statics import learned_error
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +29,7 @@ def bias_section(runs: Runs) -> Section:
         "to hold the static load; CMAC learns until feedback is zero, and nothing needs it any more."
     )
     drawing = Drawing("bias", figures.bias(literal.metrics, aware.metrics, predicted), caption)
-    return Section("What the paper did not see: the 5 % is a bias", [drawing])
+    return Section("What the paper did not see: the 5 % is a bias", [drawing], beyond=True)
 
 
 def feedback_at_lift_off(run: StoredRun, cycle: int) -> float:
@@ -60,7 +60,7 @@ def divergence_section(runs: Runs) -> Section:
         f"{MM * cured['transfer_rmse_x'].iloc[-1]:.2g} mm in cycle {cured.index[-1]}."
     )
     drawing = Drawing("divergence", figures.divergence(tables, ends), caption)
-    return Section("What the paper did not see: the learning law diverges", [drawing])
+    return Section("What the paper did not see: the learning law diverges", [drawing], beyond=True)
 
 
 def passes(learnt: "pd.Series", exact: "pd.Series") -> str:
@@ -92,4 +92,4 @@ def exact_section(runs: Runs) -> Section:
         f"{passes(calm_learnt, calm_exact)}."
     )
     drawing = Drawing("exact_model", figures.exact_model(tables), caption)
-    return Section("What the paper did not see: an exact model is not the best", [drawing])
+    return Section("What the paper did not see: an exact model is not the best", [drawing], beyond=True)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cmacexp.arrays import Array
-from pipelines.figures_one_leg import CYCLES, touch_down
+from pipelines.telling.figures_one_leg import CYCLES, touch_down
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from pipelines.measured import flat, short
+from pipelines.telling.measured import flat, short
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cmacexp.report.style import SERIES, label, new_figure
-from pipelines.assumptions_conclusions import Conclusion, Outcome, changed_by
+from pipelines.telling.assumptions_conclusions import Conclusion, Outcome, changed_by
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from cmacexp.report.page import Claim
+from cmacexp.report.page import Claim, Link
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,8 +52,8 @@ class End(NamedTuple):
     """That were asked for."""
 
 
-def gait_is_a_wave(gait: "pd.DataFrame", least_feet: int, links: Sequence[str]) -> Claim:
-    """Fig. 14, from :func:`pipelines.walk_moments.gait` and the least number of feet that carry."""
+def gait_is_a_wave(gait: "pd.DataFrame", least_feet: int, links: Sequence[Link]) -> Claim:
+    """Fig. 14, from :func:`pipelines.telling.walk_moments.gait` and the least number of feet that carry."""
     tolerance = 1e-3
 
     def after(first: int, second: int) -> float:
@@ -76,7 +76,7 @@ def gait_is_a_wave(gait: "pd.DataFrame", least_feet: int, links: Sequence[str]) 
     )
 
 
-def walks_steadily(end: End, body: "pd.DataFrame", hip_height: float, how: str, links: Sequence[str]) -> Claim:
+def walks_steadily(end: End, body: "pd.DataFrame", hip_height: float, how: str, links: Sequence[Link]) -> Claim:
     """Stable: it walks to the end. Steady: level and at its height over the last quarter of the cycles."""
     last = body.tail(max(1, len(body) // 4))
     tilt = last["tilt_max"].max()
@@ -95,7 +95,7 @@ def walks_steadily(end: End, body: "pd.DataFrame", hip_height: float, how: str, 
 
 
 def posture_carries(
-    without: Mapping[str, End], with_it: Mapping[str, End], off: float, links: Sequence[str]
+    without: Mapping[str, End], with_it: Mapping[str, End], off: float, links: Sequence[Link]
 ) -> Claim:
     """Section 6.2: posture decides on the forces; ``off`` is the largest of |sum of forces - weight|, N."""
     falls = [end.status == "fell" for end in without.values()]
@@ -116,7 +116,7 @@ def posture_carries(
     )
 
 
-def margin_is_short(planned: float, measured: float, length: float, which: str, links: Sequence[str]) -> Claim:
+def margin_is_short(planned: float, measured: float, length: float, which: str, links: Sequence[Link]) -> Claim:
     """Fig. 17 or 19: the centre of gravity is inside, but close to a boundary; margins in m."""
     claim, where = {
         "rear": (
@@ -136,7 +136,7 @@ def margin_is_short(planned: float, measured: float, length: float, which: str, 
     )
 
 
-def force_2_tells(lift_off: "pd.DataFrame", fallen_least: float, links: Sequence[str]) -> Claim:
+def force_2_tells(lift_off: "pd.DataFrame", fallen_least: float, links: Sequence[Link]) -> Claim:
     """Fig. 17: F_n2 as an indicator; ``fallen_least`` is the least support force as another run falls, N."""
     last = lift_off.iloc[-1]
     positive, follows = lift_off["force_2_least"].min() > 0.0, last["correlation"] >= FOLLOWS
@@ -152,7 +152,7 @@ def force_2_tells(lift_off: "pd.DataFrame", fallen_least: float, links: Sequence
 
 
 def foot_1_is_late(
-    touch_down: "pd.DataFrame", printed: "pd.DataFrame", least_planned: float, links: Sequence[str]
+    touch_down: "pd.DataFrame", printed: "pd.DataFrame", least_planned: float, links: Sequence[Link]
 ) -> Claim:
     """Fig. 18: F_n1 when foot 3 takes over; ``printed`` is the same for eq. 24 as printed."""
 
@@ -181,7 +181,7 @@ def foot_1_is_late(
     )
 
 
-def foot_2_restores(touch_down: "pd.DataFrame", links: Sequence[str]) -> Claim:
+def foot_2_restores(touch_down: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     """Fig. 20: the front margin after the touch-down of foot 2."""
     last = touch_down.iloc[-1]
     rises = last["front_planned_after"] > last["front_planned"]
@@ -200,7 +200,7 @@ def foot_2_restores(touch_down: "pd.DataFrame", links: Sequence[str]) -> Claim:
     )
 
 
-def feedback_diminishes(share: "pd.Series", links: Sequence[str]) -> Claim:
+def feedback_diminishes(share: "pd.Series", links: Sequence[Link]) -> Claim:
     """Section 6.3; ``share`` is that of the feedforward per cycle, the first ones without it."""
     feedback = 1.0 - share[share > 0.0]
     first, last = (float(feedback.iloc[i]) for i in (0, -1))
@@ -214,7 +214,7 @@ def feedback_diminishes(share: "pd.Series", links: Sequence[str]) -> Claim:
     )
 
 
-def control_improves(learned: "pd.Series", alone: "pd.Series", how: str, links: Sequence[str]) -> Claim:
+def control_improves(learned: "pd.Series", alone: "pd.Series", how: str, links: Sequence[Link]) -> Claim:
     """Summary: errors of a learned cycle against those of feedback and posture control alone in the same cycle."""
     better = [learned[name] <= IMPROVED * alone[name] for name in ERRORS]
     told = (

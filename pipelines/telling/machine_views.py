@@ -8,7 +8,7 @@ from cmacexp import palette
 from cmacexp.arrays import Array, Mask
 from cmacexp.planning.stability import FRONT, REAR, polygon
 from cmacexp.report.style import DESIRED, GROUND, SERIES, colour, label, new_figure
-from pipelines.walk_moments import Walk
+from pipelines.telling.walk_moments import Walk
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

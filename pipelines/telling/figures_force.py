@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cmacexp.report.style import DASHES, DESIRED, MARKERS, SERIES, label, new_figure
-from pipelines.runs import Runs
+from pipelines.shared.runs import Runs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from cmacexp.report.page import Claim, Table, Text
-from pipelines.cmac_size_verdicts import (
+from pipelines.shared.runs import Runs
+from pipelines.telling.cmac_size_verdicts import (
     ALIKE,
     AS_GOOD,
     CROWDED,
@@ -29,9 +30,8 @@ from pipelines.cmac_size_verdicts import (
     verdict_of_rate,
     verdict_of_robustness,
 )
-from pipelines.cmac_size_verdicts import ELEMENTS as RESOLUTION
-from pipelines.measured import digits, short, size_of
-from pipelines.runs import Runs
+from pipelines.telling.cmac_size_verdicts import ELEMENTS as RESOLUTION
+from pipelines.telling.measured import digits, short, size_of
 
 
 def shown_cycles(sizes: Sequence[Size]) -> list[int]:

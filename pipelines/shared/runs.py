@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.finished import is_finished
-from cmacexp.report.page import relative
+from cmacexp.report.page import Link, relative
 from cmacexp.stored import StoredRun
 from cmacexp.table import read_table, write_table
-from pipelines.workers import Each
+from pipelines.shared.workers import Each
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,9 +29,9 @@ class Runs(dict[str, StoredRun]):
         """Folder of the report that tells of them."""
         self._kept: set[Path] = set()
 
-    def links(self, *names: str) -> list[str]:
+    def links(self, *names: str) -> list[Link]:
         """Folders of runs as seen from the report, for the claims that rest on them."""
-        return [relative(self[name].folder, self.report) for name in names]
+        return [Link(name, relative(self[name].folder, self.report)) for name in names]
 
     def keep(self, name: str, table: "pa.Table") -> "pd.DataFrame":
         """Keep a table that was computed without a run beside the report, which lists it; as it was read back."""

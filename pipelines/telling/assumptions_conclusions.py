@@ -6,7 +6,7 @@ from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Any
 
 from cmacexp.stored import StoredRun
-from pipelines.measured import per_cycle
+from pipelines.telling.measured import per_cycle
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cmacexp.report.page import Claim
-from pipelines.figures_one_leg import MM, data_points, touch_down
-from pipelines.one_leg_measures import (
+from cmacexp.report.page import Claim, Link
+from pipelines.telling.figures_one_leg import MM, data_points, touch_down
+from pipelines.telling.one_leg_measures import (
     EVENT,
     FIFTH,
     FIRST,
@@ -34,7 +34,7 @@ GROWN = 2.0
 """RMS feedback over its least above which learning no longer converges."""
 
 
-def torque_oscillates_at_events(rows: "pd.DataFrame", links: Sequence[str]) -> Claim:
+def torque_oscillates_at_events(rows: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     """Fig. 13: the feedforward torque at touch-down and in support."""
     event, smooth = torque_oscillation(rows)
     return Claim(
@@ -49,7 +49,7 @@ def torque_oscillates_at_events(rows: "pd.DataFrame", links: Sequence[str]) -> C
     )
 
 
-def major_part(metrics: "pd.DataFrame", links: Sequence[str]) -> Claim:
+def major_part(metrics: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     """Fig. 13: who gives the torque."""
     share = by_cycle(metrics)["feedforward_share"]
     return Claim(
@@ -61,7 +61,7 @@ def major_part(metrics: "pd.DataFrame", links: Sequence[str]) -> Claim:
     )
 
 
-def ramp_is_milder(step: "pd.DataFrame", ramp: "pd.DataFrame", duration: float, links: Sequence[str]) -> Claim:
+def ramp_is_milder(step: "pd.DataFrame", ramp: "pd.DataFrame", duration: float, links: Sequence[Link]) -> Claim:
     """What the paper expects of a force that is ramped: the torque."""
     before, after = torque_step(step), torque_step(ramp)
     return Claim(
@@ -74,7 +74,7 @@ def ramp_is_milder(step: "pd.DataFrame", ramp: "pd.DataFrame", duration: float, 
     )
 
 
-def ramp_is_learnt_better(step: "pd.DataFrame", ramp: "pd.DataFrame", links: Sequence[str]) -> Claim:
+def ramp_is_learnt_better(step: "pd.DataFrame", ramp: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     """What the paper expects of a force that is ramped: the approximation."""
     step, ramp = by_cycle(step), by_cycle(ramp)
     feedback, share, y = "feedback_rms", "feedforward_share", "transfer_rmse_y"
@@ -90,7 +90,7 @@ def ramp_is_learnt_better(step: "pd.DataFrame", ramp: "pd.DataFrame", links: Seq
     )
 
 
-def feedback_fades(metrics: "pd.DataFrame", links: Sequence[str]) -> Claim:
+def feedback_fades(metrics: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     """Section 4: the share of the feedback over learning; in the paper's cycles, and after them."""
     share = 1.0 - by_cycle(metrics)["feedforward_share"]
     early = share.loc[:FIFTH]
@@ -106,7 +106,7 @@ def feedback_fades(metrics: "pd.DataFrame", links: Sequence[str]) -> Claim:
     )
 
 
-def law_converges(metrics: "pd.DataFrame", status: str, links: Sequence[str]) -> Claim:
+def law_converges(metrics: "pd.DataFrame", status: str, links: Sequence[Link]) -> Claim:
     """Section 4: convergence and complete stability, in a run that is longer than the paper's."""
     feedback = by_cycle(metrics)["feedback_rms"].dropna()
     least, last = feedback.idxmin(), feedback.index[-1]
