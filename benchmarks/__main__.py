@@ -64,8 +64,8 @@ def main() -> None:
         for table in found:
             parts.append(markdown(table))
             print(f"\n{parts[-1]}", flush=True)
-    if chosen.write:
-        chosen.write.write_text(kept(chosen.write.read_text(), "\n\n".join(parts)))
+        if chosen.write:  # after each, so that an interrupted session keeps what it has
+            chosen.write.write_text(kept(chosen.write.read_text(), "\n\n".join(parts)))
 
 
 if __name__ == "__main__":
