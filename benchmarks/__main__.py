@@ -1,0 +1,72 @@
+"""``python -m benchmarks``: run the benchmarks, print their tables, and keep them in a page if asked to."""
+
+import argparse
+import importlib
+import os
+import platform
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+from benchmarks.c_loop import compiler
+from benchmarks.timing import Table, markdown
+
+ALL = ("loop", "cmac", "trace", "command", "sweep")
+BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
+
+
+def machine() -> str:
+    """What all this ran on, in one line."""
+    cpu = platform.processor() or platform.machine()
+    described = Path("/proc/cpuinfo")
+    if described.exists():
+        names = [
+            line.partition(":")[2].strip() for line in described.read_text().splitlines() if "model name" in line
+        ]
+        cpu = names[0] if names else cpu
+    parts = [f"{cpu}, {os.cpu_count()} cores, {platform.system()}", f"Python {platform.python_version()}"]
+    parts += [f"{name} {version(name)}" for name in ("numba", "numpy", "pyarrow", "hydra-core")]
+    if found := compiler():
+        asked = subprocess.run([found, "--version"], capture_output=True, text=True)
+        parts.append(asked.stdout.splitlines()[0])
+    load = f"; load {os.getloadavg()[0]:.1f} at the start" if hasattr(os, "getloadavg") else ""
+    return ", ".join(parts) + load
+
+
+def kept(page: str, results: str) -> str:
+    """``page`` with what stands between the markers replaced.
+
+    Raises:
+        ValueError: it does not have both markers once, in this order.
+    """
+    before, begin, rest = page.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise ValueError(f"expected {BEGIN} and {END} in the page")
+    return f"{before}{begin}\n{results}\n{end}{after}"
+
+
+def main() -> None:
+    """Run what the command line asks for."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(ALL)}; all without one")
+    parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter runs: to see that all works")
+    parser.add_argument("--write", type=Path, metavar="PAGE", help="replace the results between the page's markers")
+    chosen = parser.parse_args()
+    unknown = set(chosen.names) - set(ALL)
+    if unknown:
+        parser.error(f"no benchmark {', '.join(sorted(unknown))}; choose from {', '.join(ALL)}")
+    parts = [f"On {machine()}."]
+    print(parts[0], file=sys.stderr)
+    for name in chosen.names or ALL:
+        found: list[Table] = importlib.import_module(f"benchmarks.{name}").tables(chosen.quick)
+        for table in found:
+            parts.append(markdown(table))
+            print(f"\n{parts[-1]}", flush=True)
+        if chosen.write:  # after each, so that an interrupted session keeps what it has
+            chosen.write.write_text(kept(chosen.write.read_text(), "\n\n".join(parts)))
+
+
+if __name__ == "__main__":
+    main()

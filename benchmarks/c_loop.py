@@ -1,0 +1,125 @@
+"""The loop of one leg in plain C (``one_leg.c``), built by the machine's compiler, run on the parts of a scenario."""
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from cmacexp.arrays import Array
+from cmacexp.control import CmacFeedforward, HybridController
+from cmacexp.models.mechanism import LEGS_ON_STAND
+from cmacexp.plants import AnalyticPlant
+from cmacexp.rollout.layout import SAMPLES
+from cmacexp.scenario import Scenario
+
+SOURCE = Path(__file__).with_name("one_leg.c")
+FLAGS = ["-O2", "-ffp-contract=off", "-shared", "-fPIC"]
+"""Contraction is off everywhere but on x86-64 anyway; with it a fused multiply-add would change the last bits."""
+NUMBERS = (
+    "length_1", "length_2", "mass_1", "mass_2", "hip_height", "stiffness", "step",
+    "position_gain", "velocity_gain", "elasticity", "admittance", "b0", "b1", "a1", "torque_limit", "rate",
+)  # fmt: skip
+COUNTS = ("period", "start_step", "resolution_elements", "rows", "seed")
+TABLES = ("support", "reference", "inputs", "low", "high", "shift", "weights")
+
+
+class CLaw(ctypes.Structure):
+    """``Law`` of one_leg.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_double) for name in NUMBERS),
+        *((name, ctypes.c_int64) for name in COUNTS),
+        *((name, ctypes.c_void_p) for name in TABLES),
+    ]
+
+
+class CState(ctypes.Structure):
+    """``State`` of one_leg.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_double * 2) for name in ("q", "dq", "foot", "velocity")),
+        ("force", ctypes.c_double),
+        *((name, ctypes.c_double * 2) for name in ("error", "output", "taught")),
+        ("taken", ctypes.c_int64),
+    ]
+
+
+def compiler() -> str | None:
+    """The C compiler of this machine, if it has one."""
+    return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+
+
+def build(layers: int, inputs: int) -> ctypes.CDLL:
+    """Compile ``one_leg.c`` for CMACs of this shape and load it."""
+    found = compiler()
+    assert found is not None
+    with tempfile.TemporaryDirectory() as folder:
+        library = Path(folder) / "one_leg.so"
+        sizes = [f"-DLAYERS={layers}", f"-DINPUTS={inputs}"]
+        subprocess.run([found, *FLAGS, *sizes, str(SOURCE), "-o", str(library), "-lm"], check=True)
+        loaded = ctypes.CDLL(str(library))
+    loaded.one_leg.restype = ctypes.c_int64
+    return loaded
+
+
+def planned_inputs(scenario: Scenario) -> Array:
+    """Planned inputs (N, n) of the CMAC of the first leg."""
+    columns = {"angle": (0, 1), "velocity": (2, 3), "acceleration": (4, 5)}
+    chosen = [column for name in scenario.setup.config.cmac.inputs for column in columns[name]]
+    return np.ascontiguousarray(scenario.setup.plan.joints[:, 0, chosen])
+
+
+def _tables(scenario: Scenario) -> dict[str, np.ndarray]:
+    plan, address = scenario.setup.plan, scenario.feedforward.cmacs[0].address
+    tables = {
+        "support": plan.support[:, 0].astype(np.uint8),
+        "reference": plan.reference[:, :, 0],
+        "inputs": planned_inputs(scenario),
+        "low": address.ranges.low,
+        "high": address.ranges.high,
+        "shift": address.displacement.astype(np.int64),
+        "weights": np.zeros((address.rows, 2)),
+    }
+    return {name: np.ascontiguousarray(table) for name, table in tables.items()}
+
+
+def _law(scenario: Scenario, tables: dict[str, np.ndarray]) -> CLaw:
+    config, plan, address = scenario.setup.config, scenario.setup.plan, scenario.feedforward.cmacs[0].address
+    leg, control, lead = config.machine.leg, scenario.controller.law, scenario.controller.law.lead
+    numbers = (
+        leg.length_1, leg.length_2, leg.mass_1, leg.mass_2, config.machine.hip_height, config.terrain.stiffness,
+        config.sampling_period, control.position_gain, control.velocity_gain, control.elasticity,
+        control.admittance, lead.b0, lead.b1, lead.a1, config.actuator.limit, config.learning.rate,
+    )  # fmt: skip
+    counts = (len(plan.support), plan.start_step, address.resolution_elements, address.rows, address.seed)
+    return CLaw(*numbers, *counts, *(tables[name].ctypes.data for name in TABLES))
+
+
+def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
+    """Run a fresh ``scenario=one_leg`` from its first step to its last in C.
+
+    Returns:
+        Samples (steps, columns) in the order of SAMPLES, and seconds in the loop.
+    """
+    config, plant = scenario.setup.config, scenario.plant
+    assert isinstance(plant, AnalyticPlant)
+    assert isinstance(scenario.controller, HybridController)
+    assert isinstance(scenario.feedforward, CmacFeedforward)
+    assert scenario.setup.mechanism.kind == LEGS_ON_STAND
+    assert config.force_control.method == "combined"
+    assert (plant.substeps, config.learning.lead, config.terrain.patch_spread) == (1, 0, 0.0)
+    tables = _tables(scenario)
+    law = _law(scenario, tables)
+    first = scenario.first
+    state = CState(force=first.force[0])
+    for name in ("q", "dq", "foot", "velocity"):
+        setattr(state, name, tuple(getattr(first, name)[0]))
+    samples = np.full((config.cycles * config.steps_per_cycle, len(SAMPLES)), np.nan)
+    count, room = ctypes.c_int64(len(samples)), ctypes.c_void_p(samples.ctypes.data)
+    began = time.perf_counter()
+    taken = library.one_leg(ctypes.byref(law), ctypes.byref(state), count, room)
+    return samples[:taken], time.perf_counter() - began

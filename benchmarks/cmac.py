@@ -1,0 +1,124 @@
+"""CMAC predict and update per sample, for 2, 4 and 6 inputs: inside a compiled loop, from Python, and in batches."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.c_loop import planned_inputs
+from benchmarks.peers import NumpyCmac, Peer, installed
+from benchmarks.timing import Row, Table, compared, in_turn, make_config, ratio, stopwatch
+from cmacexp.arrays import Array, Cells
+from cmacexp.cmac.addressing import Address, address
+from cmacexp.cmac.memory import read, train
+from cmacexp.cmac.network import Cmac
+from cmacexp.cmac.quantiser import InputRange, spanning
+from cmacexp.compile import kernel
+from cmacexp.scenario import make_scenario
+
+INPUTS = {2: "[angle]", 4: "[angle,velocity]", 6: "[angle,velocity,acceleration]"}
+BATCH = 10_000
+FEW = 200
+"""Samples of a round for what goes one by one through Python."""
+PASSES = 50
+"""Cycles of the planned path in a round."""
+RATE = 0.2
+
+
+@kernel
+def planned_loop(weights: Array, cells: Cells, error: Array, rate: float, output: Array, passes: int) -> None:
+    """Predict and update along a path whose cells (N, C) are known."""
+    for _ in range(passes):
+        for k in range(cells.shape[0]):
+            read(weights, cells[k], output)
+            train(weights, cells[k], error[k], rate)
+
+
+@kernel
+def hashed_loop(
+    law: Address, inputs: Array, row: Cells, weights: Array, error: Array, rate: float, output: Array, passes: int
+) -> None:
+    """Predict and update along inputs (N, n), whose cells are hashed anew into ``row`` (C,)."""
+    for _ in range(passes):
+        for k in range(inputs.shape[0]):
+            address(law, inputs[k], row)
+            read(weights, row, output)
+            train(weights, row, error[k], rate)
+
+
+def per_sample(work: Callable[[], object], samples: int) -> Callable[[], float]:
+    """A worker: seconds a sample."""
+    timed = stopwatch(work)
+    return lambda: timed() / samples
+
+
+def inside(inputs: int, rounds: int) -> list[Row]:
+    """One sample inside the compiled loop, on the planned path of one leg."""
+    config = make_config("scenario=one_leg", f"cmac.inputs={INPUTS[inputs]}")
+    path = planned_inputs(make_scenario(config))
+    cmac = Cmac(config.cmac, spanning(path, config.cmac.range_factor))
+    cells, error = cmac.cells(path), np.random.default_rng(0).normal(size=(len(path), 2))
+    output, row, samples = np.zeros(2), np.zeros(cmac.layers, dtype=np.int32), PASSES * len(path)
+    few = NumpyCmac(cmac.address, cmac.weights, RATE)
+    workers = {
+        "planned": per_sample(lambda: planned_loop(cmac.weights, cells, error, RATE, output, PASSES), samples),
+        "hashed": per_sample(
+            lambda: hashed_loop(cmac.address, path, row, cmac.weights, error, RATE, output, PASSES), samples
+        ),
+        "numpy": per_sample(lambda: [few.step(path[k], error[k]) for k in range(FEW)], FEW),
+    }
+    times = in_turn(workers, rounds)
+    goals = ("0.1 us", "0.4 us") if inputs == 6 else ("", "")
+    return [
+        compared(times, f"{inputs} inputs, cells planned", "planned", "hashed", "cells hashed anew", goals[0]),
+        compared(times, f"{inputs} inputs, cells hashed anew", "hashed", "numpy", "NumPy, one by one", goals[1]),
+    ]
+
+
+def _one_by_one(peer: Peer, x: Array, error: Array) -> Callable[[], float]:
+    return per_sample(lambda: [peer.step(x[k], error[k]) for k in range(FEW)], FEW)
+
+
+def outside(inputs: int, rounds: int) -> list[Row]:
+    """From Python: single samples, and a batch at random inputs, against NumPy and PyPI."""
+    config, rng = make_config("scenario=one_leg").cmac, np.random.default_rng(1)
+    cmac = Cmac(config, InputRange(-np.ones(inputs), np.ones(inputs)))
+    x, error = rng.uniform(-1.0, 1.0, size=(BATCH, inputs)), rng.normal(size=(BATCH, 2))
+    plain, peers = NumpyCmac(cmac.address, cmac.weights, RATE), installed(cmac.address, RATE)
+    assert (plain.cells(x) == cmac.cells(x)).all()
+
+    def use(samples: slice) -> None:
+        cmac.predict(x[samples])
+        cmac.update(x[samples], error[samples], RATE)
+
+    workers = {
+        "batch": per_sample(lambda: use(slice(0, BATCH)), BATCH),
+        "single": per_sample(lambda: [use(slice(k, k + 1)) for k in range(FEW)], FEW),
+        "NumPy batch": per_sample(lambda: plain.batch(x, error), BATCH),
+        "NumPy": _one_by_one(plain, x, error),
+        **{name: _one_by_one(peer, x, error) for name, peer in peers.items()},
+    }
+    times = in_turn(workers, rounds)
+    fastest = max(peers, key=lambda name: ratio(times, "batch", name), default="")
+    rows = [compared(times, f"{inputs} inputs, batch of {BATCH}", "batch", "NumPy batch", "NumPy, batch")]
+    for name in peers:
+        goal = "0.1" if name == fastest else ""
+        rows.append(compared(times, f"{inputs} inputs, batch of {BATCH}", "batch", name, name, goal))
+    rows += [compared(times, f"{inputs} inputs, single", "single", name, name) for name in ("NumPy", *peers)]
+    return rows
+
+
+def tables(quick: bool) -> list[Table]:
+    """All of this file."""
+    rounds = 5 if quick else 21
+    about = "32 layers, 2 outputs, 1 MB hashed; predict and update, a sample"
+    compiled = [row for n in INPUTS for row in inside(n, rounds)]
+    python = [row for n in INPUTS for row in outside(n, rounds)]
+    return [
+        Table(f"CMAC inside a compiled loop ({about})", compiled),
+        Table(
+            f"CMAC from Python ({about})",
+            python,
+            "Peers have no batches: they go sample by sample. They find the cells of a sample once for both, this "
+            "project's `predict` and `update` find them twice.",
+        ),
+    ]

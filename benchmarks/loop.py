@@ -1,0 +1,107 @@
+"""The closed loop per step: every scenario, against C and against the same kernels in plain Python; its growth."""
+
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+from benchmarks.c_loop import build, compiler, run_in_c
+from benchmarks.timing import ROOT, Row, Table, compared, in_turn, make_config, python
+from cmacexp.config import Config
+from cmacexp.rollout import roll_out
+from cmacexp.scenario import make_scenario
+
+TARGETS = {"one_leg": "0.30 us where C takes 0.36 us", "quadruped": "3 us, aim 2 us", "force_step": ""}
+
+
+def per_step(config: Config, fused: bool = True) -> Callable[[], float]:
+    """A worker: seconds a step of a whole run in memory."""
+
+    def run() -> float:
+        rollout = roll_out(make_scenario(config), fused=fused)
+        return rollout.seconds / len(rollout.samples)
+
+    return run
+
+
+def in_c(config: Config) -> Callable[[], float]:
+    """A worker: seconds a step of the same run in C."""
+    library = build(config.cmac.layers, 2 * len(config.cmac.inputs))
+
+    def run() -> float:
+        samples, seconds = run_in_c(library, make_scenario(config))
+        return seconds / len(samples)
+
+    return run
+
+
+def in_plain_python(scenario: str) -> float:
+    """Seconds a step of one cycle with compiling switched off, in a process of its own."""
+    with tempfile.TemporaryDirectory() as name:
+        overrides = [f"scenario={scenario}", "cycles=1", "learning.start_cycle=1", "record=trace"]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "1"}
+        run = ["-m", "cmacexp", *overrides, f"hydra.run.dir={name}/run"]
+        python(*run, folder=Path(name), environment=environment)
+        manifest = json.loads((Path(name) / "run" / "manifest.json").read_text())
+    return float(manifest["rollout_seconds"] / manifest["steps"])
+
+
+def scenarios(rounds: int) -> Table:
+    """Every scenario against its slower selves; one leg against C."""
+    rows: list[Row] = []
+    for name, target in TARGETS.items():
+        config = make_config(f"scenario={name}")
+        workers = {"fused": per_step(config), "stepped": per_step(config, fused=False)}
+        if name == "one_leg" and compiler():
+            workers["c"] = in_c(config)
+        times = in_turn(workers, rounds)
+        times["python"] = [in_plain_python(name)]
+        if "c" in times:
+            against = "plain C that hashes every step's cells"
+            rows.append(compared(times, name, "fused", "c", against, "0.83, aim 0.56"))
+        rows.append(compared(times, name, "fused", "stepped", "same kernels, called step by step", target))
+        rows.append(compared(times, name, "fused", "python", "same source in plain Python"))
+    return Table(
+        "The loop, a step", rows, "Targets in microseconds are for the time itself, the others for the ratio."
+    )
+
+
+def late_cycles(config: Config) -> Callable[[], float]:
+    """A worker: seconds a step of the best ten cycles on end in the second half of a run."""
+
+    def run() -> float:
+        marks: list[float] = []
+        status = roll_out(make_scenario(config), lambda cycle: marks.append(time.perf_counter())).status
+        assert status == "completed"
+        tens = marks[config.cycles // 2 :: 10]
+        return min(b - a for a, b in pairwise(tens)) / (10 * config.steps_per_cycle)
+
+    return run
+
+
+def growth(rounds: int, cycles: int) -> Table:
+    """Cost per step over length and over CMAC memory."""
+    # Learning from the first cycle on, else the short run has a larger share of cycles without it; and slowly, since
+    # the published law at its published rate diverges after some 170 cycles.
+    one_leg = ["scenario=one_leg", "learning.start_cycle=1", "learning.rate=0.001"]
+    short, long = (make_config(*one_leg, f"cycles={n}") for n in (10, cycles))
+    small, large = (make_config(*one_leg, "cycles=10", f"cmac.memory_bytes={n}") for n in (4096, 2**20))
+    ten = per_step(short)
+    draws = cycles // 2 // 10  # as many tens of cycles as the long run gives
+    lengths = in_turn({"short": lambda: min(ten() for _ in range(draws)), "long": late_cycles(long)}, rounds)
+    memories = in_turn({"small": per_step(small), "large": per_step(large)}, 10 * rounds)
+    return Table(
+        "One leg, a step, as runs and memories grow",
+        [
+            compared(lengths, f"second half of {cycles} cycles", "long", "short", "10 cycles", "1.1"),
+            compared(memories, "1 MB of CMAC memory", "large", "small", "4 KB", "1.5"),
+        ],
+    )
+
+
+def tables(quick: bool) -> list[Table]:
+    """All of this file."""
+    return [scenarios(7 if quick else 31), growth(2 if quick else 3, 1_000 if quick else 10_000)]

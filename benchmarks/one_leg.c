@@ -1,0 +1,210 @@
+/* The loop of one leg in plain C: the arithmetic of cmacexp/rollout/fused.py for scenario=one_leg, function by
+ * function, but for one thing: the rows of the CMAC are hashed anew in every step instead of being looked up in a
+ * table. Built with contraction of products and sums off, it gives the bits of the Python source. */
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#ifndef LAYERS
+#define LAYERS 32
+#endif
+#ifndef INPUTS
+#define INPUTS 6
+#endif
+enum { COLUMNS = 16, REFERENCES = 6, OUTPUTS = 2 };
+static const double GRAVITY = 9.81, FASTEST_JOINT = 100.0;
+
+/* What does not change during a run; the same fields in the same order as benchmarks/c_loop.py has them. */
+typedef struct {
+    double length_1, length_2, mass_1, mass_2, hip_height, stiffness, step;
+    double position_gain, velocity_gain, elasticity, admittance, b0, b1, a1, torque_limit, rate;
+    int64_t period, start_step, resolution_elements, rows, seed;
+    const uint8_t *support;   /* (period) */
+    const double *reference;  /* (2, period, REFERENCES) */
+    const double *inputs;     /* (period, INPUTS) */
+    const double *low, *high; /* (INPUTS) */
+    const int64_t *shift;     /* (LAYERS, INPUTS) */
+    double *weights;          /* (rows, OUTPUTS) */
+} Law;
+
+/* What changes; starts as the plant was reset, with the rest zero. */
+typedef struct {
+    double q[2], dq[2], foot[2], velocity[2], force, error[2], output[2], taught[2];
+    int64_t taken;
+} State;
+
+typedef struct { double s1, c1, s12, c12; } Trig;
+
+static Trig trigonometry(const double *q) {
+    return (Trig){sin(q[0]), cos(q[0]), sin(q[0] + q[1]), cos(q[0] + q[1])};
+}
+
+static void jacobian(const Law *law, Trig t, double j[4]) {
+    j[1] = -law->length_2 * t.s12;
+    j[3] = law->length_2 * t.c12;
+    j[0] = -law->length_1 * t.s1 + j[1];
+    j[2] = law->length_1 * t.c1 + j[3];
+}
+
+static void joint_torque(const Law *law, Trig t, double fx, double fy, double *tau) {
+    double j[4];
+    jacobian(law, t, j);
+    tau[0] = j[0] * fx + j[2] * fy;
+    tau[1] = j[1] * fx + j[3] * fy;
+}
+
+static Trig contact(const Law *law, const double *q, double *foot, double *force) {
+    Trig t = trigonometry(q);
+    foot[0] = law->length_1 * t.c1 + law->length_2 * t.c12;
+    foot[1] = law->length_1 * t.s1 + law->length_2 * t.s12;
+    double depression = foot[1] - law->hip_height;
+    *force = depression > 0.0 ? law->stiffness * depression : 0.0;
+    return t;
+}
+
+static void accelerate(const Law *law, Trig t, const double *dq, const double *tau, double force, double *ddq) {
+    double l1 = law->length_1, l2 = law->length_2, m1 = law->mass_1, m2 = law->mass_2, against[2];
+    double m22 = l2 * l2 * m2;
+    double m12 = m22 + l1 * l2 * m2 * (t.c1 * t.c12 + t.s1 * t.s12);
+    double m11 = 2.0 * m12 - m22 + l1 * l1 * (m1 + m2);
+    double coupling = m2 * l1 * l2 * (t.s12 * t.c1 - t.c12 * t.s1);
+    double weight_2 = m2 * l2 * t.c12 * GRAVITY, weight_1 = (m1 + m2) * l1 * t.c1 * GRAVITY;
+    double bias_1 = -coupling * (dq[1] * dq[1] + 2.0 * dq[0] * dq[1]) - weight_2 - weight_1;
+    double bias_2 = coupling * dq[0] * dq[0] - weight_2;
+    joint_torque(law, t, 0.0, force, against);
+    double net_1 = tau[0] - bias_1 - against[0], net_2 = tau[1] - bias_2 - against[1];
+    double determinant = m11 * m22 - m12 * m12;
+    ddq[0] = (m22 * net_1 - m12 * net_2) / determinant;
+    ddq[1] = (m11 * net_2 - m12 * net_1) / determinant;
+}
+
+/* One classical Runge-Kutta step; trig is that of the joints before and after it. */
+static void advance(const Law *law, State *s, Trig *trig, const double *tau) {
+    double h = law->step, q[2], dq[2], foot[2], force, k[4][2], j[4];
+    Trig t;
+    accelerate(law, *trig, s->dq, tau, s->force, k[0]);
+    for (int i = 0; i < 2; i++) q[i] = s->q[i] + 0.5 * h * s->dq[i], dq[i] = s->dq[i] + 0.5 * h * k[0][i];
+    t = contact(law, q, foot, &force);
+    accelerate(law, t, dq, tau, force, k[1]);
+    for (int i = 0; i < 2; i++) q[i] = s->q[i] + 0.5 * h * dq[i], dq[i] = s->dq[i] + 0.5 * h * k[1][i];
+    t = contact(law, q, foot, &force);
+    accelerate(law, t, dq, tau, force, k[2]);
+    for (int i = 0; i < 2; i++) q[i] = s->q[i] + h * dq[i], dq[i] = s->dq[i] + h * k[2][i];
+    t = contact(law, q, foot, &force);
+    accelerate(law, t, dq, tau, force, k[3]);
+    for (int i = 0; i < 2; i++) {
+        s->q[i] += h * s->dq[i] + h * h / 6.0 * (k[0][i] + k[1][i] + k[2][i]);
+        s->dq[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
+    }
+    *trig = contact(law, s->q, s->foot, &s->force);
+    jacobian(law, *trig, j);
+    s->velocity[0] = j[0] * s->dq[0] + j[1] * s->dq[1];
+    s->velocity[1] = j[2] * s->dq[0] + j[3] * s->dq[1];
+}
+
+static uint32_t mix(uint32_t state, uint32_t value) {
+    state = (state ^ value) * 0x5BD1E995u;
+    return state ^ (state >> 15);
+}
+
+static void address(const Law *law, int64_t sample, int32_t *cells) {
+    int64_t quanta = (law->resolution_elements - 1) * LAYERS;
+    uint32_t quantum[INPUTS];
+    for (int d = 0; d < INPUTS; d++) {
+        double value = law->inputs[sample * INPUTS + d], low = law->low[d], high = law->high[d];
+        double inside = value < low ? low : value > high ? high : value;
+        int64_t at = (int64_t)floor((inside - low) / (high - low) * (double)quanta);
+        quantum[d] = (uint32_t)(at < quanta ? at : quanta - 1);
+    }
+    for (int j = 0; j < LAYERS; j++) {
+        uint32_t state = mix(mix((uint32_t)law->seed, (uint32_t)j), INPUTS);
+        for (int d = 0; d < INPUTS; d++)
+            state = mix(state, (quantum[d] + (uint32_t)law->shift[j * INPUTS + d]) / LAYERS);
+        cells[j] = (int32_t)(((uint64_t)mix(state, 0) * (uint64_t)law->rows) >> 32);
+    }
+}
+
+static void train(const Law *law, const int32_t *cells, const double *error) {
+    for (int o = 0; o < OUTPUTS; o++) {
+        double share = law->rate * error[o] / LAYERS;
+        for (int j = 0; j < LAYERS; j++) law->weights[cells[j] * OUTPUTS + o] += share;
+    }
+}
+
+static void read_out(const Law *law, const int32_t *cells, double *output) {
+    for (int o = 0; o < OUTPUTS; o++) {
+        double total = 0.0;
+        for (int j = 0; j < LAYERS; j++) total += law->weights[cells[j] * OUTPUTS + o];
+        output[o] = total;
+    }
+}
+
+static double lead_step(const Law *law, double error, double last_error, double last_output) {
+    return law->b0 * error + law->b1 * last_error - law->a1 * last_output;
+}
+
+/* Combined force control along y in support, position control elsewhere; fills feedback and s->taught. */
+static void feedback_step(const Law *law, State *s, Trig trig, int support, const double *r, double *feedback) {
+    double y_error, u[2];
+    double x_error = law->position_gain * (r[0] - s->foot[0]) + law->velocity_gain * (r[2] - s->velocity[0]);
+    if (support)
+        y_error = law->position_gain * (r[1] - s->foot[1] - s->force * law->elasticity)
+                  + law->velocity_gain * (r[3] - s->velocity[1] - s->force * law->admittance);
+    else
+        y_error = law->position_gain * (r[1] - s->foot[1]) + law->velocity_gain * (r[3] - s->velocity[1]);
+    u[0] = lead_step(law, x_error, s->error[0], s->output[0]);
+    u[1] = lead_step(law, y_error, s->error[1], s->output[1]);
+    s->error[0] = x_error, s->error[1] = y_error;
+    s->output[0] = u[0], s->output[1] = u[1];
+    joint_torque(law, trig, u[0], u[1], s->taught);
+    if (r[5] != 0.0)
+        joint_torque(law, trig, u[0], u[1] + r[5], feedback);
+    else
+        memcpy(feedback, s->taught, sizeof s->taught);
+}
+
+static void saturate(double limit, double *feedback, double *feedforward, double *tau) {
+    for (int j = 0; j < 2; j++) {
+        double part = feedforward[j] < -limit ? -limit : feedforward[j];
+        feedforward[j] = part > limit ? limit : part;
+        double total = feedback[j] + feedforward[j];
+        if (total > limit) feedback[j] = limit - feedforward[j];
+        else if (total < -limit) feedback[j] = -limit - feedforward[j];
+        tau[j] = feedback[j] + feedforward[j];
+    }
+}
+
+static int has_diverged(const State *s) {
+    for (int j = 0; j < 2; j++)
+        if (!(isfinite(s->q[j]) && isfinite(s->foot[j]) && fabs(s->dq[j]) <= FASTEST_JOINT)) return 1;
+    return !isfinite(s->force);
+}
+
+/* Run `steps` steps and write COLUMNS numbers of each; returns the steps taken before the leg diverged. */
+int64_t one_leg(const Law *law, State *s, int64_t steps, double *samples) {
+    int32_t cells[2][LAYERS];
+    Trig trig = trigonometry(s->q);
+    for (int64_t k = 0; k < steps; k++, s->taken++) {
+        int64_t sample = s->taken % law->period, acting = s->taken >= law->start_step;
+        const double *r = law->reference + (acting * law->period + sample) * REFERENCES;
+        double last[2] = {s->taught[0], s->taught[1]}, feedback[2], feedforward[2] = {0.0, 0.0}, tau[2];
+        feedback_step(law, s, trig, law->support[sample], r, feedback);
+        if (acting) {
+            if (k == 0 || s->taken == law->start_step)
+                address(law, (sample + law->period - 1) % law->period, cells[1]);
+            address(law, sample, cells[0]);
+            train(law, cells[1], last);
+            read_out(law, cells[0], feedforward);
+            memcpy(cells[1], cells[0], sizeof cells[0]);
+        }
+        saturate(law->torque_limit, feedback, feedforward, tau);
+        double row[COLUMNS] = {
+            s->foot[0], s->foot[1], s->velocity[0], s->velocity[1], s->q[0], s->q[1], s->dq[0], s->dq[1],
+            s->force, s->force, r[0], r[1], feedback[0], feedback[1], feedforward[0], feedforward[1]};
+        memcpy(samples + k * COLUMNS, row, sizeof row);
+        advance(law, s, &trig, tau);
+        if (has_diverged(s)) return k + 1;
+    }
+    return steps;
+}

@@ -1,0 +1,124 @@
+"""The same CMAC work by others: vectorised NumPy, and the tile coders from PyPI that install beside this project.
+
+Every peer has 32 layers over the same ranges, a memory of as many rows, two outputs, and does predict and update.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from cmacexp.arrays import Array, Cells
+from cmacexp.cmac.addressing import Address
+from cmacexp.models.mix import MASK, MULTIPLIER
+
+
+class Peer(Protocol):
+    """Who can predict and update a single input (n,), by an error (outputs,)."""
+
+    def step(self, x: Array, error: Array) -> Array:
+        """Predict at ``x``, then train there."""
+        ...
+
+
+def _mix(state: np.ndarray, value: np.ndarray | int) -> np.ndarray:
+    state = ((state ^ value) * MULTIPLIER) & MASK
+    return state ^ (state >> 15)
+
+
+class NumpyCmac:
+    """The hashed CMAC of this project written with whole arrays; finds the same cells."""
+
+    def __init__(self, law: Address, weights: Array, rate: float):
+        self.law, self.weights, self.rate = law, np.zeros_like(weights), rate
+        layers, inputs = law.displacement.shape
+        self.first = _mix(_mix(np.full(layers, law.seed), np.arange(layers)), inputs)
+
+    def cells(self, inputs: Array) -> Cells:
+        """Active rows (samples, C) of inputs (samples, n)."""
+        law, layers = self.law, len(self.first)
+        quanta = (law.resolution_elements - 1) * layers
+        low, high = law.ranges.low, law.ranges.high
+        scaled = np.floor((np.clip(inputs, low, high) - low) / (high - low) * quanta)
+        quantum = np.minimum(scaled.astype(np.int64), quanta - 1)
+        blocks = (quantum[:, None, :] + law.displacement) // layers
+        state = np.broadcast_to(self.first, blocks.shape[:2])
+        for d in range(inputs.shape[1]):
+            state = _mix(state, blocks[:, :, d])
+        return (_mix(state, 0) * law.rows) >> 32
+
+    def batch(self, inputs: Array, errors: Array) -> Array:
+        """Predict a batch, then train with it; where samples share cells, each adds its part."""
+        cells = self.cells(inputs)
+        output = self.weights[cells].sum(axis=1)
+        np.add.at(self.weights, cells, (self.rate / cells.shape[1] * errors)[:, None, :])
+        return output
+
+    def step(self, x: Array, error: Array) -> Array:
+        """As :meth:`Peer.step`."""
+        return self.batch(x[None], error[None])[0]
+
+
+class _Tiles:
+    """Weights, and their use at the rows that a tile coder gives."""
+
+    def __init__(self, law: Address, rate: float):
+        self.layers, self.inputs = law.displacement.shape
+        self.rows, self.weights, self.rate = law.rows, np.zeros((law.rows, 2)), rate
+        self.low, self.high = law.ranges.low, law.ranges.high
+        self.elements = law.resolution_elements
+
+    def rows_of(self, x: Array) -> Cells | list[int]:
+        """Rows that the tile coder activates at ``x``."""
+        raise NotImplementedError
+
+    def step(self, x: Array, error: Array) -> Array:
+        """As :meth:`Peer.step`."""
+        rows = self.rows_of(x)
+        output = self.weights[rows].sum(axis=0)
+        self.weights[rows] += self.rate / self.layers * error
+        return output
+
+
+class FixedReps(_Tiles):
+    """PyFixedReps-andnp: dense cell numbers from Rust, 32 bits (they overflow with 6 inputs), folded into memory."""
+
+    name = "PyFixedReps-andnp"
+
+    def __init__(self, law: Address, rate: float):
+        from PyFixedReps import TileCoder, TileCoderConfig
+
+        super().__init__(law, rate)
+        ranges = list(zip(self.low, self.high, strict=True))
+        config = TileCoderConfig(self.elements, self.layers, self.inputs, input_ranges=ranges, scale_output=False)
+        self.coder = TileCoder(config)
+
+    def rows_of(self, x: Array) -> Cells | list[int]:
+        """As in the base class."""
+        return self.coder.get_indices(x) % self.rows
+
+
+class LinearRl(_Tiles):
+    """linear-rl: R. Sutton's tiles3 in Python, hashed into the same memory."""
+
+    name = "linear-rl (tiles3)"
+
+    def __init__(self, law: Address, rate: float):
+        from linear_rl.tyles3 import tiles
+
+        super().__init__(law, rate)
+        self.tiles, self.scale = tiles, (self.elements - 1) / (self.high - self.low)
+
+    def rows_of(self, x: Array) -> Cells | list[int]:
+        """As in the base class."""
+        return self.tiles(self.rows, self.layers, ((x - self.low) * self.scale).tolist())
+
+
+def installed(law: Address, rate: float) -> dict[str, Peer]:
+    """The peers from PyPI that this machine has, by name."""
+    peers: dict[str, Peer] = {}
+    for kind in (FixedReps, LinearRl):
+        try:
+            peers[kind.name] = kind(law, rate)
+        except ImportError:
+            print(f"{kind.name} is not installed: left out")
+    return peers

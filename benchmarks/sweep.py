@@ -1,0 +1,56 @@
+"""A sweep of 64 runs of one leg against the same sweep of an empty Hydra app, and on two cores against one."""
+
+import importlib.util
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from benchmarks.timing import ROOT, Table, compared, in_turn, python, stopwatch
+
+EMPTY = """
+import hydra
+@hydra.main(version_base="1.3", config_path=None)
+def main(config): pass
+main()
+"""
+SAME_CONFIG = """
+import hydra
+from cmacexp.config import config_folder
+@hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")
+def main(config): pass
+main()
+"""
+CORES = 2
+
+
+def tables(quick: bool) -> list[Table]:
+    """All of this file."""
+    runs = 8 if quick else 64
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "empty.py").write_text(EMPTY)
+        (folder / "same_config.py").write_text(SAME_CONFIG)
+
+        def sweep(kind: str, *command: str) -> Callable[[], float]:
+            arguments = [*command, f"hydra.sweep.dir={folder}/{kind}"]
+            return stopwatch(lambda: python(*arguments, folder=folder, environment=environment))
+
+        ours = ["-m", "cmacexp", "-m", f"seed=range({runs})", "record=trace"]
+        workers = {
+            "empty": sweep("empty", "empty.py", "-m", f"+seed=range({runs})"),
+            "same config": sweep("same", "same_config.py", "-m", f"seed=range({runs})"),
+            "basic": sweep("basic", *ours),
+        }
+        if importlib.util.find_spec("hydra_plugins.hydra_joblib_launcher"):
+            workers["joblib"] = sweep("joblib", *ours, "hydra/launcher=joblib", f"hydra.launcher.n_jobs={CORES}")
+        times = in_turn(workers, 1 if quick else 2)
+    what = f"{runs} runs, `basic`"
+    rows = [
+        compared(times, what, "basic", "empty", "empty Hydra app", "1.6"),
+        compared(times, what, "basic", "same config", "Hydra app with this config that does nothing"),
+    ]
+    if "joblib" in times:
+        rows.append(compared(times, f"{runs} runs, `joblib` on {CORES} cores", "joblib", "basic", "`basic`", "1"))
+    return [Table("Sweep, `record=trace`", rows)]

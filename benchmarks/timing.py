@@ -1,0 +1,110 @@
+"""Interleaved timing and tables of ratios, for all benchmarks.
+
+Machines are noisy and change their clock while they run. So whatever is compared takes turns in the same rounds. What
+disturbs a measurement only makes it longer: a time is the best of its rounds, a ratio is that of two best times.
+"""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
+
+from cmacexp.config import Config, config_folder, to_config
+
+ROOT = Path(__file__).parents[1]
+Times = dict[str, list[float]]
+"""Seconds of every round by name."""
+
+
+class Row(NamedTuple):
+    """One comparison."""
+
+    what: str
+    time: str
+    against: str
+    """What it is compared with, and the time of that."""
+    ratio: float
+    target: str
+
+
+class Table(NamedTuple):
+    """What one benchmark found."""
+
+    title: str
+    rows: list[Row]
+    note: str = ""
+
+
+def in_turn(workers: dict[str, Callable[[], float]], rounds: int) -> Times:
+    """Let every worker give its seconds once a round, after one round that is not counted."""
+    times: Times = {name: [] for name in workers}
+    for counted in [False] + [True] * rounds:
+        for name, work in workers.items():
+            seconds = work()
+            if counted:
+                times[name].append(seconds)
+    return times
+
+
+def ratio(times: Times, name: str, base: str) -> float:
+    """The best time of ``name`` over that of ``base``."""
+    return min(times[name]) / min(times[base])
+
+
+def told(seconds: float) -> str:
+    """Seconds with a fitting unit and three digits."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"
+
+
+def compared(times: Times, what: str, name: str, base: str, against: str, target: str = "") -> Row:
+    """The row that sets ``name`` against ``base``."""
+    other = f"{against}: {told(min(times[base]))}"
+    return Row(what, told(min(times[name])), other, ratio(times, name, base), target)
+
+
+def stopwatch(work: Callable[[], object]) -> Callable[[], float]:
+    """A worker that does ``work`` and gives the seconds it took."""
+
+    def timed() -> float:
+        began = time.perf_counter()
+        work()
+        return time.perf_counter() - began
+
+    return timed
+
+
+def python(*arguments: str, folder: Path, environment: dict[str, str] | None = None) -> None:
+    """Run a Python process to its end.
+
+    Raises:
+        CalledProcessError: it failed; its last words are shown.
+    """
+    command = [sys.executable, *arguments]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        print(done.stderr[-2000:], file=sys.stderr)
+        done.check_returncode()
+
+
+def make_config(*overrides: str) -> Config:
+    """The checked config of a command line."""
+    GlobalHydra.instance().clear()
+    with initialize_config_dir(str(config_folder()), version_base="1.3"):
+        return to_config(compose("config", overrides=list(overrides)))
+
+
+def markdown(table: Table) -> str:
+    """A table for reading, on a screen or in a page."""
+    head = ["", "time", "compared with", "ratio", "target"]
+    lines = [f"### {table.title}", "", "| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for row in table.rows:
+        lines.append(f"| {row.what} | {row.time} | {row.against} | {row.ratio:.3g} | {row.target} |")
+    return "\n".join(lines + (["", table.note] if table.note else []))

@@ -1,0 +1,53 @@
+"""Writing a trace: Parquet as this project writes it, against the writers that lie nearest."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
+
+from benchmarks.timing import Row, Table, compared, in_turn, make_config, stopwatch
+from cmacexp.rollout import roll_out
+from cmacexp.scenario import make_scenario
+from cmacexp.table import write_table
+from cmacexp.trace import assemble
+
+
+def _size(path: Path) -> str:
+    return f"{path.stat().st_size / 1e6:.2f} MB"
+
+
+def of_run(cycles: int, folder: Path, rounds: int) -> list[Row]:
+    """From the samples of a run of one leg to a whole file."""
+    config = make_config("scenario=one_leg", f"cycles={cycles}")
+    rollout = roll_out(make_scenario(config))
+    table = assemble(rollout.plan, rollout.columns(), config.sampling_period)
+    ours, plain, csv, npy = (folder / f"{cycles}.{kind}" for kind in ("parquet", "plain", "csv", "npy"))
+
+    def write() -> None:
+        write_table(assemble(rollout.plan, rollout.columns(), config.sampling_period), ours)
+
+    workers = {
+        "ours": stopwatch(write),
+        "plain": stopwatch(lambda: pq.write_table(table, plain)),
+        "csv": stopwatch(lambda: pa_csv.write_csv(table, csv)),
+        "npy": stopwatch(lambda: np.save(npy, rollout.samples)),
+    }
+    times = in_turn(workers, rounds)
+    speed = table.nbytes / min(times["ours"]) / 1e6
+    what = f"{table.num_rows} rows ({speed:.0f} MB/s, {_size(ours)} of {table.nbytes / 1e6:.2f} MB)"
+    return [
+        compared(times, what, "ours", "plain", f"pyarrow's own settings ({_size(plain)})"),
+        compared(times, what, "ours", "csv", f"CSV by pyarrow ({_size(csv)})"),
+        compared(times, what, "ours", "npy", f"`numpy.save`, no metadata ({_size(npy)})"),
+    ]
+
+
+def tables(quick: bool) -> list[Table]:
+    """All of this file."""
+    rounds = 5 if quick else 21
+    with tempfile.TemporaryDirectory() as name:
+        rows = of_run(5, Path(name), rounds) + of_run(100, Path(name), max(3, rounds // 3))
+    note = "With assembling the table, fsync and the rename that makes a file appear only when whole."
+    return [Table("Trace writing, one leg", rows, note)]
