@@ -4,6 +4,7 @@ import atexit
 import gc
 import os
 import sys
+import threading
 
 if __name__ == "__main__":
     # Importing makes a hundred thousand objects that stay: looking for garbage among them, and taking them
@@ -12,6 +13,7 @@ if __name__ == "__main__":
     from cmacexp.cli import main
 
     code = main()
+    threading._shutdown()
     atexit._run_exitfuncs()
     sys.stdout.flush()
     sys.stderr.flush()
