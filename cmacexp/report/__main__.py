@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cmacexp.console import print_table
-from cmacexp.errors import BadInput, BadRun, CmacexpError
-from cmacexp.folders import runs_below
+from cmacexp.errors import BadInput, BadRun
+from cmacexp.folders import command, runs_below
 from cmacexp.report.page import Report, write_report
 from cmacexp.report.run_report import run_report
 from cmacexp.report.sweep_report import sweep_report, table_of_jobs
@@ -26,9 +26,9 @@ def _cycles(text: str) -> list[int]:
         raise BadInput("--cycles", text, "must be whole numbers with commas between them, such as 1,2,5") from None
 
 
-def _destination(given: Sequence[Path], out: Path | None) -> Path:
+def _destination(given: Sequence[Path], out: str | None) -> Path:
     if out is not None:
-        return out
+        return Path(out)
     return given[0] / "report" if len(given) == 1 else REPORTS / "-".join(path.resolve().name for path in given[:4])
 
 
@@ -68,17 +68,11 @@ def _report(arguments: argparse.Namespace) -> int:
 def main() -> int:
     """Run the command."""
     description = "Figures and tables of a run, or of a sweep or several runs beside each other, as one HTML page."
-    parser = argparse.ArgumentParser(prog="python -m cmacexp.report", description=description)
-    parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
-    parser.add_argument("--cycles", metavar="1,2,5", help="cycles of one run to show (default: a choice)")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: report in DIR, if one is given")
-    try:
-        return _report(parser.parse_args())
-    except KeyboardInterrupt:
-        return 130
-    except (CmacexpError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    values = [
+        ("--cycles", "1,2,5", "cycles of one run to show; unless given, a choice"),
+        ("--out", "FOLDER", f"where the page goes; unless given, report in DIR, {REPORTS}/NAMES for several"),
+    ]
+    return command("cmacexp.report", description, _report, (), values)
 
 
 if __name__ == "__main__":
