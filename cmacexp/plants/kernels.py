@@ -9,8 +9,8 @@ from cmacexp.arrays import Array
 from cmacexp.compile import kernel
 from cmacexp.models.body import balance
 from cmacexp.models.ground import Ground, contact_force, stiffness_at
-from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics, trigonometry
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of
+from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics
+from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of, trig_of, trigonometries
 
 
 class PlantLaw(NamedTuple):
@@ -71,14 +71,12 @@ def new_state(legs: int) -> PlantState:
 def contact(law: PlantLaw, q: Array, state: PlantState) -> None:
     """Feet and contact forces at the joint angles ``q``; fills ``foot``, ``force`` and ``trig`` of ``state``."""
     mechanism = law.mechanism
+    trigonometries(mechanism, q, state.trig)
     for i in range(q.shape[0]):
         if mechanism.kind == POINT_MASS:
             state.foot[i, 0], state.foot[i, 1] = q[i, 0], q[i, 1]
         else:
-            trig = trigonometry(q[i, 0], q[i, 1])
-            for j in range(4):
-                state.trig[i, j] = trig[j]
-            state.foot[i, 0], state.foot[i, 1] = foot_position(leg_of(mechanism, i), trig)
+            state.foot[i, 0], state.foot[i, 1] = foot_position(leg_of(mechanism, i), trig_of(state.trig, i))
         if mechanism.kind != LEGS_UNDER_BODY:
             state.force[i] = contact_force(state.stiffness[i], state.foot[i, 1] - mechanism.hip_height)
     if mechanism.kind == LEGS_UNDER_BODY and not balance(
@@ -96,9 +94,8 @@ def accelerate(law: PlantLaw, state: PlantState, dq: Array, tau: Array, ddq: Arr
             ddq[i, 0] = tau[i, 0] / leg.mass_2
             ddq[i, 1] = (tau[i, 1] - state.force[i]) / leg.mass_2
         else:
-            trig = (state.trig[i, 0], state.trig[i, 1], state.trig[i, 2], state.trig[i, 3])
             ddq[i, 0], ddq[i, 1] = forward_dynamics(
-                leg, trig, dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
+                leg, trig_of(state.trig, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
             )
 
 
@@ -119,9 +116,8 @@ def observe(law: PlantLaw, state: PlantState) -> None:
         if law.mechanism.kind == POINT_MASS:
             state.velocity[i, 0], state.velocity[i, 1] = state.dq[i, 0], state.dq[i, 1]
         else:
-            trig = (state.trig[i, 0], state.trig[i, 1], state.trig[i, 2], state.trig[i, 3])
             state.velocity[i, 0], state.velocity[i, 1] = foot_velocity(
-                leg_of(law.mechanism, i), trig, state.dq[i, 0], state.dq[i, 1]
+                leg_of(law.mechanism, i), trig_of(state.trig, i), state.dq[i, 0], state.dq[i, 1]
             )
 
 

@@ -60,7 +60,7 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
             last[i, 0], last[i, 1] = state.taught[i, 0], state.taught[i, 1]
         hybrid_feedback(
             loop.control, state, plan.support[sample], reference,
-            machine.q, machine.foot, machine.velocity, machine.force, machine.body,
+            machine.trig, machine.foot, machine.velocity, machine.force, machine.body,
         )  # fmt: skip
         if acting:
             feedforward_step(loop.feedforward, sample, last, feedforward)
