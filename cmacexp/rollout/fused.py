@@ -18,7 +18,6 @@ class Torques(NamedTuple):
 
     feedforward: Array
     total: Array
-    last_taught: Array
 
 
 class FusedLoop(NamedTuple):
@@ -45,33 +44,32 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
         Steps written, and RUNNING or why it stopped after them.
     """
     plan, plant, machine, state = loop.plan, loop.plant, loop.plant_state, loop.control_state
-    feedforward, total, last = loop.torques.feedforward, loop.torques.total, loop.torques.last_taught
+    feedforward, total = loop.torques
     steps = samples.shape[0]
     period = plan.support.shape[0]
     if start == 0 and steps > 0:
         status = stop_reason(loop.guard, 0, machine.q, machine.dq, machine.foot, machine.force, machine.body)
         if status != RUNNING:
             return 0, status
+    sample = start % period
     for k in range(steps):
-        sample = (start + k) % period
         acting = start + k >= plan.start_step
         reference = plan.reference[1 if acting else 0, sample]
-        for i in range(last.shape[0]):
-            last[i, 0], last[i, 1] = state.taught[i, 0], state.taught[i, 1]
+        if acting:
+            # Before the feedback, so that what it taught is still the last step's.
+            feedforward_step(loop.feedforward, sample, state.taught, feedforward)
         hybrid_feedback(
             loop.control, state, plan.support[sample], reference,
             machine.trig, machine.foot, machine.velocity, machine.force, machine.body,
         )  # fmt: skip
-        if acting:
-            feedforward_step(loop.feedforward, sample, last, feedforward)
         saturate(loop.torque_limit, state.feedback, feedforward, total)
         write_samples(
             samples, body_samples, k, machine.foot, machine.velocity, machine.q, machine.dq,
             machine.force, machine.force, state.reference, state.feedback, feedforward, machine.body,
         )  # fmt: skip
         advance(plant, machine, total)
-        after = (start + k + 1) % period
-        status = stop_reason(loop.guard, after, machine.q, machine.dq, machine.foot, machine.force, machine.body)
+        sample = sample + 1 if sample + 1 < period else 0
+        status = stop_reason(loop.guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
         if status != RUNNING:
             return k + 1, status
     return steps, RUNNING

@@ -76,7 +76,7 @@ class _FusedLoop:
             controller.state,
             feedforward.law,
             scenario.setup.config.actuator.limit,
-            Torques(*(np.zeros((legs, 2)) for _ in range(3))),
+            Torques(*(np.zeros((legs, 2)) for _ in range(2))),
             guard,
         )
         self.run(np.zeros((0, legs, len(SAMPLES))), np.zeros((0, len(BODY_SAMPLES))))
