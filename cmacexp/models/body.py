@@ -15,6 +15,7 @@ import math
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel, kernel_apart
 from cmacexp.models.ground import contact_force
+from cmacexp.models.sine import sine_cosine
 
 MOST_ITERATIONS = 100
 MOST_HALVINGS = 40
@@ -33,7 +34,9 @@ STEEPEST = 1.4
 @kernel
 def depth(body: Array, x: float, y: float, down: float) -> float:
     """Depth below the undepressed ground, m, of the point (x, y, -down) in the body frame."""
-    return -body[0] + x * math.sin(body[1]) + (down * math.cos(body[2]) - y * math.sin(body[2])) * math.cos(body[1])
+    sp, cp = sine_cosine(body[1])
+    sr, cr = sine_cosine(body[2])
+    return -body[0] + x * sp + (down * cr - y * sr) * cp
 
 
 @kernel
@@ -52,8 +55,8 @@ def slope(body: Array, hips: Array, foot: Array, stiffness: Array, weight: float
 
     ``work[:3]`` becomes the gradient by height, pitch and roll, ``work[3:9]`` the curvature: hh, hp, hr, pp, pr, rr.
     """
-    sp, cp = math.sin(body[1]), math.cos(body[1])
-    sr, cr = math.sin(body[2]), math.cos(body[2])
+    sp, cp = sine_cosine(body[1])
+    sr, cr = sine_cosine(body[2])
     for n in range(9):
         work[n] = 0.0
     work[0] = weight
