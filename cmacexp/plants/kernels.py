@@ -47,8 +47,6 @@ class PlantState(NamedTuple):
     """(1,): way that the body has gone, m."""
     trig: Array
     """(L, 4): sines and cosines of the joint angles."""
-    work: Array
-    """(12,): room for the balance of the body."""
     stage_q: Array
     """(L, 2): joint angles of a stage of the integration; below, its joint velocities and accelerations."""
     stage_dq: Array
@@ -63,7 +61,7 @@ def new_state(legs: int) -> PlantState:
     state = [np.zeros((legs, 2)) for _ in range(4)]
     stages = [np.zeros((legs, 2)) for _ in range(6)]
     body = [np.zeros(3), np.zeros(legs), np.zeros(1)]
-    fields = [*state, np.zeros(legs), *body, np.zeros((legs, 4)), np.zeros(12), *stages]
+    fields = [*state, np.zeros(legs), *body, np.zeros((legs, 4)), *stages]
     return PlantState(*fields)
 
 
@@ -80,7 +78,7 @@ def contact(law: PlantLaw, q: Array, state: PlantState) -> None:
         if mechanism.kind != LEGS_UNDER_BODY:
             state.force[i] = contact_force(state.stiffness[i], state.foot[i, 1] - mechanism.hip_height)
     if mechanism.kind == LEGS_UNDER_BODY and not balance(
-        mechanism.hips, state.foot, state.stiffness, mechanism.weight, state.body, state.force, state.work
+        mechanism.hips, state.foot, state.stiffness, mechanism.weight, state.body, state.force
     ):
         state.body[0] = math.nan
 
