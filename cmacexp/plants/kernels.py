@@ -47,22 +47,15 @@ class PlantState(NamedTuple):
     """(1,): way that the body has gone, m."""
     trig: Array
     """(L, 4): sines and cosines of the joint angles."""
-    stage_q: Array
-    """(L, 2): joint angles of a stage of the integration; below, its joint velocities and accelerations."""
-    stage_dq: Array
-    k1: Array
-    k2: Array
-    k3: Array
-    k4: Array
+    stages: Array
+    """(6, L, 2): room for the integration: joint angles and velocities of a stage, accelerations of all four."""
 
 
 def new_state(legs: int) -> PlantState:
     """A state of zeros for ``legs`` legs."""
     state = [np.zeros((legs, 2)) for _ in range(4)]
-    stages = [np.zeros((legs, 2)) for _ in range(6)]
     body = [np.zeros(3), np.zeros(legs), np.zeros(1)]
-    fields = [*state, np.zeros(legs), *body, np.zeros((legs, 4)), *stages]
-    return PlantState(*fields)
+    return PlantState(*state, np.zeros(legs), *body, np.zeros((legs, 4)), np.zeros((6, legs, 2)))
 
 
 @kernel
@@ -126,7 +119,8 @@ def runge_kutta_step(law: PlantLaw, state: PlantState, tau: Array) -> None:
     ``state`` holds feet and forces at its joints before the step; after it they are those of the last stage.
     """
     h = law.step
-    q, dq, k1, k2, k3, k4 = state.stage_q, state.stage_dq, state.k1, state.k2, state.k3, state.k4
+    s = state.stages
+    q, dq, k1, k2, k3, k4 = s[0], s[1], s[2], s[3], s[4], s[5]
     legs = state.q.shape[0]
     accelerate(law, state, state.dq, tau, k1)
     for i in range(legs):

@@ -68,8 +68,11 @@ class _FusedLoop:
         legs = scenario.setup.mechanism.legs.shape[0]
         self.plant = plant
         self.taken = 0
+        plan = scenario.setup.plan
         self.loop = FusedLoop(
-            scenario.setup.plan,
+            plan.support,
+            plan.reference,
+            plan.start_step,
             plant.law,
             plant.state,
             controller.law,
