@@ -13,7 +13,7 @@ if __name__ == "__main__":
     from cmacexp.cli import main
 
     code = main()
-    threading._shutdown()
+    threading._shutdown()  # type: ignore[attr-defined]
     atexit._run_exitfuncs()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -7,5 +7,5 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Cells = NDArray[np.signedinteger[Any]]
-"""Rows of CMAC memory."""
+Cells = NDArray[np.unsignedinteger[Any]]
+"""Rows of CMAC memory; without a sign, so that compiled code need not look for rows that count from the end."""

@@ -56,16 +56,14 @@ def energy_by_rotation(body, foot, stiffness):
 def find_balance(foot, stiffness, start=(0.5, 0.0, 0.0)):
     """Whether there is a balance, the body and the forces."""
     body, force = np.array(start, dtype=float), np.zeros(len(foot))
-    found = balance(HIPS, foot, np.asarray(stiffness, dtype=float), WEIGHT, body, force, np.zeros(12))
+    found = balance(HIPS, foot, np.asarray(stiffness, dtype=float), WEIGHT, body, force)
     return found, body, force
 
 
 def slope_at(body, foot, stiffness):
     """Gradient (3,) and curvature (3, 3) of the energy."""
-    work = np.zeros(12)
-    slope(np.asarray(body, dtype=float), HIPS, foot, stiffness, WEIGHT, np.zeros(4), work)
-    hh, hp, hr, pp, pr, rr = work[3:9]
-    return work[:3], np.array([[hh, hp, hr], [hp, pp, pr], [hr, pr, rr]])
+    h, p, r, hh, hp, hr, pp, pr, rr = slope(np.asarray(body, dtype=float), HIPS, foot, stiffness, WEIGHT, np.zeros(4))
+    return np.array([h, p, r]), np.array([[hh, hp, hr], [hp, pp, pr], [hr, pr, rr]])
 
 
 tilts = st.floats(-0.4, 0.4)

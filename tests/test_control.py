@@ -86,10 +86,10 @@ def test_difference_equation_is_the_bilinear_filter(omega, alpha, period):
 
 def feedback(law, support, reference, foot, velocity, force, q=(0.0, 0.0)):
     """U and feedback torque of each step of one leg; rows of arrays are steps."""
-    state, us, torques = new_hybrid_state(1), [], []
+    state, us, torques, trig = new_hybrid_state(1), [], [], np.array([trigonometry(*q)])
     for k in range(len(foot)):
         hybrid_feedback(
-            law, state, np.array([support]), reference[k : k + 1], np.array([q]),
+            law, state, np.array([support]), reference[k : k + 1], trig,
             foot[k : k + 1], velocity[k : k + 1], force[k : k + 1], np.zeros(3),
         )  # fmt: skip
         us.append(state.taught[0].copy())

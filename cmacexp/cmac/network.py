@@ -68,7 +68,7 @@ class Cmac:
         if batch.ndim != 2 or batch.shape[1] != len(self.address.ranges.low) or not np.isfinite(batch).all():
             expected = len(self.address.ranges.low)
             raise ValueError(f"inputs of shape {batch.shape}: expected finite numbers of shape (samples, {expected})")
-        cells = np.empty((len(batch), self.layers), dtype=np.int32)
+        cells = np.empty((len(batch), self.layers), dtype=np.uint32)
         self.clipped += address_batch(self.address, batch, cells)
         return cells
 

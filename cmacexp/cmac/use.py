@@ -30,7 +30,7 @@ class MemoryUse(NamedTuple):
 def memory_use(cmac: Cmac, inputs: Array) -> MemoryUse:
     """What a path of inputs (samples, n) uses of the memory of ``cmac``."""
     law = cmac.address
-    rows = np.empty((len(inputs), cmac.layers), dtype=np.int64)
+    rows = np.empty((len(inputs), cmac.layers), dtype=np.uint64)
     clipped = address_batch(law, inputs, rows)
     used, row_of = np.unique(rows, return_inverse=True)
     if cmac.layers * law.resolution_elements ** inputs.shape[1] > MOST_POSITIONS:

@@ -46,7 +46,7 @@ def _inputs(setup: Setup, i: int) -> Array:
 def _law(kind: int, setup: Setup, torque: Array | None = None, cmacs: list[Cmac] | None = None) -> FeedforwardLaw:
     """A law of the given kind; parts that it does not use are empty arrays, so that one compiled loop fits all."""
     legs, config = setup.mechanism.legs.shape[0], setup.config
-    cells, weights = np.zeros((1, legs, 1), dtype=np.int32), np.zeros((legs, 1, 2))
+    cells, weights = np.zeros((1, legs, 1), dtype=np.uint32), np.zeros((legs, 1, 2))
     if cmacs:
         cells = np.stack([cmac.cells(_inputs(setup, i)) for i, cmac in enumerate(cmacs)], axis=1)
         weights = np.zeros((legs, *cmacs[0].weights.shape))

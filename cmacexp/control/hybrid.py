@@ -6,6 +6,7 @@ from cmacexp.arrays import Array
 from cmacexp.control.hybrid_law import METHODS, HybridLaw, HybridState, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise
 from cmacexp.control.protocol import Action, Feedforward, Reference
+from cmacexp.models.mechanism import trigonometries
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
 
@@ -45,14 +46,16 @@ class HybridController:
             setup.config.posture.gain,
         )
         self.state = new_hybrid_state(setup.mechanism.legs.shape[0])
+        self.trig = np.zeros((setup.mechanism.legs.shape[0], 4))
         self.feedforward = feedforward
 
     def act(self, reference: Reference, measurement: Measurement) -> Action:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""
         last: Array = self.state.taught.copy()
         m = measurement
+        trigonometries(self.law.mechanism, m.q, self.trig)
         hybrid_feedback(
-            self.law, self.state, reference.support, reference.values, m.q, m.foot, m.velocity, m.force, m.body
+            self.law, self.state, reference.support, reference.values, self.trig, m.foot, m.velocity, m.force, m.body
         )
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)
         return Action(self.state.feedback.copy(), feedforward, self.state.reference.copy())

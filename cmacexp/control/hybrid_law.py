@@ -103,7 +103,7 @@ def hybrid_feedback(
     state: HybridState,
     support: Mask,
     reference: Array,
-    q: Array,
+    trig: Array,
     foot: Array,
     velocity: Array,
     force: Array,
@@ -116,7 +116,7 @@ def hybrid_feedback(
         state: of the last step, becomes that of this one.
         support: (L,): force control along y where true, position control elsewhere.
         reference: (L, 6): a row of the plan.
-        q: (L, 2): measured joint angles, rad.
+        trig: (L, 4): sines and cosines of the measured joint angles, see :func:`trigonometries`.
         foot: (L, 2): measured foot position, m.
         velocity: (L, 2): measured foot velocity, m/s.
         force: (L,): measured contact force, N.
@@ -135,8 +135,8 @@ def hybrid_feedback(
         uy = lead_step(law.lead, y_error, state.error[i, 1], state.output[i, 1])
         state.error[i, 0], state.error[i, 1] = x_error, y_error
         state.output[i, 0], state.output[i, 1] = ux, uy
-        taught = torque_for(law.mechanism, i, q, ux, uy)
+        taught = torque_for(law.mechanism, i, trig, ux, uy)
         desired = reference[i, 5]
-        feedback = torque_for(law.mechanism, i, q, ux, uy + desired) if desired != 0.0 else taught
+        feedback = torque_for(law.mechanism, i, trig, ux, uy + desired) if desired != 0.0 else taught
         state.taught[i, 0], state.taught[i, 1] = taught
         state.feedback[i, 0], state.feedback[i, 1] = feedback

@@ -11,10 +11,12 @@ energy W h + sum K_n depth^2 / 2 (over feet that press) is least.
 """
 
 import math
+from typing import NamedTuple
 
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel, kernel_apart
 from cmacexp.models.ground import contact_force
+from cmacexp.models.sine import sine_cosine
 
 MOST_ITERATIONS = 100
 MOST_HALVINGS = 40
@@ -26,6 +28,8 @@ ROUNDING = 1e-13
 """A rise of the energy by so much of itself is rounding."""
 LONGEST_STEP = 0.02
 """Largest change of height (m), pitch or roll (rad) in one iteration."""
+CLOSING = 0.5
+"""While every iteration leaves at most so much of the imbalance, steps are taken without a look at the energy."""
 STEEPEST = 1.4
 """A body tilted further has no balance, rad."""
 
@@ -33,7 +37,9 @@ STEEPEST = 1.4
 @kernel
 def depth(body: Array, x: float, y: float, down: float) -> float:
     """Depth below the undepressed ground, m, of the point (x, y, -down) in the body frame."""
-    return -body[0] + x * math.sin(body[1]) + (down * math.cos(body[2]) - y * math.sin(body[2])) * math.cos(body[1])
+    sp, cp = sine_cosine(body[1])
+    sr, cr = sine_cosine(body[2])
+    return -body[0] + x * sp + (down * cr - y * sr) * cp
 
 
 @kernel
@@ -46,67 +52,82 @@ def energy(body: Array, hips: Array, foot: Array, stiffness: Array, weight: floa
     return total
 
 
-@kernel
-def slope(body: Array, hips: Array, foot: Array, stiffness: Array, weight: float, force: Array, work: Array) -> None:
-    """Gradient and curvature of the energy; fills ``force`` (L,) and ``work``.
+class Slope(NamedTuple):
+    """Gradient and curvature of the energy by height h, pitch p and roll r."""
 
-    ``work[:3]`` becomes the gradient by height, pitch and roll, ``work[3:9]`` the curvature: hh, hp, hr, pp, pr, rr.
-    """
-    sp, cp = math.sin(body[1]), math.cos(body[1])
-    sr, cr = math.sin(body[2]), math.cos(body[2])
-    for n in range(9):
-        work[n] = 0.0
-    work[0] = weight
+    h: float
+    p: float
+    r: float
+    hh: float
+    hp: float
+    hr: float
+    pp: float
+    pr: float
+    rr: float
+
+
+@kernel
+def slope(body: Array, hips: Array, foot: Array, stiffness: Array, weight: float, force: Array) -> Slope:
+    """Gradient (N and N m) and curvature of the energy; fills ``force`` (L,), N."""
+    sp, cp = sine_cosine(body[1])
+    sr, cr = sine_cosine(body[2])
+    h, p, r = weight, 0.0, 0.0
+    hh, hp, hr, pp, pr, rr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(hips.shape[0]):
         x, y, down = hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]
         below = x * sp + (down * cr - y * sr) * cp
-        force[i] = contact_force(stiffness[i], below - body[0])
-        if force[i] > 0.0:
+        k, f = stiffness[i], contact_force(stiffness[i], below - body[0])
+        force[i] = f
+        if f > 0.0:
             along = x * cp - (down * cr - y * sr) * sp
             across = -(y * cr + down * sr) * cp
-            k, f = stiffness[i], force[i]
-            work[0] -= f
-            work[1] += f * along
-            work[2] += f * across
-            work[3] += k
-            work[4] -= k * along
-            work[5] -= k * across
-            work[6] += k * along * along - f * below
-            work[7] += k * along * across + f * (y * cr + down * sr) * sp
-            work[8] += k * across * across + f * (y * sr - down * cr) * cp
+            h -= f
+            p += f * along
+            r += f * across
+            hh += k
+            hp -= k * along
+            hr -= k * across
+            pp += k * along * along - f * below
+            pr += k * along * across + f * (y * cr + down * sr) * sp
+            rr += k * across * across + f * (y * sr - down * cr) * cp
+    return Slope(h, p, r, hh, hp, hr, pp, pr, rr)
 
 
 @kernel
-def newton_step(work: Array, damping: float) -> bool:
-    """Solve the damped Newton equations of ``work``; ``work[9:12]`` becomes the step.
+def newton_step(at: Slope, damping: float) -> tuple[bool, float, float, float]:
+    """Solve the damped Newton equations.
 
     Returns:
-        False if the damped curvature is not positive definite.
+        Whether the damped curvature is positive definite, and the step in height, pitch and roll; else zeros.
     """
-    a, b, c = work[3] + damping, work[4], work[5]
-    d, e, f = work[6] + damping, work[7], work[8] + damping
+    a, b, c = at.hh + damping, at.hp, at.hr
+    d, e, f = at.pp + damping, at.pr, at.rr + damping
     minor = a * d - b * b
     determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
     if not (a > 0.0 and minor > 0.0 and determinant > 0.0):
-        return False
-    g, p, r = -work[0], -work[1], -work[2]
-    work[9] = (g * (d * f - e * e) - b * (p * f - e * r) + c * (p * e - d * r)) / determinant
-    work[10] = (a * (p * f - e * r) - g * (b * f - c * e) + c * (b * r - c * p)) / determinant
-    work[11] = (a * (d * r - p * e) - b * (b * r - c * p) + g * (b * e - c * d)) / determinant
-    return True
+        return False, 0.0, 0.0, 0.0
+    g, p, r = -at.h, -at.p, -at.r
+    return (
+        True,
+        (g * (d * f - e * e) - b * (p * f - e * r) + c * (p * e - d * r)) / determinant,
+        (a * (p * f - e * r) - g * (b * f - c * e) + c * (b * r - c * p)) / determinant,
+        (a * (d * r - p * e) - b * (b * r - c * p) + g * (b * e - c * d)) / determinant,
+    )
 
 
 @kernel
-def descend(body: Array, hips: Array, foot: Array, stiffness: Array, weight: float, work: Array) -> bool:
-    """Go along the step in ``work[9:12]``, shortened until the energy does not rise; False if it always does.
+def descend(
+    body: Array, hips: Array, foot: Array, stiffness: Array, weight: float, dh: float, dp: float, dr: float
+) -> bool:
+    """Go along a step, shortened until the energy does not rise; False if it always does.
 
     On two feet the energy is almost flat along one tilt: an unbounded step would roll the body over.
     """
     h, p, r = body[0], body[1], body[2]
     before = energy(body, hips, foot, stiffness, weight)
-    scale = min(1.0, LONGEST_STEP / max(abs(work[9]), abs(work[10]), abs(work[11])))
+    scale = min(1.0, LONGEST_STEP / max(abs(dh), abs(dp), abs(dr)))
     for _ in range(MOST_HALVINGS):
-        body[0], body[1], body[2] = h + scale * work[9], p + scale * work[10], r + scale * work[11]
+        body[0], body[1], body[2] = h + scale * dh, p + scale * dp, r + scale * dr
         if energy(body, hips, foot, stiffness, weight) <= before + ROUNDING * abs(before):
             return True
         scale *= 0.5
@@ -115,9 +136,7 @@ def descend(body: Array, hips: Array, foot: Array, stiffness: Array, weight: flo
 
 
 @kernel_apart
-def balance(
-    hips: Array, foot: Array, stiffness: Array, weight: float, body: Array, force: Array, work: Array
-) -> bool:
+def balance(hips: Array, foot: Array, stiffness: Array, weight: float, body: Array, force: Array) -> bool:
     """Find the height, pitch and roll at which the feet carry the body.
 
     Args:
@@ -127,7 +146,6 @@ def balance(
         weight: W, N.
         body: (3,): height (m), pitch and roll (rad), from where the search starts; becomes the balance.
         force: (L,): is filled with the contact forces, N.
-        work: (12,): room.
 
     Returns:
         False if there is no balance; ``body`` and ``force`` are then of no use.
@@ -135,16 +153,23 @@ def balance(
     enough = TOLERANCE * weight
     for i in range(stiffness.shape[0]):
         enough += DEPTH_ROUNDING * stiffness[i]
+    closing, last = True, math.inf
     for _ in range(MOST_ITERATIONS):
-        slope(body, hips, foot, stiffness, weight, force, work)
-        out = max(abs(work[0]), abs(work[1]), abs(work[2]))
+        at = slope(body, hips, foot, stiffness, weight, force)
+        out = max(abs(at.h), abs(at.p), abs(at.r))
         if out <= enough:
             return True
         if not (math.isfinite(out) and abs(body[1]) < STEEPEST and abs(body[2]) < STEEPEST):
             return False
-        damping = 0.0
-        while not newton_step(work, damping):
+        closing, last = closing and out <= CLOSING * last, out
+        convex, dh, dp, dr = newton_step(at, 0.0)
+        if closing and convex and max(abs(dh), abs(dp), abs(dr)) <= LONGEST_STEP:
+            body[0], body[1], body[2] = body[0] + dh, body[1] + dp, body[2] + dr
+            continue
+        damping = weight
+        while not convex:
+            convex, dh, dp, dr = newton_step(at, damping)
             damping = 10.0 * damping + weight
-        if not descend(body, hips, foot, stiffness, weight, work):
+        if not descend(body, hips, foot, stiffness, weight, dh, dp, dr):
             return False
     return False

@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 from cmacexp.compile import kernel
+from cmacexp.models.sine import sine_cosine
 
 GRAVITY = 9.81
 """m/s^2."""
@@ -29,7 +30,9 @@ class Leg(NamedTuple):
 @kernel
 def trigonometry(q1: float, q2: float) -> Trig:
     """Sine and cosine of theta1 and of theta1 + theta2."""
-    return math.sin(q1), math.cos(q1), math.sin(q1 + q2), math.cos(q1 + q2)
+    s1, c1 = sine_cosine(q1)
+    s12, c12 = sine_cosine(q1 + q2)
+    return s1, c1, s12, c12
 
 
 @kernel

@@ -10,12 +10,7 @@ import numpy as np
 
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel
-from cmacexp.models.leg import (
-    Leg,
-    inverse_dynamics,
-    joint_torque,
-    trigonometry,
-)
+from cmacexp.models.leg import Leg, Trig, inverse_dynamics, joint_torque, trigonometry
 
 POINT_MASS = 0
 LEGS_ON_STAND = 1
@@ -45,11 +40,28 @@ def leg_of(mechanism: Mechanism, i: int) -> Leg:
 
 
 @kernel
-def torque_for(mechanism: Mechanism, i: int, q: Array, fx: float, fy: float) -> tuple[float, float]:
-    """J^T U of leg ``i``, N m; J is the identity for a point mass (Lin & Song 1997, Fig. 1)."""
+def trig_of(trig: Array, i: int) -> Trig:
+    """Row ``i`` of ``trig`` (L, 4), as :func:`trigonometries` fills it."""
+    return trig[i, 0], trig[i, 1], trig[i, 2], trig[i, 3]
+
+
+@kernel
+def trigonometries(mechanism: Mechanism, q: Array, trig: Array) -> None:
+    """Sines and cosines of the joint angles ``q`` (L, 2), rad; fills ``trig`` (L, 4). A point mass has none."""
+    if mechanism.kind != POINT_MASS:
+        for i in range(q.shape[0]):
+            trig[i, 0], trig[i, 1], trig[i, 2], trig[i, 3] = trigonometry(q[i, 0], q[i, 1])
+
+
+@kernel
+def torque_for(mechanism: Mechanism, i: int, trig: Array, fx: float, fy: float) -> tuple[float, float]:
+    """J^T U of leg ``i``, N m; J is the identity for a point mass (Lin & Song 1997, Fig. 1).
+
+    ``trig`` (L, 4) is what :func:`trigonometries` gives.
+    """
     if mechanism.kind == POINT_MASS:
         return fx, fy
-    return joint_torque(leg_of(mechanism, i), trigonometry(q[i, 0], q[i, 1]), fx, fy)
+    return joint_torque(leg_of(mechanism, i), trig_of(trig, i), fx, fy)
 
 
 @kernel

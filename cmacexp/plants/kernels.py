@@ -9,8 +9,8 @@ from cmacexp.arrays import Array
 from cmacexp.compile import kernel
 from cmacexp.models.body import balance
 from cmacexp.models.ground import Ground, contact_force, stiffness_at
-from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics, trigonometry
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of
+from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics
+from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of, trig_of, trigonometries
 
 
 class PlantLaw(NamedTuple):
@@ -47,42 +47,31 @@ class PlantState(NamedTuple):
     """(1,): way that the body has gone, m."""
     trig: Array
     """(L, 4): sines and cosines of the joint angles."""
-    work: Array
-    """(12,): room for the balance of the body."""
-    stage_q: Array
-    """(L, 2): joint angles of a stage of the integration; below, its joint velocities and accelerations."""
-    stage_dq: Array
-    k1: Array
-    k2: Array
-    k3: Array
-    k4: Array
+    stages: Array
+    """(6, L, 2): room for the integration: joint angles and velocities of a stage, accelerations of all four."""
 
 
 def new_state(legs: int) -> PlantState:
     """A state of zeros for ``legs`` legs."""
     state = [np.zeros((legs, 2)) for _ in range(4)]
-    stages = [np.zeros((legs, 2)) for _ in range(6)]
     body = [np.zeros(3), np.zeros(legs), np.zeros(1)]
-    fields = [*state, np.zeros(legs), *body, np.zeros((legs, 4)), np.zeros(12), *stages]
-    return PlantState(*fields)
+    return PlantState(*state, np.zeros(legs), *body, np.zeros((legs, 4)), np.zeros((6, legs, 2)))
 
 
 @kernel
 def contact(law: PlantLaw, q: Array, state: PlantState) -> None:
     """Feet and contact forces at the joint angles ``q``; fills ``foot``, ``force`` and ``trig`` of ``state``."""
     mechanism = law.mechanism
+    trigonometries(mechanism, q, state.trig)
     for i in range(q.shape[0]):
         if mechanism.kind == POINT_MASS:
             state.foot[i, 0], state.foot[i, 1] = q[i, 0], q[i, 1]
         else:
-            trig = trigonometry(q[i, 0], q[i, 1])
-            for j in range(4):
-                state.trig[i, j] = trig[j]
-            state.foot[i, 0], state.foot[i, 1] = foot_position(leg_of(mechanism, i), trig)
+            state.foot[i, 0], state.foot[i, 1] = foot_position(leg_of(mechanism, i), trig_of(state.trig, i))
         if mechanism.kind != LEGS_UNDER_BODY:
             state.force[i] = contact_force(state.stiffness[i], state.foot[i, 1] - mechanism.hip_height)
     if mechanism.kind == LEGS_UNDER_BODY and not balance(
-        mechanism.hips, state.foot, state.stiffness, mechanism.weight, state.body, state.force, state.work
+        mechanism.hips, state.foot, state.stiffness, mechanism.weight, state.body, state.force
     ):
         state.body[0] = math.nan
 
@@ -96,9 +85,8 @@ def accelerate(law: PlantLaw, state: PlantState, dq: Array, tau: Array, ddq: Arr
             ddq[i, 0] = tau[i, 0] / leg.mass_2
             ddq[i, 1] = (tau[i, 1] - state.force[i]) / leg.mass_2
         else:
-            trig = (state.trig[i, 0], state.trig[i, 1], state.trig[i, 2], state.trig[i, 3])
             ddq[i, 0], ddq[i, 1] = forward_dynamics(
-                leg, trig, dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
+                leg, trig_of(state.trig, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
             )
 
 
@@ -119,9 +107,8 @@ def observe(law: PlantLaw, state: PlantState) -> None:
         if law.mechanism.kind == POINT_MASS:
             state.velocity[i, 0], state.velocity[i, 1] = state.dq[i, 0], state.dq[i, 1]
         else:
-            trig = (state.trig[i, 0], state.trig[i, 1], state.trig[i, 2], state.trig[i, 3])
             state.velocity[i, 0], state.velocity[i, 1] = foot_velocity(
-                leg_of(law.mechanism, i), trig, state.dq[i, 0], state.dq[i, 1]
+                leg_of(law.mechanism, i), trig_of(state.trig, i), state.dq[i, 0], state.dq[i, 1]
             )
 
 
@@ -132,7 +119,8 @@ def runge_kutta_step(law: PlantLaw, state: PlantState, tau: Array) -> None:
     ``state`` holds feet and forces at its joints before the step; after it they are those of the last stage.
     """
     h = law.step
-    q, dq, k1, k2, k3, k4 = state.stage_q, state.stage_dq, state.k1, state.k2, state.k3, state.k4
+    s = state.stages
+    q, dq, k1, k2, k3, k4 = s[0], s[1], s[2], s[3], s[4], s[5]
     legs = state.q.shape[0]
     accelerate(law, state, state.dq, tau, k1)
     for i in range(legs):

@@ -2,12 +2,11 @@
 
 from typing import NamedTuple
 
-from cmacexp.arrays import Array
+from cmacexp.arrays import Array, Mask
 from cmacexp.compile import kernel
 from cmacexp.control.actuator import saturate
 from cmacexp.control.feedforward_law import FeedforwardLaw, feedforward_step
 from cmacexp.control.hybrid_law import HybridLaw, HybridState, hybrid_feedback
-from cmacexp.planning.plan import Plan
 from cmacexp.plants.kernels import PlantLaw, PlantState, advance
 from cmacexp.rollout.layout import write_samples
 from cmacexp.rollout.stop import RUNNING, Guard, stop_reason
@@ -18,13 +17,15 @@ class Torques(NamedTuple):
 
     feedforward: Array
     total: Array
-    last_taught: Array
 
 
 class FusedLoop(NamedTuple):
-    """All that the fused loop works on."""
+    """All that the fused loop works on, and no more: every array costs time whenever the loop is entered."""
 
-    plan: Plan
+    support: Mask
+    """As in the plan; so are the next two."""
+    reference: Array
+    start_step: int
     plant: PlantLaw
     plant_state: PlantState
     control: HybridLaw
@@ -44,34 +45,33 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
     Returns:
         Steps written, and RUNNING or why it stopped after them.
     """
-    plan, plant, machine, state = loop.plan, loop.plant, loop.plant_state, loop.control_state
-    feedforward, total, last = loop.torques.feedforward, loop.torques.total, loop.torques.last_taught
+    plant, machine, state = loop.plant, loop.plant_state, loop.control_state
+    feedforward, total = loop.torques
     steps = samples.shape[0]
-    period = plan.support.shape[0]
+    period = loop.support.shape[0]
     if start == 0 and steps > 0:
         status = stop_reason(loop.guard, 0, machine.q, machine.dq, machine.foot, machine.force, machine.body)
         if status != RUNNING:
             return 0, status
+    sample = start % period
     for k in range(steps):
-        sample = (start + k) % period
-        acting = start + k >= plan.start_step
-        reference = plan.reference[1 if acting else 0, sample]
-        for i in range(last.shape[0]):
-            last[i, 0], last[i, 1] = state.taught[i, 0], state.taught[i, 1]
-        hybrid_feedback(
-            loop.control, state, plan.support[sample], reference,
-            machine.q, machine.foot, machine.velocity, machine.force, machine.body,
-        )  # fmt: skip
+        acting = start + k >= loop.start_step
+        reference = loop.reference[1 if acting else 0, sample]
         if acting:
-            feedforward_step(loop.feedforward, sample, last, feedforward)
+            # Before the feedback, so that what it taught is still the last step's.
+            feedforward_step(loop.feedforward, sample, state.taught, feedforward)
+        hybrid_feedback(
+            loop.control, state, loop.support[sample], reference,
+            machine.trig, machine.foot, machine.velocity, machine.force, machine.body,
+        )  # fmt: skip
         saturate(loop.torque_limit, state.feedback, feedforward, total)
         write_samples(
             samples, body_samples, k, machine.foot, machine.velocity, machine.q, machine.dq,
             machine.force, machine.force, state.reference, state.feedback, feedforward, machine.body,
         )  # fmt: skip
         advance(plant, machine, total)
-        after = (start + k + 1) % period
-        status = stop_reason(loop.guard, after, machine.q, machine.dq, machine.foot, machine.force, machine.body)
+        sample = sample + 1 if sample + 1 < period else 0
+        status = stop_reason(loop.guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
         if status != RUNNING:
             return k + 1, status
     return steps, RUNNING

@@ -85,15 +85,18 @@ class _FusedLoop:
         legs = scenario.setup.mechanism.legs.shape[0]
         self.plant = plant
         self.taken = 0
+        plan = scenario.setup.plan
         self.loop = FusedLoop(
-            scenario.setup.plan,
+            plan.support,
+            plan.reference,
+            plan.start_step,
             plant.law,
             plant.state,
             controller.law,
             controller.state,
             feedforward.law,
             scenario.setup.config.actuator.limit,
-            Torques(*(np.zeros((legs, 2)) for _ in range(3))),
+            Torques(*(np.zeros((legs, 2)) for _ in range(2))),
             guard,
         )
         self.run(np.zeros((0, legs, len(SAMPLES))), np.zeros((0, len(BODY_SAMPLES))))
