@@ -53,9 +53,9 @@ class PlantState(NamedTuple):
 
 def new_state(legs: int) -> PlantState:
     """A state of zeros for ``legs`` legs."""
-    state = [np.zeros((legs, 2)) for _ in range(4)]
-    body = [np.zeros(3), np.zeros(legs), np.zeros(1)]
-    return PlantState(*state, np.zeros(legs), *body, np.zeros((legs, 4)), np.zeros((6, legs, 2)))
+    q, dq, foot, velocity = (np.zeros((legs, 2)) for _ in range(4))
+    force, stiffness, trig, stages = (np.zeros(shape) for shape in (legs, legs, (legs, 4), (6, legs, 2)))
+    return PlantState(q, dq, foot, velocity, force, np.zeros(3), stiffness, np.zeros(1), trig, stages)
 
 
 @kernel
