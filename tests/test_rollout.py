@@ -212,7 +212,9 @@ def test_a_diverging_run_stops_at_once_and_says_where(make_config):
     assert np.isfinite(rollout.samples).all()
     assert max(np.abs(columns["dq1"]).max(), np.abs(columns["dq2"]).max()) <= FASTEST_JOINT
     assert np.abs(columns[f"dq{joint}"][-1]) > 0.1 * FASTEST_JOINT
-    assert seen == list(range(1, int(step) // 600 + 1))
+    assert seen == []
+    stepped = run(config, watch=seen.append, fused=False)
+    assert (stepped.cause, seen) == (rollout.cause, list(range(1, int(step) // 600 + 1)))
 
 
 class Faulty:
@@ -274,7 +276,7 @@ def test_an_interrupt_between_cycles_keeps_the_cycles_done(make_config):
             raise KeyboardInterrupt
 
     config = make_config("cycles=4")
-    rollout = run(config, watch=watch)
+    rollout = run(config, watch=watch, fused=False)
     assert rollout.status == "interrupted"
     assert rollout.cause
     assert same_bits(rollout.samples, run(config).samples[:1200])
@@ -287,7 +289,7 @@ def test_an_interrupt_within_a_cycle_keeps_the_steps_done(make_config):
 
 
 def test_an_exception_in_watch_fails_the_run(make_config):
-    rollout = run(make_config("cycles=2"), watch=lambda cycle: breaks(None))
+    rollout = run(make_config("cycles=2"), watch=lambda cycle: breaks(None), fused=False)
     assert rollout.status == "failed"
     assert len(rollout.samples) == 600
 

@@ -1,7 +1,8 @@
 """Run a scenario from its first step to its last, or to where it stops by itself."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -22,7 +23,10 @@ from cmacexp.scenario import Scenario
 from cmacexp.sensors import PerfectSensors
 
 MOST_ROWS = 1 << 15
-"""Rows of leg samples that are worked on at a time: a long run needs no more memory than a short one."""
+"""Rows of leg samples that are worked on at a time: a long run needs no more memory than a short one.
+
+Entering the fused loop costs some 12 us, as much as dozens of steps.
+"""
 
 
 JOINT_COLUMNS = [SAMPLES.index(name) for name in ("q1", "q2", "dq1", "dq2")]
@@ -113,6 +117,26 @@ class _FusedLoop:
         return self.plant.measure()
 
 
+class _Ending:
+    """How a loop ends, as far as is known; what is raised in :meth:`caught` ends it."""
+
+    def __init__(self, loop: "_FusedLoop | SteppedLoop"):
+        self.loop = loop
+        self.status, self.cause = "completed", ""
+        self.error: Exception | None = None
+
+    @contextmanager
+    def caught(self) -> Iterator[None]:
+        """Make an interrupt, or the mistake of a part, the end of the run instead of its loss."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            self.status, self.cause = "interrupted", f"after step {self.loop.taken}"
+        except Exception as raised:
+            self.status, self.error = "failed", raised
+            self.cause = f"after step {self.loop.taken}: {type(raised).__name__}: {raised}"
+
+
 def stream(
     scenario: Scenario,
     keep: Callable[[Samples], None],
@@ -125,7 +149,7 @@ def stream(
     Args:
         scenario: the parts.
         keep: takes the samples of these cycles; their arrays are used again for the next ones.
-        watch: is called after them with the cycles done so far.
+        watch: is called after them with the cycles done so far; after every cycle of the step-by-step loop.
         fused: False takes the step-by-step loop even where the fused one knows every part.
 
     Returns:
@@ -136,36 +160,34 @@ def stream(
     guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
     loop = (_FusedLoop if fused and is_built_in(scenario) else SteppedLoop)(scenario, guard)
     legs = setup.mechanism.legs.shape[0]
-    together = min(cycles, max(1, MOST_ROWS // (period * legs)))
+    fits = max(1, MOST_ROWS // (period * legs))
+    together = min(cycles, fits if isinstance(loop, _FusedLoop) else 1)
     samples, body = (
         np.empty((together * period, legs, len(SAMPLES))),
         np.empty((together * period, len(BODY_SAMPLES))),
     )
-    status, cause, seconds = "completed", "", 0.0
-    error: Exception | None = None
-    while status == "completed" and loop.taken < cycles * period:
+    ending, seconds = _Ending(loop), 0.0
+    while ending.status == "completed" and loop.taken < cycles * period:
         start, steps = loop.taken, min(len(samples), cycles * period - loop.taken)
         began = time.perf_counter()
-        try:
+        with ending.caught():
             stop = loop.run(samples[:steps], body[:steps])
             if stop != RUNNING:
                 q, dq, pose = loop.state.q, loop.state.dq, loop.state.body
-                status = STATUSES[stop]
-                cause = describe_stop(guard, stop, loop.taken, config.sampling_period, q, dq, pose)
-        except KeyboardInterrupt:
-            status, cause = "interrupted", f"after step {loop.taken}"
-        except Exception as raised:
-            status, cause, error = "failed", f"after step {loop.taken}: {type(raised).__name__}: {raised}", raised
+                ending.status = STATUSES[stop]
+                ending.cause = describe_stop(guard, stop, loop.taken, config.sampling_period, q, dq, pose)
         seconds += time.perf_counter() - began
         done = loop.taken - start
         if setup.mechanism.kind == POINT_MASS:
             samples[:done, :, JOINT_COLUMNS] = np.nan
         with interrupt_held_back() as interrupted:
             keep(Samples(start, samples[:done], body[:done]))
-            watch(loop.taken // period)
-        if interrupted() and status == "completed" and loop.taken < cycles * period:
-            status, cause = "interrupted", f"after step {loop.taken}"
-    return End(loop.taken, status, cause, seconds, error)
+        if ending.status == "completed":
+            with ending.caught():
+                if interrupted():
+                    raise KeyboardInterrupt
+                watch(loop.taken // period)
+    return End(loop.taken, ending.status, ending.cause, seconds, ending.error)
 
 
 @dataclass(frozen=True)
@@ -187,9 +209,9 @@ class Rollout(End):
         return Samples(0, self.samples, self.body_samples).body_columns()
 
 
-def roll_out(scenario: Scenario, *, fused: bool = True) -> Rollout:
+def roll_out(scenario: Scenario, watch: Callable[[int], None] = lambda cycle: None, *, fused: bool = True) -> Rollout:
     """:func:`stream` with all samples kept in memory."""
     kept: list[tuple[Array, Array]] = []
-    end = stream(scenario, lambda new: kept.append((new.legs.copy(), new.body.copy())), fused=fused)
+    end = stream(scenario, lambda new: kept.append((new.legs.copy(), new.body.copy())), watch, fused=fused)
     samples, body = (np.concatenate(arrays) for arrays in zip(*kept, strict=True))
     return Rollout(**vars(end), plan=scenario.setup.plan, samples=samples, body_samples=body)
