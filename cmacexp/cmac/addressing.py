@@ -16,7 +16,7 @@ class Address(NamedTuple):
 
     ranges: InputRange
     displacement: NDArray[np.int64]
-    """(C, n): shift of every layer along every input, in quanta."""
+    """(C, n): shift of every layer along every input, 0 to C - 1 quanta."""
     resolution_elements: int
     rows: int
     """Rows of memory."""
@@ -40,18 +40,21 @@ def address(law: Address, inputs: Array, cells: Cells) -> int:
     layers, dimensions = law.displacement.shape
     quanta = (law.resolution_elements - 1) * layers
     clipped = 0
+    # Dense: mixed radix over layer and blocks. Hashed: the same numbers stirred into 32 bits.
     for j in range(layers):
-        # Dense: mixed radix over layer and blocks. Hashed: the same numbers stirred into 32 bits.
-        position = j
-        state = mix(mix(law.seed, j), dimensions)
-        for d in range(dimensions):
-            quantum, outside = quantise(inputs[d], law.ranges.low[d], law.ranges.high[d], quanta)
-            block = (quantum + law.displacement[j, d]) // layers
-            position = position * law.resolution_elements + block
-            state = mix(state, block)
-            if outside and j == 0:
-                clipped += 1
-        cells[j] = (mix(state, 0) * law.rows) >> 32 if law.hashed else position
+        cells[j] = mix(mix(law.seed, j), dimensions) if law.hashed else j
+    for d in range(dimensions):
+        quantum, outside = quantise(inputs[d], law.ranges.low[d], law.ranges.high[d], quanta)
+        if outside:
+            clipped += 1
+        whole, rest = quantum // layers, quantum % layers
+        for j in range(layers):
+            block = whole + 1 if rest + law.displacement[j, d] >= layers else whole
+            so_far = np.int64(cells[j])
+            cells[j] = mix(so_far, block) if law.hashed else so_far * law.resolution_elements + block
+    if law.hashed:
+        for j in range(layers):
+            cells[j] = (mix(np.int64(cells[j]), 0) * law.rows) >> 32
     return clipped
 
 

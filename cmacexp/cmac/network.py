@@ -44,7 +44,8 @@ class Cmac:
         rows = config.memory_bytes // (WORD_BYTES * outputs) if hashed else dense_rows
         self.address = Address(
             InputRange(np.ascontiguousarray(ranges.low, dtype=float), np.ascontiguousarray(ranges.high, dtype=float)),
-            np.ascontiguousarray(displacement(config.displacement, config.layers, inputs)),
+            # By columns, since all layers of one input are looked at together.
+            np.asfortranarray(displacement(config.displacement, config.layers, inputs)),
             config.resolution_elements,
             rows,
             hashed,
