@@ -15,6 +15,7 @@ from yaml import YAMLError
 
 from cmacexp.config import config_folder, to_config
 from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.startup import compose_once
 
 COMPILING = "first run: compiling the control loop, once for all later runs (about 10 s) ..."
 EXIT_CODES = {"completed": 0, "failed": 1, "bad input": 2, "fell": 3, "diverged": 3, "interrupted": 130}
@@ -87,6 +88,7 @@ def _task(session: _Session) -> None:
             if session.sweep:
                 raise CmacexpError(reason) from error  # Hydra runs the other jobs, then knows that this one failed
 
+    compose_once(sys.argv[1:])
     hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
 
 

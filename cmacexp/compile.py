@@ -14,6 +14,10 @@ import numba
 from numba.core import event
 
 from cmacexp.sources import sources_hash
+from cmacexp.startup import blas_left_for_later
+
+with blas_left_for_later():
+    import numba.np.arraymath
 
 numba_config: Any = numba.config
 numba_njit: Any = numba.njit

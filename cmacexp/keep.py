@@ -112,7 +112,8 @@ def steps_by_cycle(folder: Path) -> dict[int, int]:
 
 def _read(path: Path, columns: Sequence[Column], cycles: tuple[int, int], every: int) -> pa.Table:
     """A window of a trace, of which one step in ``every``; read part by part, so that no more than it is held."""
-    kept, seen = [schema_of(columns).empty_table()], 0
+    kept: list[pa.Table] = []
+    seen = 0
     for part in _parts(path):
         missing = {column.name for column in columns} - set(part.column_names)
         if missing:
@@ -122,7 +123,7 @@ def _read(path: Path, columns: Sequence[Column], cycles: tuple[int, int], every:
         legs = int(as_array(part, "leg").max(initial=1)) if "leg" in part.column_names else 1
         kept.append(rows_of(part, (np.arange(part.num_rows) // legs + seen) % every == 0))
         seen += part.num_rows // legs
-    return pa.concat_tables(kept).combine_chunks()
+    return pa.concat_tables(kept).combine_chunks() if kept else schema_of(columns).empty_table()
 
 
 ALL_CYCLES = (1, 2**31 - 1)

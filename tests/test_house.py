@@ -92,6 +92,16 @@ def test_starting_imports_nothing_that_only_some_runs_need():
     assert done.stdout.strip() == "[]"
 
 
+def test_a_run_imports_nothing_that_it_does_not_need(tmp_path):
+    heavy = ["pandas", "matplotlib", "jinja2", "scipy.linalg", "scipy.signal", "scipy.optimize"]
+    code = (
+        f"import sys; sys.argv = ['cmacexp', 'hydra.run.dir={tmp_path}']; from cmacexp.cli import main; "
+        f"assert main() == 0; print([m for m in {heavy} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
 def cited(text: str) -> set[int]:
     """Numbers in ``eq. 1, 16``, ``eq. 5-7``, ``eq. 13 and 24``."""
     numbers = set()

@@ -50,11 +50,11 @@ def address(law: Address, inputs: Array, cells: Cells) -> int:
         whole, rest = quantum // layers, quantum % layers
         for j in range(layers):
             block = whole + 1 if rest + law.displacement[j, d] >= layers else whole
-            so_far = np.int64(cells[j])
+            so_far = int(np.int64(cells[j]))
             cells[j] = mix(so_far, block) if law.hashed else so_far * law.resolution_elements + block
     if law.hashed:
         for j in range(layers):
-            cells[j] = (mix(np.int64(cells[j]), 0) * law.rows) >> 32
+            cells[j] = (mix(int(np.int64(cells[j])), 0) * law.rows) >> 32
     return clipped
 
 

@@ -65,7 +65,7 @@ def write_views(
         path: of the ``.rrd`` file.
         texts: Markdown by the path of its entity.
     """
-    with write_atomically(path) as temporary, _pandas_left_out(), _as_os_error(path):
+    with write_atomically(path) as temporary, _as_os_error(path):
         recording = rr.RecordingStream("cmacexp", recording_id=name)
         recording.save(temporary, default_blueprint=blueprint)
         recording.send_recording_name(name)
@@ -102,10 +102,11 @@ def write_recording(
     Returns:
         The name of the recording: what it shows.
     """
-    part = part or part_of(steps_by_cycle(folder))
-    view = show(read_traces(folder, part.cycles, part.every), config, label or path.parent.name, part)
-    name = f"{config['scenario']} {view.label}, {view.part}"
-    write_views([view], layout(view, names), name, path)
+    with _pandas_left_out():
+        part = part or part_of(steps_by_cycle(folder))
+        view = show(read_traces(folder, part.cycles, part.every), config, label or path.parent.name, part)
+        name = f"{config['scenario']} {view.label}, {view.part}"
+        write_views([view], layout(view, names), name, path)
     return name
 
 
