@@ -57,7 +57,7 @@ def inside(inputs: int, rounds: int) -> list[Row]:
     path = planned_inputs(make_scenario(config))
     cmac = Cmac(config.cmac, spanning(path, config.cmac.range_factor))
     cells, error = cmac.cells(path), np.random.default_rng(0).normal(size=(len(path), 2))
-    output, row, samples = np.zeros(2), np.zeros(cmac.layers, dtype=np.int32), PASSES * len(path)
+    output, row, samples = np.zeros(2), np.zeros(cmac.layers, dtype=np.uint32), PASSES * len(path)
     few = NumpyCmac(cmac.address, cmac.weights, RATE)
     workers = {
         "planned": per_sample(lambda: planned_loop(cmac.weights, cells, error, RATE, output, PASSES), samples),

@@ -11,7 +11,7 @@ from pathlib import Path
 from benchmarks.c_loop import build, compiler, run_in_c
 from benchmarks.timing import ROOT, Row, Table, compared, in_turn, make_config, python
 from cmacexp.config import Config
-from cmacexp.rollout import roll_out
+from cmacexp.rollout import roll_out, stream
 from cmacexp.scenario import make_scenario
 
 TARGETS = {"one_leg": "0.30 us where C takes 0.36 us", "quadruped": "3 us, aim 2 us", "force_step": ""}
@@ -70,14 +70,15 @@ def scenarios(rounds: int) -> Table:
 
 
 def late_cycles(config: Config) -> Callable[[], float]:
-    """A worker: seconds a step of the best ten cycles on end in the second half of a run."""
+    """A worker: seconds a step of the best block of cycles in the second half of a run that keeps nothing."""
 
     def run() -> float:
-        marks: list[float] = []
-        status = roll_out(make_scenario(config), lambda cycle: marks.append(time.perf_counter())).status
-        assert status == "completed"
-        tens = marks[config.cycles // 2 :: 10]
-        return min(b - a for a, b in pairwise(tens)) / (10 * config.steps_per_cycle)
+        marks: list[tuple[int, float]] = []
+        scenario = make_scenario(config)
+        end = stream(scenario, lambda samples: None, lambda cycle: marks.append((cycle, time.perf_counter())))
+        assert end.status == "completed"
+        late = [mark for mark in marks if mark[0] >= config.cycles // 2]
+        return min((t - s) / (k - i) for (i, s), (k, t) in pairwise(late)) / config.steps_per_cycle
 
     return run
 
