@@ -36,8 +36,33 @@ typedef struct {
 
 typedef struct { double s1, c1, s12, c12; } Trig;
 
+/* cmacexp/models/sine.py: sine and cosine without the C library, the same terms in the same order. */
+static void sine_cosine(double angle, double *sine, double *cosine) {
+    const double rounding = 6755399441055744.0;
+    const double s3 = -1.0 / 6, s5 = 1.0 / 120, s7 = -1.0 / 5040, s9 = 1.0 / 362880, s11 = -1.0 / 39916800,
+                 s13 = 1.0 / 6227020800.0, s15 = -1.0 / 1307674368000.0;
+    const double c4 = 1.0 / 24, c6 = -1.0 / 720, c8 = 1.0 / 40320, c10 = -1.0 / 3628800, c12 = 1.0 / 479001600,
+                 c14 = -1.0 / 87178291200.0, c16 = 1.0 / 20922789888000.0;
+    double quarters = (angle * (2.0 / M_PI) + rounding) - rounding;
+    double x = (angle - quarters * 1.57079632673412561417) - quarters * 6.07710050650619224932e-11;
+    double x2 = x * x, x4 = x2 * x2, x8 = x4 * x4;
+    double s = x + x * x2 * (((s3 + x2 * s5) + x4 * (s7 + x2 * s9)) + x8 * ((s11 + x2 * s13) + x4 * s15));
+    double c = 1.0 - (0.5 * x2 - x4 * (((c4 + x2 * c6) + x4 * (c8 + x2 * c10)) + x8 * ((c12 + x2 * c14) + x4 * c16)));
+    long turned = (long)quarters;
+    if (turned & 1) {
+        double swapped = s;
+        s = c;
+        c = -swapped;
+    }
+    *sine = turned & 2 ? -s : s;
+    *cosine = turned & 2 ? -c : c;
+}
+
 static Trig trigonometry(const double *q) {
-    return (Trig){sin(q[0]), cos(q[0]), sin(q[0] + q[1]), cos(q[0] + q[1])};
+    Trig t;
+    sine_cosine(q[0], &t.s1, &t.c1);
+    sine_cosine(q[0] + q[1], &t.s12, &t.c12);
+    return t;
 }
 
 static void jacobian(const Law *law, Trig t, double j[4]) {
