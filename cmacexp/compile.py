@@ -100,6 +100,6 @@ class _Announcement(event.Listener):
         """A kernel has been compiled."""
 
 
-def announce_compiling(call: Callable[[], None]) -> None:
+def call_before_compiling(call: Callable[[], None]) -> None:
     """Have ``call`` called once if something has to be compiled, before it is."""
     register("numba:compile", _Announcement(call))
