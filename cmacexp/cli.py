@@ -131,10 +131,9 @@ def main() -> int:
     except OSError as error:
         return _break_off_sweep(session, error) if SweepStart.sweep else session.fail("failed", str(error))
     except EOFError:
-        from cmacexp.compile import CACHE_FOLDER
+        from cmacexp.compile import remove_compiled
 
-        shutil.rmtree(CACHE_FOLDER, ignore_errors=True)
-        return session.fail("failed", f"{CACHE_FOLDER}: compiled code was damaged and is removed; run again")
+        return session.fail("failed", remove_compiled())
     except Exception as error:  # of a launcher, or a worker that died
         if SweepStart.sweep is None:
             raise

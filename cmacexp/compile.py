@@ -5,6 +5,7 @@ With ``NUMBA_DISABLE_JIT=1`` the same functions run as they stand, and give the 
 
 import contextlib
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -57,6 +58,12 @@ def _temporary_folder(name: str) -> Path:
 
 
 CACHE_FOLDER = _cache_folder()
+
+
+def remove_compiled() -> str:
+    """Remove compiled code that cannot be read, so that the next run compiles anew; says so."""
+    shutil.rmtree(CACHE_FOLDER, ignore_errors=True)
+    return f"{CACHE_FOLDER}: compiled code was damaged and is removed; run again"
 
 
 def _compile(function: Function, inline: bool) -> Function:

@@ -26,6 +26,16 @@ def _plain(composed: DictConfig) -> dict[str, Any]:
     return {}
 
 
+def _cause(error: Exception) -> str:
+    """Why a job failed, in one line."""
+    if isinstance(error, EOFError):
+        from cmacexp.compile import remove_compiled
+
+        return remove_compiled()
+    told = str(error) if isinstance(error, CmacexpError | OSError) else f"{type(error).__name__}: {error}"
+    return " ".join(told.split())
+
+
 def _leave_failure(folder: Path, composed: DictConfig, error: Exception, cause: str) -> None:
     """Leave a manifest that says why there is no result, and nothing else; as far as the disk takes it."""
     from cmacexp.run import clear
@@ -95,8 +105,7 @@ def run_job(composed: DictConfig) -> float | None:
         check_metric(config.optimize)
         _run(config, folder, name)
     except Exception as error:
-        told = str(error) if isinstance(error, CmacexpError | OSError) else f"{type(error).__name__}: {error}"
-        cause = " ".join(told.split())
+        cause = _cause(error)
         _leave_failure(folder, composed, error, cause)
         say(f"error: #{hydra.job.num}: {cause}", error=True)
     return None if metric is None else value_of(metric, job_of(folder))
