@@ -1,5 +1,6 @@
 """``python -m cmacexp``: compose a config with Hydra, run it, say how it went."""
 
+import contextlib
 import os
 import shutil
 import sys
@@ -16,49 +17,43 @@ from yaml import YAMLError
 from cmacexp.config import config_folder, to_config
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.startup import compose_once
+from cmacexp.sweep.start import SweepStart
 
-COMPILING = "first run: compiling the control loop, once for all later runs (about 10 s) ..."
 EXIT_CODES = {"completed": 0, "failed": 1, "bad input": 2, "fell": 3, "diverged": 3, "interrupted": 130}
 
 
 class _Session:
-    """How the jobs of this process ended so far: a status, or ``bad input``."""
+    """How the run of this process ended: a status, or ``bad input``; nothing at all, as for ``--help``, is well."""
 
     def __init__(self) -> None:
-        self.outcomes: list[str] = []
-        self.sweep = False
+        self.outcome = "completed"
 
     def code(self) -> int:
-        """Exit code of a session that came to its end; nothing at all, as for ``--help``, is well."""
-        if self.outcomes and all(outcome == "bad input" for outcome in self.outcomes):
-            return EXIT_CODES["bad input"]
-        if self.sweep:
-            return EXIT_CODES["failed"] if {"failed", "bad input"} & set(self.outcomes) else 0
-        return EXIT_CODES[self.outcomes[-1]] if self.outcomes else 0
+        """The exit code."""
+        return EXIT_CODES[self.outcome]
 
     def fail(self, outcome: str, message: str) -> int:
         """Say why nothing more can be done; the exit code."""
         print(f"error: {message}", file=sys.stderr)
-        self.outcomes.append(outcome)
+        self.outcome = outcome
         return self.code()
 
 
-def _run_job(composed: DictConfig, session: _Session) -> None:
-    """One run: the only one, or a job of a sweep."""
-    hydra = HydraConfig.get()
+def _run(composed: DictConfig, session: _Session) -> None:
     config = to_config(composed)
-    from cmacexp.compile import announce_compiling
+    if config.sweep.resume:
+        raise BadInput("sweep.resume", True, "resumes a sweep: add -m and hydra.sweep.dir=DIR")
+    from cmacexp.optimize import check_metric
     from cmacexp.run import run_scenario
     from cmacexp.scenario import make_scenario
-    from cmacexp.terminal import progress, summary
+    from cmacexp.terminal import announce_compiling, progress, summary
 
-    announce_compiling(lambda: print(COMPILING, file=sys.stderr))
+    announce_compiling()
+    check_metric(config.optimize)
     scenario = make_scenario(config)
     with progress(config) as watch:
-        result = run_scenario(config, Path(hydra.runtime.output_dir), watch, scenario)
-    session.outcomes.append(result.status)
-    if session.sweep:
-        print(f"#{hydra.job.num} {' '.join(hydra.overrides.task)}")
+        result = run_scenario(config, Path(HydraConfig.get().runtime.output_dir), watch, scenario)
+    session.outcome = result.status
     summary(result)
     if result.status == "failed":
         print(result.manifest["traceback"], file=sys.stderr, end="")
@@ -73,23 +68,39 @@ def _remove_empty(folder: Path) -> None:
 
 
 def _task(session: _Session) -> None:
-    def task(composed: DictConfig) -> None:
+    def task(composed: DictConfig) -> float | None:
         hydra = HydraConfig.get()
-        session.sweep = hydra.mode == RunMode.MULTIRUN
+        if hydra.mode == RunMode.MULTIRUN:
+            from cmacexp.sweep.job import run_job
+
+            return run_job(composed)
         try:
-            _run_job(composed, session)
+            _run(composed, session)
         except (BrokenPipeError, SystemExit):  # who read our output has stopped: the run is on disk all the same
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except (CmacexpError, OSError, MemoryError) as error:
-            session.outcomes.append("bad input" if isinstance(error, BadInput) else "failed")
             _remove_empty(Path(hydra.runtime.output_dir))
-            reason = str(error) or type(error).__name__
-            print(f"error: {f'#{hydra.job.num}: ' if session.sweep else ''}{reason}", file=sys.stderr)
-            if session.sweep:
-                raise CmacexpError(reason) from error  # Hydra runs the other jobs, then knows that this one failed
+            session.fail("bad input" if isinstance(error, BadInput) else "failed", str(error) or type(error).__name__)
+        return None
 
     compose_once(sys.argv[1:])
     hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
+
+
+def _end_sweep(session: _Session) -> None:
+    """Say how the sweep of this process ended, if there was one."""
+    if SweepStart.sweep is not None:
+        from cmacexp.sweep.end import finish
+
+        session.outcome = finish(SweepStart.sweep)
+
+
+def _break_off_sweep(session: _Session, error: Exception) -> int:
+    """Say what stopped a sweep, and what is done of it; the exit code."""
+    code = session.fail("failed", f"the sweep broke off: {str(error).strip() or type(error).__name__}")
+    with contextlib.suppress(OSError):
+        _end_sweep(session)
+    return code
 
 
 def main() -> int:
@@ -101,9 +112,14 @@ def main() -> int:
     session = _Session()
     os.environ["HYDRA_FULL_ERROR"] = "1"  # let exceptions reach the lines below instead of Hydra's own printing
     try:
-        _task(session)
+        try:
+            _task(session)
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            _end_sweep(session)
+            return EXIT_CODES["interrupted"]
+        _end_sweep(session)
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
         return EXIT_CODES["interrupted"]
     except (HydraException, OmegaConfBaseException) as error:
         from cmacexp.config.explain import explain_composition
@@ -112,13 +128,16 @@ def main() -> int:
     except (YAMLError, ValueError) as error:
         hint = "a group takes the name of an option (cmac=one_leg), a field a value (cmac.layers=8)"
         return session.fail("bad input", f"{' '.join(str(error).split())}; {hint}")
-    except CmacexpError:
-        pass  # a job of a sweep failed, and has said so
+    except CmacexpError as error:
+        return session.fail("bad input", str(error))
     except OSError as error:
-        return session.fail("failed", str(error))
+        return _break_off_sweep(session, error) if SweepStart.sweep else session.fail("failed", str(error))
     except EOFError:
-        from cmacexp.compile import CACHE_FOLDER
+        from cmacexp.compile import remove_compiled
 
-        shutil.rmtree(CACHE_FOLDER, ignore_errors=True)
-        return session.fail("failed", f"{CACHE_FOLDER}: compiled code was damaged and is removed; run again")
+        return session.fail("failed", remove_compiled())
+    except Exception as error:  # of a launcher, or a worker that died
+        if SweepStart.sweep is None:
+            raise
+        return _break_off_sweep(session, error)
     return session.code()

@@ -5,6 +5,7 @@ With ``NUMBA_DISABLE_JIT=1`` the same functions run as they stand, and give the 
 
 import contextlib
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -63,6 +64,12 @@ def _temporary_folder(name: str) -> Path:
 CACHE_FOLDER = _cache_folder()
 
 
+def remove_compiled() -> str:
+    """Remove compiled code that cannot be read, so that the next run compiles anew; says so."""
+    shutil.rmtree(CACHE_FOLDER, ignore_errors=True)
+    return f"{CACHE_FOLDER}: compiled code was damaged and is removed; run again"
+
+
 def _compile(function: Function, inline: bool) -> Function:
     # Without numba's reference counting, which costs more than the arithmetic does: a kernel works on arrays that
     # its caller holds, and cannot make any.
@@ -104,6 +111,6 @@ class _Announcement(event.Listener):
         """A kernel has been compiled."""
 
 
-def announce_compiling(call: Callable[[], None]) -> None:
+def call_before_compiling(call: Callable[[], None]) -> None:
     """Have ``call`` called once if something has to be compiled, before it is."""
     register("numba:compile", _Announcement(call))

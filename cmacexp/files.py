@@ -1,21 +1,34 @@
 """Files that appear under their final name only when they are whole."""
 
+import errno
 import hashlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+REFUSED = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}
+"""What a disk says that is full, or not ours to write on."""
+
 
 @contextmanager
 def write_atomically(path: Path) -> Iterator[Path]:
-    """Give a temporary path beside ``path``; rename it to ``path`` when the block ends well, else remove it."""
+    """Give a temporary path beside ``path``; rename it to ``path`` when the block ends well, else remove it.
+
+    Raises:
+        OSError: the disk does not take it; says which file.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield temporary
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         temporary.replace(path)
+    except OSError as error:
+        if error.errno not in REFUSED:
+            raise
+        reason = os.strerror(error.errno).lower()
+        raise OSError(f"{path}: cannot be written: {reason}; make room, or choose another folder") from error
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -3,6 +3,7 @@
 import json
 import platform
 import subprocess
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun
 Manifest = dict[str, Any]
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of all that results can depend on."""
     found = {"cmacexp": __version__, "python": platform.python_version()}
@@ -30,6 +32,7 @@ def versions() -> dict[str, str]:
     return found
 
 
+@cache
 def git_commit() -> str | None:
     """Commit of the checkout that this code runs from; None outside one."""
     checkout = Path(__file__).resolve().parents[1]

@@ -78,6 +78,24 @@ def rows_per_cycle(scores: Scores) -> list[Row]:
     return rows
 
 
+def _pool_of(name: str) -> str:
+    """How any metric of several legs becomes one."""
+    if name in COLUMNS:
+        return COLUMNS[name].pool
+    if "rms" in name:
+        return RMS
+    return LARGEST if name.endswith(("_peak", "_time")) else MEAN
+
+
+def all_of_cycle(scores: Scores, cycle: int) -> Row:
+    """All metrics of one cycle, those of several legs as one number, in SI units."""
+    tables = [table for table in scores if table is not None]
+    legs, *body = ([row for row in table.to_pylist() if row["cycle"] == cycle] for table in tables)
+    names = [name for name in scores.legs.column_names if name not in ("cycle", "leg")]
+    pooled = {name: pool([leg[name] for leg in legs], _pool_of(name)) for name in names}
+    return {**pooled, **{name: value for rows in body for name, value in rows[0].items() if name != "cycle"}}
+
+
 def best(values: Sequence[float], good: str) -> float:
     """The best of some values; NaN if none is defined, or if there is no better or worse."""
     values = [value for value in values if not math.isnan(value)]

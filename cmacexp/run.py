@@ -43,7 +43,7 @@ class RunResult:
         return str(self.manifest["status"])
 
 
-def _clear(folder: Path) -> None:
+def clear(folder: Path) -> None:
     """Make room for a run: what an earlier one left under the same names goes, its manifest first."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in (manifests.NAME, TRACE, BODY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING):
@@ -100,7 +100,7 @@ def run_scenario(
     """
     began = time.perf_counter()
     scenario = prepared or make_scenario(config)
-    _clear(folder)
+    clear(folder)
     end, scores, names = _roll_out(scenario, folder, watch)
     plain = to_plain(config)
     manifest: manifests.Manifest = {

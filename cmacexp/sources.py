@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent
@@ -22,6 +23,7 @@ def sources_hash(rooms: Sequence[str], package: Path = PACKAGE) -> str:
     return digest.hexdigest()[:16]
 
 
+@cache
 def code_hash() -> str:
     """Hash of all code that can change what a run of built-in parts gives."""
     return sources_hash(RESULT_ROOMS)

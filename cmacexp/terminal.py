@@ -1,20 +1,40 @@
-"""What a person sees in the terminal: a progress bar while a run lasts, a table when it ends."""
+"""What a person sees in the terminal: that something is compiled, how far a run is, a table when it ends."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 
+from cmacexp.compile import call_before_compiling
 from cmacexp.config import Config
 from cmacexp.console import print_table
 from cmacexp.keep import RECORDING, Scores
 from cmacexp.pooled import table_of_cycles
 from cmacexp.run import RunResult
 
+COMPILING = "first run: compiling the control loop, once for all later runs (about 10 s) ..."
+
+
+def say(text: str, error: bool = False) -> None:
+    """Print a line at once; a reader who has gone away does not harm what is on disk."""
+    stream = sys.stderr if error else sys.stdout
+    try:
+        print(text, file=stream, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+@cache
+def announce_compiling() -> None:
+    """Say so, once, if this process has to compile."""
+    call_before_compiling(lambda: say(COMPILING, error=True))
+
 
 @contextmanager
-def progress(config: Config) -> Iterator[Callable[[int], None]]:
-    """A progress bar over the cycles of a run, when a person watches; else nothing."""
-    if not sys.stderr.isatty():
+def progress(config: Config, shown: bool = True) -> Iterator[Callable[[int], None]]:
+    """A progress bar over the cycles of a run, when a person watches and it is to be shown; else nothing."""
+    if not (shown and sys.stderr.isatty()):
         yield lambda cycle: None
         return
     from rich.console import Console
@@ -32,18 +52,24 @@ def scores_table(scores: Scores) -> None:
     print_table([f"{title}\n{unit}".rstrip() for title, unit in titles], rows)
 
 
+def outcome(result: RunResult) -> str:
+    """How a run ended, in one line."""
+    manifest = result.manifest
+    steps, seconds = manifest["steps"], manifest["rollout_seconds"]
+    per_step = f", loop {seconds / steps * 1e6:.2f} us a step" if steps else ""
+    cause = f" {manifest['cause']}" if manifest["cause"] else ""
+    return f"{result.status}{cause}: {steps} steps in {manifest['wall_seconds']:.2f} s{per_step}"
+
+
 def summary(result: RunResult) -> None:
     """Print what a run gave and where it is kept."""
     manifest = result.manifest
     if result.scores.legs.num_rows:
         scores_table(result.scores)
-    steps, seconds = manifest["steps"], manifest["rollout_seconds"]
-    per_step = f", loop {seconds / steps * 1e6:.2f} us a step" if steps else ""
-    cause = f" {manifest['cause']}" if manifest["cause"] else ""
-    print(f"{result.status}{cause}: {steps} steps in {manifest['wall_seconds']:.2f} s{per_step}")
+    print(outcome(result))
     if RECORDING in manifest["files"]:
         from cmacexp.recording import every_of
 
-        if (every := every_of(steps)) > 1:
+        if (every := every_of(steps := manifest["steps"])) > 1:
             print(f"{RECORDING}: one step in {every} of {steps}; python -m cmacexp.replay DIR --every 1 shows all")
     print(result.folder)

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from command import ROOT, cmacexp, python
 
-from cmacexp.cli import COMPILING
+from cmacexp.terminal import COMPILING
 
 TRACE = [
     *["step", "time", "cycle", "leg", "phase", "progress", "x_desired", "y_desired", "x_reference", "y_reference"],

@@ -8,9 +8,10 @@ from html.parser import HTMLParser
 import pytest
 from command import cmacexp, python
 
+from cmacexp.config.difference import flat
 from cmacexp.pooled import LARGE, NEAR_ZERO, SMALL, best, shorten
 from cmacexp.report.look import mark, spans_decades
-from cmacexp.sweep_table import Job, find_swept, flatten, in_order, job_of, sweep_rows
+from cmacexp.sweep.table import Job, find_swept, in_order, job_of, sweep_rows
 
 
 def run(folder, *overrides):
@@ -180,7 +181,7 @@ def test_a_report_is_no_run_to_the_other_commands(sweep):
 def test_final_and_best_are_of_whole_cycles(leg):
     job = job_of(leg)
     (row,) = sweep_rows([job], ["cycles"])
-    assert (row["run"], row["status"], row["cycles"]) == ("leg", "completed", 3)
+    assert (row["run"], row["status"], row["cycles_done"]) == ("leg", "completed", 3)
     errors = [cycle["force_rmse"] for cycle in job.cycles]
     assert row["final_force_rmse"] == errors[2]
     assert row["best_force_rmse"] == min(errors)
@@ -195,7 +196,7 @@ def test_a_cycle_that_the_run_did_not_end_is_no_final_one(tmp_path):
 
 
 def jobs(tmp_path, *configs):
-    return [Job(tmp_path / str(i), "completed", "", flatten(config)) for i, config in enumerate(configs)]
+    return [Job(tmp_path / str(i), "completed", "", flat(config)) for i, config in enumerate(configs)]
 
 
 def test_keys_that_differ_between_the_same_runs_are_one(tmp_path):

@@ -50,6 +50,14 @@ def unknown_key(key: str, overrides: Sequence[str]) -> str:
     return f"{key}: no such key; {parent or 'the config'} has {listed(names)}{meant}"
 
 
+EXTRAS = {
+    "hydra/launcher/joblib": "cores",
+    "hydra/launcher/submitit_local": "cluster",
+    "hydra/launcher/submitit_slurm": "cluster",
+}
+"""Options that come with an extra of this package."""
+
+
 def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
     """One line for what Hydra says in several.
 
@@ -60,6 +68,9 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
     cause = error.__cause__
     if isinstance(error, MissingConfigException) and error.options is not None:
         group, _, name = str(error.missing_cfg_file).rpartition("/")
+        if str(error.missing_cfg_file) in EXTRAS:
+            extra = EXTRAS[str(error.missing_cfg_file)]
+            return f'{group}={name}: is not installed: python -m pip install -e ".[{extra}]" in the checkout'
         near = difflib.get_close_matches(name, error.options, 1)
         meant = f"; did you mean {near[0]}?" if near else ""
         return f"{group}={name}: choose from {', '.join(error.options)}{meant}"

@@ -18,8 +18,8 @@ WITHOUT_EFFECT = ("record", "sweep", "optimize", "hydra")
 """Root keys that do not change the results of a run, and so stay out of its hash."""
 
 
-SCALARS = ("scenario", "cycles", "seed", "sampling_period", "reference")
-"""Root keys that are values, not groups."""
+WITHOUT_OPTIONS = ("scenario", "cycles", "seed", "sampling_period", "reference", "sweep", "optimize")
+"""Root keys that are not groups."""
 
 
 def config_folder() -> Path:
@@ -32,7 +32,7 @@ def config_folder() -> Path:
 def _schema(composed: DictConfig) -> DictConfig:
     """The schema of Config with the parts that this config chose filled in."""
     schema = OmegaConf.structured(Config)
-    for group in (field.name for field in fields(Config) if field.name not in SCALARS):
+    for group in (field.name for field in fields(Config) if field.name not in WITHOUT_OPTIONS):
         if not isinstance(composed.get(group), DictConfig):
             raise BadInput(group, composed.get(group), f"must be a group of fields; choose an option of conf/{group}")
     kind = composed.machine.get("kind")

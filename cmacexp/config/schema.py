@@ -228,6 +228,14 @@ class RecordConfig:
 
 
 @dataclass
+class SweepConfig:
+    """How a sweep goes about its jobs."""
+
+    resume: bool
+    """Do not run jobs again whose result the sweep's folder holds."""
+
+
+@dataclass
 class Config:
     """One run, whole."""
 
@@ -245,6 +253,9 @@ class Config:
     cmac: CmacConfig
     learning: LearningConfig
     record: RecordConfig
+    sweep: SweepConfig
+    optimize: str | None
+    """Metric whose final value a job of a sweep gives to the sweeper (see cmacexp/optimize.py); null: none."""
     cycles: int = number("", at_least=1, at_most=10**9)
     seed: int = number("", at_least=0, below=2**32)
     """Seeds the hash of the CMAC's memory, and every part that draws random numbers."""

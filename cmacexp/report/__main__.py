@@ -11,9 +11,9 @@ from cmacexp.errors import BadInput, BadRun
 from cmacexp.folders import command, runs_below
 from cmacexp.report.page import Report, write_report
 from cmacexp.report.run_report import run_report
-from cmacexp.report.sweep_report import sweep_report, table_of_jobs
+from cmacexp.report.sweep_report import sweep_report
 from cmacexp.stored import StoredRun
-from cmacexp.sweep_table import find_swept, in_order, job_of
+from cmacexp.sweep.table import find_swept, in_order, job_of, table_of_jobs
 
 REPORTS = Path("outputs/reports")
 """Where a report over several folders goes, in a folder of its own."""
@@ -47,7 +47,8 @@ def _report_of_several(folders: Sequence[Path], title: str, cycles: str | None, 
     jobs = [job_of(folder) for folder in folders]
     if not any(job.is_result for job in jobs):
         raise BadRun(f"{title}: none of its {len(jobs)} runs can be read ({jobs[0].folder.name}: {jobs[0].cause})")
-    titles, rows = table_of_jobs(jobs, swept := find_swept(jobs))
+    swept = find_swept(jobs)
+    titles, rows = table_of_jobs(jobs, [*swept.keys, *swept.repeats])
     report = sweep_report(jobs, title)
     path = write_report(report, out, _key(report))
     print_table(titles, rows, left=1 + len(swept.keys) + len(swept.repeats) + 1)

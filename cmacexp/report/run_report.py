@@ -5,6 +5,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
+from cmacexp.config.difference import flat
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.keep import BODY_METRICS, METRICS, Scores
 from cmacexp.pooled import number, table_of_cycles, unit_of
@@ -12,7 +13,7 @@ from cmacexp.report import over_cycle, per_cycle
 from cmacexp.report.look import MOST_CYCLES, Look, look_at
 from cmacexp.report.page import Report, Section, Table, Text
 from cmacexp.stored import StoredRun
-from cmacexp.sweep_table import TABLES, flatten, steps_per_cycle
+from cmacexp.sweep.table import TABLES, steps_per_cycle
 from cmacexp.table import read_table
 from cmacexp.trace import LEG_NAMES
 from cmacexp.verify import faults
@@ -156,7 +157,7 @@ def _memory(run: StoredRun) -> list[Section]:
 
 
 def _settings(run: StoredRun) -> Section:
-    rows = [[key, "null" if value is None else str(value)] for key, value in flatten(run.config).items()]
+    rows = [[key, "null" if value is None else str(value)] for key, value in flat(run.config).items()]
     return Section("Settings", [Table(["key", "value"], rows, text_columns=2)])
 
 

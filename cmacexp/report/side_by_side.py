@@ -7,7 +7,7 @@ from cmacexp.report.over_cycle import CLOCK, moves
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import label, new_figure
 from cmacexp.stored import StoredRun
-from cmacexp.sweep_table import Job
+from cmacexp.sweep.table import Job
 
 
 def side_by_side(jobs: Sequence[Job], names: Sequence[str]) -> list[Drawing]:

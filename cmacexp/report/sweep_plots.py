@@ -10,7 +10,7 @@ from cmacexp.report.look import legend_below, logarithmic, mark, spans_decades
 from cmacexp.report.page import Drawing
 from cmacexp.report.per_cycle import MOST_MARKED, scale
 from cmacexp.report.style import DASHES, MARKERS, SERIES, label, new_figure
-from cmacexp.sweep_table import Job, text_of
+from cmacexp.sweep.table import Job, text_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

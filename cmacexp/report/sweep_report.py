@@ -4,42 +4,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cmacexp.pooled import COLUMNS, Row, Shown, defined, number
 from cmacexp.report.page import Report, Section, Table, Text
 from cmacexp.report.side_by_side import side_by_side
 from cmacexp.report.sweep_plots import learning_curves, over_key
-from cmacexp.sweep_table import TABLES, Job, Swept, find_swept, names_of, sweep_rows, text_of
+from cmacexp.sweep.table import TABLES, Job, Swept, find_swept, names_of, table_of_jobs, text_of
 
 MOST_KEYS = 4
 """Swept keys that metrics are drawn over."""
 
 
-def _finals(rows: Sequence[Row], prefix: str) -> dict[str, Shown]:
-    """The metrics that some run defines under ``final_`` or ``best_``."""
-    return defined([{name: row.get(prefix + name, float("nan")) for name in COLUMNS} for row in rows])
-
-
-def table_of_jobs(jobs: Sequence[Job], swept: Swept, prefix: str = "final_") -> tuple[list[str], list[list[str]]]:
-    """Titles, whose units follow a line break, and one row of text for each run.
-
-    Args:
-        jobs: of a sweep.
-        swept: what differs between them.
-        prefix: ``final_`` or ``best_``.
-    """
-    keys = [*swept.keys, *swept.repeats]
-    rows = sweep_rows(jobs, keys)
-    shown = _finals(rows, prefix)
-    titles = ["run", *keys, "status", "cycles", *(f"{how.title}\n{how.unit}" for how in shown.values())]
-    cells = []
-    for row in rows:
-        figures = [number(row[prefix + name] * how.factor) for name, how in shown.items()]
-        cells.append([row["run"], *(text_of(row[key]) for key in keys), row["status"], str(row["cycles"]), *figures])
-    return titles, cells
-
-
 def _html_table(jobs: Sequence[Job], swept: Swept, prefix: str, caption: str) -> Table:
-    titles, rows = table_of_jobs(jobs, swept, prefix)
+    titles, rows = table_of_jobs(jobs, [*swept.keys, *swept.repeats], prefix)
     return Table([title.replace("\n", ", ") for title in titles], rows, caption)
 
 

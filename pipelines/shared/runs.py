@@ -62,8 +62,8 @@ def _run(folder: Path, config: Config) -> None:
 
 
 def _announce_compiling() -> None:
-    from cmacexp.cli import COMPILING
     from cmacexp.compile import CACHE_FOLDER
+    from cmacexp.terminal import COMPILING
 
     if not any(CACHE_FOLDER.rglob("*.nbi")):
         print(COMPILING, file=sys.stderr)

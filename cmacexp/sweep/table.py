@@ -9,27 +9,21 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cmacexp import manifest as manifests
+from cmacexp.config.difference import flat
 from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.errors import BadRun
 from cmacexp.finished import RESULTS
 from cmacexp.keep import BODY, BODY_METRICS, METRICS, TRACE, Scores
-from cmacexp.pooled import COLUMNS, Row, best, rows_per_cycle
+from cmacexp.pooled import COLUMNS, Row, Shown, all_of_cycle, best, defined, number, rows_per_cycle
 from cmacexp.table import read_table
 from cmacexp.verify import faults
 
 TABLES = (TRACE, BODY, METRICS, BODY_METRICS)
 """Files of a run that a report can be computed from."""
+PARTS = ("plant", "sensors", "controller", "feedforward")
+"""Config keys whose value is the part chosen."""
 BROKEN = "not whole"
 """Status of a run that left no whole manifest and tables."""
-
-
-def flatten(config: Any, prefix: str = "") -> dict[str, Any]:
-    """A nested config as ``{"cmac.layers": 8}``; lists become one text."""
-    if isinstance(config, dict):
-        parts = (flatten(value, f"{prefix}{key}.") for key, value in config.items())
-        return {key: value for part in parts for key, value in part.items()}
-    value = f"[{', '.join(map(str, config))}]" if isinstance(config, list) else config
-    return {prefix.rstrip("."): value}
 
 
 @dataclass(frozen=True)
@@ -42,6 +36,11 @@ class Job:
     config: dict[str, Any] = field(default_factory=dict)
     """Flat; empty if the run is broken."""
     cycles: list[Row] = field(default_factory=list)
+    """The main metrics."""
+    last: Row = field(default_factory=dict)
+    """All metrics of the last whole cycle."""
+    bad_input: bool = False
+    """Whether it failed before anything was simulated, for a config that cannot be run."""
 
     @property
     def is_result(self) -> bool:
@@ -57,19 +56,29 @@ class Job:
         return best([row.get(name, math.nan) for row in self.cycles], COLUMNS[name].good)
 
 
+def _settings(manifest: manifests.Manifest) -> dict[str, Any]:
+    """Its config, flat; a list is one text, as everything that can stand in a table."""
+    found = flat(manifest["config"])
+    return {key: text_of(value) if isinstance(value, list) else value for key, value in found.items()}
+
+
 def job_of(folder: Path) -> Job:
     """What a folder holds; a run that is not whole says why in ``cause``."""
     try:
         manifest = manifests.read(folder)
         wrong = [fault for fault in faults(folder) if fault.split(":")[0] in TABLES]
         if wrong:
-            return Job(folder, BROKEN, "; ".join(wrong), flatten(manifest["config"]))
+            return Job(folder, BROKEN, "; ".join(wrong), _settings(manifest))
+        if METRICS not in manifest["files"]:
+            cause, bad_input = manifest.get("cause") or "", bool(manifest.get("bad_input"))
+            return Job(folder, manifest["status"], cause, _settings(manifest), bad_input=bad_input)
         body = read_table(folder / BODY_METRICS) if BODY_METRICS in manifest["files"] else None
-        rows = rows_per_cycle(Scores(read_table(folder / METRICS), body))
+        scores = Scores(read_table(folder / METRICS), body)
     except (BadRun, OSError, ValueError) as error:
         return Job(folder, BROKEN, str(error).splitlines()[0].removeprefix(f"{folder}: "))
-    whole = rows[: manifest["steps"] // steps_per_cycle(manifest["config"])]
-    return Job(folder, manifest["status"], manifest["cause"] or "", flatten(manifest["config"]), whole)
+    whole = manifest["steps"] // steps_per_cycle(manifest["config"])
+    cycles, last = rows_per_cycle(scores)[:whole], all_of_cycle(scores, whole) if whole else {}
+    return Job(folder, manifest["status"], manifest["cause"] or "", _settings(manifest), cycles, last)
 
 
 def steps_per_cycle(config: dict[str, Any]) -> int:
@@ -90,7 +99,7 @@ class Swept(NamedTuple):
 
 def _rank(key: str) -> tuple[int, int, str]:
     """What names a difference best: the scenario, then the part or method chosen, then the shortest key."""
-    order = [key == "scenario", key.endswith("_target_"), key.endswith((".method", ".kind", ".rule", ".pattern"))]
+    order = [key == "scenario", key in PARTS, key.endswith((".method", ".kind", ".rule", ".pattern"))]
     return (order.index(True) if True in order else len(order), len(key), key)
 
 
@@ -137,16 +146,44 @@ def names_of(folders: Sequence[Path]) -> list[str]:
 def sweep_rows(jobs: Sequence[Job], keys: Sequence[str]) -> list[Row]:
     """One flat row per job: ``run``, the value of each key, how it ended, and its metrics.
 
-    How it ended: ``status``, ``cause`` and ``cycles``, the whole ones. Metrics are in SI units under ``final_NAME``
-    (of the last whole cycle) and ``best_NAME`` (over all whole cycles), NaN where undefined.
+    How it ended: ``status``, ``cause`` and ``cycles_done``, the whole ones. Metrics are in SI units under
+    ``final_NAME`` (of the last whole cycle) and ``best_NAME`` (over all whole cycles), NaN where undefined.
     """
     rows = []
     for name, job in zip(names_of([job.folder for job in jobs]), jobs, strict=True):
         row: Row = {"run": name, **{key: job.config.get(key) for key in keys}}
-        row |= {"status": job.status, "cause": job.cause, "cycles": len(job.cycles)}
+        row |= {"status": job.status, "cause": job.cause, "cycles_done": len(job.cycles)}
+        row |= {f"final_{metric}": value for metric, value in job.last.items()}
         row |= {f"final_{metric}": job.final(metric) for metric in COLUMNS}
         rows.append(row | {f"best_{metric}": job.best(metric) for metric, how in COLUMNS.items() if how.good})
     return rows
+
+
+def _finals(rows: Sequence[Row], prefix: str) -> dict[str, Shown]:
+    """The metrics that some run defines under ``final_`` or ``best_``."""
+    return defined([{name: row.get(prefix + name, math.nan) for name in COLUMNS} for row in rows])
+
+
+def table_of_jobs(
+    jobs: Sequence[Job], keys: Sequence[str], prefix: str = "final_"
+) -> tuple[list[str], list[list[str]]]:
+    """Titles, whose units follow a line break, and one row of text for each run.
+
+    Args:
+        jobs: of a sweep.
+        keys: what differs between them.
+        prefix: ``final_`` or ``best_``.
+    """
+    rows = sweep_rows(jobs, keys)
+    shown = _finals(rows, prefix)
+    titles = ["run", *keys, "status", "cycles\ndone", *(f"{how.title}\n{how.unit}" for how in shown.values())]
+    cells = []
+    for row in rows:
+        figures = [number(row[prefix + name] * how.factor) for name, how in shown.items()]
+        cells.append(
+            [row["run"], *(text_of(row[key]) for key in keys), row["status"], str(row["cycles_done"]), *figures]
+        )
+    return titles, cells
 
 
 def text_of(value: Any) -> str:
@@ -155,5 +192,5 @@ def text_of(value: Any) -> str:
         return "null"
     if isinstance(value, float):
         return f"{value:.6g}"
-    text = str(value)
+    text = f"[{', '.join(map(str, value))}]" if isinstance(value, list) else str(value)
     return text.rpartition(".")[2] if text.startswith("cmacexp.") else text

@@ -1,0 +1,111 @@
+"""One job of a sweep, in whatever process: it prints a line, and leaves on disk how it ended."""
+
+import traceback
+from pathlib import Path
+from typing import Any
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from cmacexp import manifest as manifests
+from cmacexp.config import Config, config_hash, to_config
+from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.garbage import collect_rarely
+from cmacexp.sweep.start import without_sweep
+
+
+def _plain(composed: DictConfig) -> dict[str, Any]:
+    """A config as far as it can be told, with what cannot be resolved as it was typed."""
+    for resolve in (True, False):
+        try:
+            plain: Any = OmegaConf.to_container(composed, resolve=resolve)
+            return dict(plain)
+        except OmegaConfBaseException:
+            continue
+    return {}
+
+
+def _cause(error: Exception) -> str:
+    """Why a job failed, in one line."""
+    if isinstance(error, EOFError):
+        from cmacexp.compile import remove_compiled
+
+        return remove_compiled()
+    told = str(error) if isinstance(error, CmacexpError | OSError) else f"{type(error).__name__}: {error}"
+    return " ".join(told.split())
+
+
+def _leave_failure(folder: Path, composed: DictConfig, error: Exception, cause: str) -> None:
+    """Leave a manifest that says why there is no result, and nothing else; as far as the disk takes it."""
+    from cmacexp.run import clear
+
+    plain = _plain(composed)
+    manifest: manifests.Manifest = {
+        "status": "failed",
+        "cause": cause,
+        "bad_input": isinstance(error, BadInput),
+        "seed": plain.get("seed"),
+        "config": plain,
+        "config_hash": config_hash(plain),
+        "versions": manifests.versions(),
+        "git_commit": manifests.git_commit(),
+        "steps": 0,
+        "rollout_seconds": 0.0,
+        "wall_seconds": 0.0,
+        "files": {},
+    }
+    if not isinstance(error, CmacexpError | OSError | MemoryError):
+        manifest["traceback"] = "".join(traceback.format_exception(error))
+    try:
+        clear(folder)
+        manifests.write(folder, manifest)
+    except OSError:
+        pass  # the run without a manifest counts as broken off, and its cause is said in the terminal
+
+
+def _run(config: Config, folder: Path, name: str) -> None:
+    """Run the job unless it is finished and the sweep resumes; say how it ended."""
+    from cmacexp.finished import is_finished
+    from cmacexp.run import run_scenario
+    from cmacexp.scenario import make_scenario
+    from cmacexp.terminal import announce_compiling, outcome, progress, say
+
+    announce_compiling()
+    if config.sweep.resume and is_finished(folder, config):
+        say(f"{name}: finished before, not run again")
+        return
+    alone = HydraConfig.get().launcher._target_.endswith(".BasicLauncher")
+    with progress(config, shown=alone) as watch:
+        result = run_scenario(config, folder, watch, make_scenario(config))
+    if result.status == "failed":
+        say(f"error: {name}: {result.manifest['cause']}", error=True)
+    else:
+        say(f"{name}: {outcome(result)}")
+    if result.status == "interrupted":
+        raise KeyboardInterrupt
+
+
+def run_job(composed: DictConfig) -> float | None:
+    """Run one job of a sweep; a failure is left on disk and does not take the sweep down.
+
+    Returns:
+        What the sweeper asked for by ``optimize``, as :func:`cmacexp.optimize.value_of` gives it.
+    """
+    collect_rarely()
+    hydra = HydraConfig.get()
+    folder, metric = Path(hydra.runtime.output_dir), composed.get("optimize")
+    name = f"#{hydra.job.num} {' '.join(without_sweep(hydra.overrides.task))}"
+    from cmacexp.optimize import check_metric, value_of
+    from cmacexp.sweep.table import job_of
+    from cmacexp.terminal import say
+
+    try:
+        config = to_config(composed)
+        check_metric(config.optimize)
+        _run(config, folder, name)
+    except Exception as error:
+        cause = _cause(error)
+        _leave_failure(folder, composed, error, cause)
+        say(f"error: #{hydra.job.num}: {cause}", error=True)
+    return None if metric is None else value_of(metric, job_of(folder))
