@@ -6,10 +6,10 @@ import pytest
 from command import ROOT, python
 
 SCRIPT = """
-from cmacexp.compile import announce_compiling
+from cmacexp.compile import call_before_compiling
 from cmacexp.models.ground import Ground, stiffness_at
 
-announce_compiling(lambda: print("compiles"))
+call_before_compiling(lambda: print("compiles"))
 print(stiffness_at(Ground(1e4, 0.1, 0.5, 7), 0.25, -0.35))
 """
 
