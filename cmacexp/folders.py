@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from cmacexp import manifest as manifests
-from cmacexp.errors import BadRun, CmacexpError
+from cmacexp.errors import BadInput, BadRun, CmacexpError
 
 
 def is_run(folder: Path) -> bool:
@@ -34,6 +34,20 @@ def runs_below(folder: Path, reports: bool = False) -> list[Path]:
     if not found:
         raise BadRun(f"{folder}: holds no run; give the folder that a run printed at its end")
     return found
+
+
+def require_place(key: str, folder: Path) -> Path:
+    """``folder`` if it is one or can become one.
+
+    Raises:
+        BadInput: a file stands there or above it.
+    """
+    for path in (folder, *folder.parents):
+        if path.exists():
+            if not path.is_dir():
+                raise BadInput(key, folder, f"{path} is a file; choose a folder, it is made if missing")
+            break
+    return folder
 
 
 def command(

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from cmacexp import manifest as manifests
 from cmacexp.errors import BadInput, BadRun
@@ -38,6 +38,15 @@ def _kept(folder: Path) -> dict[int, int]:
     return kept
 
 
+def _what_was_kept(config: dict[str, Any]) -> str:
+    """Of what "every step" is said, where the trace itself is thinned."""
+    record = config.get("record", {})
+    every, cycles = record.get("every_nth_step", 1), record.get("cycles")
+    parts = [f"one step in {every}"] if every > 1 else []
+    parts += [f"cycles {', '.join(map(str, cycles))} alone"] if cycles is not None else []
+    return f"; the trace keeps {', '.join(parts)}" if parts else ""
+
+
 def _check_views(wish: Wish, walking: Sequence[bool]) -> None:
     """Each view must be there for one of the runs at least."""
     from cmacexp.recording import panel_names
@@ -64,7 +73,7 @@ def rebuild(folder: Path, path: Path, wish: Wish) -> str:
     name = write_recording(folder, config, path, label=folder.resolve().name, part=part, names=wish.views)
     if path == folder / RECORDING:
         manifests.update_files(folder, [RECORDING])
-    return name + part.hint
+    return name + part.hint + _what_was_kept(config)
 
 
 def compare(folders: Sequence[Path], path: Path, wish: Wish) -> str:

@@ -60,7 +60,7 @@ def jobs(quick: bool) -> Jobs:
 
 
 def _later(run: StoredRun) -> str:
-    """When both transfer errors were gone."""
+    """From which cycle on both transfer errors are small."""
     cycle = cycle_of(run, ("transfer_rmse_x", "transfer_rmse_y"))
     return f"{cycle:.0f}" if isfinite(cycle) else "-"
 
@@ -99,14 +99,18 @@ def table(taken: Outcome, outcomes: Sequence[Outcome], conclusions: Sequence[Con
         numbers = [shown(n) + (CHANGED if k in changes else "") for k, n in enumerate(outcome.numbers)]
         name = f"{outcome.assumption} {outcome.taken} → {outcome.value}" if outcome.value else outcome.assumption
         rows.append([name, *numbers, *([outcome.later] if taken.later else [])])
-    columns = ["value taken → tried", *(c.what for c in conclusions), *(["gone from"] if taken.later else [])]
+    columns = ["value taken → tried", *(c.what for c in conclusions), *(["small from"] if taken.later else [])]
     return Table(columns, rows, f"{CHANGED.strip()}: the conclusion comes out otherwise than with the values taken")
 
 
 def legend(taken: Outcome, conclusions: Sequence[Conclusion]) -> str:
     """What the columns of the table mean, and which conclusions hold with the values taken."""
     measured = "; ".join(f"{c.what}: {c.axis}" for c in conclusions)
-    later = "; gone from: cycle from which on x and y errors are gone" if taken.later else ""
+    later = (
+        "; small from: cycle from which on x and y errors stay at most a quarter of those of cycle 1"
+        if taken.later
+        else ""
+    )
     holding = [c.name for c, n in zip(conclusions, taken.numbers, strict=True) if c.holds(n)]
     return f"In the table, {measured}{later}. With the values taken hold: {listed(holding)}."
 
@@ -117,7 +121,7 @@ def _consequence(outcome: Outcome, taken: Outcome, conclusions: Sequence[Conclus
         return f"{instead}, it falls"
     changes = changed_by(outcome, taken.numbers, conclusions)
     told = [f"{conclusions[k].what} {shown(outcome.numbers[k])}, not {shown(taken.numbers[k])}" for k in changes]
-    later = f" (position errors gone from cycle {outcome.later} on)" if outcome.later not in ("", "-") else ""
+    later = f" (both at most a quarter from cycle {outcome.later} on)" if outcome.later not in ("", "-") else ""
     return f"{instead}, {listed(told)}{later}"
 
 

@@ -28,11 +28,11 @@ LONG, QUICK_LONG = 500, 30
 LADDER = (5, 10, 20)
 """Cycles that the table shows."""
 SHOWN_VIEWS = {
-    16: "Initial posture",
-    17: "Lift-off of foot 3",
-    18: "Touch-down of foot 3",
-    19: "Transfer of foot 2",
-    20: "Touch-down of foot 2",
+    16: "initial posture",
+    17: "lift-off of foot 3",
+    18: "touch-down of foot 3",
+    19: "transfer of foot 2",
+    20: "touch-down of foot 2",
 }
 READING = (
     "Green: what the feet that carry span, with its margins along the body; dashed: the planned support polygon; "
@@ -137,19 +137,19 @@ def _drawings(walk: Walk, errors: "pd.Series") -> list[Drawing]:
             f"Each leg supports for {PERCENT * gait['duty_factor'].mean():.0f} % of a cycle; on the left the hind "
             f"foot touches down at {gait['touch_down'][3]:.2f} of the cycle and the front foot lifts at "
             f"{gait['lift_off'][1]:.2f}.",
-            "Fig. 14 Gait diagram of a wave gait",
+            "Fig. 14: gait diagram of a wave gait",
         ),
         Drawing(
             "fig15",
             machine_views.diagram(walk),
             f"Body and two-link legs, aslant from the right; hips {MM * body['hip_height']:.0f} mm over the ground, "
             "knees outward (the paper gives neither). The pale legs are those of the left side.",
-            "Fig. 15 Diagram of the quadruped",
+            "Fig. 15: diagram of the quadruped",
         ),
     ]
     for number, k in {16: 0, **instants}.items():
         caption = _view_caption(walk, number, k, last) + READING
-        title = f"Fig. {number} {SHOWN_VIEWS[number]}"
+        title = f"Fig. {number}: {SHOWN_VIEWS[number]}"
         drawings.append(Drawing(f"fig{number}", machine_views.views(walk, k), caption, title))
     forces = Drawing(
         "walk-forces",

@@ -113,6 +113,21 @@ def test_cycles_that_cannot_be_shown_are_refused_in_one_line(leg, tmp_path, cycl
     assert not (tmp_path / "out").exists()
 
 
+def test_a_thinned_run_shows_the_cycles_that_its_trace_kept(tmp_path):
+    thin = run(tmp_path / "thin", "cycles=5", "record.cycles=[2,4]", "record.every_nth_step=7")
+    assert "Cycles shown: 2, 4." in (page(report(thin)) and text_of(thin))
+    done = report(thin, "--cycles", "2,3")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: --cycles=3: is not in the trace, of which record.cycles kept others\n"
+
+
+def test_a_page_cannot_go_where_a_file_stands(leg, tmp_path):
+    (tmp_path / "taken").touch()
+    done = report(leg, "--out", tmp_path / "taken" / "below")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "taken is a file" in done.stderr
+
+
 def test_folders_that_hold_no_whole_run_are_refused(leg, tmp_path):
     (tmp_path / "empty").mkdir()
     untraced = shutil.copytree(leg, tmp_path / "untraced")

@@ -1,12 +1,18 @@
 """The study of force control methods: verdicts follow the data, and the command leaves a report."""
 
 import csv
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pandas as pd
 import pytest
 from command import python
 
+from cmacexp.config.compose import compose_config
+from cmacexp.finished import is_finished
+from cmacexp.run import run_scenario
 from pipelines.force_methods import best_claim, elasticity_claim, method_claim, settles
+from pipelines.shared import runs
 from pipelines.telling.ground_belief import apparent_stiffness, predicted_force
 
 CONFIG = {
@@ -82,6 +88,30 @@ def test_apparent_stiffness_by_hand():
         return pd.DataFrame({"force": [0.0, force], "y": [0.45, depth]})
 
     assert apparent_stiffness(at_rest(1.0, 0.6), at_rest(1.09, 0.591)) == pytest.approx(10.0)
+
+
+def test_studies_that_need_the_same_run_at_the_same_time_run_it_once(tmp_path, monkeypatch):
+    begun = []
+
+    def counted(config, folder):
+        begun.append(folder)
+        time.sleep(0.2)  # the other one comes while this one runs
+        return run_scenario(config, folder)
+
+    monkeypatch.setattr("cmacexp.run.run_scenario", counted)
+    config = compose_config(["scenario=force_step", "record=trace"])
+    with ThreadPoolExecutor(2) as pool:
+        for done in [pool.submit(runs._run, tmp_path / "run", config) for _ in range(2)]:
+            done.result()
+    assert begun == [tmp_path / "run"]
+    assert is_finished(tmp_path / "run", config)
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused_before_anything_runs(tmp_path):
+    (tmp_path / "taken").touch()
+    done = python("-m", "pipelines.force_methods", "--quick", "--folder", "taken", folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == "error: --folder=taken: taken is a file; choose a folder, it is made if missing\n"
 
 
 def test_the_command_leaves_a_report(tmp_path):

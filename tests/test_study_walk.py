@@ -85,6 +85,16 @@ def test_margins_are_those_of_the_feet_that_carry():
     assert touch_down_of_2(a_walk())["front_after"].tolist() == pytest.approx([0.2] * 3)
 
 
+def test_forces_of_a_lift_off_are_those_of_the_step_in_which_the_foot_leaves():
+    def late(support, force):
+        force[18, 2] = 4.0  # foot 3 leaves the ground a step after step 18, in which it is to
+        return force
+
+    walk = a_walk(late)
+    walk.desired[:, 1] = np.arange(len(walk.desired))
+    assert lift_off_of_3(walk)["desired_2"].tolist() == [19.0, 49.0, 79.0]
+
+
 def test_stability_is_restored_when_it_is_for_good():
     def bounce(support, force):
         force[16, 0] = 0.0  # foot 2 touches down in step 15, foot 1 lets go in the next
@@ -239,7 +249,7 @@ def test_the_study_runs_from_the_command_line(tmp_path):
     folder = tmp_path / "studies" / "quadruped_walking-quick"
     page = (folder / "report.html").read_text()
     for number in range(14, 21):
-        assert f"Fig. {number} " in page
+        assert f"Fig. {number}: " in page
         assert (folder / "figures" / f"fig{number}.png").exists()
         assert (folder / "figures" / f"fig{number}.svg").exists()
     with (folder / "claims.csv").open() as file:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cmacexp.console import print_table
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.folders import command, runs_below
+from cmacexp.folders import command, require_place, runs_below
 from cmacexp.report.page import Report, write_report
 from cmacexp.report.run_report import run_report
 from cmacexp.report.sweep_report import sweep_report
@@ -28,7 +28,7 @@ def _cycles(text: str) -> list[int]:
 
 def _destination(given: Sequence[Path], out: str | None) -> Path:
     if out is not None:
-        return Path(out)
+        return require_place("--out", Path(out))
     return given[0] / "report" if len(given) == 1 else REPORTS / "-".join(path.resolve().name for path in given[:4])
 
 

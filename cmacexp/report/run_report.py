@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 
 from cmacexp.config.difference import flat
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.keep import BODY_METRICS, METRICS, Scores
+from cmacexp.keep import BODY_METRICS, METRICS, Scores, steps_by_cycle
 from cmacexp.pooled import number, table_of_cycles, unit_of
 from cmacexp.report import over_cycle, per_cycle
 from cmacexp.report.look import MOST_CYCLES, Look, look_at
@@ -41,24 +41,36 @@ def _last_cycle(run: StoredRun) -> int:
     return -(-int(run.manifest["steps"]) // steps_per_cycle(run.config))
 
 
+def _kept_cycles(run: StoredRun) -> list[int]:
+    kept = sorted(steps_by_cycle(run.folder))
+    if not kept:
+        raise BadRun(f"{run.folder}: its trace holds no step; run it again without record.cycles")
+    return kept
+
+
 def chosen_cycles(run: StoredRun, asked: Sequence[int]) -> list[int]:
     """The cycles to show: those asked for, else the first, the first that learned, the middle and the last whole one.
 
+    Of a thinned run only those that its trace kept.
+
     Raises:
-        BadInput: the run does not have one, or they are too many to tell apart.
+        BadInput: the run or its trace does not have one, or they are too many to tell apart.
+        BadRun: the trace holds no step.
     """
-    last = _last_cycle(run)
+    last, kept = _last_cycle(run), _kept_cycles(run)
     if len(set(asked)) > MOST_CYCLES:
         raise BadInput("--cycles", ",".join(map(str, asked)), f"at most {MOST_CYCLES} can be told apart in a figure")
     for wanted in asked:
         if not 1 <= wanted <= last:
             raise BadInput("--cycles", wanted, f"{run.folder} has cycles 1 to {last}")
+        if wanted not in kept:
+            raise BadInput("--cycles", wanted, "is not in the trace, of which record.cycles kept others")
     if asked:
         return sorted(set(asked))
-    whole = max(_whole_cycles(run), 1)
+    whole = [cycle for cycle in kept if cycle <= _whole_cycles(run)] or kept[:1]
     learned = run.config["learning"]["start_cycle"] if run.manifest["memory"] else 1
-    candidates = {1, learned, (1 + whole) // 2, whole}
-    return sorted(cycle for cycle in candidates if cycle <= whole)
+    candidates = {whole[0], whole[(len(whole) - 1) // 2], whole[-1], *[c for c in whole if c >= learned][:1]}
+    return sorted(candidates)
 
 
 def _how_it_ended(run: StoredRun) -> str:
@@ -165,8 +177,11 @@ def _end(run: StoredRun) -> list[Section]:
     if run.status not in ("fell", "diverged"):
         return []
     last = _last_cycle(run)
+    told = Text(f"The run {_how_it_ended(run)}.")
+    if last not in _kept_cycles(run):
+        return [Section("How it ended", [told])]
     look = look_at(run, [max(last - 1, 1), last])
-    return [Section("How it ended", [Text(f"The run {_how_it_ended(run)}."), over_cycle.end(look, run.status)])]
+    return [Section("How it ended", [told, over_cycle.end(look, run.status)])]
 
 
 def run_report(run: StoredRun, asked: Sequence[int] = ()) -> Report:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.compose import compose_config
+from cmacexp.files import alone_in
 from cmacexp.finished import is_finished
 from cmacexp.report.page import Link, relative
 from cmacexp.stored import StoredRun
@@ -58,7 +59,10 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, bool]
 def _run(folder: Path, config: Config) -> None:
     from cmacexp.run import run_scenario
 
-    run_scenario(config, folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with alone_in(folder):
+        if not is_finished(folder, config):  # another study may have run it while this one waited
+            run_scenario(config, folder)
 
 
 def _announce_compiling() -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cmacexp.errors import CmacexpError
+from cmacexp.folders import require_place
 from cmacexp.report.page import HTML, Claim, Report, Section, draw, write_report
 from pipelines.shared.runs import Runs, collect
 from pipelines.shared.state import is_up_to_date, state_key
@@ -90,11 +91,13 @@ def command(name: str, purpose: str, work: Callable[[Path, bool], Path]) -> None
     )
     arguments = parser.parse_args()
     try:
-        work(arguments.folder / (f"{name}-quick" if arguments.quick else name), arguments.quick)
+        folder = require_place("--folder", arguments.folder)
+        work(folder / (f"{name}-quick" if arguments.quick else name), arguments.quick)
     except KeyboardInterrupt:
         sys.exit(130)
     except (CmacexpError, OSError) as error:
-        sys.exit(f"error: {error}")
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2 if isinstance(error, CmacexpError) else 1)
 
 
 def main(study: Study) -> None:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LEARNT = 0.25
-"""Errors at most so much of those of cycle 1 count as virtually eliminated."""
+"""Errors at most so much of those of cycle 1 count as small; the paper's "virtually eliminated" is stricter."""
 FORCE_ERROR = 5.0
 """Steady-state force error in percent, "less than 5%"."""
 MAJOR = 0.5
@@ -80,9 +80,9 @@ def walked(run: StoredRun) -> float:
 
 
 def learnt(name: str, column: str, cycle: int | None) -> Conclusion:
-    """An error that is virtually eliminated by ``cycle``."""
+    """An error that is small by ``cycle``."""
     axis = f"cycle {cycle} / 1" if cycle else "last / first cycle"
-    return Conclusion(f"{name} gone", name, axis, ratio(column, cycle), most=LEARNT, logarithmic=True)
+    return Conclusion(f"{name} at most a quarter", name, axis, ratio(column, cycle), most=LEARNT, logarithmic=True)
 
 
 def one_leg(cycle: int = CYCLE) -> tuple[Conclusion, ...]:
@@ -150,7 +150,7 @@ class Outcome:
     numbers: tuple[float, ...]
     """One for each conclusion."""
     later: str = ""
-    """Cycle from which on the position errors are gone; empty where there is nothing to learn."""
+    """Cycle from which on the position errors are small; empty where there is nothing to learn."""
 
     @property
     def falls(self) -> bool:

@@ -110,7 +110,7 @@ def lift_off_of_3(walk: Walk) -> "pd.DataFrame":
                 "rear_planned": walk.view.body["margin_rear"][k],
                 "rear": walk.carried(aloft[0])[REAR] if len(aloft) else np.nan,
                 "force_2": force[0] if len(aloft) else np.nan,
-                "desired_2": walk.desired[k, 1],
+                "desired_2": walk.desired[aloft[0], 1] if len(aloft) else np.nan,
                 "force_2_least": force.min(initial=np.inf),
                 "correlation": float(np.corrcoef(planned, force)[0, 1]) if len(set(force)) > 1 else np.nan,
             }
