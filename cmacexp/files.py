@@ -50,3 +50,22 @@ def sha256(path: Path) -> str:
     """SHA-256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what processes that were killed left of files in ``folder``; not what a living one is writing."""
+    for part in folder.glob(".*.part"):
+        process = part.suffixes[-2].removeprefix(".") if len(part.suffixes) > 1 else ""
+        if process == str(os.getpid()) or not (process.isdecimal() and is_alive(int(process))):
+            part.unlink(missing_ok=True)
+
+
+def is_alive(process: int) -> bool:
+    """Whether a process of this number runs."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # not ours to signal, so there is one
+        return True
+    return True

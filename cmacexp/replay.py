@@ -34,7 +34,9 @@ def _kept(folder: Path) -> dict[int, int]:
     """Steps of each cycle in the trace of a run."""
     kept = steps_by_cycle(folder)
     if not kept:
-        raise BadRun(f"{folder}: the run took no step, there is nothing to show")
+        taken = manifests.read(folder).get("steps", 0)
+        why = f"its trace kept none of its {taken} steps" if taken else "the run took no step"
+        raise BadRun(f"{folder}: {why}, there is nothing to show")
     return kept
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cmacexp import manifest as manifests
 from cmacexp.config import Config, config_hash, to_plain
-from cmacexp.files import sha256
+from cmacexp.files import remove_leftovers, sha256
 from cmacexp.keep import (
     BODY,
     BODY_METRICS,
@@ -48,8 +48,7 @@ def clear(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name in (manifests.NAME, TRACE, BODY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING):
         (folder / name).unlink(missing_ok=True)
-    for leftover in folder.glob(".*.part"):
-        leftover.unlink(missing_ok=True)
+    remove_leftovers(folder)
 
 
 def _traces(scenario: Scenario, samples: Samples) -> Traces:

@@ -108,7 +108,7 @@ def test_a_report_lists_what_it_rests_on(finished, tmp_path):
     assert page == tmp_path / "report" / HTML
     text = page.read_text()
     assert "a &lt; b" in text
-    assert "it presses &lt;hard&gt;" in text
+    assert "It presses &lt;hard&gt;" in text
     assert "http" not in text, "the page needs nothing from elsewhere"
     assert set(manifests.read(page.parent)["files"]) == {"report.html", "claims.csv", "../run/trace.parquet"}
     assert not faults(page.parent)

@@ -211,7 +211,12 @@ def test_a_run_without_a_step_is_one_line(copy, tmp_path):
     trace.iloc[:0].to_parquet(folder / "trace.parquet")
     done = replay(folder, folder=tmp_path)
     assert done.returncode == 2
-    assert done.stderr == f"error: {folder}: the run took no step, there is nothing to show\n"
+    assert done.stderr == f"error: {folder}: its trace kept none of its 2400 steps, there is nothing to show\n"
+    manifest = json.loads((folder / "manifest.json").read_text())
+    (folder / "manifest.json").write_text(json.dumps({**manifest, "steps": 0}))
+    assert (
+        replay(folder, folder=tmp_path).stderr == f"error: {folder}: the run took no step, there is nothing to show\n"
+    )
 
 
 def test_the_usual_thinning_keeps_within_the_most_steps(runs):

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cmacexp import manifest as manifests
 from cmacexp.errors import CmacexpError
 from cmacexp.folders import require_place
 from cmacexp.report.page import HTML, Claim, Report, Section, draw, write_report
@@ -64,6 +65,7 @@ def write_study(studies: Sequence[Study], title: str, purpose: str, folder: Path
     with workers() as each:
         jobs = {study.name: study.jobs(quick) for study in studies}
         runs = collect(each, jobs, folder.parent / "runs")
+        (folder / manifests.NAME).unlink(missing_ok=True)  # its figures are about to change
         told = each("drawing", _tell, [(study.tell, Runs(runs[study.name], folder)) for study in studies])
     sections = [section for own, _ in told for section in own]
     files = {path for _, own in told for path in own}

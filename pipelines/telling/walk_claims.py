@@ -67,7 +67,7 @@ def gait_is_a_wave(gait: "pd.DataFrame", least_feet: int, links: Sequence[Link])
     return Claim(
         "Wave gait with duty factor 0.8: feet lift from hind to front, the sides half a cycle apart, at least three "
         "feet are on the ground",
-        "6, 6.1, Fig. 14",
+        "sections 6, 6.1, Fig. 14",
         f"duty factor {', '.join(sorted({f'{d:.3f}' for d in gait['duty_factor']}))}; feet lift in the order "
         f"{order}, {PERCENT * after(3, 1):.0f} % of a cycle from hind to front; never fewer than {least_feet} feet "
         "carry",
@@ -86,7 +86,7 @@ def walks_steadily(end: End, body: "pd.DataFrame", hip_height: float, how: str, 
     walked = f"walks all {end.cycles} cycles" if stable else f"{end.status} after {end.time:.3f} s"
     return Claim(
         f"Force/position feedback, posture control and CMAC together give stable and steady walking ({how})",
-        "6.3",
+        "section 6.3",
         f"{walked}; in the last {len(last)} it leans by up to {MM * tilt:.0f} mrad and its height is off by up to "
         f"{MM * off:.1f} mm, mean {MM * (last['height_mean'].mean() - hip_height):+.1f} mm",
         REPRODUCED if stable and steady else IN_PART if stable else NOT_REPRODUCED,
@@ -109,7 +109,7 @@ def posture_carries(
 
     return Claim(
         "Foot forces depend on the posture; posture control obtains it",
-        "6, 6.2",
+        "sections 6, 6.2",
         f"{told(without)}; {told(with_it)}; the forces sum to the weight within {off:.0g} N",
         REPRODUCED if all(falls + stands) else IN_PART if any(falls) and any(stands) else NOT_REPRODUCED,
         links,
@@ -121,9 +121,12 @@ def margin_is_short(planned: float, measured: float, length: float, which: str, 
     claim, where = {
         "rear": (
             "When foot 3 is lifted the rear stability margin is very short, the COG stays inside",
-            "6.3, Fig. 17",
+            "section 6.3, Fig. 17",
         ),
-        "front": ("Late in the transfer of foot 2 the COG is close to the front support boundary", "6.3, Fig. 19"),
+        "front": (
+            "Late in the transfer of foot 2 the COG is close to the front support boundary",
+            "section 6.3, Fig. 19",
+        ),
     }[which]
     inside, short = measured > 0.0, max(planned, measured) <= SHORT * length
     return Claim(
@@ -142,7 +145,7 @@ def force_2_tells(lift_off: "pd.DataFrame", fallen_least: float, links: Sequence
     positive, follows = lift_off["force_2_least"].min() > 0.0, last["correlation"] >= FOLLOWS
     return Claim(
         "F_n2 is another indicator for stability: at 0 the system is likely to fail",
-        "6.3, Fig. 17",
+        "section 6.3, Fig. 17",
         f"F_n2 is {last['force_2']:.2f} N (desired {last['desired_2']:.2f} N) when foot 3 leaves the ground, "
         f"{lift_off['force_2_least'].min():.2f} N at the least of all cycles; correlation with the rear margin "
         f"{last['correlation']:.3f}; where the machine falls, one of the three feet has {fallen_least:.2f} N left",
@@ -173,7 +176,7 @@ def foot_1_is_late(
     harmless = own.empty or own["margin"].min() >= least_planned
     return Claim(
         "After foot 3 has touched down F_n1 is not 0 although F_d1 = 0, due to the delay of leg 1; it does no harm",
-        "6.3, Fig. 18",
+        "section 6.3, Fig. 18",
         f"foot 1 is late {told(touch_down)}; {touch_down['force_1'].iloc[-1]:.2f} N in the last (foot 1 is not late "
         f"where foot 3 came down early). Eq. 24 as printed: {told(printed)}",
         NOT_REPRODUCED if own.empty else REPRODUCED if often and harmless else IN_PART,
@@ -189,7 +192,7 @@ def foot_2_restores(touch_down: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     early = "before" if last["contact"] < 0.0 else "after"
     return Claim(
         "The touch-down of foot 2 restores stability immediately",
-        "6.3, Fig. 20",
+        "section 6.3, Fig. 20",
         f"planned front margin {MM * last['front_planned']:.0f} mm, then {MM * last['front_planned_after']:.0f} mm; "
         f"foot 2 carries {last['force_2']:.1f} N {MS * abs(last['contact']):.0f} ms {early} plan; then foot 1 is "
         f"down to {last['force_1_after']:.1f} N and the feet that carry leave {MM * last['front_after']:.0f} mm; "
@@ -206,7 +209,7 @@ def feedback_diminishes(share: "pd.Series", links: Sequence[Link]) -> Claim:
     first, last = (float(feedback.iloc[i]) for i in (0, -1))
     return Claim(
         "This is achieved in the absence of a model and with a diminishing contribution from the feedback control",
-        "6.3",
+        "section 6.3",
         f"feedback has 100 % of the torque without CMAC, {PERCENT * first:.0f} % in cycle {feedback.index[0]}, "
         f"{PERCENT * last:.1f} % in cycle {feedback.index[-1]}",
         REPRODUCED if last <= HALVED * first else IN_PART if last < first else CONTRADICTED,
@@ -223,7 +226,7 @@ def control_improves(learned: "pd.Series", alone: "pd.Series", how: str, links: 
     )
     return Claim(
         f"Learning improves position and force control, also of the quadruped ({how})",
-        "abstract, 7",
+        "abstract, section 7",
         f"RMS errors of cycle {learned.name}, without and with CMAC: " + ", ".join(told),
         REPRODUCED if all(better) else IN_PART if any(better) else NOT_REPRODUCED,
         links,
