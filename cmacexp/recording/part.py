@@ -83,7 +83,8 @@ def part_of(
     first, last = cycles or (min(kept), max(kept))
     steps = sum(count for cycle, count in kept.items() if first <= cycle <= last)
     if not steps:
-        raise BadInput("--cycles", f"{first}-{last}", "are not in the trace, of which record.cycles kept others")
+        asked = f"{first}-{last}" if last > first else str(first)
+        raise BadInput("--cycles", asked, "not in the trace, of which record.cycles kept others")
     if every is not None and every > steps:
         raise BadInput("--every", every, f"must be at most the {steps} steps that are to be shown")
     return Part(first, last, every or every_of(steps, sharing), steps)

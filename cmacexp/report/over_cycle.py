@@ -200,4 +200,4 @@ def end(look: Look, status: str) -> Drawing:
     """The last steps of a run that fell or diverged."""
     figure = _end_of_body(look) if look.body is not None and status == "fell" else _end_of_legs(look)
     steps = min(LAST_STEPS, len(look.trace) // look.legs)
-    return Drawing("end", figure, f"The last {steps} steps before the run stopped.")
+    return Drawing("end", figure, f"The last {steps} recorded steps before the run stopped.")
