@@ -66,14 +66,15 @@ def _roll_out(scenario: Scenario, folder: Path, watch: Callable[[int], None]) ->
     config, walks = scenario.setup.config, scenario.setup.mechanism.kind == LEGS_UNDER_BODY
     with writing(folder, config.record, config.steps_per_cycle, walks) as writer:
         end = stream(scenario, lambda samples: writer.add(_traces(scenario, samples)), watch)
+    scores = writer.scores
     names = [TRACE, BODY] if walks else [TRACE]
-    names += write_scores(folder, writer.scores)
-    if config.record.recording and steps_by_cycle(folder):
-        from cmacexp.recording import write_recording
+    names += write_scores(folder, scores)
+    if config.record.recording and (kept := steps_by_cycle(folder)):
+        from cmacexp.recording import part_of, write_recording
 
-        write_recording(folder, to_plain(config), folder / RECORDING)
+        write_recording(folder, to_plain(config), folder / RECORDING, part=part_of(kept))
         names.append(RECORDING)
-    return end, writer.scores, names
+    return end, scores, names
 
 
 def run_scenario(
@@ -87,7 +88,7 @@ def run_scenario(
     Args:
         config: a checked config.
         folder: is made if missing; files of an earlier run in it are replaced.
-        watch: is called after every cycle with the cycles done so far.
+        watch: is called with the cycles done so far, see :func:`cmacexp.rollout.stream`.
         prepared: the scenario of ``config`` if it is already made.
 
     Returns:
