@@ -4,6 +4,7 @@ The state is all that the loop changes: weights in use, joints, what the control
 Which numbers those are is seen, not listed, so that a new rule, sensor or actuator is covered as it comes.
 """
 
+import copy
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from cmacexp.arrays import Array
 from cmacexp.config import Config
+from cmacexp.control.feedforward_law import TABLE
 from cmacexp.errors import CmacexpError
 from cmacexp.rollout.layout import BODY_SAMPLES, SAMPLES
 from cmacexp.rollout.rollout import FusedRun, is_built_in
@@ -87,9 +89,15 @@ class Loop:
         return self.run.run(self.samples[:steps], self.body[:steps]) == RUNNING
 
     def column(self, name: str) -> Array:
-        """A column of the last cycle's samples: torques (N, L, 2) by the name of their pair, e.g. ``tau_feedback``."""
+        """Torques (N, L, 2) of the last cycle's samples by the name of their pair, e.g. ``tau_feedback``."""
         first = SAMPLES.index(f"{name}_1")
         return self.samples[:, :, first : first + 2].copy()
+
+    def play(self, torque: Array) -> None:
+        """From now on the feedforward is ``torque`` (N, L, 2), N m, changed in place or not, and learns no more."""
+        law = self.run.loop.feedforward
+        self.run.loop = self.run.loop._replace(feedforward=law._replace(kind=TABLE, torque=torque))
+        self._first = [(array, array.copy()) for _, array in arrays_of(self.run.loop)]
 
     def hold(self, steps: int) -> Array:
         """Take the state as it is now for that about which the loop is looked at, over so many steps.
@@ -156,6 +164,11 @@ class Loop:
         return (state - other) / (2.0 * size), (seen - seen_other) / (2.0 * size)
 
 
-def open_loop(config: Config) -> Loop:
-    """The loop of a config, at its start; see :class:`Loop`."""
-    return Loop(make_scenario(config))
+def open_loop(config: Config, prepared: Scenario | None = None) -> Loop:
+    """The loop of a config, at its start; see :class:`Loop`.
+
+    Args:
+        config: a checked config.
+        prepared: its scenario if it is already made and has not run; it is left as it is.
+    """
+    return Loop(make_scenario(config) if prepared is None else copy.deepcopy(prepared))

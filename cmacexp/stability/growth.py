@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmacexp.arrays import Array
 from cmacexp.config import Config
+from cmacexp.scenario import Scenario, make_scenario
 from cmacexp.stability.cycle_map import Loop, NotPredictable, open_loop
 from cmacexp.stability.krylov import Krylov, krylov
 
@@ -85,12 +86,12 @@ def with_lead(config: Config, lead: int) -> Config:
     return replace(config, learning=replace(config.learning, lead=lead))
 
 
-def change_sizes(config: Config, cycles: int) -> list[float]:
+def change_sizes(config: Config, cycles: int, prepared: Scenario | None = None) -> list[float]:
     """Run in memory: root of the summed squares of what the feedback torque changes from each cycle to the next, N m.
 
     Entry j is from cycle j + 1 to j + 2; the list ends where the run does.
     """
-    loop, before = open_loop(config), None
+    loop, before = open_loop(config, prepared), None
     found: list[float] = []
     while loop.cycles < cycles and loop.advance(loop.period):
         feedback = loop.column("tau_feedback")
@@ -100,7 +101,7 @@ def change_sizes(config: Config, cycles: int) -> list[float]:
     return found
 
 
-def calmest(sizes: Sequence[float], first: int) -> int:
+def calmest(sizes: Sequence[float] | Array, first: int) -> int:
     """The cycle whose feedback changes least to the next: where the loop is nearest to repeating itself.
 
     Args:
@@ -128,25 +129,29 @@ def grow(loop: Loop, dimension: int = DIMENSION) -> Growth:
     return Growth(done, found, (loop.period, loop.samples.shape[1], 2))
 
 
-def predicted_growth(config: Config, cycle: int | None = None, dimension: int = DIMENSION) -> Growth:
+def predicted_growth(
+    config: Config, cycle: int | None = None, dimension: int = DIMENSION, prepared: Scenario | None = None
+) -> Growth:
     """Predict how learning goes on, by running a few cycles in memory and linearising the loop there.
 
     Args:
         config: a checked config.
         cycle: where to linearise, in cycles done; None: at the calmest of the first EARLY.
         dimension: directions to look along, each the price of two cycles.
+        prepared: the scenario of ``config`` if it is already made; it does not run.
 
     Raises:
         NotPredictable: the loop has parts that cannot be linearised, nothing learns in it, or it ends before.
         BadInput: the plan asks for what the machine cannot do.
     """
     first = config.learning.start_cycle
+    scenario = make_scenario(config) if prepared is None else prepared
     if cycle is None:
-        sizes = change_sizes(config, first + EARLY)
+        sizes = change_sizes(config, first + EARLY, scenario)
         if len(sizes) <= first:
             raise NotPredictable(f"the run ends in cycle {len(sizes) + 1}, before learning shows")
         cycle = calmest(sizes, first)
-    loop = open_loop(config)
+    loop = open_loop(config, scenario)
     while loop.cycles < cycle:
         if not loop.advance(loop.period):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")

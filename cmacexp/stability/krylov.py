@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cmacexp.arrays import Array
 
+# Products are taken by einsum, not by BLAS, whose threads cost more than they save at this size where cores are busy.
 EXHAUSTED = 1e-10
 """A new direction shorter than this, relative to the last, tells nothing new."""
 
@@ -33,8 +34,8 @@ class Krylov(NamedTuple):
         weights[0] = self.start
         seen = []
         for _ in range(times):
-            seen.append(weights @ self.seen)
-            weights = self.hessenberg @ weights
+            seen.append(np.einsum("i,ij", weights, self.seen))
+            weights = np.einsum("ij,j", self.hessenberg, weights)
         return np.array(seen)
 
 
@@ -56,8 +57,8 @@ def krylov(map_of: Callable[[Array], tuple[Array, Array]], start: Array, dimensi
         seen.append(shown)
         size = float(np.linalg.norm(image))
         for _ in range(2):  # once leaves them orthogonal to no more than a few digits
-            parts = basis[: k + 1] @ image
-            image = image - parts @ basis[: k + 1]
+            parts = np.einsum("ij,j", basis[: k + 1], image)
+            image = image - np.einsum("i,ij", parts, basis[: k + 1])
             hessenberg[: k + 1, k] += parts
         rest = float(np.linalg.norm(image))
         if rest <= EXHAUSTED * size:
