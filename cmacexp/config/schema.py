@@ -331,6 +331,15 @@ class PartWithoutFields:
     _target_: str
 
 
+@dataclass
+class IterativeLearningConfig:
+    """Iterative learning control (Bristow, Tharayil & Alleyne 2006)."""
+
+    _target_: str
+    cutoff: float | None = number("Hz", above=0, at_most=1e6)
+    """Of the low-pass Q that the torques of a cycle go through, where its gain is 1/sqrt(2); null: none."""
+
+
 MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine}
 
 BUILT_IN_PARTS = {
@@ -339,5 +348,6 @@ BUILT_IN_PARTS = {
     "cmacexp.control.NoFeedforward": PartWithoutFields,
     "cmacexp.control.CmacFeedforward": PartWithoutFields,
     "cmacexp.control.InverseDynamics": PartWithoutFields,
+    "cmacexp.control.IterativeLearning": IterativeLearningConfig,
 }
 """Schemas of the parts that a ``_target_`` can name; another target brings its own fields, unchecked here."""
