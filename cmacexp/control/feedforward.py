@@ -58,7 +58,7 @@ def _law(kind: int, setup: Setup, torque: Array | None = None, cmacs: list[Cmac]
         np.ascontiguousarray(cells),
         weights,
         config.learning.rate,
-        config.learning.lead,
+        config.lead,
     )
 
 
