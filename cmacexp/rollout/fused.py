@@ -66,7 +66,7 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
             sense(loop.sensing, plant.mechanism, start + k, machine, seen)
         if acting:
             # Before the feedback, so that what it taught is still the last step's.
-            feedforward_step(loop.feedforward, sample, state.taught, feedforward)
+            feedforward_step(loop.feedforward, start + k, sample, state.taught, feedforward)
         hybrid_feedback(
             loop.control, state, loop.support[sample], reference,
             seen.trig, seen.foot, seen.velocity, seen.force, seen.body,

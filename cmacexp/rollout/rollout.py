@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.arrays import Array
-from cmacexp.control import CmacFeedforward, HybridController, InverseDynamics, NoFeedforward
+from cmacexp.control import HybridController
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.feedforward import BuiltInFeedforward
 from cmacexp.models.mechanism import POINT_MASS
@@ -78,7 +78,8 @@ def is_built_in(scenario: Scenario) -> bool:
         type(scenario.plant) is AnalyticPlant
         and type(scenario.sensors) in (PerfectSensors, RealSensors)
         and type(scenario.controller) is HybridController
-        and type(scenario.feedforward) in (NoFeedforward, InverseDynamics, CmacFeedforward)
+        and isinstance(scenario.feedforward, BuiltInFeedforward)
+        and type(scenario.feedforward).predict is BuiltInFeedforward.predict
     )
 
 
