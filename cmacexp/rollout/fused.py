@@ -69,7 +69,7 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
             feedforward_step(loop.feedforward, start + k, sample, state.taught, feedforward)
         hybrid_feedback(
             loop.control, state, loop.support[sample], reference,
-            seen.trig, seen.foot, seen.velocity, seen.force, seen.body,
+            seen.trig, seen.foot, seen.velocity, seen.force, seen.body, seen.body_rate,
         )  # fmt: skip
         actuate(loop.actuator, start + k, state.feedback, feedforward, total)
         write_samples(
