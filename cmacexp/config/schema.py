@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cmacexp.config.fields import choice, number
+from cmacexp.config.sensors import RealSensorsConfig
 from cmacexp.models.gravity import GRAVITY
 
 
@@ -162,6 +163,10 @@ class ActuatorConfig:
 
     torque_limit: float | None = number("N m (N for a point mass)", above=0)
     """Largest absolute torque of each joint; null: none."""
+    rate_limit: float | None = number("N m/s (N/s for a point mass)", above=0)
+    """Fastest change of the torque of each joint; null: none."""
+    delay: int = number("samples", at_least=0)
+    """A torque that is commanded at step k acts from step k + delay."""
 
     @property
     def limit(self) -> float:
@@ -225,8 +230,8 @@ class LearningConfig:
     """paper: beta U a_j / sum a_i^2; each of the others does one thing otherwise, as the field of its name says."""
     rate: float = number("", above=0, below=2)
     """beta; 50/256 in the paper."""
-    lead: int = number("samples", at_least=-100, at_most=100)
-    """U(k-1) trains the cells of step k-1-lead; 0 as in the paper."""
+    lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",))
+    """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
     start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts."""
     regularisation: float = number("", at_least=0, at_most=1e6)
@@ -310,6 +315,20 @@ class Config:
         return self.gait.stroke / (self.gait.duty_factor * self.gait.cycle_time) if walks else 0.0
 
     @property
+    def lead(self) -> int:
+        """``learning.lead`` in samples; auto is the number of them from a torque to the feedback that it causes.
+
+        Late positions do not count where there is velocity feedback, which outweighs them at the frequencies that a
+        wrong lead makes grow.
+        """
+        if self.learning.lead != "auto":
+            return int(self.learning.lead)
+        late = 0
+        if isinstance(self.sensors, RealSensorsConfig):
+            late = (self.sensors.velocity if self.controller.velocity_gain else self.sensors.position).delay
+        return 1 + self.actuator.delay + late
+
+    @property
     def assumed_stiffness(self) -> float:
         """K_n as planner and controller believe it, N/m."""
         return self.terrain.assumed_stiffness or self.terrain.stiffness
@@ -345,6 +364,7 @@ MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": Quad
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
+    "cmacexp.sensors.RealSensors": RealSensorsConfig,
     "cmacexp.control.NoFeedforward": PartWithoutFields,
     "cmacexp.control.CmacFeedforward": PartWithoutFields,
     "cmacexp.control.InverseDynamics": PartWithoutFields,

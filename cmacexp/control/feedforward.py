@@ -73,7 +73,7 @@ def _learning(setup: Setup, activation: Array) -> LearningLaw:
         )
     if rule == NORMALISED:
         strength *= float(np.mean((activation**2).sum(axis=2)))
-    return LearningLaw(config.rate, config.lead, rule, strength, setup.plan.start_step)
+    return LearningLaw(config.rate, setup.config.lead, rule, strength, setup.plan.start_step)
 
 
 def known_torque(setup: Setup, torque: Array | None) -> FeedforwardLaw:
