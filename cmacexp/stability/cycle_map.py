@@ -193,4 +193,6 @@ def open_loop(config: Config, prepared: Scenario | None = None) -> Loop:
         config: a checked config.
         prepared: its scenario if it is already made and has not run; it is left as it is.
     """
-    return Loop(make_scenario(config) if prepared is None else copy.deepcopy(prepared))
+    if prepared is None:
+        return Loop(make_scenario(config))
+    return Loop(copy.deepcopy(prepared) if is_built_in(prepared) else prepared)
