@@ -8,6 +8,7 @@ from cmacexp.cmac.quantiser import spanning
 from cmacexp.cmac.use import MemoryUse, memory_use
 from cmacexp.control.feedforward_law import CMAC, NONE, TABLE, WEIGHTED, FeedforwardLaw, LearningLaw, feedforward_step
 from cmacexp.control.protocol import Reference
+from cmacexp.control.weight_log import new_log, take
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
 from cmacexp.planning.setup import Setup
@@ -33,6 +34,13 @@ class BuiltInFeedforward:
 
     def __init__(self) -> None:
         self.memory = []
+
+    def take_log(self, cycles: int) -> Array | None:
+        """What the weights were at the end of each of the last ``cycles`` cycles, see :func:`weight_log.take`.
+
+        None of a feedforward without weights.
+        """
+        return take(self.law.log, self.law.weights, cycles) if self.law.kind in (CMAC, WEIGHTED) else None
 
     def predict(self, reference: Reference, taught: Array) -> Array:
         """Learn from the last step's feedback (L, 2), N m, then give this step's torque (L, 2), N m."""
@@ -61,7 +69,8 @@ def known_torque(setup: Setup, torque: Array | None) -> FeedforwardLaw:
         np.zeros((legs, 1, 2)),
     )
     kind, table = (NONE, np.zeros((1, legs, 2))) if torque is None else (TABLE, torque)
-    return FeedforwardLaw(kind, np.ascontiguousarray(table), cells, activation, weights, _learning(setup))
+    log, learning = new_log(cells), _learning(setup)
+    return FeedforwardLaw(kind, np.ascontiguousarray(table), cells, activation, weights, learning, log)
 
 
 def network(setup: Setup, cells: Cells, rows: int, activation: Array | None = None) -> FeedforwardLaw:
@@ -74,13 +83,15 @@ def network(setup: Setup, cells: Cells, rows: int, activation: Array | None = No
         activation: (N, L, C): how much each of them counts; None: all fully, as in a CMAC.
     """
     legs = setup.mechanism.legs.shape[0]
+    rows_of_all = np.ascontiguousarray(cells, dtype=np.uint32)
     return FeedforwardLaw(
         CMAC if activation is None else WEIGHTED,
         np.zeros((1, legs, 2)),
-        np.ascontiguousarray(cells, dtype=np.uint32),
+        rows_of_all,
         np.zeros((1, legs, 1)) if activation is None else np.ascontiguousarray(activation, dtype=float),
         np.zeros((legs, rows, 2)),
         _learning(setup),
+        new_log(rows_of_all),
     )
 
 

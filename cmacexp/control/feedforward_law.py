@@ -5,6 +5,7 @@ from typing import NamedTuple
 from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.memory import read, read_weighted, train, train_weighted
 from cmacexp.compile import kernel
+from cmacexp.control.weight_log import WeightLog, log_cycle
 
 NONE, TABLE, CMAC, WEIGHTED = range(4)
 
@@ -35,6 +36,7 @@ class FeedforwardLaw(NamedTuple):
     weights: Array
     """(L, rows, 2): weights of the networks, one per leg."""
     learning: LearningLaw
+    log: WeightLog
 
 
 @kernel
@@ -58,6 +60,8 @@ def feedforward_step(law: FeedforwardLaw, step: int, sample: int, taught: Array,
         taught: (L, 2): what the feedback gave in the last step, N m.
         output: (L, 2): is filled, N m.
     """
+    if sample == 0:
+        log_cycle(law.log, law.weights)
     for i in range(output.shape[0]):
         if law.kind == TABLE:
             output[i, 0], output[i, 1] = law.torque[sample, i, 0], law.torque[sample, i, 1]
