@@ -20,6 +20,7 @@ from cmacexp.control.feedforward_law import (
     feedforward_step,
 )
 from cmacexp.control.protocol import Reference
+from cmacexp.control.weight_log import new_log, take
 from cmacexp.errors import BadInput
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
@@ -47,6 +48,13 @@ class BuiltInFeedforward:
 
     def __init__(self) -> None:
         self.memory = []
+
+    def take_log(self, cycles: int) -> Array | None:
+        """What the weights were at the end of each of the last ``cycles`` cycles, see :func:`weight_log.take`.
+
+        None of a feedforward without weights.
+        """
+        return take(self.law.log, self.law.weights, cycles) if self.law.kind in (CMAC, WEIGHTED) else None
 
     def predict(self, reference: Reference, taught: Array) -> Array:
         """Learn from the last step's feedback (L, 2), N m, then give this step's torque (L, 2), N m."""
@@ -86,8 +94,8 @@ def known_torque(setup: Setup, torque: Array | None) -> FeedforwardLaw:
         np.zeros((legs, 1, 2)),
     )
     kind, table = (NONE, np.zeros((1, legs, 2))) if torque is None else (TABLE, torque)
-    learning = LearningLaw(0.0, 0)
-    return FeedforwardLaw(kind, np.ascontiguousarray(table), cells, activation, weights, learning, NO_SMOOTHING)
+    learning, log = LearningLaw(0.0, 0), new_log(cells)
+    return FeedforwardLaw(kind, np.ascontiguousarray(table), cells, activation, weights, learning, NO_SMOOTHING, log)
 
 
 def network(
@@ -107,15 +115,16 @@ def network(
     """
     legs = setup.mechanism.legs.shape[0]
     counts = np.ones(cells.shape) if activation is None else np.ascontiguousarray(activation, dtype=float)
-    learning = _learning(setup, counts)
+    active, learning = np.ascontiguousarray(cells, dtype=np.uint32), _learning(setup, counts)
     return FeedforwardLaw(
         CMAC if activation is None else WEIGHTED,
         np.zeros((1, legs, 2)),
-        np.ascontiguousarray(cells, dtype=np.uint32),
+        active,
         np.zeros((1, legs, 1)) if activation is None and learning.rule == PAPER else counts,
         np.zeros((legs, rows, 2)),
         learning,
         NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows)),
+        new_log(active),
     )
 
 

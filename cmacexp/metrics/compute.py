@@ -8,6 +8,7 @@ from cmacexp.metrics.block import Block, Rhythm, rhythm_of
 from cmacexp.metrics.definitions import METRICS, OF_A_CYCLE
 from cmacexp.metrics.drift import Drift, DriftWatch
 from cmacexp.metrics.learning import LEARNING
+from cmacexp.metrics.memory import MEMORY, values_of
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
 from cmacexp.table import as_array, is_support
 
@@ -54,9 +55,14 @@ class Scorer:
         self.steps_per_cycle = steps_per_cycle
         self.rhythm: Rhythm | None = None
         self.parts: list[dict[str, Array]] = []
+        self.memory: list[pa.Table] = []
         self.watch: DriftWatch | None = None
         self.drift: Drift | None = None
         """The first drift seen so far, as known when it was named."""
+
+    def add_memory(self, memory: pa.Table) -> None:
+        """Take what the weights were at the end of the next cycles (:func:`cmacexp.trace.assemble_memory`)."""
+        self.memory.append(memory)
 
     def add(self, trace: pa.Table) -> None:
         """Score the next cycles; only the last of the run may be short."""
@@ -81,6 +87,8 @@ class Scorer:
         values = {name: np.concatenate([part[name] for part in self.parts]) for name in OF_A_CYCLE}
         cycles, legs = next(iter(values.values())).shape
         values |= {name: metric.of(values) for name, metric in LEARNING.items()}
+        kept = values_of(pa.concat_tables(self.memory) if self.memory else None, cycles, legs)
+        values |= {name: metric.of(kept) for name, metric in MEMORY.items()}
         index = {
             "cycle": (CYCLE, np.repeat(np.arange(1, cycles + 1), legs)),
             "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),

@@ -12,6 +12,7 @@ from cmacexp.arrays import Array
 from cmacexp.control import HybridController
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.feedforward import BuiltInFeedforward
+from cmacexp.control.weight_log import MOST_CYCLES
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.plants import AnalyticPlant, Measurement
@@ -46,6 +47,8 @@ class Samples(NamedTuple):
     """(steps, L, columns), in the order of :mod:`cmacexp.rollout.layout`."""
     body: Array
     """(steps, columns), likewise."""
+    weights: Array | None
+    """(cycles, L, 3): the weights at the end of each cycle, in the order of LOGGED; None without weights."""
 
     def columns(self) -> dict[str, Array]:
         """Of the legs, (steps, L) by column name."""
@@ -152,6 +155,12 @@ class _Ending:
             self.cause = f"after step {self.loop.taken}: {type(raised).__name__}: {raised}"
 
 
+def _weights(scenario: Scenario, cycles: int) -> Array | None:
+    """What the weights of a built-in feedforward were at the end of each of the last ``cycles`` cycles."""
+    feedforward = scenario.feedforward
+    return feedforward.take_log(cycles) if isinstance(feedforward, BuiltInFeedforward) else None
+
+
 def stream(
     scenario: Scenario,
     keep: Callable[[Samples], None],
@@ -175,7 +184,7 @@ def stream(
     guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
     loop = (_FusedLoop if fused and is_built_in(scenario) else SteppedLoop)(scenario, guard)
     legs = setup.mechanism.legs.shape[0]
-    fits = max(1, MOST_ROWS // (period * legs))
+    fits = min(max(1, MOST_ROWS // (period * legs)), MOST_CYCLES)
     together = min(cycles, fits if isinstance(loop, _FusedLoop) else 1)
     samples, body = room_for(together * period, legs, bool(altered_by(scenario.sensors) - {"force"}))
     joints = [i for i, name in enumerate(names_of(samples)) if name.removesuffix("_measured") in JOINTS]
@@ -194,7 +203,7 @@ def stream(
         if setup.mechanism.kind == POINT_MASS:
             samples[:done, :, joints] = np.nan
         with interrupt_held_back() as interrupted:
-            keep(Samples(start, samples[:done], body[:done]))
+            keep(Samples(start, samples[:done], body[:done], _weights(scenario, -(-done // period))))
         if ending.status == "completed":
             with ending.caught():
                 if interrupted():
@@ -215,11 +224,11 @@ class Rollout(End):
 
     def columns(self) -> dict[str, Array]:
         """Samples (steps, L) by column name."""
-        return Samples(0, self.samples, self.body_samples).columns()
+        return Samples(0, self.samples, self.body_samples, None).columns()
 
     def body_columns(self) -> dict[str, Array]:
         """Samples of the body (steps,) by column name."""
-        return Samples(0, self.samples, self.body_samples).body_columns()
+        return Samples(0, self.samples, self.body_samples, None).body_columns()
 
 
 def roll_out(scenario: Scenario, watch: Callable[[int], None] = lambda cycle: None, *, fused: bool = True) -> Rollout:
