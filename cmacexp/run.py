@@ -8,6 +8,7 @@ from pathlib import Path
 
 from cmacexp import manifest as manifests
 from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.control import Learns
 from cmacexp.files import remove_leftovers, sha256
 from cmacexp.keep import (
     BODY,
@@ -27,6 +28,7 @@ from cmacexp.rollout import End, Samples, stream
 from cmacexp.scenario import Scenario, make_scenario
 from cmacexp.sources import code_hash
 from cmacexp.trace import assemble, assemble_body
+from cmacexp.weights import WEIGHTS, start_hash, write_weights
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class RunResult:
 def clear(folder: Path) -> None:
     """Make room for a run: what an earlier one left under the same names goes, its manifest first."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in (manifests.NAME, TRACE, BODY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING):
+    for name in (manifests.NAME, TRACE, BODY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING, WEIGHTS):
         (folder / name).unlink(missing_ok=True)
     remove_leftovers(folder)
 
@@ -69,6 +71,9 @@ def _roll_out(scenario: Scenario, folder: Path, watch: Callable[[int], None]) ->
     scores = writer.scores
     names = [TRACE, BODY] if walks else [TRACE]
     names += write_scores(folder, scores)
+    if config.record.weights and isinstance(scenario.feedforward, Learns):
+        write_weights(folder, scenario.feedforward.learnt())
+        names.append(WEIGHTS)
     if config.record.recording and (kept := steps_by_cycle(folder)):
         from cmacexp.recording import part_of, write_recording
 
@@ -113,6 +118,7 @@ def run_scenario(
         "versions": manifests.versions(),
         "git_commit": manifests.git_commit(),
         "steps": end.steps,
+        "start_weights": start_hash(config),
         "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],
         "rollout_seconds": end.seconds,
         "wall_seconds": time.perf_counter() - began,

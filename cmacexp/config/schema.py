@@ -208,6 +208,8 @@ class LearningConfig:
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper."""
     start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts."""
+    start_from: str | None = field(kw_only=True)
+    """Folder of a run that kept its weights (record.weights), with which the feedforward begins; null: none."""
 
 
 @dataclass
@@ -216,6 +218,8 @@ class RecordConfig:
 
     recording: bool
     """Write recording.rrd, the Rerun view."""
+    weights: bool
+    """Write weights.npz, what the feedforward has learnt at the end."""
     every_nth_step: int = number("steps", at_least=1, at_most=10**9)
     """Keep one step in so many in the traces; the metrics are those of all steps."""
     cycles: list[int] | None = number("cycle", at_least=1, at_most=10**9)
@@ -298,6 +302,51 @@ class PartWithoutFields:
     _target_: str
 
 
+INPUTS = ("angle", "velocity", "acceleration")
+"""Planned joint values that a network can look at."""
+
+
+@dataclass
+class InverseDynamicsConfig:
+    """Inverse dynamics with a model of the legs that may be wrong."""
+
+    _target_: str
+    mass_factor: float = number("", above=0, at_most=1e3)
+    """Masses of the model over the true ones."""
+    length_factor: float = number("", above=0, at_most=1e3)
+    """Lengths of the model's links over the true ones; joint angles are planned with the true ones."""
+
+
+@dataclass
+class RadialBasisConfig:
+    """Normalised Gaussians along the planned path (Moody & Darken 1989, Sanner & Slotine 1992)."""
+
+    _target_: str
+    inputs: list[str] = choice(*INPUTS)
+    centres: int = number("", at_least=1, at_most=4096)
+    """Gaussians of one leg, spread evenly over its path."""
+    active: int = number("", at_least=1, at_most=4096)
+    """Nearest Gaussians that count at a sample."""
+    width: float = number("", above=0, at_most=1e3)
+    """Standard deviation of a Gaussian over the mean distance between neighbouring centres."""
+
+
+@dataclass
+class PerceptronConfig:
+    """A perceptron with one hidden layer, of scikit-learn (Kawato, Furukawa & Suzuki 1987)."""
+
+    _target_: str
+    inputs: list[str] = choice(*INPUTS)
+    hidden: int = number("", at_least=1, at_most=4096)
+    """Neurons of the hidden layer."""
+    passes: int = number("", at_least=1, at_most=1000)
+    """Over the samples of a cycle, at its end."""
+    batch: int = number("samples", at_least=1, at_most=2**24)
+    """Samples of one step of the gradient."""
+    step_size: float = number("", above=0, at_most=10)
+    """Of Adam (Kingma & Ba 2015)."""
+
+
 @dataclass
 class IterativeLearningConfig:
     """Iterative learning control (Bristow, Tharayil & Alleyne 2006)."""
@@ -314,7 +363,9 @@ BUILT_IN_PARTS = {
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
     "cmacexp.control.NoFeedforward": PartWithoutFields,
     "cmacexp.control.CmacFeedforward": PartWithoutFields,
-    "cmacexp.control.InverseDynamics": PartWithoutFields,
+    "cmacexp.control.InverseDynamics": InverseDynamicsConfig,
+    "cmacexp.control.RadialBasis": RadialBasisConfig,
+    "cmacexp.control.Perceptron": PerceptronConfig,
     "cmacexp.control.IterativeLearning": IterativeLearningConfig,
 }
 """Schemas of the parts that a ``_target_`` can name; another target brings its own fields, unchecked here."""
