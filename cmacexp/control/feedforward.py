@@ -7,6 +7,7 @@ import numpy as np
 from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange, spanning
+from cmacexp.cmac.rules import NORMALISED, PAPER, RULES, WEIGHT_SMOOTHING, strength_of
 from cmacexp.cmac.use import MemoryUse, memory_use
 from cmacexp.control.feedforward_law import (
     CMAC,
@@ -19,6 +20,7 @@ from cmacexp.control.feedforward_law import (
     feedforward_step,
 )
 from cmacexp.control.protocol import Reference
+from cmacexp.errors import BadInput
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import Mechanism, planned_torque
 from cmacexp.planning.setup import Setup, Weights
@@ -58,9 +60,20 @@ def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
     return setup.plan.joints[:, i, [column for name in names for column in COLUMNS[name]]]
 
 
-def _learning(setup: Setup) -> LearningLaw:
+def _learning(setup: Setup, activation: Array) -> LearningLaw:
+    """How a network of these activations (N, L, C) learns; ``normalised`` adds a part of their mean power."""
     config = setup.config.learning
-    return LearningLaw(config.rate, config.lead)
+    rule, strength = RULES[config.rule][0], strength_of(config)
+    if rule == WEIGHT_SMOOTHING and activation.shape[2] == 1:
+        raise BadInput(
+            "learning.rule",
+            config.rule,
+            "draws active weights to their mean, but here one alone is active at a time; "
+            "take at least 2 (cmac.layers), or another rule",
+        )
+    if rule == NORMALISED:
+        strength *= float(np.mean((activation**2).sum(axis=2)))
+    return LearningLaw(config.rate, setup.config.lead, rule, strength, setup.plan.start_step)
 
 
 def known_torque(setup: Setup, torque: Array | None) -> FeedforwardLaw:
@@ -73,9 +86,8 @@ def known_torque(setup: Setup, torque: Array | None) -> FeedforwardLaw:
         np.zeros((legs, 1, 2)),
     )
     kind, table = (NONE, np.zeros((1, legs, 2))) if torque is None else (TABLE, torque)
-    return FeedforwardLaw(
-        kind, np.ascontiguousarray(table), cells, activation, weights, _learning(setup), NO_SMOOTHING
-    )
+    learning = LearningLaw(0.0, 0)
+    return FeedforwardLaw(kind, np.ascontiguousarray(table), cells, activation, weights, learning, NO_SMOOTHING)
 
 
 def network(
@@ -87,17 +99,22 @@ def network(
         setup: of the run.
         cells: (N, L, C): rows of the weights that are active at each sample of the cycle.
         rows: weights of one leg for each of its two outputs.
-        activation: (N, L, C): how much each of them counts; None: all fully, as in a CMAC.
+        activation: (N, L, C): how much each of them counts, 0 or more; None: all fully, as in a CMAC.
         taps: (K,): of a symmetric filter along the rows, from the middle outwards; None: the weights stay as learnt.
+
+    Raises:
+        BadInput: the learning rule does not fit the network.
     """
     legs = setup.mechanism.legs.shape[0]
+    counts = np.ones(cells.shape) if activation is None else np.ascontiguousarray(activation, dtype=float)
+    learning = _learning(setup, counts)
     return FeedforwardLaw(
         CMAC if activation is None else WEIGHTED,
         np.zeros((1, legs, 2)),
         np.ascontiguousarray(cells, dtype=np.uint32),
-        np.zeros((1, legs, 1)) if activation is None else np.ascontiguousarray(activation, dtype=float),
+        np.zeros((1, legs, 1)) if activation is None and learning.rule == PAPER else counts,
         np.zeros((legs, rows, 2)),
-        _learning(setup),
+        learning,
         NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows)),
     )
 

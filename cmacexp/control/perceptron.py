@@ -53,11 +53,13 @@ class Perceptron:
         """Networks that have learnt nothing give nothing.
 
         Raises:
-            BadInput: scikit-learn is missing.
+            BadInput: scikit-learn is missing, or the learning rule is one of networks linear in their weights.
         """
-        make = _regressor()
+        make, rule = _regressor(), setup.config.learning.rule
+        if rule != "paper":
+            raise BadInput("learning.rule", rule, "is for networks linear in their weights; a perceptron takes paper")
         samples, legs = setup.plan.support.shape
-        self.rate, self.lead = setup.config.learning.rate, setup.config.learning.lead
+        self.rate, self.lead = setup.config.learning.rate, setup.config.lead
         paths = np.stack([planned_inputs(setup, i, self.inputs) for i in range(legs)])
         spread = paths.std(axis=1, keepdims=True)
         self.middle, self.spread = paths.mean(axis=1, keepdims=True), np.where(spread > 0.0, spread, 1.0)
