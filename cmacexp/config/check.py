@@ -1,15 +1,9 @@
 """Checks of a config that one field alone cannot tell."""
 
 from cmacexp.config.check_sensors import check_sensors
+from cmacexp.config.feedforwards import INPUTS, PerceptronConfig, RadialBasisConfig
 from cmacexp.config.fields import check_fields, listed
-from cmacexp.config.schema import (
-    INPUTS,
-    CmacConfig,
-    Config,
-    PerceptronConfig,
-    QuadrupedMachine,
-    RadialBasisConfig,
-)
+from cmacexp.config.schema import CmacConfig, Config, QuadrupedMachine
 from cmacexp.errors import BadInput
 
 OUTPUTS = 2
