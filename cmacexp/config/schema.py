@@ -123,6 +123,8 @@ class TerrainConfig:
     """Each patch has K_n times a factor between 1 - spread and 1 + spread; 0: the same everywhere."""
     patch_seed: int = number("", at_least=0, below=2**32)
     """Seed of the patches."""
+    damping: float = number("N s/m", at_least=0, at_most=1e9)
+    """Force of the ground over the speed at which it is pressed in; 0 as in the paper. The ground never pulls."""
 
 
 @dataclass
