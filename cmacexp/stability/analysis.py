@@ -145,11 +145,11 @@ def analyse(run: StoredRun, cycle: int | None = None, leads: Sequence[int] = LEA
     sizes = changes_of(run)
     if len(sizes) < config.learning.start_cycle + 3:
         raise BadRun(f"{run.folder}: growth shows over {config.learning.start_cycle + 4} cycles at the least")
-    own = _of_lead(config.learning.lead, config, sizes, run.status == "completed", cycle)
+    own = _of_lead(config.lead, config, sizes, run.status == "completed", cycle)
     if own.growth is None:
         raise BadRun(f"{run.folder}: its learning cannot be predicted: {own.why_not}")
     enough = min(config.cycles, LONG_ENOUGH)
-    others = [own if lead == config.learning.lead else _in_memory(lead, config, enough) for lead in leads]
+    others = [own if lead == config.lead else _in_memory(lead, config, enough) for lead in leads]
     return _with_reasons(run, config, own, others)
 
 
