@@ -1,30 +1,31 @@
-"""The closed loop step by step, for parts of any kind; for built-in parts it gives the bits of the fused loop."""
+"""The closed loop with parts of any kind; for built-in parts it gives the bits of the fused loop.
+
+Foreign parts are called from here, once a step each; between the calls :func:`relay` runs the rest. What a part is
+given is its own: it may keep it, and nothing that it writes into it reaches the loop.
+"""
+
+from collections.abc import Callable
 
 import numpy as np
 
+from cmacexp.answers import require_finite, take, take_action, take_measurement
 from cmacexp.arrays import Array
-from cmacexp.control.actuator import saturate
 from cmacexp.control.protocol import Reference
-from cmacexp.planning.plan import Plan
-from cmacexp.rollout.layout import write_samples
-from cmacexp.rollout.stop import RUNNING, Guard, stop_reason
+from cmacexp.plants.protocol import Measurement
+from cmacexp.rollout.fused import FusedLoop
+from cmacexp.rollout.layout import BODY_SAMPLES, SAMPLES
+from cmacexp.rollout.relay import Exchange, Foreign, relay
 from cmacexp.scenario import Scenario
 
+MEASURED = len(Measurement._fields)
+"""Of the first arrays of a plant's state, those that can be measured."""
 
-def reference_at(plan: Plan, step: int) -> Reference:
-    """What the plan says of ``step``."""
-    sample = step % plan.support.shape[0]
-    acting = step >= plan.start_step
-    return Reference(
-        step,
-        sample,
-        acting,
-        plan.support[sample],
-        plan.reference[int(acting), sample],
-        plan.desired[sample],
-        plan.joints[sample],
-        plan.force_desired[sample],
-    )
+
+def read_only(values: Array) -> Array:
+    """A view that cannot be written through."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
 
 
 class SteppedLoop:
@@ -32,48 +33,101 @@ class SteppedLoop:
 
     Args:
         scenario: the parts, reset.
-        guard: tells when to stop.
+        loop: its built-in parts, with stand-ins for the others.
+        foreign: those others.
     """
 
-    def __init__(self, scenario: Scenario, guard: Guard):
-        self.scenario = scenario
-        self.guard = guard
-        self.state = scenario.first
-        self.taken = 0
-        self.limit = scenario.setup.config.actuator.limit
+    def __init__(self, scenario: Scenario, loop: FusedLoop, foreign: Foreign):
+        self.loop, self.foreign = loop, foreign
+        self.plant, self.sensors = scenario.plant, scenario.sensors
+        self.controller, self.feedforward = scenario.controller, scenario.feedforward
+        legs, plan = scenario.setup.mechanism.legs.shape[0], scenario.setup.plan
+        self.start_step, self.period = plan.start_step, plan.support.shape[0]
+        self.rows = tuple(map(read_only, (plan.support, plan.desired, plan.joints, plan.force_desired)))
+        self.fed = [read_only(stage) for stage in plan.reference]
+        self.state = Measurement(*loop.plant_state[:MEASURED])
+        take_measurement(scenario.plant, "reset", scenario.first, self.state)
+        self.exchange = Exchange(
+            Measurement(*(np.zeros_like(part) for part in self.state)),
+            np.zeros((legs, 4)),
+            np.zeros(3, dtype=np.int64),
+        )
+        seen = self.exchange.seen if foreign.sensors else self.state
+        self.true_copies = [part.copy for part in self.state]
+        self.seen_copies = [part.copy for part in seen]
+        self.calls: tuple[Callable[[int], None], ...] = (self._measure, self._act, self._predict, self._step)
+        self.begun = 0
+        self.run(np.zeros((0, legs, len(SAMPLES))), np.zeros((0, len(BODY_SAMPLES))))
+
+    @property
+    def taken(self) -> int:
+        """Steps whose torque the plant has taken, also when a part raised."""
+        return self.begun + int(self.exchange.progress[0])
 
     def run(self, samples: Array, body_samples: Array) -> int:
         """Run as many steps as ``samples`` (steps, L, columns) and ``body_samples`` (steps, 3) have room for.
 
-        ``taken`` counts the steps whose torque the plant has taken, also when a part raises.
-
         Returns:
             RUNNING, or why it stopped.
+
+        Raises:
+            BadAnswer: a part gave back what the loop cannot use; ``taken`` tells when.
         """
-        scenario, plan = self.scenario, self.scenario.setup.plan
-        torque = np.zeros((samples.shape[1], 2))
-        first = self.state
-        if self.taken == 0:
-            status = stop_reason(self.guard, 0, first.q, first.dq, first.foot, first.force, first.body)
-            if status != RUNNING:
-                return status
-        for k in range(samples.shape[0]):
-            true = self.state
-            seen = scenario.sensors.measure(true)
-            reference = reference_at(plan, self.taken)
-            action = scenario.controller.act(reference, seen)
-            # Copies: what a part gives may be its own table, and the limit shortens torques in place.
-            feedback, feedforward = (np.array(part, dtype=float) for part in action[:2])
-            fed = reference.values if action.reference is None else action.reference
-            saturate(self.limit, feedback, feedforward, torque)
-            write_samples(
-                samples, body_samples, k, true.foot, true.velocity, true.q, true.dq,
-                true.force, seen.force, fed, feedback, feedforward, true.body,
-            )  # fmt: skip
-            self.state = new = scenario.plant.step(torque)
-            self.taken += 1
-            sample = self.taken % plan.support.shape[0]
-            status = stop_reason(self.guard, sample, new.q, new.dq, new.foot, new.force, new.body)
-            if status != RUNNING:
-                return status
-        return RUNNING
+        progress, calls = self.exchange.progress, self.calls
+        self.begun = self.taken
+        progress[0] = 0
+        for pause in relay(self.loop, self.foreign, self.exchange, self.begun, samples, body_samples):
+            calls[pause & 3](pause >> 2)
+        self._require_finite(int(progress[2]) - 1)
+        return int(progress[1])
+
+    def _reference(self, step: int) -> Reference:
+        """What the plan says of ``step``."""
+        sample, acting = step % self.period, step >= self.start_step
+        support, desired, joints, force = self.rows
+        return Reference(
+            step,
+            sample,
+            acting,
+            support[sample],
+            self.fed[acting][sample],
+            desired[sample],
+            joints[sample],
+            force[sample],
+        )
+
+    def _measure(self, step: int) -> None:
+        seen = self.sensors.measure(Measurement(*[copy() for copy in self.true_copies]))
+        take_measurement(self.sensors, "measure", seen, self.exchange.seen)
+
+    def _act(self, step: int) -> None:
+        reference = self._reference(step)
+        action = self.controller.act(reference, Measurement(*[copy() for copy in self.seen_copies]))
+        state = self.loop.control_state
+        if not take_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
+            state.reference[...] = self.fed[reference.acting][reference.sample, :, :2]
+
+    def _predict(self, step: int) -> None:
+        torque = self.feedforward.predict(self._reference(step), self.loop.control_state.taught.copy())
+        take(self.feedforward, "predict", "torque", torque, self.loop.torques.feedforward)
+
+    def _step(self, step: int) -> None:
+        measured = self.plant.step(self.loop.torques.total.copy())
+        take_measurement(self.plant, "step", measured, self.state)
+        if step == 0:
+            self._require_finite(3)
+
+    def _require_finite(self, what: int) -> None:
+        """Say which value is not finite of what a part gave when the loop had paused for ``what``; -1 for none."""
+        if what < 0:
+            return
+        state = self.loop.control_state
+        feedback, feedforward = ("feedback", state.feedback), ("feedforward", self.loop.torques.feedforward)
+        part, method, given = (
+            (self.sensors, "measure", self.exchange.seen._asdict().items()),
+            (self.controller, "act", (feedback, feedforward)),
+            (self.feedforward, "predict", (("torque", feedforward[1]),)),
+            (self.plant, "step", self.state._asdict().items()),
+        )[what]
+        for name, values in given:
+            require_finite(part, method, name, values)

@@ -1,0 +1,148 @@
+"""The closed loop as a compiled generator: it runs built-in parts, and pauses where a foreign one has to act.
+
+Resuming a compiled generator costs a tenth of a microsecond. Calling a kernel anew costs some 10: every array of the
+tuples that it works on is looked at again.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from cmacexp.arrays import Array, Counts
+from cmacexp.compile import kernel, kernel_apart
+from cmacexp.control.actuator import saturate
+from cmacexp.control.feedforward_law import feedforward_step
+from cmacexp.control.hybrid_law import hybrid_feedback
+from cmacexp.models.mechanism import trigonometries
+from cmacexp.plants.kernels import PlantState, advance
+from cmacexp.plants.protocol import Measurement
+from cmacexp.rollout.fused import FusedLoop
+from cmacexp.rollout.layout import write_samples
+from cmacexp.rollout.stop import DIVERGED, RUNNING, stop_reason
+
+MEASURE, ACT, PREDICT, STEP = range(4)
+"""What the loop waits for when it pauses: the method of a foreign part."""
+
+
+class Foreign(NamedTuple):
+    """Which parts are not built in."""
+
+    plant: bool
+    sensors: bool
+    controller: bool
+    feedforward: bool
+    """Of a built-in controller; a foreign controller asks its feedforward itself."""
+
+
+class Exchange(NamedTuple):
+    """Where foreign parts find and leave what they need, besides the states of the loop itself."""
+
+    seen: Measurement
+    """What foreign sensors gave."""
+    trig: Array
+    """(L, 4): sines and cosines of the joint angles seen."""
+    progress: Counts
+    """(3,): steps whose torque the plant has taken, RUNNING or why it stopped, and 1 + what gave a value not finite."""
+
+
+@kernel
+def is_finite(values: Array) -> bool:
+    """Whether all of ``values`` (L, 2) are."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            if not math.isfinite(values[i, j]):
+                return False
+    return True
+
+
+@kernel
+def sees_finite(seen: Measurement) -> bool:
+    """Whether all of a measurement is finite."""
+    for i in range(seen.force.shape[0]):
+        if not math.isfinite(seen.force[i]):
+            return False
+    for n in range(3):
+        if not (math.isfinite(seen.body[n]) and math.isfinite(seen.body_rate[n])):
+            return False
+    return is_finite(seen.q) and is_finite(seen.dq) and is_finite(seen.foot) and is_finite(seen.velocity)
+
+
+@kernel
+def moves_finitely(machine: PlantState) -> bool:
+    """Whether velocities are finite that no kernel of ours has computed."""
+    for n in range(3):
+        if not math.isfinite(machine.body_rate[n]):
+            return False
+    return is_finite(machine.velocity)
+
+
+@kernel_apart
+def relay(
+    loop: FusedLoop, foreign: Foreign, exchange: Exchange, start: int, samples: Array, body_samples: Array
+) -> Iterator[int]:
+    """:func:`cmacexp.rollout.fused.fused_loop`, pausing at foreign parts; the caller keeps all arrays alive.
+
+    Yields:
+        4 x step + MEASURE, ACT, PREDICT or STEP; the caller has the part do it before it resumes.
+    """
+    plant, machine, state = loop.plant, loop.plant_state, loop.control_state
+    feedforward, total = loop.torques
+    progress = exchange.progress
+    steps = samples.shape[0]
+    period = loop.support.shape[0]
+    progress[0], progress[1], progress[2] = 0, RUNNING, 0
+    if start == 0 and steps > 0:
+        progress[1] = stop_reason(loop.guard, 0, machine.q, machine.dq, machine.foot, machine.force, machine.body)
+        if progress[1] != RUNNING:
+            return
+    sample = start % period
+    for k in range(steps):
+        acting = start + k >= loop.start_step
+        q, foot, velocity, force = machine.q, machine.foot, machine.velocity, machine.force
+        body = machine.body
+        if foreign.sensors:
+            yield 4 * (start + k) + MEASURE
+            seen = exchange.seen
+            if not sees_finite(seen):
+                progress[2] = 1 + MEASURE
+                return
+            q, foot, velocity, force = seen.q, seen.foot, seen.velocity, seen.force
+            body = seen.body
+        if foreign.controller:
+            yield 4 * (start + k) + ACT
+            if not (is_finite(state.feedback) and is_finite(feedforward)):
+                progress[2] = 1 + ACT
+                return
+        else:
+            reference = loop.reference[1 if acting else 0, sample]
+            if acting:
+                # Before the feedback, so that what it taught is still the last step's.
+                if foreign.feedforward:
+                    yield 4 * (start + k) + PREDICT
+                    if not is_finite(feedforward):
+                        progress[2] = 1 + PREDICT
+                        return
+                else:
+                    feedforward_step(loop.feedforward, sample, state.taught, feedforward)
+            trigonometries(plant.mechanism, q, exchange.trig)
+            hybrid_feedback(
+                loop.control, state, loop.support[sample], reference, exchange.trig, foot, velocity, force, body
+            )
+        saturate(loop.torque_limit, state.feedback, feedforward, total)
+        write_samples(
+            samples, body_samples, k, machine.foot, machine.velocity, machine.q, machine.dq,
+            machine.force, force, state.reference, state.feedback, feedforward, machine.body,
+        )  # fmt: skip
+        if foreign.plant:
+            yield 4 * (start + k) + STEP
+        else:
+            advance(plant, machine, total)
+        progress[0] = k + 1
+        sample = sample + 1 if sample + 1 < period else 0
+        progress[1] = stop_reason(
+            loop.guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body
+        )
+        if progress[1] == RUNNING and foreign.plant and not moves_finitely(machine):
+            progress[1] = DIVERGED
+        if progress[1] != RUNNING:
+            return
