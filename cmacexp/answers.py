@@ -16,13 +16,15 @@ UNITS = {
     "feedback": "N m", "feedforward": "N m", "torque": "N m", "reference": "m",
 }  # fmt: skip
 
+FLOAT = np.dtype(np.float64)
+
 
 def _method(part: object, name: str) -> str:
     return f"{type(part).__name__}.{name}"
 
 
 def _expected(name: str, shape: tuple[int, ...], unit: str) -> str:
-    sides = {(3,): "(3,)"}.get(shape) or ("(L, 2)" if len(shape) == 2 else "(L,)")
+    sides = "(3,)" if shape == (3,) else "(L, 2)" if len(shape) == 2 else "(L,)"
     size = "" if sides == str(shape) else f" = {shape}"
     return f"expected {sides}{size} float64, {unit}"
 
@@ -33,9 +35,12 @@ def take(part: object, method: str, name: str, given: Any, room: Array) -> None:
     Raises:
         BadAnswer: it is no array of numbers of that shape.
     """
-    if type(given) is np.ndarray and given.shape == room.shape and given.dtype == np.float64:
-        room[...] = given
-        return
+    try:
+        if given.dtype is FLOAT and given.shape == room.shape:
+            room[...] = given
+            return
+    except AttributeError:
+        pass
     expected = _expected(name, room.shape, UNITS[name])
     try:
         values = np.asarray(given)
@@ -70,8 +75,18 @@ def take_measurement(part: object, method: str, given: Any, room: Sequence[Array
     """
     if not isinstance(given, Measurement):
         raise BadAnswer(
-            f"{_method(part, method)} gave {_told(given)}: expected cmacexp.Measurement({', '.join(Measurement._fields)})"
+            f"{_method(part, method)} gave {_told(given)}: "
+            f"expected cmacexp.plants.Measurement({', '.join(Measurement._fields)})"
         )
+    try:
+        for values, own in zip(given, room, strict=True):
+            if values.dtype is not FLOAT or values.shape != own.shape:
+                break
+            own[...] = values
+        else:
+            return
+    except AttributeError:
+        pass
     for name, values, own in zip(Measurement._fields, given, room, strict=True):
         take(part, method, name, values, own)
 
@@ -87,7 +102,8 @@ def take_action(part: object, given: Any, feedback: Array, feedforward: Array, r
     """
     if not isinstance(given, Action):
         raise BadAnswer(
-            f"{_method(part, 'act')} gave {_told(given)}: expected cmacexp.Action(feedback, feedforward[, reference])"
+            f"{_method(part, 'act')} gave {_told(given)}: "
+            "expected cmacexp.control.Action(feedback, feedforward[, reference])"
         )
     take(part, "act", "feedback", given[0], feedback)
     take(part, "act", "feedforward", given[1], feedforward)

@@ -34,15 +34,28 @@ class Foreign(NamedTuple):
     """Of a built-in controller; a foreign controller asks its feedforward itself."""
 
 
+class Handed(NamedTuple):
+    """Room for what foreign parts are given in K steps, a row for each, so that they may keep it; else empty."""
+
+    true: Measurement
+    """(K, ...): for sensors."""
+    seen: Measurement
+    """(K, ...): for a controller."""
+    taught: Array
+    """(K, L, 2): for a feedforward, N m."""
+    torque: Array
+    """(K, L, 2): for a plant, N m."""
+
+
 class Exchange(NamedTuple):
-    """Where foreign parts find and leave what they need, besides the states of the loop itself."""
+    """Where foreign parts leave what they give, besides the states of the loop itself."""
 
     seen: Measurement
-    """What foreign sensors gave."""
+    """Of foreign sensors."""
     trig: Array
     """(L, 4): sines and cosines of the joint angles seen."""
     progress: Counts
-    """(3,): steps whose torque the plant has taken, RUNNING or why it stopped, and 1 + what gave a value not finite."""
+    """(3,): steps whose torque the plant has taken, RUNNING or why it stopped, 1 + who gave what is not finite."""
 
 
 @kernel
@@ -76,14 +89,51 @@ def moves_finitely(machine: PlantState) -> bool:
     return is_finite(machine.velocity)
 
 
+@kernel
+def hand(rows: Array, k: int, values: Array) -> None:
+    """Copy ``values`` (L, 2) into ``rows[k]``."""
+    for i in range(values.shape[0]):
+        for j in range(2):
+            rows[k, i, j] = values[i, j]
+
+
+@kernel
+def hand_measurement(
+    rows: Measurement,
+    k: int,
+    q: Array,
+    dq: Array,
+    foot: Array,
+    velocity: Array,
+    force: Array,
+    body: Array,
+    rate: Array,
+) -> None:
+    """Copy the parts of a measurement into row ``k`` of ``rows`` (K, ...)."""
+    hand(rows.q, k, q)
+    hand(rows.dq, k, dq)
+    hand(rows.foot, k, foot)
+    hand(rows.velocity, k, velocity)
+    for i in range(force.shape[0]):
+        rows.force[k, i] = force[i]
+    for n in range(3):
+        rows.body[k, n], rows.body_rate[k, n] = body[n], rate[n]
+
+
 @kernel_apart
 def relay(
-    loop: FusedLoop, foreign: Foreign, exchange: Exchange, start: int, samples: Array, body_samples: Array
+    loop: FusedLoop,
+    foreign: Foreign,
+    exchange: Exchange,
+    handed: Handed,
+    start: int,
+    samples: Array,
+    body_samples: Array,
 ) -> Iterator[int]:
     """:func:`cmacexp.rollout.fused.fused_loop`, pausing at foreign parts; the caller keeps all arrays alive.
 
     Yields:
-        4 x step + MEASURE, ACT, PREDICT or STEP; the caller has the part do it before it resumes.
+        4 x row + MEASURE, ACT, PREDICT or STEP; the caller has the part do it before it resumes.
     """
     plant, machine, state = loop.plant, loop.plant_state, loop.control_state
     feedforward, total = loop.torques
@@ -98,18 +148,20 @@ def relay(
     sample = start % period
     for k in range(steps):
         acting = start + k >= loop.start_step
-        q, foot, velocity, force = machine.q, machine.foot, machine.velocity, machine.force
-        body = machine.body
+        q, dq, foot, velocity, force = machine.q, machine.dq, machine.foot, machine.velocity, machine.force
+        body, rate = machine.body, machine.body_rate
         if foreign.sensors:
-            yield 4 * (start + k) + MEASURE
+            hand_measurement(handed.true, k, q, dq, foot, velocity, force, body, rate)
+            yield 4 * k + MEASURE
             seen = exchange.seen
             if not sees_finite(seen):
                 progress[2] = 1 + MEASURE
                 return
-            q, foot, velocity, force = seen.q, seen.foot, seen.velocity, seen.force
-            body = seen.body
+            q, dq, foot, velocity, force = seen.q, seen.dq, seen.foot, seen.velocity, seen.force
+            body, rate = seen.body, seen.body_rate
         if foreign.controller:
-            yield 4 * (start + k) + ACT
+            hand_measurement(handed.seen, k, q, dq, foot, velocity, force, body, rate)
+            yield 4 * k + ACT
             if not (is_finite(state.feedback) and is_finite(feedforward)):
                 progress[2] = 1 + ACT
                 return
@@ -118,7 +170,8 @@ def relay(
             if acting:
                 # Before the feedback, so that what it taught is still the last step's.
                 if foreign.feedforward:
-                    yield 4 * (start + k) + PREDICT
+                    hand(handed.taught, k, state.taught)
+                    yield 4 * k + PREDICT
                     if not is_finite(feedforward):
                         progress[2] = 1 + PREDICT
                         return
@@ -134,7 +187,8 @@ def relay(
             machine.force, force, state.reference, state.feedback, feedforward, machine.body,
         )  # fmt: skip
         if foreign.plant:
-            yield 4 * (start + k) + STEP
+            hand(handed.torque, k, total)
+            yield 4 * k + STEP
         else:
             advance(plant, machine, total)
         progress[0] = k + 1

@@ -5,8 +5,12 @@ given is its own: it may keep it, and nothing that it writes into it reaches the
 """
 
 from collections.abc import Callable
+from functools import partial
+from itertools import repeat
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmacexp.answers import require_finite, take, take_action, take_measurement
 from cmacexp.arrays import Array
@@ -14,18 +18,33 @@ from cmacexp.control.protocol import Reference
 from cmacexp.plants.protocol import Measurement
 from cmacexp.rollout.fused import FusedLoop
 from cmacexp.rollout.layout import BODY_SAMPLES, SAMPLES
-from cmacexp.rollout.relay import Exchange, Foreign, relay
+from cmacexp.rollout.relay import STEP, Exchange, Foreign, Handed, relay
+from cmacexp.rollout.stop import RUNNING
 from cmacexp.scenario import Scenario
 
 MEASURED = len(Measurement._fields)
 """Of the first arrays of a plant's state, those that can be measured."""
 
 
-def read_only(values: Array) -> Array:
+def read_only(values: NDArray[Any]) -> NDArray[Any]:
     """A view that cannot be written through."""
     view = values.view()
     view.flags.writeable = False
     return view
+
+
+MOST_TOGETHER = 512
+"""Steps that are prepared at a time."""
+MOST_REMEMBERED = 64
+"""Parts of a cycle whose rows of the plan are remembered."""
+
+_reference: Callable[[tuple[object, ...]], Reference] = partial(tuple.__new__, Reference)
+_measurement: Callable[[tuple[object, ...]], Measurement] = partial(tuple.__new__, Measurement)
+
+
+def _measurements(blocks: Measurement) -> list[Measurement]:
+    """A measurement for every row of ``blocks`` (K, ...)."""
+    return list(map(_measurement, zip(*map(list, blocks), strict=True)))
 
 
 class SteppedLoop:
@@ -41,23 +60,19 @@ class SteppedLoop:
         self.loop, self.foreign = loop, foreign
         self.plant, self.sensors = scenario.plant, scenario.sensors
         self.controller, self.feedforward = scenario.controller, scenario.feedforward
-        legs, plan = scenario.setup.mechanism.legs.shape[0], scenario.setup.plan
-        self.start_step, self.period = plan.start_step, plan.support.shape[0]
-        self.rows = tuple(map(read_only, (plan.support, plan.desired, plan.joints, plan.force_desired)))
-        self.fed = [read_only(stage) for stage in plan.reference]
+        self.plan = scenario.setup.plan
+        self.rows: dict[tuple[int, int, bool], tuple[list[NDArray[Any]], ...]] = {}
         self.state = Measurement(*loop.plant_state[:MEASURED])
         take_measurement(scenario.plant, "reset", scenario.first, self.state)
+        legs = self.state.q.shape[0]
         self.exchange = Exchange(
             Measurement(*(np.zeros_like(part) for part in self.state)),
             np.zeros((legs, 4)),
             np.zeros(3, dtype=np.int64),
         )
-        seen = self.exchange.seen if foreign.sensors else self.state
-        self.true_copies = [part.copy for part in self.state]
-        self.seen_copies = [part.copy for part in seen]
         self.calls: tuple[Callable[[int], None], ...] = (self._measure, self._act, self._predict, self._step)
         self.begun = 0
-        self.run(np.zeros((0, legs, len(SAMPLES))), np.zeros((0, len(BODY_SAMPLES))))
+        self._run(np.zeros((0, legs, len(SAMPLES))), np.zeros((0, len(BODY_SAMPLES))))
 
     @property
     def taken(self) -> int:
@@ -73,49 +88,72 @@ class SteppedLoop:
         Raises:
             BadAnswer: a part gave back what the loop cannot use; ``taken`` tells when.
         """
+        period, done, stop = self.plan.support.shape[0], 0, RUNNING
+        while stop == RUNNING and done < len(samples):
+            steps = min(MOST_TOGETHER, period - self.taken % period, len(samples) - done)
+            stop = self._run(samples[done : done + steps], body_samples[done : done + steps])
+            done += steps
+        return stop
+
+    def _run(self, samples: Array, body_samples: Array) -> int:
+        """:meth:`run` for some steps of one cycle."""
         progress, calls = self.exchange.progress, self.calls
         self.begun = self.taken
         progress[0] = 0
-        for pause in relay(self.loop, self.foreign, self.exchange, self.begun, samples, body_samples):
+        handed = self._prepare(len(samples))
+        for pause in relay(self.loop, self.foreign, self.exchange, handed, self.begun, samples, body_samples):
             calls[pause & 3](pause >> 2)
         self._require_finite(int(progress[2]) - 1)
         return int(progress[1])
 
-    def _reference(self, step: int) -> Reference:
-        """What the plan says of ``step``."""
-        sample, acting = step % self.period, step >= self.start_step
-        support, desired, joints, force = self.rows
-        return Reference(
-            step,
-            sample,
-            acting,
-            support[sample],
-            self.fed[acting][sample],
-            desired[sample],
-            joints[sample],
-            force[sample],
+    def _prepare(self, steps: int) -> Handed:
+        """Room for what foreign parts are given in the next steps, and the views of it that they get."""
+        foreign = self.foreign
+
+        def room(like: Array, needed: bool) -> Array:
+            return np.empty((steps if needed else 0, *like.shape))
+
+        true, seen = (
+            Measurement(*(room(part, needed) for part in self.state))
+            for needed in (foreign.sensors, foreign.controller)
         )
+        handed = Handed(true, seen, room(self.state.q, foreign.feedforward), room(self.state.q, foreign.plant))
+        self.true, self.seen = _measurements(true), _measurements(seen)
+        self.taught, self.torque = list(handed.taught), list(handed.torque)
+        if foreign.controller or foreign.feedforward:
+            self.references = self._references(steps)
+        return handed
 
-    def _measure(self, step: int) -> None:
-        seen = self.sensors.measure(Measurement(*[copy() for copy in self.true_copies]))
-        take_measurement(self.sensors, "measure", seen, self.exchange.seen)
+    def _references(self, steps: int) -> list[Reference]:
+        """What the plan says of the next steps."""
+        sample, acting = self.begun % self.plan.support.shape[0], self.begun >= self.plan.start_step
+        rows = self.rows.get((sample, steps, acting))
+        if rows is None:
+            plan, part = self.plan, slice(sample, sample + steps)
+            tables = (plan.support, plan.reference[int(acting)], plan.desired, plan.joints, plan.force_desired)
+            rows = tuple(list(read_only(table[part])) for table in tables)
+            if len(self.rows) < MOST_REMEMBERED:
+                self.rows[sample, steps, acting] = rows
+        counts = range(self.begun, self.begun + steps), range(sample, sample + steps)
+        return list(map(_reference, zip(*counts, repeat(acting, steps), *rows, strict=True)))
 
-    def _act(self, step: int) -> None:
-        reference = self._reference(step)
-        action = self.controller.act(reference, Measurement(*[copy() for copy in self.seen_copies]))
-        state = self.loop.control_state
+    def _measure(self, row: int) -> None:
+        take_measurement(self.sensors, "measure", self.sensors.measure(self.true[row]), self.exchange.seen)
+
+    def _act(self, row: int) -> None:
+        reference, state = self.references[row], self.loop.control_state
+        action = self.controller.act(reference, self.seen[row])
         if not take_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
-            state.reference[...] = self.fed[reference.acting][reference.sample, :, :2]
+            state.reference[...] = reference.values[:, :2]
 
-    def _predict(self, step: int) -> None:
-        torque = self.feedforward.predict(self._reference(step), self.loop.control_state.taught.copy())
+    def _predict(self, row: int) -> None:
+        torque = self.feedforward.predict(self.references[row], self.taught[row])
         take(self.feedforward, "predict", "torque", torque, self.loop.torques.feedforward)
 
-    def _step(self, step: int) -> None:
-        measured = self.plant.step(self.loop.torques.total.copy())
-        take_measurement(self.plant, "step", measured, self.state)
-        if step == 0:
-            self._require_finite(3)
+    def _step(self, row: int) -> None:
+        take_measurement(self.plant, "step", self.plant.step(self.torque[row]), self.state)
+        if row + self.begun == 0:
+            self._require_finite(STEP)
 
     def _require_finite(self, what: int) -> None:
         """Say which value is not finite of what a part gave when the loop had paused for ``what``; -1 for none."""
