@@ -1,13 +1,13 @@
 """One run from its config to its folder: roll out, trace, metrics, recording, manifest."""
 
 import time
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from cmacexp import manifest as manifests
 from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.errors import BadAnswer, users_traceback
 from cmacexp.files import remove_leftovers, sha256
 from cmacexp.keep import (
     BODY,
@@ -25,8 +25,9 @@ from cmacexp.keep import (
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.rollout import End, Samples, stream
 from cmacexp.scenario import Scenario, make_scenario
+from cmacexp.sensors.protocol import altered_by
 from cmacexp.sources import code_hash
-from cmacexp.trace import assemble, assemble_body
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, assemble, assemble_body, with_measured
 
 
 @dataclass(frozen=True)
@@ -54,17 +55,19 @@ def clear(folder: Path) -> None:
 def _traces(scenario: Scenario, samples: Samples) -> Traces:
     """The part of the traces that some steps give."""
     plan, config, columns = scenario.setup.plan, scenario.setup.config, samples.columns()
-    legs = assemble(plan, columns, config.sampling_period, samples.start)
+    period, start, altered = config.sampling_period, samples.start, altered_by(scenario.sensors)
+    legs = assemble(plan, columns, period, start, with_measured(COLUMNS, altered))
     if scenario.setup.mechanism.kind != LEGS_UNDER_BODY:
         return Traces(legs, None)
-    body, speed = samples.body_columns(), config.body_speed
-    return Traces(legs, assemble_body(plan, body, columns["force"], config.sampling_period, speed, samples.start))
+    body, shown = samples.body_columns(), with_measured(BODY_COLUMNS, altered)
+    return Traces(legs, assemble_body(plan, body, columns["force"], period, config.body_speed, start, shown))
 
 
 def _roll_out(scenario: Scenario, folder: Path, watch: Callable[[int], None]) -> tuple[End, Scores, list[str]]:
     """Run, and write all that it leaves behind but the manifest; how it ended, its metrics, names of the files."""
     config, walks = scenario.setup.config, scenario.setup.mechanism.kind == LEGS_UNDER_BODY
-    with writing(folder, config.record, config.steps_per_cycle, walks) as writer:
+    altered = altered_by(scenario.sensors)
+    with writing(folder, config.record, config.steps_per_cycle, walks, altered) as writer:
         end = stream(scenario, lambda samples: writer.add(_traces(scenario, samples)), watch)
     scores = writer.scores
     names = [TRACE, BODY] if walks else [TRACE]
@@ -113,12 +116,13 @@ def run_scenario(
         "versions": manifests.versions(),
         "git_commit": manifests.git_commit(),
         "steps": end.steps,
+        "learning_lead": config.lead,
         "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],
         "rollout_seconds": end.seconds,
         "wall_seconds": time.perf_counter() - began,
         "files": {name: sha256(folder / name) for name in names},
     }
-    if end.error is not None:
-        manifest["traceback"] = "".join(traceback.format_exception(end.error))
+    if end.error is not None and not isinstance(end.error, BadAnswer):
+        manifest["traceback"] = users_traceback(end.error)
     manifests.write(folder, manifest)
     return RunResult(folder, manifest, scores)

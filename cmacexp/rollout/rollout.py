@@ -9,19 +9,25 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.arrays import Array
-from cmacexp.control import CmacFeedforward, HybridController, InverseDynamics, NoFeedforward
+from cmacexp.control import HybridController, NoFeedforward
+from cmacexp.control.actuator import new_actuator
 from cmacexp.control.feedforward import BuiltInFeedforward
+from cmacexp.errors import CmacexpError
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.plants import AnalyticPlant, Measurement
+from cmacexp.plants.kernels import PlantState
 from cmacexp.rollout.fused import FusedLoop, Torques, fused_loop
 from cmacexp.rollout.interrupt import interrupt_held_back
-from cmacexp.rollout.layout import BODY_SAMPLES, SAMPLES
+from cmacexp.rollout.layout import body_names_of, names_of, room_for
 from cmacexp.rollout.relay import Foreign
 from cmacexp.rollout.stepped import MEASURED, SteppedLoop
 from cmacexp.rollout.stop import RUNNING, STATUSES, Guard, describe_stop, new_guard
 from cmacexp.scenario import Scenario
-from cmacexp.sensors import PerfectSensors
+from cmacexp.sensors import PerfectSensors, RealSensors
+from cmacexp.sensors.channel import Sensing
+from cmacexp.sensors.law import Seen, new_seen, no_sensing
+from cmacexp.sensors.protocol import altered_by
 
 MOST_ROWS = 1 << 15
 """Rows of leg samples that are worked on at a time: a long run needs no more memory than a short one.
@@ -30,8 +36,8 @@ Entering the fused loop costs some 12 us, as much as dozens of steps.
 """
 
 
-JOINT_COLUMNS = [SAMPLES.index(name) for name in ("q1", "q2", "dq1", "dq2")]
-"""Undefined for a point mass."""
+JOINTS = ("q1", "q2", "dq1", "dq2")
+"""Columns that are undefined for a point mass, measured or not."""
 
 
 class Samples(NamedTuple):
@@ -40,17 +46,17 @@ class Samples(NamedTuple):
     start: int
     """First step."""
     legs: Array
-    """(steps, L, columns), in the order of :data:`cmacexp.rollout.layout.SAMPLES`."""
+    """(steps, L, columns), in the order of :mod:`cmacexp.rollout.layout`."""
     body: Array
-    """(steps, 3), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`."""
+    """(steps, columns), likewise."""
 
     def columns(self) -> dict[str, Array]:
         """Of the legs, (steps, L) by column name."""
-        return {name: self.legs[:, :, i] for i, name in enumerate(SAMPLES)}
+        return {name: self.legs[:, :, i] for i, name in enumerate(names_of(self.legs))}
 
     def body_columns(self) -> dict[str, Array]:
         """Of the body, (steps,) by column name."""
-        return {name: self.body[:, i] for i, name in enumerate(BODY_SAMPLES)}
+        return {name: self.body[:, i] for i, name in enumerate(body_names_of(self.body))}
 
 
 @dataclass(frozen=True)
@@ -74,13 +80,27 @@ def foreign_parts(scenario: Scenario) -> Foreign:
     controller = type(scenario.controller) is not HybridController
     return Foreign(
         type(scenario.plant) is not AnalyticPlant,
-        type(scenario.sensors) is not PerfectSensors,
+        type(scenario.sensors) not in (PerfectSensors, RealSensors),
         controller,
-        not controller and type(scenario.feedforward) not in (NoFeedforward, InverseDynamics, CmacFeedforward),
+        not controller
+        and not (
+            isinstance(scenario.feedforward, BuiltInFeedforward)
+            and type(scenario.feedforward).predict is BuiltInFeedforward.predict
+        ),
     )
 
 
 ALL_FOREIGN = Foreign(plant=True, sensors=True, controller=True, feedforward=False)
+
+
+def _sensing(scenario: Scenario, foreign: Foreign, state: PlantState) -> tuple[Sensing, Seen]:
+    """Sensors as the loops take them; perfect ones show the arrays of the plant."""
+    sensors = scenario.sensors
+    if foreign.sensors:
+        return no_sensing(), new_seen(len(state.force))
+    if isinstance(sensors, RealSensors) and sensors.sensing.active:
+        return sensors.sensing, sensors.seen
+    return no_sensing(), Seen(*(getattr(state, name) for name in Seen._fields))
 
 
 def _fused(scenario: Scenario, foreign: Foreign, guard: Guard) -> FusedLoop:
@@ -107,10 +127,11 @@ def _fused(scenario: Scenario, foreign: Foreign, guard: Guard) -> FusedLoop:
         setup.plan.start_step,
         plant.law,
         plant.state,
+        *_sensing(scenario, foreign, plant.state),
         controller.law,
         controller.state,
         feedforward.law,
-        setup.config.actuator.limit,
+        new_actuator(setup.config.actuator, setup.config.sampling_period, legs),
         Torques(*(np.zeros((legs, 2)) for _ in range(2))),
         guard,
     )
@@ -123,14 +144,18 @@ class _FusedLoop:
         self.loop = loop
         self.taken = 0
         self.state = Measurement(*loop.plant_state[:MEASURED])
-        legs = loop.support.shape[1]
-        self.run(np.zeros((0, legs, len(SAMPLES))), np.zeros((0, len(BODY_SAMPLES))))
+        self.run(*room_for(0, loop.support.shape[1], False))
 
     def run(self, samples: Array, body_samples: Array) -> int:
         """As :meth:`SteppedLoop.run`."""
         steps, stop = fused_loop(self.loop, self.taken, samples, body_samples)
         self.taken += steps
         return stop
+
+
+def _told(raised: Exception) -> str:
+    """What a part raised, in a line; ours say all themselves."""
+    return " ".join((str(raised) if isinstance(raised, CmacexpError) else f"{type(raised).__name__}: {raised}").split())
 
 
 class _Ending:
@@ -150,7 +175,7 @@ class _Ending:
             self.status, self.cause = "interrupted", f"after step {self.loop.taken}"
         except Exception as raised:
             self.status, self.error = "failed", raised
-            self.cause = f"after step {self.loop.taken}: {type(raised).__name__}: {raised}"
+            self.cause = f"after step {self.loop.taken}: {_told(raised)}"
 
 
 def stream(
@@ -168,22 +193,27 @@ def stream(
         watch: is called after them with the cycles done so far; after every cycle of the step-by-step loop.
         fused: False calls every part step by step, as if none were built in.
 
+    Raises:
+        CmacexpError: the scenario has run before.
+
     Returns:
         How it ended; a run that diverges, that a part fails in or that is interrupted has kept what it has.
     """
+    scenario.begin()
     setup = scenario.setup
     config, period, cycles = setup.config, setup.config.steps_per_cycle, setup.config.cycles
     guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
+    if scenario.fault is not None:
+        keep(Samples(0, *room_for(0, setup.mechanism.legs.shape[0], False)))
+        return End(0, "failed", f"before the first step: {_told(scenario.fault)}", 0.0, scenario.fault)
     foreign = foreign_parts(scenario) if fused else ALL_FOREIGN
     parts = _fused(scenario, foreign, guard)
     loop = SteppedLoop(scenario, parts, foreign) if any(foreign) else _FusedLoop(parts)
     legs = setup.mechanism.legs.shape[0]
     fits = max(1, MOST_ROWS // (period * legs))
     together = min(cycles, fits if isinstance(loop, _FusedLoop) else 1)
-    samples, body = (
-        np.empty((together * period, legs, len(SAMPLES))),
-        np.empty((together * period, len(BODY_SAMPLES))),
-    )
+    samples, body = room_for(together * period, legs, bool(altered_by(scenario.sensors) - {"force"}))
+    joints = [i for i, name in enumerate(names_of(samples)) if name.removesuffix("_measured") in JOINTS]
     ending, seconds = _Ending(loop), 0.0
     while ending.status == "completed" and loop.taken < cycles * period:
         start, steps = loop.taken, min(len(samples), cycles * period - loop.taken)
@@ -197,7 +227,7 @@ def stream(
         seconds += time.perf_counter() - began
         done = loop.taken - start
         if setup.mechanism.kind == POINT_MASS:
-            samples[:done, :, JOINT_COLUMNS] = np.nan
+            samples[:done, :, joints] = np.nan
         with interrupt_held_back() as interrupted:
             keep(Samples(start, samples[:done], body[:done]))
         if ending.status == "completed":
@@ -216,7 +246,7 @@ class Rollout(End):
     samples: Array
     """(steps, L, columns), as :attr:`Samples.legs`."""
     body_samples: Array
-    """(steps, 3), as :attr:`Samples.body`."""
+    """(steps, columns), as :attr:`Samples.body`."""
 
     def columns(self) -> dict[str, Array]:
         """Samples (steps, L) by column name."""
