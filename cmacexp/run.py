@@ -28,12 +28,14 @@ from cmacexp.keep import (
     write_scores,
     writing,
 )
+from cmacexp.memory import assemble_memory
 from cmacexp.metrics.drift import Drift, drift_entry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.rollout import End, Samples, stream
 from cmacexp.scenario import Scenario, make_scenario
+from cmacexp.sensors.protocol import altered_by
 from cmacexp.sources import code_hash
-from cmacexp.trace import assemble, assemble_body, assemble_memory
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, assemble, assemble_body, with_measured
 
 
 @dataclass(frozen=True)
@@ -61,11 +63,12 @@ def clear(folder: Path) -> None:
 def _traces(scenario: Scenario, samples: Samples) -> Traces:
     """The part of the traces that some steps give."""
     plan, config, columns = scenario.setup.plan, scenario.setup.config, samples.columns()
-    legs = assemble(plan, columns, config.sampling_period, samples.start)
+    period, start, altered = config.sampling_period, samples.start, altered_by(scenario.sensors)
+    legs = assemble(plan, columns, period, start, with_measured(COLUMNS, altered))
     if scenario.setup.mechanism.kind != LEGS_UNDER_BODY:
         return Traces(legs, None, _memory(scenario, samples))
-    body, speed = samples.body_columns(), config.body_speed
-    walk = assemble_body(plan, body, columns["force"], config.sampling_period, speed, samples.start)
+    body, shown = samples.body_columns(), with_measured(BODY_COLUMNS, altered)
+    walk = assemble_body(plan, body, columns["force"], period, config.body_speed, start, shown)
     return Traces(legs, walk, _memory(scenario, samples))
 
 
@@ -85,7 +88,8 @@ def _roll_out(
 ) -> tuple[End, Scores, list[str]]:
     """Run, and write all that it leaves behind but the manifest; how it ended, its metrics, names of the files."""
     config, walks = scenario.setup.config, scenario.setup.mechanism.kind == LEGS_UNDER_BODY
-    with writing(folder, config.record, config.steps_per_cycle, walks) as writer:
+    altered = altered_by(scenario.sensors)
+    with writing(folder, config.record, config.steps_per_cycle, walks, altered) as writer:
 
         def keep(samples: Samples) -> None:
             known = writer.drift
@@ -144,6 +148,7 @@ def run_scenario(
         "git_commit": manifests.git_commit(),
         "steps": end.steps,
         "drift": drift_entry(scores.legs),
+        "learning_lead": config.lead,
         "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],
         "rollout_seconds": end.seconds,
         "wall_seconds": time.perf_counter() - began,

@@ -74,6 +74,8 @@ def summary(result: RunResult) -> None:
     if result.scores.legs.num_rows:
         scores_table(result.scores)
     print(outcome(result))
+    if manifest["config"]["learning"]["lead"] == "auto":
+        print(f"learning.lead=auto is {manifest['learning_lead']} here")
     if RECORDING in manifest["files"]:
         from cmacexp.recording import every_of
 

@@ -1,5 +1,6 @@
 """Checks of a config that one field alone cannot tell."""
 
+from cmacexp.config.check_sensors import check_sensors
 from cmacexp.config.fields import check_fields, listed
 from cmacexp.config.schema import CmacConfig, Config, QuadrupedMachine
 from cmacexp.errors import BadInput
@@ -85,6 +86,26 @@ def check_machine(config: Config) -> None:
         raise BadInput("force_control.desired_force", force, f"{allowed} with machine.kind={config.machine.kind}")
 
 
+def check_load_sharing(config: Config) -> None:
+    """Hold dynamic load sharing to a body whose weight is that of its masses."""
+    machine = config.machine
+    if config.force_control.load_sharing == "static":
+        return
+    if not isinstance(machine, QuadrupedMachine):
+        raise BadInput(
+            "force_control.load_sharing",
+            config.force_control.load_sharing,
+            f"must be static with machine.kind={machine.kind}, whose force is force_control.desired_force",
+        )
+    of_masses = machine.weight_of_masses
+    if abs(machine.total_weight - of_masses) > TOLERANCE * of_masses:
+        raise BadInput(
+            "machine.weight",
+            machine.weight,
+            f"must be null or {of_masses:.6g} N, the weight of all masses, with force_control.load_sharing=dynamic",
+        )
+
+
 def check_pattern(config: Config) -> None:
     """Hold the duty factor to what the gait's pattern can do."""
     gait = config.gait
@@ -165,6 +186,13 @@ def check_length(config: Config) -> None:
         raise BadInput("cycles", config.cycles, f"must be at most {MOST_STEPS // steps} with {steps} steps a cycle")
 
 
+def check_actuator(config: Config) -> None:
+    """Hold the delay of the torques to less than a cycle."""
+    longest = config.steps_per_cycle - 1
+    if config.actuator.delay > longest:
+        raise BadInput("actuator.delay", config.actuator.delay, f"must be at most {longest}, less than a cycle")
+
+
 def check_record(config: Config) -> None:
     """Hold the cycles to be kept to those that there are."""
     for cycle in config.record.cycles or []:
@@ -181,8 +209,11 @@ def check(config: Config) -> None:
     check_fields(config)
     check_timing(config)
     check_machine(config)
+    check_load_sharing(config)
     check_pattern(config)
     check_length(config)
     check_record(config)
     check_gains(config)
     check_cmac(config)
+    check_actuator(config)
+    check_sensors(config, LEGS[config.gait.pattern], isinstance(config.machine, QuadrupedMachine))

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cmacexp.config.fields import choice, number
+from cmacexp.config.sensors import RealSensorsConfig
+from cmacexp.models.gravity import GRAVITY
 
 
 @dataclass
@@ -71,8 +73,21 @@ class QuadrupedMachine:
     kind: str = choice("quadruped")
     hip_height: float = number("m", above=0.25)
     """Height of the hips above the undepressed ground that the feet are planned for, h0 (assumed)."""
-    weight: float = number("N", above=0)
-    """What the feet carry together; 40 N in the paper."""
+    body_mass: float = number("kg", above=0)
+    """Mass of the body without its legs, for plants and plans in which it moves; 1 kg in the paper."""
+    weight: float | None = number("N", above=0)
+    """What the feet carry together where leg masses do not load the body; 40 N in the paper; null: of all masses."""
+
+    @property
+    def weight_of_masses(self) -> float:
+        """Of the body and all its legs, N."""
+        legs = (self.legs.left_front, self.legs.right_front, self.legs.left_rear, self.legs.right_rear)
+        return GRAVITY * (self.body_mass + sum(leg.mass_1 + leg.mass_2 for leg in legs))
+
+    @property
+    def total_weight(self) -> float:
+        """What the feet carry together, N."""
+        return self.weight_of_masses if self.weight is None else self.weight
 
 
 @dataclass
@@ -148,6 +163,10 @@ class ActuatorConfig:
 
     torque_limit: float | None = number("N m (N for a point mass)", above=0)
     """Largest absolute torque of each joint; null: none."""
+    rate_limit: float | None = number("N m/s (N/s for a point mass)", above=0)
+    """Fastest change of the torque of each joint; null: none."""
+    delay: int = number("samples", at_least=0)
+    """A torque that is commanded at step k acts from step k + delay."""
 
     @property
     def limit(self) -> float:
@@ -161,6 +180,8 @@ class PostureConfig:
 
     gain: float = number("", at_least=0)
     """Depth that a supporting foot is pushed down, over the height that its hip lacks; 0 switches it off."""
+    rate_gain: float = number("", at_least=0)
+    """Speed at which a supporting foot is pushed down, over the speed at which its hip sinks; 0 as in the paper."""
 
 
 @dataclass
@@ -176,6 +197,8 @@ class ForceControlConfig:
     """V_fn."""
     force_gain: float = number("", above=0, at_most=1e9)
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
+    load_sharing: str = choice("static", "dynamic")
+    """What feet share under a body; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
 
 
 @dataclass
@@ -199,15 +222,30 @@ class CmacConfig:
 
 @dataclass
 class LearningConfig:
-    """The learning law (Lin & Song 1997, eq. 19, 20)."""
+    """The learning law (Lin & Song 1997, eq. 19, 20); the rules and their sources stand in cmacexp/cmac/rules.py."""
 
-    rule: str = choice("paper")
+    rule: str = choice(
+        "paper", "normalised", "dead_zone", "leakage", "e_modification", "weight_smoothing", "decaying_rate"
+    )
+    """paper: beta U a_j / sum a_i^2; each of the others does one thing otherwise, as the field of its name says."""
     rate: float = number("", above=0, below=2)
     """beta; 50/256 in the paper."""
-    lead: int = number("samples", at_least=-100, at_most=100)
-    """U(k-1) trains the cells of step k-1-lead; 0 as in the paper."""
+    lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",))
+    """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
     start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts."""
+    regularisation: float = number("", at_least=0, at_most=1e6)
+    """normalised: added to sum a_i^2, over its mean along the plan; 0: the paper's rule."""
+    dead_zone: float = number("N m", at_least=0)
+    """dead_zone: feedback up to this teaches nothing; 0: the paper's rule."""
+    leakage: float = number("", at_least=0, at_most=1)
+    """leakage: an active weight loses beta times this of itself; 0: the paper's rule."""
+    e_modification: float = number("1/(N m)", at_least=0, at_most=1e6)
+    """e_modification: loses beta |U| times this; the output stays within its inverse; 0: the paper's rule."""
+    smoothing: float = number("", at_least=0, at_most=1)
+    """weight_smoothing: goes beta times this of its way to the mean of the active ones, kappa of Macnab 2017."""
+    decay: float = number("cycles", above=0, at_most=1e9)
+    """decaying_rate: after so many cycles of learning the rate is half of beta, after twice as many a third."""
 
 
 @dataclass
@@ -277,6 +315,20 @@ class Config:
         return self.gait.stroke / (self.gait.duty_factor * self.gait.cycle_time) if walks else 0.0
 
     @property
+    def lead(self) -> int:
+        """``learning.lead`` in samples; auto is the number of them from a torque to the feedback that it causes.
+
+        Late positions do not count where there is velocity feedback, which outweighs them at the frequencies that a
+        wrong lead makes grow.
+        """
+        if self.learning.lead != "auto":
+            return int(self.learning.lead)
+        late = 0
+        if isinstance(self.sensors, RealSensorsConfig):
+            late = (self.sensors.velocity if self.controller.velocity_gain else self.sensors.position).delay
+        return 1 + self.actuator.delay + late
+
+    @property
     def assumed_stiffness(self) -> float:
         """K_n as planner and controller believe it, N/m."""
         return self.terrain.assumed_stiffness or self.terrain.stiffness
@@ -298,13 +350,24 @@ class PartWithoutFields:
     _target_: str
 
 
+@dataclass
+class IterativeLearningConfig:
+    """Iterative learning control (Bristow, Tharayil & Alleyne 2006)."""
+
+    _target_: str
+    cutoff: float | None = number("Hz", above=0, at_most=1e6)
+    """Of the low-pass Q that the torques of a cycle go through, where its gain is 1/sqrt(2); null: none."""
+
+
 MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine}
 
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
+    "cmacexp.sensors.RealSensors": RealSensorsConfig,
     "cmacexp.control.NoFeedforward": PartWithoutFields,
     "cmacexp.control.CmacFeedforward": PartWithoutFields,
     "cmacexp.control.InverseDynamics": PartWithoutFields,
+    "cmacexp.control.IterativeLearning": IterativeLearningConfig,
 }
 """Schemas of the parts that a ``_target_`` can name; another target brings its own fields, unchecked here."""
