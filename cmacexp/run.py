@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from cmacexp import manifest as manifests
 from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.control import Learns
 from cmacexp.control.feedforward import BuiltInFeedforward
 from cmacexp.files import remove_leftovers, sha256
 from cmacexp.keep import (
@@ -28,14 +29,14 @@ from cmacexp.keep import (
     write_scores,
     writing,
 )
-from cmacexp.memory import assemble_memory
 from cmacexp.metrics.drift import Drift, drift_entry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.rollout import End, Samples, stream
 from cmacexp.scenario import Scenario, make_scenario
 from cmacexp.sensors.protocol import altered_by
 from cmacexp.sources import code_hash
-from cmacexp.trace import BODY_COLUMNS, COLUMNS, assemble, assemble_body, with_measured
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, assemble, assemble_body, assemble_memory, with_measured
+from cmacexp.weights import WEIGHTS, start_hash, write_weights
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class RunResult:
 def clear(folder: Path) -> None:
     """Make room for a run: what an earlier one left under the same names goes, its manifest first."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in (manifests.NAME, TRACE, BODY, MEMORY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING):
+    for name in (manifests.NAME, TRACE, BODY, MEMORY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING, WEIGHTS):
         (folder / name).unlink(missing_ok=True)
     remove_leftovers(folder)
 
@@ -101,6 +102,9 @@ def _roll_out(
     scores = writer.scores
     names = [TRACE, BODY] if walks else [TRACE]
     names += write_memory(folder, writer.legs.memory) + write_scores(folder, scores)
+    if config.record.weights and isinstance(scenario.feedforward, Learns):
+        write_weights(folder, scenario.feedforward.learnt())
+        names.append(WEIGHTS)
     if config.record.recording and (kept := steps_by_cycle(folder)):
         from cmacexp.recording import part_of, write_recording
 
@@ -147,6 +151,7 @@ def run_scenario(
         "versions": manifests.versions(),
         "git_commit": manifests.git_commit(),
         "steps": end.steps,
+        "start_weights": start_hash(config),
         "drift": drift_entry(scores.legs),
         "learning_lead": config.lead,
         "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],

@@ -61,7 +61,7 @@ class Scorer:
         """The first drift seen so far, as known when it was named."""
 
     def add_memory(self, memory: pa.Table) -> None:
-        """Take what the weights were at the end of the next cycles (:func:`cmacexp.memory.assemble_memory`)."""
+        """Take what the weights were at the end of the next cycles (:func:`cmacexp.trace.assemble_memory`)."""
         self.memory.append(memory)
 
     def add(self, trace: pa.Table) -> None:

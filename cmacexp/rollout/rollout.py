@@ -95,8 +95,11 @@ def _sensing(scenario: Scenario) -> tuple[Sensing, Seen]:
     return no_sensing(), Seen(*(getattr(state, name) for name in Seen._fields))
 
 
-class _FusedLoop:
-    """The fused loop over the states of built-in parts, compiled by running no step of it."""
+class FusedRun:
+    """The fused loop over the states of built-in parts, compiled by running no step of it.
+
+    ``loop`` holds all that changes, ``taken`` counts the steps taken so far.
+    """
 
     def __init__(self, scenario: Scenario, guard: Guard):
         plant, controller, feedforward = scenario.plant, scenario.controller, scenario.feedforward
@@ -138,7 +141,7 @@ class _FusedLoop:
 class _Ending:
     """How a loop ends, as far as is known; what is raised in :meth:`caught` ends it."""
 
-    def __init__(self, loop: "_FusedLoop | SteppedLoop"):
+    def __init__(self, loop: "FusedRun | SteppedLoop"):
         self.loop = loop
         self.status, self.cause = "completed", ""
         self.error: Exception | None = None
@@ -182,10 +185,10 @@ def stream(
     setup = scenario.setup
     config, period, cycles = setup.config, setup.config.steps_per_cycle, setup.config.cycles
     guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
-    loop = (_FusedLoop if fused and is_built_in(scenario) else SteppedLoop)(scenario, guard)
+    loop = (FusedRun if fused and is_built_in(scenario) else SteppedLoop)(scenario, guard)
     legs = setup.mechanism.legs.shape[0]
     fits = min(max(1, MOST_ROWS // (period * legs)), MOST_CYCLES)
-    together = min(cycles, fits if isinstance(loop, _FusedLoop) else 1)
+    together = min(cycles, fits if isinstance(loop, FusedRun) else 1)
     samples, body = room_for(together * period, legs, bool(altered_by(scenario.sensors) - {"force"}))
     joints = [i for i, name in enumerate(names_of(samples)) if name.removesuffix("_measured") in JOINTS]
     ending, seconds = _Ending(loop), 0.0
