@@ -15,13 +15,13 @@ from cmacexp.arrays import Array
 from cmacexp.config import Config
 from cmacexp.control.feedforward_law import TABLE
 from cmacexp.errors import CmacexpError
+from cmacexp.rollout.built_in import FusedRun, foreign_parts, fused_parts
 from cmacexp.rollout.layout import SAMPLES, room_for
-from cmacexp.rollout.rollout import FusedRun, is_built_in
 from cmacexp.rollout.stop import RUNNING, new_guard
 from cmacexp.scenario import Scenario, make_scenario
 
-CLOCKS = ("plant_state.travel", "guard.tumble")
-"""Arrays that only count on: the way walked, steps without balance. They are no part of what learning can amplify."""
+CLOCKS = ("plant_state.travel", "guard.tumble", "feedforward.log.values")
+"""Arrays that only tell how far a run is: way walked, steps without balance, log. Learning cannot amplify them."""
 RINGS = {"actuator.line": 0, "sensing.line": 1}
 """Delay lines that are written round and round, each with the axis of its samples: step k stands at k % length."""
 NUDGE = 1e-6
@@ -83,11 +83,13 @@ class Loop:
     """
 
     def __init__(self, scenario: Scenario):
-        if not is_built_in(scenario):
+        foreign = foreign_parts(scenario)
+        if any(foreign) or scenario.fault is not None:
             raise NotPredictable("parts that the compiled loop does not know cannot be linearised")
         setup = scenario.setup
         config, legs = setup.config, setup.mechanism.legs.shape[0]
-        self.run = FusedRun(scenario, new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period))
+        guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
+        self.run = FusedRun(fused_parts(scenario, foreign, guard))
         self.plan = setup.plan
         self.config = config
         self.period = config.steps_per_cycle
