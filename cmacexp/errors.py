@@ -19,5 +19,9 @@ class BadInput(CmacexpError):
         self.key = key
 
 
+class BadAnswer(CmacexpError):
+    """A part gave back what the loop cannot use; the message names class, method, what was expected and what came."""
+
+
 class BadRun(CmacexpError):
     """A folder that does not hold what a run leaves behind."""

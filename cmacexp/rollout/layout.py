@@ -4,8 +4,6 @@ import numpy as np
 
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel
-from cmacexp.plants.protocol import Measurement
-from cmacexp.sensors.law import Seen
 
 SAMPLES = (
     "x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2", "force", "force_measured", "x_reference", "y_reference",
@@ -84,16 +82,30 @@ def has_measured(samples: Array) -> bool:
 
 
 @kernel
-def write_measured(samples: Array, body_samples: Array, k: int, seen: Seen | Measurement, body_rate: Array) -> None:
-    """Fill the rest of ``samples[k]`` and ``body_samples[k]`` with what was ``seen``; ``body_rate`` (3,) is true."""
+def write_measured(
+    samples: Array,
+    body_samples: Array,
+    k: int,
+    foot: Array,
+    velocity: Array,
+    q: Array,
+    dq: Array,
+    body: Array,
+    rate: Array,
+    true_rate: Array,
+) -> None:
+    """Fill the rest of ``samples[k]`` and ``body_samples[k]`` with what sensors told; ``true_rate`` is the body's.
+
+    Those of a body are (3,), the rest is (L, 2).
+    """
     first, after = len(SAMPLES), len(BODY_SAMPLES)
-    for i in range(seen.force.shape[0]):
+    for i in range(foot.shape[0]):
         for j in range(2):
-            samples[k, i, first + j] = seen.foot[i, j]
-            samples[k, i, first + 2 + j] = seen.velocity[i, j]
-            samples[k, i, first + 4 + j] = seen.q[i, j]
-            samples[k, i, first + 6 + j] = seen.dq[i, j]
+            samples[k, i, first + j] = foot[i, j]
+            samples[k, i, first + 2 + j] = velocity[i, j]
+            samples[k, i, first + 4 + j] = q[i, j]
+            samples[k, i, first + 6 + j] = dq[i, j]
     for n in range(3):
-        body_samples[k, after + n] = body_rate[n]
-        body_samples[k, after + 3 + n] = seen.body[n]
-        body_samples[k, after + 6 + n] = seen.body_rate[n]
+        body_samples[k, after + n] = true_rate[n]
+        body_samples[k, after + 3 + n] = body[n]
+        body_samples[k, after + 6 + n] = rate[n]

@@ -9,16 +9,18 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.arrays import Array
-from cmacexp.control import HybridController
+from cmacexp.control import HybridController, NoFeedforward
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.feedforward import BuiltInFeedforward
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.plants import AnalyticPlant, Measurement
+from cmacexp.plants.kernels import PlantState
 from cmacexp.rollout.fused import FusedLoop, Torques, fused_loop
 from cmacexp.rollout.interrupt import interrupt_held_back
 from cmacexp.rollout.layout import body_names_of, names_of, room_for
-from cmacexp.rollout.stepped import SteppedLoop
+from cmacexp.rollout.relay import Foreign
+from cmacexp.rollout.stepped import MEASURED, SteppedLoop
 from cmacexp.rollout.stop import RUNNING, STATUSES, Guard, describe_stop, new_guard
 from cmacexp.scenario import Scenario
 from cmacexp.sensors import PerfectSensors, RealSensors
@@ -72,52 +74,74 @@ class End:
     """What a part raised in the middle."""
 
 
-def is_built_in(scenario: Scenario) -> bool:
-    """Whether the fused loop knows every part."""
-    return (
-        type(scenario.plant) is AnalyticPlant
-        and type(scenario.sensors) in (PerfectSensors, RealSensors)
-        and type(scenario.controller) is HybridController
-        and isinstance(scenario.feedforward, BuiltInFeedforward)
-        and type(scenario.feedforward).predict is BuiltInFeedforward.predict
+def foreign_parts(scenario: Scenario) -> Foreign:
+    """Which parts the compiled loops do not know; a class made from a built-in one is foreign."""
+    controller = type(scenario.controller) is not HybridController
+    return Foreign(
+        type(scenario.plant) is not AnalyticPlant,
+        type(scenario.sensors) not in (PerfectSensors, RealSensors),
+        controller,
+        not controller
+        and not (
+            isinstance(scenario.feedforward, BuiltInFeedforward)
+            and type(scenario.feedforward).predict is BuiltInFeedforward.predict
+        ),
     )
 
 
-def _sensing(scenario: Scenario) -> tuple[Sensing, Seen]:
-    """Built-in sensors as the fused loop takes them; perfect ones show the arrays of the plant."""
-    assert isinstance(scenario.plant, AnalyticPlant)
-    sensors, state = scenario.sensors, scenario.plant.state
-    if isinstance(sensors, RealSensors) and sensors.sensing.active:
+ALL_FOREIGN = Foreign(plant=True, sensors=True, controller=True, feedforward=False)
+
+
+def _sensing(scenario: Scenario, state: PlantState) -> tuple[Sensing, Seen]:
+    """Built-in sensors as the compiled loops take them; those that alter nothing show the arrays of the plant."""
+    sensors = scenario.sensors
+    if type(sensors) is RealSensors and sensors.sensing.active:
         return sensors.sensing, sensors.seen
     return no_sensing(), Seen(*(getattr(state, name) for name in Seen._fields))
+
+
+def _fused(scenario: Scenario, foreign: Foreign, guard: Guard) -> FusedLoop:
+    """The states of all built-in parts; with stand-ins for the others, of which only the room for results is used."""
+    setup = scenario.setup
+    plant, controller, feedforward = AnalyticPlant(), HybridController(1.0, 0.0, 1.0, 1.0), scenario.feedforward
+    if foreign.plant:
+        plant.reset(setup)
+    else:
+        assert isinstance(scenario.plant, AnalyticPlant)
+        plant = scenario.plant
+    if foreign.controller:
+        controller.reset(setup, feedforward)
+    else:
+        assert isinstance(scenario.controller, HybridController)
+        controller = scenario.controller
+    if not isinstance(feedforward, BuiltInFeedforward) or foreign.controller or foreign.feedforward:
+        feedforward = NoFeedforward()
+        feedforward.reset(setup)
+    legs = setup.mechanism.legs.shape[0]
+    return FusedLoop(
+        setup.plan.support,
+        setup.plan.reference,
+        setup.plan.start_step,
+        plant.law,
+        plant.state,
+        *_sensing(scenario, plant.state),
+        controller.law,
+        controller.state,
+        feedforward.law,
+        new_actuator(setup.config.actuator, setup.config.sampling_period, legs),
+        Torques(*(np.zeros((legs, 2)) for _ in range(2))),
+        guard,
+    )
 
 
 class _FusedLoop:
     """The fused loop over the states of built-in parts, compiled by running no step of it."""
 
-    def __init__(self, scenario: Scenario, guard: Guard):
-        plant, controller, feedforward = scenario.plant, scenario.controller, scenario.feedforward
-        assert isinstance(plant, AnalyticPlant)
-        assert isinstance(controller, HybridController)
-        assert isinstance(feedforward, BuiltInFeedforward)
-        legs, config = scenario.setup.mechanism.legs.shape[0], scenario.setup.config
-        self.plant = plant
+    def __init__(self, loop: FusedLoop):
+        self.loop = loop
         self.taken = 0
-        plan = scenario.setup.plan
-        self.loop = FusedLoop(
-            plan.support,
-            plan.reference,
-            plan.start_step,
-            plant.law,
-            plant.state,
-            *_sensing(scenario),
-            controller.law,
-            controller.state,
-            feedforward.law,
-            new_actuator(config.actuator, config.sampling_period, legs),
-            Torques(*(np.zeros((legs, 2)) for _ in range(2))),
-            guard,
-        )
+        self.state = Measurement(*loop.plant_state[:MEASURED])
+        legs = loop.support.shape[1]
         self.run(*room_for(0, legs, False))
 
     def run(self, samples: Array, body_samples: Array) -> int:
@@ -125,11 +149,6 @@ class _FusedLoop:
         steps, stop = fused_loop(self.loop, self.taken, samples, body_samples)
         self.taken += steps
         return stop
-
-    @property
-    def state(self) -> Measurement:
-        """Of the plant now."""
-        return self.plant.measure()
 
 
 class _Ending:
@@ -165,7 +184,7 @@ def stream(
         scenario: the parts.
         keep: takes the samples of these cycles; their arrays are used again for the next ones.
         watch: is called after them with the cycles done so far; after every cycle of the step-by-step loop.
-        fused: False takes the step-by-step loop even where the fused one knows every part.
+        fused: False calls every part step by step, as if none were built in.
 
     Returns:
         How it ended; a run that diverges, that a part fails in or that is interrupted has kept what it has.
@@ -173,7 +192,9 @@ def stream(
     setup = scenario.setup
     config, period, cycles = setup.config, setup.config.steps_per_cycle, setup.config.cycles
     guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
-    loop = (_FusedLoop if fused and is_built_in(scenario) else SteppedLoop)(scenario, guard)
+    foreign = foreign_parts(scenario) if fused else ALL_FOREIGN
+    parts = _fused(scenario, foreign, guard)
+    loop = SteppedLoop(scenario, parts, foreign) if any(foreign) else _FusedLoop(parts)
     legs = setup.mechanism.legs.shape[0]
     fits = max(1, MOST_ROWS // (period * legs))
     together = min(cycles, fits if isinstance(loop, _FusedLoop) else 1)
