@@ -27,7 +27,7 @@ from cmacexp.rollout import End, Samples, stream
 from cmacexp.scenario import Scenario, make_scenario
 from cmacexp.sensors.protocol import altered_by
 from cmacexp.sources import code_hash
-from cmacexp.trace import BODY_COLUMNS, COLUMNS, assemble, assemble_body, with_measured
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, assemble, assemble_body, with_measured
 
 
 @dataclass(frozen=True)
@@ -52,25 +52,32 @@ def clear(folder: Path) -> None:
     remove_leftovers(folder)
 
 
+def _columns(scenario: Scenario) -> tuple[tuple[Column, ...], tuple[Column, ...] | None]:
+    """Columns of the traces of legs and body; None without a body."""
+    altered, watched = altered_by(scenario.sensors), scenario.setup.config.plausibility.enabled
+    legs = with_measured(COLUMNS, altered, watched)
+    return legs, with_measured(BODY_COLUMNS, altered) if scenario.setup.mechanism.kind == LEGS_UNDER_BODY else None
+
+
 def _traces(scenario: Scenario, samples: Samples) -> Traces:
     """The part of the traces that some steps give."""
     plan, config, columns = scenario.setup.plan, scenario.setup.config, samples.columns()
-    period, start, altered = config.sampling_period, samples.start, altered_by(scenario.sensors)
-    legs = assemble(plan, columns, period, start, with_measured(COLUMNS, altered))
-    if scenario.setup.mechanism.kind != LEGS_UNDER_BODY:
+    period, start = config.sampling_period, samples.start
+    of_legs, of_body = _columns(scenario)
+    legs = assemble(plan, columns, period, start, of_legs)
+    if of_body is None:
         return Traces(legs, None)
-    body, shown = samples.body_columns(), with_measured(BODY_COLUMNS, altered)
-    return Traces(legs, assemble_body(plan, body, columns["force"], period, config.body_speed, start, shown))
+    body = samples.body_columns()
+    return Traces(legs, assemble_body(plan, body, columns["force"], period, config.body_speed, start, of_body))
 
 
 def _roll_out(scenario: Scenario, folder: Path, watch: Callable[[int], None]) -> tuple[End, Scores, list[str]]:
     """Run, and write all that it leaves behind but the manifest; how it ended, its metrics, names of the files."""
-    config, walks = scenario.setup.config, scenario.setup.mechanism.kind == LEGS_UNDER_BODY
-    altered = altered_by(scenario.sensors)
-    with writing(folder, config.record, config.steps_per_cycle, walks, altered) as writer:
+    config, (legs, body) = scenario.setup.config, _columns(scenario)
+    with writing(folder, config.record, config.steps_per_cycle, legs, body) as writer:
         end = stream(scenario, lambda samples: writer.add(_traces(scenario, samples)), watch)
     scores = writer.scores
-    names = [TRACE, BODY] if walks else [TRACE]
+    names = [TRACE, BODY] if body else [TRACE]
     names += write_scores(folder, scores)
     if config.record.recording and (kept := steps_by_cycle(folder)):
         from cmacexp.recording import part_of, write_recording
@@ -117,6 +124,7 @@ def run_scenario(
         "git_commit": manifests.git_commit(),
         "steps": end.steps,
         "learning_lead": config.lead,
+        "dropped": [{"leg": i, "step": k} for i, k in getattr(scenario.controller, "dropped", {}).items()],
         "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],
         "rollout_seconds": end.seconds,
         "wall_seconds": time.perf_counter() - began,

@@ -69,6 +69,9 @@ def summary(result: RunResult) -> None:
     print(outcome(result))
     if manifest["config"]["learning"]["lead"] == "auto":
         print(f"learning.lead=auto is {manifest['learning_lead']} here")
+    for dropped in manifest["dropped"]:
+        time = dropped["step"] * manifest["config"]["sampling_period"]
+        print(f"force sensor of leg {dropped['leg']} was implausible and dropped at step {dropped['step']} ({time:g} s)")
     if RECORDING in manifest["files"]:
         from cmacexp.recording import every_of
 

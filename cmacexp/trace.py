@@ -98,8 +98,14 @@ RATES = (
 """Columns of a body that stand in its trace where their sensors alter them."""
 
 
-def with_measured(columns: Sequence[Column], altered: Collection[str]) -> tuple[Column, ...]:
-    """Columns of a trace, followed by those that sensors add which alter these signals."""
+TRUSTED = Column(
+    "force_trusted", "", "1 while the controller goes by the force sensor; 0 since it was implausible", pa.int8()
+)
+"""Of legs whose force sensors are watched."""
+
+
+def with_measured(columns: Sequence[Column], altered: Collection[str], watched: bool = False) -> tuple[Column, ...]:
+    """Columns of a trace, then those of sensors that alter these signals, and of force sensors that are watched."""
 
     def is_altered(column: Column) -> bool:
         return any(signal in altered for signal in MEASURED.get(column.name, ()))
@@ -110,7 +116,7 @@ def with_measured(columns: Sequence[Column], altered: Collection[str]) -> tuple[
         for column in (*columns, *rates)
         if is_altered(column)
     ]
-    return (*columns, *rates, *seen)
+    return (*columns, *rates, *seen, *([TRUSTED] if watched and columns is COLUMNS else []))
 
 
 def schema_of(columns: Sequence[Column]) -> pa.Schema:

@@ -202,6 +202,19 @@ class ForceControlConfig:
 
 
 @dataclass
+class PlausibilityConfig:
+    """Whether the controller looks if a force sensor can be believed, and drops one that cannot."""
+
+    enabled: bool
+    tolerance: float = number("N", above=0, at_most=1e9)
+    """Difference from the force expected at the measured depth that raises no doubt."""
+    relative_tolerance: float = number("", at_least=0, below=1)
+    """Likewise over the expected force; at 1 a sensor stuck at zero would pass."""
+    patience: int = number("samples", at_least=1, at_most=10**6)
+    """So many that are wrong by twice the tolerance drop a sensor."""
+
+
+@dataclass
 class CmacConfig:
     """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
 
@@ -272,6 +285,7 @@ class Config:
     actuator: ActuatorConfig
     posture: PostureConfig
     force_control: ForceControlConfig
+    plausibility: PlausibilityConfig
     feedforward: Any
     cmac: CmacConfig
     learning: LearningConfig

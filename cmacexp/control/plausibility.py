@@ -1,4 +1,4 @@
-"""Whether a force sensor can be believed: what it tells beside what the ground gives at the measured depth of the foot.
+"""Whether a force sensor can be believed: what it tells beside what the ground gives at the depth of the foot.
 
 The doubt of every sample adds up, and belief takes it away again: a cumulative sum (Page 1954, Continuous inspection
 schemes, Biometrika 41), so that neither a spike nor noise drops a sound sensor.

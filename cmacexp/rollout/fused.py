@@ -79,7 +79,7 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
         if has_measured(samples):
             write_measured(
                 samples, body_samples, k, seen.foot, seen.velocity, seen.q, seen.dq,
-                seen.body, seen.body_rate, machine.body_rate,
+                seen.body, seen.body_rate, machine.body_rate, state.plausible.trusted,
             )  # fmt: skip
         advance(plant, machine, total)
         sample = sample + 1 if sample + 1 < period else 0

@@ -17,6 +17,9 @@ BODY_SAMPLES = ("height", "pitch", "roll")
 MEASURED = ("x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2")
 """Columns that follow SAMPLES, as ``x_measured``, where sensors alter something; the force has its own always."""
 
+TRUSTED = "force_trusted"
+"""Follows MEASURED: whether the controller goes by the force sensor."""
+
 RATES = ("height_rate", "pitch_rate", "roll_rate")
 BODY_MEASURED = (*BODY_SAMPLES, *RATES)
 """Likewise of the body, after BODY_SAMPLES and RATES."""
@@ -24,7 +27,7 @@ BODY_MEASURED = (*BODY_SAMPLES, *RATES)
 
 def names_of(samples: Array) -> tuple[str, ...]:
     """Names of the columns of leg samples (steps, L, columns)."""
-    return (*SAMPLES, *(f"{name}_measured" for name in MEASURED))[: samples.shape[2]]
+    return (*SAMPLES, *(f"{name}_measured" for name in MEASURED), TRUSTED)[: samples.shape[2]]
 
 
 def body_names_of(samples: Array) -> tuple[str, ...]:
@@ -35,7 +38,7 @@ def body_names_of(samples: Array) -> tuple[str, ...]:
 def room_for(steps: int, legs: int, measured: bool) -> tuple[Array, Array]:
     """Room for the samples of legs and body, with or without what is measured of them."""
     return (
-        np.zeros((steps, legs, len(SAMPLES) + (len(MEASURED) if measured else 0))),
+        np.zeros((steps, legs, len(SAMPLES) + (len(MEASURED) + 1 if measured else 0))),
         np.zeros((steps, len(BODY_SAMPLES) + (len(RATES) + len(BODY_MEASURED) if measured else 0))),
     )
 
@@ -93,10 +96,11 @@ def write_measured(
     body: Array,
     rate: Array,
     true_rate: Array,
+    trusted: Array,
 ) -> None:
     """Fill the rest of ``samples[k]`` and ``body_samples[k]`` with what sensors told; ``true_rate`` is the body's.
 
-    Those of a body are (3,), the rest is (L, 2).
+    Those of a body are (3,), ``trusted`` is (L,), the rest is (L, 2).
     """
     first, after = len(SAMPLES), len(BODY_SAMPLES)
     for i in range(foot.shape[0]):
@@ -105,6 +109,7 @@ def write_measured(
             samples[k, i, first + 2 + j] = velocity[i, j]
             samples[k, i, first + 4 + j] = q[i, j]
             samples[k, i, first + 6 + j] = dq[i, j]
+        samples[k, i, first + 8] = trusted[i]
     for n in range(3):
         body_samples[k, after + n] = true_rate[n]
         body_samples[k, after + 3 + n] = body[n]

@@ -194,7 +194,10 @@ def relay(
             machine.force, force, state.reference, state.feedback, feedforward, machine.body,
         )  # fmt: skip
         if has_measured(samples):
-            write_measured(samples, body_samples, k, foot, velocity, q, dq, body, rate, machine.body_rate)
+            write_measured(
+                samples, body_samples, k, foot, velocity, q, dq,
+                body, rate, machine.body_rate, state.plausible.trusted,
+            )  # fmt: skip
         if foreign.plant:
             hand(handed.torque, k, total)
             yield 4 * k + STEP

@@ -198,7 +198,8 @@ def stream(
     legs = setup.mechanism.legs.shape[0]
     fits = max(1, MOST_ROWS // (period * legs))
     together = min(cycles, fits if isinstance(loop, _FusedLoop) else 1)
-    samples, body = room_for(together * period, legs, bool(altered_by(scenario.sensors) - {"force"}))
+    wide = config.plausibility.enabled or bool(altered_by(scenario.sensors) - {"force"})
+    samples, body = room_for(together * period, legs, wide)
     joints = [i for i, name in enumerate(names_of(samples)) if name.removesuffix("_measured") in JOINTS]
     ending, seconds = _Ending(loop), 0.0
     while ending.status == "completed" and loop.taken < cycles * period:

@@ -17,6 +17,7 @@ from cmacexp.arrays import Array
 from cmacexp.control.protocol import Reference
 from cmacexp.plants.protocol import Measurement
 from cmacexp.rollout.fused import FusedLoop
+from cmacexp.rollout.layout import room_for
 from cmacexp.rollout.relay import STEP, Exchange, Foreign, Handed, relay
 from cmacexp.rollout.stop import RUNNING
 from cmacexp.scenario import Scenario
@@ -70,6 +71,7 @@ class SteppedLoop:
             np.zeros(3, dtype=np.int64),
         )
         self.calls: tuple[Callable[[int], None], ...] = (self._measure, self._act, self._predict, self._step)
+        self.trusts = foreign.controller and hasattr(scenario.controller, "force_trusted")
         self.begun = 0
         self._run(*room_for(0, legs, False))
 
@@ -142,6 +144,8 @@ class SteppedLoop:
     def _act(self, row: int) -> None:
         reference, state = self.references[row], self.loop.control_state
         action = self.controller.act(reference, self.seen[row])
+        if self.trusts:
+            state.plausible.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
         if not take_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
             state.reference[...] = reference.values[:, :2]
 
