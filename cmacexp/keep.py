@@ -14,6 +14,7 @@ from cmacexp.config.schema import RecordConfig
 from cmacexp.errors import BadRun
 from cmacexp.files import write_atomically
 from cmacexp.metrics import BodyScorer, Scorer
+from cmacexp.metrics.drift import Drift
 from cmacexp.table import as_array, parts_of, rows_of, table_writer, write_table
 from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, schema_of
 
@@ -66,6 +67,11 @@ class RunWriter:
             kept = self._kept(table)
             if kept.num_rows:
                 writer.write_table(kept)
+
+    @property
+    def drift(self) -> Drift | None:
+        """The first drift seen so far."""
+        return self.legs.drift
 
     @property
     def scores(self) -> Scores:

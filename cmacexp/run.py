@@ -22,6 +22,7 @@ from cmacexp.keep import (
     write_scores,
     writing,
 )
+from cmacexp.metrics.drift import Drift, drift_entry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.rollout import End, Samples, stream
 from cmacexp.scenario import Scenario, make_scenario
@@ -71,11 +72,20 @@ def _traces(scenario: Scenario, samples: Samples) -> Traces:
     return Traces(legs, assemble_body(plan, body, columns["force"], period, config.body_speed, start, of_body))
 
 
-def _roll_out(scenario: Scenario, folder: Path, watch: Callable[[int], None]) -> tuple[End, Scores, list[str]]:
+def _roll_out(
+    scenario: Scenario, folder: Path, watch: Callable[[int], None], warn: Callable[[Drift], None]
+) -> tuple[End, Scores, list[str]]:
     """Run, and write all that it leaves behind but the manifest; how it ended, its metrics, names of the files."""
     config, (legs, body) = scenario.setup.config, _columns(scenario)
     with writing(folder, config.record, config.steps_per_cycle, legs, body) as writer:
-        end = stream(scenario, lambda samples: writer.add(_traces(scenario, samples)), watch)
+
+        def keep(samples: Samples) -> None:
+            known = writer.drift
+            writer.add(_traces(scenario, samples))
+            if known is None and writer.drift is not None:
+                warn(writer.drift)
+
+        end = stream(scenario, keep, watch)
     scores = writer.scores
     names = [TRACE, BODY] if body else [TRACE]
     names += write_scores(folder, scores)
@@ -92,6 +102,7 @@ def run_scenario(
     folder: Path,
     watch: Callable[[int], None] = lambda cycle: None,
     prepared: Scenario | None = None,
+    warn: Callable[[Drift], None] = lambda drift: None,
 ) -> RunResult:
     """Run a scenario and keep what it gives in ``folder``.
 
@@ -100,6 +111,7 @@ def run_scenario(
         folder: is made if missing; files of an earlier run in it are replaced.
         watch: is called with the cycles done so far, see :func:`cmacexp.rollout.stream`.
         prepared: the scenario of ``config`` if it is already made.
+        warn: is called when learning is seen to drift, while the run goes on; see :mod:`cmacexp.metrics.drift`.
 
     Returns:
         The result; a run that diverged, failed or was interrupted keeps what it has, and says so in ``status``.
@@ -111,7 +123,7 @@ def run_scenario(
     began = time.perf_counter()
     scenario = prepared or make_scenario(config)
     clear(folder)
-    end, scores, names = _roll_out(scenario, folder, watch)
+    end, scores, names = _roll_out(scenario, folder, watch, warn)
     plain = to_plain(config)
     manifest: manifests.Manifest = {
         "status": end.status,
@@ -123,6 +135,7 @@ def run_scenario(
         "versions": manifests.versions(),
         "git_commit": manifests.git_commit(),
         "steps": end.steps,
+        "drift": drift_entry(scores.legs),
         "learning_lead": config.lead,
         "dropped": [{"leg": i, "step": k} for i, k in getattr(scenario.controller, "dropped", {}).items()],
         "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],

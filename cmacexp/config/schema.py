@@ -235,15 +235,30 @@ class CmacConfig:
 
 @dataclass
 class LearningConfig:
-    """The learning law (Lin & Song 1997, eq. 19, 20)."""
+    """The learning law (Lin & Song 1997, eq. 19, 20); the rules and their sources stand in cmacexp/cmac/rules.py."""
 
-    rule: str = choice("paper")
+    rule: str = choice(
+        "paper", "normalised", "dead_zone", "leakage", "e_modification", "weight_smoothing", "decaying_rate"
+    )
+    """paper: beta U a_j / sum a_i^2; each of the others does one thing otherwise, as the field of its name says."""
     rate: float = number("", above=0, below=2)
     """beta; 50/256 in the paper."""
     lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",))
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
     start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts."""
+    regularisation: float = number("", at_least=0, at_most=1e6)
+    """normalised: added to sum a_i^2, over its mean along the plan; 0: the paper's rule."""
+    dead_zone: float = number("N m", at_least=0)
+    """dead_zone: feedback up to this teaches nothing; 0: the paper's rule."""
+    leakage: float = number("", at_least=0, at_most=1)
+    """leakage: an active weight loses beta times this of itself; 0: the paper's rule."""
+    e_modification: float = number("1/(N m)", at_least=0, at_most=1e6)
+    """e_modification: loses beta |U| times this; the output stays within its inverse; 0: the paper's rule."""
+    smoothing: float = number("", at_least=0, at_most=1)
+    """weight_smoothing: goes beta times this of its way to the mean of the active ones, kappa of Macnab 2017."""
+    decay: float = number("cycles", above=0, at_most=1e9)
+    """decaying_rate: after so many cycles of learning the rate is half of beta, after twice as many a third."""
 
 
 @dataclass
@@ -349,6 +364,15 @@ class PartWithoutFields:
     _target_: str
 
 
+@dataclass
+class IterativeLearningConfig:
+    """Iterative learning control (Bristow, Tharayil & Alleyne 2006)."""
+
+    _target_: str
+    cutoff: float | None = number("Hz", above=0, at_most=1e6)
+    """Of the low-pass Q that the torques of a cycle go through, where its gain is 1/sqrt(2); null: none."""
+
+
 MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine}
 
 BUILT_IN_PARTS = {
@@ -358,5 +382,6 @@ BUILT_IN_PARTS = {
     "cmacexp.control.NoFeedforward": PartWithoutFields,
     "cmacexp.control.CmacFeedforward": PartWithoutFields,
     "cmacexp.control.InverseDynamics": PartWithoutFields,
+    "cmacexp.control.IterativeLearning": IterativeLearningConfig,
 }
 """Schemas of the parts that a ``_target_`` can name; another target brings its own fields, unchecked here."""

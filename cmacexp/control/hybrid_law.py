@@ -62,7 +62,8 @@ class HybridState(NamedTuple):
 
 def new_hybrid_state(legs: int) -> HybridState:
     """LEAD states of zero."""
-    return HybridState(*(np.zeros((legs, 2)) for _ in range(5)), new_trust(legs))
+    error, output, feedback, taught, reference = (np.zeros((legs, 2)) for _ in range(5))
+    return HybridState(error, output, feedback, taught, reference, new_trust(legs))
 
 
 @kernel
@@ -129,9 +130,9 @@ def believed_force(
 ) -> float:
     """The force that control goes by, N: the ``measured`` one unless the sensor of leg ``i`` is implausible.
 
-    The ``desired`` force in its place takes the terms of P_fn and V_fn out of the error together with those that the
-    reference has for them (eq. 9, 13, 24). Damping and explicit control know nothing of the ground but its force: they
-    go by the one expected at the measured depth.
+    The ``desired`` force in its place takes the terms of P_fn and V_fn out of the error, together with those that the
+    reference has for them (eq. 9, 13, 24). Damping and explicit control know nothing of the ground but its force:
+    they go by the one expected at the measured depth.
     """
     if not law.plausibility.enabled:
         return measured
