@@ -59,9 +59,8 @@ def measurements(scenario: Scenario, rollout: Rollout) -> list[Measurement]:
 def answers(config: Config) -> dict[str, list[Any]]:
     """What each part of a run gave, step by step."""
     scenario = make_scenario(config)
-    first = replace(scenario)
     rollout = roll_out(scenario)
-    seen = measurements(first, rollout)
+    seen = measurements(scenario, rollout)
     feedback, feedforward = (rollout.samples[:, :, i : i + 2].copy() for i in (12, 14))
     reference = rollout.samples[:, :, 10:12].copy()
     return {

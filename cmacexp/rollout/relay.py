@@ -19,7 +19,7 @@ from cmacexp.plants.protocol import Measurement
 from cmacexp.rollout.fused import FusedLoop
 from cmacexp.rollout.layout import has_measured, write_measured, write_samples
 from cmacexp.rollout.stop import DIVERGED, RUNNING, stop_reason
-from cmacexp.sensors.law import sense
+from cmacexp.sensors.law import Seen, sense
 
 MEASURE, ACT, PREDICT, STEP = range(4)
 """What the loop waits for when it pauses: the method of a foreign part."""
@@ -48,17 +48,6 @@ class Handed(NamedTuple):
     """(K, L, 2): for a plant, N m."""
 
 
-class Exchange(NamedTuple):
-    """Where foreign parts leave what they give, besides the states of the loop itself."""
-
-    seen: Measurement
-    """Of foreign sensors."""
-    trig: Array
-    """(L, 4): sines and cosines of the joint angles seen."""
-    progress: Counts
-    """(3,): steps whose torque the plant has taken, RUNNING or why it stopped, 1 + who gave what is not finite."""
-
-
 @kernel
 def is_finite(values: Array) -> bool:
     """Whether all of ``values`` (L, 2) are."""
@@ -70,7 +59,7 @@ def is_finite(values: Array) -> bool:
 
 
 @kernel
-def sees_finite(seen: Measurement) -> bool:
+def sees_finite(seen: Seen) -> bool:
     """Whether all of a measurement is finite."""
     for i in range(seen.force.shape[0]):
         if not math.isfinite(seen.force[i]):
@@ -125,7 +114,7 @@ def hand_measurement(
 def relay(
     loop: FusedLoop,
     foreign: Foreign,
-    exchange: Exchange,
+    progress: Counts,
     handed: Handed,
     start: int,
     samples: Array,
@@ -133,12 +122,14 @@ def relay(
 ) -> Iterator[int]:
     """:func:`cmacexp.rollout.fused.fused_loop`, pausing at foreign parts; the caller keeps all arrays alive.
 
+    ``progress`` (3,) is filled: steps whose torque the plant has taken, RUNNING or why it stopped, and 1 + the method
+    that gave a value that is not finite, else 0.
+
     Yields:
         4 x row + MEASURE, ACT, PREDICT or STEP; the caller has the part do it before it resumes.
     """
-    plant, machine, state = loop.plant, loop.plant_state, loop.control_state
+    plant, machine, seen, state = loop.plant, loop.plant_state, loop.seen, loop.control_state
     feedforward, total = loop.torques
-    progress = exchange.progress
     steps = samples.shape[0]
     period = loop.support.shape[0]
     progress[0], progress[1], progress[2] = 0, RUNNING, 0
@@ -149,24 +140,21 @@ def relay(
     sample = start % period
     for k in range(steps):
         acting = start + k >= loop.start_step
-        q, dq, foot, velocity, force = machine.q, machine.dq, machine.foot, machine.velocity, machine.force
-        body, rate = machine.body, machine.body_rate
         if foreign.sensors:
-            hand_measurement(handed.true, k, q, dq, foot, velocity, force, body, rate)
+            hand_measurement(
+                handed.true, k, machine.q, machine.dq, machine.foot, machine.velocity,
+                machine.force, machine.body, machine.body_rate,
+            )  # fmt: skip
             yield 4 * k + MEASURE
-            seen = exchange.seen
             if not sees_finite(seen):
                 progress[2] = 1 + MEASURE
                 return
-            q, dq, foot, velocity, force = seen.q, seen.dq, seen.foot, seen.velocity, seen.force
-            body, rate = seen.body, seen.body_rate
         elif loop.sensing.active:
-            told = loop.seen
-            sense(loop.sensing, plant.mechanism, start + k, machine, told)
-            q, dq, foot, velocity, force = told.q, told.dq, told.foot, told.velocity, told.force
-            body, rate = told.body, told.body_rate
+            sense(loop.sensing, plant.mechanism, start + k, machine, seen)
         if foreign.controller:
-            hand_measurement(handed.seen, k, q, dq, foot, velocity, force, body, rate)
+            hand_measurement(
+                handed.seen, k, seen.q, seen.dq, seen.foot, seen.velocity, seen.force, seen.body, seen.body_rate
+            )
             yield 4 * k + ACT
             if not (is_finite(state.feedback) and is_finite(feedforward)):
                 progress[2] = 1 + ACT
@@ -183,20 +171,21 @@ def relay(
                         return
                 else:
                     feedforward_step(loop.feedforward, start + k, sample, state.taught, feedforward)
-            trigonometries(plant.mechanism, q, exchange.trig)
+            if foreign.plant or foreign.sensors:
+                trigonometries(plant.mechanism, seen.q, seen.trig)
             hybrid_feedback(
                 loop.control, state, loop.support[sample], reference,
-                exchange.trig, foot, velocity, force, body, rate,
+                seen.trig, seen.foot, seen.velocity, seen.force, seen.body, seen.body_rate,
             )  # fmt: skip
         actuate(loop.actuator, start + k, state.feedback, feedforward, total)
         write_samples(
             samples, body_samples, k, machine.foot, machine.velocity, machine.q, machine.dq,
-            machine.force, force, state.reference, state.feedback, feedforward, machine.body,
+            machine.force, seen.force, state.reference, state.feedback, feedforward, machine.body,
         )  # fmt: skip
         if has_measured(samples):
             write_measured(
-                samples, body_samples, k, foot, velocity, q, dq,
-                body, rate, machine.body_rate, state.plausible.trusted,
+                samples, body_samples, k, seen.foot, seen.velocity, seen.q, seen.dq,
+                seen.body, seen.body_rate, machine.body_rate, state.plausible.trusted,
             )  # fmt: skip
         if foreign.plant:
             hand(handed.torque, k, total)

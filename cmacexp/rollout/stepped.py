@@ -18,7 +18,7 @@ from cmacexp.control.protocol import Reference
 from cmacexp.plants.protocol import Measurement
 from cmacexp.rollout.fused import FusedLoop
 from cmacexp.rollout.layout import room_for
-from cmacexp.rollout.relay import STEP, Exchange, Foreign, Handed, relay
+from cmacexp.rollout.relay import STEP, Foreign, Handed, relay
 from cmacexp.rollout.stop import RUNNING
 from cmacexp.scenario import Scenario
 
@@ -63,22 +63,20 @@ class SteppedLoop:
         self.plan = scenario.setup.plan
         self.rows: dict[tuple[int, int, bool], tuple[list[NDArray[Any]], ...]] = {}
         self.state = Measurement(*loop.plant_state[:MEASURED])
-        take_measurement(scenario.plant, "reset", scenario.first, self.state)
-        legs = self.state.q.shape[0]
-        self.exchange = Exchange(
-            Measurement(*(np.zeros_like(part) for part in self.state)),
-            np.zeros((legs, 4)),
-            np.zeros(3, dtype=np.int64),
-        )
+        if foreign.plant:
+            for own, first in zip(self.state, scenario.first, strict=True):
+                own[...] = first
+        self.given = Measurement(*loop.seen[:MEASURED])
+        self.progress = np.zeros(3, dtype=np.int64)
         self.calls: tuple[Callable[[int], None], ...] = (self._measure, self._act, self._predict, self._step)
         self.trusts = foreign.controller and hasattr(scenario.controller, "force_trusted")
         self.begun = 0
-        self._run(*room_for(0, legs, False))
+        self._run(*room_for(0, self.state.q.shape[0], False))
 
     @property
     def taken(self) -> int:
         """Steps whose torque the plant has taken, also when a part raised."""
-        return self.begun + int(self.exchange.progress[0])
+        return self.begun + int(self.progress[0])
 
     def run(self, samples: Array, body_samples: Array) -> int:
         """Run as many steps as ``samples`` (steps, L, columns) and ``body_samples`` (steps, columns) have room for.
@@ -98,11 +96,11 @@ class SteppedLoop:
 
     def _run(self, samples: Array, body_samples: Array) -> int:
         """:meth:`run` for some steps of one cycle."""
-        progress, calls = self.exchange.progress, self.calls
+        progress, calls = self.progress, self.calls
         self.begun = self.taken
         progress[0] = 0
         handed = self._prepare(len(samples))
-        for pause in relay(self.loop, self.foreign, self.exchange, handed, self.begun, samples, body_samples):
+        for pause in relay(self.loop, self.foreign, self.progress, handed, self.begun, samples, body_samples):
             calls[pause & 3](pause >> 2)
         self._require_finite(int(progress[2]) - 1)
         return int(progress[1])
@@ -139,7 +137,7 @@ class SteppedLoop:
         return list(map(_reference, zip(*counts, repeat(acting, steps), *rows, strict=True)))
 
     def _measure(self, row: int) -> None:
-        take_measurement(self.sensors, "measure", self.sensors.measure(self.true[row]), self.exchange.seen)
+        take_measurement(self.sensors, "measure", self.sensors.measure(self.true[row]), self.given)
 
     def _act(self, row: int) -> None:
         reference, state = self.references[row], self.loop.control_state
@@ -165,7 +163,7 @@ class SteppedLoop:
         state = self.loop.control_state
         feedback, feedforward = ("feedback", state.feedback), ("feedforward", self.loop.torques.feedforward)
         part, method, given = (
-            (self.sensors, "measure", self.exchange.seen._asdict().items()),
+            (self.sensors, "measure", self.given._asdict().items()),
             (self.controller, "act", (feedback, feedforward)),
             (self.feedforward, "predict", (("torque", feedforward[1]),)),
             (self.plant, "step", self.state._asdict().items()),
