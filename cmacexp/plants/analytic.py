@@ -44,4 +44,4 @@ class AnalyticPlant:
     def measure(self) -> Measurement:
         """A copy of what can be measured now."""
         state = self.state
-        return Measurement(*(part.copy() for part in state[:6]))
+        return Measurement(*(part.copy() for part in state[:7]))

@@ -41,6 +41,8 @@ class PlantState(NamedTuple):
     """(L,): contact force, N."""
     body: Array
     """(3,): height of the hips above the undepressed ground, m; pitch and roll, rad."""
+    body_rate: Array
+    """(3,): their change over the last sampling period, m/s and rad/s: a quasi-static body has no other velocity."""
     stiffness: Array
     """(L,): K_n under each foot, N/m."""
     travel: Array
@@ -55,7 +57,7 @@ def new_state(legs: int) -> PlantState:
     """A state of zeros for ``legs`` legs."""
     q, dq, foot, velocity = (np.zeros((legs, 2)) for _ in range(4))
     force, stiffness, trig, stages = (np.zeros(shape) for shape in (legs, legs, (legs, 4), (6, legs, 2)))
-    return PlantState(q, dq, foot, velocity, force, np.zeros(3), stiffness, np.zeros(1), trig, stages)
+    return PlantState(q, dq, foot, velocity, force, np.zeros(3), np.zeros(3), stiffness, np.zeros(1), trig, stages)
 
 
 @kernel
@@ -151,8 +153,13 @@ def runge_kutta_step(law: PlantLaw, state: PlantState, tau: Array) -> None:
 @kernel
 def advance(law: PlantLaw, state: PlantState, tau: Array) -> None:
     """Move the plant over one sampling period under the held torque ``tau`` (L, 2), N m."""
+    height, pitch, roll = state.body[0], state.body[1], state.body[2]
     for _ in range(law.substeps):
         runge_kutta_step(law, state, tau)
         state.travel[0] += law.speed * law.step
         feel_ground(law, state)
         observe(law, state)
+    period = law.substeps * law.step
+    state.body_rate[0] = (state.body[0] - height) / period
+    state.body_rate[1] = (state.body[1] - pitch) / period
+    state.body_rate[2] = (state.body[2] - roll) / period

@@ -21,6 +21,8 @@ class Measurement(NamedTuple):
     """(L,): contact force, N, positive pressing on the ground."""
     body: Array
     """(3,): height of the body above the undepressed ground, m; pitch and roll, rad."""
+    body_rate: Array
+    """(3,): rates of height, m/s, of pitch and roll, rad/s; zero without a body."""
 
 
 class Plant(Protocol):
