@@ -161,6 +161,8 @@ class PostureConfig:
 
     gain: float = number("", at_least=0)
     """Depth that a supporting foot is pushed down, over the height that its hip lacks; 0 switches it off."""
+    rate_gain: float = number("", at_least=0)
+    """Speed at which a supporting foot is pushed down, over the speed at which its hip sinks; 0 as in the paper."""
 
 
 @dataclass

@@ -43,6 +43,14 @@ def depth(body: Array, x: float, y: float, down: float) -> float:
 
 
 @kernel
+def depth_rate(body: Array, rate: Array, x: float, y: float) -> float:
+    """Speed, m/s, at which the point (x, y, 0) of a body goes down that moves with ``rate`` (3,), m/s and rad/s."""
+    sp, cp = sine_cosine(body[1])
+    sr, cr = sine_cosine(body[2])
+    return -rate[0] + (x * cp + y * sr * sp) * rate[1] - y * cr * cp * rate[2]
+
+
+@kernel
 def energy(body: Array, hips: Array, foot: Array, stiffness: Array, weight: float) -> float:
     """Energy of weight and pressed ground, J."""
     total = weight * body[0]

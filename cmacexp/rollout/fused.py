@@ -62,7 +62,7 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
             feedforward_step(loop.feedforward, sample, state.taught, feedforward)
         hybrid_feedback(
             loop.control, state, loop.support[sample], reference,
-            machine.trig, machine.foot, machine.velocity, machine.force, machine.body,
+            machine.trig, machine.foot, machine.velocity, machine.force, machine.body, machine.body_rate,
         )  # fmt: skip
         saturate(loop.torque_limit, state.feedback, feedforward, total)
         write_samples(
