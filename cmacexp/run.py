@@ -57,8 +57,8 @@ def _traces(scenario: Scenario, samples: Samples) -> Traces:
     legs = assemble(plan, columns, config.sampling_period, samples.start)
     if scenario.setup.mechanism.kind != LEGS_UNDER_BODY:
         return Traces(legs, None)
-    body, speed = samples.body_columns(), config.body_speed
-    return Traces(legs, assemble_body(plan, body, columns["force"], config.sampling_period, speed, samples.start))
+    body = assemble_body(plan, samples.body_columns(), columns["force"], config.sampling_period, samples.start)
+    return Traces(legs, body)
 
 
 def _roll_out(scenario: Scenario, folder: Path, watch: Callable[[int], None]) -> tuple[End, Scores, list[str]]:

@@ -23,6 +23,9 @@ class Measurement(NamedTuple):
     """(3,): height of the body above the undepressed ground, m; pitch and roll, rad."""
     body_rate: Array
     """(3,): rates of height, m/s, of pitch and roll, rad/s; zero without a body."""
+    travel: Array | None = None
+    """(3,): where a body that really moves is in the world, x and y, m, and its yaw, rad, positive to the left;
+    None of one that goes as planned."""
 
 
 class Plant(Protocol):

@@ -40,7 +40,7 @@ class FusedLoop(NamedTuple):
 def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array) -> tuple[int, int]:
     """Run as many steps as ``samples`` (steps, L, columns) has room for, from step ``start``.
 
-    ``body_samples`` is (steps, 3), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`.
+    ``body_samples`` is (steps, 6), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`.
 
     Returns:
         Steps written, and RUNNING or why it stopped after them.

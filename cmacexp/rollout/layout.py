@@ -9,8 +9,8 @@ SAMPLES = (
 )  # fmt: skip
 """Columns of the trace that a run gives for every leg; the rest is planned."""
 
-BODY_SAMPLES = ("height", "pitch", "roll")
-"""Columns of the body that a run gives."""
+BODY_SAMPLES = ("height", "pitch", "roll", "cog_x", "cog_y", "yaw")
+"""Columns of the body that a run gives; the last three are those of the plan unless the plant measures them."""
 
 
 @kernel
@@ -29,7 +29,7 @@ def write_samples(
     feedforward: Array,
     body: Array,
 ) -> None:
-    """Fill ``samples[k]`` (L, columns) and ``body_samples[k]`` (3,) in the order of SAMPLES and BODY_SAMPLES.
+    """Fill ``samples[k]`` (L, columns) and the pose in ``body_samples[k]``, in the order of SAMPLES and BODY_SAMPLES.
 
     Forces are (L,), ``body`` is (3,), ``reference`` begins with x and y, the rest is (L, 2).
     """

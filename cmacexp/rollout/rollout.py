@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.arrays import Array
+from cmacexp.config import Config
 from cmacexp.control import CmacFeedforward, HybridController, InverseDynamics, NoFeedforward
 from cmacexp.control.feedforward import BuiltInFeedforward
 from cmacexp.models.mechanism import POINT_MASS
@@ -41,7 +42,7 @@ class Samples(NamedTuple):
     legs: Array
     """(steps, L, columns), in the order of :data:`cmacexp.rollout.layout.SAMPLES`."""
     body: Array
-    """(steps, 3), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`."""
+    """(steps, 6), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`."""
 
     def columns(self) -> dict[str, Array]:
         """Of the legs, (steps, L) by column name."""
@@ -137,6 +138,13 @@ class _Ending:
             self.cause = f"after step {self.loop.taken}: {type(raised).__name__}: {raised}"
 
 
+def _go_as_planned(body: Array, start: int, config: Config) -> None:
+    """Where a body that goes as planned is in the world, straight ahead; fills its columns of ``body`` (steps, 6)."""
+    step = np.arange(start, start + len(body))
+    body[:, 3] = step * config.sampling_period * config.body_speed
+    body[:, 4:] = 0.0
+
+
 def stream(
     scenario: Scenario,
     keep: Callable[[Samples], None],
@@ -169,6 +177,7 @@ def stream(
     ending, seconds = _Ending(loop), 0.0
     while ending.status == "completed" and loop.taken < cycles * period:
         start, steps = loop.taken, min(len(samples), cycles * period - loop.taken)
+        _go_as_planned(body[:steps], start, config)
         began = time.perf_counter()
         with ending.caught():
             stop = loop.run(samples[:steps], body[:steps])
@@ -198,7 +207,7 @@ class Rollout(End):
     samples: Array
     """(steps, L, columns), as :attr:`Samples.legs`."""
     body_samples: Array
-    """(steps, 3), as :attr:`Samples.body`."""
+    """(steps, 6), as :attr:`Samples.body`."""
 
     def columns(self) -> dict[str, Array]:
         """Samples (steps, L) by column name."""

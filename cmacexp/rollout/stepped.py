@@ -43,7 +43,7 @@ class SteppedLoop:
         self.limit = scenario.setup.config.actuator.limit
 
     def run(self, samples: Array, body_samples: Array) -> int:
-        """Run as many steps as ``samples`` (steps, L, columns) and ``body_samples`` (steps, 3) have room for.
+        """Run as many steps as ``samples`` (steps, L, columns) and ``body_samples`` (steps, 6) have room for.
 
         ``taken`` counts the steps whose torque the plant has taken, also when a part raises.
 
@@ -70,6 +70,8 @@ class SteppedLoop:
                 samples, body_samples, k, true.foot, true.velocity, true.q, true.dq,
                 true.force, seen.force, fed, feedback, feedforward, true.body,
             )  # fmt: skip
+            if true.travel is not None:
+                body_samples[k, 3:] = true.travel
             self.state = new = scenario.plant.step(torque)
             self.taken += 1
             sample = self.taken % plan.support.shape[0]
