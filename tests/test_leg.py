@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from cmacexp.models import leg as model
+from cmacexp.models.gravity import GRAVITY
 from cmacexp.models.ground import Ground
-from cmacexp.models.leg import GRAVITY, Leg
+from cmacexp.models.leg import Leg
 from cmacexp.models.mechanism import legs_on_stand
 from cmacexp.plants.kernels import PlantLaw, advance, new_state, observe
 

@@ -85,6 +85,26 @@ def check_machine(config: Config) -> None:
         raise BadInput("force_control.desired_force", force, f"{allowed} with machine.kind={config.machine.kind}")
 
 
+def check_load_sharing(config: Config) -> None:
+    """Hold dynamic load sharing to a body whose weight is that of its masses."""
+    machine = config.machine
+    if config.force_control.load_sharing == "static":
+        return
+    if not isinstance(machine, QuadrupedMachine):
+        raise BadInput(
+            "force_control.load_sharing",
+            config.force_control.load_sharing,
+            f"must be static with machine.kind={machine.kind}, whose force is force_control.desired_force",
+        )
+    of_masses = machine.weight_of_masses
+    if abs(machine.total_weight - of_masses) > TOLERANCE * of_masses:
+        raise BadInput(
+            "machine.weight",
+            machine.weight,
+            f"must be null or {of_masses:.6g} N, the weight of all masses, with force_control.load_sharing=dynamic",
+        )
+
+
 def check_pattern(config: Config) -> None:
     """Hold the duty factor to what the gait's pattern can do."""
     gait = config.gait
@@ -181,6 +201,7 @@ def check(config: Config) -> None:
     check_fields(config)
     check_timing(config)
     check_machine(config)
+    check_load_sharing(config)
     check_pattern(config)
     check_length(config)
     check_record(config)

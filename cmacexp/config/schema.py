@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cmacexp.config.fields import choice, number
+from cmacexp.models.gravity import GRAVITY
 
 
 @dataclass
@@ -71,8 +72,21 @@ class QuadrupedMachine:
     kind: str = choice("quadruped")
     hip_height: float = number("m", above=0.25)
     """Height of the hips above the undepressed ground that the feet are planned for, h0 (assumed)."""
-    weight: float = number("N", above=0)
-    """What the feet carry together; 40 N in the paper."""
+    body_mass: float = number("kg", above=0)
+    """Mass of the body without its legs, for plants and plans in which it moves; 1 kg in the paper."""
+    weight: float | None = number("N", above=0)
+    """What the feet carry together where leg masses do not load the body; 40 N in the paper; null: of all masses."""
+
+    @property
+    def weight_of_masses(self) -> float:
+        """Of the body and all its legs, N."""
+        legs = (self.legs.left_front, self.legs.right_front, self.legs.left_rear, self.legs.right_rear)
+        return GRAVITY * (self.body_mass + sum(leg.mass_1 + leg.mass_2 for leg in legs))
+
+    @property
+    def total_weight(self) -> float:
+        """What the feet carry together, N."""
+        return self.weight_of_masses if self.weight is None else self.weight
 
 
 @dataclass
@@ -178,6 +192,8 @@ class ForceControlConfig:
     """V_fn."""
     force_gain: float = number("", above=0, at_most=1e9)
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
+    load_sharing: str = choice("static", "dynamic")
+    """What feet share under a body; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
 
 
 @dataclass
