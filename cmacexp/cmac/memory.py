@@ -38,6 +38,32 @@ def train(weights: Array, cells: Cells, error: Array, rate: float) -> None:
 
 
 @kernel
+def read_weighted(weights: Array, cells: Cells, activation: Array, output: Array) -> None:
+    """:func:`read` where the active weights count by their ``activation`` (C,)."""
+    for o in range(output.shape[0]):
+        total = 0.0
+        for j in range(cells.shape[0]):
+            total += activation[j] * weights[cells[j], o]
+        output[o] = total
+
+
+@kernel
+def train_weighted(weights: Array, cells: Cells, activation: Array, error: Array, rate: float) -> None:
+    """:func:`train` where the active weights count by their ``activation`` (C,): add beta U a_j / sum a_i^2.
+
+    It changes the output at these cells by beta U, as :func:`train` does, to which it comes down where all are one.
+    """
+    power = 0.0
+    for j in range(cells.shape[0]):
+        power += activation[j] * activation[j]
+    if power > 0.0:
+        for o in range(error.shape[0]):
+            share = rate * error[o] / power
+            for j in range(cells.shape[0]):
+                weights[cells[j], o] += share * activation[j]
+
+
+@kernel
 def read_batch(weights: Array, cells: Cells, output: Array) -> None:
     """:func:`read` for a batch: ``cells`` (samples, C), ``output`` (samples, outputs)."""
     for k in range(cells.shape[0]):

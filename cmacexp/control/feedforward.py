@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from cmacexp.arrays import Array
+from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import spanning
 from cmacexp.cmac.use import MemoryUse, memory_use
-from cmacexp.control.feedforward_law import CMAC, NONE, TABLE, FeedforwardLaw, feedforward_step
+from cmacexp.control.feedforward_law import CMAC, NONE, TABLE, WEIGHTED, FeedforwardLaw, LearningLaw, feedforward_step
 from cmacexp.control.protocol import Reference
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
@@ -17,7 +17,10 @@ COLUMNS = {"angle": (0, 1), "velocity": (2, 3), "acceleration": (4, 5)}
 
 
 class BuiltInFeedforward:
-    """A feedforward that the fused loop knows; ``law`` says all that it does."""
+    """A feedforward that the fused loop knows; ``law`` says all that it does.
+
+    A subclass gives its law in :meth:`reset`, with :func:`known_torque` or :func:`network`.
+    """
 
     acts = True
     law: FeedforwardLaw
@@ -34,7 +37,7 @@ class BuiltInFeedforward:
     def predict(self, reference: Reference, taught: Array) -> Array:
         """Learn from the last step's feedback (L, 2), N m, then give this step's torque (L, 2), N m."""
         output = np.zeros_like(taught)
-        feedforward_step(self.law, reference.sample, taught, output)
+        feedforward_step(self.law, reference.step, reference.sample, taught, output)
         return output
 
 
@@ -43,22 +46,41 @@ def _inputs(setup: Setup, i: int) -> Array:
     return setup.plan.joints[:, i, [column for name in setup.config.cmac.inputs for column in COLUMNS[name]]]
 
 
-def _law(kind: int, setup: Setup, torque: Array | None = None, cmacs: list[Cmac] | None = None) -> FeedforwardLaw:
-    """A law of the given kind; parts that it does not use are empty arrays, so that one compiled loop fits all."""
-    legs, config = setup.mechanism.legs.shape[0], setup.config
-    cells, weights = np.zeros((1, legs, 1), dtype=np.uint32), np.zeros((legs, 1, 2))
-    if cmacs:
-        cells = np.stack([cmac.cells(_inputs(setup, i)) for i, cmac in enumerate(cmacs)], axis=1)
-        weights = np.zeros((legs, *cmacs[0].weights.shape))
-        for cmac, own in zip(cmacs, weights, strict=True):
-            cmac.weights = own
+def _learning(setup: Setup) -> LearningLaw:
+    config = setup.config.learning
+    return LearningLaw(config.rate, config.lead)
+
+
+def known_torque(setup: Setup, torque: Array | None) -> FeedforwardLaw:
+    """A law that gives ``torque`` (N, L, 2), N m, known in advance; None gives none."""
+    legs = setup.mechanism.legs.shape[0]
+    # One compiled loop fits all laws: what one does not use is empty.
+    cells, activation, weights = (
+        np.zeros((1, legs, 1), dtype=np.uint32),
+        np.zeros((1, legs, 1)),
+        np.zeros((legs, 1, 2)),
+    )
+    kind, table = (NONE, np.zeros((1, legs, 2))) if torque is None else (TABLE, torque)
+    return FeedforwardLaw(kind, np.ascontiguousarray(table), cells, activation, weights, _learning(setup))
+
+
+def network(setup: Setup, cells: Cells, rows: int, activation: Array | None = None) -> FeedforwardLaw:
+    """A law of one network per leg, linear in its weights, which are zero at first.
+
+    Args:
+        setup: of the run.
+        cells: (N, L, C): rows of the weights that are active at each sample of the cycle.
+        rows: weights of one leg for each of its two outputs.
+        activation: (N, L, C): how much each of them counts; None: all fully, as in a CMAC.
+    """
+    legs = setup.mechanism.legs.shape[0]
     return FeedforwardLaw(
-        kind,
-        torque if torque is not None else np.zeros((1, legs, 2)),
-        np.ascontiguousarray(cells),
-        weights,
-        config.learning.rate,
-        config.learning.lead,
+        CMAC if activation is None else WEIGHTED,
+        np.zeros((1, legs, 2)),
+        np.ascontiguousarray(cells, dtype=np.uint32),
+        np.zeros((1, legs, 1)) if activation is None else np.ascontiguousarray(activation, dtype=float),
+        np.zeros((legs, rows, 2)),
+        _learning(setup),
     )
 
 
@@ -69,7 +91,7 @@ class NoFeedforward(BuiltInFeedforward):
 
     def reset(self, setup: Setup) -> None:
         """Nothing to work out."""
-        self.law = _law(NONE, setup)
+        self.law = known_torque(setup, None)
 
 
 class InverseDynamics(BuiltInFeedforward):
@@ -88,7 +110,7 @@ class InverseDynamics(BuiltInFeedforward):
                 depression = plan.desired[k, i, 1] - mechanism.hip_height
                 force = contact_force(setup.config.assumed_stiffness, depression)
                 torque[k, i] = planned_torque(mechanism, i, q, dq, ddq, force)
-        self.law = _law(TABLE, setup, torque=torque)
+        self.law = known_torque(setup, torque)
 
 
 class CmacFeedforward(BuiltInFeedforward):
@@ -101,5 +123,8 @@ class CmacFeedforward(BuiltInFeedforward):
             Cmac(config.cmac, spanning(_inputs(setup, i), config.cmac.range_factor), 2, config.seed)
             for i in range(setup.mechanism.legs.shape[0])
         ]
-        self.law = _law(CMAC, setup, cmacs=self.cmacs)
+        cells = np.stack([cmac.cells(_inputs(setup, i)) for i, cmac in enumerate(self.cmacs)], axis=1)
+        self.law = network(setup, cells, self.cmacs[0].address.rows)
+        for cmac, own in zip(self.cmacs, self.law.weights, strict=True):
+            cmac.weights = own
         self.memory = [memory_use(cmac, _inputs(setup, i)) for i, cmac in enumerate(self.cmacs)]

@@ -59,7 +59,7 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
         reference = loop.reference[1 if acting else 0, sample]
         if acting:
             # Before the feedback, so that what it taught is still the last step's.
-            feedforward_step(loop.feedforward, sample, state.taught, feedforward)
+            feedforward_step(loop.feedforward, start + k, sample, state.taught, feedforward)
         hybrid_feedback(
             loop.control, state, loop.support[sample], reference,
             machine.trig, machine.foot, machine.velocity, machine.force, machine.body, machine.body_rate,

@@ -10,7 +10,7 @@ import numpy as np
 
 from cmacexp.arrays import Array
 from cmacexp.config import Config
-from cmacexp.control import CmacFeedforward, HybridController, InverseDynamics, NoFeedforward
+from cmacexp.control import HybridController
 from cmacexp.control.feedforward import BuiltInFeedforward
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
@@ -75,7 +75,8 @@ def is_built_in(scenario: Scenario) -> bool:
         type(scenario.plant) is AnalyticPlant
         and type(scenario.sensors) is PerfectSensors
         and type(scenario.controller) is HybridController
-        and type(scenario.feedforward) in (NoFeedforward, InverseDynamics, CmacFeedforward)
+        and isinstance(scenario.feedforward, BuiltInFeedforward)
+        and type(scenario.feedforward).predict is BuiltInFeedforward.predict
     )
 
 
