@@ -9,3 +9,4 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Cells = NDArray[np.unsignedinteger[Any]]
 """Rows of CMAC memory; without a sign, so that compiled code need not look for rows that count from the end."""
+Integers = NDArray[np.int64]

@@ -1,6 +1,6 @@
 """The tables of a run on disk: its traces, and the metrics that are computed from them alone."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -14,8 +14,9 @@ from cmacexp.config.schema import RecordConfig
 from cmacexp.errors import BadRun
 from cmacexp.files import write_atomically
 from cmacexp.metrics import BodyScorer, Scorer
+from cmacexp.metrics.drift import Drift
 from cmacexp.table import as_array, parts_of, rows_of, table_writer, write_table
-from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, schema_of
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, schema_of, with_measured
 
 TRACE, BODY = "trace.parquet", "body.parquet"
 METRICS, METRICS_CSV, BODY_METRICS = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
@@ -68,13 +69,20 @@ class RunWriter:
                 writer.write_table(kept)
 
     @property
+    def drift(self) -> Drift | None:
+        """The first drift seen so far."""
+        return self.legs.drift
+
+    @property
     def scores(self) -> Scores:
         """The metrics of all steps so far."""
         return Scores(self.legs.table(), self.body.table() if len(self.writers) > 1 else None)
 
 
 @contextmanager
-def writing(folder: Path, record: RecordConfig, steps_per_cycle: int, body: bool) -> Iterator[RunWriter]:
+def writing(
+    folder: Path, record: RecordConfig, steps_per_cycle: int, body: bool, altered: Collection[str] = ()
+) -> Iterator[RunWriter]:
     """Write the traces of a run as it goes on; they appear when the block ends well.
 
     Args:
@@ -82,10 +90,12 @@ def writing(folder: Path, record: RecordConfig, steps_per_cycle: int, body: bool
         record: what of the traces is kept.
         steps_per_cycle: N.
         body: whether the machine has one.
+        altered: signals that sensors alter, whose measured values stand in the traces too.
     """
     with ExitStack() as stack:
         files = [(TRACE, COLUMNS), (BODY, BODY_COLUMNS)][: 2 if body else 1]
-        writers = [stack.enter_context(table_writer(folder / name, schema_of(columns))) for name, columns in files]
+        schemas = [(folder / name, schema_of(with_measured(columns, altered))) for name, columns in files]
+        writers = [stack.enter_context(table_writer(path, schema)) for path, schema in schemas]
         yield RunWriter(writers, record, steps_per_cycle)
 
 

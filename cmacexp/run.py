@@ -22,11 +22,13 @@ from cmacexp.keep import (
     write_scores,
     writing,
 )
+from cmacexp.metrics.drift import Drift, drift_entry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.rollout import End, Samples, stream
 from cmacexp.scenario import Scenario, make_scenario
+from cmacexp.sensors.protocol import altered_by
 from cmacexp.sources import code_hash
-from cmacexp.trace import assemble, assemble_body
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, assemble, assemble_body, with_measured
 
 
 @dataclass(frozen=True)
@@ -54,18 +56,29 @@ def clear(folder: Path) -> None:
 def _traces(scenario: Scenario, samples: Samples) -> Traces:
     """The part of the traces that some steps give."""
     plan, config, columns = scenario.setup.plan, scenario.setup.config, samples.columns()
-    legs = assemble(plan, columns, config.sampling_period, samples.start)
+    period, start, altered = config.sampling_period, samples.start, altered_by(scenario.sensors)
+    legs = assemble(plan, columns, period, start, with_measured(COLUMNS, altered))
     if scenario.setup.mechanism.kind != LEGS_UNDER_BODY:
         return Traces(legs, None)
-    body = assemble_body(plan, samples.body_columns(), columns["force"], config.sampling_period, samples.start)
-    return Traces(legs, body)
+    body, shown = samples.body_columns(), with_measured(BODY_COLUMNS, altered)
+    return Traces(legs, assemble_body(plan, body, columns["force"], period, start, shown))
 
 
-def _roll_out(scenario: Scenario, folder: Path, watch: Callable[[int], None]) -> tuple[End, Scores, list[str]]:
+def _roll_out(
+    scenario: Scenario, folder: Path, watch: Callable[[int], None], warn: Callable[[Drift], None]
+) -> tuple[End, Scores, list[str]]:
     """Run, and write all that it leaves behind but the manifest; how it ended, its metrics, names of the files."""
     config, walks = scenario.setup.config, scenario.setup.mechanism.kind == LEGS_UNDER_BODY
-    with writing(folder, config.record, config.steps_per_cycle, walks) as writer:
-        end = stream(scenario, lambda samples: writer.add(_traces(scenario, samples)), watch)
+    altered = altered_by(scenario.sensors)
+    with writing(folder, config.record, config.steps_per_cycle, walks, altered) as writer:
+
+        def keep(samples: Samples) -> None:
+            known = writer.drift
+            writer.add(_traces(scenario, samples))
+            if known is None and writer.drift is not None:
+                warn(writer.drift)
+
+        end = stream(scenario, keep, watch)
     scores = writer.scores
     names = [TRACE, BODY] if walks else [TRACE]
     names += write_scores(folder, scores)
@@ -82,6 +95,7 @@ def run_scenario(
     folder: Path,
     watch: Callable[[int], None] = lambda cycle: None,
     prepared: Scenario | None = None,
+    warn: Callable[[Drift], None] = lambda drift: None,
 ) -> RunResult:
     """Run a scenario and keep what it gives in ``folder``.
 
@@ -90,6 +104,7 @@ def run_scenario(
         folder: is made if missing; files of an earlier run in it are replaced.
         watch: is called with the cycles done so far, see :func:`cmacexp.rollout.stream`.
         prepared: the scenario of ``config`` if it is already made.
+        warn: is called when learning is seen to drift, while the run goes on; see :mod:`cmacexp.metrics.drift`.
 
     Returns:
         The result; a run that diverged, failed or was interrupted keeps what it has, and says so in ``status``.
@@ -101,7 +116,7 @@ def run_scenario(
     began = time.perf_counter()
     scenario = prepared or make_scenario(config)
     clear(folder)
-    end, scores, names = _roll_out(scenario, folder, watch)
+    end, scores, names = _roll_out(scenario, folder, watch, warn)
     plain = to_plain(config)
     manifest: manifests.Manifest = {
         "status": end.status,
@@ -113,6 +128,8 @@ def run_scenario(
         "versions": manifests.versions(),
         "git_commit": manifests.git_commit(),
         "steps": end.steps,
+        "drift": drift_entry(scores.legs),
+        "learning_lead": config.lead,
         "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],
         "rollout_seconds": end.seconds,
         "wall_seconds": time.perf_counter() - began,

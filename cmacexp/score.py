@@ -9,6 +9,7 @@ from cmacexp.errors import BadRun
 from cmacexp.files import sha256
 from cmacexp.folders import command, runs_below
 from cmacexp.keep import BODY, TRACE, Scores, score_traces, write_scores
+from cmacexp.metrics.drift import drift_entry
 from cmacexp.terminal import scores_table
 
 
@@ -29,7 +30,7 @@ def score(folder: Path) -> Scores:
                 f"{folder}: its trace lacks steps (record.{key}={config['record'][key]}): metrics need them all"
             )
     scores = score_traces(folder, round(config["gait"]["cycle_time"] / config["sampling_period"]))
-    manifests.update_files(folder, write_scores(folder, scores))
+    manifests.update_files(folder, write_scores(folder, scores), drift=drift_entry(scores.legs))
     return scores
 
 

@@ -1,6 +1,6 @@
 """The trace of a run: one row per step and leg; Parquet on disk is the truth."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,13 +79,59 @@ BODY_COLUMNS = (
     Column("supporting_legs", "", "bit mask of feet with force > 0, leg 1 the lowest bit", pa.int32()),
 )
 
+MEASURED = {
+    "x": ("position",),
+    "y": ("position",),
+    "vx": ("position", "velocity"),
+    "vy": ("position", "velocity"),
+    "q1": ("position",),
+    "q2": ("position",),
+    "dq1": ("velocity",),
+    "dq2": ("velocity",),
+    "height": ("height",),
+    "pitch": ("tilt",),
+    "roll": ("tilt",),
+    "height_rate": ("height_rate",),
+    "pitch_rate": ("tilt_rate",),
+    "roll_rate": ("tilt_rate",),
+}
+"""Columns that get a ``*_measured`` beside them where one of these signals of the sensors is altered."""
+
+RATES = (
+    Column("height_rate", "m/s", "rate of the height"),
+    Column("pitch_rate", "rad/s", "rate of the pitch"),
+    Column("roll_rate", "rad/s", "rate of the roll"),
+)
+"""Columns of a body that stand in its trace where their sensors alter them."""
+
+
+def with_measured(columns: Sequence[Column], altered: Collection[str]) -> tuple[Column, ...]:
+    """Columns of a trace, followed by those that sensors add which alter these signals."""
+
+    def is_altered(column: Column) -> bool:
+        return any(signal in altered for signal in MEASURED.get(column.name, ()))
+
+    rates = [column for column in RATES if columns is BODY_COLUMNS and is_altered(column)]
+    seen = [
+        Column(f"{column.name}_measured", column.unit, f"{column.name} as the controller saw it")
+        for column in (*columns, *rates)
+        if is_altered(column)
+    ]
+    return (*columns, *rates, *seen)
+
 
 def schema_of(columns: Sequence[Column]) -> pa.Schema:
     """Arrow schema of columns, with unit and meaning in the metadata of each field."""
     return pa.schema([pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns])
 
 
-def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float, start: int = 0) -> pa.Table:
+def assemble(
+    plan: Plan,
+    samples: dict[str, Array],
+    sampling_period: float,
+    start: int = 0,
+    columns: Sequence[Column] = COLUMNS,
+) -> pa.Table:
     """The trace of a run, or of a part of it, from what was planned and what the loop wrote down.
 
     Args:
@@ -93,6 +139,7 @@ def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float, star
         samples: (steps, L) by column name: everything that is not planned.
         sampling_period: T_s, s.
         start: step of the first row.
+        columns: of the trace, see :func:`with_measured`.
     """
     steps, legs = samples["x"].shape
     period = plan.support.shape[0]
@@ -111,28 +158,34 @@ def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float, star
     phase = pa.DictionaryArray.from_arrays(arrow(plan.support[sample].ravel(), pa.int8()), arrow_strings(PHASES))
     arrays = [
         phase if c.name == "phase" else arrow(known[c.name] if c.name in known else samples[c.name].ravel(), c.type)
-        for c in COLUMNS
+        for c in columns
     ]
-    return pa.Table.from_arrays(arrays, schema=schema_of(COLUMNS))
+    return pa.Table.from_arrays(arrays, schema=schema_of(columns))
 
 
 def assemble_body(
-    plan: Plan, samples: dict[str, Array], force: Array, sampling_period: float, start: int = 0
+    plan: Plan,
+    samples: dict[str, Array],
+    force: Array,
+    sampling_period: float,
+    start: int = 0,
+    columns: Sequence[Column] = BODY_COLUMNS,
 ) -> pa.Table:
     """The trace of a body, or of a part of it, one row per step.
 
     Args:
         plan: the cycle that repeats.
-        samples: (steps,) by column name: height, pitch, roll, cog_x, cog_y and yaw.
+        samples: (steps,) by column name: height, pitch, roll, cog_x, cog_y, yaw, and what sensors made of them.
         force: (steps, L): contact forces, N.
         sampling_period: T_s, s.
         start: step of the first row.
+        columns: of the trace, see :func:`with_measured`.
     """
     steps, legs = force.shape
     period = plan.support.shape[0]
     step = np.arange(start, start + steps, dtype=np.int32)
     margins = plan.margins[step % period]
-    columns = {
+    known = {
         **samples,
         "step": step,
         "time": step * sampling_period,
@@ -142,6 +195,4 @@ def assemble_body(
         "margin_rear": margins[:, 2],
         "supporting_legs": (force > 0.0) @ (1 << np.arange(legs)),
     }
-    return pa.Table.from_arrays(
-        [arrow(columns[c.name], c.type) for c in BODY_COLUMNS], schema=schema_of(BODY_COLUMNS)
-    )
+    return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=schema_of(columns))

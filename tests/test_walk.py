@@ -608,7 +608,7 @@ def test_it_walks_over_patches(walk):
 
 def test_the_ground_of_a_scenario_is_that_of_its_config(make_config):
     scenario = make_scenario(make_config("scenario=quadruped", "terrain=patchy", "terrain.patch_seed=9"))
-    assert scenario.plant.law.ground == Ground(1e4, 0.15, 0.5, 9)
+    assert scenario.plant.law.ground == Ground(1e4, 0.15, 0.5, 9, 0.0)
 
 
 # Falls

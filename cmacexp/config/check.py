@@ -1,5 +1,6 @@
 """Checks of a config that one field alone cannot tell."""
 
+from cmacexp.config.check_sensors import check_sensors
 from cmacexp.config.fields import check_fields, listed
 from cmacexp.config.schema import CmacConfig, Config, QuadrupedMachine
 from cmacexp.errors import BadInput
@@ -185,6 +186,13 @@ def check_length(config: Config) -> None:
         raise BadInput("cycles", config.cycles, f"must be at most {MOST_STEPS // steps} with {steps} steps a cycle")
 
 
+def check_actuator(config: Config) -> None:
+    """Hold the delay of the torques to less than a cycle."""
+    longest = config.steps_per_cycle - 1
+    if config.actuator.delay > longest:
+        raise BadInput("actuator.delay", config.actuator.delay, f"must be at most {longest}, less than a cycle")
+
+
 def check_record(config: Config) -> None:
     """Hold the cycles to be kept to those that there are."""
     for cycle in config.record.cycles or []:
@@ -207,3 +215,5 @@ def check(config: Config) -> None:
     check_record(config)
     check_gains(config)
     check_cmac(config)
+    check_actuator(config)
+    check_sensors(config, LEGS[config.gait.pattern], isinstance(config.machine, QuadrupedMachine))

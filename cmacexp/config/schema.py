@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cmacexp.config.fields import choice, number
+from cmacexp.config.sensors import RealSensorsConfig
 from cmacexp.models.gravity import GRAVITY
 
 
@@ -115,6 +116,8 @@ class TerrainConfig:
     """Each patch has K_n times a factor between 1 - spread and 1 + spread; 0: the same everywhere."""
     patch_seed: int = number("", at_least=0, below=2**32)
     """Seed of the patches."""
+    damping: float = number("N s/m", at_least=0, at_most=1e9)
+    """Force of the ground over the speed at which it is pressed in; 0 as in the paper. The ground never pulls."""
 
 
 @dataclass
@@ -162,6 +165,10 @@ class ActuatorConfig:
 
     torque_limit: float | None = number("N m (N for a point mass)", above=0)
     """Largest absolute torque of each joint; null: none."""
+    rate_limit: float | None = number("N m/s (N/s for a point mass)", above=0)
+    """Fastest change of the torque of each joint; null: none."""
+    delay: int = number("samples", at_least=0)
+    """A torque that is commanded at step k acts from step k + delay."""
 
     @property
     def limit(self) -> float:
@@ -217,15 +224,30 @@ class CmacConfig:
 
 @dataclass
 class LearningConfig:
-    """The learning law (Lin & Song 1997, eq. 19, 20)."""
+    """The learning law (Lin & Song 1997, eq. 19, 20); the rules and their sources stand in cmacexp/cmac/rules.py."""
 
-    rule: str = choice("paper")
+    rule: str = choice(
+        "paper", "normalised", "dead_zone", "leakage", "e_modification", "weight_smoothing", "decaying_rate"
+    )
+    """paper: beta U a_j / sum a_i^2; each of the others does one thing otherwise, as the field of its name says."""
     rate: float = number("", above=0, below=2)
     """beta; 50/256 in the paper."""
-    lead: int = number("samples", at_least=-100, at_most=100)
-    """U(k-1) trains the cells of step k-1-lead; 0 as in the paper."""
+    lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",))
+    """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
     start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts."""
+    regularisation: float = number("", at_least=0, at_most=1e6)
+    """normalised: added to sum a_i^2, over its mean along the plan; 0: the paper's rule."""
+    dead_zone: float = number("N m", at_least=0)
+    """dead_zone: feedback up to this teaches nothing; 0: the paper's rule."""
+    leakage: float = number("", at_least=0, at_most=1)
+    """leakage: an active weight loses beta times this of itself; 0: the paper's rule."""
+    e_modification: float = number("1/(N m)", at_least=0, at_most=1e6)
+    """e_modification: loses beta |U| times this; the output stays within its inverse; 0: the paper's rule."""
+    smoothing: float = number("", at_least=0, at_most=1)
+    """weight_smoothing: goes beta times this of its way to the mean of the active ones, kappa of Macnab 2017."""
+    decay: float = number("cycles", above=0, at_most=1e9)
+    """decaying_rate: after so many cycles of learning the rate is half of beta, after twice as many a third."""
 
 
 @dataclass
@@ -295,6 +317,20 @@ class Config:
         return self.gait.stroke / (self.gait.duty_factor * self.gait.cycle_time) if walks else 0.0
 
     @property
+    def lead(self) -> int:
+        """``learning.lead`` in samples; auto is the number of them from a torque to the feedback that it causes.
+
+        Late positions do not count where there is velocity feedback, which outweighs them at the frequencies that a
+        wrong lead makes grow.
+        """
+        if self.learning.lead != "auto":
+            return int(self.learning.lead)
+        late = 0
+        if isinstance(self.sensors, RealSensorsConfig):
+            late = (self.sensors.velocity if self.controller.velocity_gain else self.sensors.position).delay
+        return 1 + self.actuator.delay + late
+
+    @property
     def assumed_stiffness(self) -> float:
         """K_n as planner and controller believe it, N/m."""
         return self.terrain.assumed_stiffness or self.terrain.stiffness
@@ -316,13 +352,24 @@ class PartWithoutFields:
     _target_: str
 
 
+@dataclass
+class IterativeLearningConfig:
+    """Iterative learning control (Bristow, Tharayil & Alleyne 2006)."""
+
+    _target_: str
+    cutoff: float | None = number("Hz", above=0, at_most=1e6)
+    """Of the low-pass Q that the torques of a cycle go through, where its gain is 1/sqrt(2); null: none."""
+
+
 MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine}
 
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
+    "cmacexp.sensors.RealSensors": RealSensorsConfig,
     "cmacexp.control.NoFeedforward": PartWithoutFields,
     "cmacexp.control.CmacFeedforward": PartWithoutFields,
     "cmacexp.control.InverseDynamics": PartWithoutFields,
+    "cmacexp.control.IterativeLearning": IterativeLearningConfig,
 }
 """Schemas of the parts that a ``_target_`` can name; another target brings its own fields, unchecked here."""

@@ -2,6 +2,7 @@
 
 from cmacexp.control.feedforward import CmacFeedforward, InverseDynamics, NoFeedforward
 from cmacexp.control.hybrid import HybridController
+from cmacexp.control.iterative import IterativeLearning
 from cmacexp.control.protocol import Action, Controller, Feedforward, Reference
 
 __all__ = [
@@ -11,6 +12,7 @@ __all__ = [
     "Feedforward",
     "HybridController",
     "InverseDynamics",
+    "IterativeLearning",
     "NoFeedforward",
     "Reference",
 ]

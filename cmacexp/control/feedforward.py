@@ -1,19 +1,33 @@
 """The built-in feedforwards as parts that a config can name."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import spanning
+from cmacexp.cmac.rules import NORMALISED, PAPER, RULES, WEIGHT_SMOOTHING, strength_of
 from cmacexp.cmac.use import MemoryUse, memory_use
-from cmacexp.control.feedforward_law import CMAC, NONE, TABLE, WEIGHTED, FeedforwardLaw, LearningLaw, feedforward_step
+from cmacexp.control.feedforward_law import (
+    CMAC,
+    NONE,
+    TABLE,
+    WEIGHTED,
+    FeedforwardLaw,
+    LearningLaw,
+    Smoothing,
+    feedforward_step,
+)
 from cmacexp.control.protocol import Reference
+from cmacexp.errors import BadInput
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
 from cmacexp.planning.setup import Setup
 
 COLUMNS = {"angle": (0, 1), "velocity": (2, 3), "acceleration": (4, 5)}
-"""Columns of ``Plan.joints`` that a CMAC input names."""
+"""Columns of ``Plan.joints`` that an input names."""
+NO_SMOOTHING = Smoothing(np.zeros(0), np.zeros(1))
 
 
 class BuiltInFeedforward:
@@ -41,14 +55,25 @@ class BuiltInFeedforward:
         return output
 
 
-def _inputs(setup: Setup, i: int) -> Array:
-    """Planned CMAC inputs (N, n) of leg ``i``."""
-    return setup.plan.joints[:, i, [column for name in setup.config.cmac.inputs for column in COLUMNS[name]]]
+def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
+    """Planned joint values (N, 2 x names) of leg ``i``: angles in rad, their velocities, accelerations."""
+    return setup.plan.joints[:, i, [column for name in names for column in COLUMNS[name]]]
 
 
-def _learning(setup: Setup) -> LearningLaw:
+def _learning(setup: Setup, activation: Array) -> LearningLaw:
+    """How a network of these activations (N, L, C) learns; ``normalised`` adds a part of their mean power."""
     config = setup.config.learning
-    return LearningLaw(config.rate, config.lead)
+    rule, strength = RULES[config.rule][0], strength_of(config)
+    if rule == WEIGHT_SMOOTHING and activation.shape[2] == 1:
+        raise BadInput(
+            "learning.rule",
+            config.rule,
+            "draws active weights to their mean, but here one alone is active at a time; "
+            "take at least 2 (cmac.layers), or another rule",
+        )
+    if rule == NORMALISED:
+        strength *= float(np.mean((activation**2).sum(axis=2)))
+    return LearningLaw(config.rate, setup.config.lead, rule, strength, setup.plan.start_step)
 
 
 def known_torque(setup: Setup, torque: Array | None) -> FeedforwardLaw:
@@ -61,26 +86,36 @@ def known_torque(setup: Setup, torque: Array | None) -> FeedforwardLaw:
         np.zeros((legs, 1, 2)),
     )
     kind, table = (NONE, np.zeros((1, legs, 2))) if torque is None else (TABLE, torque)
-    return FeedforwardLaw(kind, np.ascontiguousarray(table), cells, activation, weights, _learning(setup))
+    learning = LearningLaw(0.0, 0)
+    return FeedforwardLaw(kind, np.ascontiguousarray(table), cells, activation, weights, learning, NO_SMOOTHING)
 
 
-def network(setup: Setup, cells: Cells, rows: int, activation: Array | None = None) -> FeedforwardLaw:
+def network(
+    setup: Setup, cells: Cells, rows: int, activation: Array | None = None, taps: Array | None = None
+) -> FeedforwardLaw:
     """A law of one network per leg, linear in its weights, which are zero at first.
 
     Args:
         setup: of the run.
         cells: (N, L, C): rows of the weights that are active at each sample of the cycle.
         rows: weights of one leg for each of its two outputs.
-        activation: (N, L, C): how much each of them counts; None: all fully, as in a CMAC.
+        activation: (N, L, C): how much each of them counts, 0 or more; None: all fully, as in a CMAC.
+        taps: (K,): of a symmetric filter along the rows, from the middle outwards; None: the weights stay as learnt.
+
+    Raises:
+        BadInput: the learning rule does not fit the network.
     """
     legs = setup.mechanism.legs.shape[0]
+    counts = np.ones(cells.shape) if activation is None else np.ascontiguousarray(activation, dtype=float)
+    learning = _learning(setup, counts)
     return FeedforwardLaw(
         CMAC if activation is None else WEIGHTED,
         np.zeros((1, legs, 2)),
         np.ascontiguousarray(cells, dtype=np.uint32),
-        np.zeros((1, legs, 1)) if activation is None else np.ascontiguousarray(activation, dtype=float),
+        np.zeros((1, legs, 1)) if activation is None and learning.rule == PAPER else counts,
         np.zeros((legs, rows, 2)),
-        _learning(setup),
+        learning,
+        NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows)),
     )
 
 
@@ -119,12 +154,10 @@ class CmacFeedforward(BuiltInFeedforward):
     def reset(self, setup: Setup) -> None:
         """Empty memories; the cells of every sample of the cycle."""
         config = setup.config
-        self.cmacs = [
-            Cmac(config.cmac, spanning(_inputs(setup, i), config.cmac.range_factor), 2, config.seed)
-            for i in range(setup.mechanism.legs.shape[0])
-        ]
-        cells = np.stack([cmac.cells(_inputs(setup, i)) for i, cmac in enumerate(self.cmacs)], axis=1)
+        inputs = [planned_inputs(setup, i, config.cmac.inputs) for i in range(setup.mechanism.legs.shape[0])]
+        self.cmacs = [Cmac(config.cmac, spanning(own, config.cmac.range_factor), 2, config.seed) for own in inputs]
+        cells = np.stack([cmac.cells(own) for cmac, own in zip(self.cmacs, inputs, strict=True)], axis=1)
         self.law = network(setup, cells, self.cmacs[0].address.rows)
         for cmac, own in zip(self.cmacs, self.law.weights, strict=True):
             cmac.weights = own
-        self.memory = [memory_use(cmac, _inputs(setup, i)) for i, cmac in enumerate(self.cmacs)]
+        self.memory = [memory_use(cmac, own) for cmac, own in zip(self.cmacs, inputs, strict=True)]

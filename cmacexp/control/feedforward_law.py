@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.memory import read, read_weighted, train, train_weighted
+from cmacexp.cmac.rules import PAPER, rate_in_cycle, train_by_rule
 from cmacexp.compile import kernel
 
 NONE, TABLE, CMAC, WEIGHTED = range(4)
@@ -16,6 +17,21 @@ class LearningLaw(NamedTuple):
     """beta."""
     lead: int
     """U(k-1) trains the cells of step k-1-lead."""
+    rule: int = PAPER
+    """One of :data:`cmacexp.cmac.rules.RULES`."""
+    strength: float = 0.0
+    """Of what the rule does otherwise than the paper's."""
+    start_step: int = 0
+    """First step of the run in which the network learns."""
+
+
+class Smoothing(NamedTuple):
+    """A symmetric filter that weights, of which there is one a sample, go through at the start of every cycle."""
+
+    taps: Array
+    """(K,): from the middle outwards; empty: none."""
+    room: Array
+    """(rows,): to work in."""
 
 
 class FeedforwardLaw(NamedTuple):
@@ -31,20 +47,43 @@ class FeedforwardLaw(NamedTuple):
     cells: Cells
     """(N, L, C): active rows of the networks at the planned inputs."""
     activation: Array
-    """(N, L, C): how much each of them counts; of WEIGHTED alone."""
+    """(N, L, C): how much each of them counts; of WEIGHTED, and of a CMAC whose rule is not the paper's."""
     weights: Array
     """(L, rows, 2): weights of the networks, one per leg."""
     learning: LearningLaw
+    smoothing: Smoothing
 
 
 @kernel
-def learn(law: FeedforwardLaw, i: int, sample: int, taught: Array) -> None:
-    """Train the network of leg ``i`` at ``sample`` with ``taught`` (2,), N m (Lin & Song 1997, eq. 20, 21)."""
-    weights, cells, rate = law.weights[i], law.cells[sample, i], law.learning.rate
-    if law.kind == CMAC:
-        train(weights, cells, taught, rate)
+def smooth(weights: Array, smoothing: Smoothing) -> None:
+    """Filter ``weights`` (rows, 2) along their rows, the last of which is a neighbour of the first."""
+    taps, room = smoothing
+    rows = weights.shape[0]
+    for o in range(weights.shape[1]):
+        for k in range(rows):
+            room[k] = weights[k, o]
+        for k in range(rows):
+            total = taps[0] * room[k]
+            for j in range(1, taps.shape[0]):
+                total += taps[j] * (room[(k - j) % rows] + room[(k + j) % rows])
+            weights[k, o] = total
+
+
+@kernel
+def learn(law: FeedforwardLaw, i: int, step: int, sample: int, taught: Array) -> None:
+    """Train the network of leg ``i`` at ``sample`` with ``taught`` (2,), N m (Lin & Song 1997, eq. 20, 21).
+
+    ``step`` counts from 0 over the whole run.
+    """
+    weights, cells, how = law.weights[i], law.cells[sample, i], law.learning
+    if how.rule != PAPER:
+        cycles = (step - how.start_step) // law.cells.shape[0]
+        rate = rate_in_cycle(how.rule, how.strength, how.rate, cycles)
+        train_by_rule(how.rule, how.strength, weights, cells, law.activation[sample, i], taught, rate)
+    elif law.kind == CMAC:
+        train(weights, cells, taught, how.rate)
     else:
-        train_weighted(weights, cells, law.activation[sample, i], taught, rate)
+        train_weighted(weights, cells, law.activation[sample, i], taught, how.rate)
 
 
 @kernel
@@ -64,7 +103,9 @@ def feedforward_step(law: FeedforwardLaw, step: int, sample: int, taught: Array,
         elif law.kind == NONE:
             output[i, 0], output[i, 1] = 0.0, 0.0
         else:
-            learn(law, i, (sample - 1 - law.learning.lead) % law.cells.shape[0], taught[i])
+            learn(law, i, step, (sample - 1 - law.learning.lead) % law.cells.shape[0], taught[i])
+            if sample == 0 and law.smoothing.taps.shape[0] > 0:
+                smooth(law.weights[i], law.smoothing)
             if law.kind == CMAC:
                 read(law.weights[i], law.cells[sample, i], output[i])
             else:

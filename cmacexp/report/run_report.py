@@ -8,6 +8,7 @@ import pyarrow.parquet as pq
 from cmacexp.config.difference import flat
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.keep import BODY_METRICS, METRICS, Scores, steps_by_cycle
+from cmacexp.metrics.drift import Drift, in_words
 from cmacexp.pooled import number, table_of_cycles, unit_of
 from cmacexp.report import over_cycle, per_cycle
 from cmacexp.report.look import MOST_CYCLES, Look, look_at
@@ -85,6 +86,7 @@ def _facts(run: StoredRun) -> Table:
     facts = {
         "folder": str(run.folder),
         "ended": _how_it_ended(run),
+        "drift": in_words(Drift(**manifest["drift"])) if manifest.get("drift") else "none seen",
         "cycles": f"{_whole_cycles(run)} of {config['cycles']} asked for, {config['gait']['cycle_time']:g} s each",
         "steps": f"{manifest['steps']} of {1e3 * config['sampling_period']:g} ms",
         "machine": str(config["machine"]["kind"]),

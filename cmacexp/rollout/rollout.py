@@ -11,17 +11,21 @@ import numpy as np
 from cmacexp.arrays import Array
 from cmacexp.config import Config
 from cmacexp.control import HybridController
+from cmacexp.control.actuator import new_actuator
 from cmacexp.control.feedforward import BuiltInFeedforward
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.plants import AnalyticPlant, Measurement
 from cmacexp.rollout.fused import FusedLoop, Torques, fused_loop
 from cmacexp.rollout.interrupt import interrupt_held_back
-from cmacexp.rollout.layout import BODY_SAMPLES, SAMPLES
+from cmacexp.rollout.layout import body_names_of, names_of, room_for
 from cmacexp.rollout.stepped import SteppedLoop
 from cmacexp.rollout.stop import RUNNING, STATUSES, Guard, describe_stop, new_guard
 from cmacexp.scenario import Scenario
-from cmacexp.sensors import PerfectSensors
+from cmacexp.sensors import PerfectSensors, RealSensors
+from cmacexp.sensors.channel import Sensing
+from cmacexp.sensors.law import Seen, no_sensing
+from cmacexp.sensors.protocol import altered_by
 
 MOST_ROWS = 1 << 15
 """Rows of leg samples that are worked on at a time: a long run needs no more memory than a short one.
@@ -30,8 +34,8 @@ Entering the fused loop costs some 12 us, as much as dozens of steps.
 """
 
 
-JOINT_COLUMNS = [SAMPLES.index(name) for name in ("q1", "q2", "dq1", "dq2")]
-"""Undefined for a point mass."""
+JOINTS = ("q1", "q2", "dq1", "dq2")
+"""Columns that are undefined for a point mass, measured or not."""
 
 
 class Samples(NamedTuple):
@@ -40,17 +44,17 @@ class Samples(NamedTuple):
     start: int
     """First step."""
     legs: Array
-    """(steps, L, columns), in the order of :data:`cmacexp.rollout.layout.SAMPLES`."""
+    """(steps, L, columns), in the order of :mod:`cmacexp.rollout.layout`."""
     body: Array
-    """(steps, 6), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`."""
+    """(steps, columns), likewise."""
 
     def columns(self) -> dict[str, Array]:
         """Of the legs, (steps, L) by column name."""
-        return {name: self.legs[:, :, i] for i, name in enumerate(SAMPLES)}
+        return {name: self.legs[:, :, i] for i, name in enumerate(names_of(self.legs))}
 
     def body_columns(self) -> dict[str, Array]:
         """Of the body, (steps,) by column name."""
-        return {name: self.body[:, i] for i, name in enumerate(BODY_SAMPLES)}
+        return {name: self.body[:, i] for i, name in enumerate(body_names_of(self.body))}
 
 
 @dataclass(frozen=True)
@@ -73,11 +77,20 @@ def is_built_in(scenario: Scenario) -> bool:
     """Whether the fused loop knows every part."""
     return (
         type(scenario.plant) is AnalyticPlant
-        and type(scenario.sensors) is PerfectSensors
+        and type(scenario.sensors) in (PerfectSensors, RealSensors)
         and type(scenario.controller) is HybridController
         and isinstance(scenario.feedforward, BuiltInFeedforward)
         and type(scenario.feedforward).predict is BuiltInFeedforward.predict
     )
+
+
+def _sensing(scenario: Scenario) -> tuple[Sensing, Seen]:
+    """Built-in sensors as the fused loop takes them; perfect ones show the arrays of the plant."""
+    assert isinstance(scenario.plant, AnalyticPlant)
+    sensors, state = scenario.sensors, scenario.plant.state
+    if isinstance(sensors, RealSensors) and sensors.sensing.active:
+        return sensors.sensing, sensors.seen
+    return no_sensing(), Seen(*(getattr(state, name) for name in Seen._fields))
 
 
 class _FusedLoop:
@@ -88,7 +101,7 @@ class _FusedLoop:
         assert isinstance(plant, AnalyticPlant)
         assert isinstance(controller, HybridController)
         assert isinstance(feedforward, BuiltInFeedforward)
-        legs = scenario.setup.mechanism.legs.shape[0]
+        legs, config = scenario.setup.mechanism.legs.shape[0], scenario.setup.config
         self.plant = plant
         self.taken = 0
         plan = scenario.setup.plan
@@ -98,14 +111,15 @@ class _FusedLoop:
             plan.start_step,
             plant.law,
             plant.state,
+            *_sensing(scenario),
             controller.law,
             controller.state,
             feedforward.law,
-            scenario.setup.config.actuator.limit,
+            new_actuator(config.actuator, config.sampling_period, legs),
             Torques(*(np.zeros((legs, 2)) for _ in range(2))),
             guard,
         )
-        self.run(np.zeros((0, legs, len(SAMPLES))), np.zeros((0, len(BODY_SAMPLES))))
+        self.run(*room_for(0, legs, False))
 
     def run(self, samples: Array, body_samples: Array) -> int:
         """As :meth:`SteppedLoop.run`."""
@@ -140,10 +154,10 @@ class _Ending:
 
 
 def _go_as_planned(body: Array, start: int, config: Config) -> None:
-    """Where a body that goes as planned is in the world, straight ahead; fills its columns of ``body`` (steps, 6)."""
+    """Where a body that goes as planned is in the world, straight ahead; fills its columns of ``body`` (steps, columns)."""
     step = np.arange(start, start + len(body))
     body[:, 3] = step * config.sampling_period * config.body_speed
-    body[:, 4:] = 0.0
+    body[:, 4:6] = 0.0
 
 
 def stream(
@@ -171,10 +185,8 @@ def stream(
     legs = setup.mechanism.legs.shape[0]
     fits = max(1, MOST_ROWS // (period * legs))
     together = min(cycles, fits if isinstance(loop, _FusedLoop) else 1)
-    samples, body = (
-        np.empty((together * period, legs, len(SAMPLES))),
-        np.empty((together * period, len(BODY_SAMPLES))),
-    )
+    samples, body = room_for(together * period, legs, bool(altered_by(scenario.sensors) - {"force"}))
+    joints = [i for i, name in enumerate(names_of(samples)) if name.removesuffix("_measured") in JOINTS]
     ending, seconds = _Ending(loop), 0.0
     while ending.status == "completed" and loop.taken < cycles * period:
         start, steps = loop.taken, min(len(samples), cycles * period - loop.taken)
@@ -189,7 +201,7 @@ def stream(
         seconds += time.perf_counter() - began
         done = loop.taken - start
         if setup.mechanism.kind == POINT_MASS:
-            samples[:done, :, JOINT_COLUMNS] = np.nan
+            samples[:done, :, joints] = np.nan
         with interrupt_held_back() as interrupted:
             keep(Samples(start, samples[:done], body[:done]))
         if ending.status == "completed":
@@ -208,7 +220,7 @@ class Rollout(End):
     samples: Array
     """(steps, L, columns), as :attr:`Samples.legs`."""
     body_samples: Array
-    """(steps, 6), as :attr:`Samples.body`."""
+    """(steps, columns), as :attr:`Samples.body`."""
 
     def columns(self) -> dict[str, Array]:
         """Samples (steps, L) by column name."""
