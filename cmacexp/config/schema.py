@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cmacexp.config.fields import choice, number
+from cmacexp.config.mujoco import MujocoLegConfig, MujocoQuadrupedConfig
 from cmacexp.config.sensors import RealSensorsConfig
 from cmacexp.models.gravity import GRAVITY
 
@@ -365,6 +366,8 @@ MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": Quad
 
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
+    "cmacexp.plants.mujoco_leg.MujocoLeg": MujocoLegConfig,
+    "cmacexp.plants.mujoco_quadruped.MujocoQuadruped": MujocoQuadrupedConfig,
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
     "cmacexp.sensors.RealSensors": RealSensorsConfig,
     "cmacexp.control.NoFeedforward": PartWithoutFields,

@@ -3,9 +3,13 @@
 World: x forward, y left, z up. A hinge turns about +y, so that a joint angle counts from +x downwards as ours does.
 """
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 from cmacexp.arrays import Array
-from cmacexp.models.leg import GRAVITY
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism
+from cmacexp.errors import BadInput
+from cmacexp.models.gravity import GRAVITY
+from cmacexp.models.mechanism import Mechanism
 
 POINT = "1e-15 1e-15 1e-15"
 """Inertia of a point mass, kg m^2: MuJoCo refuses none at all."""
@@ -25,30 +29,47 @@ def _leg(leg: Array, at: str) -> str:
     return _link(length_1, mass_1, at, _link(length_2, mass_2, f"{length_1!r} 0 0"))
 
 
-def describe(mechanism: Mechanism, step: float, body_mass: float = 0.0, body_inertia: tuple[float, ...] = ()) -> str:
+class Torso(NamedTuple):
+    """A body that floats."""
+
+    mass: float
+    """kg."""
+    inertia: tuple[float, ...]
+    """About its own x, y and z, kg m^2."""
+
+
+def check_inertia(inertia: Sequence[float]) -> None:
+    """Hold the inertia of a body to what masses can have.
+
+    Raises:
+        BadInput: not three values, or one more than the other two together.
+    """
+    if len(inertia) != 3 or max(inertia) > sum(inertia) - max(inertia):
+        allowed = "must be three values (kg m^2, about x, y and z), none above the sum of the other two"
+        raise BadInput("plant.body_inertia", list(inertia), allowed)
+
+
+def describe(mechanism: Mechanism, step: float, torso: Torso | None) -> str:
     """MJCF of a machine.
 
     Args:
-        mechanism: legs on a stand, or legs under a body that floats.
+        mechanism: legs on a stand, or under a body that floats.
         step: time of one integration step, s.
-        body_mass: of the body, kg; only where it floats, and so is the next.
-        body_inertia: of the body about its own x, y and z, kg m^2.
+        torso: the body, if there is one; its centre of gravity is in the plane of the hips.
     """
-    hip_height = float(mechanism.hip_height)
-    if mechanism.kind == LEGS_UNDER_BODY:
-        legs = "".join(
-            _leg(leg, f"{float(x)!r} {float(y)!r} 0") for leg, (x, y) in zip(mechanism.legs, mechanism.hips, strict=True)
-        )
-        inertia = " ".join(repr(float(value)) for value in body_inertia)
-        machine = (
-            f'<body pos="0 0 {hip_height!r}"><freejoint/>'
-            f'<inertial pos="0 0 0" mass="{body_mass!r}" diaginertia="{inertia}"/>{legs}</body>'
-        )
+    base = f"0 0 {float(mechanism.hip_height)!r}"
+    if torso is None:
+        machine = "".join(_leg(leg, base) for leg in mechanism.legs)
     else:
-        machine = "".join(_leg(leg, f"0 0 {hip_height!r}") for leg in mechanism.legs)
+        hips = [f"{float(x)!r} {float(y)!r} 0" for x, y in mechanism.hips]
+        inertia = " ".join(repr(float(value)) for value in torso.inertia)
+        machine = (
+            f'<body pos="{base}"><freejoint/>'
+            f'<inertial pos="0 0 0" mass="{float(torso.mass)!r}" diaginertia="{inertia}"/>'
+            f"{''.join(_leg(leg, hip) for leg, hip in zip(mechanism.legs, hips, strict=True))}</body>"
+        )
     return (
         '<mujoco><compiler angle="radian"/>'
         f'<option timestep="{step!r}" integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
-        '<flag constraint="disable"/></option>'
-        f"<worldbody>{machine}</worldbody></mujoco>"
+        f'<flag constraint="disable"/></option><worldbody>{machine}</worldbody></mujoco>'
     )

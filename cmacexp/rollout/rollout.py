@@ -154,7 +154,7 @@ class _Ending:
 
 
 def _go_as_planned(body: Array, start: int, config: Config) -> None:
-    """Where a body that goes as planned is in the world, straight ahead; fills its columns of ``body`` (steps, columns)."""
+    """Where a body that goes straight ahead as planned is in the world; fills its columns of ``body``."""
     step = np.arange(start, start + len(body))
     body[:, 3] = step * config.sampling_period * config.body_speed
     body[:, 4:6] = 0.0
