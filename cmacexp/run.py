@@ -69,7 +69,7 @@ def _traces(scenario: Scenario, samples: Samples) -> Traces:
     if scenario.setup.mechanism.kind != LEGS_UNDER_BODY:
         return Traces(legs, None, _memory(scenario, samples))
     body, shown = samples.body_columns(), with_measured(BODY_COLUMNS, altered)
-    walk = assemble_body(plan, body, columns["force"], period, config.body_speed, start, shown)
+    walk = assemble_body(plan, body, columns["force"], period, start, shown)
     return Traces(legs, walk, _memory(scenario, samples))
 
 

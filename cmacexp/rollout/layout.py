@@ -13,14 +13,17 @@ SAMPLES = (
 )  # fmt: skip
 """Columns of the trace that a run gives for every leg; the rest is planned."""
 
-BODY_SAMPLES = ("height", "pitch", "roll")
-"""Columns of the body that a run gives."""
+POSE, TRAVEL = ("height", "pitch", "roll"), ("cog_x", "cog_y", "yaw")
+BODY_SAMPLES = (*POSE, *TRAVEL)
+"""Columns of the body that a run gives; the last three are those of the plan unless the plant measures them."""
+GONE = slice(len(POSE), len(BODY_SAMPLES))
+"""Those three."""
 
 MEASURED = ("x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2")
 """Columns that follow SAMPLES, as ``x_measured``, where sensors alter something; the force has its own always."""
 
 RATES = ("height_rate", "pitch_rate", "roll_rate")
-BODY_MEASURED = (*BODY_SAMPLES, *RATES)
+BODY_MEASURED = (*POSE, *RATES)
 """Likewise of the body, after BODY_SAMPLES and RATES."""
 
 
@@ -58,7 +61,7 @@ def write_samples(
     feedforward: Array,
     body: Array,
 ) -> None:
-    """Fill ``samples[k]`` (L, columns) and ``body_samples[k]`` (3,) in the order of SAMPLES and BODY_SAMPLES.
+    """Fill ``samples[k]`` (L, columns) and the pose in ``body_samples[k]``, in the order of SAMPLES and BODY_SAMPLES.
 
     Forces are (L,), ``body`` is (3,), ``reference`` begins with x and y, the rest is (L, 2).
     """
