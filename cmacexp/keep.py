@@ -132,7 +132,7 @@ def _read(path: Path, columns: Sequence[Column], cycles: tuple[int, int], every:
     kept: list[pa.Table] = []
     seen = 0
     for part in _parts(path):
-        missing = {column.name for column in columns} - set(part.column_names)
+        missing = {column.name for column in columns if not column.added} - set(part.column_names)
         if missing:
             raise BadRun(f"{path}: not a trace: it has no {', '.join(sorted(missing))}")
         cycle = as_array(part, "cycle")

@@ -76,8 +76,7 @@ def _traces(scenario: Scenario, samples: Samples) -> Traces:
     legs, memory = assemble(plan, columns, period, start, of_legs), _memory(scenario, samples)
     if of_body is None:
         return Traces(legs, None, memory)
-    body = samples.body_columns()
-    walk = assemble_body(plan, body, columns["force"], period, config.body_speed, start, of_body)
+    walk = assemble_body(plan, samples.body_columns(), columns["force"], period, start, of_body)
     return Traces(legs, walk, memory)
 
 

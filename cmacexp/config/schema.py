@@ -14,6 +14,7 @@ from cmacexp.config.feedforwards import (
     RadialBasisConfig,
 )
 from cmacexp.config.fields import choice, number
+from cmacexp.config.mujoco import MujocoLegConfig, MujocoQuadrupedConfig
 from cmacexp.config.sensors import RealSensorsConfig
 from cmacexp.models.gravity import GRAVITY
 
@@ -391,6 +392,8 @@ MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": Quad
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
     "cmacexp.control.HybridController": ControllerConfig,
+    "cmacexp.plants.mujoco_leg.MujocoLeg": MujocoLegConfig,
+    "cmacexp.plants.mujoco_quadruped.MujocoQuadruped": MujocoQuadrupedConfig,
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
     "cmacexp.sensors.RealSensors": RealSensorsConfig,
     "cmacexp.control.NoFeedforward": PartWithoutFields,

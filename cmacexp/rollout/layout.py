@@ -4,6 +4,8 @@ import numpy as np
 
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel
+from cmacexp.plants.protocol import Measurement
+from cmacexp.sensors.law import Seen
 
 SAMPLES = (
     "x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2", "force", "force_measured", "x_reference", "y_reference",
@@ -11,8 +13,11 @@ SAMPLES = (
 )  # fmt: skip
 """Columns of the trace that a run gives for every leg; the rest is planned."""
 
-BODY_SAMPLES = ("height", "pitch", "roll")
-"""Columns of the body that a run gives."""
+POSE, TRAVEL = ("height", "pitch", "roll"), ("cog_x", "cog_y", "yaw")
+BODY_SAMPLES = (*POSE, *TRAVEL)
+"""Columns of the body that a run gives; the last three are those of the plan unless the plant measures them."""
+GONE = slice(len(POSE), len(BODY_SAMPLES))
+"""Those three."""
 
 MEASURED = ("x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2")
 """Columns that follow SAMPLES, as ``x_measured``, where sensors alter something; the force has its own always."""
@@ -21,7 +26,7 @@ TRUSTED = "force_trusted"
 """Follows MEASURED: whether the controller goes by the force sensor."""
 
 RATES = ("height_rate", "pitch_rate", "roll_rate")
-BODY_MEASURED = (*BODY_SAMPLES, *RATES)
+BODY_MEASURED = (*POSE, *RATES)
 """Likewise of the body, after BODY_SAMPLES and RATES."""
 
 
@@ -59,7 +64,7 @@ def write_samples(
     feedforward: Array,
     body: Array,
 ) -> None:
-    """Fill ``samples[k]`` (L, columns) and ``body_samples[k]`` (3,) in the order of SAMPLES and BODY_SAMPLES.
+    """Fill ``samples[k]`` (L, columns) and the pose in ``body_samples[k]``, in the order of SAMPLES and BODY_SAMPLES.
 
     Forces are (L,), ``body`` is (3,), ``reference`` begins with x and y, the rest is (L, 2).
     """
@@ -86,31 +91,21 @@ def has_measured(samples: Array) -> bool:
 
 @kernel
 def write_measured(
-    samples: Array,
-    body_samples: Array,
-    k: int,
-    foot: Array,
-    velocity: Array,
-    q: Array,
-    dq: Array,
-    body: Array,
-    rate: Array,
-    true_rate: Array,
-    trusted: Array,
+    samples: Array, body_samples: Array, k: int, seen: Seen | Measurement, body_rate: Array, trusted: Array
 ) -> None:
-    """Fill the rest of ``samples[k]`` and ``body_samples[k]`` with what sensors told; ``true_rate`` is the body's.
+    """Fill the rest of ``samples[k]`` and ``body_samples[k]`` with what was ``seen``.
 
-    Those of a body are (3,), ``trusted`` is (L,), the rest is (L, 2).
+    ``body_rate`` (3,) is true; ``trusted`` (L,) tells which force sensors the controller goes by.
     """
     first, after = len(SAMPLES), len(BODY_SAMPLES)
-    for i in range(foot.shape[0]):
+    for i in range(seen.force.shape[0]):
         for j in range(2):
-            samples[k, i, first + j] = foot[i, j]
-            samples[k, i, first + 2 + j] = velocity[i, j]
-            samples[k, i, first + 4 + j] = q[i, j]
-            samples[k, i, first + 6 + j] = dq[i, j]
+            samples[k, i, first + j] = seen.foot[i, j]
+            samples[k, i, first + 2 + j] = seen.velocity[i, j]
+            samples[k, i, first + 4 + j] = seen.q[i, j]
+            samples[k, i, first + 6 + j] = seen.dq[i, j]
         samples[k, i, first + 8] = trusted[i]
     for n in range(3):
-        body_samples[k, after + n] = true_rate[n]
-        body_samples[k, after + 3 + n] = body[n]
-        body_samples[k, after + 6 + n] = rate[n]
+        body_samples[k, after + n] = body_rate[n]
+        body_samples[k, after + 3 + n] = seen.body[n]
+        body_samples[k, after + 6 + n] = seen.body_rate[n]

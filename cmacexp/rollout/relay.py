@@ -183,10 +183,7 @@ def relay(
             machine.force, seen.force, state.reference, state.feedback, feedforward, machine.body,
         )  # fmt: skip
         if has_measured(samples):
-            write_measured(
-                samples, body_samples, k, seen.foot, seen.velocity, seen.q, seen.dq,
-                seen.body, seen.body_rate, machine.body_rate, state.plausible.trusted,
-            )  # fmt: skip
+            write_measured(samples, body_samples, k, seen, machine.body_rate, state.plausible.trusted)
         if foreign.plant:
             hand(handed.torque, k, total)
             yield 4 * k + STEP

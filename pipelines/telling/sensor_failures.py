@@ -226,10 +226,9 @@ def _advice(rows: "pd.DataFrame", watched: dict[str, int], cycles: int) -> Text:
     )
     return Text(
         f"With the check at least {ENOUGH:.0%} of the failures are survived at {len(held)} of the {len(checked)} "
-        f"settings at which the sound machine walks. It finds a failure after at most {slow:.0f} samples, and dropped "
-        f"{wrongly} sound sensors beside the broken ones. On a sound machine over {cycles} cycles it dropped: {alarms}. "
-        f"{advice}. It costs nothing measurable, and what it takes away, the terms of P_fn and V_fn of one leg, is "
-        "little missed."
+        f"settings at which the sound machine walks. It finds a failure after at most {slow:.0f} samples, and "
+        f"dropped {wrongly} sound sensors beside the broken ones. On a sound machine over {cycles} cycles it dropped: "
+        f"{alarms}. {advice}."
     )
 
 
@@ -244,8 +243,8 @@ def sections(runs: Runs) -> list[Section]:
     shown = {check: runs[f"shown {check}"] for check in CHECKS}
     parts: list[Part] = [
         Text(
-            "A quadruped walks (lead 1, load ramp 0.12 s); between the fifth and the sixth cycle the force sensor of "
-            "one leg breaks. Forty failures, seeded: " + "; ".join(TOLD.values()) + "; on every leg, at two moments. "
+            "A quadruped walks (lead 1, load ramp 0.12 s); in the fifth or the sixth cycle the force sensor of one "
+            "leg breaks. Forty failures, seeded: " + "; ".join(TOLD.values()) + "; on every leg, at two moments. "
             "The check (plausibility=force) compares what a sensor tells with what the ground would give at the "
             "measured depth of the foot, and when doubt has added up drops the terms of P_fn and V_fn of that leg, "
             "from the error and from the reference alike (eq. 24)."
@@ -254,7 +253,7 @@ def sections(runs: Runs) -> list[Section]:
         Drawing(
             "failures",
             figures.failures(rows),
-            "Failures survived, and the force rmse of the broken leg, over the gain of the force feedback, with CMAC.",
+            "Failures survived, and the force rmse of the broken leg, over the gain of force feedback, with CMAC.",
         ),
         _grouped_table(rows, "kind", "By kind of failure, with CMAC"),
         _grouped_table(rows, "leg", "By leg, with CMAC"),

@@ -92,7 +92,7 @@ def _walk(run: StoredRun) -> dict[str, float]:
 
 
 def measured(runs: Runs, kind: str) -> "pd.DataFrame":
-    """One row per signal and level of ``leg``, ``walk`` or ``gain``: spreads over the seeds, and how many ended well."""
+    """One row per signal and level of ``leg``, ``walk`` or ``gain``: spreads over the seeds, how many ended well."""
     import pandas as pd
 
     found: dict[tuple[str, float], list[dict[str, float]]] = {}
@@ -109,7 +109,7 @@ def measured(runs: Runs, kind: str) -> "pd.DataFrame":
 
 
 def felt_from(rows: "pd.DataFrame", signal: str, key: str) -> float:
-    """The least level of a signal at which ``key`` is FELT times that without noise, or a run fails; infinite if none."""
+    """The least level at which ``key`` is FELT times that without noise, or a run fails; else infinite."""
     sound = rows[rows["signal"] == "sound"].iloc[0][key].mean
     own = rows[rows["signal"] == signal].sort_values("level")
     for _, row in own.iterrows():
@@ -184,8 +184,8 @@ def _gain_section(rows: "pd.DataFrame") -> list[Table | Text]:
     return [
         Table(columns, body, "Quadruped with 20 % noise on all forces, last three cycles, mean over seeds"),
         Text(
-            f"Noise of 20 % on the force is felt in the feedback torque of a quadruped {told}. Advice: raise P_fn and "
-            "V_fn only as far as the force sensors are good, and where they are poor stay at 1e-3 or below."
+            f"Noise of 20 % on the force is felt in the feedback torque of a quadruped {told}. Advice: raise P_fn "
+            "and V_fn only as far as the force sensors are good, and where they are poor stay at 1e-3 or below."
         ),
     ]
 
@@ -217,8 +217,8 @@ def sections(runs: Runs) -> list[Section]:
             "A quadruped over the level of white noise; grey: without noise.",
         ),
         Text(
-            f"Felt are: {_levels(walk, ('force', 'feedback', 'tilt'))}. Advice: a body on stiff ground asks most of the "
-            "sensors of its pose, since posture control multiplies height and tilt by its gain of 8; filter them, or "
+            f"Felt are: {_levels(walk, ('force', 'feedback', 'tilt'))}. Advice: a body on stiff ground asks most of "
+            "the sensors of its pose, since posture control multiplies height and tilt by its gain of 8; filter them, or "
             "take a smaller posture.gain, before anything else."
         ),
     ]
