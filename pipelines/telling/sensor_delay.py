@@ -54,9 +54,9 @@ def sections(runs: Runs) -> list[Section]:
         f"Of {len(asked)} runs with learning.lead=auto {len(kept)} stay bounded (at most {BOUND} times their own "
         f"best over the last {WINDOW} cycles); of the others {len(good) - len(kept)} of "
         f"{len(good) + len(bad) - len(asked)}. Advice: give learning.lead=auto and say how late actuator and "
-        "velocity sensors are: the lead is 1 for the sampling, plus that delay. Late positions need no lead, late velocities "
-        "do: at the frequencies where a wrong lead makes errors grow, above 20 Hz, velocity is nearly all of the "
-        "feedback."
+        "velocity sensors are: the lead is 1 for the sampling, plus that delay. Late positions need no lead, late "
+        "velocities do: at the frequencies where a wrong lead makes errors grow, above 20 Hz, velocity is nearly all "
+        "of the feedback."
     )
     drawing = Drawing(
         "delay",

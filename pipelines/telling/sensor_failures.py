@@ -227,8 +227,8 @@ def _advice(rows: "pd.DataFrame", watched: dict[str, int], cycles: int) -> Text:
     return Text(
         f"With the check at least {ENOUGH:.0%} of the failures are survived at {len(held)} of the {len(checked)} "
         f"settings at which the sound machine walks. It finds a failure after at most {slow:.0f} samples, and "
-        f"dropped {wrongly} sound sensors beside the broken ones. On a sound machine over {cycles} cycles it dropped: "
-        f"{alarms}. {advice}."
+        f"dropped {wrongly} sound sensors beside the broken ones. On a sound machine over {cycles} cycles it "
+        f"dropped: {alarms}. {advice}."
     )
 
 

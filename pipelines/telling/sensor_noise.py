@@ -218,8 +218,8 @@ def sections(runs: Runs) -> list[Section]:
         ),
         Text(
             f"Felt are: {_levels(walk, ('force', 'feedback', 'tilt'))}. Advice: a body on stiff ground asks most of "
-            "the sensors of its pose, since posture control multiplies height and tilt by its gain of 8; filter them, or "
-            "take a smaller posture.gain, before anything else."
+            "the sensors of its pose, since posture control multiplies height and tilt by its gain of 8; filter "
+            "them, or take a smaller posture.gain, before anything else."
         ),
     ]
     found = [Section("Noise on one leg", one, beyond=True), Section("Noise on four legs", four, beyond=True)]
