@@ -322,6 +322,8 @@ class Config:
     sweep: SweepConfig
     optimize: str | None
     """Metric whose final value a job of a sweep gives to the sweeper (see cmacexp/optimize.py); null: none."""
+    warn: bool
+    """Say before a long run if its learning is predicted to come apart (see cmacexp/stability/warn.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)
     seed: int = number("", at_least=0, below=2**32)
     """Seeds the hash of the CMAC's memory, and every part that draws random numbers."""
