@@ -51,8 +51,8 @@ class Runs(dict[str, StoredRun]):
 def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, bool]:
     """Where the run of ``overrides`` stands, its config, and whether it is finished."""
     config = compose_config([*overrides, "record=trace"])
-    thin = "-thin" if config.record.thins else ""
-    folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{thin}"
+    kept = ("-thin" if config.record.thins else "") + ("-weights" if config.record.weights else "")
+    folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{kept}"
     return folder, config, is_finished(folder, config)
 
 
