@@ -46,13 +46,13 @@ def _run(composed: DictConfig, session: _Session) -> None:
     from cmacexp.optimize import check_metric
     from cmacexp.run import run_scenario
     from cmacexp.scenario import make_scenario
-    from cmacexp.terminal import announce_compiling, progress, summary
+    from cmacexp.terminal import announce_compiling, progress, summary, warn_of_drift
 
     announce_compiling()
     check_metric(config.optimize)
     scenario = make_scenario(config)
     with progress(config) as watch:
-        result = run_scenario(config, Path(HydraConfig.get().runtime.output_dir), watch, scenario)
+        result = run_scenario(config, Path(HydraConfig.get().runtime.output_dir), watch, scenario, warn_of_drift)
     session.outcome = result.status
     summary(result)
     if result.status == "failed":

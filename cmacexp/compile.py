@@ -25,7 +25,7 @@ numba_njit: Any = numba.njit
 register: Any = event.register
 Function = TypeVar("Function", bound=Callable[..., object])
 
-ROOMS = ("compile.py", "models", "cmac", "control", "planning", "plants", "rollout")
+ROOMS = ("compile.py", "models", "cmac", "control", "planning", "plants", "sensors", "rollout")
 """Where kernels, and constants that kernels use, may stand; their text keys the cache.
 
 numba keys a cached kernel by its own file alone, and would go on using it after an edit of a kernel that it calls;

@@ -1,6 +1,6 @@
 """The tables of a run on disk: its traces, and the metrics that are computed from them alone."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -14,10 +14,11 @@ from cmacexp.config.schema import RecordConfig
 from cmacexp.errors import BadRun
 from cmacexp.files import write_atomically
 from cmacexp.metrics import BodyScorer, Scorer
+from cmacexp.metrics.drift import Drift
 from cmacexp.table import as_array, parts_of, rows_of, table_writer, write_table
-from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, schema_of
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, schema_of, with_measured
 
-TRACE, BODY = "trace.parquet", "body.parquet"
+TRACE, BODY, MEMORY = "trace.parquet", "body.parquet", "memory.parquet"
 METRICS, METRICS_CSV, BODY_METRICS = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
 RECORDING = "recording.rrd"
 
@@ -29,6 +30,8 @@ class Traces(NamedTuple):
     """One row per step and leg."""
     body: pa.Table | None
     """One row per step; None without a body."""
+    memory: pa.Table | None = None
+    """One row per cycle and leg; None without weights."""
 
 
 class Scores(NamedTuple):
@@ -62,10 +65,17 @@ class RunWriter:
         self.legs.add(traces.legs)
         if traces.body is not None:
             self.body.add(traces.body)
-        for writer, table in zip(self.writers, traces, strict=False):
+        if traces.memory is not None:
+            self.legs.add_memory(traces.memory)
+        for writer, table in zip(self.writers, traces[:2], strict=False):
             kept = self._kept(table)
             if kept.num_rows:
                 writer.write_table(kept)
+
+    @property
+    def drift(self) -> Drift | None:
+        """The first drift seen so far."""
+        return self.legs.drift
 
     @property
     def scores(self) -> Scores:
@@ -74,7 +84,9 @@ class RunWriter:
 
 
 @contextmanager
-def writing(folder: Path, record: RecordConfig, steps_per_cycle: int, body: bool) -> Iterator[RunWriter]:
+def writing(
+    folder: Path, record: RecordConfig, steps_per_cycle: int, body: bool, altered: Collection[str] = ()
+) -> Iterator[RunWriter]:
     """Write the traces of a run as it goes on; they appear when the block ends well.
 
     Args:
@@ -82,10 +94,12 @@ def writing(folder: Path, record: RecordConfig, steps_per_cycle: int, body: bool
         record: what of the traces is kept.
         steps_per_cycle: N.
         body: whether the machine has one.
+        altered: signals that sensors alter, whose measured values stand in the traces too.
     """
     with ExitStack() as stack:
         files = [(TRACE, COLUMNS), (BODY, BODY_COLUMNS)][: 2 if body else 1]
-        writers = [stack.enter_context(table_writer(folder / name, schema_of(columns))) for name, columns in files]
+        schemas = [(folder / name, schema_of(with_measured(columns, altered))) for name, columns in files]
+        writers = [stack.enter_context(table_writer(path, schema)) for path, schema in schemas]
         yield RunWriter(writers, record, steps_per_cycle)
 
 
@@ -144,6 +158,14 @@ def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int =
     return Traces(legs, _read(folder / BODY, BODY_COLUMNS, cycles, every) if (folder / BODY).exists() else None)
 
 
+def write_memory(folder: Path, memory: Sequence[pa.Table]) -> list[str]:
+    """Write what the weights of a run were at the end of each cycle; the name of the file, if there are any."""
+    if not memory:
+        return []
+    write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
+    return [MEMORY]
+
+
 def write_scores(folder: Path, scores: Scores) -> list[str]:
     """Write the metrics of a run; the names of the files."""
     write_table(scores.legs, folder / METRICS)
@@ -164,6 +186,9 @@ def score_traces(folder: Path, steps_per_cycle: int) -> Scores:
     legs, body = Scorer(steps_per_cycle), BodyScorer(steps_per_cycle)
     for part in _parts(folder / TRACE):
         legs.add(part)
+    if (folder / MEMORY).exists():
+        for part in _parts(folder / MEMORY):
+            legs.add_memory(part)
     if not (folder / BODY).exists():
         return Scores(legs.table(), None)
     for part in _parts(folder / BODY):

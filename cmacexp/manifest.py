@@ -80,8 +80,8 @@ def is_report(folder: Path) -> bool:
         return False
 
 
-def update_files(folder: Path, names: list[str]) -> None:
-    """Put the present hash of rewritten files into the manifest of ``folder``."""
-    manifest = read(folder)
+def update_files(folder: Path, names: list[str], **entries: Any) -> None:
+    """Put the present hash of rewritten files, and other new entries, into the manifest of ``folder``."""
+    manifest = {**read(folder), **entries}
     manifest["files"].update({name: sha256(folder / name) for name in names})
     write(folder, manifest)

@@ -1,17 +1,23 @@
 """One run from its config to its folder: roll out, trace, metrics, recording, manifest."""
 
+import math
 import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import pyarrow as pa
+
 from cmacexp import manifest as manifests
 from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.control import Learns
+from cmacexp.control.feedforward import BuiltInFeedforward
 from cmacexp.files import remove_leftovers, sha256
 from cmacexp.keep import (
     BODY,
     BODY_METRICS,
+    MEMORY,
     METRICS,
     METRICS_CSV,
     RECORDING,
@@ -19,14 +25,18 @@ from cmacexp.keep import (
     Scores,
     Traces,
     steps_by_cycle,
+    write_memory,
     write_scores,
     writing,
 )
+from cmacexp.metrics.drift import Drift, drift_entry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.rollout import End, Samples, stream
 from cmacexp.scenario import Scenario, make_scenario
+from cmacexp.sensors.protocol import altered_by
 from cmacexp.sources import code_hash
-from cmacexp.trace import assemble, assemble_body
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, assemble, assemble_body, assemble_memory, with_measured
+from cmacexp.weights import WEIGHTS, start_hash, write_weights
 
 
 @dataclass(frozen=True)
@@ -46,7 +56,7 @@ class RunResult:
 def clear(folder: Path) -> None:
     """Make room for a run: what an earlier one left under the same names goes, its manifest first."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in (manifests.NAME, TRACE, BODY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING):
+    for name in (manifests.NAME, TRACE, BODY, MEMORY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING, WEIGHTS):
         (folder / name).unlink(missing_ok=True)
     remove_leftovers(folder)
 
@@ -54,21 +64,47 @@ def clear(folder: Path) -> None:
 def _traces(scenario: Scenario, samples: Samples) -> Traces:
     """The part of the traces that some steps give."""
     plan, config, columns = scenario.setup.plan, scenario.setup.config, samples.columns()
-    legs = assemble(plan, columns, config.sampling_period, samples.start)
+    period, start, altered = config.sampling_period, samples.start, altered_by(scenario.sensors)
+    legs = assemble(plan, columns, period, start, with_measured(COLUMNS, altered))
     if scenario.setup.mechanism.kind != LEGS_UNDER_BODY:
-        return Traces(legs, None)
-    body, speed = samples.body_columns(), config.body_speed
-    return Traces(legs, assemble_body(plan, body, columns["force"], config.sampling_period, speed, samples.start))
+        return Traces(legs, None, _memory(scenario, samples))
+    body, shown = samples.body_columns(), with_measured(BODY_COLUMNS, altered)
+    walk = assemble_body(plan, body, columns["force"], period, config.body_speed, start, shown)
+    return Traces(legs, walk, _memory(scenario, samples))
 
 
-def _roll_out(scenario: Scenario, folder: Path, watch: Callable[[int], None]) -> tuple[End, Scores, list[str]]:
+def _memory(scenario: Scenario, samples: Samples) -> pa.Table | None:
+    """What the weights were at the end of the cycles of some steps."""
+    weights, feedforward = samples.weights, scenario.feedforward
+    if weights is None or not isinstance(feedforward, BuiltInFeedforward):
+        return None
+    counted = [use.cells_colliding for use in feedforward.memory] or [None] * weights.shape[1]
+    colliding = [math.nan if count is None else count for count in counted]
+    first = samples.start // scenario.setup.config.steps_per_cycle + 1
+    return assemble_memory(weights, feedforward.law.weights.shape[1], colliding, first)
+
+
+def _roll_out(
+    scenario: Scenario, folder: Path, watch: Callable[[int], None], warn: Callable[[Drift], None]
+) -> tuple[End, Scores, list[str]]:
     """Run, and write all that it leaves behind but the manifest; how it ended, its metrics, names of the files."""
     config, walks = scenario.setup.config, scenario.setup.mechanism.kind == LEGS_UNDER_BODY
-    with writing(folder, config.record, config.steps_per_cycle, walks) as writer:
-        end = stream(scenario, lambda samples: writer.add(_traces(scenario, samples)), watch)
+    altered = altered_by(scenario.sensors)
+    with writing(folder, config.record, config.steps_per_cycle, walks, altered) as writer:
+
+        def keep(samples: Samples) -> None:
+            known = writer.drift
+            writer.add(_traces(scenario, samples))
+            if known is None and writer.drift is not None:
+                warn(writer.drift)
+
+        end = stream(scenario, keep, watch)
     scores = writer.scores
     names = [TRACE, BODY] if walks else [TRACE]
-    names += write_scores(folder, scores)
+    names += write_memory(folder, writer.legs.memory) + write_scores(folder, scores)
+    if config.record.weights and isinstance(scenario.feedforward, Learns):
+        write_weights(folder, scenario.feedforward.learnt())
+        names.append(WEIGHTS)
     if config.record.recording and (kept := steps_by_cycle(folder)):
         from cmacexp.recording import part_of, write_recording
 
@@ -82,6 +118,7 @@ def run_scenario(
     folder: Path,
     watch: Callable[[int], None] = lambda cycle: None,
     prepared: Scenario | None = None,
+    warn: Callable[[Drift], None] = lambda drift: None,
 ) -> RunResult:
     """Run a scenario and keep what it gives in ``folder``.
 
@@ -90,6 +127,7 @@ def run_scenario(
         folder: is made if missing; files of an earlier run in it are replaced.
         watch: is called with the cycles done so far, see :func:`cmacexp.rollout.stream`.
         prepared: the scenario of ``config`` if it is already made.
+        warn: is called when learning is seen to drift, while the run goes on; see :mod:`cmacexp.metrics.drift`.
 
     Returns:
         The result; a run that diverged, failed or was interrupted keeps what it has, and says so in ``status``.
@@ -101,7 +139,7 @@ def run_scenario(
     began = time.perf_counter()
     scenario = prepared or make_scenario(config)
     clear(folder)
-    end, scores, names = _roll_out(scenario, folder, watch)
+    end, scores, names = _roll_out(scenario, folder, watch, warn)
     plain = to_plain(config)
     manifest: manifests.Manifest = {
         "status": end.status,
@@ -113,6 +151,9 @@ def run_scenario(
         "versions": manifests.versions(),
         "git_commit": manifests.git_commit(),
         "steps": end.steps,
+        "start_weights": start_hash(config),
+        "drift": drift_entry(scores.legs),
+        "learning_lead": config.lead,
         "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],
         "rollout_seconds": end.seconds,
         "wall_seconds": time.perf_counter() - began,

@@ -17,6 +17,7 @@ from cmacexp.models.mechanism import Mechanism, legs_on_stand, legs_under_body, 
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.plants import Measurement, Plant
 from cmacexp.sensors import Sensors
+from cmacexp.weights import check_weights, read_weights
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine) ->
     if isinstance(machine, QuadrupedMachine):
         legs = [machine.legs.left_front, machine.legs.right_front, machine.legs.left_rear, machine.legs.right_rear]
         hips = [(leg.hip_x, leg.hip_y) for leg in legs]
-        return legs_under_body([make_leg(leg) for leg in legs], machine.hip_height, hips, machine.weight)
+        return legs_under_body([make_leg(leg) for leg in legs], machine.hip_height, hips, machine.total_weight)
     return legs_on_stand([make_leg(machine.leg)], machine.hip_height)
 
 
@@ -84,15 +85,16 @@ def make_scenario(config: Config) -> Scenario:
     """Plan the run, build its parts and reset them.
 
     Raises:
-        BadInput: the plan asks for what the machine cannot do.
+        BadInput: the plan asks for what the machine cannot do, or there are no weights to start from.
     """
     mechanism = make_mechanism(config.machine)
     plant: Plant = _build(config, "plant")
     sensors: Sensors = _build(config, "sensors")
     controller: Controller = _build(config, "controller")
     feedforward: Feedforward = _build(config, "feedforward")
+    check_weights(config, feedforward)
     plan = make_plan(config, mechanism, feedforward.acts)
-    setup = Setup(config, mechanism, plan, np.ascontiguousarray(_start(config, plan)))
+    setup = Setup(config, mechanism, plan, np.ascontiguousarray(_start(config, plan)), read_weights(config))
     feedforward.reset(setup)
     controller.reset(setup, feedforward)
     sensors.reset(setup)

@@ -10,6 +10,7 @@ from cmacexp.compile import call_before_compiling
 from cmacexp.config import Config
 from cmacexp.console import print_table
 from cmacexp.keep import RECORDING, Scores
+from cmacexp.metrics.drift import Drift, in_words
 from cmacexp.pooled import table_of_cycles
 from cmacexp.run import RunResult
 
@@ -46,6 +47,11 @@ def progress(config: Config, shown: bool = True) -> Iterator[Callable[[int], Non
         yield lambda cycle: bar.update(task, completed=cycle)
 
 
+def warn_of_drift(drift: Drift) -> None:
+    """Say at once that learning drifts, though the run goes on."""
+    say(f"warning: {in_words(drift)}", error=True)
+
+
 def scores_table(scores: Scores) -> None:
     """Print the metrics per cycle, pooled over the legs, without columns that are undefined throughout."""
     titles, rows = table_of_cycles(scores)
@@ -58,7 +64,8 @@ def outcome(result: RunResult) -> str:
     steps, seconds = manifest["steps"], manifest["rollout_seconds"]
     per_step = f", loop {seconds / steps * 1e6:.2f} us a step" if steps else ""
     cause = f" {manifest['cause']}" if manifest["cause"] else ""
-    return f"{result.status}{cause}: {steps} steps in {manifest['wall_seconds']:.2f} s{per_step}"
+    drift = f"; {in_words(Drift(**manifest['drift']))}" if manifest["drift"] else ""
+    return f"{result.status}{cause}: {steps} steps in {manifest['wall_seconds']:.2f} s{per_step}{drift}"
 
 
 def summary(result: RunResult) -> None:
@@ -67,6 +74,8 @@ def summary(result: RunResult) -> None:
     if result.scores.legs.num_rows:
         scores_table(result.scores)
     print(outcome(result))
+    if manifest["config"]["learning"]["lead"] == "auto":
+        print(f"learning.lead=auto is {manifest['learning_lead']} here")
     if RECORDING in manifest["files"]:
         from cmacexp.recording import every_of
 

@@ -1,6 +1,6 @@
 """The trace of a run: one row per step and leg; Parquet on disk is the truth."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,13 +72,70 @@ BODY_COLUMNS = (
     Column("supporting_legs", "", "bit mask of feet with force > 0, leg 1 the lowest bit", pa.int32()),
 )
 
+MEASURED = {
+    "x": ("position",),
+    "y": ("position",),
+    "vx": ("position", "velocity"),
+    "vy": ("position", "velocity"),
+    "q1": ("position",),
+    "q2": ("position",),
+    "dq1": ("velocity",),
+    "dq2": ("velocity",),
+    "height": ("height",),
+    "pitch": ("tilt",),
+    "roll": ("tilt",),
+    "height_rate": ("height_rate",),
+    "pitch_rate": ("tilt_rate",),
+    "roll_rate": ("tilt_rate",),
+}
+"""Columns that get a ``*_measured`` beside them where one of these signals of the sensors is altered."""
+
+RATES = (
+    Column("height_rate", "m/s", "rate of the height"),
+    Column("pitch_rate", "rad/s", "rate of the pitch"),
+    Column("roll_rate", "rad/s", "rate of the roll"),
+)
+"""Columns of a body that stand in its trace where their sensors alter them."""
+
+
+def with_measured(columns: Sequence[Column], altered: Collection[str]) -> tuple[Column, ...]:
+    """Columns of a trace, followed by those that sensors add which alter these signals."""
+
+    def is_altered(column: Column) -> bool:
+        return any(signal in altered for signal in MEASURED.get(column.name, ()))
+
+    rates = [column for column in RATES if columns is BODY_COLUMNS and is_altered(column)]
+    seen = [
+        Column(f"{column.name}_measured", column.unit, f"{column.name} as the controller saw it")
+        for column in (*columns, *rates)
+        if is_altered(column)
+    ]
+    return (*columns, *rates, *seen)
+
+
+MEMORY_COLUMNS = (
+    Column("cycle", "", "gait cycle, from 1", pa.int32()),
+    Column("leg", "", "as in the trace", pa.int32()),
+    Column("weight_norm", "N m", "Euclidean norm of all weights of the network at the end of the cycle"),
+    Column("weight_largest", "N m", "largest absolute weight at the end of the cycle"),
+    Column("rows_used", "", "rows of memory with a weight other than 0 at the end of the cycle"),
+    Column("rows", "", "rows of memory that the network has"),
+    Column("cells_colliding", "", "cells of the planned path that share their row with another; NaN if not counted"),
+)
+
 
 def schema_of(columns: Sequence[Column]) -> pa.Schema:
     """Arrow schema of columns, with unit and meaning in the metadata of each field."""
     return pa.schema([pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns])
 
 
-def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float, start: int = 0) -> pa.Table:
+def assemble(
+    plan: Plan,
+    samples: dict[str, Array],
+    sampling_period: float,
+    start: int = 0,
+    columns: Sequence[Column] = COLUMNS,
+) -> pa.Table:
     """The trace of a run, or of a part of it, from what was planned and what the loop wrote down.
 
     Args:
@@ -86,6 +143,7 @@ def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float, star
         samples: (steps, L) by column name: everything that is not planned.
         sampling_period: T_s, s.
         start: step of the first row.
+        columns: of the trace, see :func:`with_measured`.
     """
     steps, legs = samples["x"].shape
     period = plan.support.shape[0]
@@ -104,29 +162,36 @@ def assemble(plan: Plan, samples: dict[str, Array], sampling_period: float, star
     phase = pa.DictionaryArray.from_arrays(arrow(plan.support[sample].ravel(), pa.int8()), arrow_strings(PHASES))
     arrays = [
         phase if c.name == "phase" else arrow(known[c.name] if c.name in known else samples[c.name].ravel(), c.type)
-        for c in COLUMNS
+        for c in columns
     ]
-    return pa.Table.from_arrays(arrays, schema=schema_of(COLUMNS))
+    return pa.Table.from_arrays(arrays, schema=schema_of(columns))
 
 
 def assemble_body(
-    plan: Plan, samples: dict[str, Array], force: Array, sampling_period: float, speed: float, start: int = 0
+    plan: Plan,
+    samples: dict[str, Array],
+    force: Array,
+    sampling_period: float,
+    speed: float,
+    start: int = 0,
+    columns: Sequence[Column] = BODY_COLUMNS,
 ) -> pa.Table:
     """The trace of a body, or of a part of it, one row per step.
 
     Args:
         plan: the cycle that repeats.
-        samples: (steps,) by column name: height, pitch and roll.
+        samples: (steps,) by column name: height, pitch, roll, and what sensors made of them.
         force: (steps, L): contact forces, N.
         sampling_period: T_s, s.
         speed: of the body over the ground, m/s.
         start: step of the first row.
+        columns: of the trace, see :func:`with_measured`.
     """
     steps, legs = force.shape
     period = plan.support.shape[0]
     step = np.arange(start, start + steps, dtype=np.int32)
     margins = plan.margins[step % period]
-    columns = {
+    known = {
         **samples,
         "step": step,
         "time": step * sampling_period,
@@ -138,6 +203,25 @@ def assemble_body(
         "margin_rear": margins[:, 2],
         "supporting_legs": (force > 0.0) @ (1 << np.arange(legs)),
     }
-    return pa.Table.from_arrays(
-        [arrow(columns[c.name], c.type) for c in BODY_COLUMNS], schema=schema_of(BODY_COLUMNS)
-    )
+    return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=schema_of(columns))
+
+
+def assemble_memory(weights: Array, rows: int, colliding: Sequence[float], first_cycle: int) -> pa.Table:
+    """The memory of the networks of L legs over a run, or a part of it, one row per cycle and leg.
+
+    Args:
+        weights: (cycles, L, 3): as :data:`cmacexp.control.weight_log.LOGGED`.
+        rows: of the memory of one network.
+        colliding: (L,): cells that share their row with another; NaN if not counted.
+        first_cycle: number of the first of these cycles.
+    """
+    cycles, legs = weights.shape[:2]
+    columns = {
+        "cycle": np.repeat(np.arange(first_cycle, first_cycle + cycles), legs),
+        "leg": np.tile(np.arange(1, legs + 1), cycles),
+        **{name: weights[:, :, k].ravel() for k, name in enumerate(("weight_norm", "weight_largest", "rows_used"))},
+        "rows": np.full(cycles * legs, float(rows)),
+        "cells_colliding": np.tile(np.asarray(colliding, dtype=float), cycles),
+    }
+    arrays = [arrow(columns[c.name], c.type) for c in MEMORY_COLUMNS]
+    return pa.Table.from_arrays(arrays, schema=schema_of(MEMORY_COLUMNS))

@@ -10,7 +10,7 @@ from cmacexp.compile import call_before_compiling
 from cmacexp.models.ground import Ground, stiffness_at
 
 call_before_compiling(lambda: print("compiles"))
-print(stiffness_at(Ground(1e4, 0.1, 0.5, 7), 0.25, -0.35))
+print(stiffness_at(Ground(1e4, 0.1, 0.5, 7, 0.0), 0.25, -0.35))
 """
 
 

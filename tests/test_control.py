@@ -90,7 +90,7 @@ def feedback(law, support, reference, foot, velocity, force, q=(0.0, 0.0)):
     for k in range(len(foot)):
         hybrid_feedback(
             law, state, np.array([support]), reference[k : k + 1], trig,
-            foot[k : k + 1], velocity[k : k + 1], force[k : k + 1], np.zeros(3),
+            foot[k : k + 1], velocity[k : k + 1], force[k : k + 1], np.zeros(3), np.zeros(3),
         )  # fmt: skip
         us.append(state.taught[0].copy())
         torques.append(state.feedback[0].copy())
@@ -100,7 +100,7 @@ def feedback(law, support, reference, foot, velocity, force, q=(0.0, 0.0)):
 def make_law(method="combined", mechanism=None, period=0.005):
     lead = discretise(5.0, 10.0, period)
     mechanism = mechanism or point_mass(0.5, 0.5)
-    return HybridLaw(mechanism, METHODS[method], 90.0, 4.0, 70.0, 0.05, 0.02, lead, 0.0)
+    return HybridLaw(mechanism, METHODS[method], 90.0, 4.0, 70.0, 0.05, 0.02, lead, 0.0, 0.0)
 
 
 def noise(columns, seed):

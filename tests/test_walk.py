@@ -340,7 +340,7 @@ def test_tables_of_the_body_have_the_columns_of_the_contract_with_unit_and_meani
 
 def test_files_of_a_walk(walk):
     assert set(walk(*ALL_THREE).manifest["files"]) == {
-        "trace.parquet", "body.parquet", "metrics.parquet", "metrics.csv", "body_metrics.parquet",
+        "trace.parquet", "body.parquet", "memory.parquet", "metrics.parquet", "metrics.csv", "body_metrics.parquet",
     }  # fmt: skip
 
 
@@ -605,7 +605,7 @@ def test_it_walks_over_patches(walk):
 
 def test_the_ground_of_a_scenario_is_that_of_its_config(make_config):
     scenario = make_scenario(make_config("scenario=quadruped", "terrain=patchy", "terrain.patch_seed=9"))
-    assert scenario.plant.law.ground == Ground(1e4, 0.15, 0.5, 9)
+    assert scenario.plant.law.ground == Ground(1e4, 0.15, 0.5, 9, 0.0)
 
 
 # Falls

@@ -1,5 +1,7 @@
 """Checks of a config that one field alone cannot tell."""
 
+from cmacexp.config.check_sensors import check_sensors
+from cmacexp.config.feedforwards import INPUTS, PerceptronConfig, RadialBasisConfig
 from cmacexp.config.fields import check_fields, listed
 from cmacexp.config.schema import CmacConfig, Config, QuadrupedMachine
 from cmacexp.errors import BadInput
@@ -85,6 +87,26 @@ def check_machine(config: Config) -> None:
         raise BadInput("force_control.desired_force", force, f"{allowed} with machine.kind={config.machine.kind}")
 
 
+def check_load_sharing(config: Config) -> None:
+    """Hold dynamic load sharing to a body whose weight is that of its masses."""
+    machine = config.machine
+    if config.force_control.load_sharing == "static":
+        return
+    if not isinstance(machine, QuadrupedMachine):
+        raise BadInput(
+            "force_control.load_sharing",
+            config.force_control.load_sharing,
+            f"must be static with machine.kind={machine.kind}, whose force is force_control.desired_force",
+        )
+    of_masses = machine.weight_of_masses
+    if abs(machine.total_weight - of_masses) > TOLERANCE * of_masses:
+        raise BadInput(
+            "machine.weight",
+            machine.weight,
+            f"must be null or {of_masses:.6g} N, the weight of all masses, with force_control.load_sharing=dynamic",
+        )
+
+
 def check_pattern(config: Config) -> None:
     """Hold the duty factor to what the gait's pattern can do."""
     gait = config.gait
@@ -138,11 +160,25 @@ def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
         )
 
 
+def check_inputs(key: str, inputs: list[str]) -> None:
+    """Hold the inputs of a network to some, each once."""
+    if not inputs or len(set(inputs)) != len(inputs):
+        raise BadInput(key, inputs, f"must name at least one of {', '.join(INPUTS)}, each once")
+
+
+def check_feedforward(config: Config) -> None:
+    """Hold inputs and nearest Gaussians of a network to what there is."""
+    part = config.feedforward
+    if isinstance(part, RadialBasisConfig | PerceptronConfig):
+        check_inputs("feedforward.inputs", part.inputs)
+    if isinstance(part, RadialBasisConfig) and part.active > part.centres:
+        raise BadInput("feedforward.active", part.active, f"must be at most feedforward.centres={part.centres}")
+
+
 def check_cmac(config: Config) -> None:
     """Hold the inputs of the CMAC to some, each once, and its memory to what they need."""
     inputs = config.cmac.inputs
-    if not inputs or len(set(inputs)) != len(inputs):
-        raise BadInput("cmac.inputs", inputs, "must name at least one of angle, velocity, acceleration, each once")
+    check_inputs("cmac.inputs", inputs)
     check_memory(config.cmac, 2 * len(inputs), OUTPUTS)
 
 
@@ -165,6 +201,13 @@ def check_length(config: Config) -> None:
         raise BadInput("cycles", config.cycles, f"must be at most {MOST_STEPS // steps} with {steps} steps a cycle")
 
 
+def check_actuator(config: Config) -> None:
+    """Hold the delay of the torques to less than a cycle."""
+    longest = config.steps_per_cycle - 1
+    if config.actuator.delay > longest:
+        raise BadInput("actuator.delay", config.actuator.delay, f"must be at most {longest}, less than a cycle")
+
+
 def check_record(config: Config) -> None:
     """Hold the cycles to be kept to those that there are."""
     for cycle in config.record.cycles or []:
@@ -181,8 +224,12 @@ def check(config: Config) -> None:
     check_fields(config)
     check_timing(config)
     check_machine(config)
+    check_load_sharing(config)
     check_pattern(config)
     check_length(config)
     check_record(config)
     check_gains(config)
     check_cmac(config)
+    check_feedforward(config)
+    check_actuator(config)
+    check_sensors(config, LEGS[config.gait.pattern], isinstance(config.machine, QuadrupedMachine))

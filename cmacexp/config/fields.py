@@ -15,10 +15,11 @@ def number(
     at_least: float | None = None,
     below: float | None = None,
     at_most: float | None = None,
+    words: Sequence[str] = (),
 ) -> Any:
-    """A dataclass field holding a quantity in ``unit`` within the given range."""
+    """A dataclass field holding a quantity in ``unit`` within the given range, or one of ``words``."""
     bounds = {"above": above, "at_least": at_least, "below": below, "at_most": at_most}
-    return field(metadata={"unit": unit, **{k: v for k, v in bounds.items() if v is not None}})
+    return field(metadata={"unit": unit, "words": words, **{k: v for k, v in bounds.items() if v is not None}})
 
 
 def choice(*names: str) -> Any:
@@ -30,7 +31,8 @@ def describe_range(metadata: dict[str, Any]) -> str:
     """The allowed range in words, e.g. ``must be above 0 and at most 1``."""
     words = {"above": "above", "at_least": "at least", "below": "below", "at_most": "at most"}
     parts = [f"{word} {_plain(metadata[name])}" for name, word in words.items() if name in metadata]
-    return "must be " + (" and ".join(parts) if parts else "a finite number")
+    words_too = "".join(f", or {name}" for name in metadata.get("words", ()))
+    return "must be " + (" and ".join(parts) if parts else "a finite number") + words_too
 
 
 def _plain(bound: float) -> str:
@@ -54,8 +56,10 @@ def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
             if name not in allowed:
                 raise BadInput(key, name, "choose from " + ", ".join(allowed))
     else:
-        unit = metadata["unit"]
+        unit, words = metadata["unit"], metadata["words"]
         for item in value if isinstance(value, list) else [value]:
+            if words and isinstance(item, str | float) and item not in words:
+                raise BadInput(key, item, describe_range(metadata) + f" ({unit}, whole)")
             if isinstance(item, int | float) and not isinstance(item, bool) and not _within(item, metadata):
                 raise BadInput(key, item, describe_range(metadata) + (f" ({unit})" if unit else ""))
 

@@ -6,7 +6,16 @@ Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do n
 from dataclasses import dataclass, field
 from typing import Any
 
+from cmacexp.config.feedforwards import (
+    INPUTS,
+    InverseDynamicsConfig,
+    IterativeLearningConfig,
+    PerceptronConfig,
+    RadialBasisConfig,
+)
 from cmacexp.config.fields import choice, number
+from cmacexp.config.sensors import RealSensorsConfig
+from cmacexp.models.gravity import GRAVITY
 
 
 @dataclass
@@ -71,8 +80,21 @@ class QuadrupedMachine:
     kind: str = choice("quadruped")
     hip_height: float = number("m", above=0.25)
     """Height of the hips above the undepressed ground that the feet are planned for, h0 (assumed)."""
-    weight: float = number("N", above=0)
-    """What the feet carry together; 40 N in the paper."""
+    body_mass: float = number("kg", above=0)
+    """Mass of the body without its legs, for plants and plans in which it moves; 1 kg in the paper."""
+    weight: float | None = number("N", above=0)
+    """What the feet carry together where leg masses do not load the body; 40 N in the paper; null: of all masses."""
+
+    @property
+    def weight_of_masses(self) -> float:
+        """Of the body and all its legs, N."""
+        legs = (self.legs.left_front, self.legs.right_front, self.legs.left_rear, self.legs.right_rear)
+        return GRAVITY * (self.body_mass + sum(leg.mass_1 + leg.mass_2 for leg in legs))
+
+    @property
+    def total_weight(self) -> float:
+        """What the feet carry together, N."""
+        return self.weight_of_masses if self.weight is None else self.weight
 
 
 @dataclass
@@ -101,6 +123,8 @@ class TerrainConfig:
     """Each patch has K_n times a factor between 1 - spread and 1 + spread; 0: the same everywhere."""
     patch_seed: int = number("", at_least=0, below=2**32)
     """Seed of the patches."""
+    damping: float = number("N s/m", at_least=0, at_most=1e9)
+    """Force of the ground over the speed at which it is pressed in; 0 as in the paper. The ground never pulls."""
 
 
 @dataclass
@@ -148,6 +172,10 @@ class ActuatorConfig:
 
     torque_limit: float | None = number("N m (N for a point mass)", above=0)
     """Largest absolute torque of each joint; null: none."""
+    rate_limit: float | None = number("N m/s (N/s for a point mass)", above=0)
+    """Fastest change of the torque of each joint; null: none."""
+    delay: int = number("samples", at_least=0)
+    """A torque that is commanded at step k acts from step k + delay."""
 
     @property
     def limit(self) -> float:
@@ -161,6 +189,8 @@ class PostureConfig:
 
     gain: float = number("", at_least=0)
     """Depth that a supporting foot is pushed down, over the height that its hip lacks; 0 switches it off."""
+    rate_gain: float = number("", at_least=0)
+    """Speed at which a supporting foot is pushed down, over the speed at which its hip sinks; 0 as in the paper."""
 
 
 @dataclass
@@ -176,6 +206,8 @@ class ForceControlConfig:
     """V_fn."""
     force_gain: float = number("", above=0, at_most=1e9)
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
+    load_sharing: str = choice("static", "dynamic")
+    """What feet share under a body; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
 
 
 @dataclass
@@ -191,7 +223,7 @@ class CmacConfig:
     addressing: str = choice("hashed", "dense")
     displacement: str = choice("diagonal", "odd_lattice", "parks_militzer")
     """How the layers are shifted against each other; diagonal as in the paper."""
-    inputs: list[str] = choice("angle", "velocity", "acceleration")
+    inputs: list[str] = choice(*INPUTS)
     """Planned joint values that address the memory (assumed)."""
     range_factor: float = number("", at_least=1, at_most=1e6)
     """Input range over the planned span, centred on its middle (assumed)."""
@@ -214,10 +246,12 @@ class LearningConfig:
     """paper: beta U a_j / sum a_i^2; each of the others does one thing otherwise, as the field of its name says."""
     rate: float = number("", above=0, below=2)
     """beta; 50/256 in the paper."""
-    lead: int = number("samples", at_least=-100, at_most=100)
-    """U(k-1) trains the cells of step k-1-lead; 0 as in the paper."""
+    lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",))
+    """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
     start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts."""
+    start_from: str | None = field(kw_only=True)
+    """Folder of a run that kept its weights (record.weights), with which the feedforward begins; null: none."""
     regularisation: float = number("", at_least=0, at_most=1e6)
     """normalised: added to sum a_i^2, over its mean along the plan; 0: the paper's rule."""
     dead_zone: float = number("N m", at_least=0)
@@ -240,6 +274,8 @@ class RecordConfig:
 
     recording: bool
     """Write recording.rrd, the Rerun view."""
+    weights: bool
+    """Write weights.npz, what the feedforward has learnt at the end."""
     every_nth_step: int = number("steps", at_least=1, at_most=10**9)
     """Keep one step in so many in the traces; the metrics are those of all steps."""
     cycles: list[int] | None = number("cycle", at_least=1, at_most=10**9)
@@ -301,6 +337,20 @@ class Config:
         return self.gait.stroke / (self.gait.duty_factor * self.gait.cycle_time) if walks else 0.0
 
     @property
+    def lead(self) -> int:
+        """``learning.lead`` in samples; auto is the number of them from a torque to the feedback that it causes.
+
+        Late positions do not count where there is velocity feedback, which outweighs them at the frequencies that a
+        wrong lead makes grow.
+        """
+        if self.learning.lead != "auto":
+            return int(self.learning.lead)
+        late = 0
+        if isinstance(self.sensors, RealSensorsConfig):
+            late = (self.sensors.velocity if self.controller.velocity_gain else self.sensors.position).delay
+        return 1 + self.actuator.delay + late
+
+    @property
     def assumed_stiffness(self) -> float:
         """K_n as planner and controller believe it, N/m."""
         return self.terrain.assumed_stiffness or self.terrain.stiffness
@@ -327,8 +377,12 @@ MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": Quad
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
+    "cmacexp.sensors.RealSensors": RealSensorsConfig,
     "cmacexp.control.NoFeedforward": PartWithoutFields,
     "cmacexp.control.CmacFeedforward": PartWithoutFields,
-    "cmacexp.control.InverseDynamics": PartWithoutFields,
+    "cmacexp.control.InverseDynamics": InverseDynamicsConfig,
+    "cmacexp.control.RadialBasis": RadialBasisConfig,
+    "cmacexp.control.Perceptron": PerceptronConfig,
+    "cmacexp.control.IterativeLearning": IterativeLearningConfig,
 }
 """Schemas of the parts that a ``_target_`` can name; another target brings its own fields, unchecked here."""

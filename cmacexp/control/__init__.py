@@ -2,7 +2,10 @@
 
 from cmacexp.control.feedforward import CmacFeedforward, InverseDynamics, NoFeedforward
 from cmacexp.control.hybrid import HybridController
-from cmacexp.control.protocol import Action, Controller, Feedforward, Reference
+from cmacexp.control.iterative import IterativeLearning
+from cmacexp.control.perceptron import Perceptron
+from cmacexp.control.protocol import Action, Controller, Feedforward, Learns, Reference
+from cmacexp.control.radial import RadialBasis
 
 __all__ = [
     "Action",
@@ -11,6 +14,10 @@ __all__ = [
     "Feedforward",
     "HybridController",
     "InverseDynamics",
+    "IterativeLearning",
+    "Learns",
     "NoFeedforward",
+    "Perceptron",
+    "RadialBasis",
     "Reference",
 ]

@@ -1,7 +1,38 @@
 """What becomes of the commanded torque on its way to the joints."""
 
+from typing import NamedTuple
+
+import numpy as np
+
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel
+from cmacexp.config.schema import ActuatorConfig
+
+
+class Actuator(NamedTuple):
+    """Limits and delay of the torques of all joints, and what it remembers."""
+
+    limit: float
+    """Largest absolute torque, N m; infinite for none."""
+    change: float
+    """Largest change of a torque from one step to the next, N m; infinite for none."""
+    delay: int
+    """Samples from command to action."""
+    line: Array
+    """(delay + 1, 2, L, 2): commanded feedback and feedforward of the last steps, N m; empty without a delay."""
+    last: Array
+    """(L, 2): torque of the last step, N m."""
+
+
+def new_actuator(config: ActuatorConfig, sampling_period: float, legs: int) -> Actuator:
+    """At rest: no torque acts before the first that is commanded arrives."""
+    return Actuator(
+        config.limit,
+        float("inf") if config.rate_limit is None else config.rate_limit * sampling_period,
+        config.delay,
+        np.zeros((config.delay + 1 if config.delay else 0, 2, legs, 2)),
+        np.zeros((legs, 2)),
+    )
 
 
 @kernel
@@ -23,3 +54,45 @@ def saturate(limit: float, feedback: Array, feedforward: Array, torque: Array) -
             elif total < -limit:
                 feedback[i, j] = -limit - feedforward[i, j]
             torque[i, j] = feedback[i, j] + feedforward[i, j]
+
+
+@kernel
+def postpone(actuator: Actuator, step: int, feedback: Array, feedforward: Array) -> None:
+    """Put in place of the torques of ``step`` those of ``delay`` steps ago, zero before the first; all (L, 2)."""
+    line = actuator.line
+    now, then = step % line.shape[0], (step - actuator.delay) % line.shape[0]
+    for i in range(feedback.shape[0]):
+        for j in range(2):
+            line[now, 0, i, j], line[now, 1, i, j] = feedback[i, j], feedforward[i, j]
+            feedback[i, j], feedforward[i, j] = line[then, 0, i, j], line[then, 1, i, j]
+
+
+@kernel
+def slow_down(actuator: Actuator, feedback: Array, feedforward: Array, torque: Array) -> None:
+    """Hold the change of every torque to ``change`` N m; what it lacks or has too much counts as feedback."""
+    for i in range(torque.shape[0]):
+        for j in range(2):
+            lowest, highest = actuator.last[i, j] - actuator.change, actuator.last[i, j] + actuator.change
+            total = min(max(torque[i, j], lowest), highest)
+            if total != torque[i, j]:
+                feedback[i, j] = total - feedforward[i, j]
+                torque[i, j] = feedback[i, j] + feedforward[i, j]
+            actuator.last[i, j] = torque[i, j]
+
+
+@kernel
+def actuate(actuator: Actuator, step: int, feedback: Array, feedforward: Array, torque: Array) -> None:
+    """From what is commanded in ``step`` to what the plant gets: late, limited, then held to its rate of change.
+
+    Args:
+        actuator: limits and delay.
+        step: counts from 0; every one must come.
+        feedback: (L, 2), N m: commanded; becomes the part that acts.
+        feedforward: (L, 2), N m: likewise.
+        torque: (L, 2): is filled with the sum of both, which is what the plant gets.
+    """
+    if actuator.delay > 0:
+        postpone(actuator, step, feedback, feedforward)
+    saturate(actuator.limit, feedback, feedforward, torque)
+    if actuator.change < np.inf:
+        slow_down(actuator, feedback, feedforward, torque)

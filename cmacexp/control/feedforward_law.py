@@ -9,6 +9,7 @@ from cmacexp.cmac.memory import read, read_weighted, train, train_weighted
 from cmacexp.cmac.rules import PAPER, ZERO_PHASE, rate_in_cycle, train_by_rule
 from cmacexp.cmac.spread import train_spread
 from cmacexp.compile import kernel
+from cmacexp.control.weight_log import WeightLog, log_cycle
 
 NONE, TABLE, CMAC, WEIGHTED = range(4)
 
@@ -35,6 +36,15 @@ class LearningLaw(NamedTuple):
     """(N, L, K): in what part."""
 
 
+class Smoothing(NamedTuple):
+    """A symmetric filter that weights, of which there is one a sample, go through at the start of every cycle."""
+
+    taps: Array
+    """(K,): from the middle outwards; empty: none."""
+    room: Array
+    """(rows,): to work in."""
+
+
 class FeedforwardLaw(NamedTuple):
     """A built-in feedforward over a cycle of N samples; what it does not use is empty.
 
@@ -52,6 +62,23 @@ class FeedforwardLaw(NamedTuple):
     weights: Array
     """(L, rows, 2): weights of the networks, one per leg."""
     learning: LearningLaw
+    smoothing: Smoothing
+    log: WeightLog
+
+
+@kernel
+def smooth(weights: Array, smoothing: Smoothing) -> None:
+    """Filter ``weights`` (rows, 2) along their rows, the last of which is a neighbour of the first."""
+    taps, room = smoothing
+    rows = weights.shape[0]
+    for o in range(weights.shape[1]):
+        for k in range(rows):
+            room[k] = weights[k, o]
+        for k in range(rows):
+            total = taps[0] * room[k]
+            for j in range(1, taps.shape[0]):
+                total += taps[j] * (room[(k - j) % rows] + room[(k + j) % rows])
+            weights[k, o] = total
 
 
 @kernel
@@ -84,6 +111,8 @@ def feedforward_step(law: FeedforwardLaw, step: int, sample: int, taught: Array,
         taught: (L, 2): what the feedback gave in the last step, N m.
         output: (L, 2): is filled, N m.
     """
+    if sample == 0:
+        log_cycle(law.log, law.weights)
     for i in range(output.shape[0]):
         if law.kind == TABLE:
             output[i, 0], output[i, 1] = law.torque[sample, i, 0], law.torque[sample, i, 1]
@@ -91,6 +120,8 @@ def feedforward_step(law: FeedforwardLaw, step: int, sample: int, taught: Array,
             output[i, 0], output[i, 1] = 0.0, 0.0
         else:
             learn(law, i, step, (sample - 1 - law.learning.lead) % law.cells.shape[0], taught[i])
+            if sample == 0 and law.smoothing.taps.shape[0] > 0:
+                smooth(law.weights[i], law.smoothing)
             if law.kind == CMAC:
                 read(law.weights[i], law.cells[sample, i], output[i])
             else:

@@ -44,6 +44,7 @@ class HybridController:
             method.admittance,
             discretise(self.lead_omega, self.lead_alpha, setup.config.sampling_period),
             setup.config.posture.gain,
+            setup.config.posture.rate_gain,
         )
         self.state = new_hybrid_state(setup.mechanism.legs.shape[0])
         self.trig = np.zeros((setup.mechanism.legs.shape[0], 4))
@@ -55,7 +56,8 @@ class HybridController:
         m = measurement
         trigonometries(self.law.mechanism, m.q, self.trig)
         hybrid_feedback(
-            self.law, self.state, reference.support, reference.values, self.trig, m.foot, m.velocity, m.force, m.body
-        )
+            self.law, self.state, reference.support, reference.values, self.trig,
+            m.foot, m.velocity, m.force, m.body, m.body_rate,
+        )  # fmt: skip
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)
         return Action(self.state.feedback.copy(), feedforward, self.state.reference.copy())

@@ -12,7 +12,7 @@ import numpy as np
 from cmacexp.arrays import Array, Mask
 from cmacexp.compile import kernel
 from cmacexp.control.lead import Lead, lead_step
-from cmacexp.models.body import depth
+from cmacexp.models.body import depth, depth_rate
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism, torque_for
 
 STIFFNESS, DAMPING, COMBINED, EXPLICIT = range(4)
@@ -38,6 +38,8 @@ class HybridLaw(NamedTuple):
     lead: Lead
     posture_gain: float
     """Of the posture control of a body; 0 switches it off."""
+    posture_rate_gain: float
+    """Of what posture control adds to the velocity reference; 0 as in the paper."""
 
 
 class HybridState(NamedTuple):
@@ -79,17 +81,38 @@ def posture_term(law: HybridLaw, i: int, body: Array) -> float:
 
 
 @kernel
+def posture_rate_term(law: HybridLaw, i: int, body: Array, rate: Array) -> float:
+    """What posture control adds to the velocity reference of a supporting foot, -gain x dh_i/dt, m/s.
+
+    With the gain of :func:`posture_term` it is the derivative of that term, which the paper leaves out: a body with
+    inertia rocks without it. ``rate`` (3,) is that of ``body`` (3,).
+    """
+    if law.mechanism.kind != LEGS_UNDER_BODY or law.posture_rate_gain == 0.0:
+        return 0.0
+    hips = law.mechanism.hips
+    return law.posture_rate_gain * depth_rate(body, rate, hips[i, 0], hips[i, 1])
+
+
+@kernel
 def force_error(
-    law: HybridLaw, i: int, reference: Array, y_reference: float, y: float, vy: float, force: float
+    law: HybridLaw,
+    i: int,
+    reference: Array,
+    y_reference: float,
+    vy_reference: float,
+    y: float,
+    vy: float,
+    force: float,
 ) -> float:
     """Weighted error of the force control method, N (Lin & Song 1997, Fig. 2 to 5 and eq. 21).
 
-    Row ``i`` of ``reference`` (L, 6) is x, y, vx, vy, F_r, F_d of the leg; ``y_reference`` is y with posture control.
+    Row ``i`` of ``reference`` (L, 6) is x, y, vx, vy, F_r, F_d of the leg; ``y_reference`` and
+    ``vy_reference`` are y and vy with posture control.
     """
     if law.method == EXPLICIT:
         return law.force_gain * (reference[i, 4] - force)
     stiffness = law.position_gain * (y_reference - y - force * law.elasticity)
-    damping = law.velocity_gain * (reference[i, 3] - vy - force * law.admittance)
+    damping = law.velocity_gain * (vy_reference - vy - force * law.admittance)
     if law.method == STIFFNESS:
         return stiffness
     if law.method == DAMPING:
@@ -108,6 +131,7 @@ def hybrid_feedback(
     velocity: Array,
     force: Array,
     body: Array,
+    body_rate: Array,
 ) -> None:
     """Feedback torques of all legs; fills ``state``.
 
@@ -121,13 +145,15 @@ def hybrid_feedback(
         velocity: (L, 2): measured foot velocity, m/s.
         force: (L,): measured contact force, N.
         body: (3,): measured height (m), pitch and roll (rad).
+        body_rate: (3,): their measured rates, m/s and rad/s.
     """
     for i in range(support.shape[0]):
         x_error = position_error(law, reference[i, 0], reference[i, 2], foot[i, 0], velocity[i, 0])
         y_reference = reference[i, 1]
         if support[i]:
             y_reference += posture_term(law, i, body)
-            y_error = force_error(law, i, reference, y_reference, foot[i, 1], velocity[i, 1], force[i])
+            vy_reference = reference[i, 3] + posture_rate_term(law, i, body, body_rate)
+            y_error = force_error(law, i, reference, y_reference, vy_reference, foot[i, 1], velocity[i, 1], force[i])
         else:
             y_error = position_error(law, y_reference, reference[i, 3], foot[i, 1], velocity[i, 1])
         state.reference[i, 0], state.reference[i, 1] = reference[i, 0], y_reference

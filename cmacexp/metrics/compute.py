@@ -6,7 +6,9 @@ import pyarrow as pa
 from cmacexp.arrays import Array
 from cmacexp.metrics.block import Block, Rhythm, rhythm_of
 from cmacexp.metrics.definitions import METRICS, OF_A_CYCLE
+from cmacexp.metrics.drift import Drift, DriftWatch
 from cmacexp.metrics.learning import LEARNING
+from cmacexp.metrics.memory import MEMORY, values_of
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
 from cmacexp.table import as_array, is_support
 
@@ -53,18 +55,40 @@ class Scorer:
         self.steps_per_cycle = steps_per_cycle
         self.rhythm: Rhythm | None = None
         self.parts: list[dict[str, Array]] = []
+        self.memory: list[pa.Table] = []
+        self.watch: DriftWatch | None = None
+        self.drift: Drift | None = None
+        """The first drift seen so far, as known when it was named."""
+
+    def add_memory(self, memory: pa.Table) -> None:
+        """Take what the weights were at the end of the next cycles (:func:`cmacexp.trace.assemble_memory`)."""
+        self.memory.append(memory)
 
     def add(self, trace: pa.Table) -> None:
         """Score the next cycles; only the last of the run may be short."""
         block = cut(trace, self.steps_per_cycle, self.rhythm)
         self.rhythm = block.rhythm
-        self.parts.append({name: metric.of(block) for name, metric in OF_A_CYCLE.items()})
+        part = {name: metric.of(block) for name, metric in OF_A_CYCLE.items()}
+        self.parts.append(part)
+        self._watch(part["feedback_rms"])
+
+    def _watch(self, feedback: Array) -> None:
+        """Look for a drift in the RMS feedback (cycles, L) of the next cycles."""
+        self.watch = self.watch or DriftWatch(feedback.shape[1])
+        done = self.watch.done
+        growth, started = self.watch.add(feedback)
+        if self.drift is None and len(seen := np.argwhere(~np.isnan(started))):
+            cycle, leg = seen[0]
+            told = int(started[cycle, leg]), int(leg) + 1, int(done + cycle) + 1
+            self.drift = Drift(*told, float(growth[cycle, leg]))
 
     def table(self) -> pa.Table:
         """One row per cycle and leg; undefined is NaN."""
         values = {name: np.concatenate([part[name] for part in self.parts]) for name in OF_A_CYCLE}
         cycles, legs = next(iter(values.values())).shape
         values |= {name: metric.of(values) for name, metric in LEARNING.items()}
+        kept = values_of(pa.concat_tables(self.memory) if self.memory else None, cycles, legs)
+        values |= {name: metric.of(kept) for name, metric in MEMORY.items()}
         index = {
             "cycle": (CYCLE, np.repeat(np.arange(1, cycles + 1), legs)),
             "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),

@@ -1,6 +1,6 @@
-"""How fast the cycles get better: each against the first.
+"""How fast the cycles get better, each against the first, and whether they get worse again.
 
-Row after row: the value of cycle 1 and the count reached so far are all that a row needs of those before it.
+Row after row: none depends on later ones.
 """
 
 from collections.abc import Callable, Mapping
@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from cmacexp.arrays import Array
-from cmacexp.metrics.metric import BRISTOW, Metric
+from cmacexp.metrics.drift import RISE, WINDOW, drift_cycle, feedback_growth
+from cmacexp.metrics.metric import BRISTOW, MANN, SEN, Metric
 
 LEARNT = (
     "transfer_rmse_x",
@@ -61,5 +62,25 @@ def _columns(name: str) -> dict[str, Metric[Mapping[str, Array]]]:
     }
 
 
-LEARNING: dict[str, Metric[Mapping[str, Array]]] = {k: m for name in LEARNT for k, m in _columns(name).items()}
+_DRIFT: dict[str, Metric[Mapping[str, Array]]] = {
+    "feedback_growth": Metric(
+        "",
+        f"factor by which feedback_rms grows per cycle, over the last {WINDOW} cycles",
+        f"the first {WINDOW - 1} cycles",
+        SEN,
+        _of(feedback_growth, "feedback_rms"),
+    ),
+    "drift_cycle": Metric(
+        "",
+        f"cycle since which feedback_rms drifts: it rises, and has risen to {RISE:g} times its lowest level",
+        "no drift named up to this cycle",
+        f"rise: {MANN}",
+        _of(drift_cycle, "feedback_rms"),
+    ),
+}
+
+LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
+    **{k: m for name in LEARNT for k, m in _columns(name).items()},
+    **_DRIFT,
+}
 """Columns that follow from those of all cycles, by name."""

@@ -33,6 +33,13 @@ TORQUE: dict[str, Metric[Block]] = {
         "N m", "RMS feedforward torque, both joints", "never", CONTRACT, lambda b: _torque_rms(b.feedforward, b.valid)
     ),
     "torque_peak": Metric("N m", "largest absolute joint torque", "never", CONTRACT, torque_peak),
+    "feedforward_peak": Metric(
+        "N m",
+        "largest absolute feedforward torque",
+        "never",
+        CONTRACT,
+        lambda b: largest(np.abs(b.feedforward).max(axis=3), b.valid),
+    ),
     "feedforward_share": Metric(
         "",
         "feedforward over feedforward + feedback, absolute torques",

@@ -7,7 +7,8 @@ body frame its depth below the undepressed ground is
     depth = -h + X sin(pitch) - Y sin(roll) cos(pitch) + y cos(roll) cos(pitch),
 
 and its lever arms are the derivatives of that: tilt carries the centre of gravity over the feet. Balance is where the
-energy W h + sum K_n depth^2 / 2 (over feet that press) is least.
+energy W h + sum K_n depth^2 / 2 (over feet that press) is least. Where the ground begins to press a foot at another
+depth than 0, at its ``level``, depth - level stands for the depth.
 """
 
 import math
@@ -43,11 +44,19 @@ def depth(body: Array, x: float, y: float, down: float) -> float:
 
 
 @kernel
-def energy(body: Array, hips: Array, foot: Array, stiffness: Array, weight: float) -> float:
+def depth_rate(body: Array, rate: Array, x: float, y: float) -> float:
+    """Speed, m/s, at which the point (x, y, 0) of a body goes down that moves with ``rate`` (3,), m/s and rad/s."""
+    sp, cp = sine_cosine(body[1])
+    sr, cr = sine_cosine(body[2])
+    return -rate[0] + (x * cp + y * sr * sp) * rate[1] - y * cr * cp * rate[2]
+
+
+@kernel
+def energy(body: Array, hips: Array, foot: Array, stiffness: Array, level: Array, weight: float) -> float:
     """Energy of weight and pressed ground, J."""
     total = weight * body[0]
     for i in range(hips.shape[0]):
-        pressed = max(0.0, depth(body, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]))
+        pressed = max(0.0, depth(body, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]) - level[i])
         total += 0.5 * stiffness[i] * pressed * pressed
     return total
 
@@ -67,7 +76,9 @@ class Slope(NamedTuple):
 
 
 @kernel
-def slope(body: Array, hips: Array, foot: Array, stiffness: Array, weight: float, force: Array) -> Slope:
+def slope(
+    body: Array, hips: Array, foot: Array, stiffness: Array, level: Array, weight: float, force: Array
+) -> Slope:
     """Gradient (N and N m) and curvature of the energy; fills ``force`` (L,), N."""
     sp, cp = sine_cosine(body[1])
     sr, cr = sine_cosine(body[2])
@@ -76,7 +87,7 @@ def slope(body: Array, hips: Array, foot: Array, stiffness: Array, weight: float
     for i in range(hips.shape[0]):
         x, y, down = hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]
         below = x * sp + (down * cr - y * sr) * cp
-        k, f = stiffness[i], contact_force(stiffness[i], below - body[0])
+        k, f = stiffness[i], contact_force(stiffness[i], below - body[0] - level[i])
         force[i] = f
         if f > 0.0:
             along = x * cp - (down * cr - y * sr) * sp
@@ -117,18 +128,26 @@ def newton_step(at: Slope, damping: float) -> tuple[bool, float, float, float]:
 
 @kernel
 def descend(
-    body: Array, hips: Array, foot: Array, stiffness: Array, weight: float, dh: float, dp: float, dr: float
+    body: Array,
+    hips: Array,
+    foot: Array,
+    stiffness: Array,
+    level: Array,
+    weight: float,
+    dh: float,
+    dp: float,
+    dr: float,
 ) -> bool:
     """Go along a step, shortened until the energy does not rise; False if it always does.
 
     On two feet the energy is almost flat along one tilt: an unbounded step would roll the body over.
     """
     h, p, r = body[0], body[1], body[2]
-    before = energy(body, hips, foot, stiffness, weight)
+    before = energy(body, hips, foot, stiffness, level, weight)
     scale = min(1.0, LONGEST_STEP / max(abs(dh), abs(dp), abs(dr)))
     for _ in range(MOST_HALVINGS):
         body[0], body[1], body[2] = h + scale * dh, p + scale * dp, r + scale * dr
-        if energy(body, hips, foot, stiffness, weight) <= before + ROUNDING * abs(before):
+        if energy(body, hips, foot, stiffness, level, weight) <= before + ROUNDING * abs(before):
             return True
         scale *= 0.5
     body[0], body[1], body[2] = h, p, r
@@ -136,13 +155,16 @@ def descend(
 
 
 @kernel_apart
-def balance(hips: Array, foot: Array, stiffness: Array, weight: float, body: Array, force: Array) -> bool:
+def balance(
+    hips: Array, foot: Array, stiffness: Array, level: Array, weight: float, body: Array, force: Array
+) -> bool:
     """Find the height, pitch and roll at which the feet carry the body.
 
     Args:
         hips: (L, 2): hips in the body frame, m.
         foot: (L, 2): feet in the frames of their hips, m.
         stiffness: (L,): K_n under each foot, N/m.
+        level: (L,): depth at which the ground begins to press each foot, m.
         weight: W, N.
         body: (3,): height (m), pitch and roll (rad), from where the search starts; becomes the balance.
         force: (L,): is filled with the contact forces, N.
@@ -155,7 +177,7 @@ def balance(hips: Array, foot: Array, stiffness: Array, weight: float, body: Arr
         enough += DEPTH_ROUNDING * stiffness[i]
     closing, last = True, math.inf
     for _ in range(MOST_ITERATIONS):
-        at = slope(body, hips, foot, stiffness, weight, force)
+        at = slope(body, hips, foot, stiffness, level, weight, force)
         out = max(abs(at.h), abs(at.p), abs(at.r))
         if out <= enough:
             return True
@@ -170,6 +192,6 @@ def balance(hips: Array, foot: Array, stiffness: Array, weight: float, body: Arr
         while not convex:
             convex, dh, dp, dr = newton_step(at, damping)
             damping = 10.0 * damping + weight
-        if not descend(body, hips, foot, stiffness, weight, dh, dp, dr):
+        if not descend(body, hips, foot, stiffness, level, weight, dh, dp, dr):
             return False
     return False

@@ -1,10 +1,11 @@
-"""Elastic ground."""
+"""Elastic ground, with damping or without."""
 
 import math
 from typing import NamedTuple
 
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel
+from cmacexp.config.schema import TerrainConfig
 from cmacexp.models.mix import MASK, mix
 
 
@@ -18,6 +19,13 @@ class Ground(NamedTuple):
     patch_spread: float
     """A patch has K_n times a factor between 1 - spread and 1 + spread."""
     patch_seed: int
+    damping: float
+    """N s/m."""
+
+
+def make_ground(terrain: TerrainConfig) -> Ground:
+    """The ground that a config describes."""
+    return Ground(terrain.stiffness, terrain.patch_size, terrain.patch_spread, terrain.patch_seed, terrain.damping)
 
 
 @kernel
@@ -40,6 +48,39 @@ def contact_force(stiffness: float, depression: float) -> float:
         depression: D_a, m, positive into the ground.
     """
     return stiffness * depression if depression > 0.0 else 0.0
+
+
+@kernel
+def damped_force(stiffness: float, damping: float, depression: float, rate: float) -> float:
+    """Contact force of elastic ground with damping, N: K_n D + c dD/dt where D > 0, and never a pull.
+
+    Args:
+        stiffness: K_n, N/m.
+        damping: c, N s/m.
+        depression: D, m, positive into the ground.
+        rate: dD/dt, m/s.
+    """
+    return max(0.0, stiffness * depression + damping * rate) if depression > 0.0 else 0.0
+
+
+@kernel
+def damped_spring(stiffness: float, damping: float, before: float, time: float) -> tuple[float, float]:
+    """The spring that ground with damping is to a foot whose motion over some time is not known yet.
+
+    The rate is taken as the change of the depression over that time (backward Euler): stable however short the time
+    is against c/K_n.
+
+    Args:
+        stiffness: K_n, N/m.
+        damping: c, N s/m.
+        before: depression at the start of the time, m, at least 0.
+        time: s.
+
+    Returns:
+        Its stiffness, N/m, and the depth at which it begins to press, m.
+    """
+    extra = damping / time
+    return stiffness + extra, extra * before / (stiffness + extra)
 
 
 def depression_for(stiffness: float, force: Array) -> Array:

@@ -8,10 +8,8 @@ import math
 from typing import NamedTuple
 
 from cmacexp.compile import kernel
+from cmacexp.models.gravity import GRAVITY
 from cmacexp.models.sine import sine_cosine
-
-GRAVITY = 9.81
-"""m/s^2."""
 
 Trig = tuple[float, float, float, float]
 Pair = tuple[float, float]

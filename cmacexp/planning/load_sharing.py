@@ -10,17 +10,18 @@ ROUNDING = 1e-9
 """A force this much of the weight below zero is rounding."""
 
 
-def _solve(weight: float, feet: Array, willing: Array) -> Array:
-    """Forces (N, L) that balance the weight and both moments with the least sum of F^2 / willing."""
+def _solve(weight: Array, feet: Array, willing: Array) -> Array:
+    """Forces (N, L) that balance the weight (N,) and both moments with the least sum of F^2 / willing."""
     rows = np.stack([np.ones(willing.shape), feet[..., 0], feet[..., 1]], axis=1)
     weighted = rows * willing[:, None, :]
+    wanted = np.stack([weight, np.zeros_like(weight), np.zeros_like(weight)], axis=1)[:, :, None]
     gram = weighted @ rows.transpose(0, 2, 1)
-    multipliers = np.linalg.pinv(gram, hermitian=True) @ np.array([weight, 0.0, 0.0])
-    force: Array = (weighted.transpose(0, 2, 1) @ multipliers[:, :, None])[:, :, 0]
+    multipliers = np.linalg.pinv(gram, hermitian=True) @ wanted
+    force: Array = (weighted.transpose(0, 2, 1) @ multipliers)[:, :, 0]
     return force
 
 
-def _without_one(weight: float, feet: Array, support: Mask, willing: Array) -> tuple[Array, Array]:
+def _without_one(weight: Array, feet: Array, support: Mask, willing: Array) -> tuple[Array, Array]:
     """The best forces (N, L) that leave one foot out and pull with none, and what they cost (N,): F^2 / willing.
 
     Three feet leave no choice, however willing they are. The cost is infinite where every choice pulls.
@@ -30,33 +31,44 @@ def _without_one(weight: float, feet: Array, support: Mask, willing: Array) -> t
         used = support & (np.arange(willing.shape[1]) != left_out)
         force = _solve(weight, feet, used.astype(float))
         cost = np.where(used, force**2 / np.maximum(willing, LEAST_WILLING), 0.0).sum(axis=1)
-        fits = (force >= -ROUNDING * weight).all(axis=1) & (used.sum(axis=1) >= 3) & (cost < least)
+        fits = (force >= -ROUNDING * weight[:, None]).all(axis=1) & (used.sum(axis=1) >= 3) & (cost < least)
         best[fits], least[fits] = force[fits], cost[fits]
     return best, least
 
 
-def share_load(weight: float, feet: Array, support: Mask, willing: Array) -> Array:
-    """Forces that balance the weight and both moments about the centre of gravity, with the least sum of squares.
+def share_load(weight: float | Array, feet: Array, support: Mask, willing: Array) -> Array:
+    """Forces that balance the weight and both of its moments, with the least sum of squares.
 
     With three feet there is one solution. With four the sum of F^2/willing is least: the less willing a foot is, the
     less it takes, down to nothing if the others can do without it.
     Feet cannot pull: where the solution has some pull, the best one that leaves a foot out is taken.
 
     Args:
-        weight: N.
-        feet: (N, L, 2): feet in the horizontal plane, relative to the centre of gravity, m.
+        weight: N, one or (N,).
+        feet: (N, L, 2): feet in the horizontal plane, relative to where the weight goes through it, m.
         support: (N, L): whether a foot is down.
         willing: (N, L): how willing a foot that is down is to carry, 0 to 1.
 
     Returns:
-        (N, L): N. With fewer than three feet down, or the centre of gravity outside them, the moments are balanced
+        (N, L): N. With fewer than three feet down, or the weight outside them, the moments are balanced
         as nearly as can be, and feet may pull.
     """
+    weight = np.broadcast_to(np.asarray(weight, dtype=float), len(feet))
     few = support.sum(axis=1, keepdims=True) <= 3
     willing = np.where(few, 1.0, willing)
     force = _solve(weight, feet, np.where(support, willing, 0.0))
-    pulls = (force < -ROUNDING * weight).any(axis=1)
+    pulls = (force < -ROUNDING * weight[:, None]).any(axis=1)
     if pulls.any():
-        others, cost = _without_one(weight, feet[pulls], support[pulls], willing[pulls])
+        others, cost = _without_one(weight[pulls], feet[pulls], support[pulls], willing[pulls])
         force[pulls] = np.where(np.isfinite(cost)[:, None], others, force[pulls])
     return force
+
+
+def without_pull(force: Array) -> Array:
+    """Forces (N, L) of which none is below zero, of the same sum: a foot that would pull is asked for nothing.
+
+    The moments are then out of balance by what it would have pulled, for as long as the load lies outside the feet.
+    """
+    pressing = np.maximum(force, 0.0)
+    scaled: Array = pressing * (force.sum(axis=1) / pressing.sum(axis=1))[:, None]
+    return np.where((force < 0.0).any(axis=1, keepdims=True), scaled, force)

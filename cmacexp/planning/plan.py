@@ -7,14 +7,16 @@ import numpy as np
 from cmacexp.arrays import Array, Mask
 from cmacexp.compile import kernel
 from cmacexp.config import Config
+from cmacexp.config.schema import QuadrupedMachine
 from cmacexp.errors import BadInput
 from cmacexp.models.ground import depression_for
 from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of
+from cmacexp.planning.body_load import BodyLoad, dynamic_load, static_load
 from cmacexp.planning.crossing import check_crossing
 from cmacexp.planning.foot_path import VERTICAL, line, quintic
 from cmacexp.planning.gait import Timing, make_timing
-from cmacexp.planning.load_sharing import share_load
+from cmacexp.planning.load_sharing import share_load, without_pull
 from cmacexp.planning.reach import check_reach
 from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains, keeps_static_load
 from cmacexp.planning.stability import check_stability, plan_margins
@@ -23,6 +25,8 @@ BEFORE, ACTING = 0, 1
 """Stages of a run: before the feedforward acts, and since."""
 NEVER = 2**62
 """A step that no run reaches."""
+LOAD_PASSES = 2
+"""Forces press feet in, which moves the masses that load them: each pass comes a thousand times nearer."""
 
 
 class Plan(NamedTuple):
@@ -79,10 +83,10 @@ def _horizontal(config: Config, timing: Timing) -> Array:
     return motion
 
 
-def _desired_force(config: Config, mechanism: Mechanism, timing: Timing, feet: Array) -> tuple[Array, Array]:
+def _desired_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> tuple[Array, Array]:
     """Desired force (N, L), N, and its rate, N/s; a foot takes it by a ramp if the gait has one.
 
-    One leg presses with F_d; under a body the feet (N, L, 2) share the weight.
+    One leg presses with F_d; under a body the feet (N, L, 2) share the load.
     """
     elapsed, ramp = timing.sample * config.sampling_period, config.gait.load_ramp
     rising = timing.support & (elapsed < ramp)
@@ -90,7 +94,11 @@ def _desired_force(config: Config, mechanism: Mechanism, timing: Timing, feet: A
     force = config.force_control.desired_force
     if force is None:
         # The rate matters for the path of a soft foot only: the depression of a quadruped's is a few mm.
-        return share_load(mechanism.weight, feet, timing.support, willing), np.zeros_like(willing)
+        shared = share_load(load.force, feet - load.centre[:, None, :], timing.support, willing)
+        if config.force_control.load_sharing == "dynamic":
+            # A swinging leg may move the load out of the three feet that are down, by little and not for long.
+            shared = without_pull(shared)
+        return shared, np.zeros_like(willing)
     return force * willing, np.where(rising, force / ramp if ramp else 0.0, 0.0)
 
 
@@ -158,6 +166,19 @@ def _reference(config: Config, timing: Timing, hip_height: float, desired: Array
     return reference
 
 
+def _motion_under(
+    config: Config, mechanism: Mechanism, timing: Timing, feet: Array, load: BodyLoad
+) -> tuple[Array, Array, Array]:
+    """Desired motion (N, L, 6) of feet that share a load, the same in joint angles, and desired forces (N, L)."""
+    force, rate = _desired_force(config, timing, feet, load)
+    desired = _desired_motion(config, timing, mechanism.hip_height, force, rate)
+    joints = np.empty_like(desired)
+    if mechanism.kind != POINT_MASS:
+        check_reach(config, mechanism, desired)
+    plan_joints(mechanism, desired, joints)
+    return desired, joints, force
+
+
 def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
     """Plan one cycle.
 
@@ -176,12 +197,12 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
     margins = plan_margins(mechanism, feet, timing.support)
     if mechanism.kind == LEGS_UNDER_BODY:
         check_stability(config, timing.support, margins)
-    force, rate = _desired_force(config, mechanism, timing, feet)
-    desired = _desired_motion(config, timing, mechanism.hip_height, force, rate)
-    joints = np.empty_like(desired)
-    if mechanism.kind != POINT_MASS:
-        check_reach(config, mechanism, desired)
-    plan_joints(mechanism, desired, joints)
+    load = static_load(mechanism.weight, len(feet))
+    desired, joints, force = _motion_under(config, mechanism, timing, feet, load)
+    if isinstance(config.machine, QuadrupedMachine) and config.force_control.load_sharing == "dynamic":
+        for _ in range(LOAD_PASSES):
+            load = dynamic_load(mechanism, config.machine.body_mass, desired, joints)
+            desired, joints, force = _motion_under(config, mechanism, timing, feet, load)
     if mechanism.kind == LEGS_UNDER_BODY:
         check_crossing(config, mechanism, joints)
     return Plan(

@@ -1,7 +1,9 @@
 """The project's own plant: point mass or legs on elastic ground, by their equations of motion."""
 
+import math
+
 from cmacexp.arrays import Array
-from cmacexp.models.ground import Ground
+from cmacexp.models.ground import make_ground
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.kernels import PlantLaw, PlantState, advance, feel_ground, new_state, observe
 from cmacexp.plants.protocol import Measurement
@@ -24,16 +26,15 @@ class AnalyticPlant:
         """Start at the planned joint angles, at rest."""
         mechanism, config = setup.mechanism, setup.config
         terrain = config.terrain
-        ground = Ground(terrain.stiffness, terrain.patch_size, terrain.patch_spread, terrain.patch_seed)
         step = config.sampling_period / self.substeps
-        self.law = PlantLaw(mechanism, ground, config.body_speed, step, self.substeps)
+        self.law = PlantLaw(mechanism, make_ground(terrain), config.body_speed, step, self.substeps)
         self.state = new_state(mechanism.legs.shape[0])
         self.state.q[:] = setup.start
         self.state.body[0] = mechanism.hip_height
         self.state.stiffness[:] = terrain.stiffness
-        observe(self.law, self.state)
+        observe(self.law, self.state, math.inf)
         feel_ground(self.law, self.state)
-        observe(self.law, self.state)
+        observe(self.law, self.state, math.inf)
         return self.measure()
 
     def step(self, torque: Array) -> Measurement:

@@ -7,8 +7,8 @@ import numpy as np
 
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel
-from cmacexp.models.body import balance
-from cmacexp.models.ground import Ground, contact_force, stiffness_at
+from cmacexp.models.body import balance, depth
+from cmacexp.models.ground import Ground, contact_force, damped_force, damped_spring, stiffness_at
 from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of, trig_of, trigonometries
 
@@ -45,6 +45,12 @@ class PlantState(NamedTuple):
     """(3,): their change over the last sampling period, m/s and rad/s: a quasi-static body has no other velocity."""
     stiffness: Array
     """(L,): K_n under each foot, N/m."""
+    level: Array
+    """(L,): depth below the undepressed ground at which the ground begins to press each foot, m."""
+    spring: Array
+    """(2, L): stiffness and level that a quasi-static body feels within a step where the ground has damping."""
+    pressed: Array
+    """(L,): depression under each foot at the start of a Runge-Kutta step, m; kept where the ground has damping."""
     travel: Array
     """(1,): way that the body has gone, m."""
     trig: Array
@@ -56,13 +62,44 @@ class PlantState(NamedTuple):
 def new_state(legs: int) -> PlantState:
     """A state of zeros for ``legs`` legs."""
     q, dq, foot, velocity = (np.zeros((legs, 2)) for _ in range(4))
-    force, stiffness, trig, stages = (np.zeros(shape) for shape in (legs, legs, (legs, 4), (6, legs, 2)))
-    return PlantState(q, dq, foot, velocity, force, np.zeros(3), np.zeros(3), stiffness, np.zeros(1), trig, stages)
+    force, stiffness, level, pressed = (np.zeros(legs) for _ in range(4))
+    body, body_rate, travel, spring = (np.zeros(shape) for shape in (3, 3, 1, (2, legs)))
+    trig, stages = np.zeros((legs, 4)), np.zeros((6, legs, 2))
+    return PlantState(
+        q, dq, foot, velocity, force, body, body_rate, stiffness, level, spring, pressed, travel, trig, stages
+    )
 
 
 @kernel
-def contact(law: PlantLaw, q: Array, state: PlantState) -> None:
-    """Feet and contact forces at the joint angles ``q``; fills ``foot``, ``force`` and ``trig`` of ``state``."""
+def stand_force(law: PlantLaw, i: int, dq: Array, state: PlantState) -> float:
+    """Contact force, N, of foot ``i`` whose hip does not move, at joint velocities ``dq`` (L, 2)."""
+    depression = state.foot[i, 1] - law.mechanism.hip_height - state.level[i]
+    if law.ground.damping == 0.0:
+        return contact_force(state.stiffness[i], depression)
+    rate = dq[i, 1]
+    if law.mechanism.kind != POINT_MASS:
+        rate = foot_velocity(leg_of(law.mechanism, i), trig_of(state.trig, i), dq[i, 0], dq[i, 1])[1]
+    return damped_force(state.stiffness[i], law.ground.damping, depression, rate)
+
+
+@kernel
+def balance_body(law: PlantLaw, state: PlantState, time: float) -> bool:
+    """Balance the body on the feet in ``state``, some time after the start of the Runge-Kutta step."""
+    mechanism, stiffness, level = law.mechanism, state.stiffness, state.level
+    if law.ground.damping != 0.0:
+        stiffness, level = state.spring[0], state.spring[1]
+        for i in range(stiffness.shape[0]):
+            stiffness[i], rest = damped_spring(state.stiffness[i], law.ground.damping, state.pressed[i], time)
+            level[i] = state.level[i] + rest
+    return balance(mechanism.hips, state.foot, stiffness, level, mechanism.weight, state.body, state.force)
+
+
+@kernel
+def contact(law: PlantLaw, q: Array, dq: Array, state: PlantState, time: float) -> None:
+    """Feet and contact forces at joint angles ``q`` and velocities ``dq``, each (L, 2), some time into a step.
+
+    Fills ``foot``, ``force``, ``body`` and ``trig`` of ``state``.
+    """
     mechanism = law.mechanism
     trigonometries(mechanism, q, state.trig)
     for i in range(q.shape[0]):
@@ -71,10 +108,8 @@ def contact(law: PlantLaw, q: Array, state: PlantState) -> None:
         else:
             state.foot[i, 0], state.foot[i, 1] = foot_position(leg_of(mechanism, i), trig_of(state.trig, i))
         if mechanism.kind != LEGS_UNDER_BODY:
-            state.force[i] = contact_force(state.stiffness[i], state.foot[i, 1] - mechanism.hip_height)
-    if mechanism.kind == LEGS_UNDER_BODY and not balance(
-        mechanism.hips, state.foot, state.stiffness, mechanism.weight, state.body, state.force
-    ):
+            state.force[i] = stand_force(law, i, dq, state)
+    if mechanism.kind == LEGS_UNDER_BODY and not balance_body(law, state, time):
         state.body[0] = math.nan
 
 
@@ -102,9 +137,20 @@ def feel_ground(law: PlantLaw, state: PlantState) -> None:
 
 
 @kernel
-def observe(law: PlantLaw, state: PlantState) -> None:
-    """Bring feet, forces and velocities of ``state`` up to its joints."""
-    contact(law, state.q, state)
+def feel_depression(law: PlantLaw, state: PlantState) -> None:
+    """Keep how far each foot of a body presses the ground in, for the damping of the next step."""
+    hips = law.mechanism.hips
+    for i in range(hips.shape[0]):
+        down = depth(state.body, hips[i, 0] + state.foot[i, 0], hips[i, 1], state.foot[i, 1])
+        state.pressed[i] = max(0.0, down - state.level[i])
+
+
+@kernel
+def observe(law: PlantLaw, state: PlantState, time: float) -> None:
+    """Bring feet, forces and velocities of ``state`` up to its joints, some time after they were so last."""
+    contact(law, state.q, state.dq, state, time)
+    if law.ground.damping != 0.0 and law.mechanism.kind == LEGS_UNDER_BODY:
+        feel_depression(law, state)
     for i in range(state.q.shape[0]):
         if law.mechanism.kind == POINT_MASS:
             state.velocity[i, 0], state.velocity[i, 1] = state.dq[i, 0], state.dq[i, 1]
@@ -129,19 +175,19 @@ def runge_kutta_step(law: PlantLaw, state: PlantState, tau: Array) -> None:
         for j in range(2):
             q[i, j] = state.q[i, j] + 0.5 * h * state.dq[i, j]
             dq[i, j] = state.dq[i, j] + 0.5 * h * k1[i, j]
-    contact(law, q, state)
+    contact(law, q, dq, state, 0.5 * h)
     accelerate(law, state, dq, tau, k2)
     for i in range(legs):
         for j in range(2):
             q[i, j] = state.q[i, j] + 0.5 * h * dq[i, j]
             dq[i, j] = state.dq[i, j] + 0.5 * h * k2[i, j]
-    contact(law, q, state)
+    contact(law, q, dq, state, 0.5 * h)
     accelerate(law, state, dq, tau, k3)
     for i in range(legs):
         for j in range(2):
             q[i, j] = state.q[i, j] + h * dq[i, j]
             dq[i, j] = state.dq[i, j] + h * k3[i, j]
-    contact(law, q, state)
+    contact(law, q, dq, state, h)
     accelerate(law, state, dq, tau, k4)
     for i in range(legs):
         for j in range(2):
@@ -158,7 +204,7 @@ def advance(law: PlantLaw, state: PlantState, tau: Array) -> None:
         runge_kutta_step(law, state, tau)
         state.travel[0] += law.speed * law.step
         feel_ground(law, state)
-        observe(law, state)
+        observe(law, state, law.step)
     period = law.substeps * law.step
     state.body_rate[0] = (state.body[0] - height) / period
     state.body_rate[1] = (state.body[1] - pitch) / period

@@ -4,12 +4,14 @@ from typing import NamedTuple
 
 from cmacexp.arrays import Array, Mask
 from cmacexp.compile import kernel
-from cmacexp.control.actuator import saturate
+from cmacexp.control.actuator import Actuator, actuate
 from cmacexp.control.feedforward_law import FeedforwardLaw, feedforward_step
 from cmacexp.control.hybrid_law import HybridLaw, HybridState, hybrid_feedback
 from cmacexp.plants.kernels import PlantLaw, PlantState, advance
-from cmacexp.rollout.layout import write_samples
+from cmacexp.rollout.layout import has_measured, write_measured, write_samples
 from cmacexp.rollout.stop import RUNNING, Guard, stop_reason
+from cmacexp.sensors.channel import Sensing
+from cmacexp.sensors.law import Seen, sense
 
 
 class Torques(NamedTuple):
@@ -28,10 +30,13 @@ class FusedLoop(NamedTuple):
     start_step: int
     plant: PlantLaw
     plant_state: PlantState
+    sensing: Sensing
+    seen: Seen
+    """What the controller goes by: the arrays of the plant itself where no sensor alters anything."""
     control: HybridLaw
     control_state: HybridState
     feedforward: FeedforwardLaw
-    torque_limit: float
+    actuator: Actuator
     torques: Torques
     guard: Guard
 
@@ -40,12 +45,12 @@ class FusedLoop(NamedTuple):
 def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array) -> tuple[int, int]:
     """Run as many steps as ``samples`` (steps, L, columns) has room for, from step ``start``.
 
-    ``body_samples`` is (steps, 3), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`.
+    ``body_samples`` is (steps, columns); columns in the order of :mod:`cmacexp.rollout.layout`.
 
     Returns:
         Steps written, and RUNNING or why it stopped after them.
     """
-    plant, machine, state = loop.plant, loop.plant_state, loop.control_state
+    plant, machine, seen, state = loop.plant, loop.plant_state, loop.seen, loop.control_state
     feedforward, total = loop.torques
     steps = samples.shape[0]
     period = loop.support.shape[0]
@@ -57,18 +62,22 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
     for k in range(steps):
         acting = start + k >= loop.start_step
         reference = loop.reference[1 if acting else 0, sample]
+        if loop.sensing.active:
+            sense(loop.sensing, plant.mechanism, start + k, machine, seen)
         if acting:
             # Before the feedback, so that what it taught is still the last step's.
             feedforward_step(loop.feedforward, start + k, sample, state.taught, feedforward)
         hybrid_feedback(
             loop.control, state, loop.support[sample], reference,
-            machine.trig, machine.foot, machine.velocity, machine.force, machine.body,
+            seen.trig, seen.foot, seen.velocity, seen.force, seen.body, seen.body_rate,
         )  # fmt: skip
-        saturate(loop.torque_limit, state.feedback, feedforward, total)
+        actuate(loop.actuator, start + k, state.feedback, feedforward, total)
         write_samples(
             samples, body_samples, k, machine.foot, machine.velocity, machine.q, machine.dq,
-            machine.force, machine.force, state.reference, state.feedback, feedforward, machine.body,
+            machine.force, seen.force, state.reference, state.feedback, feedforward, machine.body,
         )  # fmt: skip
+        if has_measured(samples):
+            write_measured(samples, body_samples, k, seen, machine.body_rate)
         advance(plant, machine, total)
         sample = sample + 1 if sample + 1 < period else 0
         status = stop_reason(loop.guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)

@@ -1,7 +1,11 @@
 """What the loop writes down of every step."""
 
+import numpy as np
+
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel
+from cmacexp.plants.protocol import Measurement
+from cmacexp.sensors.law import Seen
 
 SAMPLES = (
     "x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2", "force", "force_measured", "x_reference", "y_reference",
@@ -11,6 +15,31 @@ SAMPLES = (
 
 BODY_SAMPLES = ("height", "pitch", "roll")
 """Columns of the body that a run gives."""
+
+MEASURED = ("x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2")
+"""Columns that follow SAMPLES, as ``x_measured``, where sensors alter something; the force has its own always."""
+
+RATES = ("height_rate", "pitch_rate", "roll_rate")
+BODY_MEASURED = (*BODY_SAMPLES, *RATES)
+"""Likewise of the body, after BODY_SAMPLES and RATES."""
+
+
+def names_of(samples: Array) -> tuple[str, ...]:
+    """Names of the columns of leg samples (steps, L, columns)."""
+    return (*SAMPLES, *(f"{name}_measured" for name in MEASURED))[: samples.shape[2]]
+
+
+def body_names_of(samples: Array) -> tuple[str, ...]:
+    """Names of the columns of body samples (steps, columns)."""
+    return (*BODY_SAMPLES, *RATES, *(f"{name}_measured" for name in BODY_MEASURED))[: samples.shape[1]]
+
+
+def room_for(steps: int, legs: int, measured: bool) -> tuple[Array, Array]:
+    """Room for the samples of legs and body, with or without what is measured of them."""
+    return (
+        np.zeros((steps, legs, len(SAMPLES) + (len(MEASURED) if measured else 0))),
+        np.zeros((steps, len(BODY_SAMPLES) + (len(RATES) + len(BODY_MEASURED) if measured else 0))),
+    )
 
 
 @kernel
@@ -46,3 +75,25 @@ def write_samples(
             samples[k, i, 14 + j] = feedforward[i, j]
         samples[k, i, 8] = force[i]
         samples[k, i, 9] = force_measured[i]
+
+
+@kernel
+def has_measured(samples: Array) -> bool:
+    """Whether leg samples have room for what sensors made of them."""
+    return samples.shape[2] > len(SAMPLES)
+
+
+@kernel
+def write_measured(samples: Array, body_samples: Array, k: int, seen: Seen | Measurement, body_rate: Array) -> None:
+    """Fill the rest of ``samples[k]`` and ``body_samples[k]`` with what was ``seen``; ``body_rate`` (3,) is true."""
+    first, after = len(SAMPLES), len(BODY_SAMPLES)
+    for i in range(seen.force.shape[0]):
+        for j in range(2):
+            samples[k, i, first + j] = seen.foot[i, j]
+            samples[k, i, first + 2 + j] = seen.velocity[i, j]
+            samples[k, i, first + 4 + j] = seen.q[i, j]
+            samples[k, i, first + 6 + j] = seen.dq[i, j]
+    for n in range(3):
+        body_samples[k, after + n] = body_rate[n]
+        body_samples[k, after + 3 + n] = seen.body[n]
+        body_samples[k, after + 6 + n] = seen.body_rate[n]

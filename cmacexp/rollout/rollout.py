@@ -10,17 +10,22 @@ import numpy as np
 
 from cmacexp.arrays import Array
 from cmacexp.control import HybridController
+from cmacexp.control.actuator import new_actuator
 from cmacexp.control.feedforward import BuiltInFeedforward
+from cmacexp.control.weight_log import MOST_CYCLES
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.plants import AnalyticPlant, Measurement
 from cmacexp.rollout.fused import FusedLoop, Torques, fused_loop
 from cmacexp.rollout.interrupt import interrupt_held_back
-from cmacexp.rollout.layout import BODY_SAMPLES, SAMPLES
+from cmacexp.rollout.layout import body_names_of, names_of, room_for
 from cmacexp.rollout.stepped import SteppedLoop
 from cmacexp.rollout.stop import RUNNING, STATUSES, Guard, describe_stop, new_guard
 from cmacexp.scenario import Scenario
-from cmacexp.sensors import PerfectSensors
+from cmacexp.sensors import PerfectSensors, RealSensors
+from cmacexp.sensors.channel import Sensing
+from cmacexp.sensors.law import Seen, no_sensing
+from cmacexp.sensors.protocol import altered_by
 
 MOST_ROWS = 1 << 15
 """Rows of leg samples that are worked on at a time: a long run needs no more memory than a short one.
@@ -29,8 +34,8 @@ Entering the fused loop costs some 12 us, as much as dozens of steps.
 """
 
 
-JOINT_COLUMNS = [SAMPLES.index(name) for name in ("q1", "q2", "dq1", "dq2")]
-"""Undefined for a point mass."""
+JOINTS = ("q1", "q2", "dq1", "dq2")
+"""Columns that are undefined for a point mass, measured or not."""
 
 
 class Samples(NamedTuple):
@@ -39,17 +44,19 @@ class Samples(NamedTuple):
     start: int
     """First step."""
     legs: Array
-    """(steps, L, columns), in the order of :data:`cmacexp.rollout.layout.SAMPLES`."""
+    """(steps, L, columns), in the order of :mod:`cmacexp.rollout.layout`."""
     body: Array
-    """(steps, 3), in the order of :data:`cmacexp.rollout.layout.BODY_SAMPLES`."""
+    """(steps, columns), likewise."""
+    weights: Array | None
+    """(cycles, L, 3): the weights at the end of each cycle, in the order of LOGGED; None without weights."""
 
     def columns(self) -> dict[str, Array]:
         """Of the legs, (steps, L) by column name."""
-        return {name: self.legs[:, :, i] for i, name in enumerate(SAMPLES)}
+        return {name: self.legs[:, :, i] for i, name in enumerate(names_of(self.legs))}
 
     def body_columns(self) -> dict[str, Array]:
         """Of the body, (steps,) by column name."""
-        return {name: self.body[:, i] for i, name in enumerate(BODY_SAMPLES)}
+        return {name: self.body[:, i] for i, name in enumerate(body_names_of(self.body))}
 
 
 @dataclass(frozen=True)
@@ -72,22 +79,34 @@ def is_built_in(scenario: Scenario) -> bool:
     """Whether the fused loop knows every part."""
     return (
         type(scenario.plant) is AnalyticPlant
-        and type(scenario.sensors) is PerfectSensors
+        and type(scenario.sensors) in (PerfectSensors, RealSensors)
         and type(scenario.controller) is HybridController
         and isinstance(scenario.feedforward, BuiltInFeedforward)
         and type(scenario.feedforward).predict is BuiltInFeedforward.predict
     )
 
 
-class _FusedLoop:
-    """The fused loop over the states of built-in parts, compiled by running no step of it."""
+def _sensing(scenario: Scenario) -> tuple[Sensing, Seen]:
+    """Built-in sensors as the fused loop takes them; perfect ones show the arrays of the plant."""
+    assert isinstance(scenario.plant, AnalyticPlant)
+    sensors, state = scenario.sensors, scenario.plant.state
+    if isinstance(sensors, RealSensors) and sensors.sensing.active:
+        return sensors.sensing, sensors.seen
+    return no_sensing(), Seen(*(getattr(state, name) for name in Seen._fields))
+
+
+class FusedRun:
+    """The fused loop over the states of built-in parts, compiled by running no step of it.
+
+    ``loop`` holds all that changes, ``taken`` counts the steps taken so far.
+    """
 
     def __init__(self, scenario: Scenario, guard: Guard):
         plant, controller, feedforward = scenario.plant, scenario.controller, scenario.feedforward
         assert isinstance(plant, AnalyticPlant)
         assert isinstance(controller, HybridController)
         assert isinstance(feedforward, BuiltInFeedforward)
-        legs = scenario.setup.mechanism.legs.shape[0]
+        legs, config = scenario.setup.mechanism.legs.shape[0], scenario.setup.config
         self.plant = plant
         self.taken = 0
         plan = scenario.setup.plan
@@ -97,14 +116,15 @@ class _FusedLoop:
             plan.start_step,
             plant.law,
             plant.state,
+            *_sensing(scenario),
             controller.law,
             controller.state,
             feedforward.law,
-            scenario.setup.config.actuator.limit,
+            new_actuator(config.actuator, config.sampling_period, legs),
             Torques(*(np.zeros((legs, 2)) for _ in range(2))),
             guard,
         )
-        self.run(np.zeros((0, legs, len(SAMPLES))), np.zeros((0, len(BODY_SAMPLES))))
+        self.run(*room_for(0, legs, False))
 
     def run(self, samples: Array, body_samples: Array) -> int:
         """As :meth:`SteppedLoop.run`."""
@@ -121,7 +141,7 @@ class _FusedLoop:
 class _Ending:
     """How a loop ends, as far as is known; what is raised in :meth:`caught` ends it."""
 
-    def __init__(self, loop: "_FusedLoop | SteppedLoop"):
+    def __init__(self, loop: "FusedRun | SteppedLoop"):
         self.loop = loop
         self.status, self.cause = "completed", ""
         self.error: Exception | None = None
@@ -136,6 +156,12 @@ class _Ending:
         except Exception as raised:
             self.status, self.error = "failed", raised
             self.cause = f"after step {self.loop.taken}: {type(raised).__name__}: {raised}"
+
+
+def _weights(scenario: Scenario, cycles: int) -> Array | None:
+    """What the weights of a built-in feedforward were at the end of each of the last ``cycles`` cycles."""
+    feedforward = scenario.feedforward
+    return feedforward.take_log(cycles) if isinstance(feedforward, BuiltInFeedforward) else None
 
 
 def stream(
@@ -159,14 +185,12 @@ def stream(
     setup = scenario.setup
     config, period, cycles = setup.config, setup.config.steps_per_cycle, setup.config.cycles
     guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
-    loop = (_FusedLoop if fused and is_built_in(scenario) else SteppedLoop)(scenario, guard)
+    loop = (FusedRun if fused and is_built_in(scenario) else SteppedLoop)(scenario, guard)
     legs = setup.mechanism.legs.shape[0]
-    fits = max(1, MOST_ROWS // (period * legs))
-    together = min(cycles, fits if isinstance(loop, _FusedLoop) else 1)
-    samples, body = (
-        np.empty((together * period, legs, len(SAMPLES))),
-        np.empty((together * period, len(BODY_SAMPLES))),
-    )
+    fits = min(max(1, MOST_ROWS // (period * legs)), MOST_CYCLES)
+    together = min(cycles, fits if isinstance(loop, FusedRun) else 1)
+    samples, body = room_for(together * period, legs, bool(altered_by(scenario.sensors) - {"force"}))
+    joints = [i for i, name in enumerate(names_of(samples)) if name.removesuffix("_measured") in JOINTS]
     ending, seconds = _Ending(loop), 0.0
     while ending.status == "completed" and loop.taken < cycles * period:
         start, steps = loop.taken, min(len(samples), cycles * period - loop.taken)
@@ -180,9 +204,9 @@ def stream(
         seconds += time.perf_counter() - began
         done = loop.taken - start
         if setup.mechanism.kind == POINT_MASS:
-            samples[:done, :, JOINT_COLUMNS] = np.nan
+            samples[:done, :, joints] = np.nan
         with interrupt_held_back() as interrupted:
-            keep(Samples(start, samples[:done], body[:done]))
+            keep(Samples(start, samples[:done], body[:done], _weights(scenario, -(-done // period))))
         if ending.status == "completed":
             with ending.caught():
                 if interrupted():
@@ -199,15 +223,15 @@ class Rollout(End):
     samples: Array
     """(steps, L, columns), as :attr:`Samples.legs`."""
     body_samples: Array
-    """(steps, 3), as :attr:`Samples.body`."""
+    """(steps, columns), as :attr:`Samples.body`."""
 
     def columns(self) -> dict[str, Array]:
         """Samples (steps, L) by column name."""
-        return Samples(0, self.samples, self.body_samples).columns()
+        return Samples(0, self.samples, self.body_samples, None).columns()
 
     def body_columns(self) -> dict[str, Array]:
         """Samples of the body (steps,) by column name."""
-        return Samples(0, self.samples, self.body_samples).body_columns()
+        return Samples(0, self.samples, self.body_samples, None).body_columns()
 
 
 def roll_out(scenario: Scenario, watch: Callable[[int], None] = lambda cycle: None, *, fused: bool = True) -> Rollout:

@@ -3,10 +3,10 @@
 import numpy as np
 
 from cmacexp.arrays import Array
-from cmacexp.control.actuator import saturate
+from cmacexp.control.actuator import actuate, new_actuator
 from cmacexp.control.protocol import Reference
 from cmacexp.planning.plan import Plan
-from cmacexp.rollout.layout import write_samples
+from cmacexp.rollout.layout import has_measured, write_measured, write_samples
 from cmacexp.rollout.stop import RUNNING, Guard, stop_reason
 from cmacexp.scenario import Scenario
 
@@ -40,10 +40,11 @@ class SteppedLoop:
         self.guard = guard
         self.state = scenario.first
         self.taken = 0
-        self.limit = scenario.setup.config.actuator.limit
+        config = scenario.setup.config
+        self.actuator = new_actuator(config.actuator, config.sampling_period, len(scenario.first.force))
 
     def run(self, samples: Array, body_samples: Array) -> int:
-        """Run as many steps as ``samples`` (steps, L, columns) and ``body_samples`` (steps, 3) have room for.
+        """Run as many steps as ``samples`` (steps, L, columns) and ``body_samples`` (steps, columns) have room for.
 
         ``taken`` counts the steps whose torque the plant has taken, also when a part raises.
 
@@ -65,11 +66,13 @@ class SteppedLoop:
             # Copies: what a part gives may be its own table, and the limit shortens torques in place.
             feedback, feedforward = (np.array(part, dtype=float) for part in action[:2])
             fed = reference.values if action.reference is None else action.reference
-            saturate(self.limit, feedback, feedforward, torque)
+            actuate(self.actuator, self.taken, feedback, feedforward, torque)
             write_samples(
                 samples, body_samples, k, true.foot, true.velocity, true.q, true.dq,
                 true.force, seen.force, fed, feedback, feedforward, true.body,
             )  # fmt: skip
+            if has_measured(samples):
+                write_measured(samples, body_samples, k, seen, true.body_rate)
             self.state = new = scenario.plant.step(torque)
             self.taken += 1
             sample = self.taken % plan.support.shape[0]

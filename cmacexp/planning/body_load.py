@@ -1,0 +1,59 @@
+"""What the feet have to carry together: a weight through the body's centre, or that and the inertia of the legs.
+
+The force of the ground on all feet is known by its size and by where it goes through the ground, its centre of
+pressure; there it has no moment about a horizontal axis (Vukobratovic & Borovac 2004, the zero-moment point).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.arrays import Array
+from cmacexp.models.gravity import GRAVITY
+from cmacexp.models.mechanism import Mechanism
+
+
+class BodyLoad(NamedTuple):
+    """Force of the ground over a cycle of N samples."""
+
+    force: Array
+    """(N,): N."""
+    centre: Array
+    """(N, 2): centre of pressure, forward and left of the body's centre, m."""
+
+
+def static_load(weight: float, samples: int) -> BodyLoad:
+    """The weight (N) of a body whose legs do not count, as in Lin & Song 1997, section 6."""
+    return BodyLoad(np.full(samples, weight), np.zeros((samples, 2)))
+
+
+def dynamic_load(mechanism: Mechanism, body_mass: float, desired: Array, joints: Array) -> BodyLoad:
+    """Gravity and inertia of a body and of the point masses of its legs, moving as planned.
+
+    The body stays level and goes at constant speed. What accelerates the legs along x is friction at the feet, whose
+    lever arm is the height of the hips. Jumps in velocity, as at both ends of one cubic, have no force here.
+
+    Args:
+        mechanism: the machine; its body's centre of gravity is in the plane of the hips.
+        body_mass: without legs, kg.
+        desired: (N, L, 6): planned motion of the feet, as in the plan.
+        joints: (N, L, 6): the same in joint angles.
+    """
+    length, mass_knee, mass_foot = mechanism.legs[:, 0], mechanism.legs[:, 2], mechanism.legs[:, 3]
+    angle, rate, acceleration = joints[..., 0], joints[..., 2], joints[..., 4]
+    sine, cosine = np.sin(angle), np.cos(angle)
+    knee_x, knee_y = length * cosine, length * sine
+    knee_ax = -length * (sine * acceleration + cosine * rate**2)
+    knee_ay = length * (cosine * acceleration - sine * rate**2)
+    force = np.full(len(desired), GRAVITY * body_mass)
+    moment_x, moment_y = np.zeros(len(desired)), np.zeros(len(desired))
+    for mass, x, y, ax, ay in (
+        (mass_knee, knee_x, knee_y, knee_ax, knee_ay),
+        (mass_foot, desired[..., 0], desired[..., 1], desired[..., 4], desired[..., 5]),
+    ):
+        down = mass * (GRAVITY - ay)
+        force += down.sum(axis=1)
+        above_ground = mechanism.hip_height - y
+        moment_x += ((mechanism.hips[:, 0] + x) * down - above_ground * mass * ax).sum(axis=1)
+        moment_y += (mechanism.hips[:, 1] * down).sum(axis=1)
+    return BodyLoad(force, np.stack([moment_x, moment_y], axis=1) / force[:, None])
