@@ -2,7 +2,6 @@
 
 import math
 import time
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from cmacexp import manifest as manifests
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.control import Learns
 from cmacexp.control.feedforward import BuiltInFeedforward
+from cmacexp.errors import BadAnswer, users_traceback
 from cmacexp.files import remove_leftovers, sha256
 from cmacexp.keep import (
     BODY,
@@ -159,7 +159,7 @@ def run_scenario(
         "wall_seconds": time.perf_counter() - began,
         "files": {name: sha256(folder / name) for name in names},
     }
-    if end.error is not None:
-        manifest["traceback"] = "".join(traceback.format_exception(end.error))
+    if end.error is not None and not isinstance(end.error, BadAnswer):
+        manifest["traceback"] = users_traceback(end.error)
     manifests.write(folder, manifest)
     return RunResult(folder, manifest, scores)

@@ -296,7 +296,7 @@ class Config:
     terrain: TerrainConfig
     gait: GaitConfig
     sensors: Any
-    controller: ControllerConfig
+    controller: Any
     actuator: ActuatorConfig
     posture: PostureConfig
     force_control: ForceControlConfig
@@ -338,8 +338,17 @@ class Config:
             return int(self.learning.lead)
         late = 0
         if isinstance(self.sensors, RealSensorsConfig):
-            late = (self.sensors.velocity if self.controller.velocity_gain else self.sensors.position).delay
+            late = (self.sensors.velocity if self.gains is None or self.gains[1] else self.sensors.position).delay
         return 1 + self.actuator.delay + late
+
+    @property
+    def gains(self) -> tuple[float, float] | None:
+        """K_ap (N/m) and K_av (N s/m) of the controller; None of one that has no such fields, or no such numbers."""
+        fields = self.controller if isinstance(self.controller, dict) else vars(self.controller)
+        position, velocity = fields.get("position_gain"), fields.get("velocity_gain")
+        if not (isinstance(position, int | float) and isinstance(velocity, int | float)):
+            return None
+        return (position, velocity) if position > 0 and velocity >= 0 else None
 
     @property
     def assumed_stiffness(self) -> float:
@@ -367,6 +376,7 @@ MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": Quad
 
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
+    "cmacexp.control.HybridController": ControllerConfig,
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
     "cmacexp.sensors.RealSensors": RealSensorsConfig,
     "cmacexp.control.NoFeedforward": PartWithoutFields,

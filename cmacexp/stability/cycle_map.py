@@ -14,8 +14,8 @@ from cmacexp.arrays import Array
 from cmacexp.config import Config
 from cmacexp.control.feedforward_law import TABLE
 from cmacexp.errors import CmacexpError
+from cmacexp.rollout.built_in import FusedRun, foreign_parts, fused_parts
 from cmacexp.rollout.layout import BODY_SAMPLES, SAMPLES
-from cmacexp.rollout.rollout import FusedRun, is_built_in
 from cmacexp.rollout.stop import RUNNING, new_guard
 from cmacexp.scenario import Scenario, make_scenario
 
@@ -64,11 +64,13 @@ class Loop:
     """
 
     def __init__(self, scenario: Scenario):
-        if not is_built_in(scenario):
+        foreign = foreign_parts(scenario)
+        if any(foreign):
             raise NotPredictable("parts that the compiled loop does not know cannot be linearised")
         setup = scenario.setup
         config, legs = setup.config, setup.mechanism.legs.shape[0]
-        self.run = FusedRun(scenario, new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period))
+        guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
+        self.run = FusedRun(fused_parts(scenario, foreign, guard))
         self.plan = setup.plan
         self.config = config
         self.period = config.steps_per_cycle
