@@ -11,7 +11,7 @@ from cmacexp.config import Config
 from cmacexp.console import print_table
 from cmacexp.keep import RECORDING, Scores
 from cmacexp.pooled import table_of_cycles
-from cmacexp.run import RunResult
+from cmacexp.run_one import RunResult
 
 COMPILING = "first run: compiling the control loop, once for all later runs (about 10 s) ..."
 

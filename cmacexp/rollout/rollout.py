@@ -155,7 +155,9 @@ class _FusedLoop:
 
 def _told(raised: Exception) -> str:
     """What a part raised, in a line; ours say all themselves."""
-    return " ".join((str(raised) if isinstance(raised, CmacexpError) else f"{type(raised).__name__}: {raised}").split())
+    return " ".join(
+        (str(raised) if isinstance(raised, CmacexpError) else f"{type(raised).__name__}: {raised}").split()
+    )
 
 
 class _Ending:
