@@ -99,8 +99,12 @@ def _reset(setup: Setup, parts: dict[str, Any]) -> Measurement:
     return first._replace(travel=measured.travel)
 
 
-def make_scenario(config: Config) -> Scenario:
+def make_scenario(config: Config, **given: Any) -> Scenario:
     """Plan the run, build its parts and reset them.
+
+    Args:
+        config: a checked config.
+        given: parts that are made already, by the key of their group.
 
     Raises:
         BadInput: a part cannot be made, there are no weights to start from, or the plan asks for what the machine
@@ -109,7 +113,7 @@ def make_scenario(config: Config) -> Scenario:
     mechanism = make_mechanism(config.machine)
     plain = to_plain(config)
     with current_folder_importable():
-        built = {key: build(key, plain[key]) for key in METHODS}
+        built = {key: build(key, plain[key], given.get(key)) for key in METHODS}
         parts = {key: part for key, (part, _) in built.items()}
         if isinstance(config.controller, dict):
             # Gains that its class does not take are not the controller's, and no reference may rest on them.

@@ -12,7 +12,7 @@ from cmacexp.console import print_table
 from cmacexp.keep import RECORDING, Scores
 from cmacexp.metrics.drift import Drift, in_words
 from cmacexp.pooled import table_of_cycles
-from cmacexp.run import RunResult
+from cmacexp.run_one import RunResult
 from cmacexp.scenario import Scenario
 
 COMPILING = "first run: compiling the control loop, once for all later runs (about 10 s) ..."

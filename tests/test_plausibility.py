@@ -9,7 +9,7 @@ import pytest
 from cmacexp.control.plausibility import Plausibility, expected_force, judge, new_trust
 from cmacexp.errors import BadInput
 from cmacexp.rollout import roll_out
-from cmacexp.run import run_scenario
+from cmacexp.run_one import run_scenario
 from cmacexp.scenario import make_scenario
 
 LAW = Plausibility(True, 10.0, 1.0, 0.5, 3.0)

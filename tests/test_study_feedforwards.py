@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from command import ROOT, python
 
-from cmacexp.run import run_scenario
+from cmacexp.run_one import run_scenario
 from cmacexp.stored import StoredRun
 from cmacexp.verify import faults
 from pipelines.shared.runs import Runs

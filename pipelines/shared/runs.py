@@ -57,7 +57,7 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, bool]
 
 
 def _run(folder: Path, config: Config) -> None:
-    from cmacexp.run import run_scenario
+    from cmacexp.run_one import run_scenario
 
     folder.mkdir(parents=True, exist_ok=True)
     with alone_in(folder):
