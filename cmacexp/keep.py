@@ -18,7 +18,7 @@ from cmacexp.metrics.drift import Drift
 from cmacexp.table import as_array, parts_of, rows_of, table_writer, write_table
 from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, schema_of, with_measured
 
-TRACE, BODY = "trace.parquet", "body.parquet"
+TRACE, BODY, MEMORY = "trace.parquet", "body.parquet", "memory.parquet"
 METRICS, METRICS_CSV, BODY_METRICS = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
 RECORDING = "recording.rrd"
 
@@ -30,6 +30,8 @@ class Traces(NamedTuple):
     """One row per step and leg."""
     body: pa.Table | None
     """One row per step; None without a body."""
+    memory: pa.Table | None = None
+    """One row per cycle and leg; None without weights."""
 
 
 class Scores(NamedTuple):
@@ -63,7 +65,9 @@ class RunWriter:
         self.legs.add(traces.legs)
         if traces.body is not None:
             self.body.add(traces.body)
-        for writer, table in zip(self.writers, traces, strict=False):
+        if traces.memory is not None:
+            self.legs.add_memory(traces.memory)
+        for writer, table in zip(self.writers, traces[:2], strict=False):
             kept = self._kept(table)
             if kept.num_rows:
                 writer.write_table(kept)
@@ -154,6 +158,14 @@ def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int =
     return Traces(legs, _read(folder / BODY, BODY_COLUMNS, cycles, every) if (folder / BODY).exists() else None)
 
 
+def write_memory(folder: Path, memory: Sequence[pa.Table]) -> list[str]:
+    """Write what the weights of a run were at the end of each cycle; the name of the file, if there are any."""
+    if not memory:
+        return []
+    write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
+    return [MEMORY]
+
+
 def write_scores(folder: Path, scores: Scores) -> list[str]:
     """Write the metrics of a run; the names of the files."""
     write_table(scores.legs, folder / METRICS)
@@ -174,6 +186,9 @@ def score_traces(folder: Path, steps_per_cycle: int) -> Scores:
     legs, body = Scorer(steps_per_cycle), BodyScorer(steps_per_cycle)
     for part in _parts(folder / TRACE):
         legs.add(part)
+    if (folder / MEMORY).exists():
+        for part in _parts(folder / MEMORY):
+            legs.add_memory(part)
     if not (folder / BODY).exists():
         return Scores(legs.table(), None)
     for part in _parts(folder / BODY):

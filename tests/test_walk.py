@@ -341,7 +341,7 @@ def test_tables_of_the_body_have_the_columns_of_the_contract_with_unit_and_meani
 
 def test_files_of_a_walk(walk):
     assert set(walk(*ALL_THREE).manifest["files"]) == {
-        "trace.parquet", "body.parquet", "metrics.parquet", "metrics.csv", "body_metrics.parquet",
+        "trace.parquet", "body.parquet", "memory.parquet", "metrics.parquet", "metrics.csv", "body_metrics.parquet",
     }  # fmt: skip
 
 

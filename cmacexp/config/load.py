@@ -39,7 +39,7 @@ def _schema(composed: DictConfig) -> DictConfig:
     if kind not in MACHINES:
         raise BadInput("machine.kind", kind, "choose from " + ", ".join(MACHINES))
     schema.machine = OmegaConf.structured(MACHINES[kind])
-    for part in ("plant", "sensors", "feedforward"):
+    for part in ("plant", "sensors", "controller", "feedforward"):
         target = composed[part].get("_target_")
         if target in BUILT_IN_PARTS:
             schema[part] = OmegaConf.structured(BUILT_IN_PARTS[target])

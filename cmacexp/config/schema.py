@@ -6,6 +6,13 @@ Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do n
 from dataclasses import dataclass, field
 from typing import Any
 
+from cmacexp.config.feedforwards import (
+    INPUTS,
+    InverseDynamicsConfig,
+    IterativeLearningConfig,
+    PerceptronConfig,
+    RadialBasisConfig,
+)
 from cmacexp.config.fields import choice, number
 from cmacexp.config.mujoco import MujocoLegConfig, MujocoQuadrupedConfig
 from cmacexp.config.sensors import RealSensorsConfig
@@ -217,7 +224,7 @@ class CmacConfig:
     addressing: str = choice("hashed", "dense")
     displacement: str = choice("diagonal", "odd_lattice", "parks_militzer")
     """How the layers are shifted against each other; diagonal as in the paper."""
-    inputs: list[str] = choice("angle", "velocity", "acceleration")
+    inputs: list[str] = choice(*INPUTS)
     """Planned joint values that address the memory (assumed)."""
     range_factor: float = number("", at_least=1, at_most=1e6)
     """Input range over the planned span, centred on its middle (assumed)."""
@@ -237,6 +244,8 @@ class LearningConfig:
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
     start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts."""
+    start_from: str | None = field(kw_only=True)
+    """Folder of a run that kept its weights (record.weights), with which the feedforward begins; null: none."""
     regularisation: float = number("", at_least=0, at_most=1e6)
     """normalised: added to sum a_i^2, over its mean along the plan; 0: the paper's rule."""
     dead_zone: float = number("N m", at_least=0)
@@ -257,6 +266,8 @@ class RecordConfig:
 
     recording: bool
     """Write recording.rrd, the Rerun view."""
+    weights: bool
+    """Write weights.npz, what the feedforward has learnt at the end."""
     every_nth_step: int = number("steps", at_least=1, at_most=10**9)
     """Keep one step in so many in the traces; the metrics are those of all steps."""
     cycles: list[int] | None = number("cycle", at_least=1, at_most=10**9)
@@ -286,7 +297,7 @@ class Config:
     terrain: TerrainConfig
     gait: GaitConfig
     sensors: Any
-    controller: ControllerConfig
+    controller: Any
     actuator: ActuatorConfig
     posture: PostureConfig
     force_control: ForceControlConfig
@@ -328,8 +339,17 @@ class Config:
             return int(self.learning.lead)
         late = 0
         if isinstance(self.sensors, RealSensorsConfig):
-            late = (self.sensors.velocity if self.controller.velocity_gain else self.sensors.position).delay
+            late = (self.sensors.velocity if self.gains is None or self.gains[1] else self.sensors.position).delay
         return 1 + self.actuator.delay + late
+
+    @property
+    def gains(self) -> tuple[float, float] | None:
+        """K_ap (N/m) and K_av (N s/m) of the controller; None of one that has no such fields, or no such numbers."""
+        fields = self.controller if isinstance(self.controller, dict) else vars(self.controller)
+        position, velocity = fields.get("position_gain"), fields.get("velocity_gain")
+        if not (isinstance(position, int | float) and isinstance(velocity, int | float)):
+            return None
+        return (position, velocity) if position > 0 and velocity >= 0 else None
 
     @property
     def assumed_stiffness(self) -> float:
@@ -353,26 +373,20 @@ class PartWithoutFields:
     _target_: str
 
 
-@dataclass
-class IterativeLearningConfig:
-    """Iterative learning control (Bristow, Tharayil & Alleyne 2006)."""
-
-    _target_: str
-    cutoff: float | None = number("Hz", above=0, at_most=1e6)
-    """Of the low-pass Q that the torques of a cycle go through, where its gain is 1/sqrt(2); null: none."""
-
-
 MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine}
 
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
+    "cmacexp.control.HybridController": ControllerConfig,
     "cmacexp.plants.mujoco_leg.MujocoLeg": MujocoLegConfig,
     "cmacexp.plants.mujoco_quadruped.MujocoQuadruped": MujocoQuadrupedConfig,
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
     "cmacexp.sensors.RealSensors": RealSensorsConfig,
     "cmacexp.control.NoFeedforward": PartWithoutFields,
     "cmacexp.control.CmacFeedforward": PartWithoutFields,
-    "cmacexp.control.InverseDynamics": PartWithoutFields,
+    "cmacexp.control.InverseDynamics": InverseDynamicsConfig,
+    "cmacexp.control.RadialBasis": RadialBasisConfig,
+    "cmacexp.control.Perceptron": PerceptronConfig,
     "cmacexp.control.IterativeLearning": IterativeLearningConfig,
 }
 """Schemas of the parts that a ``_target_`` can name; another target brings its own fields, unchecked here."""

@@ -6,6 +6,7 @@ from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.memory import read, read_weighted, train, train_weighted
 from cmacexp.cmac.rules import PAPER, rate_in_cycle, train_by_rule
 from cmacexp.compile import kernel
+from cmacexp.control.weight_log import WeightLog, log_cycle
 
 NONE, TABLE, CMAC, WEIGHTED = range(4)
 
@@ -52,6 +53,7 @@ class FeedforwardLaw(NamedTuple):
     """(L, rows, 2): weights of the networks, one per leg."""
     learning: LearningLaw
     smoothing: Smoothing
+    log: WeightLog
 
 
 @kernel
@@ -97,6 +99,8 @@ def feedforward_step(law: FeedforwardLaw, step: int, sample: int, taught: Array,
         taught: (L, 2): what the feedback gave in the last step, N m.
         output: (L, 2): is filled, N m.
     """
+    if sample == 0:
+        log_cycle(law.log, law.weights)
     for i in range(output.shape[0]):
         if law.kind == TABLE:
             output[i, 0], output[i, 1] = law.torque[sample, i, 0], law.torque[sample, i, 1]

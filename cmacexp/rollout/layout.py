@@ -16,6 +16,8 @@ SAMPLES = (
 POSE, TRAVEL = ("height", "pitch", "roll"), ("cog_x", "cog_y", "yaw")
 BODY_SAMPLES = (*POSE, *TRAVEL)
 """Columns of the body that a run gives; the last three are those of the plan unless the plant measures them."""
+GONE = slice(len(POSE), len(BODY_SAMPLES))
+"""Those three."""
 
 MEASURED = ("x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2")
 """Columns that follow SAMPLES, as ``x_measured``, where sensors alter something; the force has its own always."""
