@@ -44,7 +44,7 @@ def _run(composed: DictConfig, session: _Session) -> None:
     if config.sweep.resume:
         raise BadInput("sweep.resume", True, "resumes a sweep: add -m and hydra.sweep.dir=DIR")
     from cmacexp.optimize import check_metric
-    from cmacexp.run import run_scenario
+    from cmacexp.run_one import run_scenario
     from cmacexp.scenario import make_scenario
     from cmacexp.terminal import announce_compiling, progress, summary, warn_of_drift, warn_of_growth
 

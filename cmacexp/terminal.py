@@ -12,7 +12,7 @@ from cmacexp.console import print_table
 from cmacexp.keep import RECORDING, Scores
 from cmacexp.metrics.drift import Drift, in_words
 from cmacexp.pooled import table_of_cycles
-from cmacexp.run import RunResult
+from cmacexp.run_one import RunResult
 from cmacexp.scenario import Scenario
 
 COMPILING = "first run: compiling the control loop, once for all later runs (about 10 s) ..."
@@ -85,6 +85,10 @@ def summary(result: RunResult) -> None:
     print(outcome(result))
     if manifest["config"]["learning"]["lead"] == "auto":
         print(f"learning.lead=auto is {manifest['learning_lead']} here")
+    for dropped in manifest["dropped"]:
+        time = dropped["step"] * manifest["config"]["sampling_period"]
+        told = f"force sensor of leg {dropped['leg']} dropped at step {dropped['step']} (t = {time:g} s)"
+        print(f"{told}: it told what the ground cannot give")
     if RECORDING in manifest["files"]:
         from cmacexp.recording import every_of
 

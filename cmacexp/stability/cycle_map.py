@@ -197,4 +197,4 @@ def open_loop(config: Config, prepared: Scenario | None = None) -> Loop:
     """
     if prepared is None:
         return Loop(make_scenario(config))
-    return Loop(copy.deepcopy(prepared) if is_built_in(prepared) else prepared)
+    return Loop(copy.deepcopy(prepared) if not any(foreign_parts(prepared)) else prepared)
