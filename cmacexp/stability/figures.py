@@ -134,7 +134,8 @@ def real_parts(found: Analysis) -> Drawing:
     caption = (
         "T: from feedforward torque to the torque that it spares the feedback. Where Re T is negative, learning from "
         "cycle to cycle goes the wrong way. A torque at one step shows in U at the next, which turns the phase of "
-        f"fast changes too far for any but the right lead. Here Re T is positive at every frequency with {_right(found)}."
+        "fast changes too far for any but the right lead. Here Re T is positive at every frequency with "
+        f"{_right(found)}."
     )
     return Drawing("real_parts", figure, caption)
 
