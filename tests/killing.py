@@ -14,10 +14,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import cmacexp.run_one
 import pyarrow.parquet as pq
 
 import cmacexp.optimize
+import cmacexp.run_one
 import cmacexp.scenario
 import cmacexp.sweep.end  # noqa: F401
 from cmacexp.cli import main
