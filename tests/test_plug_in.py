@@ -146,7 +146,7 @@ def test_every_force_control_method_plans_for_a_controller_without_gains(here, m
 
 
 BAD = {
-    "{}.Missing": "has no Missing; it has Breaks, BreaksAtOnce, CannotBeMade, Flat, Needs, Still, Stiff",
+    "{}.Missing": "has no Missing; it has Breaks, BreaksAtOnce, CannotBeMade, Flat, Needs, Stiff, Still",
     "{}.Stil": "did you mean Still?",
     "{}x.Still": "there is no module {}x, neither in",
     "{}.number": "is no class but a int",
