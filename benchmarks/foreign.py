@@ -87,12 +87,9 @@ def alone(given: dict[str, list[Any]]) -> Callable[[], float]:
     """A worker: seconds a step of the calls of these parts alone."""
 
     def run() -> float:
+        two = ("controller", "feedforward")
         calls = [
-            (
-                getattr(Plays(listed), METHODS[key]),
-                (None,) * (1 + (key in ("controller", "feedforward"))),
-                len(listed),
-            )
+            (getattr(Plays(listed), METHODS[key]), (None, None) if key in two else (None,), len(listed))
             for key, listed in given.items()
         ]
         began = time.perf_counter()
