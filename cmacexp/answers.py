@@ -1,6 +1,5 @@
 """What parts give back to the loop, held to shape and kind: a mistake is told where it is made."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,11 +7,11 @@ import numpy as np
 from cmacexp.arrays import Array
 from cmacexp.control.protocol import Action
 from cmacexp.errors import BadAnswer
-from cmacexp.plants.protocol import Measurement
+from cmacexp.plants.protocol import STATE, Measurement, state_of
 
 UNITS = {
     "q": "rad", "dq": "rad/s", "foot": "m", "velocity": "m/s", "force": "N",
-    "body": "m, rad, rad", "body_rate": "m/s, rad/s, rad/s",
+    "body": "m, rad, rad", "body_rate": "m/s, rad/s, rad/s", "travel": "m, m, rad",
     "feedback": "N m", "feedforward": "N m", "torque": "N m", "reference": "m",
 }  # fmt: skip
 
@@ -67,7 +66,7 @@ def require_finite(part: object, method: str, name: str, values: Array) -> None:
         raise BadAnswer(f"{_method(part, method)} gave {name}[{where}] = {value}: expected finite {UNITS[name]}")
 
 
-def take_measurement(part: object, method: str, given: Any, room: Sequence[Array]) -> None:
+def take_measurement(part: object, method: str, given: Any, room: Measurement) -> None:
     """Copy a measurement that plant or sensors gave into ``room``, the arrays of one.
 
     Raises:
@@ -79,16 +78,21 @@ def take_measurement(part: object, method: str, given: Any, room: Sequence[Array
             f"expected cmacexp.plants.Measurement({', '.join(Measurement._fields)})"
         )
     try:
-        for values, own in zip(given, room, strict=True):
+        for values, own in zip(state_of(given), state_of(room), strict=True):
             if values.dtype is not FLOAT or values.shape != own.shape:
                 break
             own[...] = values
         else:
-            return
+            if given.travel is None:
+                return
     except AttributeError:
         pass
-    for name, values, own in zip(Measurement._fields, given, room, strict=True):
+    for name, values, own in zip(STATE, state_of(given), state_of(room), strict=True):
         take(part, method, name, values, own)
+    if given.travel is not None:
+        travel = np.empty(3)
+        take(part, method, "travel", given.travel, travel)
+        require_finite(part, method, "travel", travel)
 
 
 def take_action(part: object, given: Any, feedback: Array, feedforward: Array, reference: Array) -> bool:

@@ -44,13 +44,14 @@ def _run(composed: DictConfig, session: _Session) -> None:
     if config.sweep.resume:
         raise BadInput("sweep.resume", True, "resumes a sweep: add -m and hydra.sweep.dir=DIR")
     from cmacexp.optimize import check_metric
-    from cmacexp.run import run_scenario
+    from cmacexp.run_one import run_scenario
     from cmacexp.scenario import make_scenario
-    from cmacexp.terminal import announce_compiling, progress, summary, warn_of_drift
+    from cmacexp.terminal import announce_compiling, progress, summary, warn_of_drift, warn_of_growth
 
     announce_compiling()
     check_metric(config.optimize)
     scenario = make_scenario(config)
+    warn_of_growth(config, scenario)
     with progress(config) as watch:
         result = run_scenario(config, Path(HydraConfig.get().runtime.output_dir), watch, scenario, warn_of_drift)
     session.outcome = result.status

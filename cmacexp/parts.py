@@ -136,21 +136,31 @@ def _fitting(key: str, make: Callable[..., object], node: Mapping[str, Any]) -> 
     return {name: value for name, value in node.items() if name not in given or name in named}
 
 
-def build(key: str, node: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+def build(key: str, node: Mapping[str, Any], made: Any = None) -> tuple[Any, dict[str, Any]]:
     """A part, and the node that it was made from without fields that it does not take.
 
     Args:
         key: the group, ``controller``.
         node: its ``_target_`` and fields.
+        made: the part if it is made already.
 
     Raises:
         BadInput: it cannot be made; as :class:`BadPart` with the traceback of what its own code raised.
     """
     target, where = node.get("_target_"), f"{key}._target_"
+    part, fitting = (made, dict(node)) if made is not None else _make(where, key, node)
+    missing = [name for name in METHODS[key] if not hasattr(part, name)]
+    if missing:
+        raise BadInput(where, target, f"is no {key}: it has no {' and no '.join(missing)}")
+    return part, fitting
+
+
+def _make(where: str, key: str, node: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+    target = node.get("_target_")
     make = _find(where, target)
     fitting = _fitting(key, make, node)
     try:
-        part = instantiate(fitting)
+        return instantiate(fitting), fitting
     except InstantiationException as error:
         cause = error.__cause__
         if isinstance(cause, BadInput):
@@ -161,7 +171,3 @@ def build(key: str, node: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
         if cause is None:
             raise BadInput(where, target, f"cannot be made: {reason}") from error
         raise BadPart(where, target, f"cannot be made: {type(cause).__name__}: {reason}", cause) from error
-    missing = [name for name in METHODS[key] if not hasattr(part, name)]
-    if missing:
-        raise BadInput(where, target, f"is no {key}: it has no {' and no '.join(missing)}")
-    return part, fitting

@@ -17,7 +17,7 @@ from cmacexp.models.mechanism import Mechanism, legs_on_stand, legs_under_body, 
 from cmacexp.parts import METHODS, build, current_folder_importable
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.plants import Measurement, Plant
-from cmacexp.plants.protocol import new_measurement
+from cmacexp.plants.protocol import STATE, new_measurement, state_of
 from cmacexp.sensors import Sensors
 from cmacexp.weights import check_weights, read_weights
 
@@ -92,14 +92,19 @@ def _reset(setup: Setup, parts: dict[str, Any]) -> Measurement:
     controller.reset(_own(setup, controller), feedforward)
     sensors.reset(_own(setup, sensors))
     first = new_measurement(setup.mechanism.legs.shape[0])
-    take_measurement(plant, "reset", plant.reset(_own(setup, plant)), first)
-    for name, values in first._asdict().items():
+    measured = plant.reset(_own(setup, plant))
+    take_measurement(plant, "reset", measured, first)
+    for name, values in zip(STATE, state_of(first), strict=True):
         require_finite(plant, "reset", name, values)
-    return first
+    return first._replace(travel=measured.travel)
 
 
-def make_scenario(config: Config) -> Scenario:
+def make_scenario(config: Config, **given: Any) -> Scenario:
     """Plan the run, build its parts and reset them.
+
+    Args:
+        config: a checked config.
+        given: parts that are made already, by the key of their group.
 
     Raises:
         BadInput: a part cannot be made, there are no weights to start from, or the plan asks for what the machine
@@ -108,7 +113,7 @@ def make_scenario(config: Config) -> Scenario:
     mechanism = make_mechanism(config.machine)
     plain = to_plain(config)
     with current_folder_importable():
-        built = {key: build(key, plain[key]) for key in METHODS}
+        built = {key: build(key, plain[key], given.get(key)) for key in METHODS}
         parts = {key: part for key, (part, _) in built.items()}
         if isinstance(config.controller, dict):
             # Gains that its class does not take are not the controller's, and no reference may rest on them.

@@ -14,11 +14,11 @@ from cmacexp.config.fields import listed
 from cmacexp.config.schema import BUILT_IN_PARTS, MACHINES, Config
 from cmacexp.errors import BadInput
 
-WITHOUT_EFFECT = ("record", "sweep", "optimize", "hydra")
+WITHOUT_EFFECT = ("record", "sweep", "optimize", "warn", "hydra")
 """Root keys that do not change the results of a run, and so stay out of its hash."""
 
 
-WITHOUT_OPTIONS = ("scenario", "cycles", "seed", "sampling_period", "reference", "sweep", "optimize")
+WITHOUT_OPTIONS = ("scenario", "cycles", "seed", "sampling_period", "reference", "sweep", "optimize", "warn")
 """Root keys that are not groups."""
 
 

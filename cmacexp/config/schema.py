@@ -14,6 +14,7 @@ from cmacexp.config.feedforwards import (
     RadialBasisConfig,
 )
 from cmacexp.config.fields import choice, number
+from cmacexp.config.mujoco import MujocoLegConfig, MujocoQuadrupedConfig
 from cmacexp.config.sensors import RealSensorsConfig
 from cmacexp.models.gravity import GRAVITY
 
@@ -211,6 +212,19 @@ class ForceControlConfig:
 
 
 @dataclass
+class PlausibilityConfig:
+    """Whether the controller looks if a force sensor can be believed, and drops one that cannot."""
+
+    enabled: bool
+    tolerance: float = number("N", above=0, at_most=1e9)
+    """Difference from the force expected at the measured depth that raises no doubt."""
+    relative_tolerance: float = number("", at_least=0, below=1)
+    """Likewise over the expected force; at 1 a sensor stuck at zero would pass."""
+    patience: int = number("samples", at_least=1, at_most=10**6)
+    """So many that are wrong by twice the tolerance drop a sensor."""
+
+
+@dataclass
 class CmacConfig:
     """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
 
@@ -234,7 +248,14 @@ class LearningConfig:
     """The learning law (Lin & Song 1997, eq. 19, 20); the rules and their sources stand in cmacexp/cmac/rules.py."""
 
     rule: str = choice(
-        "paper", "normalised", "dead_zone", "leakage", "e_modification", "weight_smoothing", "decaying_rate"
+        "paper",
+        "normalised",
+        "dead_zone",
+        "leakage",
+        "e_modification",
+        "weight_smoothing",
+        "decaying_rate",
+        "zero_phase",
     )
     """paper: beta U a_j / sum a_i^2; each of the others does one thing otherwise, as the field of its name says."""
     rate: float = number("", above=0, below=2)
@@ -250,11 +271,13 @@ class LearningConfig:
     dead_zone: float = number("N m", at_least=0)
     """dead_zone: feedback up to this teaches nothing; 0: the paper's rule."""
     leakage: float = number("", at_least=0, at_most=1)
-    """leakage: an active weight loses beta times this of itself; 0: the paper's rule."""
+    """leakage, zero_phase: an active weight loses beta times this of itself; 0: none."""
     e_modification: float = number("1/(N m)", at_least=0, at_most=1e6)
     """e_modification: loses beta |U| times this; the output stays within its inverse; 0: the paper's rule."""
     smoothing: float = number("", at_least=0, at_most=1)
     """weight_smoothing: goes beta times this of its way to the mean of the active ones, kappa of Macnab 2017."""
+    window: int = number("samples", at_least=0, at_most=10**4)
+    """zero_phase: an error teaches so many samples to both sides, by binomial weights; 0: leakage alone."""
     decay: float = number("cycles", above=0, at_most=1e9)
     """decaying_rate: after so many cycles of learning the rate is half of beta, after twice as many a third."""
 
@@ -300,6 +323,7 @@ class Config:
     actuator: ActuatorConfig
     posture: PostureConfig
     force_control: ForceControlConfig
+    plausibility: PlausibilityConfig
     feedforward: Any
     cmac: CmacConfig
     learning: LearningConfig
@@ -307,6 +331,8 @@ class Config:
     sweep: SweepConfig
     optimize: str | None
     """Metric whose final value a job of a sweep gives to the sweeper (see cmacexp/optimize.py); null: none."""
+    warn: bool
+    """Say before a long run if its learning is predicted to come apart (see cmacexp/stability/warn.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)
     seed: int = number("", at_least=0, below=2**32)
     """Seeds the hash of the CMAC's memory, and every part that draws random numbers."""
@@ -377,6 +403,8 @@ MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": Quad
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
     "cmacexp.control.HybridController": ControllerConfig,
+    "cmacexp.plants.mujoco_leg.MujocoLeg": MujocoLegConfig,
+    "cmacexp.plants.mujoco_quadruped.MujocoQuadruped": MujocoQuadrupedConfig,
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
     "cmacexp.sensors.RealSensors": RealSensorsConfig,
     "cmacexp.control.NoFeedforward": PartWithoutFields,

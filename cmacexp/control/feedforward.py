@@ -7,7 +7,8 @@ import numpy as np
 from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange, spanning
-from cmacexp.cmac.rules import NORMALISED, PAPER, RULES, WEIGHT_SMOOTHING, strength_of
+from cmacexp.cmac.rules import NORMALISED, PAPER, RULES, WEIGHT_SMOOTHING, ZERO_PHASE, strength_of
+from cmacexp.cmac.spread import spread_shares
 from cmacexp.cmac.use import MemoryUse, memory_use
 from cmacexp.control.feedforward_law import (
     CMAC,
@@ -68,8 +69,8 @@ def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
     return setup.plan.joints[:, i, [column for name in names for column in COLUMNS[name]]]
 
 
-def _learning(setup: Setup, activation: Array) -> LearningLaw:
-    """How a network of these activations (N, L, C) learns; ``normalised`` adds a part of their mean power."""
+def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningLaw:
+    """How a network of these cells and activations (N, L, C) learns."""
     config = setup.config.learning
     rule, strength = RULES[config.rule][0], strength_of(config)
     if rule == WEIGHT_SMOOTHING and activation.shape[2] == 1:
@@ -79,9 +80,13 @@ def _learning(setup: Setup, activation: Array) -> LearningLaw:
             "draws active weights to their mean, but here one alone is active at a time; "
             "take at least 2 (cmac.layers), or another rule",
         )
-    if rule == NORMALISED:
+    if rule in (NORMALISED, ZERO_PHASE):
         strength *= float(np.mean((activation**2).sum(axis=2)))
-    return LearningLaw(config.rate, setup.config.lead, rule, strength, setup.plan.start_step)
+    law = LearningLaw(config.rate, setup.config.lead, rule, strength, setup.plan.start_step)
+    if rule != ZERO_PHASE:
+        return law
+    taught, share = spread_shares(cells, activation, config.window)
+    return law._replace(cells=taught, share=share)
 
 
 def known_torque(setup: Setup, torque: Array | None) -> FeedforwardLaw:
@@ -114,17 +119,18 @@ def network(
         BadInput: the learning rule does not fit the network.
     """
     legs = setup.mechanism.legs.shape[0]
+    cells = np.ascontiguousarray(cells, dtype=np.uint32)
     counts = np.ones(cells.shape) if activation is None else np.ascontiguousarray(activation, dtype=float)
-    active, learning = np.ascontiguousarray(cells, dtype=np.uint32), _learning(setup, counts)
+    learning = _learning(setup, cells, counts)
     return FeedforwardLaw(
         CMAC if activation is None else WEIGHTED,
         np.zeros((1, legs, 2)),
-        active,
+        cells,
         np.zeros((1, legs, 1)) if activation is None and learning.rule == PAPER else counts,
         np.zeros((legs, rows, 2)),
         learning,
         NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows)),
-        new_log(active),
+        new_log(cells),
     )
 
 

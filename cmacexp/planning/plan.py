@@ -44,7 +44,7 @@ class Plan(NamedTuple):
     force_desired: Array
     """(N, L): desired contact force, N."""
     reference: Array
-    """(2, N, L, 6): per stage x, y (m), vx, vy (m/s), F_r (N) and F_d to add to the feedback (N)."""
+    """(2, N, L, 7): per stage x, y (m), vx, vy (m/s), F_r (N), F_d to add to the feedback (N), desired force (N)."""
     margins: Array
     """(N, 3): stability margin, front and rear margin of a body over its planned support polygon, m; else NaN."""
     start_step: int
@@ -144,7 +144,7 @@ def check_apex(config: Config, gap: float) -> None:
 
 
 def _reference(config: Config, timing: Timing, hip_height: float, desired: Array, force: Array) -> Array:
-    """What the controller is fed, (2, N, L, 6): the desired motion in transfer, the force laws in support.
+    """What the controller is fed, (2, N, L, 7): the desired motion in transfer, the force laws in support.
 
     A controller without K_ap and K_av gets the laws without their terms in 1/K_a and K_av/K_ap.
     """
@@ -156,8 +156,8 @@ def _reference(config: Config, timing: Timing, hip_height: float, desired: Array
         method.admittance,
         config.assumed_stiffness,
     )
-    reference = np.zeros((2, *desired.shape))
-    reference[..., :4] = desired[..., :4]
+    reference = np.zeros((2, *force.shape, 7))
+    reference[..., :4], reference[..., 6] = desired[..., :4], force
     support = timing.support
     for stage in (BEFORE, ACTING):
         keeps = config.gains is not None and keeps_static_load(config.reference, stage == ACTING)

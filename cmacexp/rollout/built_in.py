@@ -6,12 +6,12 @@ from cmacexp.arrays import Array
 from cmacexp.control import HybridController, NoFeedforward
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.feedforward import BuiltInFeedforward
-from cmacexp.plants import AnalyticPlant, Measurement
+from cmacexp.plants import AnalyticPlant
 from cmacexp.plants.kernels import PlantState
 from cmacexp.rollout.fused import FusedLoop, Torques, fused_loop
 from cmacexp.rollout.layout import room_for
 from cmacexp.rollout.relay import Foreign
-from cmacexp.rollout.stepped import MEASURED
+from cmacexp.rollout.stepped import measurable
 from cmacexp.rollout.stop import Guard
 from cmacexp.scenario import Scenario
 from cmacexp.sensors import PerfectSensors, RealSensors
@@ -87,7 +87,7 @@ class FusedRun:
     def __init__(self, loop: FusedLoop):
         self.loop = loop
         self.taken = 0
-        self.state = Measurement(*loop.plant_state[:MEASURED])
+        self.state = measurable(loop.plant_state)
         self.run(*room_for(0, loop.support.shape[1], False))
 
     def run(self, samples: Array, body_samples: Array) -> int:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.arrays import Array
+from cmacexp.config import Config
 from cmacexp.control.feedforward import BuiltInFeedforward
 from cmacexp.control.weight_log import MOST_CYCLES
 from cmacexp.errors import CmacexpError
@@ -16,7 +17,7 @@ from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.rollout.built_in import ALL_FOREIGN, FusedRun, foreign_parts, fused_parts
 from cmacexp.rollout.interrupt import interrupt_held_back
-from cmacexp.rollout.layout import body_names_of, names_of, room_for
+from cmacexp.rollout.layout import GONE, body_names_of, names_of, room_for
 from cmacexp.rollout.stepped import SteppedLoop
 from cmacexp.rollout.stop import RUNNING, STATUSES, describe_stop, new_guard
 from cmacexp.scenario import Scenario
@@ -103,6 +104,13 @@ def _weights(scenario: Scenario, cycles: int) -> Array | None:
     return feedforward.take_log(cycles) if isinstance(feedforward, BuiltInFeedforward) else None
 
 
+def _go_as_planned(body: Array, start: int, config: Config) -> None:
+    """Where a body that goes straight ahead as planned is in the world; fills its columns of ``body``."""
+    step = np.arange(start, start + len(body))
+    body[:, GONE] = 0.0
+    body[:, GONE.start] = step * config.sampling_period * config.body_speed
+
+
 def stream(
     scenario: Scenario,
     keep: Callable[[Samples], None],
@@ -137,11 +145,13 @@ def stream(
     legs = setup.mechanism.legs.shape[0]
     fits = min(max(1, MOST_ROWS // (period * legs)), MOST_CYCLES)
     together = min(cycles, fits if isinstance(loop, FusedRun) else 1)
-    samples, body = room_for(together * period, legs, bool(altered_by(scenario.sensors) - {"force"}))
+    wide = config.plausibility.enabled or bool(altered_by(scenario.sensors) - {"force"})
+    samples, body = room_for(together * period, legs, wide)
     joints = [i for i, name in enumerate(names_of(samples)) if name.removesuffix("_measured") in JOINTS]
     ending, seconds = _Ending(loop), 0.0
     while ending.status == "completed" and loop.taken < cycles * period:
         start, steps = loop.taken, min(len(samples), cycles * period - loop.taken)
+        _go_as_planned(body[:steps], start, config)
         began = time.perf_counter()
         with ending.caught():
             stop = loop.run(samples[:steps], body[:steps])

@@ -4,7 +4,7 @@ Foreign parts are called from here, once a step each; between the calls :func:`r
 given is its own: it may keep it, and nothing that it writes into it reaches the loop.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import repeat
 from typing import Any
@@ -15,15 +15,12 @@ from numpy.typing import NDArray
 from cmacexp.answers import require_finite, take, take_action, take_measurement
 from cmacexp.arrays import Array
 from cmacexp.control.protocol import Reference
-from cmacexp.plants.protocol import Measurement
+from cmacexp.plants.protocol import STATE, Measurement, state_of
 from cmacexp.rollout.fused import FusedLoop
-from cmacexp.rollout.layout import room_for
+from cmacexp.rollout.layout import GONE, room_for
 from cmacexp.rollout.relay import STEP, Foreign, Handed, relay
 from cmacexp.rollout.stop import RUNNING
 from cmacexp.scenario import Scenario
-
-MEASURED = len(Measurement._fields)
-"""Of the first arrays of a plant's state, those that can be measured."""
 
 
 def read_only(values: NDArray[Any]) -> NDArray[Any]:
@@ -42,9 +39,19 @@ _reference: Callable[[tuple[object, ...]], Reference] = partial(tuple.__new__, R
 _measurement: Callable[[tuple[object, ...]], Measurement] = partial(tuple.__new__, Measurement)
 
 
+def measurable(state: Sequence[Array]) -> Measurement:
+    """The first arrays of the state of a plant, or of sensors, which are what can be measured."""
+    return Measurement(*state[: len(STATE)])
+
+
+def named(measurement: Measurement) -> Iterable[tuple[str, Array]]:
+    """The arrays of a measurement with their names."""
+    return zip(STATE, state_of(measurement), strict=True)
+
+
 def _measurements(blocks: Measurement) -> list[Measurement]:
     """A measurement for every row of ``blocks`` (K, ...)."""
-    return list(map(_measurement, zip(*map(list, blocks), strict=True)))
+    return list(map(_measurement, zip(*map(list, state_of(blocks)), repeat(None))))
 
 
 class SteppedLoop:
@@ -62,13 +69,15 @@ class SteppedLoop:
         self.controller, self.feedforward = scenario.controller, scenario.feedforward
         self.plan = scenario.setup.plan
         self.rows: dict[tuple[int, int, bool], tuple[list[NDArray[Any]], ...]] = {}
-        self.state = Measurement(*loop.plant_state[:MEASURED])
+        self.state = measurable(loop.plant_state)
         if foreign.plant:
-            for own, first in zip(self.state, scenario.first, strict=True):
+            for own, first in zip(state_of(self.state), state_of(scenario.first), strict=True):
                 own[...] = first
-        self.given = Measurement(*loop.seen[:MEASURED])
+        self.travel = scenario.first.travel
+        self.given = measurable(loop.seen)
         self.progress = np.zeros(3, dtype=np.int64)
         self.calls: tuple[Callable[[int], None], ...] = (self._measure, self._act, self._predict, self._step)
+        self.trusts = foreign.controller and hasattr(scenario.controller, "force_trusted")
         self.begun = 0
         self._run(*room_for(0, self.state.q.shape[0], False))
 
@@ -95,7 +104,7 @@ class SteppedLoop:
 
     def _run(self, samples: Array, body_samples: Array) -> int:
         """:meth:`run` for some steps of one cycle."""
-        progress, calls = self.progress, self.calls
+        progress, calls, self.body_samples = self.progress, self.calls, body_samples
         self.begun = self.taken
         progress[0] = 0
         handed = self._prepare(len(samples))
@@ -112,7 +121,7 @@ class SteppedLoop:
             return np.empty((steps if needed else 0, *like.shape))
 
         true, seen = (
-            Measurement(*(room(part, needed) for part in self.state))
+            Measurement(*(room(part, needed) for part in state_of(self.state)))
             for needed in (foreign.sensors, foreign.controller)
         )
         handed = Handed(true, seen, room(self.state.q, foreign.feedforward), room(self.state.q, foreign.plant))
@@ -141,6 +150,8 @@ class SteppedLoop:
     def _act(self, row: int) -> None:
         reference, state = self.references[row], self.loop.control_state
         action = self.controller.act(reference, self.seen[row])
+        if self.trusts:
+            state.plausible.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
         if not take_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
             state.reference[...] = reference.values[:, :2]
 
@@ -149,7 +160,11 @@ class SteppedLoop:
         take(self.feedforward, "predict", "torque", torque, self.loop.torques.feedforward)
 
     def _step(self, row: int) -> None:
-        take_measurement(self.plant, "step", self.plant.step(self.torque[row]), self.state)
+        if self.travel is not None:
+            self.body_samples[row, GONE] = self.travel
+        measured = self.plant.step(self.torque[row])
+        take_measurement(self.plant, "step", measured, self.state)
+        self.travel = measured.travel
         if row + self.begun == 0:
             self._require_finite(STEP)
 
@@ -160,10 +175,10 @@ class SteppedLoop:
         state = self.loop.control_state
         feedback, feedforward = ("feedback", state.feedback), ("feedforward", self.loop.torques.feedforward)
         part, method, given = (
-            (self.sensors, "measure", self.given._asdict().items()),
+            (self.sensors, "measure", named(self.given)),
             (self.controller, "act", (feedback, feedforward)),
             (self.feedforward, "predict", (("torque", feedforward[1]),)),
-            (self.plant, "step", self.state._asdict().items()),
+            (self.plant, "step", named(self.state)),
         )[what]
         for name, values in given:
             require_finite(part, method, name, values)

@@ -37,7 +37,7 @@ def _cause(error: Exception) -> str:
 
 def _leave_failure(folder: Path, composed: DictConfig, error: Exception, cause: str) -> None:
     """Leave a manifest that says why there is no result, and nothing else; as far as the disk takes it."""
-    from cmacexp.run import clear
+    from cmacexp.run_one import clear
 
     plain = _plain(composed)
     manifest: manifests.Manifest = {
@@ -66,7 +66,7 @@ def _leave_failure(folder: Path, composed: DictConfig, error: Exception, cause: 
 def _run(config: Config, folder: Path, name: str) -> None:
     """Run the job unless it is finished and the sweep resumes; say how it ended."""
     from cmacexp.finished import is_finished
-    from cmacexp.run import run_scenario
+    from cmacexp.run_one import run_scenario
     from cmacexp.scenario import make_scenario
     from cmacexp.terminal import announce_compiling, outcome, progress, say
 
