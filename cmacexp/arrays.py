@@ -10,4 +10,3 @@ Mask = NDArray[np.bool_]
 Counts = NDArray[np.int64]
 Cells = NDArray[np.unsignedinteger[Any]]
 """Rows of CMAC memory; without a sign, so that compiled code need not look for rows that count from the end."""
-Integers = NDArray[np.int64]

@@ -1,6 +1,6 @@
 """The tables of a run on disk: its traces, and the metrics that are computed from them alone."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from cmacexp.files import write_atomically
 from cmacexp.metrics import BodyScorer, Scorer
 from cmacexp.metrics.drift import Drift
 from cmacexp.table import as_array, parts_of, rows_of, table_writer, write_table
-from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, schema_of, with_measured
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, schema_of
 
 TRACE, BODY, MEMORY = "trace.parquet", "body.parquet", "memory.parquet"
 METRICS, METRICS_CSV, BODY_METRICS = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
@@ -85,7 +85,11 @@ class RunWriter:
 
 @contextmanager
 def writing(
-    folder: Path, record: RecordConfig, steps_per_cycle: int, body: bool, altered: Collection[str] = ()
+    folder: Path,
+    record: RecordConfig,
+    steps_per_cycle: int,
+    legs: Sequence[Column],
+    body: Sequence[Column] | None,
 ) -> Iterator[RunWriter]:
     """Write the traces of a run as it goes on; they appear when the block ends well.
 
@@ -93,13 +97,12 @@ def writing(
         folder: of the run.
         record: what of the traces is kept.
         steps_per_cycle: N.
-        body: whether the machine has one.
-        altered: signals that sensors alter, whose measured values stand in the traces too.
+        legs: columns of their trace.
+        body: likewise; None for a machine without a body.
     """
     with ExitStack() as stack:
-        files = [(TRACE, COLUMNS), (BODY, BODY_COLUMNS)][: 2 if body else 1]
-        schemas = [(folder / name, schema_of(with_measured(columns, altered))) for name, columns in files]
-        writers = [stack.enter_context(table_writer(path, schema)) for path, schema in schemas]
+        files = [(TRACE, legs), *([(BODY, body)] if body else [])]
+        writers = [stack.enter_context(table_writer(folder / name, schema_of(columns))) for name, columns in files]
         yield RunWriter(writers, record, steps_per_cycle)
 
 
@@ -129,7 +132,7 @@ def _read(path: Path, columns: Sequence[Column], cycles: tuple[int, int], every:
     kept: list[pa.Table] = []
     seen = 0
     for part in _parts(path):
-        missing = {column.name for column in columns} - set(part.column_names)
+        missing = {column.name for column in columns if not column.added} - set(part.column_names)
         if missing:
             raise BadRun(f"{path}: not a trace: it has no {', '.join(sorted(missing))}")
         cycle = as_array(part, "cycle")

@@ -7,7 +7,7 @@ import pytest
 from cmacexp.control.weight_log import MOST_CYCLES
 from cmacexp.keep import MEMORY, METRICS, METRICS_CSV
 from cmacexp.rollout import stream
-from cmacexp.run import run_scenario
+from cmacexp.run_one import run_scenario
 from cmacexp.scenario import make_scenario
 from cmacexp.score import score
 

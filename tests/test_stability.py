@@ -35,8 +35,8 @@ def test_a_loop_put_back_repeats_itself(make_config):
         loop.advance(loop.period)
     after = loop.hold(loop.period)
     first, names = loop.state(), {place.name for place in loop.places}
-    assert {"q", "dq", "error", "output", "weights"} <= names
-    assert not names & {"travel", "tumble"}
+    assert {"plant_state.q", "control_state.error", "control_state.output", "feedforward.weights"} <= names
+    assert not names & {"plant_state.travel", "guard.tumble"}
     for _ in range(2):
         loop.put(first)
         assert loop.advance(loop.period)

@@ -9,7 +9,7 @@ from cmacexp.errors import BadInput
 from cmacexp.files import sha256
 from cmacexp.finished import is_finished
 from cmacexp.rollout import roll_out
-from cmacexp.run import run_scenario
+from cmacexp.run_one import run_scenario
 from cmacexp.scenario import make_scenario
 from cmacexp.weights import WEIGHTS
 

@@ -192,7 +192,7 @@ def check_cmac(config: Config) -> None:
 
 def check_gains(config: Config) -> None:
     """Hold the gain that a force control method divides by above 0."""
-    if config.force_control.method == "damping" and config.controller.velocity_gain == 0.0:
+    if config.force_control.method == "damping" and config.gains is not None and config.gains[1] == 0.0:
         raise BadInput("controller.velocity_gain", 0.0, "must be above 0 with force_control=damping (eq. 11)")
 
 

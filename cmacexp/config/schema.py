@@ -14,6 +14,7 @@ from cmacexp.config.feedforwards import (
     RadialBasisConfig,
 )
 from cmacexp.config.fields import choice, number
+from cmacexp.config.mujoco import MujocoLegConfig, MujocoQuadrupedConfig
 from cmacexp.config.sensors import RealSensorsConfig
 from cmacexp.models.gravity import GRAVITY
 
@@ -211,6 +212,19 @@ class ForceControlConfig:
 
 
 @dataclass
+class PlausibilityConfig:
+    """Whether the controller looks if a force sensor can be believed, and drops one that cannot."""
+
+    enabled: bool
+    tolerance: float = number("N", above=0, at_most=1e9)
+    """Difference from the force expected at the measured depth that raises no doubt."""
+    relative_tolerance: float = number("", at_least=0, below=1)
+    """Likewise over the expected force; at 1 a sensor stuck at zero would pass."""
+    patience: int = number("samples", at_least=1, at_most=10**6)
+    """So many that are wrong by twice the tolerance drop a sensor."""
+
+
+@dataclass
 class CmacConfig:
     """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
 
@@ -308,10 +322,11 @@ class Config:
     terrain: TerrainConfig
     gait: GaitConfig
     sensors: Any
-    controller: ControllerConfig
+    controller: Any
     actuator: ActuatorConfig
     posture: PostureConfig
     force_control: ForceControlConfig
+    plausibility: PlausibilityConfig
     feedforward: Any
     cmac: CmacConfig
     learning: LearningConfig
@@ -319,6 +334,8 @@ class Config:
     sweep: SweepConfig
     optimize: str | None
     """Metric whose final value a job of a sweep gives to the sweeper (see cmacexp/optimize.py); null: none."""
+    warn: bool
+    """Say before a long run if its learning is predicted to come apart (see cmacexp/stability/warn.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)
     seed: int = number("", at_least=0, below=2**32)
     """Seeds the hash of the CMAC's memory, and every part that draws random numbers."""
@@ -350,8 +367,17 @@ class Config:
             return int(self.learning.lead)
         late = 0
         if isinstance(self.sensors, RealSensorsConfig):
-            late = (self.sensors.velocity if self.controller.velocity_gain else self.sensors.position).delay
+            late = (self.sensors.velocity if self.gains is None or self.gains[1] else self.sensors.position).delay
         return 1 + self.actuator.delay + late
+
+    @property
+    def gains(self) -> tuple[float, float] | None:
+        """K_ap (N/m) and K_av (N s/m) of the controller; None of one that has no such fields, or no such numbers."""
+        fields = self.controller if isinstance(self.controller, dict) else vars(self.controller)
+        position, velocity = fields.get("position_gain"), fields.get("velocity_gain")
+        if not (isinstance(position, int | float) and isinstance(velocity, int | float)):
+            return None
+        return (position, velocity) if position > 0 and velocity >= 0 else None
 
     @property
     def assumed_stiffness(self) -> float:
@@ -379,6 +405,9 @@ MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": Quad
 
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
+    "cmacexp.control.HybridController": ControllerConfig,
+    "cmacexp.plants.mujoco_leg.MujocoLeg": MujocoLegConfig,
+    "cmacexp.plants.mujoco_quadruped.MujocoQuadruped": MujocoQuadrupedConfig,
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
     "cmacexp.sensors.RealSensors": RealSensorsConfig,
     "cmacexp.control.NoFeedforward": PartWithoutFields,

@@ -19,7 +19,7 @@ class Reference(NamedTuple):
     support: Mask
     """(L,): planned phase, true in support."""
     values: Array
-    """(L, 6): x, y (m), vx, vy (m/s), reference force and force to add (N): a row of ``Plan.reference``."""
+    """(L, 7): x, y (m), vx, vy (m/s), reference force, force to add, desired force (N): of ``Plan.reference``."""
     desired: Array
     """(L, 6): desired foot position, velocity and acceleration."""
     joints: Array

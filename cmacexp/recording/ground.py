@@ -81,12 +81,13 @@ def _log_stability(entities: Entities, view: ShownRun, feet: Array) -> None:
     entities.log("world/support", rr.LineStrips3D.from_fields(radii=[0.004], colors=[palette.POLYGON]))
     entities.send_columns("world/support", view.indexes, rr.LineStrips3D.columns(strips=corners.astype(np.float32)))
     zero = np.zeros_like(view.time)
-    point = np.stack([view.body["cog_x"], zero, zero + 0.002], axis=1)
+    point = view.way()
+    point[:, 2] = 0.002
     entities.log("world/centre_of_gravity", rr.Points3D.from_fields(radii=[0.012], colors=[palette.COG]))
     entities.send_columns("world/centre_of_gravity", view.indexes, rr.Points3D.columns(positions=point))
     plumb = np.stack([point, point + np.stack([zero, zero, view.body["height"]], axis=1)], axis=1)
     entities.log("world/plumb", rr.LineStrips3D.from_fields(radii=[0.0015], colors=[palette.COG]))
-    entities.send_columns("world/plumb", view.indexes, rr.LineStrips3D.columns(strips=plumb))
+    entities.send_columns("world/plumb", view.indexes, rr.LineStrips3D.columns(strips=plumb.astype(np.float32)))
 
 
 def log_ground(entities: Entities, view: ShownRun) -> None:

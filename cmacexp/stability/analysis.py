@@ -14,7 +14,7 @@ from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import AFTER, OVER, Growth, change_sizes, predicted_growth, with_lead
 from cmacexp.stability.measured import Stretch, changes_of, growth_over, stretch
 from cmacexp.stability.mode import Mode, describe
-from cmacexp.stability.transfer import Local, locals_along
+from cmacexp.stability.transfer import Spectrum, locals_along, spectrum_of
 from cmacexp.stored import StoredRun
 
 LEADS = (-2, -1, 0, 1, 2, 3)
@@ -22,6 +22,12 @@ LONG_ENOUGH = 200
 """Cycles that other leads are run for, in memory."""
 ALONG = 30
 """Samples of the cycle at which T is looked at."""
+LOWEST = 1.0
+"""Lowest frequency that is looked at, Hz; the highest is half the sampling rate."""
+FINE, COARSE = 200, 50
+"""Frequencies that are looked at in a few places, and along the cycle."""
+DELAYS = (0, 1, 2)
+"""Further samples between torque and joint that are tried."""
 SOON = 5
 """Samples after lift-off where T is looked at: the foot has left the ground."""
 
@@ -30,7 +36,7 @@ SOON = 5
 class OfLead:
     """Growth with one lead; NaN where it is not defined."""
 
-    lead: int | str
+    lead: int
     place: Stretch
     sizes: Array
     """(n,): changes of the feedback from cycle to cycle, N m."""
@@ -69,10 +75,14 @@ class Analysis:
     """What the feedforward changes in the last cycle of the stretch, as predicted."""
     measured_mode: Mode
     """The same in the trace."""
-    places: dict[str, Local]
-    """T at a few places of the first leg's cycle."""
-    along: Sequence[Local]
-    """T along the cycle."""
+    places: dict[str, list[Spectrum]]
+    """T at a few places of the first leg's cycle, with each of DELAYS."""
+    along: dict[int, Spectrum]
+    """T along the cycle, by sample."""
+
+    def least_real(self, lead: int, delay: int = 0) -> float:
+        """Least Re T over all frequencies and those places."""
+        return min(spectra[DELAYS.index(delay)].least(lead) for spectra in self.places.values())
 
 
 def config_of(run: StoredRun) -> Config:
@@ -88,7 +98,7 @@ def config_of(run: StoredRun) -> Config:
 
 
 def _of_lead(
-    lead: int | str, config: Config, sizes: Sequence[float] | Array, completed: bool, cycle: int | None = None
+    lead: int, config: Config, sizes: Sequence[float] | Array, completed: bool, cycle: int | None = None
 ) -> OfLead:
     if len(sizes) <= config.learning.start_cycle:
         place = Stretch(1, 1, 1, False)
@@ -113,6 +123,11 @@ def _shape(run: StoredRun, cycle: int, shape: tuple[int, int, int]) -> Array:
     rows = run.cycles([cycle, cycle + 1]).sort_values(["step", "leg"])
     torques = [rows.loc[rows["cycle"] == c, ["tau_feedforward_1", "tau_feedforward_2"]] for c in (cycle, cycle + 1)]
     return np.asarray(torques[1].to_numpy() - torques[0].to_numpy()).reshape(shape)
+
+
+def frequencies(period: float, count: int) -> Array:
+    """``count`` frequencies from LOWEST to half the sampling rate, Hz; ``period`` is between samples, s."""
+    return np.linspace(min(LOWEST, 0.05 / period), 0.5 / period, count)
 
 
 def samples_of(support: Any) -> dict[str, int]:
@@ -149,6 +164,7 @@ def analyse(run: StoredRun, cycle: int | None = None, leads: Sequence[int] = LEA
     if own.growth is None:
         raise BadRun(f"{run.folder}: its learning cannot be predicted: {own.why_not}")
     enough = min(config.cycles, LONG_ENOUGH)
+    leads = sorted({*leads, config.lead})
     others = [own if lead == config.lead else _in_memory(lead, config, enough) for lead in leads]
     return _with_reasons(run, config, own, others)
 
@@ -172,6 +188,9 @@ def _with_reasons(run: StoredRun, config: Config, own: OfLead, others: Sequence[
         others,
         describe(predicted, support, period),
         describe(measured, support, period),
-        {name: found[sample] for name, sample in named.items()},
-        list(found.values()),
+        {
+            name: [spectrum_of(found[sample], frequencies(period, FINE), period, delay) for delay in DELAYS]
+            for name, sample in named.items()
+        },
+        {sample: spectrum_of(local, frequencies(period, COARSE), period) for sample, local in found.items()},
     )

@@ -5,6 +5,7 @@ Which numbers those are is seen, not listed, so that a new rule, sensor or actua
 """
 
 import copy
+import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -14,13 +15,15 @@ from cmacexp.arrays import Array
 from cmacexp.config import Config
 from cmacexp.control.feedforward_law import TABLE
 from cmacexp.errors import CmacexpError
-from cmacexp.rollout.layout import BODY_SAMPLES, SAMPLES
-from cmacexp.rollout.rollout import FusedRun, is_built_in
+from cmacexp.rollout.built_in import FusedRun, foreign_parts, fused_parts
+from cmacexp.rollout.layout import SAMPLES, room_for
 from cmacexp.rollout.stop import RUNNING, new_guard
 from cmacexp.scenario import Scenario, make_scenario
 
-CLOCKS = ("travel", "tumble")
+CLOCKS = ("plant_state.travel", "guard.tumble")
 """Arrays that only count on: the way walked, steps without balance. They are no part of what learning can amplify."""
+RINGS = {"actuator.line": 0, "sensing.line": 1}
+"""Delay lines that are written round and round, each with the axis of its samples: step k stands at k % length."""
 NUDGE = 1e-6
 """Length of the steps that differences are taken over; the loop is smooth but where feet touch and leave ground."""
 
@@ -29,14 +32,19 @@ class NotPredictable(CmacexpError):
     """The loop cannot be linearised: parts of another's making, nothing that learns, or a run that ends at once."""
 
 
-def arrays_of(node: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """All arrays below a tuple of tuples, each with the name of its field."""
+def _arrays_below(node: Any, path: str) -> Iterator[tuple[str, Any]]:
     if isinstance(node, np.ndarray):
-        yield name, node
+        yield path, node
     elif isinstance(node, tuple):
-        names = getattr(node, "_fields", None) or [name] * len(node)
+        names = getattr(node, "_fields", None) or [str(index) for index in range(len(node))]
         for inner, part in zip(names, node, strict=True):
-            yield from arrays_of(part, inner)
+            yield from _arrays_below(part, f"{path}.{inner}" if path else inner)
+
+
+def arrays_of(node: Any) -> list[tuple[str, Any]]:
+    """All arrays below a tuple of tuples, each once, with the names of the fields on the way to it."""
+    found = {id(array): (path, array) for path, array in reversed(list(_arrays_below(node, "")))}
+    return list(reversed(found.values()))
 
 
 def _changed(now: Any, before: Any) -> Any:
@@ -47,10 +55,21 @@ class Place(NamedTuple):
     """Numbers of one array that belong to the state."""
 
     name: str
+    """Fields on the way to it."""
     flat: Array
     """The array, flat, as a view."""
     index: Any
     """Of the numbers."""
+    ring: tuple[int, int] | None
+    """Samples of a delay line and how many numbers lie from one to the next; None for what is no such line."""
+
+    def at(self, step: int) -> Any:
+        """Index of the numbers at the start of ``step``: the samples of a delay line go by their age."""
+        if self.ring is None:
+            return self.index
+        length, apart = self.ring
+        slot = self.index // apart % length
+        return self.index + apart * ((slot + step) % length - slot)
 
 
 class Loop:
@@ -64,16 +83,17 @@ class Loop:
     """
 
     def __init__(self, scenario: Scenario):
-        if not is_built_in(scenario):
+        foreign = foreign_parts(scenario)
+        if any(foreign):
             raise NotPredictable("parts that the compiled loop does not know cannot be linearised")
         setup = scenario.setup
         config, legs = setup.config, setup.mechanism.legs.shape[0]
-        self.run = FusedRun(scenario, new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period))
+        guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
+        self.run = FusedRun(fused_parts(scenario, foreign, guard))
         self.plan = setup.plan
         self.config = config
         self.period = config.steps_per_cycle
-        self.samples = np.zeros((self.period, legs, len(SAMPLES)))
-        self.body = np.zeros((self.period, len(BODY_SAMPLES)))
+        self.samples, self.body = room_for(self.period, legs, False)
         self.places: list[Place] = []
         self._first = [(array, array.copy()) for _, array in arrays_of(self.run.loop)]
         self._others: list[tuple[Any, Any]] = []
@@ -108,7 +128,7 @@ class Loop:
         Raises:
             NotPredictable: the run ends in them.
         """
-        named = [(name, array) for name, array in arrays_of(self.run.loop)]
+        named = arrays_of(self.run.loop)
         before = [array.copy() for _, array in named]
         self._taken = self.run.taken
         if not self.advance(steps):
@@ -118,24 +138,28 @@ class Loop:
             moved = _changed(array, old) | _changed(old, first)
             if not moved.any():
                 continue
-            if array.dtype == np.float64 and name not in CLOCKS:
-                self.places.append(Place(name, array.reshape(-1), np.flatnonzero(moved)))
-            else:
+            if array.dtype != np.float64 or name in CLOCKS:
                 self._others.append((array, old))
+                continue
+            axis = RINGS.get(name)
+            ring = None if axis is None else (array.shape[axis], math.prod(array.shape[axis + 1 :]))
+            index = np.flatnonzero(moved if ring is None else np.ones_like(moved))
+            self.places.append(Place(name, array.reshape(-1), index, ring))
         after = self.state()
         for (_, array), old in zip(named, before, strict=True):
             array[...] = old
+        self.run.taken = self._taken
         return after
 
     def state(self) -> Array:
         """The numbers that change, (n,)."""
-        return np.concatenate([place.flat[place.index] for place in self.places])
+        return np.concatenate([place.flat[place.at(self.run.taken)] for place in self.places])
 
     def put(self, state: Array) -> None:
         """Go back to where :meth:`hold` was called, with another state."""
         done = 0
         for place in self.places:
-            place.flat[place.index] = state[done : done + len(place.index)]
+            place.flat[place.at(self._taken)] = state[done : done + len(place.index)]
             done += len(place.index)
         for array, old in self._others:
             array[...] = old
@@ -171,4 +195,6 @@ def open_loop(config: Config, prepared: Scenario | None = None) -> Loop:
         config: a checked config.
         prepared: its scenario if it is already made and has not run; it is left as it is.
     """
-    return Loop(make_scenario(config) if prepared is None else copy.deepcopy(prepared))
+    if prepared is None:
+        return Loop(make_scenario(config))
+    return Loop(copy.deepcopy(prepared) if not any(foreign_parts(prepared)) else prepared)

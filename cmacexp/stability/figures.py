@@ -4,31 +4,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cmacexp.arrays import Array
 from cmacexp.report.look import SUPPORT, legend_above, legend_below, logarithmic, mark
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import DESIRED, MARKERS, SERIES, label, new_figure
-from cmacexp.stability.analysis import LEADS, Analysis
+from cmacexp.stability.analysis import DELAYS, LEADS, Analysis
 from cmacexp.stability.mode import spectrum
-from cmacexp.stability.transfer import Local, least_real, transfer
+from cmacexp.stability.transfer import Spectrum
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LOWEST = 1.0
-"""Lowest frequency that is looked at, Hz; the highest is half the sampling rate."""
-DELAYS = (0, 1, 2)
-"""Further samples between torque and joint that are tried."""
 DEEPEST = -0.6
 """Real parts below this are cut off: they are wrong enough."""
 
 
-def frequencies(period: float, count: int) -> Array:
-    """``count`` frequencies from LOWEST to half the sampling rate, Hz."""
-    return np.linspace(min(LOWEST, 0.05 / period), 0.5 / period, count)
-
-
-def name_of(lead: int | str) -> str:
+def name_of(lead: int) -> str:
     """E.g. ``lead 1``."""
     return f"lead {lead}"
 
@@ -121,20 +111,18 @@ def eigenvalues(found: Analysis) -> Drawing:
     return Drawing("eigenvalues", figure, caption)
 
 
-def _real_parts(axes: "Axes", local: Local, period: float, delay: int) -> None:
-    hertz = frequencies(period, 200)
-    found = transfer(local, hertz, period, delay)
+def _real_parts(axes: "Axes", of: Spectrum) -> None:
     axes.axhline(0.0, color=DESIRED, linewidth=1.0)
     for index, lead in enumerate(LEADS):
-        axes.plot(hertz, least_real(found, hertz, period, lead), label=name_of(lead), **mark(index))
+        axes.plot(of.frequencies, of.least_real(lead), label=name_of(lead), **mark(index))
     axes.set_ylim(DEEPEST, 1.3)
 
 
 def real_parts(found: Analysis) -> Drawing:
     """Re T over frequency for each lead, at a few places of the cycle."""
     figure, axes = new_figure(1, len(found.places), 2.8, sharey=True)
-    for ax, (name, local) in zip(axes, found.places.items(), strict=True):
-        _real_parts(ax, local, found.config.sampling_period, 0)
+    for ax, (name, spectra) in zip(axes, found.places.items(), strict=True):
+        _real_parts(ax, spectra[0])
         label(ax, name, "frequency, Hz", "Re T, least eigenvalue" if ax is axes[0] else "")
     legend_below(figure, axes[0])
     caption = (
@@ -149,9 +137,9 @@ def real_parts(found: Analysis) -> Drawing:
 def delays(found: Analysis) -> Drawing:
     """Re T in mid transfer if torques reached the joints later."""
     figure, axes = new_figure(1, len(DELAYS), 2.8, sharey=True)
-    name, local = list(found.places.items())[min(1, len(found.places) - 1)]
-    for ax, delay in zip(axes, DELAYS, strict=True):
-        _real_parts(ax, local, found.config.sampling_period, delay)
+    name, spectra = list(found.places.items())[min(1, len(found.places) - 1)]
+    for ax, delay, of in zip(axes, DELAYS, spectra, strict=True):
+        _real_parts(ax, of)
         title = f"{delay} more samples" if delay != 1 else "1 more sample"
         label(ax, title, "frequency, Hz", "Re T, least eigenvalue" if ax is axes[0] else "")
     legend_below(figure, axes[0])
@@ -161,14 +149,11 @@ def delays(found: Analysis) -> Drawing:
 
 def along(found: Analysis) -> Drawing:
     """The least Re T over all frequencies, over the cycle."""
-    period = found.config.sampling_period
-    hertz = frequencies(period, 50)
     figure, (axes,) = new_figure(1, 1, 2.6)
-    transfers = [transfer(local, hertz, period) for local in found.along]
-    clock = [local.sample * period for local in found.along]
+    clock = [sample * found.config.sampling_period for sample in found.along]
     axes.axhline(0.0, color=DESIRED, linewidth=1.0)
     for index, lead in enumerate(LEADS):
-        least = [least_real(one, hertz, period, lead).min() for one in transfers]
+        least = [of.least(lead) for of in found.along.values()]
         axes.plot(clock, least, label=name_of(lead), marker=MARKERS[index], ms=3, **mark(index))
     axes.set_ylim(2 * DEEPEST, 0.4)
     label(axes, "least Re T of all frequencies", "time in the cycle, s", "Re T")

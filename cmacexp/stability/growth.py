@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmacexp.arrays import Array
 from cmacexp.config import Config
+from cmacexp.control.feedforward_law import NONE, TABLE
 from cmacexp.scenario import Scenario, make_scenario
 from cmacexp.stability.cycle_map import Loop, NotPredictable, open_loop
 from cmacexp.stability.krylov import Krylov, krylov
@@ -155,6 +156,6 @@ def predicted_growth(
     while loop.cycles < cycle:
         if not loop.advance(loop.period):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
-    if loop.run.taken < loop.plan.start_step or loop.run.loop.feedforward.weights.shape[1] <= 1:
+    if loop.run.taken < loop.plan.start_step or loop.run.loop.feedforward.kind in (NONE, TABLE):
         raise NotPredictable("nothing learns from cycle to cycle")
     return grow(loop, dimension)

@@ -2,14 +2,11 @@
 
 import math
 
-import numpy as np
-
 from cmacexp.keep import TRACE
 from cmacexp.report.page import Report, Section, Table, Text
 from cmacexp.stability import figures
-from cmacexp.stability.analysis import LEADS, Analysis, OfLead
+from cmacexp.stability.analysis import DELAYS, LEADS, Analysis, OfLead
 from cmacexp.stability.mode import AFTER_LIFT_OFF, Mode, likeness
-from cmacexp.stability.transfer import Local, least_real, transfer
 
 TITLES = ("lead", "predicted growth", "measured growth", "over cycles", "largest eigenvalue", "least Re T", "ends")
 HOLDS = 1.0
@@ -24,28 +21,19 @@ def _ends(of: OfLead) -> str:
     return f"runs {len(of.sizes) + 1} cycles" if of.completed else f"stops in cycle {len(of.sizes) + 2}"
 
 
-def least(local: Local, period: float, lead: int, delay: int = 0) -> float:
-    """Least real part of T over all frequencies at one place of the cycle."""
-    hertz = figures.frequencies(period, 200)
-    return float(least_real(transfer(local, hertz, period, delay), hertz, period, lead).min())
-
-
-def wrong_from(local: Local, period: float, lead: int) -> float:
-    """Lowest frequency at which Re T is negative, Hz; NaN if it is nowhere."""
-    hertz = figures.frequencies(period, 400)
-    wrong = least_real(transfer(local, hertz, period), hertz, period, lead) < 0.0
-    return float(hertz[np.argmax(wrong)]) if wrong.any() else float("nan")
-
-
 def rows(found: Analysis) -> list[list[str]]:
     """One row per lead, under :data:`TITLES`."""
-    period = found.config.sampling_period
     told = []
     for of in found.leads:
-        worst = min((least(local, period, int(of.lead)) for local in found.places.values()), default=float("nan"))
         place = f"{of.place.first}-{of.place.last}" if of.growth is not None else of.why_not
         own = " (this run)" if of is found.own else ""
-        numbers = [_number(of.predicted), _number(of.measured), place, _number(of.eigenvalue), _number(worst, 3)]
+        numbers = [
+            _number(of.predicted),
+            _number(of.measured),
+            place,
+            _number(of.eigenvalue),
+            _number(found.least_real(of.lead), 3),
+        ]
         told.append([f"{of.lead}{own}", *numbers, _ends(of)])
     return told
 
@@ -56,7 +44,7 @@ def verdict(found: Analysis) -> str:
     grows = own.predicted > HOLDS
     what = "grows" if grows else "shrinks"
     text = (
-        f"With learning.lead={own.lead} the change of the feedback from cycle to cycle {what} by a factor of "
+        f"With lead {own.lead} the change of the feedback from cycle to cycle {what} by a factor of "
         f"{_number(own.predicted)} per cycle, predicted after cycle {own.place.calm}; measured over cycles "
         f"{own.place.first} to {own.place.last}: {_number(own.measured)}."
     )
@@ -80,24 +68,19 @@ def _where(found: Analysis) -> Table:
 
 
 def _reasons(found: Analysis) -> Table:
-    period = found.config.sampling_period
     told = []
-    for name, local in found.places.items():
-        values = [wrong_from(local, period, lead) for lead in LEADS]
+    for name, spectra in found.places.items():
+        values = [spectra[0].wrong_from(lead) for lead in LEADS]
         told.append([name, *("nowhere" if math.isnan(value) else f"{value:.0f}" for value in values)])
     titles = ["place in the cycle", *(f"lead {lead}" for lead in LEADS)]
     return Table(titles, told, "Lowest frequency at which Re T is negative, Hz.")
 
 
 def _delays(found: Analysis) -> Table:
-    period = found.config.sampling_period
-    told = []
-    for delay in figures.DELAYS:
-        worst = [min(least(local, period, lead, delay) for local in found.places.values()) for lead in LEADS]
-        told.append([str(delay), *(f"{value:+.3f}" for value in worst)])
+    told = [[str(delay), *(f"{found.least_real(lead, delay):+.3f}" for lead in LEADS)] for delay in DELAYS]
     titles = ["further samples of delay", *(f"lead {lead}" for lead in LEADS)]
     return Table(
-        titles, told, "Least Re T over all frequencies and the places above; negative: some frequency grows."
+        titles, told, "Least Re T over all frequencies and the places above; where it is negative learning grows."
     )
 
 

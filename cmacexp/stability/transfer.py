@@ -17,7 +17,7 @@ from cmacexp.stability.cycle_map import NUDGE, Loop, NotPredictable, open_loop
 
 
 class Local(NamedTuple):
-    """The loop without learning, linearised at one step: x+ = A x + B (C_f x + u); n numbers of state, L legs."""
+    """The loop without learning, linearised at one step: x+ = A x + B (C x + u); n numbers of state, L legs."""
 
     sample: int
     """Of the cycle."""
@@ -25,10 +25,38 @@ class Local(NamedTuple):
     """A, (n, n): without feedback."""
     b: Array
     """B, (n, 2 L): from torque."""
-    feedback: Array
-    """C_f, (2 L, n): to the feedback torque."""
-    taught: Array
-    """(2 L, n): to what a feedforward is taught."""
+    c: Array
+    """C, (2 L, n): to the feedback torque that a feedforward is taught."""
+
+
+def _advanced(loop: Loop) -> None:
+    if not loop.advance(1):
+        raise NotPredictable(f"a run from nearby ends at sample {loop.run.taken % loop.period}")
+
+
+def _from_torque(loop: Loop, now: Array, torque: Array) -> Array:
+    """B at the step where the loop is held; ``torque`` (L, 2) is what it plays then."""
+    own, columns = torque.copy(), []
+    for j in range(own.size):
+        ends = []
+        for sign in (1.0, -1.0):
+            loop.put(now)
+            torque[np.unravel_index(j, own.shape)] += sign * NUDGE
+            _advanced(loop)
+            torque[...] = own
+            ends.append(loop.state())
+        columns.append((ends[0] - ends[1]) / (2.0 * NUDGE))
+    return np.stack(columns, axis=1)
+
+
+def _seen_only(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Without numbers that nothing depends on: what the loop works out anew in every step."""
+    kept = np.ones(len(a), dtype=bool)
+    while True:
+        matters = kept & ((a[kept] != 0.0).any(axis=0) | (c != 0.0).any(axis=0))
+        if (matters == kept).all():
+            return a[np.ix_(kept, kept)], b[kept], c[:, kept]
+        kept = matters
 
 
 def _local(loop: Loop, table: Array) -> Local:
@@ -36,29 +64,17 @@ def _local(loop: Loop, table: Array) -> Local:
     sample = loop.run.taken % loop.period
     loop.hold(1)
     now = loop.state()
-    count = table[0].size
 
-    def seen() -> Array:
-        return np.concatenate([loop.column("tau_feedback")[0].ravel(), loop.run.loop.control_state.taught.ravel()])
+    def taught() -> Array:
+        return loop.run.loop.control_state.taught.reshape(-1).copy()
 
-    columns = [loop.derivative(now, along, seen, 1) for along in np.eye(len(now))]
-    own = table[sample].copy()
-    b = np.empty((len(now), count))
-    for j in range(count):
-        ends = []
-        for sign in (1.0, -1.0):
-            loop.put(now)
-            table[sample].reshape(-1)[j] += sign * NUDGE
-            if not loop.advance(1):
-                raise NotPredictable(f"a run from nearby ends at sample {sample}")
-            ends.append(loop.state())
-            table[sample] = own
-        b[:, j] = (ends[0] - ends[1]) / (2.0 * NUDGE)
+    columns = [loop.derivative(now, along, taught, 1) for along in np.eye(len(now))]
+    b = _from_torque(loop, now, table[sample])
     loop.put(now)
     closed = np.stack([state for state, _ in columns], axis=1)
-    outputs = np.stack([out for _, out in columns], axis=1)
-
-    return Local(sample, closed - b @ outputs[:count], b, outputs[:count], outputs[count:])
+    c = np.stack([torque for _, torque in columns], axis=1)
+    a, b, c = _seen_only(closed, b, c)
+    return Local(sample, a - b @ c, b, c)
 
 
 def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Local]:
@@ -73,7 +89,8 @@ def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Loc
     while loop.cycles < cycle + 1:
         if not loop.advance(loop.period):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
-    table = loop.column("tau_feedforward")
+    # What acts has been commanded so many samples before.
+    table = np.roll(loop.column("tau_feedforward"), -config.actuator.delay, axis=0)
     loop.play(table)
     if not loop.advance(loop.period):
         raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
@@ -99,12 +116,36 @@ def transfer(local: Local, frequencies: Array, period: float, delay: int = 0) ->
         (f, 2 L, 2 L); [f, i, j] from feedforward torque j to the torque i that is taught, sign turned.
     """
     z = np.exp(2j * np.pi * np.asarray(frequencies, dtype=float) * period)[:, None, None]
-    states = np.linalg.solve(z * np.eye(len(local.a)) - local.a, local.b.astype(complex)[None]) * z**-delay
-    inner = np.eye(local.b.shape[1]) - local.feedback @ states
-    return np.asarray(-(local.taught @ states) @ np.linalg.inv(inner))
+    path = local.c @ np.linalg.solve(z * np.eye(len(local.a)) - local.a, local.b.astype(complex)[None]) * z**-delay
+    return np.asarray(-path @ np.linalg.inv(np.eye(local.b.shape[1]) - path))
 
 
-def least_real(found: NDArray[np.complex128], frequencies: Array, period: float, lead: int) -> Array:
-    """Least real part (f,) of the eigenvalues of T (f, m, m) with a lead, in samples."""
-    turned = np.exp(2j * np.pi * np.asarray(frequencies, dtype=float) * period * lead)
-    return np.asarray((np.linalg.eigvals(found) * turned[:, None]).real.min(axis=1))
+class Spectrum(NamedTuple):
+    """T over frequency at one place of the cycle, by its eigenvalues."""
+
+    frequencies: Array
+    """(f,), Hz."""
+    period: float
+    """Between two samples, s."""
+    eigenvalues: NDArray[np.complex128]
+    """(f, 2 L), without lead."""
+
+    def least_real(self, lead: int) -> Array:
+        """Least real part (f,) of the eigenvalues with a lead of so many samples."""
+        turned = np.exp(2j * np.pi * self.frequencies * self.period * lead)
+        return np.asarray((self.eigenvalues * turned[:, None]).real.min(axis=1))
+
+    def least(self, lead: int) -> float:
+        """Least real part at any frequency."""
+        return float(self.least_real(lead).min())
+
+    def wrong_from(self, lead: int) -> float:
+        """Lowest frequency at which a real part is negative, Hz; NaN if it is nowhere."""
+        wrong = self.least_real(lead) < 0.0
+        return float(self.frequencies[np.argmax(wrong)]) if wrong.any() else float("nan")
+
+
+def spectrum_of(local: Local, frequencies: Array, period: float, delay: int = 0) -> Spectrum:
+    """Eigenvalues of T at some frequencies; arguments as of :func:`transfer`."""
+    values = np.linalg.eigvals(transfer(local, frequencies, period, delay))
+    return Spectrum(frequencies, period, values.astype(np.complex128))
