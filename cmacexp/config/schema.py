@@ -234,13 +234,16 @@ class CmacConfig:
     """Blocks of each quantisation function; (resolution_elements - 1) x layers quanta span an input's range."""
     memory_bytes: int = number("B", at_least=1, at_most=2**30)
     """Memory of one CMAC; a word is a float64, so rows = memory_bytes / (8 x outputs)."""
-    addressing: str = choice("hashed", "dense")
+    addressing: str = choice("hashed", "dense", "visited")
+    """hashed: cells share rows by chance; dense: each has its own; visited: each that the path visits has its own."""
     displacement: str = choice("diagonal", "odd_lattice", "parks_militzer")
     """How the layers are shifted against each other; diagonal as in the paper."""
     inputs: list[str] = choice(*INPUTS)
     """Planned joint values that address the memory (assumed)."""
     range_factor: float = number("", at_least=1, at_most=1e6)
     """Input range over the planned span, centred on its middle (assumed)."""
+    receptive_field: str = choice("rectangular", "linear", "cubic")
+    """How much a cell counts over its width: fully, as in the paper, or by a B-spline (Lane et al. 1992)."""
 
 
 @dataclass

@@ -22,7 +22,7 @@ def _number(value: float, digits: int = 3) -> str:
 
 
 def _end(run: Long) -> str:
-    return "lasts" if run.lasts else f"{run.status} in cycle {run.cycles + 1}"
+    return f"is there in cycle {run.cycles}" if run.lasts else f"{run.status} in cycle {run.cycles + 1}"
 
 
 def _name(run: Long) -> str:
@@ -107,7 +107,7 @@ def advice_drift(runs: Sequence[Long]) -> Text:
     still = f"; named though they reached their last cycle: {listed(loud)}" if loud else ""
     return Text(
         f"{len(named)} of the {len(ended)} runs that ended by themselves were named{before}. {len(quiet)} of the "
-        f"{len(quiet) + len(loud)} that lasted never were{still}. Advice: watch `drift` in the manifest instead of "
+        f"{len(quiet) + len(loud)} that lasted never were{still}. Advice: watch drift in the manifest instead of "
         "the errors; when it is named the errors are still near their best, and learning can be stopped there."
     )
 
@@ -149,7 +149,7 @@ def advice_growth(growth: "pd.DataFrame") -> Text:
     )
     return Text(
         f"The linearised loop tells {right} of {len(known)} times rightly whether the feedback grows.{told} Advice: "
-        "run `python -m cmacexp.stability DIR` on a run of some thirty cycles before one of thousands."
+        "run python -m cmacexp.stability DIR on a run of some thirty cycles before one of thousands."
     )
 
 
@@ -169,7 +169,7 @@ def advice_late(runs: Sequence[Long]) -> Text:
     kept = [f"{run.delay} late with lead {run.lead}" for run in smooth if run.lasts]
     return Text(
         f"Leads that last under the paper's rule: {'; '.join(told)}. Weight smoothing lasts {listed(kept)}. Advice: "
-        "take `learning.lead=auto`, the number of samples from a torque to the feedback it causes."
+        "take learning.lead=auto, the number of samples from a torque to the feedback it causes."
     )
 
 
@@ -211,7 +211,7 @@ def advice_settings(runs: Mapping[str, Long]) -> list[Table | Text]:
     run = lasting[name]
     worst = run.force[min(100, run.cycles - 1) :].max()
     advice = (
-        f"Advice: take {name} (`scenario=quadruped_lasting` has ramp, felt and lead 1): it ends with "
+        f"Advice: take {name} (scenario=quadruped_lasting has ramp, felt and lead 1): it ends with "
         f"{final(run.force):.2f} N, and its force error stays below {worst:.2f} N from cycle 100 on."
     )
     return [shown, Text(advice)]
