@@ -71,7 +71,7 @@ def take(log: WeightLog, weights: Array, cycles: int) -> Array:
     """
     told = np.zeros((cycles, *log.values.shape[1:]))
     begun = int(log.begun[0])
-    if begun:
+    if begun and cycles:  # a run may end before the first step of a cycle is kept
         told[cycles - begun : cycles - 1] = log.values[1:begun]
         weigh(log, weights, told[-1])
     log.begun[0] = 0
