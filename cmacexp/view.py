@@ -1,6 +1,7 @@
 """A run to be drawn: its traces leg by leg, and the geometry to draw them with.
 
-World: x forward, y left, z up, metres; the undepressed ground is z = 0. Body frame as in ``cmacexp/models/body.py``.
+World: x forward, y left, z up, metres; the undepressed ground is z = 0 up to where a slope begins. Body frame as in
+``cmacexp/models/body.py``.
 """
 
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmacexp.arrays import Array, Mask
 from cmacexp.keep import Traces
+from cmacexp.models.rise import rise
 from cmacexp.table import as_array, is_support
 from cmacexp.trace import LEG_NAMES
 
@@ -67,13 +69,24 @@ class RunView:
             [np.cos(p) * np.sin(r), np.sin(p) * np.cos(r), -np.sin(p) * np.sin(r), np.cos(p) * np.cos(r)], 1
         )
 
+    def ground_height(self, x: Array) -> Array:
+        """z of the undepressed ground at ``x`` in the world, m; flat where a config has no slope."""
+        terrain = self.config["terrain"]
+        return rise(terrain.get("slope", 0.0), terrain.get("slope_start", 0.0), x)
+
+    @property
+    def centre(self) -> Array:
+        """Centre of the body in the world (steps, 3), m."""
+        x = self.body["cog_x"]
+        return np.stack([x, np.zeros_like(x), self.body["height"] + self.ground_height(x)], axis=1)
+
     def in_world(self, points: Array) -> Array:
         """Points (steps, 3) of the body frame in the world."""
         p, r = self.body["pitch"], self.body["roll"]
         x, y, z = points.T
         y, z = y * np.cos(r) - z * np.sin(r), y * np.sin(r) + z * np.cos(r)
         x, z = x * np.cos(p) + z * np.sin(p), -x * np.sin(p) + z * np.cos(p)
-        return np.stack([x + self.body["cog_x"], y, z + self.body["height"]], axis=1)
+        return np.stack([x, y, z], axis=1) + self.centre
 
 
 def _leg_configs(config: dict[str, Any]) -> list[dict[str, Any]]:

@@ -3,9 +3,10 @@
 import math
 
 from cmacexp.arrays import Array
-from cmacexp.models.ground import make_ground
+from cmacexp.models.body import Load
+from cmacexp.models.ground import NEVER, first_sample, make_ground
 from cmacexp.planning.setup import Setup
-from cmacexp.plants.kernels import PlantLaw, PlantState, advance, feel_ground, new_state, observe
+from cmacexp.plants.kernels import Payload, PlantLaw, PlantState, advance, feel_ground, new_state, observe
 from cmacexp.plants.protocol import Measurement
 
 
@@ -25,9 +26,12 @@ class AnalyticPlant:
     def reset(self, setup: Setup) -> Measurement:
         """Start at the planned joint angles, at rest."""
         mechanism, config = setup.mechanism, setup.config
-        terrain = config.terrain
+        terrain, load = config.terrain, config.payload
+        start = first_sample(load.time, config.sampling_period) if load.weight else NEVER
+        payload = Payload(Load(load.weight, load.x, load.y), start)
+        ground = make_ground(terrain, config.sampling_period)
         step = config.sampling_period / self.substeps
-        self.law = PlantLaw(mechanism, make_ground(terrain), config.body_speed, step, self.substeps)
+        self.law = PlantLaw(mechanism, ground, payload, config.body_speed, step, self.substeps)
         self.state = new_state(mechanism.legs.shape[0])
         self.state.q[:] = setup.start
         self.state.body[0] = mechanism.hip_height
