@@ -77,7 +77,7 @@ def _tables(scenario: Scenario) -> dict[str, np.ndarray]:
     plan, address = scenario.setup.plan, scenario.feedforward.cmacs[0].address
     tables = {
         "support": plan.support[:, 0].astype(np.uint8),
-        "reference": plan.reference[:, :, 0],
+        "reference": plan.reference[:, :, 0, :6],
         "inputs": planned_inputs(scenario),
         "low": address.ranges.low,
         "high": address.ranges.high,

@@ -1,3 +1,18 @@
 """Learned feedforward (CMAC) for hybrid position/force control of legs: Lin & Song 1997 and beyond."""
 
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cmacexp.api import load, run
+
+__all__ = ["__version__", "load", "run"]
 __version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> Any:
+    """:func:`cmacexp.api.run` and :func:`cmacexp.api.load`, imported when they are first asked for."""
+    if name in ("load", "run"):
+        from cmacexp import api
+
+        return getattr(api, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

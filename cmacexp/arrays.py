@@ -7,6 +7,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Counts = NDArray[np.int64]
 Cells = NDArray[np.unsignedinteger[Any]]
 """Rows of CMAC memory; without a sign, so that compiled code need not look for rows that count from the end."""
-Integers = NDArray[np.int64]

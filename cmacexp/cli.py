@@ -15,7 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from cmacexp.config import config_folder, to_config
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import BadInput, BadPart, CmacexpError, users_traceback
 from cmacexp.startup import compose_once
 from cmacexp.sweep.start import SweepStart
 
@@ -44,19 +44,21 @@ def _run(composed: DictConfig, session: _Session) -> None:
     if config.sweep.resume:
         raise BadInput("sweep.resume", True, "resumes a sweep: add -m and hydra.sweep.dir=DIR")
     from cmacexp.optimize import check_metric
-    from cmacexp.run import run_scenario
+    from cmacexp.run_one import run_scenario
     from cmacexp.scenario import make_scenario
-    from cmacexp.terminal import announce_compiling, progress, summary, warn_of_drift
+    from cmacexp.terminal import announce_compiling, progress, summary, warn_of_drift, warn_of_growth
 
     announce_compiling()
     check_metric(config.optimize)
     scenario = make_scenario(config)
+    warn_of_growth(config, scenario)
     with progress(config) as watch:
         result = run_scenario(config, Path(HydraConfig.get().runtime.output_dir), watch, scenario, warn_of_drift)
     session.outcome = result.status
     summary(result)
     if result.status == "failed":
-        print(result.manifest["traceback"], file=sys.stderr, end="")
+        print(result.manifest.get("traceback", ""), file=sys.stderr, end="")
+        print(f"error: {result.manifest['cause']}", file=sys.stderr)
     if result.status == "interrupted":
         raise KeyboardInterrupt
 
@@ -80,6 +82,8 @@ def _task(session: _Session) -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except (CmacexpError, OSError, MemoryError) as error:
             _remove_empty(Path(hydra.runtime.output_dir))
+            if isinstance(error, BadPart):
+                print(users_traceback(error.raised), file=sys.stderr, end="")
             session.fail("bad input" if isinstance(error, BadInput) else "failed", str(error) or type(error).__name__)
         return None
 

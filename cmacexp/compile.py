@@ -70,13 +70,20 @@ def remove_compiled() -> str:
     return f"{CACHE_FOLDER}: compiled code was damaged and is removed; run again"
 
 
-def _compile(function: Function, inline: bool) -> Function:
+def _compile(function: Function, inline: bool, within: bool = False) -> Function:
     # Without numba's reference counting, which costs more than the arithmetic does: a kernel works on arrays that
     # its caller holds, and cannot make any.
     before = numba_config.CACHE_DIR
     numba_config.CACHE_DIR = str(CACHE_FOLDER)
     try:
-        compiled = numba_njit(cache=True, error_model="numpy", forceinline=inline, _nrt=False)(function)
+        compiled = numba_njit(
+            cache=True,
+            error_model="numpy",
+            forceinline=inline,
+            no_cpython_wrapper=within,
+            no_cfunc_wrapper=True,
+            _nrt=False,
+        )(function)
     finally:
         numba_config.CACHE_DIR = before
     return cast(Function, compiled)
@@ -93,6 +100,13 @@ def kernel(function: Function) -> Function:
 def kernel_apart(function: Function) -> Function:
     """:func:`kernel` for a long function that many runs never call, and that would crowd what they do."""
     return _compile(function, inline=False)
+
+
+def kernel_within(function: Function) -> Function:
+    """:func:`kernel_apart` for a function that only kernels call: it takes large tuples, and unpacking those for
+    Python takes longer to compile than the function itself.
+    """
+    return _compile(function, inline=False, within=True)
 
 
 class _Announcement(event.Listener):

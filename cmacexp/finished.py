@@ -7,6 +7,7 @@ from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.errors import BadRun
 from cmacexp.sources import code_hash
 from cmacexp.verify import faults
+from cmacexp.weights import WEIGHTS, start_hash
 
 RESULTS = ("completed", "fell", "diverged")
 """Ends of a run that are a result."""
@@ -16,8 +17,8 @@ def is_finished(folder: Path, config: Config) -> bool:
     """Whether ``folder`` holds the whole result of ``config``, made by the code as it is now.
 
     A run is taken for finished if its manifest says how it ended, names the same hash of the config and of the code,
-    every file that it lists is there unchanged, and its traces are as thin as asked for. Parts of one's own are told
-    apart by their config alone.
+    every file that it lists is there unchanged, its traces are as thin as asked for, its weights are kept if asked
+    for, and those that it started from have not changed. Parts of one's own are told apart by their config alone.
     """
     try:
         manifest = manifests.read(folder)
@@ -25,5 +26,7 @@ def is_finished(folder: Path, config: Config) -> bool:
         return False
     plain, kept = to_plain(config), manifest["config"].get("record", {})
     same = manifest.get("config_hash") == config_hash(plain) and manifest.get("code_hash") == code_hash()
+    same = same and manifest.get("start_weights") == start_hash(config)
     as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
-    return same and as_thin and manifest["status"] in RESULTS and not faults(folder)
+    has_weights = WEIGHTS in manifest["files"] or not config.record.weights
+    return same and as_thin and has_weights and manifest["status"] in RESULTS and not faults(folder)

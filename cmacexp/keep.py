@@ -1,6 +1,6 @@
 """The tables of a run on disk: its traces, and the metrics that are computed from them alone."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -16,9 +16,9 @@ from cmacexp.files import write_atomically
 from cmacexp.metrics import BodyScorer, Scorer
 from cmacexp.metrics.drift import Drift
 from cmacexp.table import as_array, parts_of, rows_of, table_writer, write_table
-from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, schema_of, with_measured
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, schema_of
 
-TRACE, BODY = "trace.parquet", "body.parquet"
+TRACE, BODY, MEMORY = "trace.parquet", "body.parquet", "memory.parquet"
 METRICS, METRICS_CSV, BODY_METRICS = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
 RECORDING = "recording.rrd"
 
@@ -30,6 +30,8 @@ class Traces(NamedTuple):
     """One row per step and leg."""
     body: pa.Table | None
     """One row per step; None without a body."""
+    memory: pa.Table | None = None
+    """One row per cycle and leg; None without weights."""
 
 
 class Scores(NamedTuple):
@@ -63,7 +65,9 @@ class RunWriter:
         self.legs.add(traces.legs)
         if traces.body is not None:
             self.body.add(traces.body)
-        for writer, table in zip(self.writers, traces, strict=False):
+        if traces.memory is not None:
+            self.legs.add_memory(traces.memory)
+        for writer, table in zip(self.writers, traces[:2], strict=False):
             kept = self._kept(table)
             if kept.num_rows:
                 writer.write_table(kept)
@@ -81,7 +85,11 @@ class RunWriter:
 
 @contextmanager
 def writing(
-    folder: Path, record: RecordConfig, steps_per_cycle: int, body: bool, altered: Collection[str] = ()
+    folder: Path,
+    record: RecordConfig,
+    steps_per_cycle: int,
+    legs: Sequence[Column],
+    body: Sequence[Column] | None,
 ) -> Iterator[RunWriter]:
     """Write the traces of a run as it goes on; they appear when the block ends well.
 
@@ -89,13 +97,12 @@ def writing(
         folder: of the run.
         record: what of the traces is kept.
         steps_per_cycle: N.
-        body: whether the machine has one.
-        altered: signals that sensors alter, whose measured values stand in the traces too.
+        legs: columns of their trace.
+        body: likewise; None for a machine without a body.
     """
     with ExitStack() as stack:
-        files = [(TRACE, COLUMNS), (BODY, BODY_COLUMNS)][: 2 if body else 1]
-        schemas = [(folder / name, schema_of(with_measured(columns, altered))) for name, columns in files]
-        writers = [stack.enter_context(table_writer(path, schema)) for path, schema in schemas]
+        files = [(TRACE, legs), *([(BODY, body)] if body else [])]
+        writers = [stack.enter_context(table_writer(folder / name, schema_of(columns))) for name, columns in files]
         yield RunWriter(writers, record, steps_per_cycle)
 
 
@@ -125,7 +132,7 @@ def _read(path: Path, columns: Sequence[Column], cycles: tuple[int, int], every:
     kept: list[pa.Table] = []
     seen = 0
     for part in _parts(path):
-        missing = {column.name for column in columns} - set(part.column_names)
+        missing = {column.name for column in columns if not column.added} - set(part.column_names)
         if missing:
             raise BadRun(f"{path}: not a trace: it has no {', '.join(sorted(missing))}")
         cycle = as_array(part, "cycle")
@@ -154,6 +161,14 @@ def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int =
     return Traces(legs, _read(folder / BODY, BODY_COLUMNS, cycles, every) if (folder / BODY).exists() else None)
 
 
+def write_memory(folder: Path, memory: Sequence[pa.Table]) -> list[str]:
+    """Write what the weights of a run were at the end of each cycle; the name of the file, if there are any."""
+    if not memory:
+        return []
+    write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
+    return [MEMORY]
+
+
 def write_scores(folder: Path, scores: Scores) -> list[str]:
     """Write the metrics of a run; the names of the files."""
     write_table(scores.legs, folder / METRICS)
@@ -174,6 +189,9 @@ def score_traces(folder: Path, steps_per_cycle: int) -> Scores:
     legs, body = Scorer(steps_per_cycle), BodyScorer(steps_per_cycle)
     for part in _parts(folder / TRACE):
         legs.add(part)
+    if (folder / MEMORY).exists():
+        for part in _parts(folder / MEMORY):
+            legs.add_memory(part)
     if not (folder / BODY).exists():
         return Scores(legs.table(), None)
     for part in _parts(folder / BODY):

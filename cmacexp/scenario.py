@@ -1,25 +1,28 @@
 """The parts of one run, built from its config."""
 
-from dataclasses import dataclass
+import copy
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from hydra.errors import InstantiationException
-from hydra.utils import instantiate
 
+from cmacexp.answers import require_finite, take_measurement
 from cmacexp.arrays import Array
 from cmacexp.config import Config, to_plain
 from cmacexp.config.schema import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine
 from cmacexp.control import Controller, Feedforward
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.models.leg import Leg
 from cmacexp.models.mechanism import Mechanism, legs_on_stand, legs_under_body, point_mass
+from cmacexp.parts import METHODS, build, current_folder_importable
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.plants import Measurement, Plant
+from cmacexp.plants.protocol import STATE, new_measurement, state_of
 from cmacexp.sensors import Sensors
+from cmacexp.weights import check_weights, read_weights
 
 
-@dataclass(frozen=True)
+@dataclass
 class Scenario:
     """One run, ready to start: every part is reset. A scenario runs once."""
 
@@ -30,6 +33,21 @@ class Scenario:
     feedforward: Feedforward
     first: Measurement
     """Of the plant at the start."""
+    fault: Exception | None = None
+    """What a part raised when it was reset: the run fails before its first step."""
+    used: bool = field(default=False, init=False)
+
+    def begin(self) -> None:
+        """Note that the run begins.
+
+        Raises:
+            CmacexpError: it has run before; its parts hold the state of its end.
+        """
+        if self.used:
+            raise CmacexpError(
+                "this scenario has run and its parts are where they ended: make it anew by make_scenario"
+            )
+        self.used = True
 
 
 def make_leg(config: LegConfig) -> Leg:
@@ -56,43 +74,57 @@ def _start(config: Config, plan: Plan) -> Array:
     return start
 
 
-METHODS = {
-    "plant": ("reset", "step"),
-    "sensors": ("reset", "measure"),
-    "controller": ("reset", "act"),
-    "feedforward": ("reset", "predict", "acts"),
-}
-"""What each part must have."""
+def _own(setup: Setup, part: object) -> Setup:
+    """What a part may know, as a copy of its own if it is not one of ours: no other part can be harmed by it."""
+    return setup if type(part).__module__.startswith("cmacexp.") else copy.deepcopy(setup)
 
 
-def _build(config: Config, key: str) -> Any:
-    """The part that the ``_target_`` of a config node names, made with the rest of the node."""
-    node = to_plain(config)[key]
-    try:
-        part = instantiate(node)
-    except InstantiationException as error:
-        reason = " ".join(str(error.__cause__ or error).split())
-        raise BadInput(f"{key}._target_", node.get("_target_"), f"cannot be made: {reason}") from error
-    missing = [name for name in METHODS[key] if not hasattr(part, name)]
-    if missing:
-        raise BadInput(f"{key}._target_", node.get("_target_"), f"is no {key}: it has no {' and no '.join(missing)}")
-    return part
-
-
-def make_scenario(config: Config) -> Scenario:
-    """Plan the run, build its parts and reset them.
+def _reset(setup: Setup, parts: dict[str, Any]) -> Measurement:
+    """Reset all parts; the plant at the start.
 
     Raises:
-        BadInput: the plan asks for what the machine cannot do.
+        BadAnswer: what the plant gave is no measurement of this machine.
+        Exception: whatever a part raises.
+    """
+    plant, sensors, controller, feedforward = (parts[key] for key in METHODS)
+    feedforward.reset(_own(setup, feedforward))
+    controller.reset(_own(setup, controller), feedforward)
+    sensors.reset(_own(setup, sensors))
+    first = new_measurement(setup.mechanism.legs.shape[0])
+    measured = plant.reset(_own(setup, plant))
+    take_measurement(plant, "reset", measured, first)
+    for name, values in zip(STATE, state_of(first), strict=True):
+        require_finite(plant, "reset", name, values)
+    return first._replace(travel=measured.travel)
+
+
+def make_scenario(config: Config, **given: Any) -> Scenario:
+    """Plan the run, build its parts and reset them.
+
+    Args:
+        config: a checked config.
+        given: parts that are made already, by the key of their group.
+
+    Raises:
+        BadInput: a part cannot be made, there are no weights to start from, or the plan asks for what the machine
+            cannot do.
     """
     mechanism = make_mechanism(config.machine)
-    plant: Plant = _build(config, "plant")
-    sensors: Sensors = _build(config, "sensors")
-    controller: Controller = _build(config, "controller")
-    feedforward: Feedforward = _build(config, "feedforward")
-    plan = make_plan(config, mechanism, feedforward.acts)
-    setup = Setup(config, mechanism, plan, np.ascontiguousarray(_start(config, plan)))
-    feedforward.reset(setup)
-    controller.reset(setup, feedforward)
-    sensors.reset(setup)
-    return Scenario(setup, plant, sensors, controller, feedforward, plant.reset(setup))
+    plain = to_plain(config)
+    with current_folder_importable():
+        built = {key: build(key, plain[key], given.get(key)) for key in METHODS}
+        parts = {key: part for key, (part, _) in built.items()}
+        if isinstance(config.controller, dict):
+            # Gains that its class does not take are not the controller's, and no reference may rest on them.
+            config = replace(config, controller=built["controller"][1])
+        check_weights(config, parts["feedforward"])
+        plan = make_plan(config, mechanism, parts["feedforward"].acts)
+        setup = Setup(config, mechanism, plan, np.ascontiguousarray(_start(config, plan)), read_weights(config))
+        first, fault = new_measurement(mechanism.legs.shape[0]), None
+        try:
+            first = _reset(setup, parts)
+        except BadInput:
+            raise
+        except Exception as error:
+            fault = error
+    return Scenario(setup, **parts, first=first, fault=fault)

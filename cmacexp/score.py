@@ -8,7 +8,7 @@ from cmacexp import manifest as manifests
 from cmacexp.errors import BadRun
 from cmacexp.files import sha256
 from cmacexp.folders import command, runs_below
-from cmacexp.keep import BODY, TRACE, Scores, score_traces, write_scores
+from cmacexp.keep import BODY, MEMORY, TRACE, Scores, score_traces, write_scores
 from cmacexp.metrics.drift import drift_entry
 from cmacexp.terminal import scores_table
 
@@ -21,7 +21,7 @@ def score(folder: Path) -> Scores:
     """
     manifest = manifests.read(folder)
     config = manifest["config"]
-    for name in (TRACE, BODY):
+    for name in (TRACE, BODY, MEMORY):
         if name in manifest["files"] and sha256(folder / name) != manifest["files"][name]:
             raise BadRun(f"{folder / name}: changed since it was written; its metrics would not be those of the run")
     for key in ("every_nth_step", "cycles"):

@@ -8,7 +8,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).parent
 RESULT_ROOMS = (
     "config", "models", "cmac", "control", "planning", "plants", "sensors", "rollout", "metrics",
-    "compile.py", "scenario.py", "run.py", "trace.py", "table.py", "keep.py",
+    "compile.py", "scenario.py", "run_one.py", "trace.py", "table.py", "keep.py", "weights.py",
 )  # fmt: skip
 """Rooms whose text can change what a run gives; not those that only look at it."""
 

@@ -12,7 +12,8 @@ from cmacexp.console import print_table
 from cmacexp.keep import RECORDING, Scores
 from cmacexp.metrics.drift import Drift, in_words
 from cmacexp.pooled import table_of_cycles
-from cmacexp.run import RunResult
+from cmacexp.run_one import RunResult
+from cmacexp.scenario import Scenario
 
 COMPILING = "first run: compiling the control loop, once for all later runs (about 10 s) ..."
 
@@ -30,6 +31,14 @@ def say(text: str, error: bool = False) -> None:
 def announce_compiling() -> None:
     """Say so, once, if this process has to compile."""
     call_before_compiling(lambda: say(COMPILING, error=True))
+
+
+def warn_of_growth(config: Config, scenario: Scenario) -> None:
+    """Say before a long run if its learning is predicted to come apart."""
+    from cmacexp.stability.warn import growth_warning
+
+    if (warning := growth_warning(config, scenario)) is not None:
+        say(warning, error=True)
 
 
 @contextmanager
@@ -76,6 +85,10 @@ def summary(result: RunResult) -> None:
     print(outcome(result))
     if manifest["config"]["learning"]["lead"] == "auto":
         print(f"learning.lead=auto is {manifest['learning_lead']} here")
+    for dropped in manifest["dropped"]:
+        time = dropped["step"] * manifest["config"]["sampling_period"]
+        told = f"force sensor of leg {dropped['leg']} dropped at step {dropped['step']} (t = {time:g} s)"
+        print(f"{told}: it told what the ground cannot give")
     if RECORDING in manifest["files"]:
         from cmacexp.recording import every_of
 

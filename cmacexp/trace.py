@@ -19,6 +19,8 @@ class Column:
     unit: str
     meaning: str
     type: pa.DataType = pa.float64()
+    added: bool = False
+    """Whether traces of earlier versions lack it."""
 
 
 PHASES = ["transfer", "support"]
@@ -64,7 +66,12 @@ BODY_COLUMNS = (
     Column("height", "m", "centre of the body above the undepressed ground below it"),
     Column("pitch", "rad", "positive nose down"),
     Column("roll", "rad", "positive right side down"),
-    Column("cog_x", "m", "centre of gravity in the world, forward; stroke/(duty factor x T) times time"),
+    Column("yaw", "rad", "positive turned to the left; 0 unless the plant moves the body by itself", added=True),
+    Column(
+        "cog_x",
+        "m",
+        "centre of gravity in the world, forward; stroke/(duty factor x T) times time unless the plant moves it",
+    ),
     Column("cog_y", "m", "centre of gravity in the world, left"),
     Column("stability_margin", "m", "to the nearest edge of the planned support polygon (McGhee & Frank 1968)"),
     Column("margin_front", "m", "to the front boundary of the planned support polygon along the body's x"),
@@ -98,8 +105,14 @@ RATES = (
 """Columns of a body that stand in its trace where their sensors alter them."""
 
 
-def with_measured(columns: Sequence[Column], altered: Collection[str]) -> tuple[Column, ...]:
-    """Columns of a trace, followed by those that sensors add which alter these signals."""
+TRUSTED = Column(
+    "force_trusted", "", "1 while the controller goes by the force sensor; 0 since it was implausible", pa.int8()
+)
+"""Of legs whose force sensors are watched."""
+
+
+def with_measured(columns: Sequence[Column], altered: Collection[str], watched: bool = False) -> tuple[Column, ...]:
+    """Columns of a trace, then those of sensors that alter these signals, and of force sensors that are watched."""
 
     def is_altered(column: Column) -> bool:
         return any(signal in altered for signal in MEASURED.get(column.name, ()))
@@ -110,7 +123,18 @@ def with_measured(columns: Sequence[Column], altered: Collection[str]) -> tuple[
         for column in (*columns, *rates)
         if is_altered(column)
     ]
-    return (*columns, *rates, *seen)
+    return (*columns, *rates, *seen, *([TRUSTED] if watched and columns is COLUMNS else []))
+
+
+MEMORY_COLUMNS = (
+    Column("cycle", "", "gait cycle, from 1", pa.int32()),
+    Column("leg", "", "as in the trace", pa.int32()),
+    Column("weight_norm", "N m", "Euclidean norm of all weights of the network at the end of the cycle"),
+    Column("weight_largest", "N m", "largest absolute weight at the end of the cycle"),
+    Column("rows_used", "", "rows of memory with a weight other than 0 at the end of the cycle"),
+    Column("rows", "", "rows of memory that the network has"),
+    Column("cells_colliding", "", "cells of the planned path that share their row with another; NaN if not counted"),
+)
 
 
 def schema_of(columns: Sequence[Column]) -> pa.Schema:
@@ -161,7 +185,6 @@ def assemble_body(
     samples: dict[str, Array],
     force: Array,
     sampling_period: float,
-    speed: float,
     start: int = 0,
     columns: Sequence[Column] = BODY_COLUMNS,
 ) -> pa.Table:
@@ -169,10 +192,9 @@ def assemble_body(
 
     Args:
         plan: the cycle that repeats.
-        samples: (steps,) by column name: height, pitch, roll, and what sensors made of them.
+        samples: (steps,) by column name: height, pitch, roll, cog_x, cog_y, yaw, and what sensors made of them.
         force: (steps, L): contact forces, N.
         sampling_period: T_s, s.
-        speed: of the body over the ground, m/s.
         start: step of the first row.
         columns: of the trace, see :func:`with_measured`.
     """
@@ -185,11 +207,30 @@ def assemble_body(
         "step": step,
         "time": step * sampling_period,
         "cycle": step // period + 1,
-        "cog_x": step * sampling_period * speed,
-        "cog_y": np.zeros(steps),
         "stability_margin": margins[:, 0],
         "margin_front": margins[:, 1],
         "margin_rear": margins[:, 2],
         "supporting_legs": (force > 0.0) @ (1 << np.arange(legs)),
     }
     return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=schema_of(columns))
+
+
+def assemble_memory(weights: Array, rows: int, colliding: Sequence[float], first_cycle: int) -> pa.Table:
+    """The memory of the networks of L legs over a run, or a part of it, one row per cycle and leg.
+
+    Args:
+        weights: (cycles, L, 3): as :data:`cmacexp.control.weight_log.LOGGED`.
+        rows: of the memory of one network.
+        colliding: (L,): cells that share their row with another; NaN if not counted.
+        first_cycle: number of the first of these cycles.
+    """
+    cycles, legs = weights.shape[:2]
+    columns = {
+        "cycle": np.repeat(np.arange(first_cycle, first_cycle + cycles), legs),
+        "leg": np.tile(np.arange(1, legs + 1), cycles),
+        **{name: weights[:, :, k].ravel() for k, name in enumerate(("weight_norm", "weight_largest", "rows_used"))},
+        "rows": np.full(cycles * legs, float(rows)),
+        "cells_colliding": np.tile(np.asarray(colliding, dtype=float), cycles),
+    }
+    arrays = [arrow(columns[c.name], c.type) for c in MEMORY_COLUMNS]
+    return pa.Table.from_arrays(arrays, schema=schema_of(MEMORY_COLUMNS))

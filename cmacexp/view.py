@@ -48,7 +48,7 @@ class RunView:
     step: Array
     cycle: Array
     body: dict[str, Array]
-    """Columns of ``body.parquet``; of a stand only cog_x, height, pitch and roll, which do not change."""
+    """Columns of ``body.parquet``; of a stand only where it is and how it is turned, which does not change."""
     config: dict[str, Any]
 
     @property
@@ -63,30 +63,31 @@ class RunView:
         return int(cycles[0]), int(whole[-1])
 
     def turn(self) -> Array:
-        """Orientation of the body as quaternions (steps, 4), x y z w: roll about x, then pitch about y."""
-        p, r = self.body["pitch"] / 2.0, self.body["roll"] / 2.0
-        return np.stack(
-            [np.cos(p) * np.sin(r), np.sin(p) * np.cos(r), -np.sin(p) * np.sin(r), np.cos(p) * np.cos(r)], 1
-        )
+        """Orientation of the body as quaternions (steps, 4), x y z w: roll about x, pitch about y, yaw about z."""
+        a, p, r = (self.body[name] / 2.0 for name in ("yaw", "pitch", "roll"))
+        level = [np.cos(p) * np.sin(r), np.sin(p) * np.cos(r), -np.sin(p) * np.sin(r), np.cos(p) * np.cos(r)]
+        x, y, z, w = level
+        c, s = np.cos(a), np.sin(a)
+        return np.stack([c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z], axis=1)
 
     def ground_height(self, x: Array) -> Array:
         """z of the undepressed ground at ``x`` in the world, m; flat where a config has no slope."""
         terrain = self.config["terrain"]
         return rise(terrain.get("slope", 0.0), terrain.get("slope_start", 0.0), x)
 
-    @property
-    def centre(self) -> Array:
-        """Centre of the body in the world (steps, 3), m."""
-        x = self.body["cog_x"]
-        return np.stack([x, np.zeros_like(x), self.body["height"] + self.ground_height(x)], axis=1)
-
     def in_world(self, points: Array) -> Array:
         """Points (steps, 3) of the body frame in the world."""
-        p, r = self.body["pitch"], self.body["roll"]
+        a, p, r = (self.body[name] for name in ("yaw", "pitch", "roll"))
         x, y, z = points.T
         y, z = y * np.cos(r) - z * np.sin(r), y * np.sin(r) + z * np.cos(r)
         x, z = x * np.cos(p) + z * np.sin(p), -x * np.sin(p) + z * np.cos(p)
-        return np.stack([x, y, z], axis=1) + self.centre
+        x, y = x * np.cos(a) - y * np.sin(a), x * np.sin(a) + y * np.cos(a)
+        return np.stack([x, y, z], axis=1) + self.way()
+
+    def way(self) -> Array:
+        """The body in the world (steps, 3), m."""
+        x = self.body["cog_x"]
+        return np.stack([x, self.body["cog_y"], self.body["height"] + self.ground_height(x)], axis=1)
 
 
 def _leg_configs(config: dict[str, Any]) -> list[dict[str, Any]]:
@@ -119,8 +120,10 @@ def view_of(traces: Traces, config: dict[str, Any]) -> RunView:
     legs = [_leg(trace, rows[i], i, leg) for i, leg in enumerate(_leg_configs(config), start=1)]
     time, step, cycle = (as_array(trace, name)[rows[1]] for name in ("time", "step", "cycle"))
     if traces.body is not None:
-        body = {name: as_array(traces.body, name) for name in traces.body.column_names}
+        body = {"yaw": np.zeros_like(time)}
+        body |= {name: as_array(traces.body, name) for name in traces.body.column_names}
     else:
         still = np.zeros_like(time)
-        body = {"cog_x": still, "height": still + config["machine"]["hip_height"], "pitch": still, "roll": still}
+        body = dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll"), still)
+        body["height"] = still + config["machine"]["hip_height"]
     return RunView(legs, time, step, cycle, body, config)

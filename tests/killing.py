@@ -17,7 +17,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 
 import cmacexp.optimize
-import cmacexp.run
+import cmacexp.run_one
 import cmacexp.scenario
 import cmacexp.sweep.end  # noqa: F401
 from cmacexp.cli import main

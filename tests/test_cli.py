@@ -60,7 +60,8 @@ def test_manifest(run):
     manifest = json.loads((run[0] / "manifest.json").read_text())
     assert manifest["status"] == "completed"
     assert manifest["steps"] == 3000
-    assert set(manifest["files"]) == {"trace.parquet", "metrics.parquet", "metrics.csv", "recording.rrd"}
+    files = {"trace.parquet", "memory.parquet", "metrics.parquet", "metrics.csv", "recording.rrd"}
+    assert set(manifest["files"]) == files
     assert {"seed", "config", "config_hash", "versions", "git_commit", "rollout_seconds", "wall_seconds"} <= set(
         manifest
     )

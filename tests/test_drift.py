@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from command import cmacexp
+from made_traces import measure
 from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.metrics.drift import WINDOW, Drift, DriftWatch, drift_cycle, drift_of, feedback_growth
@@ -86,6 +87,12 @@ def test_a_run_watched_in_parts_is_told_as_one_watched_at_once(size):
     parts = [watch.add(feedback[n : n + size]) for n in range(0, len(feedback), size)]
     for part, at_once in zip(zip(*parts, strict=True), DriftWatch(3).add(feedback), strict=True):
         assert_array_equal(np.concatenate(part), at_once)
+
+
+def test_change_of_the_feedback_is_that_from_the_cycle_before():
+    torque = np.repeat([1.0, 4.0, 2.0], 4)
+    measured = measure("TTSS", rows=12, tau_feedback_1=torque, tau_feedback_2=0.0)
+    assert_allclose(measured["feedback_change"], np.array([np.nan, 3.0, 2.0]) / np.sqrt(2.0))
 
 
 @pytest.fixture(scope="module")

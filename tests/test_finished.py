@@ -10,7 +10,7 @@ from cmacexp.errors import CmacexpError
 from cmacexp.finished import is_finished
 from cmacexp.folders import runs_below
 from cmacexp.report.page import HTML, Claim, Link, Report, Section, Table, Text, write_report
-from cmacexp.run import run_scenario
+from cmacexp.run_one import run_scenario
 from cmacexp.stored import StoredRun
 from cmacexp.verify import faults
 from pipelines.shared.runs import collect

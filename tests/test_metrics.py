@@ -53,8 +53,11 @@ BY_HAND = {
     "feedback_rms": math.sqrt(0.5),
     "feedforward_rms": math.sqrt((9.0 + 1.0) / 2.0),
     "torque_peak": 4.0,
+    "feedforward_peak": 3.0,
     "feedforward_share": 4.0 / 5.0,
 }
+OF_MEMORY = ("weight_norm", "weight_largest", "memory_used", "cells_colliding")
+BY_HAND |= dict.fromkeys(("feedback_change", "feedback_growth", "drift_cycle", *OF_MEMORY), NOTHING)
 BY_HAND |= {f"{name}_ratio": 1.0 for name in LEARNT} | {f"{name}_cycles_to_1_e": NOTHING for name in LEARNT}
 BY_HAND |= {"force_rmse_three_feet_ratio": NOTHING, "force_steady_state_error_ratio": NOTHING}  # of NaN and of 0
 

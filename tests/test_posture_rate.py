@@ -82,5 +82,5 @@ def test_a_walk_is_calmed_by_it_and_both_loops_agree(make_config):
     calm, stepped, without = walk(2), walk(2, fused=False), walk(0)
     assert_array_equal(calm.samples, stepped.samples)
     assert_array_equal(calm.body_samples, stepped.body_samples)
-    rocking = [np.diff(run.body_samples[600:], axis=0).std(axis=0) for run in (calm, without)]
+    rocking = [np.diff(run.body_samples[600:, :3], axis=0).std(axis=0) for run in (calm, without)]
     assert (rocking[0] < 0.85 * rocking[1]).all()

@@ -67,7 +67,7 @@ def test_a_run_gets_a_page_that_needs_nothing_else(leg):
     names = {path.stem for path in (leg / "report" / "figures").iterdir()}
     assert {"metrics", "tracking", "torques"} <= names
     assert not list((leg / "report").rglob(".*.part"))
-    assert "Memory of the CMAC" in text_of(leg)
+    assert "Memory of the feedforward" in text_of(leg)
     assert "How it ended" not in text_of(leg)
 
 
@@ -146,7 +146,7 @@ def test_folders_that_hold_no_whole_run_are_refused(leg, tmp_path):
 def test_a_point_mass_has_forces_and_no_joints(tmp_path):
     folder = run(tmp_path / "mass", "scenario=force_step")
     page(report(folder))
-    assert "Memory of the CMAC" not in text_of(folder)
+    assert "Memory of the feedforward" not in text_of(folder)
     assert "transfer_rmse_x" not in text_of(folder)
     assert "force_rmse" in text_of(folder)
 

@@ -15,7 +15,7 @@ from cmacexp.config import config_hash, to_plain
 from cmacexp.rollout import roll_out
 from cmacexp.rollout.layout import SAMPLES
 from cmacexp.rollout.stop import FASTEST_JOINT
-from cmacexp.run import run_scenario
+from cmacexp.run_one import run_scenario
 from cmacexp.scenario import make_scenario
 from cmacexp.table import write_table
 from cmacexp.trace import assemble

@@ -9,8 +9,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.cmac.memory import read_weighted, train, train_weighted
 from cmacexp.cmac.rules import RULES, rate_in_cycle, train_by_rule
+from cmacexp.cmac.spread import binomial, spread_shares, train_spread
 from cmacexp.config.schema import LearningConfig
 from cmacexp.control.feedforward import BuiltInFeedforward, network
+from cmacexp.errors import BadInput
 from cmacexp.rollout import roll_out
 from cmacexp.scenario import make_scenario
 
@@ -62,7 +64,7 @@ def test_with_activations_of_one_it_is_that_of_the_cmac_to_the_bit(rule, strengt
 
 
 @given(activations, errors)
-@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("rule", [rule for rule in RULES if rule != "zero_phase"])
 def test_weights_that_are_not_active_stay(rule, activation, error):
     after, before = trained(rule, 0.3, activation, error)
     assert_array_equal(after[OTHERS], before[OTHERS])
@@ -129,6 +131,42 @@ def test_the_rate_decays_to_half_and_a_third():
     assert rate_in_cycle(RULES["paper"][0], 100.0, 0.6, 100) == 0.6
 
 
+@pytest.mark.parametrize("window", [0, 1, 4, 10])
+def test_the_binomial_filter_turns_no_frequency_round(window):
+    taps = binomial(window)
+    assert_allclose(taps, taps[::-1])
+    turn = np.linspace(0.0, np.pi, 50)
+    passed = (taps * np.cos(turn[:, None] * np.arange(-window, window + 1))).sum(axis=1)
+    assert_allclose(passed, np.cos(turn / 2.0) ** (2 * window), atol=1e-12)
+
+
+def test_an_error_teaches_the_steps_around_the_end_of_the_cycle_too():
+    cells = np.array([5, 5, 6, 7, 8], dtype=np.uint32).reshape(5, 1, 1)
+    rows, share = spread_shares(cells, np.full((5, 1, 1), 2.0), 1)
+    of = {k: dict(zip(rows[k, 0], share[k, 0], strict=True)) for k in range(5)}
+    assert of[0] == {5: 0.375, 8: 0.125, 0: 0.0}  # half of 0.75 and 0.25, since the activation is two
+    assert of[1] == {5: 0.375, 6: 0.125, 0: 0.0}
+    assert of[3] == {6: 0.125, 7: 0.25, 8: 0.125}
+
+
+@given(activations, errors)
+def test_without_a_window_the_spread_error_is_that_of_leakage(activation, error):
+    power = activation @ activation
+    rows, share = spread_shares(CELLS[None, None], activation[None, None], 0)
+    after, before = trained("leakage", 0.1, activation, error)
+    spread = before.copy()
+    train_spread(spread, rows[0, 0], share[0, 0], np.array([error, -error]), 0.2, 0.0)
+    assert_allclose(spread, trained("paper", 0.0, activation, error)[0], atol=1e-12)
+    train_spread(before, rows[0, 0], share[0, 0], np.array([error, -error]), 0.2, 0.1 / activation.max() * power)
+    assert_allclose(before, after, atol=1e-12)
+
+
+@pytest.mark.parametrize(("window", "says"), [(300, "must be below 300, half the samples"), (10**4, "half the")])
+def test_a_window_wider_than_the_cycle_is_bad_input(make_config, window, says):
+    with pytest.raises(BadInput, match=says):
+        make_scenario(make_config("learning.rule=zero_phase", f"learning.window={window}"))
+
+
 # In the loop
 
 
@@ -175,6 +213,18 @@ def test_a_rule_that_holds_outlasts_the_papers_law(make_config, rule):
         for each in ("paper", rule)
     }
     assert ended == {"paper": "diverged", rule: "completed"}
+
+
+@pytest.mark.parametrize("lead", [0, 1, 2])
+def test_zero_phase_holds_whatever_the_lead(make_config, lead):
+    changed = ("cycles=400", f"learning.lead={lead}")
+    ended = [
+        roll_out(make_scenario(make_config(*changed, f"learning.rule={rule}"))) for rule in ("paper", "zero_phase")
+    ]
+    assert ended[0].status == ("completed" if lead == 1 else "diverged")
+    assert ended[1].status == "completed"
+    feedback = np.abs(ended[1].columns()["tau_feedback_1"]).reshape(400, -1).mean(axis=1)
+    assert feedback[-1] < 1.5 * feedback.min() < 0.3 * feedback[0]
 
 
 BAD = {

@@ -15,7 +15,7 @@ from cmacexp.models.leg import foot_position, foot_velocity, trigonometry
 from cmacexp.models.mechanism import leg_of
 from cmacexp.plants import Measurement
 from cmacexp.rollout import roll_out
-from cmacexp.run import run_scenario
+from cmacexp.run_one import run_scenario
 from cmacexp.scenario import make_scenario
 from cmacexp.score import score
 from cmacexp.sensors.noise import normal, uniform

@@ -13,7 +13,7 @@ from cmacexp.errors import BadInput, BadRun
 from cmacexp.keep import read_traces, steps_by_cycle
 from cmacexp.rollout import rollout as rollouts
 from cmacexp.rollout import stream
-from cmacexp.run import run_scenario
+from cmacexp.run_one import run_scenario
 from cmacexp.scenario import make_scenario
 from cmacexp.score import score
 

@@ -10,7 +10,7 @@ from command import python
 
 from cmacexp.config.compose import compose_config
 from cmacexp.finished import is_finished
-from cmacexp.run import run_scenario
+from cmacexp.run_one import run_scenario
 from pipelines.force_methods import best_claim, elasticity_claim, method_claim, settles
 from pipelines.shared import runs
 from pipelines.telling.ground_belief import apparent_stiffness, predicted_force
@@ -98,7 +98,7 @@ def test_studies_that_need_the_same_run_at_the_same_time_run_it_once(tmp_path, m
         time.sleep(0.2)  # the other one comes while this one runs
         return run_scenario(config, folder)
 
-    monkeypatch.setattr("cmacexp.run.run_scenario", counted)
+    monkeypatch.setattr("cmacexp.run_one.run_scenario", counted)
     config = compose_config(["scenario=force_step", "record=trace"])
     with ThreadPoolExecutor(2) as pool:
         for done in [pool.submit(runs._run, tmp_path / "run", config) for _ in range(2)]:

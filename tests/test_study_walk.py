@@ -46,7 +46,7 @@ def a_walk(force=None, cycles=3) -> Walk:
         for i in range(4)
     ]
     names = ("stability_margin", "margin_front", "margin_rear")
-    body = {"cog_x": zero, "height": zero + 0.5, "pitch": zero, "roll": zero}
+    body = {"height": zero + 0.5} | dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll"), zero)
     body |= {name: np.linspace(0.01, 0.2, n) for name in names}
     time = np.arange(n) * PERIOD
     step = np.arange(n)

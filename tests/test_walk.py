@@ -319,7 +319,8 @@ def test_with_the_literal_reference_the_body_leans(walk):
 # What a run leaves behind
 
 BODY = {
-    "step": "", "time": "s", "cycle": "", "height": "m", "pitch": "rad", "roll": "rad", "cog_x": "m", "cog_y": "m",
+    "step": "", "time": "s", "cycle": "", "height": "m", "pitch": "rad", "roll": "rad", "yaw": "rad",
+    "cog_x": "m", "cog_y": "m",
     "stability_margin": "m", "margin_front": "m", "margin_rear": "m", "supporting_legs": "",
 }  # fmt: skip
 BODY_METRICS = {
@@ -340,7 +341,7 @@ def test_tables_of_the_body_have_the_columns_of_the_contract_with_unit_and_meani
 
 def test_files_of_a_walk(walk):
     assert set(walk(*ALL_THREE).manifest["files"]) == {
-        "trace.parquet", "body.parquet", "metrics.parquet", "metrics.csv", "body_metrics.parquet",
+        "trace.parquet", "body.parquet", "memory.parquet", "metrics.parquet", "metrics.csv", "body_metrics.parquet",
     }  # fmt: skip
 
 
@@ -493,6 +494,8 @@ def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, ove
 
 MIRRORED = "gait.touch_down=[0.5, 0.0, 0.3, 0.8]"
 OTHER_SIDE = [1, 0, 3, 2]
+MIRROR = [1.0, 1.0, -1.0, 1.0, -1.0, -1.0]
+"""Of the columns of a body."""
 
 
 @pytest.mark.parametrize(
@@ -512,7 +515,7 @@ def test_a_mirrored_gait_gives_the_mirrored_walk(make_config, overrides):
     )
     assert (walked.status, len(walked.samples)) == (mirrored.status, len(mirrored.samples))
     assert_allclose(mirrored.samples, walked.samples[:, OTHER_SIDE], atol=1e-9)
-    assert_allclose(mirrored.body_samples, walked.body_samples * [1.0, 1.0, -1.0], atol=1e-9)
+    assert_allclose(mirrored.body_samples, walked.body_samples * MIRROR, atol=1e-9)
 
 
 def test_a_mirrored_machine_gives_the_mirrored_walk_too(make_config):
@@ -523,7 +526,7 @@ def test_a_mirrored_machine_gives_the_mirrored_walk_too(make_config):
         for overrides in (one, [*other, MIRRORED])
     )
     assert_allclose(mirrored.samples, walked.samples[:, OTHER_SIDE], atol=1e-9)
-    assert_allclose(mirrored.body_samples, walked.body_samples * [1.0, 1.0, -1.0], atol=1e-9)
+    assert_allclose(mirrored.body_samples, walked.body_samples * MIRROR, atol=1e-9)
 
 
 # Legs of their own

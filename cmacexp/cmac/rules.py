@@ -1,14 +1,15 @@
 """Learning rules beyond the paper's, for any network that is linear in its weights; as compiled kernels.
 
 All of them change the active weights alone: beta U a_j / sum a_i^2, as the paper does (eq. 20), and each does one
-thing otherwise, to the strength of one field of the config.
+thing otherwise, to the strength of one field of the config. ``zero_phase``, the project's own, also teaches the
+steps around: see :mod:`cmacexp.cmac.spread`.
 """
 
 from cmacexp.arrays import Array, Cells
 from cmacexp.compile import kernel, kernel_apart
 from cmacexp.config.schema import LearningConfig
 
-PAPER, NORMALISED, DEAD_ZONE, LEAKAGE, E_MODIFICATION, WEIGHT_SMOOTHING, DECAYING_RATE = range(7)
+PAPER, NORMALISED, DEAD_ZONE, LEAKAGE, E_MODIFICATION, WEIGHT_SMOOTHING, DECAYING_RATE, ZERO_PHASE = range(8)
 
 RULES = {
     "paper": (PAPER, ""),
@@ -18,6 +19,7 @@ RULES = {
     "e_modification": (E_MODIFICATION, "e_modification"),
     "weight_smoothing": (WEIGHT_SMOOTHING, "smoothing"),
     "decaying_rate": (DECAYING_RATE, "decay"),
+    "zero_phase": (ZERO_PHASE, "leakage"),
 }
 """Number of every rule, and the config field of its strength."""
 

@@ -2,6 +2,7 @@
 
 from cmacexp.config.check_sensors import check_sensors
 from cmacexp.config.check_surroundings import check_payload, check_slope, check_stiffness_step
+from cmacexp.config.feedforwards import INPUTS, PerceptronConfig, RadialBasisConfig
 from cmacexp.config.fields import check_fields, listed
 from cmacexp.config.schema import CmacConfig, Config, QuadrupedMachine
 from cmacexp.errors import BadInput
@@ -160,17 +161,31 @@ def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
         )
 
 
+def check_inputs(key: str, inputs: list[str]) -> None:
+    """Hold the inputs of a network to some, each once."""
+    if not inputs or len(set(inputs)) != len(inputs):
+        raise BadInput(key, inputs, f"must name at least one of {', '.join(INPUTS)}, each once")
+
+
+def check_feedforward(config: Config) -> None:
+    """Hold inputs and nearest Gaussians of a network to what there is."""
+    part = config.feedforward
+    if isinstance(part, RadialBasisConfig | PerceptronConfig):
+        check_inputs("feedforward.inputs", part.inputs)
+    if isinstance(part, RadialBasisConfig) and part.active > part.centres:
+        raise BadInput("feedforward.active", part.active, f"must be at most feedforward.centres={part.centres}")
+
+
 def check_cmac(config: Config) -> None:
     """Hold the inputs of the CMAC to some, each once, and its memory to what they need."""
     inputs = config.cmac.inputs
-    if not inputs or len(set(inputs)) != len(inputs):
-        raise BadInput("cmac.inputs", inputs, "must name at least one of angle, velocity, acceleration, each once")
+    check_inputs("cmac.inputs", inputs)
     check_memory(config.cmac, 2 * len(inputs), OUTPUTS)
 
 
 def check_gains(config: Config) -> None:
     """Hold the gain that a force control method divides by above 0."""
-    if config.force_control.method == "damping" and config.controller.velocity_gain == 0.0:
+    if config.force_control.method == "damping" and config.gains is not None and config.gains[1] == 0.0:
         raise BadInput("controller.velocity_gain", 0.0, "must be above 0 with force_control=damping (eq. 11)")
 
 
@@ -219,5 +234,6 @@ def check(config: Config) -> None:
     check_record(config)
     check_gains(config)
     check_cmac(config)
+    check_feedforward(config)
     check_actuator(config)
     check_sensors(config, LEGS[config.gait.pattern], isinstance(config.machine, QuadrupedMachine))

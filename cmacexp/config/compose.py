@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -28,12 +29,13 @@ def _groups() -> set[str]:
 
 
 @cache
-def _composed(choices: tuple[str, ...]) -> DictConfig:
+def _composed(choices: tuple[str, ...], config_dir: str | None = None) -> DictConfig:
     """What Hydra composes of choices of groups: reading some 30 files takes it longer than most runs."""
     from hydra import compose, initialize_config_dir
 
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
-        return compose("config", list(choices))
+        places = [f"hydra.searchpath=[file://{config_dir}]"] if config_dir else []
+        return compose("config", [*choices, *places])
 
 
 def _values(overrides: Sequence[str]) -> list[tuple[str, Any]] | None:
@@ -63,11 +65,12 @@ def _quick(overrides: Sequence[str]) -> DictConfig | None:
     return config
 
 
-def compose_config(overrides: Sequence[str]) -> Config:
+def compose_config(overrides: Sequence[str], config_dir: str | Path | None = None) -> Config:
     """The checked config of a command line.
 
     Args:
         overrides: as on the command line, e.g. ``["scenario=one_leg", "cycles=3"]``.
+        config_dir: a folder of one's own configs, as ``--config-dir``.
 
     Raises:
         CmacexpError: a name or a value that cannot be; the message is that of the command line.
@@ -77,6 +80,9 @@ def compose_config(overrides: Sequence[str]) -> Config:
     from cmacexp.config.explain import explain_composition
 
     try:
+        own = None if config_dir is None else str(Path(config_dir).resolve())
+        if own is not None:  # its files may have changed since
+            return to_config(_composed.__wrapped__(tuple(overrides), own))
         return to_config(_quick(overrides) or _composed.__wrapped__(tuple(overrides)))
     except (HydraException, OmegaConfBaseException) as error:
         raise CmacexpError(explain_composition(error, list(overrides))) from error

@@ -12,6 +12,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config.fields import listed
 from cmacexp.config.load import config_folder
+from cmacexp.errors import install
 
 
 def _composed(overrides: Sequence[str]) -> DictConfig:
@@ -70,7 +71,7 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         group, _, name = str(error.missing_cfg_file).rpartition("/")
         if str(error.missing_cfg_file) in EXTRAS:
             extra = EXTRAS[str(error.missing_cfg_file)]
-            return f'{group}={name}: is not installed: python -m pip install -e ".[{extra}]" in the checkout'
+            return f"{group}={name}: is not installed: {install(extra)}"
         near = difflib.get_close_matches(name, error.options, 1)
         meant = f"; did you mean {near[0]}?" if near else ""
         return f"{group}={name}: choose from {', '.join(error.options)}{meant}"

@@ -14,11 +14,11 @@ from cmacexp.config.fields import listed
 from cmacexp.config.schema import BUILT_IN_PARTS, MACHINES, Config
 from cmacexp.errors import BadInput
 
-WITHOUT_EFFECT = ("record", "sweep", "optimize", "hydra")
+WITHOUT_EFFECT = ("record", "sweep", "optimize", "warn", "hydra")
 """Root keys that do not change the results of a run, and so stay out of its hash."""
 
 
-WITHOUT_OPTIONS = ("scenario", "cycles", "seed", "sampling_period", "reference", "sweep", "optimize")
+WITHOUT_OPTIONS = ("scenario", "cycles", "seed", "sampling_period", "reference", "sweep", "optimize", "warn")
 """Root keys that are not groups."""
 
 
@@ -39,7 +39,7 @@ def _schema(composed: DictConfig) -> DictConfig:
     if kind not in MACHINES:
         raise BadInput("machine.kind", kind, "choose from " + ", ".join(MACHINES))
     schema.machine = OmegaConf.structured(MACHINES[kind])
-    for part in ("plant", "sensors", "feedforward"):
+    for part in ("plant", "sensors", "controller", "feedforward"):
         target = composed[part].get("_target_")
         if target in BUILT_IN_PARTS:
             schema[part] = OmegaConf.structured(BUILT_IN_PARTS[target])

@@ -6,7 +6,15 @@ Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do n
 from dataclasses import dataclass, field
 from typing import Any
 
+from cmacexp.config.feedforwards import (
+    INPUTS,
+    InverseDynamicsConfig,
+    IterativeLearningConfig,
+    PerceptronConfig,
+    RadialBasisConfig,
+)
 from cmacexp.config.fields import choice, number
+from cmacexp.config.mujoco import MujocoLegConfig, MujocoQuadrupedConfig
 from cmacexp.config.sensors import RealSensorsConfig
 from cmacexp.config.surroundings import PayloadConfig, TerrainConfig
 from cmacexp.models.gravity import GRAVITY
@@ -196,6 +204,19 @@ class ForceControlConfig:
 
 
 @dataclass
+class PlausibilityConfig:
+    """Whether the controller looks if a force sensor can be believed, and drops one that cannot."""
+
+    enabled: bool
+    tolerance: float = number("N", above=0, at_most=1e9)
+    """Difference from the force expected at the measured depth that raises no doubt."""
+    relative_tolerance: float = number("", at_least=0, below=1)
+    """Likewise over the expected force; at 1 a sensor stuck at zero would pass."""
+    patience: int = number("samples", at_least=1, at_most=10**6)
+    """So many that are wrong by twice the tolerance drop a sensor."""
+
+
+@dataclass
 class CmacConfig:
     """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
 
@@ -208,7 +229,7 @@ class CmacConfig:
     addressing: str = choice("hashed", "dense")
     displacement: str = choice("diagonal", "odd_lattice", "parks_militzer")
     """How the layers are shifted against each other; diagonal as in the paper."""
-    inputs: list[str] = choice("angle", "velocity", "acceleration")
+    inputs: list[str] = choice(*INPUTS)
     """Planned joint values that address the memory (assumed)."""
     range_factor: float = number("", at_least=1, at_most=1e6)
     """Input range over the planned span, centred on its middle (assumed)."""
@@ -219,7 +240,14 @@ class LearningConfig:
     """The learning law (Lin & Song 1997, eq. 19, 20); the rules and their sources stand in cmacexp/cmac/rules.py."""
 
     rule: str = choice(
-        "paper", "normalised", "dead_zone", "leakage", "e_modification", "weight_smoothing", "decaying_rate"
+        "paper",
+        "normalised",
+        "dead_zone",
+        "leakage",
+        "e_modification",
+        "weight_smoothing",
+        "decaying_rate",
+        "zero_phase",
     )
     """paper: beta U a_j / sum a_i^2; each of the others does one thing otherwise, as the field of its name says."""
     rate: float = number("", above=0, below=2)
@@ -228,16 +256,20 @@ class LearningConfig:
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
     start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts."""
+    start_from: str | None = field(kw_only=True)
+    """Folder of a run that kept its weights (record.weights), with which the feedforward begins; null: none."""
     regularisation: float = number("", at_least=0, at_most=1e6)
     """normalised: added to sum a_i^2, over its mean along the plan; 0: the paper's rule."""
     dead_zone: float = number("N m", at_least=0)
     """dead_zone: feedback up to this teaches nothing; 0: the paper's rule."""
     leakage: float = number("", at_least=0, at_most=1)
-    """leakage: an active weight loses beta times this of itself; 0: the paper's rule."""
+    """leakage, zero_phase: an active weight loses beta times this of itself; 0: none."""
     e_modification: float = number("1/(N m)", at_least=0, at_most=1e6)
     """e_modification: loses beta |U| times this; the output stays within its inverse; 0: the paper's rule."""
     smoothing: float = number("", at_least=0, at_most=1)
     """weight_smoothing: goes beta times this of its way to the mean of the active ones, kappa of Macnab 2017."""
+    window: int = number("samples", at_least=0, at_most=10**4)
+    """zero_phase: an error teaches so many samples to both sides, by binomial weights; 0: leakage alone."""
     decay: float = number("cycles", above=0, at_most=1e9)
     """decaying_rate: after so many cycles of learning the rate is half of beta, after twice as many a third."""
 
@@ -248,6 +280,8 @@ class RecordConfig:
 
     recording: bool
     """Write recording.rrd, the Rerun view."""
+    weights: bool
+    """Write weights.npz, what the feedforward has learnt at the end."""
     every_nth_step: int = number("steps", at_least=1, at_most=10**9)
     """Keep one step in so many in the traces; the metrics are those of all steps."""
     cycles: list[int] | None = number("cycle", at_least=1, at_most=10**9)
@@ -278,10 +312,11 @@ class Config:
     payload: PayloadConfig
     gait: GaitConfig
     sensors: Any
-    controller: ControllerConfig
+    controller: Any
     actuator: ActuatorConfig
     posture: PostureConfig
     force_control: ForceControlConfig
+    plausibility: PlausibilityConfig
     feedforward: Any
     cmac: CmacConfig
     learning: LearningConfig
@@ -289,6 +324,8 @@ class Config:
     sweep: SweepConfig
     optimize: str | None
     """Metric whose final value a job of a sweep gives to the sweeper (see cmacexp/optimize.py); null: none."""
+    warn: bool
+    """Say before a long run if its learning is predicted to come apart (see cmacexp/stability/warn.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)
     seed: int = number("", at_least=0, below=2**32)
     """Seeds the hash of the CMAC's memory, and every part that draws random numbers."""
@@ -320,8 +357,17 @@ class Config:
             return int(self.learning.lead)
         late = 0
         if isinstance(self.sensors, RealSensorsConfig):
-            late = (self.sensors.velocity if self.controller.velocity_gain else self.sensors.position).delay
+            late = (self.sensors.velocity if self.gains is None or self.gains[1] else self.sensors.position).delay
         return 1 + self.actuator.delay + late
+
+    @property
+    def gains(self) -> tuple[float, float] | None:
+        """K_ap (N/m) and K_av (N s/m) of the controller; None of one that has no such fields, or no such numbers."""
+        fields = self.controller if isinstance(self.controller, dict) else vars(self.controller)
+        position, velocity = fields.get("position_gain"), fields.get("velocity_gain")
+        if not (isinstance(position, int | float) and isinstance(velocity, int | float)):
+            return None
+        return (position, velocity) if position > 0 and velocity >= 0 else None
 
     @property
     def assumed_stiffness(self) -> float:
@@ -345,24 +391,20 @@ class PartWithoutFields:
     _target_: str
 
 
-@dataclass
-class IterativeLearningConfig:
-    """Iterative learning control (Bristow, Tharayil & Alleyne 2006)."""
-
-    _target_: str
-    cutoff: float | None = number("Hz", above=0, at_most=1e6)
-    """Of the low-pass Q that the torques of a cycle go through, where its gain is 1/sqrt(2); null: none."""
-
-
 MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine}
 
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
+    "cmacexp.control.HybridController": ControllerConfig,
+    "cmacexp.plants.mujoco_leg.MujocoLeg": MujocoLegConfig,
+    "cmacexp.plants.mujoco_quadruped.MujocoQuadruped": MujocoQuadrupedConfig,
     "cmacexp.sensors.PerfectSensors": PartWithoutFields,
     "cmacexp.sensors.RealSensors": RealSensorsConfig,
     "cmacexp.control.NoFeedforward": PartWithoutFields,
     "cmacexp.control.CmacFeedforward": PartWithoutFields,
-    "cmacexp.control.InverseDynamics": PartWithoutFields,
+    "cmacexp.control.InverseDynamics": InverseDynamicsConfig,
+    "cmacexp.control.RadialBasis": RadialBasisConfig,
+    "cmacexp.control.Perceptron": PerceptronConfig,
     "cmacexp.control.IterativeLearning": IterativeLearningConfig,
 }
 """Schemas of the parts that a ``_target_`` can name; another target brings its own fields, unchecked here."""

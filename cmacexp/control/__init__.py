@@ -3,7 +3,9 @@
 from cmacexp.control.feedforward import CmacFeedforward, InverseDynamics, NoFeedforward
 from cmacexp.control.hybrid import HybridController
 from cmacexp.control.iterative import IterativeLearning
-from cmacexp.control.protocol import Action, Controller, Feedforward, Reference
+from cmacexp.control.perceptron import Perceptron
+from cmacexp.control.protocol import Action, Controller, Feedforward, Learns, Reference
+from cmacexp.control.radial import RadialBasis
 
 __all__ = [
     "Action",
@@ -13,6 +15,9 @@ __all__ = [
     "HybridController",
     "InverseDynamics",
     "IterativeLearning",
+    "Learns",
     "NoFeedforward",
+    "Perceptron",
+    "RadialBasis",
     "Reference",
 ]

@@ -2,12 +2,19 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.memory import read, read_weighted, train, train_weighted
-from cmacexp.cmac.rules import PAPER, rate_in_cycle, train_by_rule
+from cmacexp.cmac.rules import PAPER, ZERO_PHASE, rate_in_cycle, train_by_rule
+from cmacexp.cmac.spread import train_spread
 from cmacexp.compile import kernel
+from cmacexp.control.weight_log import WeightLog, log_cycle
 
 NONE, TABLE, CMAC, WEIGHTED = range(4)
+
+EMPTY_CELLS: Cells = np.zeros((1, 1, 1), dtype=np.uint32)
+EMPTY: Array = np.zeros((1, 1, 1))
 
 
 class LearningLaw(NamedTuple):
@@ -23,6 +30,10 @@ class LearningLaw(NamedTuple):
     """Of what the rule does otherwise than the paper's."""
     start_step: int = 0
     """First step of the run in which the network learns."""
+    cells: Cells = EMPTY_CELLS
+    """(N, L, K): rows that the error of each sample teaches; of ``zero_phase`` alone, as the next."""
+    share: Array = EMPTY
+    """(N, L, K): in what part."""
 
 
 class Smoothing(NamedTuple):
@@ -52,6 +63,7 @@ class FeedforwardLaw(NamedTuple):
     """(L, rows, 2): weights of the networks, one per leg."""
     learning: LearningLaw
     smoothing: Smoothing
+    log: WeightLog
 
 
 @kernel
@@ -76,7 +88,9 @@ def learn(law: FeedforwardLaw, i: int, step: int, sample: int, taught: Array) ->
     ``step`` counts from 0 over the whole run.
     """
     weights, cells, how = law.weights[i], law.cells[sample, i], law.learning
-    if how.rule != PAPER:
+    if how.rule == ZERO_PHASE:
+        train_spread(weights, how.cells[sample, i], how.share[sample, i], taught, how.rate, how.strength)
+    elif how.rule != PAPER:
         cycles = (step - how.start_step) // law.cells.shape[0]
         rate = rate_in_cycle(how.rule, how.strength, how.rate, cycles)
         train_by_rule(how.rule, how.strength, weights, cells, law.activation[sample, i], taught, rate)
@@ -97,6 +111,8 @@ def feedforward_step(law: FeedforwardLaw, step: int, sample: int, taught: Array,
         taught: (L, 2): what the feedback gave in the last step, N m.
         output: (L, 2): is filled, N m.
     """
+    if sample == 0:
+        log_cycle(law.log, law.weights)
     for i in range(output.shape[0]):
         if law.kind == TABLE:
             output[i, 0], output[i, 1] = law.torque[sample, i, 0], law.torque[sample, i, 1]

@@ -5,6 +5,7 @@ import numpy as np
 from cmacexp.arrays import Array
 from cmacexp.control.hybrid_law import METHODS, HybridLaw, HybridState, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise
+from cmacexp.control.plausibility import Plausibility
 from cmacexp.control.protocol import Action, Feedforward, Reference
 from cmacexp.models.mechanism import trigonometries
 from cmacexp.planning.setup import Setup
@@ -33,7 +34,7 @@ class HybridController:
 
     def reset(self, setup: Setup, feedforward: Feedforward) -> None:
         """LEAD states of zero."""
-        method = setup.config.force_control
+        method, check = setup.config.force_control, setup.config.plausibility
         self.law = HybridLaw(
             setup.mechanism,
             METHODS[method.method],
@@ -45,10 +46,28 @@ class HybridController:
             discretise(self.lead_omega, self.lead_alpha, setup.config.sampling_period),
             setup.config.posture.gain,
             setup.config.posture.rate_gain,
+            Plausibility(
+                check.enabled,
+                setup.config.assumed_stiffness,
+                check.tolerance,
+                check.relative_tolerance,
+                float(check.patience),
+            ),
         )
         self.state = new_hybrid_state(setup.mechanism.legs.shape[0])
         self.trig = np.zeros((setup.mechanism.legs.shape[0], 4))
         self.feedforward = feedforward
+
+    @property
+    def force_trusted(self) -> Array:
+        """(L,): 1, and 0 since the force sensor of the leg was found implausible."""
+        return self.state.plausible.trusted
+
+    @property
+    def dropped(self) -> dict[int, int]:
+        """Legs whose force sensor was found implausible, and the step at which it was."""
+        trust = self.state.plausible
+        return {i + 1: int(trust.steps[i]) for i in np.flatnonzero(trust.trusted == 0.0).tolist()}
 
     def act(self, reference: Reference, measurement: Measurement) -> Action:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""

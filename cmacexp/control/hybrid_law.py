@@ -12,6 +12,7 @@ import numpy as np
 from cmacexp.arrays import Array, Mask
 from cmacexp.compile import kernel
 from cmacexp.control.lead import Lead, lead_step
+from cmacexp.control.plausibility import Plausibility, Trust, expected_force, judge, new_trust
 from cmacexp.models.body import depth, depth_rate
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism, torque_for
 
@@ -40,6 +41,7 @@ class HybridLaw(NamedTuple):
     """Of the posture control of a body; 0 switches it off."""
     posture_rate_gain: float
     """Of what posture control adds to the velocity reference; 0 as in the paper."""
+    plausibility: Plausibility
 
 
 class HybridState(NamedTuple):
@@ -55,11 +57,13 @@ class HybridState(NamedTuple):
     """(L, 2): what a feedforward learns from, J^T U, N m."""
     reference: Array
     """(L, 2): x and y that the last step was fed, posture control included, m."""
+    plausible: Trust
 
 
 def new_hybrid_state(legs: int) -> HybridState:
     """LEAD states of zero."""
-    return HybridState(*(np.zeros((legs, 2)) for _ in range(5)))
+    error, output, feedback, taught, reference = (np.zeros((legs, 2)) for _ in range(5))
+    return HybridState(error, output, feedback, taught, reference, new_trust(legs))
 
 
 @kernel
@@ -106,7 +110,7 @@ def force_error(
 ) -> float:
     """Weighted error of the force control method, N (Lin & Song 1997, Fig. 2 to 5 and eq. 21).
 
-    Row ``i`` of ``reference`` (L, 6) is x, y, vx, vy, F_r, F_d of the leg; ``y_reference`` and
+    Row ``i`` of ``reference`` (L, 7) is x, y, vx, vy, F_r of the leg and so on; ``y_reference`` and
     ``vy_reference`` are y and vy with posture control.
     """
     if law.method == EXPLICIT:
@@ -118,6 +122,24 @@ def force_error(
     if law.method == DAMPING:
         return damping
     return stiffness + damping
+
+
+@kernel
+def believed_force(
+    law: HybridLaw, trust: Trust, i: int, measured: float, desired: float, foot: Array, body: Array
+) -> float:
+    """The force that control goes by, N: the ``measured`` one unless the sensor of leg ``i`` is implausible.
+
+    The ``desired`` force in its place takes the terms of P_fn and V_fn out of the error, together with those that the
+    reference has for them (eq. 9, 13, 24). Damping and explicit control know nothing of the ground but its force:
+    they go by the one expected at the measured depth.
+    """
+    if not law.plausibility.enabled:
+        return measured
+    expected = expected_force(law.plausibility, law.mechanism, i, foot, body)
+    if judge(law.plausibility, trust, i, measured, expected):
+        return measured
+    return desired if law.method == STIFFNESS or law.method == COMBINED else expected
 
 
 @kernel
@@ -139,7 +161,7 @@ def hybrid_feedback(
         law: gains and geometry.
         state: of the last step, becomes that of this one.
         support: (L,): force control along y where true, position control elsewhere.
-        reference: (L, 6): a row of the plan.
+        reference: (L, 7): a row of the plan.
         trig: (L, 4): sines and cosines of the measured joint angles, see :func:`trigonometries`.
         foot: (L, 2): measured foot position, m.
         velocity: (L, 2): measured foot velocity, m/s.
@@ -150,10 +172,11 @@ def hybrid_feedback(
     for i in range(support.shape[0]):
         x_error = position_error(law, reference[i, 0], reference[i, 2], foot[i, 0], velocity[i, 0])
         y_reference = reference[i, 1]
+        pressed = believed_force(law, state.plausible, i, force[i], reference[i, 6], foot, body)
         if support[i]:
             y_reference += posture_term(law, i, body)
             vy_reference = reference[i, 3] + posture_rate_term(law, i, body, body_rate)
-            y_error = force_error(law, i, reference, y_reference, vy_reference, foot[i, 1], velocity[i, 1], force[i])
+            y_error = force_error(law, i, reference, y_reference, vy_reference, foot[i, 1], velocity[i, 1], pressed)
         else:
             y_error = position_error(law, y_reference, reference[i, 3], foot[i, 1], velocity[i, 1])
         state.reference[i, 0], state.reference[i, 1] = reference[i, 0], y_reference

@@ -5,7 +5,8 @@ import numpy as np
 from cmacexp.arrays import Array
 from cmacexp.cmac.use import MemoryUse
 from cmacexp.control.feedforward import BuiltInFeedforward, network
-from cmacexp.planning.setup import Setup
+from cmacexp.errors import BadInput
+from cmacexp.planning.setup import Setup, Weights
 
 REACH = 4.0
 """Standard deviations of the Gaussian to which its taps go."""
@@ -38,9 +39,27 @@ class IterativeLearning(BuiltInFeedforward):
         self.cutoff = cutoff
 
     def reset(self, setup: Setup) -> None:
-        """No torque at any sample."""
+        """No torque at any sample, or that of an earlier run.
+
+        Raises:
+            BadInput: the earlier run has another number of samples in a cycle.
+        """
         samples, legs = setup.plan.support.shape
         cells = np.broadcast_to(np.arange(samples, dtype=np.uint32)[:, None, None], (samples, legs, 1))
         taps = None if self.cutoff is None else gaussian_taps(self.cutoff, setup.config.sampling_period)
         self.law = network(setup, cells, samples, taps=taps)
-        self.memory = [MemoryUse(samples, samples, None, None, 0)] * legs
+        if setup.learnt is not None:
+            learnt = setup.learnt["weights"]
+            if learnt.shape != self.law.weights.shape:
+                raise BadInput(
+                    "learning.start_from",
+                    setup.config.learning.start_from,
+                    f"has weights for {learnt.shape[1]} samples, this cycle has {samples}; give cycle and sampling "
+                    "period that were learnt",
+                )
+            self.law.weights[:] = learnt
+        self.memory = [MemoryUse(samples, samples, samples, 0, 0)] * legs
+
+    def learnt(self) -> Weights:
+        """``weights`` (L, N, 2), N m."""
+        return {"weights": self.law.weights.copy()}

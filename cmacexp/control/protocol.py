@@ -1,9 +1,9 @@
 """What controller and feedforward are to the loop."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from cmacexp.arrays import Array, Mask
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.setup import Setup, Weights
 from cmacexp.plants.protocol import Measurement
 
 
@@ -19,7 +19,7 @@ class Reference(NamedTuple):
     support: Mask
     """(L,): planned phase, true in support."""
     values: Array
-    """(L, 6): x, y (m), vx, vy (m/s), reference force and force to add (N): a row of ``Plan.reference``."""
+    """(L, 7): x, y (m), vx, vy (m/s), reference force, force to add, desired force (N): of ``Plan.reference``."""
     desired: Array
     """(L, 6): desired foot position, velocity and acceleration."""
     joints: Array
@@ -51,6 +51,15 @@ class Feedforward(Protocol):
 
     def predict(self, reference: Reference, taught: Array) -> Array:
         """Learn from ``taught`` (L, 2), the last step's feedback in N m, then give this step's torque (L, 2)."""
+        ...
+
+
+@runtime_checkable
+class Learns(Protocol):
+    """A feedforward whose weights can be kept, and started from: ``reset`` finds them in ``Setup.learnt``."""
+
+    def learnt(self) -> Weights:
+        """What it has learnt, and all that tells which inputs the weights belong to; a copy."""
         ...
 
 

@@ -51,6 +51,8 @@ class Block:
     feedback: Array
     """(cycles, L, N, 2): N m."""
     feedforward: Array
+    before: Array | None = None
+    """(L, N, 2): feedback of the cycle before the first of these; None if there was none."""
 
     @cached_property
     def transfer(self) -> Mask:
@@ -66,6 +68,12 @@ class Block:
     def force_error(self) -> Array:
         """force - force_desired, N."""
         return self.force - self.force_desired
+
+    @cached_property
+    def feedback_change(self) -> Array:
+        """(cycles, L, N, 2): what the feedback changed from the cycle before, N m; NaN where there was none."""
+        first = np.full_like(self.feedback[:1], np.nan) if self.before is None else self.before[None]
+        return np.diff(np.concatenate([first, self.feedback]), axis=0)
 
     @cached_property
     def since_touch_down(self) -> Array:

@@ -4,16 +4,23 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.arrays import Array
-from cmacexp.metrics.block import Block, Rhythm, rhythm_of
+from cmacexp.metrics.block import Block, rhythm_of
 from cmacexp.metrics.definitions import METRICS, OF_A_CYCLE
 from cmacexp.metrics.drift import Drift, DriftWatch
 from cmacexp.metrics.learning import LEARNING
+from cmacexp.metrics.memory import MEMORY, values_of
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
 from cmacexp.table import as_array, is_support
 
 
-def cut(trace: pa.Table, steps_per_cycle: int, rhythm: Rhythm | None = None) -> Block:
-    """Cut a trace into cycles; the last may be short. Its rhythm is that of the run, or told from this trace."""
+def cut(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> Block:
+    """Cut a trace into cycles; the last may be short.
+
+    Args:
+        trace: of a run, or of a part of it.
+        steps_per_cycle: N.
+        before: the part before it, which tells the rhythm of the run; None: this one begins the run.
+    """
     legs = int(as_array(trace, "leg").max(initial=1))
     rows = trace.num_rows
     cycles = -(-rows // (steps_per_cycle * legs))
@@ -29,7 +36,7 @@ def cut(trace: pa.Table, steps_per_cycle: int, rhythm: Rhythm | None = None) -> 
     time, progress = columns("time"), columns("progress")
     valid, support = ~np.isnan(time), block(is_support(trace).astype(float)) == 1.0
     return Block(
-        rhythm or rhythm_of(time, progress, valid, support),
+        before.rhythm if before else rhythm_of(time, progress, valid, support),
         valid,
         support,
         progress,
@@ -40,6 +47,7 @@ def cut(trace: pa.Table, steps_per_cycle: int, rhythm: Rhythm | None = None) -> 
         columns("force_desired"),
         np.stack([columns("tau_feedback_1"), columns("tau_feedback_2")], axis=3),
         np.stack([columns("tau_feedforward_1"), columns("tau_feedforward_2")], axis=3),
+        before.feedback[-1] if before else None,
     )
 
 
@@ -52,16 +60,20 @@ class Scorer:
 
     def __init__(self, steps_per_cycle: int):
         self.steps_per_cycle = steps_per_cycle
-        self.rhythm: Rhythm | None = None
+        self.block: Block | None = None
         self.parts: list[dict[str, Array]] = []
+        self.memory: list[pa.Table] = []
         self.watch: DriftWatch | None = None
         self.drift: Drift | None = None
         """The first drift seen so far, as known when it was named."""
 
+    def add_memory(self, memory: pa.Table) -> None:
+        """Take what the weights were at the end of the next cycles (:func:`cmacexp.trace.assemble_memory`)."""
+        self.memory.append(memory)
+
     def add(self, trace: pa.Table) -> None:
         """Score the next cycles; only the last of the run may be short."""
-        block = cut(trace, self.steps_per_cycle, self.rhythm)
-        self.rhythm = block.rhythm
+        self.block = block = cut(trace, self.steps_per_cycle, self.block)
         part = {name: metric.of(block) for name, metric in OF_A_CYCLE.items()}
         self.parts.append(part)
         self._watch(part["feedback_rms"])
@@ -81,6 +93,8 @@ class Scorer:
         values = {name: np.concatenate([part[name] for part in self.parts]) for name in OF_A_CYCLE}
         cycles, legs = next(iter(values.values())).shape
         values |= {name: metric.of(values) for name, metric in LEARNING.items()}
+        kept = values_of(pa.concat_tables(self.memory) if self.memory else None, cycles, legs)
+        values |= {name: metric.of(kept) for name, metric in MEMORY.items()}
         index = {
             "cycle": (CYCLE, np.repeat(np.arange(1, cycles + 1), legs)),
             "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),

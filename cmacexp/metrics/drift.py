@@ -66,6 +66,8 @@ class DriftWatch:
         Returns:
             Growth at each of these cycles, and the cycle in which a drift started; (cycles, L), undefined NaN.
         """
+        if not len(feedback):  # of a run that took no step
+            return feedback, feedback
         with np.errstate(divide="ignore", invalid="ignore"):
             logs = np.concatenate([self.logs, np.log(feedback)])
             windows = sliding_window_view(logs, WINDOW, axis=0)

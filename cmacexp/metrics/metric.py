@@ -15,6 +15,7 @@ GRAHAM_LATHROP = "Graham & Lathrop 1953"
 OGATA = "Ogata 2010, section 5-3"
 BRISTOW = "Bristow, Tharayil & Alleyne 2006"
 MCGHEE_FRANK = "McGhee & Frank 1968"
+ALBUS = "Albus 1975"
 MANN = "Mann 1945"
 SEN = "Sen 1968"
 

@@ -5,7 +5,7 @@ import numpy as np
 from cmacexp.arrays import Array, Mask
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import largest, mean
-from cmacexp.metrics.metric import CONTRACT, Metric
+from cmacexp.metrics.metric import BRISTOW, CONTRACT, Metric
 
 
 def _torque_rms(torque: Array, valid: Mask) -> Array:
@@ -28,6 +28,13 @@ def feedforward_share(block: Block) -> Array:
 TORQUE: dict[str, Metric[Block]] = {
     "feedback_rms": Metric(
         "N m", "RMS feedback torque, both joints", "never", CONTRACT, lambda b: _torque_rms(b.feedback, b.valid)
+    ),
+    "feedback_change": Metric(
+        "N m",
+        "RMS change of the feedback torque from the cycle before, both joints",
+        "the first cycle",
+        BRISTOW,
+        lambda b: _torque_rms(b.feedback_change, b.valid),
     ),
     "feedforward_rms": Metric(
         "N m", "RMS feedforward torque, both joints", "never", CONTRACT, lambda b: _torque_rms(b.feedforward, b.valid)

@@ -61,6 +61,12 @@ height_at = kernel(rise)
 
 
 @kernel
+def grade_at(ground: Ground, x: float) -> float:
+    """Slope at ``x`` in the world, m/m."""
+    return ground.slope if x > ground.slope_start else 0.0
+
+
+@kernel
 def stiffness_at(ground: Ground, x: float, y: float) -> float:
     """K_n at (x, y) in the world before any step, N/m."""
     if ground.patch_spread == 0.0:
@@ -72,7 +78,7 @@ def stiffness_at(ground: Ground, x: float, y: float) -> float:
 
 
 @kernel
-def stiffness_under(ground: Ground, leg: int, step: int, x: float, y: float) -> float:
+def stiffness_under(ground: Ground, leg: int, step: float, x: float, y: float) -> float:
     """K_n under a leg, counted from 0, that stands at (x, y) in the world after ``step`` sampling periods, N/m."""
     stiffness = stiffness_at(ground, x, y)
     return stiffness * ground.step_factor if step >= ground.step_at and (ground.step_legs >> leg) & 1 else stiffness

@@ -1,5 +1,6 @@
 """The plan of a cycle: phases, desired motion and force of every foot, and what the controller is fed."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +42,7 @@ class Plan(NamedTuple):
     force_desired: Array
     """(N, L): desired contact force, N."""
     reference: Array
-    """(2, N, L, 6): per stage x, y (m), vx, vy (m/s), F_r (N) and F_d to add to the feedback (N)."""
+    """(2, N, L, 7): per stage x, y (m), vx, vy (m/s), F_r (N), F_d to add to the feedback (N), desired force (N)."""
     margins: Array
     """(N, 3): stability margin, front and rear margin of a body over its planned support polygon, m; else NaN."""
     start_step: int
@@ -141,21 +142,24 @@ def check_apex(config: Config, gap: float) -> None:
 
 
 def _reference(config: Config, timing: Timing, hip_height: float, desired: Array, force: Array) -> Array:
-    """What the controller is fed, (2, N, L, 6): the desired motion in transfer, the force laws in support."""
+    """What the controller is fed, (2, N, L, 7): the desired motion in transfer, the force laws in support.
+
+    A controller without K_ap and K_av gets the laws without their terms in 1/K_a and K_av/K_ap.
+    """
     method = config.force_control
     gains = Gains(
-        config.controller.position_gain,
-        config.controller.velocity_gain,
+        *(config.gains or (math.inf, 0.0)),
         method.force_gain,
         method.elasticity,
         method.admittance,
         config.assumed_stiffness,
     )
-    reference = np.zeros((2, *desired.shape))
-    reference[..., :4] = desired[..., :4]
+    reference = np.zeros((2, *force.shape, 7))
+    reference[..., :4], reference[..., 6] = desired[..., :4], force
     support = timing.support
     for stage in (BEFORE, ACTING):
-        law = SUPPORT_REFERENCES[method.method](gains, keeps_static_load(config.reference, stage == ACTING))
+        keeps = config.gains is not None and keeps_static_load(config.reference, stage == ACTING)
+        law = SUPPORT_REFERENCES[method.method](gains, keeps)
         reference[stage, support, 1] = hip_height + law.depression * force[support]
         reference[stage, support, 3] = law.velocity * force[support]
         reference[stage, support, 4] = law.force * force[support]

@@ -4,12 +4,22 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel, kernel_apart
+from cmacexp.config.surroundings import PayloadConfig
 from cmacexp.models.body import Load, balance, depth
-from cmacexp.models.ground import Ground, contact_force, damped_force, damped_spring, height_at, stiffness_under
+from cmacexp.models.ground import (
+    NEVER,
+    Ground,
+    contact_force,
+    damped_force,
+    damped_spring,
+    first_sample,
+    grade_at,
+    height_at,
+    stiffness_under,
+)
 from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of, trig_of, trigonometries
 
@@ -20,6 +30,12 @@ class Payload(NamedTuple):
     load: Load
     start: int
     """Sampling periods after which it lies there."""
+
+
+def make_payload(payload: PayloadConfig, sampling_period: float) -> Payload:
+    """The payload that a config describes."""
+    start = first_sample(payload.time, sampling_period) if payload.weight else NEVER
+    return Payload(Load(payload.weight, payload.x, payload.y), start)
 
 
 class PlantLaw(NamedTuple):
@@ -63,7 +79,7 @@ class PlantState(NamedTuple):
     """(L,): depression under each foot at the start of a Runge-Kutta step, m; kept where the ground has damping."""
     travel: Array
     """(1,): way that the body has gone, m."""
-    clock: NDArray[np.int64]
+    clock: Array
     """(1,): sampling periods that have passed."""
     trig: Array
     """(L, 4): sines and cosines of the joint angles."""
@@ -76,7 +92,7 @@ def new_state(legs: int) -> PlantState:
     q, dq, foot, velocity = (np.zeros((legs, 2)) for _ in range(4))
     force, stiffness, level, pressed = (np.zeros(legs) for _ in range(4))
     body, body_rate, travel, spring = (np.zeros(shape) for shape in (3, 3, 1, (2, legs)))
-    clock, trig, stages = np.zeros(1, dtype=np.int64), np.zeros((legs, 4)), np.zeros((6, legs, 2))
+    clock, trig, stages = np.zeros(1), np.zeros((legs, 4)), np.zeros((6, legs, 2))
     return PlantState(
         q, dq, foot, velocity, force, body, body_rate, stiffness, level, spring, pressed, travel, clock, trig, stages
     )
@@ -91,13 +107,12 @@ def stand_force(law: PlantLaw, i: int, dq: Array, state: PlantState) -> float:
     along, rate = dq[i, 0], dq[i, 1]
     if law.mechanism.kind != POINT_MASS:
         along, rate = foot_velocity(leg_of(law.mechanism, i), trig_of(state.trig, i), dq[i, 0], dq[i, 1])
-    if law.ground.slope != 0.0 and state.foot[i, 0] > law.ground.slope_start:
-        rate += law.ground.slope * along
+    rate += grade_at(law.ground, state.foot[i, 0]) * along
     return damped_force(state.stiffness[i], law.ground.damping, depression, rate)
 
 
 @kernel
-def load_on(law: PlantLaw, step: int) -> Load:
+def load_on(law: PlantLaw, step: float) -> Load:
     """What the feet carry after ``step`` sampling periods: the body, and the payload once it is there."""
     weight, payload = law.mechanism.weight, law.payload.load
     if step < law.payload.start:

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from cmacexp.arrays import Array
 from cmacexp.planning.setup import Setup
 
@@ -23,6 +25,24 @@ class Measurement(NamedTuple):
     """(3,): height of the body above the undepressed ground, m; pitch and roll, rad."""
     body_rate: Array
     """(3,): rates of height, m/s, of pitch and roll, rad/s; zero without a body."""
+    travel: Array | None = None
+    """(3,): where a body that really moves is in the world, x and y, m, and its yaw, rad, positive to the left;
+    None of one that goes as planned."""
+
+
+STATE = Measurement._fields[:-1]
+"""What every machine measures; only a body that really moves has a travel."""
+
+
+def state_of(measurement: Measurement) -> tuple[Array, ...]:
+    """The arrays of a measurement in the order of STATE."""
+    return tuple(measurement[: len(STATE)])  # type: ignore[arg-type]
+
+
+def new_measurement(legs: int) -> Measurement:
+    """A measurement of zeros of ``legs`` legs."""
+    q, dq, foot, velocity = (np.zeros((legs, 2)) for _ in range(4))
+    return Measurement(q, dq, foot, velocity, np.zeros(legs), np.zeros(3), np.zeros(3))
 
 
 class Plant(Protocol):

@@ -84,13 +84,13 @@ def _log_stability(entities: Entities, view: ShownRun, feet: Array) -> None:
     corners[..., 2] = view.ground_height(corners[..., 0]) + ABOVE_GROUND
     entities.log("world/support", rr.LineStrips3D.from_fields(radii=[0.004], colors=[palette.POLYGON]))
     entities.send_columns("world/support", view.indexes, rr.LineStrips3D.columns(strips=corners.astype(np.float32)))
-    x = view.body["cog_x"]
-    point = np.stack([x, np.zeros_like(x), view.ground_height(x) + ABOVE_GROUND], axis=1)
+    point = view.way()
+    point[:, 2] = view.ground_height(point[:, 0]) + ABOVE_GROUND
     entities.log("world/centre_of_gravity", rr.Points3D.from_fields(radii=[0.012], colors=[palette.COG]))
     entities.send_columns("world/centre_of_gravity", view.indexes, rr.Points3D.columns(positions=point))
-    plumb = np.stack([point, view.centre + np.array([0.0, 0.0, ABOVE_GROUND])], axis=1)
+    plumb = np.stack([point, view.way() + np.array([0.0, 0.0, ABOVE_GROUND])], axis=1)
     entities.log("world/plumb", rr.LineStrips3D.from_fields(radii=[0.0015], colors=[palette.COG]))
-    entities.send_columns("world/plumb", view.indexes, rr.LineStrips3D.columns(strips=plumb))
+    entities.send_columns("world/plumb", view.indexes, rr.LineStrips3D.columns(strips=plumb.astype(np.float32)))
 
 
 def _log_slope(entities: Entities, view: ShownRun, feet: list[Array]) -> None:

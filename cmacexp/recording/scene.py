@@ -16,9 +16,9 @@ PATH_POINTS = 150
 def _log_body(entities: Entities, view: ShownRun) -> None:
     """The frames ``world/travel``, which moves on with the machine, and ``world/travel/body``, which tilts too."""
     zero = np.zeros_like(view.time)
-    way = np.stack([view.body["cog_x"], zero, zero], axis=1)
+    way = view.way() * [1.0, 1.0, 0.0]
     entities.send_columns("world/travel", view.indexes, rr.Transform3D.columns(translation=way))
-    up = np.stack([zero, zero, view.centre[:, 2]], axis=1)
+    up = np.stack([zero, zero, view.way()[:, 2]], axis=1)
     pose = rr.Transform3D.columns(translation=up, quaternion=view.turn())
     entities.send_columns("world/travel/body", view.indexes, pose)
     hips = np.array([[*leg.hip, 0.0] for leg in view.legs])

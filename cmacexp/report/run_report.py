@@ -5,6 +5,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
+from cmacexp.config.check import OUTPUTS, WORD_BYTES
 from cmacexp.config.difference import flat
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.keep import BODY_METRICS, METRICS, Scores, steps_by_cycle
@@ -153,21 +154,29 @@ def _memory(run: StoredRun) -> list[Section]:
     uses = run.manifest["memory"]
     if not uses:
         return []
-    size = run.config["cmac"]["memory_bytes"]
     rows = []
     for leg, use in enumerate(uses, 1):
         cells, shared = use["cells_visited"], use["cells_colliding"]
         colliding = "not counted" if cells is None else f"{shared} ({shared / cells:.1%})" if cells else "0"
         used = f"{use['rows_used']} ({use['rows_used'] / use['rows']:.1%})"
         visited = "not counted" if cells is None else str(cells)
-        rows.append([_leg_name(leg, len(uses)), str(size), str(use["rows"]), used, visited, colliding])
+        rows.append(
+            [
+                _leg_name(leg, len(uses)),
+                str(use["rows"] * OUTPUTS * WORD_BYTES),
+                str(use["rows"]),
+                used,
+                visited,
+                colliding,
+            ]
+        )
         rows[-1].append(str(use["clipped"]))
-    titles = ["CMAC of leg", "memory, B", "rows", "rows used", "cells visited", "cells that share a row"]
+    titles = ["network of leg", "memory, B", "rows", "rows used", "cells visited", "cells that share a row"]
     text = (
-        "Along the planned path of one cycle. Cells are those of the CMAC before hashing; cells that share a row of "
+        "Along the planned path of one cycle. Cells are those of a CMAC before hashing; cells that share a row of "
         "memory by hashing train each other. Clipped inputs lie outside the range that the CMAC covers."
     )
-    return [Section("Memory of the CMAC", [Text(text), Table([*titles, "clipped inputs"], rows)])]
+    return [Section("Memory of the feedforward", [Text(text), Table([*titles, "clipped inputs"], rows)])]
 
 
 def _settings(run: StoredRun) -> Section:

@@ -77,7 +77,7 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
             machine.force, seen.force, state.reference, state.feedback, feedforward, machine.body,
         )  # fmt: skip
         if has_measured(samples):
-            write_measured(samples, body_samples, k, seen, machine.body_rate)
+            write_measured(samples, body_samples, k, seen, machine.body_rate, state.plausible.trusted)
         advance(plant, machine, total)
         sample = sample + 1 if sample + 1 < period else 0
         status = stop_reason(loop.guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)

@@ -13,20 +13,26 @@ SAMPLES = (
 )  # fmt: skip
 """Columns of the trace that a run gives for every leg; the rest is planned."""
 
-BODY_SAMPLES = ("height", "pitch", "roll")
-"""Columns of the body that a run gives."""
+POSE, TRAVEL = ("height", "pitch", "roll"), ("cog_x", "cog_y", "yaw")
+BODY_SAMPLES = (*POSE, *TRAVEL)
+"""Columns of the body that a run gives; the last three are those of the plan unless the plant measures them."""
+GONE = slice(len(POSE), len(BODY_SAMPLES))
+"""Those three."""
 
 MEASURED = ("x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2")
 """Columns that follow SAMPLES, as ``x_measured``, where sensors alter something; the force has its own always."""
 
+TRUSTED = "force_trusted"
+"""Follows MEASURED: whether the controller goes by the force sensor."""
+
 RATES = ("height_rate", "pitch_rate", "roll_rate")
-BODY_MEASURED = (*BODY_SAMPLES, *RATES)
+BODY_MEASURED = (*POSE, *RATES)
 """Likewise of the body, after BODY_SAMPLES and RATES."""
 
 
 def names_of(samples: Array) -> tuple[str, ...]:
     """Names of the columns of leg samples (steps, L, columns)."""
-    return (*SAMPLES, *(f"{name}_measured" for name in MEASURED))[: samples.shape[2]]
+    return (*SAMPLES, *(f"{name}_measured" for name in MEASURED), TRUSTED)[: samples.shape[2]]
 
 
 def body_names_of(samples: Array) -> tuple[str, ...]:
@@ -37,7 +43,7 @@ def body_names_of(samples: Array) -> tuple[str, ...]:
 def room_for(steps: int, legs: int, measured: bool) -> tuple[Array, Array]:
     """Room for the samples of legs and body, with or without what is measured of them."""
     return (
-        np.zeros((steps, legs, len(SAMPLES) + (len(MEASURED) if measured else 0))),
+        np.zeros((steps, legs, len(SAMPLES) + (len(MEASURED) + 1 if measured else 0))),
         np.zeros((steps, len(BODY_SAMPLES) + (len(RATES) + len(BODY_MEASURED) if measured else 0))),
     )
 
@@ -58,7 +64,7 @@ def write_samples(
     feedforward: Array,
     body: Array,
 ) -> None:
-    """Fill ``samples[k]`` (L, columns) and ``body_samples[k]`` (3,) in the order of SAMPLES and BODY_SAMPLES.
+    """Fill ``samples[k]`` (L, columns) and the pose in ``body_samples[k]``, in the order of SAMPLES and BODY_SAMPLES.
 
     Forces are (L,), ``body`` is (3,), ``reference`` begins with x and y, the rest is (L, 2).
     """
@@ -84,8 +90,13 @@ def has_measured(samples: Array) -> bool:
 
 
 @kernel
-def write_measured(samples: Array, body_samples: Array, k: int, seen: Seen | Measurement, body_rate: Array) -> None:
-    """Fill the rest of ``samples[k]`` and ``body_samples[k]`` with what was ``seen``; ``body_rate`` (3,) is true."""
+def write_measured(
+    samples: Array, body_samples: Array, k: int, seen: Seen | Measurement, body_rate: Array, trusted: Array
+) -> None:
+    """Fill the rest of ``samples[k]`` and ``body_samples[k]`` with what was ``seen``.
+
+    ``body_rate`` (3,) is true; ``trusted`` (L,) tells which force sensors the controller goes by.
+    """
     first, after = len(SAMPLES), len(BODY_SAMPLES)
     for i in range(seen.force.shape[0]):
         for j in range(2):
@@ -93,6 +104,7 @@ def write_measured(samples: Array, body_samples: Array, k: int, seen: Seen | Mea
             samples[k, i, first + 2 + j] = seen.velocity[i, j]
             samples[k, i, first + 4 + j] = seen.q[i, j]
             samples[k, i, first + 6 + j] = seen.dq[i, j]
+        samples[k, i, first + 8] = trusted[i]
     for n in range(3):
         body_samples[k, after + n] = body_rate[n]
         body_samples[k, after + 3 + n] = seen.body[n]

@@ -9,21 +9,18 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.arrays import Array
-from cmacexp.control import HybridController
-from cmacexp.control.actuator import new_actuator
+from cmacexp.config import Config
 from cmacexp.control.feedforward import BuiltInFeedforward
+from cmacexp.control.weight_log import MOST_CYCLES
+from cmacexp.errors import CmacexpError
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
-from cmacexp.plants import AnalyticPlant, Measurement
-from cmacexp.rollout.fused import FusedLoop, Torques, fused_loop
+from cmacexp.rollout.built_in import ALL_FOREIGN, FusedRun, foreign_parts, fused_parts
 from cmacexp.rollout.interrupt import interrupt_held_back
-from cmacexp.rollout.layout import body_names_of, names_of, room_for
+from cmacexp.rollout.layout import GONE, body_names_of, names_of, room_for
 from cmacexp.rollout.stepped import SteppedLoop
-from cmacexp.rollout.stop import RUNNING, STATUSES, Guard, describe_stop, new_guard
+from cmacexp.rollout.stop import RUNNING, STATUSES, describe_stop, new_guard
 from cmacexp.scenario import Scenario
-from cmacexp.sensors import PerfectSensors, RealSensors
-from cmacexp.sensors.channel import Sensing
-from cmacexp.sensors.law import Seen, no_sensing
 from cmacexp.sensors.protocol import altered_by
 
 MOST_ROWS = 1 << 15
@@ -46,6 +43,8 @@ class Samples(NamedTuple):
     """(steps, L, columns), in the order of :mod:`cmacexp.rollout.layout`."""
     body: Array
     """(steps, columns), likewise."""
+    weights: Array | None
+    """(cycles, L, 3): the weights at the end of each cycle, in the order of LOGGED; None without weights."""
 
     def columns(self) -> dict[str, Array]:
         """Of the legs, (steps, L) by column name."""
@@ -72,70 +71,17 @@ class End:
     """What a part raised in the middle."""
 
 
-def is_built_in(scenario: Scenario) -> bool:
-    """Whether the fused loop knows every part."""
-    return (
-        type(scenario.plant) is AnalyticPlant
-        and type(scenario.sensors) in (PerfectSensors, RealSensors)
-        and type(scenario.controller) is HybridController
-        and isinstance(scenario.feedforward, BuiltInFeedforward)
-        and type(scenario.feedforward).predict is BuiltInFeedforward.predict
+def _told(raised: Exception) -> str:
+    """What a part raised, in a line; ours say all themselves."""
+    return " ".join(
+        (str(raised) if isinstance(raised, CmacexpError) else f"{type(raised).__name__}: {raised}").split()
     )
-
-
-def _sensing(scenario: Scenario) -> tuple[Sensing, Seen]:
-    """Built-in sensors as the fused loop takes them; perfect ones show the arrays of the plant."""
-    assert isinstance(scenario.plant, AnalyticPlant)
-    sensors, state = scenario.sensors, scenario.plant.state
-    if isinstance(sensors, RealSensors) and sensors.sensing.active:
-        return sensors.sensing, sensors.seen
-    return no_sensing(), Seen(*(getattr(state, name) for name in Seen._fields))
-
-
-class _FusedLoop:
-    """The fused loop over the states of built-in parts, compiled by running no step of it."""
-
-    def __init__(self, scenario: Scenario, guard: Guard):
-        plant, controller, feedforward = scenario.plant, scenario.controller, scenario.feedforward
-        assert isinstance(plant, AnalyticPlant)
-        assert isinstance(controller, HybridController)
-        assert isinstance(feedforward, BuiltInFeedforward)
-        legs, config = scenario.setup.mechanism.legs.shape[0], scenario.setup.config
-        self.plant = plant
-        self.taken = 0
-        plan = scenario.setup.plan
-        self.loop = FusedLoop(
-            plan.support,
-            plan.reference,
-            plan.start_step,
-            plant.law,
-            plant.state,
-            *_sensing(scenario),
-            controller.law,
-            controller.state,
-            feedforward.law,
-            new_actuator(config.actuator, config.sampling_period, legs),
-            Torques(*(np.zeros((legs, 2)) for _ in range(2))),
-            guard,
-        )
-        self.run(*room_for(0, legs, False))
-
-    def run(self, samples: Array, body_samples: Array) -> int:
-        """As :meth:`SteppedLoop.run`."""
-        steps, stop = fused_loop(self.loop, self.taken, samples, body_samples)
-        self.taken += steps
-        return stop
-
-    @property
-    def state(self) -> Measurement:
-        """Of the plant now."""
-        return self.plant.measure()
 
 
 class _Ending:
     """How a loop ends, as far as is known; what is raised in :meth:`caught` ends it."""
 
-    def __init__(self, loop: "_FusedLoop | SteppedLoop"):
+    def __init__(self, loop: "FusedRun | SteppedLoop"):
         self.loop = loop
         self.status, self.cause = "completed", ""
         self.error: Exception | None = None
@@ -149,7 +95,20 @@ class _Ending:
             self.status, self.cause = "interrupted", f"after step {self.loop.taken}"
         except Exception as raised:
             self.status, self.error = "failed", raised
-            self.cause = f"after step {self.loop.taken}: {type(raised).__name__}: {raised}"
+            self.cause = f"after step {self.loop.taken}: {_told(raised)}"
+
+
+def _weights(scenario: Scenario, cycles: int) -> Array | None:
+    """What the weights of a built-in feedforward were at the end of each of the last ``cycles`` cycles."""
+    feedforward = scenario.feedforward
+    return feedforward.take_log(cycles) if isinstance(feedforward, BuiltInFeedforward) else None
+
+
+def _go_as_planned(body: Array, start: int, config: Config) -> None:
+    """Where a body that goes straight ahead as planned is in the world; fills its columns of ``body``."""
+    step = np.arange(start, start + len(body))
+    body[:, GONE] = 0.0
+    body[:, GONE.start] = step * config.sampling_period * config.body_speed
 
 
 def stream(
@@ -165,23 +124,34 @@ def stream(
         scenario: the parts.
         keep: takes the samples of these cycles; their arrays are used again for the next ones.
         watch: is called after them with the cycles done so far; after every cycle of the step-by-step loop.
-        fused: False takes the step-by-step loop even where the fused one knows every part.
+        fused: False calls every part step by step, as if none were built in.
+
+    Raises:
+        CmacexpError: the scenario has run before.
 
     Returns:
         How it ended; a run that diverges, that a part fails in or that is interrupted has kept what it has.
     """
+    scenario.begin()
     setup = scenario.setup
     config, period, cycles = setup.config, setup.config.steps_per_cycle, setup.config.cycles
     guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
-    loop = (_FusedLoop if fused and is_built_in(scenario) else SteppedLoop)(scenario, guard)
+    if scenario.fault is not None:
+        keep(Samples(0, *room_for(0, setup.mechanism.legs.shape[0], False), None))
+        return End(0, "failed", f"before the first step: {_told(scenario.fault)}", 0.0, scenario.fault)
+    foreign = foreign_parts(scenario) if fused else ALL_FOREIGN
+    parts = fused_parts(scenario, foreign, guard)
+    loop = SteppedLoop(scenario, parts, foreign) if any(foreign) else FusedRun(parts)
     legs = setup.mechanism.legs.shape[0]
-    fits = max(1, MOST_ROWS // (period * legs))
-    together = min(cycles, fits if isinstance(loop, _FusedLoop) else 1)
-    samples, body = room_for(together * period, legs, bool(altered_by(scenario.sensors) - {"force"}))
+    fits = min(max(1, MOST_ROWS // (period * legs)), MOST_CYCLES)
+    together = min(cycles, fits if isinstance(loop, FusedRun) else 1)
+    wide = config.plausibility.enabled or bool(altered_by(scenario.sensors) - {"force"})
+    samples, body = room_for(together * period, legs, wide)
     joints = [i for i, name in enumerate(names_of(samples)) if name.removesuffix("_measured") in JOINTS]
     ending, seconds = _Ending(loop), 0.0
     while ending.status == "completed" and loop.taken < cycles * period:
         start, steps = loop.taken, min(len(samples), cycles * period - loop.taken)
+        _go_as_planned(body[:steps], start, config)
         began = time.perf_counter()
         with ending.caught():
             stop = loop.run(samples[:steps], body[:steps])
@@ -194,7 +164,7 @@ def stream(
         if setup.mechanism.kind == POINT_MASS:
             samples[:done, :, joints] = np.nan
         with interrupt_held_back() as interrupted:
-            keep(Samples(start, samples[:done], body[:done]))
+            keep(Samples(start, samples[:done], body[:done], _weights(scenario, -(-done // period))))
         if ending.status == "completed":
             with ending.caught():
                 if interrupted():
@@ -215,11 +185,11 @@ class Rollout(End):
 
     def columns(self) -> dict[str, Array]:
         """Samples (steps, L) by column name."""
-        return Samples(0, self.samples, self.body_samples).columns()
+        return Samples(0, self.samples, self.body_samples, None).columns()
 
     def body_columns(self) -> dict[str, Array]:
         """Samples of the body (steps,) by column name."""
-        return Samples(0, self.samples, self.body_samples).body_columns()
+        return Samples(0, self.samples, self.body_samples, None).body_columns()
 
 
 def roll_out(scenario: Scenario, watch: Callable[[int], None] = lambda cycle: None, *, fused: bool = True) -> Rollout:

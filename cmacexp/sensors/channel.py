@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from cmacexp.arrays import Array, Integers
+from cmacexp.arrays import Array, Counts
 from cmacexp.compile import kernel
 from cmacexp.sensors.noise import normal, uniform
 
@@ -48,7 +48,7 @@ class Sensing(NamedTuple):
     """Whether joint angles, and whether joint velocities are altered, so that the foot must be worked out anew."""
     channels: Array
     """(C, fields of Channel)."""
-    keys: Integers
+    keys: Counts
     """(C, 3): what seeds noise, drop-out and fault of a channel."""
     line: Array
     """(C, longest delay + 1): true values of the last steps."""

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.arrays import Array, Integers
+from cmacexp.arrays import Array, Counts
 from cmacexp.models.mix import mix
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
@@ -62,7 +62,7 @@ def _table(signals: Mapping[str, Signal], legs: int, sampling_period: float) -> 
     return table
 
 
-def _keys(channels: int, seed: int) -> Integers:
+def _keys(channels: int, seed: int) -> Counts:
     """(C, 3): an integer for each source of chance of each channel."""
     return np.array(
         [[mix(mix(mix(CHANCE, seed), c), use) for use in range(3)] for c in range(channels)], dtype=np.int64

@@ -1,6 +1,5 @@
 """One job of a sweep, in whatever process: it prints a line, and leaves on disk how it ended."""
 
-import traceback
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp import manifest as manifests
 from cmacexp.config import Config, config_hash, to_config
-from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.errors import BadInput, BadPart, CmacexpError, users_traceback
 from cmacexp.garbage import collect_rarely
 from cmacexp.sweep.start import without_sweep
 
@@ -38,7 +37,7 @@ def _cause(error: Exception) -> str:
 
 def _leave_failure(folder: Path, composed: DictConfig, error: Exception, cause: str) -> None:
     """Leave a manifest that says why there is no result, and nothing else; as far as the disk takes it."""
-    from cmacexp.run import clear
+    from cmacexp.run_one import clear
 
     plain = _plain(composed)
     manifest: manifests.Manifest = {
@@ -55,8 +54,8 @@ def _leave_failure(folder: Path, composed: DictConfig, error: Exception, cause: 
         "wall_seconds": 0.0,
         "files": {},
     }
-    if not isinstance(error, CmacexpError | OSError | MemoryError):
-        manifest["traceback"] = "".join(traceback.format_exception(error))
+    if isinstance(error, BadPart) or not isinstance(error, CmacexpError | OSError | MemoryError):
+        manifest["traceback"] = users_traceback(error.raised if isinstance(error, BadPart) else error)
     try:
         clear(folder)
         manifests.write(folder, manifest)
@@ -67,7 +66,7 @@ def _leave_failure(folder: Path, composed: DictConfig, error: Exception, cause: 
 def _run(config: Config, folder: Path, name: str) -> None:
     """Run the job unless it is finished and the sweep resumes; say how it ended."""
     from cmacexp.finished import is_finished
-    from cmacexp.run import run_scenario
+    from cmacexp.run_one import run_scenario
     from cmacexp.scenario import make_scenario
     from cmacexp.terminal import announce_compiling, outcome, progress, say
 

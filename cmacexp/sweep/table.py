@@ -13,12 +13,12 @@ from cmacexp.config.difference import flat
 from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.errors import BadRun
 from cmacexp.finished import RESULTS
-from cmacexp.keep import BODY, BODY_METRICS, METRICS, TRACE, Scores
+from cmacexp.keep import BODY, BODY_METRICS, MEMORY, METRICS, TRACE, Scores
 from cmacexp.pooled import COLUMNS, Row, Shown, all_of_cycle, best, defined, number, rows_per_cycle
 from cmacexp.table import read_table
 from cmacexp.verify import faults
 
-TABLES = (TRACE, BODY, METRICS, BODY_METRICS)
+TABLES = (TRACE, BODY, MEMORY, METRICS, BODY_METRICS)
 """Files of a run that a report can be computed from."""
 PARTS = ("plant", "sensors", "controller", "feedforward")
 """Config keys whose value is the part chosen."""

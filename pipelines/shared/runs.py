@@ -51,13 +51,13 @@ class Runs(dict[str, StoredRun]):
 def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, bool]:
     """Where the run of ``overrides`` stands, its config, and whether it is finished."""
     config = compose_config([*overrides, "record=trace"])
-    thin = "-thin" if config.record.thins else ""
-    folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{thin}"
+    kept = ("-thin" if config.record.thins else "") + ("-weights" if config.record.weights else "")
+    folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{kept}"
     return folder, config, is_finished(folder, config)
 
 
 def _run(folder: Path, config: Config) -> None:
-    from cmacexp.run import run_scenario
+    from cmacexp.run_one import run_scenario
 
     folder.mkdir(parents=True, exist_ok=True)
     with alone_in(folder):

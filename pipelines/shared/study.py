@@ -32,6 +32,8 @@ class Study:
     """The runs, given whether it is to be quick."""
     tell: Callable[[Runs], Sequence[Section]]
     """The sections of its report."""
+    then: Callable[[bool, Runs], Jobs] | None = None
+    """Further runs, which need the first ones, e.g. start from what they have learnt."""
 
 
 def _print_claims(claims: Sequence[Claim]) -> None:
@@ -65,6 +67,10 @@ def write_study(studies: Sequence[Study], title: str, purpose: str, folder: Path
     with workers() as each:
         jobs = {study.name: study.jobs(quick) for study in studies}
         runs = collect(each, jobs, folder.parent / "runs")
+        later = {s.name: s.then(quick, Runs(runs[s.name], folder)) for s in studies if s.then}
+        if later:
+            more = collect(each, later, folder.parent / "runs")
+            runs |= {name: runs[name] | own for name, own in more.items()}
         (folder / manifests.NAME).unlink(missing_ok=True)  # its figures are about to change
         told = each("drawing", _tell, [(study.tell, Runs(runs[study.name], folder)) for study in studies])
     sections = [section for own, _ in told for section in own]

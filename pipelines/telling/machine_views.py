@@ -52,7 +52,7 @@ def pose_of(walk: Walk, k: int) -> Pose:
     view = walk.view
 
     def at(points: Array) -> Array:
-        return view.in_world(np.broadcast_to(points, (len(view.time), 3)))[k] - [view.body["cog_x"][k], 0.0, 0.0]
+        return view.in_world(np.broadcast_to(points, (len(view.time), 3)))[k] - view.way()[k] * [1.0, 1.0, 0.0]
 
     links = []
     for leg in view.legs:

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MEANS = ("force_settled", "force_steady_state_error", "feedforward_share")
-ROOT_MEAN_SQUARES = ("transfer_rmse_x", "transfer_rmse_y", "force_rmse_three_feet")
+ROOT_MEAN_SQUARES = ("transfer_rmse_x", "transfer_rmse_y", "force_rmse", "force_rmse_three_feet")
 
 
 def per_cycle(run: StoredRun) -> "pd.DataFrame":

@@ -48,8 +48,7 @@ class Walk:
     def feet(self) -> Array:
         """Feet in the horizontal plane, (steps, 4, 2), forward and left of the centre of gravity, m."""
         world = np.stack([self.view.in_world(leg.in_body(leg["x"], leg["y"])) for leg in self.view.legs], axis=1)
-        cog = np.stack([self.view.body["cog_x"], np.zeros(len(world))], axis=1)
-        return world[..., :2] - cog[:, None, :]
+        return world[..., :2] - self.view.way()[:, None, :2]
 
     def carried(self, k: int) -> tuple[float, float, float]:
         """Margins of the feet that carry in step ``k``: nearest edge, front and rear boundary, m."""

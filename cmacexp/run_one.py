@@ -1,17 +1,23 @@
 """One run from its config to its folder: roll out, trace, metrics, recording, manifest."""
 
+import math
 import time
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import pyarrow as pa
+
 from cmacexp import manifest as manifests
 from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.control import Learns
+from cmacexp.control.feedforward import BuiltInFeedforward
+from cmacexp.errors import BadAnswer, users_traceback
 from cmacexp.files import remove_leftovers, sha256
 from cmacexp.keep import (
     BODY,
     BODY_METRICS,
+    MEMORY,
     METRICS,
     METRICS_CSV,
     RECORDING,
@@ -19,6 +25,7 @@ from cmacexp.keep import (
     Scores,
     Traces,
     steps_by_cycle,
+    write_memory,
     write_scores,
     writing,
 )
@@ -28,7 +35,8 @@ from cmacexp.rollout import End, Samples, stream
 from cmacexp.scenario import Scenario, make_scenario
 from cmacexp.sensors.protocol import altered_by
 from cmacexp.sources import code_hash
-from cmacexp.trace import BODY_COLUMNS, COLUMNS, assemble, assemble_body, with_measured
+from cmacexp.trace import BODY_COLUMNS, COLUMNS, Column, assemble, assemble_body, assemble_memory, with_measured
+from cmacexp.weights import WEIGHTS, start_hash, write_weights
 
 
 @dataclass(frozen=True)
@@ -48,29 +56,47 @@ class RunResult:
 def clear(folder: Path) -> None:
     """Make room for a run: what an earlier one left under the same names goes, its manifest first."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in (manifests.NAME, TRACE, BODY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING):
+    for name in (manifests.NAME, TRACE, BODY, MEMORY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING, WEIGHTS):
         (folder / name).unlink(missing_ok=True)
     remove_leftovers(folder)
+
+
+def _columns(scenario: Scenario) -> tuple[tuple[Column, ...], tuple[Column, ...] | None]:
+    """Columns of the traces of legs and body; None without a body."""
+    altered, watched = altered_by(scenario.sensors), scenario.setup.config.plausibility.enabled
+    legs = with_measured(COLUMNS, altered, watched)
+    return legs, with_measured(BODY_COLUMNS, altered) if scenario.setup.mechanism.kind == LEGS_UNDER_BODY else None
 
 
 def _traces(scenario: Scenario, samples: Samples) -> Traces:
     """The part of the traces that some steps give."""
     plan, config, columns = scenario.setup.plan, scenario.setup.config, samples.columns()
-    period, start, altered = config.sampling_period, samples.start, altered_by(scenario.sensors)
-    legs = assemble(plan, columns, period, start, with_measured(COLUMNS, altered))
-    if scenario.setup.mechanism.kind != LEGS_UNDER_BODY:
-        return Traces(legs, None)
-    body, shown = samples.body_columns(), with_measured(BODY_COLUMNS, altered)
-    return Traces(legs, assemble_body(plan, body, columns["force"], period, config.body_speed, start, shown))
+    period, start = config.sampling_period, samples.start
+    of_legs, of_body = _columns(scenario)
+    legs, memory = assemble(plan, columns, period, start, of_legs), _memory(scenario, samples)
+    if of_body is None:
+        return Traces(legs, None, memory)
+    walk = assemble_body(plan, samples.body_columns(), columns["force"], period, start, of_body)
+    return Traces(legs, walk, memory)
+
+
+def _memory(scenario: Scenario, samples: Samples) -> pa.Table | None:
+    """What the weights were at the end of the cycles of some steps."""
+    weights, feedforward = samples.weights, scenario.feedforward
+    if weights is None or not isinstance(feedforward, BuiltInFeedforward):
+        return None
+    counted = [use.cells_colliding for use in feedforward.memory] or [None] * weights.shape[1]
+    colliding = [math.nan if count is None else count for count in counted]
+    first = samples.start // scenario.setup.config.steps_per_cycle + 1
+    return assemble_memory(weights, feedforward.law.weights.shape[1], colliding, first)
 
 
 def _roll_out(
     scenario: Scenario, folder: Path, watch: Callable[[int], None], warn: Callable[[Drift], None]
 ) -> tuple[End, Scores, list[str]]:
     """Run, and write all that it leaves behind but the manifest; how it ended, its metrics, names of the files."""
-    config, walks = scenario.setup.config, scenario.setup.mechanism.kind == LEGS_UNDER_BODY
-    altered = altered_by(scenario.sensors)
-    with writing(folder, config.record, config.steps_per_cycle, walks, altered) as writer:
+    config, (legs, body) = scenario.setup.config, _columns(scenario)
+    with writing(folder, config.record, config.steps_per_cycle, legs, body) as writer:
 
         def keep(samples: Samples) -> None:
             known = writer.drift
@@ -80,8 +106,11 @@ def _roll_out(
 
         end = stream(scenario, keep, watch)
     scores = writer.scores
-    names = [TRACE, BODY] if walks else [TRACE]
-    names += write_scores(folder, scores)
+    names = [TRACE, BODY] if body else [TRACE]
+    names += write_memory(folder, writer.legs.memory) + write_scores(folder, scores)
+    if config.record.weights and isinstance(scenario.feedforward, Learns):
+        write_weights(folder, scenario.feedforward.learnt())
+        names.append(WEIGHTS)
     if config.record.recording and (kept := steps_by_cycle(folder)):
         from cmacexp.recording import part_of, write_recording
 
@@ -128,14 +157,16 @@ def run_scenario(
         "versions": manifests.versions(),
         "git_commit": manifests.git_commit(),
         "steps": end.steps,
+        "start_weights": start_hash(config),
         "drift": drift_entry(scores.legs),
         "learning_lead": config.lead,
+        "dropped": [{"leg": i, "step": k} for i, k in getattr(scenario.controller, "dropped", {}).items()],
         "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],
         "rollout_seconds": end.seconds,
         "wall_seconds": time.perf_counter() - began,
         "files": {name: sha256(folder / name) for name in names},
     }
-    if end.error is not None:
-        manifest["traceback"] = "".join(traceback.format_exception(end.error))
+    if end.error is not None and not isinstance(end.error, BadAnswer):
+        manifest["traceback"] = users_traceback(end.error)
     manifests.write(folder, manifest)
     return RunResult(folder, manifest, scores)

@@ -1,0 +1,118 @@
+"""What a foreign part costs a step on top of what it takes itself: parts that only give what a fused run gave."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from benchmarks.timing import Row, Table, compared, in_turn, make_config
+from cmacexp.arrays import Array
+from cmacexp.config import Config
+from cmacexp.control import Action, Reference
+from cmacexp.plants import Measurement
+from cmacexp.rollout import Rollout, roll_out
+from cmacexp.scenario import Scenario, make_scenario
+
+TARGET = "10 us on top"
+
+
+class Plays:
+    """A part that does nothing but give one prepared answer after the other, whatever it is asked."""
+
+    acts = True
+
+    def __init__(self, answers: list[Any]):
+        self.give = iter(answers).__next__
+
+    def reset(self, *known: object) -> None:
+        """Nothing to prepare."""
+
+    def step(self, torque: Array) -> Measurement:
+        """As a plant."""
+        return self.give()
+
+    def measure(self, true: Measurement) -> Measurement:
+        """As sensors."""
+        return self.give()
+
+    def act(self, reference: Reference, measurement: Measurement) -> Action:
+        """As a controller."""
+        return self.give()
+
+    def predict(self, reference: Reference, taught: Array) -> Array:
+        """As a feedforward."""
+        return self.give()
+
+
+METHODS = {"plant": "step", "sensors": "measure", "controller": "act", "feedforward": "predict"}
+
+
+def measurements(scenario: Scenario, rollout: Rollout) -> list[Measurement]:
+    """What plant or sensors gave at the start of every step."""
+    s, body = rollout.samples, rollout.body_samples
+    q, dq, foot, velocity = (s[:, :, i : i + 2].copy() for i in (4, 6, 0, 2))
+    force, rate = s[:, :, 8].copy(), scenario.first.body_rate
+    columns = (q, dq, foot, velocity, force, body.copy(), [rate] * len(s))
+    return [Measurement(*row) for row in zip(*columns, strict=True)]
+
+
+def answers(config: Config) -> dict[str, list[Any]]:
+    """What each part of a run gave, step by step."""
+    scenario = make_scenario(config)
+    rollout = roll_out(scenario)
+    seen = measurements(scenario, rollout)
+    feedback, feedforward = (rollout.samples[:, :, i : i + 2].copy() for i in (12, 14))
+    reference = rollout.samples[:, :, 10:12].copy()
+    return {
+        "plant": [*seen[1:], seen[-1]],
+        "sensors": seen,
+        "controller": [Action(*row) for row in zip(feedback, feedforward, reference, strict=True)],
+        "feedforward": list(feedforward[scenario.setup.plan.start_step :]),
+    }
+
+
+def in_loop(config: Config, given: dict[str, list[Any]]) -> Callable[[], float]:
+    """A worker: seconds a step of a run with these foreign parts."""
+
+    def run() -> float:
+        scenario = replace(make_scenario(config), **{key: Plays(listed) for key, listed in given.items()})
+        rollout = roll_out(scenario)
+        assert rollout.status == "completed", rollout.cause
+        return rollout.seconds / rollout.steps
+
+    return run
+
+
+def alone(given: dict[str, list[Any]]) -> Callable[[], float]:
+    """A worker: seconds a step of the calls of these parts alone."""
+
+    def run() -> float:
+        calls = [(getattr(Plays(listed), METHODS[key]), len(listed)) for key, listed in given.items()]
+        two = {"sensors": 1, "plant": 1}
+        began = time.perf_counter()
+        for (call, steps), key in zip(calls, given, strict=True):
+            if key in two:
+                for _ in range(steps):
+                    call(None)
+            else:
+                for _ in range(steps):
+                    call(None, None)
+        return (time.perf_counter() - began) / max(steps for _, steps in calls)
+
+    return run
+
+
+def tables(quick: bool) -> list[Table]:
+    """Each part foreign by itself, and all of them, in both scenarios."""
+    rows: list[Row] = []
+    for scenario in ("one_leg", "quadruped"):
+        config = make_config(f"scenario={scenario}", "learning.start_cycle=1")
+        given = answers(config)
+        sets = {key: {key: given[key]} for key in given} | {"all": {k: given[k] for k in given if k != "feedforward"}}
+        workers: dict[str, Callable[[], float]] = {}
+        for key, some in sets.items():
+            workers[key], workers[f"{key} alone"] = in_loop(config, some), alone(some)
+        times = in_turn(workers, 7 if quick else 31)
+        for key in sets:
+            rows.append(compared(times, f"{scenario}, {key}", key, f"{key} alone", "the part's own calls", TARGET))
+    return [Table("A foreign part, a step", rows)]

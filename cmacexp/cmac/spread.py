@@ -1,0 +1,82 @@
+"""An error that teaches the steps around its own too: low-pass filtered over time without a phase, at once."""
+
+import numpy as np
+
+from cmacexp.arrays import Array, Cells
+from cmacexp.compile import kernel_apart
+from cmacexp.errors import BadInput
+
+MOST_ENTRIES = 2**27
+"""Active weights of all steps of a cycle and the steps around them, as looked at by :func:`spread_shares`."""
+
+
+def binomial(window: int) -> Array:
+    """Weights (2 x window + 1,) of the binomial filter; their sum is one.
+
+    Over the frequency f it passes cos(pi f T_s)^(2 x window): never negative, without side lobes, so that it turns no
+    error round, and what is fast is hardly learnt.
+    """
+    taps = np.ones(1)
+    for _ in range(2 * window):
+        taps = np.convolve(taps, [0.5, 0.5])
+    return taps
+
+
+def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, Array]:
+    """Weights that the error of each sample teaches, and in what part.
+
+    Args:
+        cells: (N, L, C): active weights of each sample of the cycle.
+        activation: (N, L, C): how much each of them counts.
+        window: samples to both sides.
+
+    Returns:
+        Cells and shares (N, L, K): of each weight the sum of g_m a_j / sum a_i^2 over the samples around in which it
+        is active; after the last of them zeros.
+
+    Raises:
+        BadInput: the window is wider than the cycle, or too much for the memory of the computer.
+    """
+    samples, legs, active = cells.shape
+    if 2 * window + 1 > samples:
+        raise BadInput("learning.window", window, f"must be below {(samples + 1) // 2}, half the samples of a cycle")
+    if cells.size * (2 * window + 1) > MOST_ENTRIES:
+        raise BadInput(
+            "learning.window", window, f"must be below {MOST_ENTRIES // (2 * cells.size)} with this network"
+        )
+    power = (activation**2).sum(axis=2, keepdims=True)
+    share = np.divide(activation, power, out=np.zeros_like(activation), where=power > 0.0)
+    taps = np.repeat(binomial(window), active)
+    found = []
+    for k in range(samples):
+        around = np.arange(k - window, k + window + 1) % samples
+        for i in range(legs):
+            rows, place = np.unique(cells[around, i], return_inverse=True)
+            total = np.bincount(place.ravel(), taps * share[around, i].ravel())
+            found.append((rows[total > 0.0], total[total > 0.0]))
+    most = max(1, *(len(rows) for rows, _ in found))
+    shape = (samples * legs, most)
+    taught, shares = np.zeros(shape, dtype=cells.dtype), np.zeros(shape)
+    for n, (rows, total) in enumerate(found):
+        taught[n, : len(rows)], shares[n, : len(rows)] = rows, total
+    return taught.reshape(samples, legs, most), shares.reshape(samples, legs, most)
+
+
+@kernel_apart
+def train_spread(weights: Array, cells: Cells, share: Array, error: Array, rate: float, leakage: float) -> None:
+    """Add beta s_j (U - leakage W_j) to every weight that the error teaches.
+
+    Args:
+        weights: (rows, outputs): changed in place.
+        cells: (K,): rows.
+        share: (K,): s_j, of which the first zero is the end.
+        error: (outputs,): U, the output of the feedback controller, N m.
+        rate: beta.
+        leakage: of a weight; C times that of an output of C equal ones.
+    """
+    for j in range(cells.shape[0]):
+        if share[j] == 0.0:
+            return
+        for o in range(error.shape[0]):
+            weight = weights[cells[j], o]
+            weights[cells[j], o] = weight + rate * share[j] * (error[o] - leakage * weight)

@@ -1,0 +1,51 @@
+"""What learning leaves in memory: metrics of the weights at the end of each cycle, from ``memory.parquet``."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pyarrow as pa
+
+from cmacexp.arrays import Array
+from cmacexp.metrics.metric import ALBUS, CONTRACT, Metric
+from cmacexp.table import as_array
+
+TOLD = ("weight_norm", "weight_largest", "rows_used", "rows", "cells_colliding")
+"""Columns of ``memory.parquet`` that the metrics are computed from."""
+
+
+def values_of(memory: pa.Table | None, cycles: int, legs: int) -> dict[str, Array]:
+    """The columns of ``memory.parquet``, (cycles, legs) by name; NaN throughout without memory."""
+    if memory is None:
+        return {name: np.full((cycles, legs), np.nan) for name in TOLD}
+    return {name: as_array(memory, name).reshape(cycles, legs) for name in TOLD}
+
+
+_NO_WEIGHTS = "no weights that a built-in feedforward keeps"
+
+MEMORY: dict[str, Metric[Mapping[str, Array]]] = {
+    "weight_norm": Metric(
+        "N m",
+        "Euclidean norm of all weights at the end of the cycle",
+        _NO_WEIGHTS,
+        CONTRACT,
+        lambda m: m["weight_norm"],
+    ),
+    "weight_largest": Metric(
+        "N m", "largest absolute weight at the end of the cycle", _NO_WEIGHTS, CONTRACT, lambda m: m["weight_largest"]
+    ),
+    "memory_used": Metric(
+        "",
+        "rows of memory with a weight other than 0 at the end of the cycle, over all rows",
+        _NO_WEIGHTS,
+        CONTRACT,
+        lambda m: m["rows_used"] / m["rows"],
+    ),
+    "cells_colliding": Metric(
+        "",
+        "visited cells that share their row with another one by hashing",
+        f"{_NO_WEIGHTS}, not a CMAC, or more cells than 64 bits count",
+        ALBUS,
+        lambda m: m["cells_colliding"],
+    ),
+}
+"""Columns about memory, by name."""

@@ -1,0 +1,126 @@
+"""MuJoCo moves a machine, and is told of our ground: what one leg and four have in common."""
+
+from typing import Any
+
+import numpy as np
+
+from cmacexp.arrays import Array
+from cmacexp.errors import BadInput
+from cmacexp.models.ground import stiffness_under
+from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism
+from cmacexp.planning.setup import Setup
+from cmacexp.plants.kernels import Payload
+from cmacexp.plants.mujoco_kernels import Bodies, Touch, press, stick
+from cmacexp.plants.mujoco_model import Torso, describe
+
+INSTALL = 'python -m pip install -e ".[mujoco]"'
+
+
+def load_mujoco() -> Any:
+    """The module ``mujoco``.
+
+    Raises:
+        BadInput: it is not installed.
+    """
+    try:
+        import mujoco
+    except ImportError as error:
+        raise BadInput("plant", "mujoco", f"MuJoCo is not installed: {INSTALL}") from error
+    return mujoco
+
+
+class MujocoEngine:
+    """A model in MuJoCo that moves under joint torques and our contact forces.
+
+    Its classical Runge-Kutta method asks for the contact forces in every stage, as our own does: held over a step
+    they would feed the ground's oscillations.
+
+    Args:
+        mechanism: legs on a stand, or under a body that floats.
+        touch: how a foot feels the ground.
+        step: time of one integration step, s.
+        torso: the body, if it floats.
+        payload: what is put on it; it presses, but has no inertia.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        touch: Touch,
+        step: float,
+        torso: Torso | None = None,
+        payload: Payload | None = None,
+    ):
+        self.payload, self.clock = payload, 0
+        self.mujoco = load_mujoco()
+        self.model = self.mujoco.MjModel.from_xml_string(describe(mechanism, step, torso))
+        self.data = data = self.mujoco.MjData(self.model)
+        self.touch, self.floats = touch, int(torso is not None)
+        self.legs = legs = mechanism.legs.shape[0]
+        self.bodies = Bodies(data.xipos, data.cvel, data.subtree_com, data.xfrc_applied, data.ximat)
+        # Views: what is written into them, MuJoCo sees.
+        self.q, self.dq, self.torque = (
+            values[-2 * legs :].reshape(legs, 2) for values in (data.qpos, data.qvel, data.qfrc_applied)
+        )
+        self.stiffness, self.force = np.full(legs, touch.ground.stiffness), np.zeros(legs)
+        self.anchor = np.zeros((legs, 2))
+
+    def start(self, q: Array) -> None:
+        """Be at rest at the joint angles ``q`` (L, 2), rad; every foot sticks where it is."""
+        self.q[:] = q
+        self._look()
+        self.anchor[:] = self.bodies.place[1 + self.floats :][1::2, :2]
+        self.feel_ground()
+        self._look()
+
+    def feel_ground(self) -> None:
+        """Bring the stiffness under each foot up to where the foot is, and to the time."""
+        ground = self.touch.ground
+        if ground.patch_spread > 0.0 or self.clock >= ground.step_at:
+            for i, (x, y, _) in enumerate(self.bodies.place[1 + self.floats :][1::2]):
+                self.stiffness[i] = stiffness_under(ground, i, self.clock, x, y)
+            self._press()
+
+    def advance(self, torque: Array, steps: int) -> None:
+        """Integrate ``steps`` steps, a sampling period in all, under the held ``torque`` (L, 2), N m."""
+        self.torque[:] = torque
+        for step in range(steps):
+            # Only while it is needed: the callback is MuJoCo's for every model of the process.
+            self.mujoco.set_mjcb_passive(self._press)
+            try:
+                self.mujoco.mj_step(self.model, self.data)
+            finally:
+                self.mujoco.set_mjcb_passive(None)
+            self.clock += step + 1 == steps
+            self._look()
+            if self.touch.friction > 0.0:
+                stick(self.touch, self.bodies, self.floats, self.force, self.anchor)
+            self.feel_ground()
+
+    def _press(self, model: Any = None, data: Any = None) -> None:
+        press(self.touch, self.bodies, self.floats, self.stiffness, self.force, self.anchor)
+        if self.payload is not None and self.clock >= self.payload.start:
+            (weight, x, y), turn, pull = self.payload.load, self.bodies.turn[1], self.bodies.pull[1]
+            pull[2] = -weight
+            pull[3], pull[4] = -weight * (turn[3] * x + turn[4] * y), weight * (turn[0] * x + turn[1] * y)
+
+    def _look(self) -> None:
+        """Bring positions, velocities and contact forces up to the joints; a step leaves those of its last stage."""
+        mujoco, model, data = self.mujoco, self.model, self.data
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        self._press()
+
+
+def check_kind(setup: Setup, kind: int, option: str) -> None:
+    """Hold the machine to what a plant can move.
+
+    Raises:
+        BadInput: it is of another kind.
+    """
+    if setup.mechanism.kind != kind:
+        needed = "quadruped" if kind == LEGS_UNDER_BODY else "leg"
+        scenario = "quadruped" if kind == LEGS_UNDER_BODY else "one_leg"
+        allowed = f"must be {needed} with plant={option}: take scenario={scenario}"
+        raise BadInput("machine.kind", setup.config.machine.kind, allowed)

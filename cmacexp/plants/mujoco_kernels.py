@@ -1,0 +1,146 @@
+"""What MuJoCo is told of the ground, and what is measured of its machine, as compiled kernels.
+
+MuJoCo gives where its bodies are and how they move. Its body 0 is the world; then comes the body of the machine if
+it floats, and of every leg its thigh and its shank, whose centre of mass is the foot.
+"""
+
+import math
+from typing import NamedTuple
+
+from cmacexp.arrays import Array
+from cmacexp.compile import kernel
+from cmacexp.models.ground import Ground, damped_force, grade_at, height_at
+
+
+class Touch(NamedTuple):
+    """How a foot feels the ground."""
+
+    ground: Ground
+    friction: float
+    """Tangential over normal force at most; 0 for a foot that slides freely."""
+    stiffness: float
+    """Of the spring that holds a foot where it sticks, N/m."""
+    damping: float
+    """Of the damper beside that spring, N s/m."""
+
+
+class Bodies(NamedTuple):
+    """Arrays of MuJoCo, which it fills and reads in place; B is the number of its bodies."""
+
+    place: Array
+    """(B, 3): centres of mass in the world, m."""
+    motion: Array
+    """(B, 6): angular velocity, rad/s, and velocity, m/s, of the point of the body that is at ``centre``."""
+    centre: Array
+    """(B, 3): centre of mass of all that hangs on a body, m; velocities go by that of the first of a chain."""
+    pull: Array
+    """(B, 6): force (N) and moment from outside."""
+    turn: Array
+    """(B, 9): rotation matrices, row by row."""
+
+
+class Measured(NamedTuple):
+    """Room for what is measured, as in :class:`cmacexp.plants.Measurement`."""
+
+    foot: Array
+    velocity: Array
+    pose: Array
+    pose_rate: Array
+    travel: Array
+
+
+@kernel
+def speed(bodies: Bodies, body: int, first: int, axis: int) -> float:
+    """Velocity along ``axis`` of the centre of mass of ``body``, of whose chain ``first`` is the first, m/s."""
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    at, centre, motion = bodies.place, bodies.centre, bodies.motion
+    return (
+        motion[body, 3 + axis]
+        + motion[body, a] * (at[body, b] - centre[first, b])
+        - motion[body, b] * (at[body, a] - centre[first, a])
+    )
+
+
+@kernel
+def press(touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Array, anchor: Array) -> None:
+    """The ground on the feet: fills ``force`` (L,), N, and ``bodies.pull``.
+
+    Args:
+        touch: the law of contact.
+        bodies: with places and velocities up to date.
+        floats: 1 if the machine has a body, else 0.
+        stiffness: (L,): K_n under each foot, N/m.
+        force: (L,): is filled with the normal forces.
+        anchor: (L, 2): where each foot sticks in the world, m.
+    """
+    for i in range(force.shape[0]):
+        shank = floats + 2 * i + 2
+        first = 1 if floats else shank - 1
+        x, ground = bodies.place[shank, 0], touch.ground
+        depression = height_at(ground.slope, ground.slope_start, x) - bodies.place[shank, 2]
+        rate = grade_at(ground, x) * speed(bodies, shank, first, 0) - speed(bodies, shank, first, 2)
+        normal = damped_force(stiffness[i], ground.damping, depression, rate)
+        force[i] = bodies.pull[shank, 2] = normal
+        if touch.friction > 0.0:
+            for j in range(2):
+                stretch = bodies.place[shank, j] - anchor[i, j]
+                bodies.pull[shank, j] = -touch.stiffness * stretch
+                bodies.pull[shank, j] -= touch.damping * speed(bodies, shank, first, j)
+            size, most = math.hypot(bodies.pull[shank, 0], bodies.pull[shank, 1]), touch.friction * normal
+            if size > most:
+                bodies.pull[shank, 0] *= most / size
+                bodies.pull[shank, 1] *= most / size
+
+
+@kernel
+def stick(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Array) -> None:
+    """Draw the places where feet stick, ``anchor`` (L, 2), along with feet that slide, or that are in the air."""
+    for i in range(force.shape[0]):
+        shank = floats + 2 * i + 2
+        dx, dy = bodies.place[shank, 0] - anchor[i, 0], bodies.place[shank, 1] - anchor[i, 1]
+        stretch, longest = math.hypot(dx, dy), touch.friction * force[i] / touch.stiffness
+        if stretch > longest:
+            anchor[i, 0] = bodies.place[shank, 0] - dx * longest / stretch
+            anchor[i, 1] = bodies.place[shank, 1] - dy * longest / stretch
+
+
+@kernel
+def observe_stand(bodies: Bodies, hip_height: float, seen: Measured) -> None:
+    """Feet of legs whose hips do not move; fills ``seen``."""
+    for i in range(seen.foot.shape[0]):
+        thigh, shank = 2 * i + 1, 2 * i + 2
+        seen.foot[i, 0], seen.foot[i, 1] = bodies.place[shank, 0], hip_height - bodies.place[shank, 2]
+        seen.velocity[i, 0], seen.velocity[i, 1] = speed(bodies, shank, thigh, 0), -speed(bodies, shank, thigh, 2)
+
+
+@kernel
+def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> None:
+    """Body and feet of a machine that floats; fills ``seen``.
+
+    Args:
+        ground: below the body, whose height is that above it.
+        bodies: with places and velocities up to date.
+        hips: (L, 2): in the body frame, m.
+        torso: (6,): velocity of the body in the world, m/s, and its angular velocity in its own frame, rad/s.
+        seen: is filled.
+    """
+    turn, at, w = bodies.turn[1], bodies.place[1], torso[3:]
+    pitch, roll = -math.asin(turn[6]), math.atan2(turn[7], turn[8])
+    seen.pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
+    seen.pose[1], seen.pose[2] = pitch, roll
+    seen.pose_rate[0] = torso[2] - grade_at(ground, at[0]) * torso[0]
+    seen.pose_rate[1] = w[1] * math.cos(roll) - w[2] * math.sin(roll)
+    seen.pose_rate[2] = w[0] + (w[1] * math.sin(roll) + w[2] * math.cos(roll)) * math.tan(pitch)
+    seen.travel[0], seen.travel[1], seen.travel[2] = at[0], at[1], math.atan2(turn[3], turn[0])
+    for i in range(hips.shape[0]):
+        shank = 2 * i + 3
+        dx, dy, dz = bodies.place[shank, 0] - at[0], bodies.place[shank, 1] - at[1], bodies.place[shank, 2] - at[2]
+        vx = speed(bodies, shank, 1, 0) - torso[0]
+        vy = speed(bodies, shank, 1, 1) - torso[1]
+        vz = speed(bodies, shank, 1, 2) - torso[2]
+        x = turn[0] * dx + turn[3] * dy + turn[6] * dz
+        z = turn[2] * dx + turn[5] * dy + turn[8] * dz
+        seen.foot[i, 0], seen.foot[i, 1] = x - hips[i, 0], -z
+        # What the foot moves in the world because the body turns is not motion of the leg.
+        seen.velocity[i, 0] = turn[0] * vx + turn[3] * vy + turn[6] * vz - w[1] * z + w[2] * hips[i, 1]
+        seen.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)

@@ -1,0 +1,59 @@
+"""The leg on its stand in MuJoCo: another engine's word on our equations of motion."""
+
+import numpy as np
+
+from cmacexp.arrays import Array
+from cmacexp.models.ground import make_ground
+from cmacexp.models.mechanism import LEGS_ON_STAND
+from cmacexp.planning.setup import Setup
+from cmacexp.plants.mujoco_engine import MujocoEngine, check_kind
+from cmacexp.plants.mujoco_kernels import Measured, Touch, observe_stand
+from cmacexp.plants.protocol import Measurement
+
+
+class MujocoLeg:
+    """One leg on a stand, against our elastic ground, without friction.
+
+    Args:
+        substeps: integration steps per sampling period.
+    """
+
+    engine: MujocoEngine
+
+    def __init__(self, substeps: int):
+        self.substeps = substeps
+
+    def reset(self, setup: Setup) -> Measurement:
+        """Start at the planned joint angles, at rest.
+
+        Raises:
+            BadInput: the machine is no leg on a stand, or MuJoCo is not installed.
+        """
+        check_kind(setup, LEGS_ON_STAND, "mujoco_leg")
+        touch = Touch(make_ground(setup.config.terrain, setup.config.sampling_period), 0.0, 0.0, 0.0)
+        step = setup.config.sampling_period / self.substeps
+        self.hip_height = setup.mechanism.hip_height
+        self.engine = MujocoEngine(setup.mechanism, touch, step)
+        self.engine.start(setup.start)
+        return self.measure()
+
+    def step(self, torque: Array) -> Measurement:
+        """Hold ``torque`` (L, 2), N m, over one sampling period."""
+        self.engine.advance(torque, self.substeps)
+        return self.measure()
+
+    def measure(self) -> Measurement:
+        """What can be measured now."""
+        engine, legs = self.engine, self.engine.legs
+        body = np.array([self.hip_height, 0.0, 0.0])
+        seen = Measured(np.empty((legs, 2)), np.empty((legs, 2)), body, np.zeros(3), np.zeros(3))
+        observe_stand(engine.bodies, self.hip_height, seen)
+        return Measurement(
+            engine.q.copy(),
+            engine.dq.copy(),
+            seen.foot,
+            seen.velocity,
+            engine.force.copy(),
+            seen.pose,
+            seen.pose_rate,
+        )

@@ -1,0 +1,75 @@
+"""A machine as MuJoCo describes it: links without extent, point masses at knee and foot, no contacts of its own.
+
+World: x forward, y left, z up. A hinge turns about +y, so that a joint angle counts from +x downwards as ours does.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from cmacexp.arrays import Array
+from cmacexp.errors import BadInput
+from cmacexp.models.gravity import GRAVITY
+from cmacexp.models.mechanism import Mechanism
+
+POINT = "1e-15 1e-15 1e-15"
+"""Inertia of a point mass, kg m^2: MuJoCo refuses none at all."""
+
+
+def _link(length: float, mass: float, at: str, inside: str = "") -> str:
+    """A link along its own x with a point mass at its end, hinged at ``at`` in its parent's frame."""
+    return (
+        f'<body pos="{at}"><joint type="hinge" axis="0 1 0"/>'
+        f'<inertial pos="{length!r} 0 0" mass="{mass!r}" diaginertia="{POINT}"/>{inside}</body>'
+    )
+
+
+def _leg(leg: Array, at: str) -> str:
+    """Thigh and shank of one leg, whose row of :class:`Mechanism` is ``leg``, at the hip ``at``."""
+    length_1, length_2, mass_1, mass_2 = (float(value) for value in leg[:4])
+    return _link(length_1, mass_1, at, _link(length_2, mass_2, f"{length_1!r} 0 0"))
+
+
+class Torso(NamedTuple):
+    """A body that floats."""
+
+    mass: float
+    """kg."""
+    inertia: tuple[float, ...]
+    """About its own x, y and z, kg m^2."""
+
+
+def check_inertia(inertia: Sequence[float]) -> None:
+    """Hold the inertia of a body to what masses can have.
+
+    Raises:
+        BadInput: not three values, or one more than the other two together.
+    """
+    if len(inertia) != 3 or max(inertia) > sum(inertia) - max(inertia):
+        allowed = "must be three values (kg m^2, about x, y and z), none above the sum of the other two"
+        raise BadInput("plant.body_inertia", list(inertia), allowed)
+
+
+def describe(mechanism: Mechanism, step: float, torso: Torso | None) -> str:
+    """MJCF of a machine.
+
+    Args:
+        mechanism: legs on a stand, or under a body that floats.
+        step: time of one integration step, s.
+        torso: the body, if there is one; its centre of gravity is in the plane of the hips.
+    """
+    base = f"0 0 {float(mechanism.hip_height)!r}"
+    if torso is None:
+        machine = "".join(_leg(leg, base) for leg in mechanism.legs)
+    else:
+        hips = [f"{float(x)!r} {float(y)!r} 0" for x, y in mechanism.hips]
+        inertia = " ".join(repr(float(value)) for value in torso.inertia)
+        machine = (
+            f'<body pos="{base}"><freejoint/>'
+            f'<inertial pos="0 0 0" mass="{float(torso.mass)!r}" diaginertia="{inertia}"/>'
+            f"{''.join(_leg(leg, hip) for leg, hip in zip(mechanism.legs, hips, strict=True))}</body>"
+        )
+    return (
+        '<mujoco><compiler angle="radian"/>'
+        f'<option timestep="{step!r}" integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
+        f'<flag constraint="disable"/></option><worldbody>{machine}</worldbody></mujoco>'
+    )

@@ -1,0 +1,62 @@
+"""``python -m cmacexp.stability DIR...``: whether the learning of a run holds, why, and with which lead it would."""
+
+import argparse
+import hashlib
+import sys
+from pathlib import Path
+
+from cmacexp.console import print_table
+from cmacexp.errors import BadInput
+from cmacexp.folders import command, require_place, runs_below
+from cmacexp.report.page import write_report
+from cmacexp.stored import StoredRun
+
+FOLDER = "stability"
+"""Where the page goes in the folder of a run."""
+
+
+def _cycle(text: str | None) -> int | None:
+    if text is None:
+        return None
+    if not text.isdecimal() or int(text) < 1:
+        raise BadInput("--cycle", text, "must be a whole number from 1: linearise after so many cycles")
+    return int(text)
+
+
+def _analyse(arguments: argparse.Namespace) -> int:
+    from cmacexp.stability.analysis import analyse
+    from cmacexp.stability.tell import TITLES, report, rows, verdict
+    from cmacexp.terminal import announce_compiling
+
+    announce_compiling()
+    folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
+    if arguments.out is not None and len(folders) > 1:
+        raise BadInput("--out", arguments.out, f"is for one run, and these are {len(folders)}")
+    out = None if arguments.out is None else require_place("--out", Path(arguments.out))
+    cycle = _cycle(arguments.cycle)
+    for folder in folders:
+        found = analyse(StoredRun(folder), cycle)
+        page = report(found)
+        key = hashlib.sha256(repr((page.title, page.config)).encode()).hexdigest()
+        path = write_report(page, out or folder / FOLDER, key)
+        print_table(TITLES, rows(found), left=1)
+        print(verdict(found))
+        print(path)
+    return 0
+
+
+def main() -> int:
+    """Run the command."""
+    description = (
+        "Linearise the loop of runs, predict how their learning grows from cycle to cycle with each lead, set that "
+        "beside what was measured, and tell why; as one HTML page with figures."
+    )
+    values = [
+        ("--cycle", "N", "linearise after so many cycles; unless given, where the feedback changed least"),
+        ("--out", "FOLDER", f"where the page goes; unless given, {FOLDER} in DIR"),
+    ]
+    return command("cmacexp.stability", description, _analyse, (), values)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,161 @@
+"""Figures of the stability of a run."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cmacexp.report.look import SUPPORT, legend_above, legend_below, logarithmic, mark
+from cmacexp.report.page import Drawing
+from cmacexp.report.style import DESIRED, MARKERS, SERIES, label, new_figure
+from cmacexp.stability.analysis import DELAYS, LEADS, Analysis
+from cmacexp.stability.mode import spectrum
+from cmacexp.stability.transfer import Spectrum
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DEEPEST = -0.6
+"""Real parts below this are cut off: they are wrong enough."""
+
+
+def name_of(lead: int) -> str:
+    """E.g. ``lead 1``."""
+    return f"lead {lead}"
+
+
+def growth(found: Analysis) -> Drawing:
+    """Change of the feedback from cycle to cycle, measured and predicted; growth of every lead."""
+    own, place = found.own, found.own.place
+    assert own.growth is not None
+    figure, (left, right) = new_figure(1, 2, 3.0)
+    left.plot(np.arange(1, len(own.sizes) + 1), own.sizes, color=SERIES[1], label="measured")
+    last = min(place.last + (place.last - place.first) // 2, len(own.sizes))
+    predicted = own.growth.sizes(max(last - place.calm, 2))
+    left.plot(place.calm + 1 + np.arange(len(predicted)), predicted, "--", color=SERIES[0], label="predicted")
+    logarithmic(left, "y", own.sizes)
+    left.axvspan(place.first, place.last, color=SUPPORT, zorder=0, linewidth=0)
+    label(left, "change of U to the next cycle", "cycle", "root of summed squares, N m")
+    legend_above(left)
+    known = [of for of in found.leads if of.growth is not None]
+    numbers = [str(of.lead) for of in known]
+    right.axhline(1.0, color=DESIRED, linewidth=1.0)
+    right.plot(numbers, [of.measured for of in known], "s", ms=8, mfc="none", color=SERIES[1], label="measured")
+    right.plot(numbers, [of.predicted for of in known], "o", ms=4, color=SERIES[0], label="predicted")
+    label(right, "growth per cycle", "learning.lead, samples", "factor from cycle to cycle")
+    legend_above(right)
+    caption = (
+        f"Left: what the feedback changes from each cycle to the next, and what the loop says that is linearised "
+        f"after cycle {place.calm}; growth is read over the shaded cycles. Right: growth per cycle with each lead, "
+        "each over cycles of its own; above 1 learning comes apart."
+    )
+    return Drawing("growth", figure, caption)
+
+
+def _torques(axes: "Axes", found: Analysis, leg: int) -> None:
+    clock = found.config.sampling_period * np.arange(len(found.measured_mode.change))
+    for index, joint in enumerate(("hip", "knee")):
+        measured, predicted = found.measured_mode.change, found.predicted_mode.change
+        scale = np.abs(measured).max()
+        axes.plot(clock, measured[:, leg, index] / scale, color=SERIES[1 + index], label=f"{joint}, measured")
+        axes.plot(
+            clock, predicted[:, leg, index] / np.abs(predicted).max(), ":", color="black", lw=1.0, label="predicted"
+        )
+
+
+def mode(found: Analysis) -> Drawing:
+    """What grows, over the cycle, and its spectrum."""
+    figure, (left, right) = new_figure(1, 2, 2.8)
+    change, period = found.measured_mode.change, found.config.sampling_period
+    leg = int(np.argmax((change**2).sum(axis=(0, 2))))
+    _torques(left, found, leg)
+    half = 40 * period
+    middle = found.measured_mode.busiest * period
+    left.set_xlim(max(0.0, middle - half / 2), max(0.0, middle - half / 2) + 2 * half)
+    whose = f" of leg {leg + 1}" if change.shape[1] > 1 else ""
+    label(left, f"change of the feedforward{whose}", "time in the cycle, s", "of its largest")
+    legend_below(figure, left, 4)
+    for index, (name, shape) in enumerate((("measured", change), ("predicted", found.predicted_mode.change))):
+        hertz, power = spectrum(shape, period)
+        colour, line = ("black", ":") if index else (SERIES[1], "-")
+        right.plot(hertz, power / power.max(), color=colour, linestyle=line, label=name)
+    label(right, "its spectrum", "frequency, Hz", "power, of its largest")
+    last = found.own.place.last
+    caption = (
+        f"What the feedforward changes from cycle {last} to the next, where in the cycle it is largest, measured and "
+        f"predicted {last - found.own.place.calm} cycles ahead, each over its own largest."
+    )
+    return Drawing("mode", figure, caption)
+
+
+def eigenvalues(found: Analysis) -> Drawing:
+    """Leading eigenvalues of the map from cycle to cycle for every lead."""
+    known = [of for of in found.leads if of.growth is not None]
+    figure, axes = new_figure(-(-len(known) // 3), min(3, len(known)), 2.3, sharex=True, sharey=True)
+    angle = np.linspace(0.0, 2.0 * np.pi, 200)
+    for index, (ax, of) in enumerate(zip(axes, known, strict=False)):
+        assert of.growth is not None
+        values = of.growth.eigenvalues()
+        outside = np.abs(values) > 1.0
+        ax.plot(np.cos(angle), np.sin(angle), color=DESIRED, linewidth=1.0)
+        ax.plot(values[~outside].real, values[~outside].imag, "o", ms=3, mfc="none", color=SERIES[1])
+        ax.plot(values[outside].real, values[outside].imag, MARKERS[1], ms=3.5, color=SERIES[0])
+        ax.set_aspect("equal")
+        first = index % 3 == 0
+        label(ax, f"{name_of(of.lead)}: {outside.sum()} outside", "real part", "imaginary part" if first else "")
+    for ax in axes[len(known) :]:
+        ax.remove()
+    caption = (
+        "Eigenvalues of the map from cycle to cycle, as far as they show from the change that the run itself makes; "
+        "squares lie outside the unit circle. Most of the map's thousands lie near 1: cells that hardly matter."
+    )
+    return Drawing("eigenvalues", figure, caption)
+
+
+def _real_parts(axes: "Axes", of: Spectrum) -> None:
+    axes.axhline(0.0, color=DESIRED, linewidth=1.0)
+    for index, lead in enumerate(LEADS):
+        axes.plot(of.frequencies, of.least_real(lead), label=name_of(lead), **mark(index))
+    axes.set_ylim(DEEPEST, 1.3)
+
+
+def real_parts(found: Analysis) -> Drawing:
+    """Re T over frequency for each lead, at a few places of the cycle."""
+    figure, axes = new_figure(1, len(found.places), 2.8, sharey=True)
+    for ax, (name, spectra) in zip(axes, found.places.items(), strict=True):
+        _real_parts(ax, spectra[0])
+        label(ax, name, "frequency, Hz", "Re T, least eigenvalue" if ax is axes[0] else "")
+    legend_below(figure, axes[0])
+    caption = (
+        "T: from feedforward torque to the torque that it spares the feedback. Where Re T is negative, learning from "
+        "cycle to cycle goes the wrong way. A torque at one step shows in U at the next: without a lead that turns "
+        "the phase of fast changes too far; with the lead that is the number of samples from torque to feedback Re T "
+        "is positive throughout."
+    )
+    return Drawing("real_parts", figure, caption)
+
+
+def delays(found: Analysis) -> Drawing:
+    """Re T in mid transfer if torques reached the joints later."""
+    figure, axes = new_figure(1, len(DELAYS), 2.8, sharey=True)
+    name, spectra = list(found.places.items())[min(1, len(found.places) - 1)]
+    for ax, delay, of in zip(axes, DELAYS, spectra, strict=True):
+        _real_parts(ax, of)
+        title = f"{delay} more samples" if delay != 1 else "1 more sample"
+        label(ax, title, "frequency, Hz", "Re T, least eigenvalue" if ax is axes[0] else "")
+    legend_below(figure, axes[0])
+    caption = f"Re T in {name} if all torques reached the joints later: every sample of delay needs one more of lead."
+    return Drawing("delays", figure, caption)
+
+
+def along(found: Analysis) -> Drawing:
+    """The least Re T over all frequencies, over the cycle."""
+    figure, (axes,) = new_figure(1, 1, 2.6)
+    clock = [sample * found.config.sampling_period for sample in found.along]
+    axes.axhline(0.0, color=DESIRED, linewidth=1.0)
+    for index, lead in enumerate(LEADS):
+        least = [of.least(lead) for of in found.along.values()]
+        axes.plot(clock, least, label=name_of(lead), marker=MARKERS[index], ms=3, **mark(index))
+    axes.set_ylim(2 * DEEPEST, 0.4)
+    label(axes, "least Re T of all frequencies", "time in the cycle, s", "Re T")
+    legend_below(figure, axes)
+    return Drawing("along", figure, "The least real part over all frequencies along the cycle.")

@@ -1,0 +1,161 @@
+"""How much the feedback grows from cycle to cycle: predicted by the loop linearised at one cycle.
+
+Learning is a map from cycle to cycle. Linearised at a cycle and repeated, it says how the change from one cycle to
+the next goes on. The map is far from normal: over the hundred cycles that matter, what grows moves through the cycle
+and grows faster than the largest eigenvalue tells, so the growth per cycle is read from the repeated map.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmacexp.arrays import Array
+from cmacexp.config import Config
+from cmacexp.control.feedforward_law import NONE, TABLE
+from cmacexp.scenario import Scenario, make_scenario
+from cmacexp.stability.cycle_map import Loop, NotPredictable, open_loop
+from cmacexp.stability.krylov import Krylov, krylov
+
+EARLY = 25
+"""Cycles that are looked at unless told; the calmest of them is linearised."""
+DIMENSION = 60
+"""Directions that the map is looked at along: 40 to 120 give the same growth to three decimals."""
+AFTER, OVER = 5, 100
+"""Growth is that over OVER cycles, from AFTER cycles after the linearised one on: what decays fast has gone then."""
+
+
+def fitted_growth(changes: Array | Sequence[float]) -> float:
+    """Growth per cycle of a positive quantity, by least squares over its logarithm.
+
+    Args:
+        changes: (n,), of successive cycles.
+
+    Returns:
+        NaN with fewer than 3 values, or one that is not positive and finite.
+    """
+    values = np.asarray(changes, dtype=float)
+    if len(values) < 3 or not (np.isfinite(values) & (values > 0.0)).all():
+        return float("nan")
+    time = np.arange(len(values)) - (len(values) - 1) / 2.0
+    return float(np.exp((time @ np.log(values)) / (time @ time)))
+
+
+@dataclass(frozen=True)
+class Growth:
+    """What the loop, linearised at one cycle, does from then on."""
+
+    cycle: int
+    """Cycles done where it was linearised."""
+    krylov: Krylov
+    """The map from cycle to cycle; seen are feedback and feedforward torques (2, N, L, 2) over a cycle, N m."""
+    shape: tuple[int, int, int]
+    """N, L, 2."""
+
+    def changes(self, times: int) -> Array:
+        """Change of the feedback torque, then of the feedforward, from cycle to cycle: (times, 2, N, L, 2), N m.
+
+        The first is the change from cycle ``cycle + 1`` to the next.
+        """
+        return self.krylov.iterate(times).reshape(times, 2, *self.shape)
+
+    def sizes(self, times: int) -> Array:
+        """Root of the summed squares of the change of the feedback torque, (times,), N m; see :meth:`changes`."""
+        return np.asarray(np.sqrt((self.changes(times)[:, 0] ** 2).sum(axis=(1, 2, 3))))
+
+    def over(self, first: int, last: int) -> float:
+        """Growth per cycle of the change of the feedback, from that of cycle ``first`` to that of ``last``.
+
+        That of a cycle is what it changes to the next one.
+        """
+        start = self.cycle + 1
+        return fitted_growth(self.sizes(last - start + 1)[max(0, first - start) :])
+
+    @property
+    def per_cycle(self) -> float:
+        """Growth per cycle over the cycles that follow; below 1 learning holds."""
+        return self.over(self.cycle + AFTER, self.cycle + AFTER + OVER)
+
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Of the map from cycle to cycle, the largest first; see :meth:`Krylov.eigenvalues`."""
+        return self.krylov.eigenvalues()
+
+
+def with_lead(config: Config, lead: int) -> Config:
+    """The same config with another ``learning.lead``."""
+    return replace(config, learning=replace(config.learning, lead=lead))
+
+
+def change_sizes(config: Config, cycles: int, prepared: Scenario | None = None) -> list[float]:
+    """Run in memory: root of the summed squares of what the feedback torque changes from each cycle to the next, N m.
+
+    Entry j is from cycle j + 1 to j + 2; the list ends where the run does.
+    """
+    loop, before = open_loop(config, prepared), None
+    found: list[float] = []
+    while loop.cycles < cycles and loop.advance(loop.period):
+        feedback = loop.column("tau_feedback")
+        if before is not None:
+            found.append(float(np.linalg.norm(feedback - before)))
+        before = feedback
+    return found
+
+
+def calmest(sizes: Sequence[float] | Array, first: int) -> int:
+    """The cycle whose feedback changes least to the next: where the loop is nearest to repeating itself.
+
+    Args:
+        sizes: of changes, see :func:`change_sizes`.
+        first: cycle to begin with: none before the feedforward acts.
+    """
+    return int(np.argmin(sizes[first - 1 :])) + first
+
+
+def grow(loop: Loop, dimension: int = DIMENSION) -> Growth:
+    """Linearise a loop where it stands, at the start of a cycle.
+
+    Raises:
+        NotPredictable: the run, or one from nearby, ends within a cycle.
+    """
+    done = loop.cycles
+    after = loop.hold(loop.period)
+    now = loop.state()
+
+    def seen() -> Array:
+        return np.concatenate([loop.column("tau_feedback").ravel(), loop.column("tau_feedforward").ravel()])
+
+    found = krylov(lambda along: loop.derivative(now, along, seen, loop.period), after - now, dimension)
+    loop.put(now)
+    return Growth(done, found, (loop.period, loop.samples.shape[1], 2))
+
+
+def predicted_growth(
+    config: Config, cycle: int | None = None, dimension: int = DIMENSION, prepared: Scenario | None = None
+) -> Growth:
+    """Predict how learning goes on, by running a few cycles in memory and linearising the loop there.
+
+    Args:
+        config: a checked config.
+        cycle: where to linearise, in cycles done; None: at the calmest of the first EARLY.
+        dimension: directions to look along, each the price of two cycles.
+        prepared: the scenario of ``config`` if it is already made; it does not run.
+
+    Raises:
+        NotPredictable: the loop has parts that cannot be linearised, nothing learns in it, or it ends before.
+        BadInput: the plan asks for what the machine cannot do.
+    """
+    first = config.learning.start_cycle
+    scenario = make_scenario(config) if prepared is None else prepared
+    if cycle is None:
+        sizes = change_sizes(config, first + EARLY, scenario)
+        if len(sizes) <= first:
+            raise NotPredictable(f"the run ends in cycle {len(sizes) + 1}, before learning shows")
+        cycle = calmest(sizes, first)
+    loop = open_loop(config, scenario)
+    while loop.cycles < cycle:
+        if not loop.advance(loop.period):
+            raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
+    if loop.run.taken < loop.plan.start_step or loop.run.loop.feedforward.kind in (NONE, TABLE):
+        raise NotPredictable("nothing learns from cycle to cycle")
+    return grow(loop, dimension)

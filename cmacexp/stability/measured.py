@@ -1,0 +1,94 @@
+"""How much the feedback of a stored run grew from cycle to cycle."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cmacexp.arrays import Array
+from cmacexp.errors import BadRun
+from cmacexp.keep import TRACE
+from cmacexp.stability.growth import AFTER, EARLY, OVER, calmest, fitted_growth
+from cmacexp.stored import StoredRun
+from cmacexp.table import as_array, parts_of
+
+FEEDBACK = ("tau_feedback_1", "tau_feedback_2")
+GROWN = 2.0
+"""A change this many times the least one has grown."""
+LAST = 0.05
+"""Share of the cycles that are left out at the end of a run that did not complete: nothing is small there."""
+
+
+class Stretch(NamedTuple):
+    """The cycles over which growth is read."""
+
+    calm: int
+    """The cycle before them where the loop is linearised, in cycles done."""
+    first: int
+    last: int
+    grows: bool
+    """Whether the change is growing there, by the end at the latest."""
+
+
+def stretch(sizes: Sequence[float] | Array, first: int, completed: bool) -> Stretch:
+    """Choose where to read growth: from the calmest cycle on if changes grow after it, else early on.
+
+    Args:
+        sizes: (n,), of the change from each cycle to the next, the first that of cycle 1.
+        first: cycle in which the feedforward begins to act.
+        completed: whether the run reached its end.
+    """
+    last = len(sizes) if completed else len(sizes) - max(2, round(LAST * len(sizes)))
+    calm = calmest(sizes[:last], first) if last > first else first
+    grows = last > calm and bool(sizes[last - 1] > GROWN * sizes[calm - 1])
+    if not grows:
+        calm = min(first + EARLY, (first + last) // 2)
+    start = calm + AFTER if last > calm + 2 * AFTER else calm + 1
+    return Stretch(calm, start, min(start + OVER, last), grows)
+
+
+def _cycles(run: StoredRun) -> Iterator[tuple[int, Array]]:
+    """Every cycle in the trace with its feedback torques, (rows, 2)."""
+    rest: list[Array] = []
+    current = None
+    for part in parts_of(run.folder / TRACE, ["cycle", *FEEDBACK]):
+        cycle = as_array(part, "cycle")
+        torques = np.stack([as_array(part, name) for name in FEEDBACK], axis=1)
+        starts = [0, *(np.flatnonzero(np.diff(cycle)) + 1).tolist(), len(cycle)]
+        for begin, end in pairwise(starts):
+            if cycle[begin] != current:
+                if current is not None:
+                    yield current, np.concatenate(rest)
+                current, rest = int(cycle[begin]), []
+            rest.append(torques[begin:end])
+    if current is not None:
+        yield current, np.concatenate(rest)
+
+
+def changes_of(run: StoredRun) -> Array:
+    """Root of the summed squares of what the feedback torque changes from each cycle to the next, (n,), N m.
+
+    Entry j is from cycle j + 1 to j + 2.
+
+    Raises:
+        BadRun: the trace cannot be read, or is thinned: its norm would be another, or its cycles not successive.
+    """
+    record: dict[str, Any] = run.config["record"]
+    if record.get("every_nth_step", 1) > 1 or record.get("cycles") is not None:
+        raise BadRun(f"{run.folder}: its trace lacks steps, growth is read from whole ones; run it with record=trace")
+    before: Array | None = None
+    sizes = []
+    try:
+        for _, torques in _cycles(run):
+            if before is not None and len(torques) == len(before):
+                sizes.append(float(np.linalg.norm(torques - before)))
+            before = torques
+    except (OSError, ValueError) as error:
+        raise BadRun(f"{run.folder / TRACE}: cannot be read ({str(error).splitlines()[0]})") from None
+    return np.array(sizes)
+
+
+def growth_over(sizes: Sequence[float] | Array, place: Stretch) -> float:
+    """Growth per cycle of the changes over a stretch; NaN where it is too short."""
+    return fitted_growth(sizes[place.first - 1 : place.last])

@@ -1,0 +1,54 @@
+"""What grows: where in the cycle it sits, and how fast it swings."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.arrays import Array, Mask
+
+AFTER_LIFT_OFF = 20
+"""Steps after lift-off that are looked at."""
+
+
+class Mode(NamedTuple):
+    """A change of torque over one cycle."""
+
+    change: Array
+    """(N, L, 2), N m."""
+    share_after_lift_off: float
+    """Share of its squares in the steps after the lift-off of each leg; NaN without lift-off."""
+    frequency: float
+    """Where its spectrum peaks, Hz."""
+    busiest: int
+    """Sample about which it is largest."""
+
+
+def after_lift_off(support: Mask, steps: int = AFTER_LIFT_OFF) -> Mask:
+    """(N, L): whether a leg lifted off no more than ``steps`` samples ago."""
+    lifts = ~support & np.roll(support, 1, axis=0)
+    found = np.zeros_like(support)
+    for back in range(steps):
+        found |= np.roll(lifts, back, axis=0)
+    return found
+
+
+def spectrum(change: Array, period: float) -> tuple[Array, Array]:
+    """Frequencies (f,), Hz, and power (f,) of a change (N, L, 2), all torques together."""
+    power = (np.abs(np.fft.rfft(change, axis=0)) ** 2).sum(axis=(1, 2))
+    return np.asarray(np.fft.rfftfreq(len(change), period), dtype=float), np.asarray(power)
+
+
+def describe(change: Array, support: Mask, period: float) -> Mode:
+    """Where a change (N, L, 2) of torque sits, and how fast it swings; ``period`` is between samples, s."""
+    squares = (change**2).sum(axis=2)
+    near = after_lift_off(support)
+    share = float(squares[near].sum() / squares.sum()) if near.any() and squares.any() else float("nan")
+    frequencies, power = spectrum(change, period)
+    smooth = np.convolve(power, np.ones(5) / 5.0, "same")
+    wide = np.convolve(np.concatenate([squares.sum(axis=1)] * 3), np.ones(9), "same")[len(change) : 2 * len(change)]
+    return Mode(change, share, float(frequencies[np.argmax(smooth)]), int(np.argmax(wide)))
+
+
+def likeness(one: Array, other: Array) -> float:
+    """Cosine between two changes, 1 if they have the same shape."""
+    return float((one * other).sum() / np.linalg.norm(one) / np.linalg.norm(other))

@@ -1,0 +1,151 @@
+"""From feedforward torque to what the feedforward is taught, around single samples of the cycle.
+
+T is the transfer from a feedforward torque to -J^T U, the torque that it spares the feedback. Learning from cycle to
+cycle takes u to u - beta T u, so it settles at frequencies where every eigenvalue of T has a positive real part. A
+lead of l samples multiplies T by z^l; torques that reach the joints d samples late put z^-d into the loop.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmacexp.arrays import Array
+from cmacexp.config import Config
+from cmacexp.stability.cycle_map import NUDGE, Loop, NotPredictable, open_loop
+
+
+class Local(NamedTuple):
+    """The loop without learning, linearised at one step: x+ = A x + B (C x + u); n numbers of state, L legs."""
+
+    sample: int
+    """Of the cycle."""
+    a: Array
+    """A, (n, n): without feedback."""
+    b: Array
+    """B, (n, 2 L): from torque."""
+    c: Array
+    """C, (2 L, n): to the feedback torque that a feedforward is taught."""
+
+
+def _advanced(loop: Loop) -> None:
+    if not loop.advance(1):
+        raise NotPredictable(f"a run from nearby ends at sample {loop.run.taken % loop.period}")
+
+
+def _from_torque(loop: Loop, now: Array, torque: Array) -> Array:
+    """B at the step where the loop is held; ``torque`` (L, 2) is what it plays then."""
+    own, columns = torque.copy(), []
+    for j in range(own.size):
+        ends = []
+        for sign in (1.0, -1.0):
+            loop.put(now)
+            torque[np.unravel_index(j, own.shape)] += sign * NUDGE
+            _advanced(loop)
+            torque[...] = own
+            ends.append(loop.state())
+        columns.append((ends[0] - ends[1]) / (2.0 * NUDGE))
+    return np.stack(columns, axis=1)
+
+
+def _seen_only(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Without numbers that nothing depends on: what the loop works out anew in every step."""
+    kept = np.ones(len(a), dtype=bool)
+    while True:
+        matters = kept & ((a[kept] != 0.0).any(axis=0) | (c != 0.0).any(axis=0))
+        if (matters == kept).all():
+            return a[np.ix_(kept, kept)], b[kept], c[:, kept]
+        kept = matters
+
+
+def _local(loop: Loop, table: Array) -> Local:
+    """Linearise at the step that comes next; ``table`` (N, L, 2) is what the loop plays."""
+    sample = loop.run.taken % loop.period
+    loop.hold(1)
+    now = loop.state()
+
+    def taught() -> Array:
+        return loop.run.loop.control_state.taught.reshape(-1).copy()
+
+    columns = [loop.derivative(now, along, taught, 1) for along in np.eye(len(now))]
+    b = _from_torque(loop, now, table[sample])
+    loop.put(now)
+    closed = np.stack([state for state, _ in columns], axis=1)
+    c = np.stack([torque for _, torque in columns], axis=1)
+    a, b, c = _seen_only(closed, b, c)
+    return Local(sample, a - b @ c, b, c)
+
+
+def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Local]:
+    """Linearise the loop without learning at some samples of the cycle that follows ``cycle`` cycles of learning.
+
+    The learned torque of that cycle is played on, while the loop stands at each of the samples.
+
+    Raises:
+        NotPredictable: the run ends before, or its parts cannot be linearised.
+    """
+    loop = open_loop(config)
+    while loop.cycles < cycle + 1:
+        if not loop.advance(loop.period):
+            raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
+    # What acts has been commanded so many samples before.
+    table = np.roll(loop.column("tau_feedforward"), -config.actuator.delay, axis=0)
+    loop.play(table)
+    if not loop.advance(loop.period):
+        raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
+    found = []
+    for sample in sorted(samples):
+        steps = sample - loop.run.taken % loop.period
+        if steps and not loop.advance(steps):
+            raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
+        found.append(_local(loop, table))
+    return found
+
+
+def transfer(local: Local, frequencies: Array, period: float, delay: int = 0) -> NDArray[np.complex128]:
+    """T at some frequencies.
+
+    Args:
+        local: where.
+        frequencies: (f,), Hz.
+        period: sampling period, s.
+        delay: further samples from every torque to the joints.
+
+    Returns:
+        (f, 2 L, 2 L); [f, i, j] from feedforward torque j to the torque i that is taught, sign turned.
+    """
+    z = np.exp(2j * np.pi * np.asarray(frequencies, dtype=float) * period)[:, None, None]
+    path = local.c @ np.linalg.solve(z * np.eye(len(local.a)) - local.a, local.b.astype(complex)[None]) * z**-delay
+    return np.asarray(-path @ np.linalg.inv(np.eye(local.b.shape[1]) - path))
+
+
+class Spectrum(NamedTuple):
+    """T over frequency at one place of the cycle, by its eigenvalues."""
+
+    frequencies: Array
+    """(f,), Hz."""
+    period: float
+    """Between two samples, s."""
+    eigenvalues: NDArray[np.complex128]
+    """(f, 2 L), without lead."""
+
+    def least_real(self, lead: int) -> Array:
+        """Least real part (f,) of the eigenvalues with a lead of so many samples."""
+        turned = np.exp(2j * np.pi * self.frequencies * self.period * lead)
+        return np.asarray((self.eigenvalues * turned[:, None]).real.min(axis=1))
+
+    def least(self, lead: int) -> float:
+        """Least real part at any frequency."""
+        return float(self.least_real(lead).min())
+
+    def wrong_from(self, lead: int) -> float:
+        """Lowest frequency at which a real part is negative, Hz; NaN if it is nowhere."""
+        wrong = self.least_real(lead) < 0.0
+        return float(self.frequencies[np.argmax(wrong)]) if wrong.any() else float("nan")
+
+
+def spectrum_of(local: Local, frequencies: Array, period: float, delay: int = 0) -> Spectrum:
+    """Eigenvalues of T at some frequencies; arguments as of :func:`transfer`."""
+    values = np.linalg.eigvals(transfer(local, frequencies, period, delay))
+    return Spectrum(frequencies, period, values.astype(np.complex128))

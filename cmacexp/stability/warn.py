@@ -1,0 +1,62 @@
+"""A warning before a long run whose learning will come apart."""
+
+from dataclasses import replace
+
+from cmacexp.config import Config
+from cmacexp.scenario import Scenario
+
+MANY = 100
+"""Cycles of learning from which on a run is checked; the check takes the time of some 110."""
+DEAREST = 10_000
+"""Steps of one leg in a cycle above which it is left out: it would take a second or more."""
+QUICK = 40
+"""Directions to look along."""
+FACTOR = 10.0
+"""A run whose feedback is predicted to grow by less over all its cycles is not warned of."""
+
+
+def _is_checked(config: Config, scenario: Scenario) -> bool:
+    steps = config.steps_per_cycle * len(scenario.setup.mechanism.legs) * getattr(scenario.plant, "substeps", 1)
+    return config.warn and config.cycles - config.learning.start_cycle >= MANY and steps <= DEAREST
+
+
+def _growth(config: Config, scenario: Scenario | None = None) -> float:
+    """Predicted growth per cycle; NaN where it cannot be told."""
+    from cmacexp.stability.cycle_map import NotPredictable
+    from cmacexp.stability.growth import predicted_growth
+
+    try:
+        return predicted_growth(config, dimension=QUICK, prepared=scenario).per_cycle
+    except NotPredictable:
+        return float("nan")
+
+
+def _cure(config: Config) -> str:
+    """A lead that is predicted to hold, in words."""
+    from cmacexp.stability.growth import with_lead
+
+    automatic = replace(config, learning=replace(config.learning, lead="auto")).lead
+    tried = [lead for lead in dict.fromkeys((automatic, config.lead + 1, config.lead - 1)) if lead != config.lead]
+    for lead in tried:
+        growth = _growth(with_lead(config, lead))
+        if growth < 1.0:
+            return f"learning.lead={lead} is predicted to hold ({growth:.3f})"
+    return f"learning.lead={' and '.join(map(str, tried))} would not hold either; try learning.rule=weight_smoothing"
+
+
+def growth_warning(config: Config, scenario: Scenario) -> str | None:
+    """What is to be said before a run; None if its learning holds, it is short, or nothing can be told.
+
+    Args:
+        config: of the run.
+        scenario: its parts, which are left as they are.
+    """
+    if not _is_checked(config, scenario):
+        return None
+    growth = _growth(config, scenario)
+    if not growth > 1.0 or growth ** (config.cycles - config.learning.start_cycle) < FACTOR:
+        return None
+    return (
+        f"warning: learning is predicted to come apart, what it changes grows by a factor of {growth:.3f} per cycle; "
+        f"{_cure(config)} (warn=false leaves this check out)"
+    )

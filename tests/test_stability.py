@@ -1,0 +1,70 @@
+"""Growth per cycle: predicted by the linearised loop, and as it comes."""
+
+import numpy as np
+import pytest
+
+from cmacexp.stability import predicted_growth
+from cmacexp.stability.cycle_map import NotPredictable, open_loop
+from cmacexp.stability.growth import change_sizes, fitted_growth
+from cmacexp.stability.krylov import krylov
+
+WINDOW = (40, 140)
+"""Changes of these cycles; the paper's law diverges in cycle 169."""
+
+
+def test_a_known_map_has_its_eigenvalues_and_images():
+    matrix = np.diag([1.1, 0.5, -0.9, 0.2])
+    matrix[0, 1] = 3.0
+    start = np.array([0.1, 1.0, 1.0, 1.0])
+    found = krylov(lambda v: (matrix @ v, 2.0 * v), start, 10)
+    assert len(found.hessenberg) == 4
+    np.testing.assert_allclose(found.eigenvalues(), [1.1, -0.9, 0.5, 0.2], atol=1e-9)
+    images = [2.0 * np.linalg.matrix_power(matrix, k) @ start for k in range(7)]
+    np.testing.assert_allclose(found.iterate(7), images, atol=1e-9)
+
+
+def test_fitted_growth_is_that_of_a_geometric_series():
+    assert fitted_growth(3.0 * 1.02 ** np.arange(50)) == pytest.approx(1.02)
+    assert np.isnan(fitted_growth([1.0, 2.0]))
+    assert np.isnan(fitted_growth([1.0, 0.0, 2.0]))
+
+
+def test_a_loop_put_back_repeats_itself(make_config):
+    loop = open_loop(make_config("scenario=one_leg", "cycles=9"))
+    for _ in range(4):
+        loop.advance(loop.period)
+    after = loop.hold(loop.period)
+    first, names = loop.state(), {place.name for place in loop.places}
+    assert {"plant_state.q", "control_state.error", "control_state.output", "feedforward.weights"} <= names
+    assert not names & {"plant_state.travel", "guard.tumble"}
+    for _ in range(2):
+        loop.put(first)
+        assert loop.advance(loop.period)
+        np.testing.assert_array_equal(loop.state(), after)
+        assert loop.cycles == 5
+
+
+@pytest.mark.parametrize("lead", [-1, 0, 1, 2])
+def test_growth_is_predicted_from_the_first_cycles(make_config, lead):
+    config = make_config("scenario=one_leg", "cycles=200", f"learning.lead={lead}")
+    sizes = change_sizes(config, WINDOW[1] + 1)
+    first, last = WINDOW if lead >= 0 else (20, len(sizes) - 5)
+    measured = fitted_growth(sizes[first - 1 : last])
+    growth = predicted_growth(config)
+    assert growth.over(first, last) == pytest.approx(measured, abs=0.002)
+    assert growth.per_cycle == pytest.approx(measured, abs=0.01)
+    assert (growth.per_cycle < 1.0) == (lead == 1)
+    assert (abs(growth.eigenvalues()[0]) < 1.0) == (lead == 1)
+
+
+def test_growth_of_a_walk_is_predicted(make_config):
+    config = make_config("scenario=quadruped", "cycles=200")
+    sizes = change_sizes(config, 101)
+    assert predicted_growth(config, cycle=40).over(45, 100) == pytest.approx(fitted_growth(sizes[44:100]), abs=0.005)
+
+
+def test_what_does_not_learn_is_not_predicted(make_config):
+    with pytest.raises(NotPredictable, match="nothing learns"):
+        predicted_growth(make_config("scenario=one_leg", "feedforward=none", "cycles=200"))
+    with pytest.raises(NotPredictable, match="before cycle 60"):
+        predicted_growth(make_config("scenario=one_leg", "learning.lead=-2", "cycles=200"), cycle=60)

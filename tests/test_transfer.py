@@ -1,0 +1,77 @@
+"""T, from feedforward torque to what is taught: the lead that holds is the samples from torque to feedback."""
+
+import numpy as np
+import pytest
+
+from cmacexp.stability.cycle_map import open_loop
+from cmacexp.stability.transfer import Local, locals_along, spectrum_of, transfer
+
+PERIOD = 0.005
+FREQUENCIES = np.linspace(1.0, 100.0, 100)
+MID_TRANSFER, MID_SUPPORT = 60, 360
+
+
+@pytest.fixture(scope="module")
+def places(make_config):
+    return locals_along(make_config("scenario=one_leg", "cycles=9"), 4, [MID_TRANSFER, MID_SUPPORT])
+
+
+def test_transfer_of_an_integrator_under_proportional_feedback():
+    # x+ = x + f + u with f = -0.5 x, so -f/u = 0.5 z^-1/(1 - 0.5 z^-1); a delay of d multiplies every z^-1 by z^-d.
+    one = np.ones((1, 1))
+    local = Local(0, one, one, -0.5 * one)
+    z = np.exp(2j * np.pi * FREQUENCIES * PERIOD)
+    for delay in (0, 1):
+        path = 0.5 * z**-delay / (z - 1.0)
+        np.testing.assert_allclose(transfer(local, FREQUENCIES, PERIOD, delay)[:, 0, 0], path / (1.0 + path))
+
+
+def test_a_torque_shows_in_the_feedback_of_the_next_step(make_config, places):
+    loop = open_loop(make_config("scenario=one_leg", "cycles=9"))
+    for _ in range(5):
+        loop.advance(loop.period)
+    torque = loop.column("tau_feedforward")
+    loop.play(torque)
+    loop.advance(loop.period)
+    loop.advance(MID_TRANSFER)
+    loop.hold(3)
+    state, answers = loop.state(), []
+    for sign in (1.0, -1.0):
+        loop.put(state)
+        torque[MID_TRANSFER, 0, 0] += sign * 1e-4
+        assert loop.advance(3)
+        answers.append(loop.column("tau_feedback")[:3, 0])
+        torque[MID_TRANSFER, 0, 0] -= sign * 1e-4
+    response = (answers[0] - answers[1]) / 2e-4
+    local = places[0]
+    closed = local.a + local.b @ local.c
+    np.testing.assert_array_equal(response[0], 0.0)
+    # The sample moves on between the two, by which the Jacobian changes a little.
+    np.testing.assert_allclose(response[1], local.c @ local.b[:, 0], atol=0.005)
+    np.testing.assert_allclose(response[2], local.c @ closed @ local.b[:, 0], atol=0.01)
+    assert response[1, 0] < -0.1
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+def test_learning_settles_everywhere_with_one_lead_alone(places, delay):
+    for local in places:
+        found = spectrum_of(local, FREQUENCIES, PERIOD, delay)
+        assert [lead for lead in range(-2, 5) if found.least(lead) > 0.0] == [delay + 1]
+
+
+def test_the_paper_learns_wrongly_above_some_20_hz(places):
+    for local in places:
+        found = spectrum_of(local, FREQUENCIES, PERIOD)
+        assert 20.0 <= found.wrong_from(0) <= 30.0
+        assert np.isnan(found.wrong_from(1))
+
+
+@pytest.mark.parametrize("delay", [1, 2])
+def test_delay_of_the_actuator_is_the_delay_that_was_thought_in(make_config, places, delay):
+    config = make_config("scenario=one_leg", "cycles=9", f"actuator.delay={delay}", "learning.lead=auto")
+    (local,) = locals_along(config, 4, [MID_TRANSFER])
+    late = spectrum_of(local, FREQUENCIES, PERIOD)
+    thought = spectrum_of(places[0], FREQUENCIES, PERIOD, delay)
+    assert late.least(delay + 1) > 0.0 > late.least(delay)
+    fast = FREQUENCIES >= 10.0  # below, it matters where the leg is
+    np.testing.assert_allclose(late.least_real(delay + 1)[fast], thought.least_real(delay + 1)[fast], atol=0.1)
