@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel
-from cmacexp.models.ground import Ground, damped_force
+from cmacexp.models.ground import Ground, damped_force, grade_at, height_at
 
 
 class Touch(NamedTuple):
@@ -76,8 +76,10 @@ def press(touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Ar
     for i in range(force.shape[0]):
         shank = floats + 2 * i + 2
         first = 1 if floats else shank - 1
-        rate = -speed(bodies, shank, first, 2)
-        normal = damped_force(stiffness[i], touch.ground.damping, -bodies.place[shank, 2], rate)
+        x, ground = bodies.place[shank, 0], touch.ground
+        depression = height_at(ground.slope, ground.slope_start, x) - bodies.place[shank, 2]
+        rate = grade_at(ground, x) * speed(bodies, shank, first, 0) - speed(bodies, shank, first, 2)
+        normal = damped_force(stiffness[i], ground.damping, depression, rate)
         force[i] = bodies.pull[shank, 2] = normal
         if touch.friction > 0.0:
             for j in range(2):
@@ -112,10 +114,11 @@ def observe_stand(bodies: Bodies, hip_height: float, seen: Measured) -> None:
 
 
 @kernel
-def observe_body(bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> None:
+def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> None:
     """Body and feet of a machine that floats; fills ``seen``.
 
     Args:
+        ground: below the body, whose height is that above it.
         bodies: with places and velocities up to date.
         hips: (L, 2): in the body frame, m.
         torso: (6,): velocity of the body in the world, m/s, and its angular velocity in its own frame, rad/s.
@@ -123,8 +126,9 @@ def observe_body(bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> N
     """
     turn, at, w = bodies.turn[1], bodies.place[1], torso[3:]
     pitch, roll = -math.asin(turn[6]), math.atan2(turn[7], turn[8])
-    seen.pose[0], seen.pose[1], seen.pose[2] = at[2], pitch, roll
-    seen.pose_rate[0] = torso[2]
+    seen.pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
+    seen.pose[1], seen.pose[2] = pitch, roll
+    seen.pose_rate[0] = torso[2] - grade_at(ground, at[0]) * torso[0]
     seen.pose_rate[1] = w[1] * math.cos(roll) - w[2] * math.sin(roll)
     seen.pose_rate[2] = w[0] + (w[1] * math.sin(roll) + w[2] * math.cos(roll)) * math.tan(pitch)
     seen.travel[0], seen.travel[1], seen.travel[2] = at[0], at[1], math.atan2(turn[3], turn[0])

@@ -30,7 +30,7 @@ class MujocoLeg:
             BadInput: the machine is no leg on a stand, or MuJoCo is not installed.
         """
         check_kind(setup, LEGS_ON_STAND, "mujoco_leg")
-        touch = Touch(make_ground(setup.config.terrain), 0.0, 0.0, 0.0)
+        touch = Touch(make_ground(setup.config.terrain, setup.config.sampling_period), 0.0, 0.0, 0.0)
         step = setup.config.sampling_period / self.substeps
         self.hip_height = setup.mechanism.hip_height
         self.engine = MujocoEngine(setup.mechanism, touch, step)

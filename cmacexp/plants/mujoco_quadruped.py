@@ -11,6 +11,7 @@ from cmacexp.config.schema import QuadrupedMachine
 from cmacexp.models.ground import make_ground
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.planning.setup import Setup
+from cmacexp.plants.kernels import make_payload
 from cmacexp.plants.mujoco_engine import MujocoEngine, check_kind
 from cmacexp.plants.mujoco_kernels import Measured, Touch, observe_body
 from cmacexp.plants.mujoco_model import Torso, check_inertia
@@ -60,11 +61,12 @@ class MujocoQuadruped:
         check_inertia(self.body_inertia)
         machine = setup.config.machine
         assert isinstance(machine, QuadrupedMachine)
-        touch = Touch(make_ground(setup.config.terrain), *self.grip)
+        touch = Touch(make_ground(setup.config.terrain, setup.config.sampling_period), *self.grip)
         step = setup.config.sampling_period / self.substeps
         torso = Torso(machine.body_mass, self.body_inertia)
         self.hips = setup.mechanism.hips
-        self.engine = MujocoEngine(setup.mechanism, touch, step, torso)
+        payload = make_payload(setup.config.payload, setup.config.sampling_period)
+        self.engine = MujocoEngine(setup.mechanism, touch, step, torso, payload)
         draw = np.random.default_rng(self.start_seed)
         self.engine.start(setup.start + draw.uniform(-self.start_spread, self.start_spread, setup.start.shape))
         return self.measure()
@@ -78,6 +80,6 @@ class MujocoQuadruped:
         """What can be measured now."""
         engine = self.engine
         seen = Measured(np.empty((4, 2)), np.empty((4, 2)), np.empty(3), np.empty(3), np.empty(3))
-        observe_body(engine.bodies, self.hips, engine.data.qvel[:6], seen)
+        observe_body(engine.touch.ground, engine.bodies, self.hips, engine.data.qvel[:6], seen)
         q, dq, force = engine.q.copy(), engine.dq.copy(), engine.force.copy()
         return Measurement(q, dq, seen.foot, seen.velocity, force, seen.pose, seen.pose_rate, seen.travel)
