@@ -4,7 +4,8 @@ from cmacexp.config.check_sensors import check_sensors
 from cmacexp.config.check_surroundings import check_payload, check_slope, check_stiffness_step
 from cmacexp.config.feedforwards import INPUTS, PerceptronConfig, RadialBasisConfig
 from cmacexp.config.fields import check_fields, listed
-from cmacexp.config.schema import CmacConfig, Config, QuadrupedMachine
+from cmacexp.config.machine import QuadrupedMachine
+from cmacexp.config.schema import CmacConfig, Config
 from cmacexp.errors import BadInput
 
 OUTPUTS = 2

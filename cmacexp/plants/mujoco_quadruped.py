@@ -7,7 +7,7 @@ only as far as the feet push it.
 import numpy as np
 
 from cmacexp.arrays import Array
-from cmacexp.config.schema import QuadrupedMachine
+from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.models.ground import make_ground
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.planning.setup import Setup
