@@ -16,6 +16,7 @@ from cmacexp.config.feedforwards import (
 from cmacexp.config.fields import choice, number
 from cmacexp.config.mujoco import MujocoLegConfig, MujocoQuadrupedConfig
 from cmacexp.config.sensors import RealSensorsConfig
+from cmacexp.config.surroundings import PayloadConfig, TerrainConfig
 from cmacexp.models.gravity import GRAVITY
 
 
@@ -70,6 +71,11 @@ class FourLegs:
     left_rear: BodyLegConfig
     right_rear: BodyLegConfig
 
+    @property
+    def in_order(self) -> list[BodyLegConfig]:
+        """Legs 1 to 4."""
+        return [self.left_front, self.right_front, self.left_rear, self.right_rear]
+
 
 @dataclass
 class QuadrupedMachine:
@@ -89,8 +95,12 @@ class QuadrupedMachine:
     @property
     def weight_of_masses(self) -> float:
         """Of the body and all its legs, N."""
-        legs = (self.legs.left_front, self.legs.right_front, self.legs.left_rear, self.legs.right_rear)
-        return GRAVITY * (self.body_mass + sum(leg.mass_1 + leg.mass_2 for leg in legs))
+        return GRAVITY * (self.body_mass + sum(leg.mass_1 + leg.mass_2 for leg in self.legs.in_order))
+
+    @property
+    def hips(self) -> list[tuple[float, float]]:
+        """Hips 1 to 4 in the body frame, forward and left, m."""
+        return [(leg.hip_x, leg.hip_y) for leg in self.legs.in_order]
 
     @property
     def total_weight(self) -> float:
@@ -108,24 +118,6 @@ class PointMassMachine:
     mass: float = number("kg", above=0)
     start_clearance: float = number("m")
     """Height of the mass above the undepressed ground at the start (assumed)."""
-
-
-@dataclass
-class TerrainConfig:
-    """Elastic ground (Lin & Song 1997, eq. 1)."""
-
-    stiffness: float = number("N/m", at_least=1e-3, at_most=1e9)
-    """K_n, the stiffness that the plant feels."""
-    assumed_stiffness: float | None = number("N/m", at_least=1e-3, at_most=1e9)
-    """The K_n that planner and controller believe in; null: the true one."""
-    patch_size: float = number("m", at_least=1e-3)
-    """Side of the square patches of the ground."""
-    patch_spread: float = number("", at_least=0, below=1)
-    """Each patch has K_n times a factor between 1 - spread and 1 + spread; 0: the same everywhere."""
-    patch_seed: int = number("", at_least=0, below=2**32)
-    """Seed of the patches."""
-    damping: float = number("N s/m", at_least=0, at_most=1e9)
-    """Force of the ground over the speed at which it is pressed in; 0 as in the paper. The ground never pulls."""
 
 
 @dataclass
@@ -234,13 +226,16 @@ class CmacConfig:
     """Blocks of each quantisation function; (resolution_elements - 1) x layers quanta span an input's range."""
     memory_bytes: int = number("B", at_least=1, at_most=2**30)
     """Memory of one CMAC; a word is a float64, so rows = memory_bytes / (8 x outputs)."""
-    addressing: str = choice("hashed", "dense")
+    addressing: str = choice("hashed", "dense", "visited")
+    """hashed: cells share rows by chance; dense: each has its own; visited: each that the path visits has its own."""
     displacement: str = choice("diagonal", "odd_lattice", "parks_militzer")
     """How the layers are shifted against each other; diagonal as in the paper."""
     inputs: list[str] = choice(*INPUTS)
     """Planned joint values that address the memory (assumed)."""
     range_factor: float = number("", at_least=1, at_most=1e6)
     """Input range over the planned span, centred on its middle (assumed)."""
+    receptive_field: str = choice("rectangular", "linear", "cubic")
+    """How much a cell counts over its width: fully, as in the paper, or by a B-spline (Lane et al. 1992)."""
 
 
 @dataclass
@@ -317,6 +312,7 @@ class Config:
     machine: Any
     plant: Any
     terrain: TerrainConfig
+    payload: PayloadConfig
     gait: GaitConfig
     sensors: Any
     controller: Any
