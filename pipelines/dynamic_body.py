@@ -31,6 +31,7 @@ PAPERS_RATE, DAMPED = "learning.rate=0.1953125", "terrain.damping=50"
 PAPERS = ("sampling_period=0.005", "controller.lead_alpha=10", PAPERS_RATE)
 VARIANTS: dict[str, tuple[str, ...]] = {
     "feedback alone": ("feedforward=none",),
+    "feedback alone, but integrated 20 times finer": ("feedforward=none", "plant.substeps=20"),
     "as published": (),
     "lead 1": ("learning.lead=1",),
     "a quarter of the rate": ("learning.rate=0.05",),

@@ -84,10 +84,12 @@ def falls_section(runs: Runs) -> Section:
     claim = Claim(
         "with the constants of the paper the machine walks", "section 6", said, verdict, runs.links(*learnt)
     )
+    finer = [walk for name, walk in walks.items() if name.endswith("finer") and walk.status != "completed"]
     saved = sorted({n.partition(BUT)[2] for n, w in walks.items() if BUT in n and w.status == "completed"})
     end = (
         "The paper's constants are for a body that is in balance in every instant. "
         + ("With one that has mass feedback alone falls as well: no way of learning can help. " if alone_too else "")
+        + ("It is not the integration: in finer steps it ends likewise. " if alone_too and finer else "")
         + (f"Of the paper's constants one is to blame: it stands with {listed(saved)}." if saved else "")
     )
     table = Table(["reference, feedforward", "ends", "after, s", "cause"], rows, "Sampled at 5 ms, LEAD 10/10", 2)
