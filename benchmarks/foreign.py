@@ -87,17 +87,16 @@ def alone(given: dict[str, list[Any]]) -> Callable[[], float]:
     """A worker: seconds a step of the calls of these parts alone."""
 
     def run() -> float:
-        calls = [(getattr(Plays(listed), METHODS[key]), len(listed)) for key, listed in given.items()]
-        two = {"sensors": 1, "plant": 1}
+        two = ("controller", "feedforward")
+        calls = [
+            (getattr(Plays(listed), METHODS[key]), (None, None) if key in two else (None,), len(listed))
+            for key, listed in given.items()
+        ]
         began = time.perf_counter()
-        for (call, steps), key in zip(calls, given, strict=True):
-            if key in two:
-                for _ in range(steps):
-                    call(None)
-            else:
-                for _ in range(steps):
-                    call(None, None)
-        return (time.perf_counter() - began) / max(steps for _, steps in calls)
+        for call, arguments, steps in calls:
+            for _ in range(steps):
+                call(*arguments)
+        return (time.perf_counter() - began) / max(steps for *_, steps in calls)
 
     return run
 

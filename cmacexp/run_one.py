@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from cmacexp import manifest as manifests
 from cmacexp.config import Config, config_hash, to_plain
-from cmacexp.control import Learns
+from cmacexp.control import HybridController, Learns
 from cmacexp.control.feedforward import BuiltInFeedforward
 from cmacexp.errors import BadAnswer, users_traceback
 from cmacexp.files import remove_leftovers, sha256
@@ -119,6 +119,17 @@ def _roll_out(
     return end, scores, names
 
 
+def _told_by_parts(scenario: Scenario) -> manifests.Manifest:
+    """What built-in parts tell of their run; a class of one's own may use the same names for something else."""
+    controller, feedforward = scenario.controller, scenario.feedforward
+    dropped = controller.dropped if isinstance(controller, HybridController) else {}
+    memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else []
+    return {
+        "dropped": [{"leg": i, "step": k} for i, k in dropped.items()],
+        "memory": [use._asdict() for use in memory],
+    }
+
+
 def run_scenario(
     config: Config,
     folder: Path,
@@ -160,8 +171,7 @@ def run_scenario(
         "start_weights": start_hash(config),
         "drift": drift_entry(scores.legs),
         "learning_lead": config.lead,
-        "dropped": [{"leg": i, "step": k} for i, k in getattr(scenario.controller, "dropped", {}).items()],
-        "memory": [use._asdict() for use in getattr(scenario.feedforward, "memory", [])],
+        **_told_by_parts(scenario),
         "rollout_seconds": end.seconds,
         "wall_seconds": time.perf_counter() - began,
         "files": {name: sha256(folder / name) for name in names},

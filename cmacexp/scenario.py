@@ -9,7 +9,7 @@ import numpy as np
 from cmacexp.answers import require_finite, take_measurement
 from cmacexp.arrays import Array
 from cmacexp.config import Config, to_plain
-from cmacexp.config.schema import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine
+from cmacexp.config.machine import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine
 from cmacexp.control import Controller, Feedforward
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.models.leg import Leg

@@ -97,7 +97,7 @@ def tell(runs: Runs) -> list[Section]:
                 Text(words.beaten(leg)),
                 Text(words.advice_one_leg(leg)),
             ],
-            words.claims(runs, leg),
+            words.claims(runs, leg, walk),
         ),
         Section(
             "Four legs",
@@ -119,6 +119,7 @@ def tell(runs: Runs) -> list[Section]:
                 Drawing("after_a_change", figures.after(change.all_courses(runs)), change.CAPTION),
                 Text(change.advice(runs)),
             ],
+            [change.claim(runs)],
             beyond=True,
         ),
     ]

@@ -23,8 +23,18 @@ def unit_range(inputs):
     return InputRange(-np.ones(inputs), np.ones(inputs))
 
 
-def make_cmac(inputs=2, outputs=2, seed=0, layers=8, elements=5, rows=2**20, addressing="hashed", vector="diagonal"):
-    config = CmacConfig(layers, elements, rows * 8 * outputs, addressing, vector, ["angle"], 1.0)
+def make_cmac(
+    inputs=2,
+    outputs=2,
+    seed=0,
+    layers=8,
+    elements=5,
+    rows=2**20,
+    addressing="hashed",
+    vector="diagonal",
+    receptive_field="rectangular",
+):
+    config = CmacConfig(layers, elements, rows * 8 * outputs, addressing, vector, ["angle"], 1.0, receptive_field)
     return Cmac(config, unit_range(inputs), outputs, seed)
 
 

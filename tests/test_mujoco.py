@@ -111,7 +111,8 @@ def measured(q, dq, pose, pose_rate):
     from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
 
     plant = MujocoQuadruped(1, 0.6, 1e4, 50.0, [0.05, 0.06, 0.1], 0.0, 0)
-    plant.engine, plant.hips = engine, mechanism.hips
+    plant.engine = engine
+    plant.look(mechanism.hips)
     return plant.measure()
 
 

@@ -48,6 +48,13 @@ def test_pandas_lines_run_on_the_run_above(folder):
     assert "feedforward_share" in done.stdout
 
 
+def test_notebook_lines_run(folder):
+    (code,) = blocks("py")
+    done = execute(["-c", code], folder)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.rstrip().endswith("completed")
+
+
 def test_table_is_what_the_command_prints(folder):
     done = execute(["-m", "cmacexp", "scenario=one_leg", "record=trace"], folder)
     (table,) = blocks("text")

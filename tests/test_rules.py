@@ -184,14 +184,13 @@ class Tents(BuiltInFeedforward):
 
 
 @pytest.mark.parametrize("feedforward", ["cmac", "tents"])
-@pytest.mark.parametrize(("scenario", "cycles"), [("one_leg", 4), ("quadruped", 3)])
+@pytest.mark.parametrize("scenario", ["one_leg", "quadruped"])
 @pytest.mark.parametrize("rule", RULES)
-def test_both_loops_give_the_same_bits(make_config, rule, scenario, cycles, feedforward):
+def test_both_loops_give_the_same_bits(make_config, rule, scenario, feedforward):
     own = [f"feedforward._target_={__name__}.{Tents.__name__}"] if feedforward == "tents" else []
     lead = list(RULES).index(rule) % 3
-    config = make_config(
-        f"scenario={scenario}", f"cycles={cycles}", f"learning.rule={rule}", f"learning.lead={lead}", *own
-    )
+    changed = ("cycles=2", "learning.start_cycle=1", f"learning.rule={rule}", f"learning.lead={lead}", *own)
+    config = make_config(f"scenario={scenario}", *changed)
     fused, stepped = roll_out(make_scenario(config)), roll_out(make_scenario(config), fused=False)
     assert fused.samples.tobytes() == stepped.samples.tobytes()
     share = np.abs(fused.columns()["tau_feedforward_1"])[-config.steps_per_cycle :].mean()

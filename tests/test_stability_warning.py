@@ -29,6 +29,8 @@ def test_the_papers_law_is_warned_of_with_its_cure(make_config):
         ("cycles=160", "feedforward=none"),
         ("cycles=160", "feedforward=inverse_dynamics"),
         ("cycles=160", "plant.substeps=20"),
+        ("cycles=160", "learning.rule=e_modification"),
+        ("cycles=160", "learning.rule=weight_smoothing"),
         ("cycles=160", "actuator.delay=1", "learning.lead=auto"),
     ],
 )

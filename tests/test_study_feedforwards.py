@@ -10,7 +10,7 @@ from cmacexp.run_one import run_scenario
 from cmacexp.stored import StoredRun
 from cmacexp.verify import faults
 from pipelines.shared.runs import Runs
-from pipelines.telling.feedforward_change import left_at_first
+from pipelines.telling.feedforward_change import left_at_first, verdict_of
 from pipelines.telling.feedforward_kinds import (
     ALONE,
     CMAC,
@@ -69,6 +69,7 @@ def test_best_is_the_cycle_of_the_least_error_of_each_seed():
 def test_spread_tells_mean_and_deviation():
     assert spread(np.array([1.0, 3.0])) == "2.00 ± 1.41"
     assert spread(np.array([2.0])) == "2.00"
+    assert spread(np.array([0.01234, 0.01234])) == "0.012 ± 0"
     assert spread(np.array([2.0, nan])) == "-"
     assert spread(np.array([inf, inf])) == "never"
     assert spread(np.array([inf, 2.0])) == "not with 1 of 2 seeds"
@@ -84,15 +85,17 @@ def test_what_beats_cmac_is_said_and_what_does_not_is_not():
     assert "RBF" not in hardly
 
 
-def verdicts(courses):
+def verdicts(courses, walk=None):
     kinds = (CMAC, RBF, MLP, ILC)
     runs = Runs({name_of(ONE_LEG, kind): StoredRun(Path(kind)) for kind in kinds}, Path())
-    return [claim.verdict for claim in claims(runs, courses)]
+    return [claim.verdict for claim in claims(runs, courses, walk or courses)]
 
 
 def test_cmac_learns_rapidly_only_if_nothing_is_faster():
     assert verdicts(found())[0] == "reproduced"
-    assert verdicts(found(RBF=course([50.0, 4.0, 3.0, 2.0, 1.0, 1.0])))[0] == "reproduced in part"
+    faster = found(RBF=course([50.0, 4.0, 3.0, 2.0, 1.0, 1.0]))
+    assert verdicts(found(), faster)[0] == verdicts(faster, found())[0] == "reproduced in part"
+    assert verdicts(faster)[0] == "contradicted"
     never = course([50.0] * 6)
     assert verdicts(found(CMAC=never, RBF=never, MLP=never, ILC=never))[0] == "contradicted"
 
@@ -113,8 +116,12 @@ def test_what_is_left_after_a_change_is_of_feedback_alone_in_the_same_cycle():
     assert {kind: float(values[0]) for kind, values in left.items()} == {ALONE: 1.0, EXACT: 0.1, CMAC: 0.25}
 
 
+def test_cmac_generalises_if_little_of_the_error_is_left():
+    assert [verdict_of(left) for left in (0.1, 0.5, 0.9)] == ["reproduced", "reproduced in part", "not reproduced"]
+
+
 def test_seeds_of_a_kind_are_told_from_those_of_a_longer_name():
-    names = ("one leg: CMAC, seed 0", "one leg: CMAC, seed 1", "one leg: CMAC, angles, seed 0", "one leg: RBF")
+    names = ("one leg: CMAC, seed 0", "one leg: CMAC, seed 1", "one leg: CMAC of angles, seed 0", "one leg: RBF")
     runs = Runs({name: StoredRun(Path(name)) for name in names}, Path())
     assert list(of_kind(runs, ONE_LEG, CMAC)) == list(names[:2])
     assert list(of_kind(runs, ONE_LEG, RBF)) == ["one leg: RBF"]

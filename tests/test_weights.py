@@ -64,6 +64,20 @@ def test_another_path_is_addressed_by_the_ranges_that_were_learnt(make_config, t
         assert not np.array_equal(fresh.feedforward.learnt()["ranges"], kept["ranges"])
 
 
+def test_visited_cells_keep_their_rows_on_another_path(make_config, tmp_path):
+    visited = (*COMMON, "cmac.addressing=visited", "cycles=3")
+    run_scenario(make_config(*visited, "record.weights=true"), tmp_path)
+    start = (f"learning.start_from={tmp_path}", "learning.start_cycle=1")
+    same, other = (
+        make_scenario(make_config(*visited, *start, *more)).feedforward for more in ([], ["gait.lift=0.17"])
+    )
+    with np.load(tmp_path / WEIGHTS) as kept:
+        assert_array_equal(same.learnt()["visited_1"], kept["visited_1"])
+        assert_array_equal(other.learnt()["visited_1"][: len(kept["visited_1"])], kept["visited_1"])
+        assert len(other.learnt()["visited_1"]) > len(kept["visited_1"])
+        assert not kept["weights"][0, len(kept["visited_1"]) :].any()
+
+
 def test_weights_are_a_file_of_the_run_and_the_same_each_time(make_config, trained, tmp_path):
     config = make_config(*COMMON, "cycles=6", "record.weights=true")
     run_scenario(config, tmp_path)

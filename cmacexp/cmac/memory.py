@@ -75,3 +75,17 @@ def train_batch(weights: Array, cells: Cells, error: Array, rate: float) -> None
     """:func:`train` for a batch, one sample after the other: ``cells`` (samples, C), ``error`` (samples, outputs)."""
     for k in range(cells.shape[0]):
         train(weights, cells[k], error[k], rate)
+
+
+@kernel
+def read_weighted_batch(weights: Array, cells: Cells, activation: Array, output: Array) -> None:
+    """:func:`read_batch` with an ``activation`` (samples, C)."""
+    for k in range(cells.shape[0]):
+        read_weighted(weights, cells[k], activation[k], output[k])
+
+
+@kernel
+def train_weighted_batch(weights: Array, cells: Cells, activation: Array, error: Array, rate: float) -> None:
+    """:func:`train_batch` with an ``activation`` (samples, C)."""
+    for k in range(cells.shape[0]):
+        train_weighted(weights, cells[k], activation[k], error[k], rate)

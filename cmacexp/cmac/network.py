@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.addressing import Address, address_batch
 from cmacexp.cmac.displacement import displacement
-from cmacexp.cmac.memory import read_batch, train_batch
+from cmacexp.cmac.memory import read_batch, read_weighted_batch, train_batch, train_weighted_batch
 from cmacexp.cmac.quantiser import InputRange
+from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate_batch
+from cmacexp.cmac.visited import Visited
 from cmacexp.config.check import WORD_BYTES, check_memory
 from cmacexp.config.schema import CmacConfig
 from cmacexp.files import write_atomically
@@ -32,6 +34,7 @@ class Cmac:
     Attributes:
         weights: (rows, outputs), float64, zero at first.
         clipped: inputs that lay outside their range so far, and were clipped to it.
+        visited: the cells that have a row, where cells get theirs as they are visited; else None.
     """
 
     def __init__(self, config: CmacConfig, ranges: InputRange, outputs: int = 2, seed: int = 0):
@@ -39,18 +42,20 @@ class Cmac:
         check_memory(config, inputs, outputs)
         if not (np.asarray(ranges.low) < np.asarray(ranges.high)).all():
             raise ValueError(f"ranges from {ranges.low} to {ranges.high}: the lower end must lie below the upper one")
-        hashed = config.addressing == "hashed"
         dense_rows = config.layers * config.resolution_elements**inputs
-        rows = config.memory_bytes // (WORD_BYTES * outputs) if hashed else dense_rows
+        fitting = config.memory_bytes // (WORD_BYTES * outputs)
+        rows = dense_rows if config.addressing == "dense" else fitting
         self.address = Address(
             InputRange(np.ascontiguousarray(ranges.low, dtype=float), np.ascontiguousarray(ranges.high, dtype=float)),
             # By columns, since all layers of one input are looked at together.
             np.asfortranarray(displacement(config.displacement, config.layers, inputs)),
             config.resolution_elements,
             rows,
-            hashed,
+            config.addressing == "hashed",
             seed & MASK,
         )
+        self.visited = Visited(rows, WORD_BYTES * outputs) if config.addressing == "visited" else None
+        self.receptive_field = RECEPTIVE_FIELDS[config.receptive_field]
         self.weights = np.zeros((rows, outputs))
         self.clipped = 0
 
@@ -64,19 +69,46 @@ class Cmac:
 
         Raises:
             ValueError: an input is not finite, or the shape is not (samples, n).
+            BadInput: more cells are visited than there are rows.
         """
+        batch = self._checked(inputs)
+        shape = (len(batch), self.layers)
+        if self.visited is not None:
+            positions = np.empty(shape, dtype=np.uint64)
+            self.clipped += address_batch(self.address, batch, positions)
+            return self.visited.rows_of(positions)
+        cells = np.empty(shape, dtype=np.uint32)
+        self.clipped += address_batch(self.address, batch, cells)
+        return cells
+
+    def activation(self, inputs: Array) -> Array | None:
+        """How much the cells of a batch of inputs (samples, n) count, (samples, C); None: all fully.
+
+        Raises:
+            ValueError: as :meth:`cells`.
+        """
+        batch = self._checked(inputs)
+        if self.receptive_field == RECTANGULAR:
+            return None
+        activation = np.empty((len(batch), self.layers))
+        activate_batch(self.address, self.receptive_field, batch, activation)
+        return activation
+
+    def _checked(self, inputs: Array) -> Array:
         batch = np.ascontiguousarray(inputs, dtype=float)
         if batch.ndim != 2 or batch.shape[1] != len(self.address.ranges.low) or not np.isfinite(batch).all():
             expected = len(self.address.ranges.low)
             raise ValueError(f"inputs of shape {batch.shape}: expected finite numbers of shape (samples, {expected})")
-        cells = np.empty((len(batch), self.layers), dtype=np.uint32)
-        self.clipped += address_batch(self.address, batch, cells)
-        return cells
+        return batch
 
     def predict(self, inputs: Array) -> Array:
         """Outputs (samples, outputs) for a batch of inputs (samples, n)."""
         output = np.empty((len(inputs), self.weights.shape[1]))
-        read_batch(self.weights, self.cells(inputs), output)
+        activation = self.activation(inputs)
+        if activation is None:
+            read_batch(self.weights, self.cells(inputs), output)
+        else:
+            read_weighted_batch(self.weights, self.cells(inputs), activation, output)
         return output
 
     def update(self, inputs: Array, error: Array, rate: float) -> None:
@@ -89,19 +121,27 @@ class Cmac:
         expected = (len(inputs), self.weights.shape[1])
         if errors.shape != expected or not np.isfinite(errors).all():
             raise ValueError(f"error of shape {errors.shape}: expected finite numbers of shape {expected}")
-        train_batch(self.weights, self.cells(inputs), errors, rate)
+        activation = self.activation(inputs)
+        if activation is None:
+            train_batch(self.weights, self.cells(inputs), errors, rate)
+        else:
+            train_weighted_batch(self.weights, self.cells(inputs), activation, errors, rate)
 
     def save(self, path: Path) -> None:
         """Keep address law and weights in one ``.npz`` file."""
         a = self.address
+        visited = {} if self.visited is None else {"visited": self.visited.positions}
+        law = [a.resolution_elements, a.rows, int(a.hashed), a.seed, self.clipped, self.receptive_field]
         with write_atomically(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(
                 file,
+                allow_pickle=False,
                 weights=self.weights,
                 low=a.ranges.low,
                 high=a.ranges.high,
                 displacement=a.displacement,
-                law=np.array([a.resolution_elements, a.rows, int(a.hashed), a.seed, self.clipped]),
+                law=np.array(law),
+                **visited,
             )
 
     @classmethod
@@ -110,7 +150,7 @@ class Cmac:
         with np.load(path) as kept:
             law: NDArray[np.int64] = kept["law"]
             cmac = cls.__new__(cls)
-            elements, rows, hashed, seed, clipped = (int(v) for v in law)
+            elements, rows, hashed, seed, clipped, cmac.receptive_field = (int(v) for v in law)
             cmac.address = Address(
                 InputRange(kept["low"], kept["high"]),
                 kept["displacement"],
@@ -119,5 +159,7 @@ class Cmac:
                 bool(hashed),
                 seed,
             )
-            cmac.weights, cmac.clipped = kept["weights"], clipped
+            cmac.weights, cmac.clipped, cmac.visited = kept["weights"], clipped, None
+            if "visited" in kept:
+                cmac.visited = Visited(rows, WORD_BYTES * cmac.weights.shape[1], kept["visited"])
         return cmac

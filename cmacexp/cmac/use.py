@@ -7,9 +7,7 @@ import numpy as np
 from cmacexp.arrays import Array
 from cmacexp.cmac.addressing import address_batch
 from cmacexp.cmac.network import Cmac
-
-MOST_POSITIONS = 2**63
-"""Positions in dense memory that 64 bits tell apart."""
+from cmacexp.config.check import MOST_POSITIONS
 
 
 class MemoryUse(NamedTuple):
@@ -29,13 +27,12 @@ class MemoryUse(NamedTuple):
 
 def memory_use(cmac: Cmac, inputs: Array) -> MemoryUse:
     """What a path of inputs (samples, n) uses of the memory of ``cmac``."""
-    law = cmac.address
-    rows = np.empty((len(inputs), cmac.layers), dtype=np.uint64)
-    clipped = address_batch(law, inputs, rows)
-    used, row_of = np.unique(rows, return_inverse=True)
+    law, before = cmac.address, cmac.clipped
+    used, row_of = np.unique(cmac.cells(inputs), return_inverse=True)
+    clipped, cmac.clipped = cmac.clipped - before, before
     if cmac.layers * law.resolution_elements ** inputs.shape[1] > MOST_POSITIONS:
         return MemoryUse(law.rows, len(used), None, None, clipped)
-    positions = np.empty_like(rows)
+    positions = np.empty((len(inputs), cmac.layers), dtype=np.uint64)
     address_batch(law._replace(hashed=False), inputs, positions)
     cells, first = np.unique(positions, return_index=True)
     shared = np.bincount(row_of.ravel()[first], minlength=len(used))

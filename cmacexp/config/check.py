@@ -4,13 +4,16 @@ from cmacexp.config.check_sensors import check_sensors
 from cmacexp.config.check_surroundings import check_payload, check_slope, check_stiffness_step
 from cmacexp.config.feedforwards import INPUTS, PerceptronConfig, RadialBasisConfig
 from cmacexp.config.fields import check_fields, listed
-from cmacexp.config.schema import CmacConfig, Config, QuadrupedMachine
+from cmacexp.config.machine import QuadrupedMachine
+from cmacexp.config.schema import CmacConfig, Config
 from cmacexp.errors import BadInput
 
 OUTPUTS = 2
 """Outputs of a CMAC: one torque for each joint of its leg."""
 WORD_BYTES = 8
 """Bytes of a CMAC weight, a float64."""
+MOST_POSITIONS = 2**63
+"""Cells of a CMAC that 64 bits tell apart."""
 LEGS = {"transfer_first": 1, "standing": 1, "wave": 4}
 """Legs that each gait pattern is for."""
 MOST_ROWS = 2**24
@@ -152,6 +155,12 @@ def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
             f"must be at least {least} B, one float64 per layer and output ({cmac.layers} layers)",
         )
     dense = least * cmac.resolution_elements**inputs
+    if cmac.addressing == "visited" and dense // (outputs * WORD_BYTES) > MOST_POSITIONS:
+        raise BadInput(
+            "cmac.addressing",
+            "visited",
+            "needs at most 2^63 cells; take fewer cmac.inputs, layers or resolution_elements, or hashed",
+        )
     if cmac.addressing == "dense" and dense > cmac.memory_bytes:
         raise BadInput(
             "cmac.memory_bytes",

@@ -1,6 +1,7 @@
 """Checks of ground and payload that one field alone cannot tell: a change that nothing feels is a mistake."""
 
-from cmacexp.config.schema import Config, LegMachine, PointMassMachine, QuadrupedMachine
+from cmacexp.config.machine import LegMachine, PointMassMachine, QuadrupedMachine
+from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
 

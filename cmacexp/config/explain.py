@@ -46,6 +46,8 @@ def unknown_key(key: str, overrides: Sequence[str]) -> str:
     wrong = key[len(parent) + 1 if parent else 0 :]
     if not names:
         return f"{key}: no such key; {parent} is a value and holds no other keys"
+    if any(text.startswith(f"{parent}._target_=") for text in overrides):
+        return f"{key}: the option of conf/{parent} has no such field; add one of a class of your own: +{key}=VALUE"
     near = difflib.get_close_matches(wrong.split(".")[0], names, 1)
     meant = f"; did you mean {parent + '.' if parent else ''}{near[0]}?" if near else ""
     return f"{key}: no such key; {parent or 'the config'} has {listed(names)}{meant}"

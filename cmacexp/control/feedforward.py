@@ -188,8 +188,13 @@ class CmacFeedforward(BuiltInFeedforward):
         else:
             ranges, self.seed = [InputRange(*ends) for ends in learnt["ranges"]], int(learnt["seed"])
         self.cmacs = [Cmac(config.cmac, own, 2, self.seed) for own in ranges]
+        for i, cmac in enumerate(self.cmacs):
+            if learnt is not None and cmac.visited is not None:
+                cmac.visited.positions = learnt[f"visited_{i + 1}"]
         cells = np.stack([cmac.cells(own) for cmac, own in zip(self.cmacs, inputs, strict=True)], axis=1)
-        self.law = network(setup, cells, self.cmacs[0].address.rows)
+        fields = [cmac.activation(own) for cmac, own in zip(self.cmacs, inputs, strict=True)]
+        activation = None if fields[0] is None else np.stack([own for own in fields if own is not None], axis=1)
+        self.law = network(setup, cells, self.cmacs[0].address.rows, activation)
         for cmac, own in zip(self.cmacs, self.law.weights, strict=True):
             cmac.weights = own
         if learnt is not None:
@@ -197,6 +202,15 @@ class CmacFeedforward(BuiltInFeedforward):
         self.memory = [memory_use(cmac, own) for cmac, own in zip(self.cmacs, inputs, strict=True)]
 
     def learnt(self) -> Weights:
-        """``weights`` (L, rows, 2), N m; ``ranges`` (L, 2, n) of the inputs, low and high; ``seed`` of the hash."""
+        """``weights`` (L, rows, 2), N m; ``ranges`` (L, 2, n) of the inputs, low and high; ``seed`` of the hash.
+
+        With visited addressing also ``visited_1`` and so on, the cells of each leg in the order of their rows.
+        """
         ranges = np.stack([np.stack(cmac.address.ranges) for cmac in self.cmacs])
-        return {"weights": self.law.weights.copy(), "ranges": ranges, "seed": np.array(self.seed, dtype=float)}
+        visited = {
+            f"visited_{i + 1}": cmac.visited.positions
+            for i, cmac in enumerate(self.cmacs)
+            if cmac.visited is not None
+        }
+        seed = np.array(self.seed, dtype=float)
+        return {"weights": self.law.weights.copy(), "ranges": ranges, "seed": seed, **visited}

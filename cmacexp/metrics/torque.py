@@ -8,20 +8,26 @@ from cmacexp.metrics.measures import largest, mean
 from cmacexp.metrics.metric import BRISTOW, CONTRACT, Metric
 
 
+def _joints(by: np.ufunc, torque: Array) -> Array:
+    """Both joints of ``torque`` (..., 2) as one number; ``by.reduce`` over an axis of two takes ten times as long."""
+    both: Array = by(torque[..., 0], torque[..., 1])
+    return both
+
+
 def _torque_rms(torque: Array, valid: Mask) -> Array:
     """Root mean square over both joints and the cycle, N m."""
-    return np.sqrt(mean((torque**2).mean(axis=3), valid))
+    return np.sqrt(mean(_joints(np.add, torque**2) / 2.0, valid))
 
 
 def torque_peak(block: Block) -> Array:
     """Largest absolute joint torque, N m."""
-    return largest(np.abs(block.feedback + block.feedforward).max(axis=3), block.valid)
+    return largest(_joints(np.maximum, np.abs(block.feedback + block.feedforward)), block.valid)
 
 
 def feedforward_share(block: Block) -> Array:
     """Sum of abs(tau_feedforward) over the sum of abs(tau_feedforward) + abs(tau_feedback), over the cycle."""
-    feedforward = mean(np.abs(block.feedforward).sum(axis=3), block.valid)
-    total = feedforward + mean(np.abs(block.feedback).sum(axis=3), block.valid)
+    feedforward = mean(_joints(np.add, np.abs(block.feedforward)), block.valid)
+    total = feedforward + mean(_joints(np.add, np.abs(block.feedback)), block.valid)
     return feedforward / np.where(total == 0.0, np.nan, total)
 
 
@@ -45,7 +51,7 @@ TORQUE: dict[str, Metric[Block]] = {
         "largest absolute feedforward torque",
         "never",
         CONTRACT,
-        lambda b: largest(np.abs(b.feedforward).max(axis=3), b.valid),
+        lambda b: largest(_joints(np.maximum, np.abs(b.feedforward)), b.valid),
     ),
     "feedforward_share": Metric(
         "",

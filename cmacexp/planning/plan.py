@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.arrays import Array, Mask
 from cmacexp.compile import kernel
 from cmacexp.config import Config
-from cmacexp.config.schema import QuadrupedMachine
+from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.errors import BadInput
 from cmacexp.models.ground import NEVER, depression_for
 from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.arrays import Array
@@ -11,7 +11,7 @@ from cmacexp.config import Config
 from cmacexp.models.mechanism import Mechanism
 from cmacexp.planning.plan import Plan
 
-Weights = Mapping[str, NDArray[np.float64]]
+Weights = Mapping[str, NDArray[Any]]
 """What a feedforward has learnt, and the law by which it is addressed: arrays by name."""
 
 

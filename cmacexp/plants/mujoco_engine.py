@@ -10,7 +10,7 @@ from cmacexp.models.ground import stiffness_under
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.kernels import Payload
-from cmacexp.plants.mujoco_kernels import Bodies, Touch, press, stick
+from cmacexp.plants.mujoco_kernels import Bodies, Touch, pressing, sticking
 from cmacexp.plants.mujoco_model import Torso, describe
 
 INSTALL = 'python -m pip install -e ".[mujoco]"'
@@ -64,6 +64,8 @@ class MujocoEngine:
         )
         self.stiffness, self.force = np.full(legs, touch.ground.stiffness), np.zeros(legs)
         self.anchor = np.zeros((legs, 2))
+        self._pressing = pressing(touch, self.bodies, self.floats, self.stiffness, self.force, self.anchor)
+        self._sticking = sticking(touch, self.bodies, self.floats, self.force, self.anchor)
 
     def start(self, q: Array) -> None:
         """Be at rest at the joint angles ``q`` (L, 2), rad; every foot sticks where it is."""
@@ -94,11 +96,11 @@ class MujocoEngine:
             self.clock += step + 1 == steps
             self._look()
             if self.touch.friction > 0.0:
-                stick(self.touch, self.bodies, self.floats, self.force, self.anchor)
+                next(self._sticking)
             self.feel_ground()
 
     def _press(self, model: Any = None, data: Any = None) -> None:
-        press(self.touch, self.bodies, self.floats, self.stiffness, self.force, self.anchor)
+        next(self._pressing)
         if self.payload is not None and self.clock >= self.payload.start:
             (weight, x, y), turn, pull = self.payload.load, self.bodies.turn[1], self.bodies.pull[1]
             pull[2] = -weight

@@ -1,14 +1,18 @@
 """What MuJoCo is told of the ground, and what is measured of its machine, as compiled kernels.
 
+What MuJoCo calls in every stage is a compiled generator: resuming it costs a tenth of calling a kernel with as many
+arrays, which its caller keeps alive.
+
 MuJoCo gives where its bodies are and how they move. Its body 0 is the world; then comes the body of the machine if
 it floats, and of every leg its thigh and its shank, whose centre of mass is the foot.
 """
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from cmacexp.arrays import Array
-from cmacexp.compile import kernel
+from cmacexp.compile import kernel, kernel_apart
 from cmacexp.models.ground import Ground, damped_force, grade_at, height_at
 
 
@@ -144,3 +148,37 @@ def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen
         # What the foot moves in the world because the body turns is not motion of the leg.
         seen.velocity[i, 0] = turn[0] * vx + turn[3] * vy + turn[6] * vz - w[1] * z + w[2] * hips[i, 1]
         seen.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)
+
+
+@kernel_apart
+def pressing(
+    touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Array, anchor: Array
+) -> Iterator[int]:
+    """:func:`press` whenever it is resumed."""
+    while True:
+        press(touch, bodies, floats, stiffness, force, anchor)
+        yield 0
+
+
+@kernel_apart
+def sticking(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Array) -> Iterator[int]:
+    """:func:`stick` whenever it is resumed."""
+    while True:
+        stick(touch, bodies, floats, force, anchor)
+        yield 0
+
+
+@kernel_apart
+def observing_stand(bodies: Bodies, hip_height: float, seen: Measured) -> Iterator[int]:
+    """:func:`observe_stand` whenever it is resumed."""
+    while True:
+        observe_stand(bodies, hip_height, seen)
+        yield 0
+
+
+@kernel_apart
+def observing_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> Iterator[int]:
+    """:func:`observe_body` whenever it is resumed."""
+    while True:
+        observe_body(ground, bodies, hips, torso, seen)
+        yield 0

@@ -8,17 +8,18 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from cmacexp.arrays import Array, Counts
+from cmacexp.arrays import Array, Counts, Mask
 from cmacexp.compile import kernel, kernel_apart, kernel_within
-from cmacexp.control.actuator import actuate
-from cmacexp.control.feedforward_law import feedforward_step
-from cmacexp.control.hybrid_law import hybrid_feedback
-from cmacexp.models.mechanism import trigonometries
-from cmacexp.plants.kernels import PlantState, advance
+from cmacexp.control.actuator import Actuator, actuate
+from cmacexp.control.feedforward_law import FeedforwardLaw, feedforward_step
+from cmacexp.control.hybrid_law import HybridLaw, HybridState, hybrid_feedback
+from cmacexp.models.mechanism import Mechanism, trigonometries
+from cmacexp.plants.kernels import PlantLaw, PlantState, advance
 from cmacexp.plants.protocol import Measurement
-from cmacexp.rollout.fused import FusedLoop
+from cmacexp.rollout.fused import Torques
 from cmacexp.rollout.layout import has_measured, write_measured, write_samples
-from cmacexp.rollout.stop import DIVERGED, RUNNING, stop_reason
+from cmacexp.rollout.stop import DIVERGED, RUNNING, Guard, stop_reason
+from cmacexp.sensors.channel import Sensing
 from cmacexp.sensors.law import Seen, sense
 
 MEASURE, ACT, PREDICT, STEP = range(4)
@@ -48,6 +49,14 @@ class Handed(NamedTuple):
     """(K, L, 2): for a plant, N m."""
 
 
+class Row(NamedTuple):
+    """Where a step is written down."""
+
+    k: int
+    samples: Array
+    body_samples: Array
+
+
 @kernel_within
 def is_finite(values: Array) -> bool:
     """Whether all of ``values`` (L, 2) are."""
@@ -60,7 +69,7 @@ def is_finite(values: Array) -> bool:
 
 @kernel_within
 def sees_finite(seen: Seen) -> bool:
-    """Whether all of a measurement is finite."""
+    """Whether all that is seen is finite."""
     for i in range(seen.force.shape[0]):
         if not math.isfinite(seen.force[i]):
             return False
@@ -87,95 +96,106 @@ def hand(rows: Array, k: int, values: Array) -> None:
             rows[k, i, j] = values[i, j]
 
 
-@kernel
-def hand_measurement(
-    rows: Measurement,
-    k: int,
-    q: Array,
-    dq: Array,
-    foot: Array,
-    velocity: Array,
-    force: Array,
-    body: Array,
-    rate: Array,
+@kernel_within
+def hand_flat(rows: Array, k: int, values: Array) -> None:
+    """Copy ``values`` (n,) into ``rows[k]``."""
+    for i in range(values.shape[0]):
+        rows[k, i] = values[i]
+
+
+@kernel_within
+def hand_true(true: PlantState, rows: Measurement, k: int) -> None:
+    """Fill row ``k`` of ``rows`` (K, ...) with what sensors are given."""
+    hand(rows.q, k, true.q)
+    hand(rows.dq, k, true.dq)
+    hand(rows.foot, k, true.foot)
+    hand(rows.velocity, k, true.velocity)
+    hand_flat(rows.force, k, true.force)
+    hand_flat(rows.body, k, true.body)
+    hand_flat(rows.body_rate, k, true.body_rate)
+
+
+@kernel_within
+def hand_seen(seen: Seen, rows: Measurement, k: int) -> None:
+    """Fill row ``k`` of ``rows`` (K, ...) with what a controller is given."""
+    hand(rows.q, k, seen.q)
+    hand(rows.dq, k, seen.dq)
+    hand(rows.foot, k, seen.foot)
+    hand(rows.velocity, k, seen.velocity)
+    hand_flat(rows.force, k, seen.force)
+    hand_flat(rows.body, k, seen.body)
+    hand_flat(rows.body_rate, k, seen.body_rate)
+
+
+@kernel_within
+def control(
+    foreign: Foreign, law: HybridLaw, state: HybridState, support: Mask, reference: Array, seen: Seen
 ) -> None:
-    """Copy the parts of a measurement into row ``k`` of ``rows`` (K, ...)."""
-    hand(rows.q, k, q)
-    hand(rows.dq, k, dq)
-    hand(rows.foot, k, foot)
-    hand(rows.velocity, k, velocity)
-    for i in range(force.shape[0]):
-        rows.force[k, i] = force[i]
-    for n in range(3):
-        rows.body[k, n], rows.body_rate[k, n] = body[n], rate[n]
-
-
-@kernel_within
-def hand_true(loop: FusedLoop, rows: Measurement, k: int) -> None:
-    """Fill row ``k`` with what sensors are given."""
-    true = loop.plant_state
-    hand_measurement(
-        rows, k, true.q, true.dq, true.foot, true.velocity, true.force, true.body, true.body_rate
-    )  # fmt: skip
-
-
-@kernel_within
-def hand_seen(loop: FusedLoop, rows: Measurement, k: int) -> None:
-    """Fill row ``k`` with what a controller is given."""
-    seen = loop.seen
-    hand_measurement(
-        rows, k, seen.q, seen.dq, seen.foot, seen.velocity, seen.force, seen.body, seen.body_rate
-    )  # fmt: skip
-
-
-@kernel_within
-def control(loop: FusedLoop, foreign: Foreign, acting: bool, step: int, sample: int) -> None:
-    """The built-in controller, with its feedforward if that is built in as well."""
-    seen, state = loop.seen, loop.control_state
-    if acting and not foreign.feedforward:
-        # Before the feedback, so that what it taught is still the last step's.
-        feedforward_step(loop.feedforward, step, sample, state.taught, loop.torques.feedforward)
+    """The built-in controller at what is ``seen``, by a row of the plan."""
     if foreign.plant or foreign.sensors:
-        trigonometries(loop.plant.mechanism, seen.q, seen.trig)
+        trigonometries(law.mechanism, seen.q, seen.trig)
     hybrid_feedback(
-        loop.control, state, loop.support[sample], loop.reference[1 if acting else 0, sample],
+        law, state, support, reference,
         seen.trig, seen.foot, seen.velocity, seen.force, seen.body, seen.body_rate,
     )  # fmt: skip
 
 
 @kernel_within
-def commit(loop: FusedLoop, step: int, k: int, samples: Array, body_samples: Array) -> None:
-    """Work out the torque that the plant gets, and write the step down in row ``k``."""
-    machine, seen, state = loop.plant_state, loop.seen, loop.control_state
-    feedforward, total = loop.torques
-    actuate(loop.actuator, step, state.feedback, feedforward, total)
+def commit(
+    actuator: Actuator, state: HybridState, torques: Torques, machine: PlantState, seen: Seen, step: int, row: Row
+) -> None:
+    """Work out the torque that the plant gets, and write the step down."""
+    actuate(actuator, step, state.feedback, torques.feedforward, torques.total)
     write_samples(
-        samples, body_samples, k, machine.foot, machine.velocity, machine.q, machine.dq,
-        machine.force, seen.force, state.reference, state.feedback, feedforward, machine.body,
+        row.samples, row.body_samples, row.k, machine.foot, machine.velocity, machine.q, machine.dq,
+        machine.force, seen.force, state.reference, state.feedback, torques.feedforward, machine.body,
     )  # fmt: skip
-    if has_measured(samples):
-        write_measured(samples, body_samples, k, seen, machine.body_rate, state.plausible.trusted)
+    if has_measured(row.samples):
+        write_measured(row.samples, row.body_samples, row.k, seen, machine.body_rate, state.plausible.trusted)
 
 
 @kernel_within
-def watch(loop: FusedLoop, sample: int, foreign_plant: bool) -> int:
+def watch(guard: Guard, machine: PlantState, sample: int, foreign_plant: bool) -> int:
     """RUNNING, or why the run stops at the start of a step."""
-    machine = loop.plant_state
-    status = stop_reason(loop.guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
+    status = stop_reason(guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
     if status == RUNNING and foreign_plant and not moves_finitely(machine):
         return DIVERGED
     return status
 
 
 @kernel_within
-def move(loop: FusedLoop) -> None:
+def move(law: PlantLaw, machine: PlantState, torque: Array) -> None:
     """The built-in plant."""
-    advance(loop.plant, loop.plant_state, loop.torques.total)
+    advance(law, machine, torque)
+
+
+@kernel_within
+def feel(sensing: Sensing, mechanism: Mechanism, step: int, machine: PlantState, seen: Seen) -> None:
+    """The built-in sensors."""
+    sense(sensing, mechanism, step, machine, seen)
+
+
+@kernel_within
+def foresee(law: FeedforwardLaw, step: int, sample: int, taught: Array, torque: Array) -> None:
+    """The built-in feedforward."""
+    feedforward_step(law, step, sample, taught, torque)
 
 
 @kernel_apart
 def relay(
-    loop: FusedLoop,
+    support: Mask,
+    reference: Array,
+    start_step: int,
+    law: PlantLaw,
+    machine: PlantState,
+    sensing: Sensing,
+    seen: Seen,
+    control_law: HybridLaw,
+    state: HybridState,
+    feedforward_law: FeedforwardLaw,
+    actuator: Actuator,
+    torques: Torques,
+    guard: Guard,
     foreign: Foreign,
     progress: Counts,
     handed: Handed,
@@ -186,51 +206,54 @@ def relay(
     """:func:`cmacexp.rollout.fused.fused_loop`, pausing at foreign parts; the caller keeps all arrays alive.
 
     ``progress`` (3,) is filled: steps whose torque the plant has taken, RUNNING or why it stopped, and 1 + the method
-    that gave a value that is not finite, else 0. What is done between pauses are functions apart: a generator saves
-    all that it names at each of its pauses, which takes long to compile.
+    that gave a value that is not finite, else 0. The fields of :class:`FusedLoop` come one by one, and what is done
+    between pauses are functions apart: a generator that takes all of it in one tuple compiles for a minute.
 
     Yields:
         4 x row + MEASURE, ACT, PREDICT or STEP; the caller has the part do it before it resumes.
     """
-    period = loop.support.shape[0]
+    period = support.shape[0]
     progress[0], progress[1], progress[2] = 0, RUNNING, 0
     if start == 0 and samples.shape[0] > 0:
-        progress[1] = watch(loop, 0, False)
+        progress[1] = watch(guard, machine, 0, False)
         if progress[1] != RUNNING:
             return
-    sample = start % period
     for k in range(samples.shape[0]):
-        acting = start + k >= loop.start_step
+        step = start + k
         if foreign.sensors:
-            hand_true(loop, handed.true, k)
+            hand_true(machine, handed.true, k)
             yield 4 * k + MEASURE
-            if not sees_finite(loop.seen):
+            if not sees_finite(seen):
                 progress[2] = 1 + MEASURE
                 return
-        elif loop.sensing.active:
-            sense(loop.sensing, loop.plant.mechanism, start + k, loop.plant_state, loop.seen)
+        elif sensing.active:
+            feel(sensing, law.mechanism, step, machine, seen)
         if foreign.controller:
-            hand_seen(loop, handed.seen, k)
+            hand_seen(seen, handed.seen, k)
             yield 4 * k + ACT
-            if not (is_finite(loop.control_state.feedback) and is_finite(loop.torques.feedforward)):
+            if not (is_finite(state.feedback) and is_finite(torques.feedforward)):
                 progress[2] = 1 + ACT
                 return
         else:
-            if foreign.feedforward and acting:
-                hand(handed.taught, k, loop.control_state.taught)
-                yield 4 * k + PREDICT
-                if not is_finite(loop.torques.feedforward):
-                    progress[2] = 1 + PREDICT
-                    return
-            control(loop, foreign, acting, start + k, sample)
-        commit(loop, start + k, k, samples, body_samples)
+            if step >= start_step:
+                # Before the feedback, so that what it taught is still the last step's.
+                if foreign.feedforward:
+                    hand(handed.taught, k, state.taught)
+                    yield 4 * k + PREDICT
+                    if not is_finite(torques.feedforward):
+                        progress[2] = 1 + PREDICT
+                        return
+                else:
+                    foresee(feedforward_law, step, step % period, state.taught, torques.feedforward)
+            stage = 1 if step >= start_step else 0
+            control(foreign, control_law, state, support[step % period], reference[stage, step % period], seen)
+        commit(actuator, state, torques, machine, seen, step, Row(k, samples, body_samples))
         if foreign.plant:
-            hand(handed.torque, k, loop.torques.total)
+            hand(handed.torque, k, torques.total)
             yield 4 * k + STEP
         else:
-            move(loop)
+            move(law, machine, torques.total)
         progress[0] = k + 1
-        sample = sample + 1 if sample + 1 < period else 0
-        progress[1] = watch(loop, sample, foreign.plant)
+        progress[1] = watch(guard, machine, (step + 1) % period, foreign.plant)
         if progress[1] != RUNNING:
             return

@@ -108,7 +108,7 @@ class SteppedLoop:
         self.begun = self.taken
         progress[0] = 0
         handed = self._prepare(len(samples))
-        for pause in relay(self.loop, self.foreign, self.progress, handed, self.begun, samples, body_samples):
+        for pause in relay(*self.loop, self.foreign, self.progress, handed, self.begun, samples, body_samples):
             calls[pause & 3](pause >> 2)
         self._require_finite(int(progress[2]) - 1)
         return int(progress[1])

@@ -20,8 +20,8 @@ from cmacexp.rollout.layout import SAMPLES, room_for
 from cmacexp.rollout.stop import RUNNING, new_guard
 from cmacexp.scenario import Scenario, make_scenario
 
-CLOCKS = ("plant_state.travel", "guard.tumble")
-"""Arrays that only count on: the way walked, steps without balance. They are no part of what learning can amplify."""
+CLOCKS = ("plant_state.travel", "guard.tumble", "feedforward.log.values")
+"""Arrays that only tell how far a run is: way walked, steps without balance, log. Learning cannot amplify them."""
 RINGS = {"actuator.line": 0, "sensing.line": 1}
 """Delay lines that are written round and round, each with the axis of its samples: step k stands at k % length."""
 NUDGE = 1e-6
@@ -84,7 +84,7 @@ class Loop:
 
     def __init__(self, scenario: Scenario):
         foreign = foreign_parts(scenario)
-        if any(foreign):
+        if any(foreign) or scenario.fault is not None:
             raise NotPredictable("parts that the compiled loop does not know cannot be linearised")
         setup = scenario.setup
         config, legs = setup.config, setup.mechanism.legs.shape[0]

@@ -14,6 +14,8 @@ from cmacexp.stability.transfer import Spectrum
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+SHOWN = 80
+"""Samples that are shown of what grows."""
 DEEPEST = -0.6
 """Real parts below this are cut off: they are wrong enough."""
 
@@ -68,9 +70,8 @@ def mode(found: Analysis) -> Drawing:
     change, period = found.measured_mode.change, found.config.sampling_period
     leg = int(np.argmax((change**2).sum(axis=(0, 2))))
     _torques(left, found, leg)
-    half = 40 * period
-    middle = found.measured_mode.busiest * period
-    left.set_xlim(max(0.0, middle - half / 2), max(0.0, middle - half / 2) + 2 * half)
+    begin = max(0, int(np.argmax((change[:, leg] ** 2).sum(axis=1))) - SHOWN // 4) * period
+    left.set_xlim(begin, begin + SHOWN * period)
     whose = f" of leg {leg + 1}" if change.shape[1] > 1 else ""
     label(left, f"change of the feedforward{whose}", "time in the cycle, s", "of its largest")
     legend_below(figure, left, 4)
@@ -118,6 +119,11 @@ def _real_parts(axes: "Axes", of: Spectrum) -> None:
     axes.set_ylim(DEEPEST, 1.3)
 
 
+def _right(found: Analysis) -> str:
+    """Leads with which Re T is nowhere negative in the places that are looked at."""
+    return " and ".join(name_of(lead) for lead in LEADS if found.least_real(lead) > 0.0) or "none of the leads"
+
+
 def real_parts(found: Analysis) -> Drawing:
     """Re T over frequency for each lead, at a few places of the cycle."""
     figure, axes = new_figure(1, len(found.places), 2.8, sharey=True)
@@ -127,9 +133,9 @@ def real_parts(found: Analysis) -> Drawing:
     legend_below(figure, axes[0])
     caption = (
         "T: from feedforward torque to the torque that it spares the feedback. Where Re T is negative, learning from "
-        "cycle to cycle goes the wrong way. A torque at one step shows in U at the next: without a lead that turns "
-        "the phase of fast changes too far; with the lead that is the number of samples from torque to feedback Re T "
-        "is positive throughout."
+        "cycle to cycle goes the wrong way. A torque at one step shows in U at the next, which turns the phase of "
+        "fast changes too far for any but the right lead. Here Re T is positive at every frequency with "
+        f"{_right(found)}."
     )
     return Drawing("real_parts", figure, caption)
 
@@ -158,4 +164,9 @@ def along(found: Analysis) -> Drawing:
     axes.set_ylim(2 * DEEPEST, 0.4)
     label(axes, "least Re T of all frequencies", "time in the cycle, s", "Re T")
     legend_below(figure, axes)
-    return Drawing("along", figure, "The least real part over all frequencies along the cycle.")
+    best = max(LEADS, key=lambda lead: min(of.least(lead) for of in found.along.values()))
+    wrong = [f"{time:.2f}" for time, of in zip(clock, found.along.values(), strict=True) if of.least(best) < 0]
+    caption = f"The least real part over all frequencies, at {len(found.along)} samples. With {name_of(best)} it " + (
+        f"is negative at {', '.join(wrong)} s." if wrong else "is positive at all of them."
+    )
+    return Drawing("along", figure, caption)

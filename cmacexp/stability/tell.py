@@ -91,7 +91,9 @@ HOW = (
     "central differences. Repeated from the change that the run made in that cycle, it predicts the changes of "
     "the cycles that follow. The map is far from normal: what grows wanders through the cycle, and over a hundred "
     "cycles it grows faster than the largest eigenvalue says, so growth is read from the repeated map, over the "
-    "same cycles as it is measured. Other leads are run in memory, each linearised at its own calmest cycle."
+    "same cycles as it is measured. Other leads are run in memory, each linearised at its own calmest cycle. A "
+    "rule that only bounds what is large (e_modification, dead_zone), or whose rate decays, is seen as it is at "
+    "that cycle."
 )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cmacexp.report.page import Table
+from cmacexp.report.page import Claim, Table
 from pipelines.shared.runs import Runs
 from pipelines.telling.feedforward_kinds import (
     ALONE,
@@ -15,11 +15,14 @@ from pipelines.telling.feedforward_kinds import (
     Course,
     courses,
     level,
+    of_kind,
     ranked,
     spread,
 )
 from pipelines.telling.measured import digits, listed
 
+MOSTLY, BARELY = 0.25, 0.75
+"""Share of the error of feedback alone, left with another stroke, up to which a CMAC generalises, or does in part."""
 CARRIED = "carried to "
 CAPTION = (
     "Transfer error in the plane after the change; solid: with what was learnt before, dashed: from nothing; grey: "
@@ -64,12 +67,38 @@ def tables(runs: Runs) -> list[Table]:
     return found
 
 
+def left_by_stroke(runs: Runs) -> dict[str, float]:
+    """Transfer error of the first cycle over that of feedback alone, mean over strokes and seeds, by learner."""
+    lefts = [left_at_first(*own) for name, own in all_courses(runs).items() if name.startswith("stroke")]
+    return {kind: float(np.mean([left[kind].mean() for left in lefts])) for kind in KEPT}
+
+
+def verdict_of(left: float) -> str:
+    """Whether so much of the error of feedback alone is what generalisation leaves."""
+    return "reproduced" if left <= MOSTLY else "reproduced in part" if left <= BARELY else "not reproduced"
+
+
+def claim(runs: Runs) -> Claim:
+    """What the paper says of generalisation, on another stroke."""
+    left = left_by_stroke(runs)
+    strokes = [name for name in CHANGES if name.startswith("stroke")]
+    return Claim(
+        "CMAC generalises: it generates similar outputs for similar inputs",
+        "section 1",
+        "Trained with a stroke of 200 mm, error of the first cycle with 150 and 250 mm over that of feedback alone: "
+        + ", ".join(f"{kind} {left[kind]:.0%}" for kind in KEPT)
+        + f" (criterion for CMAC: at most {MOSTLY:.0%}; in part: at most {BARELY:.0%})",
+        verdict_of(left[CMAC]),
+        runs.links(*(name for stroke in strokes for name in list(of_kind(runs, carried(stroke), CMAC))[:1])),
+    )
+
+
 def advice(runs: Runs) -> str:
     """What to take where ground or path change."""
     found = all_courses(runs)
     strokes = [name for name in found if name.startswith("stroke")]
     first = {name: left_at_first(*found[name]) for name in found}
-    left = {kind: float(np.mean([first[name][kind].mean() for name in strokes])) for kind in KEPT}
+    left = left_by_stroke(runs)
     ground = {
         kind: float(np.mean([first[name][kind].mean() for name in found if name not in strokes])) for kind in KEPT
     }

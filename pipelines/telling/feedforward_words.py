@@ -52,7 +52,7 @@ def shown(course: Course) -> list[int]:
 
 
 def _both(x: np.ndarray, y: np.ndarray) -> str:
-    return f"{spread(x)} / {spread(y)}"
+    return f"{spread(x)} / {spread(y)}".replace(" ± ", "±")
 
 
 def accuracy(found: Mapping[str, Course], tilt: bool = False) -> list[Table]:
@@ -65,8 +65,7 @@ def accuracy(found: Mapping[str, Course], tilt: bool = False) -> list[Table]:
         at = [_both(course.at(course.x, c), course.at(course.y, c)) for c in cycles]
         needed = spread(course.cycles_to(level(found[ALONE])), ".0f") if KINDS[kind].learns else "-"
         best = f"{_both(course.at_best(course.x), course.at_best(course.y))} ({last})"
-        ends = listed(sorted(set(course.statuses)))
-        position.append([kind, *at, best, needed, ends])
+        position.append([kind, *at, best, needed])
         rows = [spread(course.at(course.force, c)) for c in cycles]
         other = course.tilt if tilt else course.settled
         rows += [spread(course.at(other, c)) for c in cycles]
@@ -79,7 +78,7 @@ def accuracy(found: Mapping[str, Course], tilt: bool = False) -> list[Table]:
     )
     names = [f"{what}, cycle {c}" for what in ("rms, N", second) for c in cycles]
     return [
-        Table(["feedforward", *columns, "learnt", "ends"], position, captions[0]),
+        Table(["feedforward", *columns, "learnt"], position, captions[0]),
         Table(["feedforward", *names, "rms, N, best", f"{second}, best"], force, captions[1]),
     ]
 
@@ -127,6 +126,12 @@ def _models(found: Mapping[str, Course]) -> str:
     )
 
 
+def _ends(found: Mapping[str, Course]) -> str:
+    """Whether every run went on to its end."""
+    short = [kind for kind, course in found.items() if set(course.statuses) != {"completed"}]
+    return f"Not all go on to the end: {listed(short)} fell or diverged." if short else "All go on to the end."
+
+
 def advice_one_leg(found: Mapping[str, Course]) -> str:
     """What to take for one leg that repeats its path."""
     compared = measures(found)
@@ -135,8 +140,8 @@ def advice_one_leg(found: Mapping[str, Course]) -> str:
         ranked(compared["best transfer error, mm,"])[0],
     )
     return (
-        f"{_models(found)} Advice: where the path repeats, learn; {fast} gets there soonest, {good} in the end "
-        "furthest. A model earns its place in the first cycles, before anything is learnt."
+        f"{_ends(found)} {_models(found)} Advice: where paths repeat, learn; {fast} gets there soonest, {good} in "
+        "the end furthest. A model earns its place in the first cycles, before anything is learnt."
     )
 
 
@@ -144,9 +149,8 @@ def advice_four_legs(found: Mapping[str, Course]) -> str:
     """What to take for a walk."""
     compared = measures(found)
     fast, good = ranked(compared["cycles to a tenth of the error"])[0], ranked(list(compared.values())[-1])[0]
-    fell = [kind for kind, course in found.items() if set(course.statuses) != {"completed"}]
     return (
-        f"{_models(found)} {'All walk on.' if not fell else f'Not all walk on: {listed(fell)}.'} "
+        f"{_ends(found)} {_models(found)} "
         f"Advice: on four legs take {fast} for speed of learning; {good} has the least force error in the last cycle "
         "shown."
     )
@@ -207,13 +211,20 @@ def rates(runs: Runs) -> list[Table | Text]:
         kind: min(float(np.nan_to_num(f[kind].at(f[kind].error, first)[0], nan=np.inf)) for f in by_rate.values())
         for kind in LEARNERS
     }
+    fastest = max(by_rate)
+    worse = [
+        kind
+        for kind, course in by_rate[fastest].items()
+        if not course.at(course.error, cycles[-1])[0] <= course.at(course.error, first)[0]
+    ]
     chosen = ", ".join(f"{kind} {rate:.2g}" for kind, rate in best.items())
     return [
         Table(["feedforward", *columns], rows, "Transfer error in the plane, mm, by rate and cycle; one seed"),
         Text(
             "A learner that shares weights between neighbouring samples is taught many times over each cycle; one "
-            "that does not, or that learns once a cycle, needs a larger rate for the same speed. Best in cycle "
-            f"{cycles[-1]}: {chosen}. Advice: compare learners at the rate that suits each; at its best rate "
+            "that does not, or that learns once a cycle, needs a larger rate for the same speed. At "
+            f"{fastest:.2g} {listed(worse)} get worse with the cycles. Best in cycle {cycles[-1]}: {chosen}. Advice: "
+            "compare learners at the rate that suits each; at its best rate "
             f"{ranked(by_kind)[0]} has the least error in cycle {first}, {digits(min(by_kind.values()))} mm, and "
             f"CMAC {digits(by_kind[CMAC])} mm."
         ),
@@ -228,22 +239,22 @@ def costs(runs: Runs, cost: pd.DataFrame, found: Mapping[str, Course]) -> list[T
         own = next(iter(of_kind(runs, ONE_LEG, kind).values()))
         held, used = bytes_of(own)
         memory[kind] = used
-        times = ratio[kind]
+        times = ratio.loc[kind]
         told = [size_of(held), size_of(used)] if KINDS[kind].learns else ["-", "-"]
-        rows.append([kind, *told, f"{times.median():.2f}", f"{times.min():.2f} to {times.max():.2f}"])
+        rows.append([kind, *told, digits(times["least"]), digits(times["median"])])
     small = ranked({kind: memory[kind] for kind in LEARNERS})[0]
-    alone = 1e6 * float(cost.loc[cost["kind"] == ALONE, "seconds_per_step"].median())
+    alone = 1e6 * float(cost.loc[cost["kind"] == ALONE, "seconds_per_step"].min())
     return [
         Table(
-            ["feedforward", "weights", "of them used", "time of a step", "range"],
+            ["feedforward", "weights", "of them used", "time of a step", "median"],
             rows,
-            "Memory of one leg; time of the closed loop of one leg over that of feedback alone, median and range of "
-            " interleaved rounds in one process",
+            "Memory of one leg; processor time of a step of one leg over that of feedback alone: the least and the "
+            "median of runs that took turns in one process",
         ),
         Text(
-            f"Feedback alone takes {alone:.2g} µs a step here. Another program on the same cores shows in these "
-            "times, less in their ratios; differences of a tenth are noise. The perceptron runs in the step-by-step "
-            "loop, and learns at the end of each cycle in Python; all others run in the compiled loop. "
+            f"Feedback alone takes {alone:.2g} µs a step here. Other programs that share caches and cores show "
+            "in the median more than in the least time; differences of a tenth are noise. The perceptron runs in the "
+            "step-by-step loop, and learns at the end of each cycle in Python; all others run in the compiled loop. "
             f"Advice: {small} needs least memory ({size_of(memory[small])} against {size_of(memory[CMAC])} that "
             "CMAC uses of its board); time is no reason to choose among those of the compiled loop."
         ),
@@ -258,18 +269,19 @@ def _cycles(count: float) -> str:
     return "never" if np.isinf(count) else f"{count:.3g}"
 
 
-def claims(runs: Runs, found: Mapping[str, Course]) -> list[Claim]:
-    """What the paper says of CMAC beside other ways."""
-    needed = measures(found)["cycles to a tenth of the error"]
-    told = ", ".join(f"{kind} {_cycles(count)}" for kind, count in needed.items())
+def claims(runs: Runs, found: Mapping[str, Course], walk: Mapping[str, Course]) -> list[Claim]:
+    """What the paper says of CMAC beside other ways: on one leg (``found``) and on four (``walk``)."""
+    needed, walked = (measures(each)["cycles to a tenth of the error"] for each in (found, walk))
+    one, four = (", ".join(f"{kind} {_cycles(count)}" for kind, count in each.items()) for each in (needed, walked))
     first = {kind: next(iter(of_kind(runs, ONE_LEG, kind))) for kind in (CMAC, MLP, RBF, ILC)}
-    others = [needed[kind] for kind in (RBF, MLP, ILC)]
+    soonest = [np.isfinite(n[CMAC]) and n[CMAC] <= min(n[kind] for kind in (RBF, MLP, ILC)) for n in (needed, walked)]
     return [
         Claim(
             "CMAC is suited to real-time control by its simple design and rapid learning",
             "section 1",
-            f"Cycles to a tenth of the error of feedback alone: {told} (criterion: none of RBF, MLP, ILC fewer)",
-            _verdict([np.isfinite(needed[CMAC]) and needed[CMAC] <= other for other in others]),
+            f"Cycles to a tenth of the error of feedback alone, one leg: {one}; four legs: {four} (criterion: fewer "
+            "with none of RBF, MLP, ILC, on one leg and on four)",
+            _verdict(soonest),
             runs.links(*first.values()),
         ),
         Claim(

@@ -70,6 +70,7 @@ def after(found: Mapping[str, tuple[Mapping[str, Course], Mapping[str, Course]]]
             )
         axes.set_yscale("log")
         _plain(axes)
+        axes.xaxis.get_major_locator().set_params(integer=True)
         label(axes, group, "cycle" if axes in panels[2:] else "", "transfer error, mm" if axes in panels[::2] else "")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(KEPT) + 2)
     return figure

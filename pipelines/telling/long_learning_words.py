@@ -22,7 +22,7 @@ def _number(value: float, digits: int = 3) -> str:
 
 
 def _end(run: Long) -> str:
-    return "lasts" if run.lasts else f"{run.status} in cycle {run.cycles + 1}"
+    return f"is there in cycle {run.cycles}" if run.lasts else f"{run.status} in cycle {run.cycles + 1}"
 
 
 def _name(run: Long) -> str:
@@ -107,7 +107,7 @@ def advice_drift(runs: Sequence[Long]) -> Text:
     still = f"; named though they reached their last cycle: {listed(loud)}" if loud else ""
     return Text(
         f"{len(named)} of the {len(ended)} runs that ended by themselves were named{before}. {len(quiet)} of the "
-        f"{len(quiet) + len(loud)} that lasted never were{still}. Advice: watch `drift` in the manifest instead of "
+        f"{len(quiet) + len(loud)} that lasted never were{still}. Advice: watch drift in the manifest instead of "
         "the errors; when it is named the errors are still near their best, and learning can be stopped there."
     )
 
@@ -149,7 +149,7 @@ def advice_growth(growth: "pd.DataFrame") -> Text:
     )
     return Text(
         f"The linearised loop tells {right} of {len(known)} times rightly whether the feedback grows.{told} Advice: "
-        "run `python -m cmacexp.stability DIR` on a run of some thirty cycles before one of thousands."
+        "run python -m cmacexp.stability DIR on a run of some thirty cycles before one of thousands."
     )
 
 
@@ -169,7 +169,42 @@ def advice_late(runs: Sequence[Long]) -> Text:
     kept = [f"{run.delay} late with lead {run.lead}" for run in smooth if run.lasts]
     return Text(
         f"Leads that last under the paper's rule: {'; '.join(told)}. Weight smoothing lasts {listed(kept)}. Advice: "
-        "take `learning.lead=auto`, the number of samples from a torque to the feedback it causes."
+        "take learning.lead=auto, the number of samples from a torque to the feedback it causes."
+    )
+
+
+SMALL = 1.0
+"""Error in transfer that counts as learnt, mm."""
+
+
+def learnt(run: Long) -> float:
+    """First cycle with an error of at most SMALL; NaN if there is none."""
+    small = np.flatnonzero(run.error <= SMALL)
+    return float(small[0] + 1) if len(small) else float("nan")
+
+
+def rate_table(runs: Mapping[str, Long]) -> Table:
+    """How fast learning is at other rates, and how it ends."""
+    rows = []
+    for name, run in runs.items():
+        least, at = best(run.error)
+        told = [_number(learnt(run)), _number(least), str(at), _number(final(run.error)) if run.lasts else "-"]
+        rows.append([name, *told, _end(run), f"{run.drift['named']}" if run.drift else "-"])
+    columns = ["rate", f"{SMALL:g} mm in cycle", "best, mm", "in cycle", "final, mm", "ends", "drift named"]
+    return Table(columns, rows, "One leg, the paper's rule at other rates; 0.195 is the paper's.")
+
+
+def advice_rate(runs: Mapping[str, Long]) -> Text:
+    """Which rate to take."""
+    lasting = {name: run for name, run in runs.items() if run.lasts and not run.drift and learnt(run) == learnt(run)}
+    if not lasting:
+        return Text("Advice: none of these rates lasts.")
+    fastest = min(lasting, key=lambda name: learnt(lasting[name]))
+    drifting = [name for name, run in runs.items() if run.drift]
+    return Text(
+        f"Of what lasts, rate {fastest} is at {SMALL:g} mm first, in cycle {learnt(lasting[fastest]):.0f}. Drift at "
+        f"{listed(drifting)}: a smaller rate puts the end off in proportion, it does not prevent it. Advice: choose "
+        "the lead first; with it the paper's rate is safe, and the rate decides speed alone."
     )
 
 
@@ -211,7 +246,7 @@ def advice_settings(runs: Mapping[str, Long]) -> list[Table | Text]:
     run = lasting[name]
     worst = run.force[min(100, run.cycles - 1) :].max()
     advice = (
-        f"Advice: take {name} (`scenario=quadruped_lasting` has ramp, felt and lead 1): it ends with "
+        f"Advice: take {name} (scenario=quadruped_lasting has ramp, felt and lead 1): it ends with "
         f"{final(run.force):.2f} N, and its force error stays below {worst:.2f} N from cycle 100 on."
     )
     return [shown, Text(advice)]

@@ -1,0 +1,62 @@
+"""How much a cell counts, by where in it the input lies (Lane, Handelman & Gelfand 1992)."""
+
+import math
+
+from cmacexp.arrays import Array
+from cmacexp.cmac.addressing import Address
+from cmacexp.compile import kernel
+
+RECTANGULAR, LINEAR, CUBIC = range(3)
+RECEPTIVE_FIELDS = {"rectangular": RECTANGULAR, "linear": LINEAR, "cubic": CUBIC}
+"""B-splines of order 1, 2 and 4 over a block: constant, a triangle, and smooth to the second derivative."""
+
+
+@kernel
+def spline(kind: int, place: float) -> float:
+    """Height, at most 1, of the B-spline over a block at ``place`` from 0 to 1; 0 at both ends but of RECTANGULAR."""
+    if kind == RECTANGULAR:
+        return 1.0
+    off = abs(2.0 * place - 1.0)
+    if kind == LINEAR:
+        return max(0.0, 1.0 - off)
+    off *= 2.0
+    if off <= 1.0:
+        return 1.0 - 1.5 * off * off + 0.75 * off * off * off
+    rest = max(0.0, 2.0 - off)
+    return 0.25 * rest * rest * rest
+
+
+@kernel
+def activate(law: Address, kind: int, inputs: Array, activation: Array) -> None:
+    """How much the cells of one input (n,) count: over all inputs the product of the splines, over all layers C.
+
+    The sum is held at C, as in the paper, because a product of many splines is small almost everywhere. As long as
+    it is not 0, the output is continuous: a cell is left where it counts nothing.
+
+    Args:
+        law: the address law of the CMAC.
+        kind: of the receptive field.
+        inputs: (n,): the input; outside its range it is clipped.
+        activation: (C,): is filled; ones if all products are 0.
+    """
+    layers, dimensions = law.displacement.shape
+    quanta = (law.resolution_elements - 1) * layers
+    total = 0.0
+    for j in range(layers):
+        product = 1.0
+        for d in range(dimensions):
+            low, high = law.ranges.low[d], law.ranges.high[d]
+            shifted = (min(max(inputs[d], low), high) - low) / (high - low) * quanta + law.displacement[j, d]
+            block = shifted / layers
+            product *= spline(kind, block - math.floor(block))
+        activation[j] = product
+        total += product
+    for j in range(layers):
+        activation[j] = activation[j] * layers / total if total > 0.0 else 1.0
+
+
+@kernel
+def activate_batch(law: Address, kind: int, inputs: Array, activation: Array) -> None:
+    """:func:`activate` for a batch of inputs (samples, n); fills ``activation`` (samples, C)."""
+    for k in range(inputs.shape[0]):
+        activate(law, kind, inputs[k], activation[k])

@@ -1,0 +1,48 @@
+"""Addressing without collisions: a row of its own for every cell, given when it is first visited."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmacexp.arrays import Cells
+from cmacexp.errors import BadInput
+
+Positions = NDArray[np.uint64]
+
+
+@dataclass
+class Visited:
+    """The cells visited so far; the n-th of them has row n.
+
+    Args:
+        rows: of memory, the most cells that there can be.
+        row_bytes: of one row.
+        positions: (cells,): the cells that have a row, by their positions in dense memory.
+    """
+
+    rows: int
+    row_bytes: int
+    positions: Positions = field(default_factory=lambda: np.zeros(0, dtype=np.uint64))
+
+    def rows_of(self, positions: Positions) -> Cells:
+        """Rows of cells of any shape; cells without one get the next ones, in their order here.
+
+        Raises:
+            BadInput: there are more cells than rows; none was given.
+        """
+        flat = positions.ravel()
+        new, first = np.unique(flat, return_index=True)
+        fresh = ~np.isin(new, self.positions)
+        known = np.concatenate([self.positions, new[fresh][np.argsort(first[fresh])]])
+        if len(known) > self.rows:
+            needed = len(known) * self.row_bytes
+            raise BadInput(
+                "cmac.memory_bytes",
+                self.rows * self.row_bytes,
+                f"must be at least {needed} B for the {len(known)} cells visited so far; or cmac.addressing=hashed",
+            )
+        self.positions = known
+        order = np.argsort(known)
+        rows: Cells = order[np.searchsorted(known, flat, sorter=order)].astype(np.uint32)
+        return rows.reshape(positions.shape)
