@@ -84,10 +84,14 @@ def test_advice_on_patches_follows_the_data():
 
 def test_advice_on_slopes_is_the_steepest_that_is_walked_level():
     learned = [on(-0.2, 1.0, 90.0), on(-0.1, 1.0), on(0.0, 1.0), on(0.1, 1.0, walked=0), on(0.2, 1.0)]
-    said = slope_advice({"with CMAC": learned, "feedback alone": [on(0.0, 4.0, 78.0)]})
+    alone = [on(slope, 4.0, 78.0) for slope in (-0.2, -0.1, 0.0, 0.1, 0.2)]
+    said = slope_advice({"with CMAC": learned, "feedback alone": alone})
+    assert said.endswith("At 10% learning falls where feedback alone walks on.")
     assert "up to 0% uphill and 10% downhill" in said
     assert "leans by 78 mrad on flat ground already" in said
-    assert "keeps that up to" in slope_advice({"with CMAC": learned, "feedback alone": learned})
+    same = slope_advice({"with CMAC": learned, "feedback alone": learned})
+    assert "feedback alone keeps that up to 0% and 10%" in same
+    assert "walks on" not in same
 
 
 def test_walks_that_end_early_count_but_have_no_error():

@@ -39,7 +39,7 @@ def run(make_config):
 
 def in_world(body, foot):
     """Feet (L, 3) relative to the ground below the body's centre."""
-    height, pitch, roll = body
+    height, pitch, roll = body[:3]
     cp, sp = np.cos(pitch), np.sin(pitch)
     x, y, z = HIPS[:, 0] + foot[:, 0], HIPS[:, 1], -foot[:, 1]
     y, z = y * np.cos(roll) - z * np.sin(roll), y * np.sin(roll) + z * np.cos(roll)

@@ -17,6 +17,8 @@ from pipelines.telling.terrain_recovery import BODY, FEEDFORWARDS, LASTING, erro
 SPREADS = (0.0, 0.2, 0.4, 0.6, 0.8)
 SEEDS = range(5)
 SLOPES = (-0.2, -0.15, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2)
+START, START_QUICK = 10.0, 2.0
+"""Where a slope begins, m: some 25 and 4 cycles after learning began."""
 LAST = 5
 """Cycles at the end that count."""
 TILT = 0.05
@@ -45,7 +47,7 @@ def jobs(quick: bool) -> Jobs:
                 ground = (f"terrain.patch_spread={wide}", "terrain.patch_size=0.15", f"terrain.patch_seed={seed}")
                 runs[f"patches {wide} {seed} {words}"] = _walk(feedforward, cycles, *ground)
         for slope in slopes:
-            start = ["terrain.slope_start=1.0"] if slope else []
+            start = [f"terrain.slope_start={START_QUICK if quick else START}"] if slope else []
             runs[f"slope {slope} {words}"] = _walk(feedforward, cycles, f"terrain.slope={slope}", *start)
     return runs
 
@@ -80,10 +82,19 @@ def _on(runs: Runs, kind: str, words: str) -> list[Walked]:
     return [walked(ground, found[ground]) for ground in sorted(found)]
 
 
+def _cell(each: Walked, value: Spread) -> str:
+    return str(value) if each.walked else "-"
+
+
 def _table(by_words: dict[str, list[Walked]], ground: str, caption: str) -> Table:
     columns = [ground, "", "walk to the end", "force error, N", "tilt, mrad"]
     rows = [
-        [f"{each.ground:g}", words, f"{each.walked} of {each.runs}", str(each.force), str(each.tilt)]
+        [
+            f"{each.ground:g}",
+            words,
+            f"{each.walked} of {each.runs}",
+            *(_cell(each, value) for value in (each.force, each.tilt)),
+        ]
         for words, own in by_words.items()
         for each in own
     ]
@@ -125,14 +136,21 @@ def slope_advice(by_words: dict[str, list[Walked]]) -> str:
     else:
         reached = (abs(_steepest(alone, sign)) for sign in (1.0, -1.0))
         said = "feedback alone keeps that up to {:.0%} and {:.0%}".format(*reached)
+    outlived = [
+        each.ground
+        for each, learned in zip(alone, by_words["with CMAC"], strict=False)
+        if learned.walked < learned.runs and each.walked == each.runs
+    ]
+    ends = f" At {' and '.join(f'{slope:.0%}' for slope in outlived)} learning falls where feedback alone walks on."
     return (
         f"With CMAC a plan for flat ground does up to {up:.0%} uphill and {down:.0%} downhill (tilt at most "
         f"{1e3 * TILT:g} mrad); {said}. On steeper ground the plan has to know the slope."
-    )
+    ) + (ends if outlived else "")
 
 
 def sections(runs: Runs) -> list[Section]:
     """Patches and slopes, each with advice."""
+    start = max(run.config["terrain"]["slope_start"] for run in runs.values())
     patches, slopes = ({words: _on(runs, kind, words) for words in FEEDFORWARDS} for kind in ("patches", "slope"))
     return [
         Section(
@@ -156,8 +174,9 @@ def sections(runs: Runs) -> list[Section]:
             "Slopes",
             [
                 Text(
-                    "The ground rises or falls from 1 m on; the planner believes in flat ground, so the front feet "
-                    "touch down early uphill and late downhill. Contact forces stay vertical, without friction."
+                    f"The ground rises or falls from {start:g} m on; the planner believes in flat ground, so the "
+                    "front feet touch down early uphill and late downhill. Contact forces stay vertical, without "
+                    "friction."
                 ),
                 Drawing(
                     "slopes",
