@@ -55,8 +55,12 @@ class BadInput(CmacexpError):
     """
 
     def __init__(self, key: str, value: object, allowed: str):
-        super().__init__(f"{key}={value}: {allowed}")
+        super().__init__(key, value, allowed)  # all of them, so that it comes back whole from another process
         self.key = key
+
+    def __str__(self) -> str:
+        key, value, allowed, *_ = self.args
+        return f"{key}={value}: {allowed}"
 
 
 class BadPart(BadInput):
@@ -71,6 +75,7 @@ class BadPart(BadInput):
 
     def __init__(self, key: str, value: object, reason: str, raised: BaseException):
         super().__init__(key, value, " ".join(reason.split()))
+        self.args = (*self.args, raised)
         self.raised = raised
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from cmacexp.answers import require_finite, take_measurement
 from cmacexp.arrays import Array
 from cmacexp.config import Config, to_plain
-from cmacexp.config.schema import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine
+from cmacexp.config.machine import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine
 from cmacexp.control import Controller, Feedforward
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.models.leg import Leg
@@ -61,9 +61,8 @@ def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine) ->
     if isinstance(machine, PointMassMachine):
         return point_mass(machine.mass, machine.hip_height)
     if isinstance(machine, QuadrupedMachine):
-        legs = [machine.legs.left_front, machine.legs.right_front, machine.legs.left_rear, machine.legs.right_rear]
-        hips = [(leg.hip_x, leg.hip_y) for leg in legs]
-        return legs_under_body([make_leg(leg) for leg in legs], machine.hip_height, hips, machine.total_weight)
+        legs = [make_leg(leg) for leg in machine.legs.in_order]
+        return legs_under_body(legs, machine.hip_height, machine.hips, machine.total_weight)
     return legs_on_stand([make_leg(machine.leg)], machine.hip_height)
 
 

@@ -63,7 +63,7 @@ BODY_COLUMNS = (
     Column("step", "", "sampling period, from 0 over the whole run", pa.int32()),
     Column("time", "s", "start of the step"),
     Column("cycle", "", "gait cycle, from 1", pa.int32()),
-    Column("height", "m", "centre of the body above the undepressed ground"),
+    Column("height", "m", "centre of the body above the undepressed ground below it"),
     Column("pitch", "rad", "positive nose down"),
     Column("roll", "rad", "positive right side down"),
     Column("yaw", "rad", "positive turned to the left; 0 unless the plant moves the body by itself", added=True),

@@ -1,6 +1,7 @@
 """A run to be drawn: its traces leg by leg, and the geometry to draw them with.
 
-World: x forward, y left, z up, metres; the undepressed ground is z = 0. Body frame as in ``cmacexp/models/body.py``.
+World: x forward, y left, z up, metres; the undepressed ground is z = 0 up to where a slope begins. Body frame as in
+``cmacexp/models/body.py``.
 """
 
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmacexp.arrays import Array, Mask
 from cmacexp.keep import Traces
+from cmacexp.models.rise import rise
 from cmacexp.table import as_array, is_support
 from cmacexp.trace import LEG_NAMES
 
@@ -68,6 +70,11 @@ class RunView:
         c, s = np.cos(a), np.sin(a)
         return np.stack([c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z], axis=1)
 
+    def ground_height(self, x: Array) -> Array:
+        """z of the undepressed ground at ``x`` in the world, m; flat where a config has no slope."""
+        terrain = self.config["terrain"]
+        return rise(terrain.get("slope", 0.0), terrain.get("slope_start", 0.0), x)
+
     def in_world(self, points: Array) -> Array:
         """Points (steps, 3) of the body frame in the world."""
         a, p, r = (self.body[name] for name in ("yaw", "pitch", "roll"))
@@ -79,7 +86,8 @@ class RunView:
 
     def way(self) -> Array:
         """The body in the world (steps, 3), m."""
-        return np.stack([self.body["cog_x"], self.body["cog_y"], self.body["height"]], axis=1)
+        x = self.body["cog_x"]
+        return np.stack([x, self.body["cog_y"], self.body["height"] + self.ground_height(x)], axis=1)
 
 
 def _leg_configs(config: dict[str, Any]) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ from cmacexp.report.page import Section
 from pipelines.shared.runs import Runs
 from pipelines.shared.study import Jobs, Study, main
 from pipelines.telling.dynamic_body_sections import falls_section, ladder_section, starts_section, walks_section
-from pipelines.telling.dynamic_body_words import ALL, BASE, PAPER, START, alone, first, plain, without
+from pipelines.telling.dynamic_body_words import ALL, BASE, LATE, PAPER, START, alone, first, plain, without
 
 WALK = ("scenario=quadruped", "plant=mujoco_quadruped")
 CHANGES: dict[str, tuple[str, ...]] = {
@@ -31,12 +31,14 @@ PAPERS_RATE, DAMPED = "learning.rate=0.1953125", "terrain.damping=50"
 PAPERS = ("sampling_period=0.005", "controller.lead_alpha=10", PAPERS_RATE)
 VARIANTS: dict[str, tuple[str, ...]] = {
     "feedback alone": ("feedforward=none",),
+    "feedback alone, but integrated 20 times finer": ("feedforward=none", "plant.substeps=20"),
     "as published": (),
     "lead 1": ("learning.lead=1",),
     "a quarter of the rate": ("learning.rate=0.05",),
     "exact inverse dynamics": ("feedforward=inverse_dynamics",),
     "as published, damped ground": (DAMPED,),
-    "as published, sampled at 2 ms": ("sampling_period=0.002",),
+    "but sampled at 2 ms": ("sampling_period=0.002",),
+    "but LEAD 10/3": ("controller.lead_alpha=3",),
 }
 """Ways to learn, and less than all of what lets it walk, with the constants of the paper."""
 PLAIN: dict[str, tuple[str, ...]] = {
@@ -98,6 +100,7 @@ def jobs(quick: bool) -> Jobs:
     for seed in range(2 if quick else STARTS):
         start = (f"plant.start_spread={SPREAD}", f"plant.start_seed={seed}")
         runs[f"{START} {seed}"] = [*WALK, *start, f"cycles={long}", f"record.cycles=[{cycles},{long}]"]
+    runs[LATE] = [*WALK, *CHANGES["lead"], f"cycles={long}", f"record.cycles=[{cycles},{long}]"]
     return runs
 
 

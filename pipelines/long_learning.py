@@ -19,9 +19,11 @@ from pipelines.telling.long_learning_runs import Long, read
 LEADS = (-2, -1, 0, 1, 2, 3)
 DELAYS = (0, 1, 2)
 SEEDS = (1, 2, 3, 4)
+RATES = (0.05, 0.1, 0.1953125, 0.4, 0.8, 1.5)
+"""The third is the paper's."""
 THIN = "record.every_nth_step=600"
 """Metrics are of every step; of the traces of such runs little is kept."""
-LEG, WALK, LATE, SEEDED, FAR = "one leg", "quadruped", "late actuator", "seeds", "settings"
+LEG, WALK, LATE, SEEDED, FAR, RATE = "one leg", "quadruped", "late actuator", "seeds", "settings", "rate"
 RAMP = "gait.load_ramp=0.12"
 FELT = ("force_control.elasticity=0.001", "force_control.admittance=0.001")
 """Force feedback ten times the paper's, with which learning sees an error of force."""
@@ -50,6 +52,9 @@ def jobs(quick: bool) -> Jobs:
     for seed in SEEDS[:1] if quick else SEEDS:
         runs[f"{SEEDED} {LEG} {seed}"] = _job("one_leg", leg, 1, f"seed={seed}")
         runs[f"{SEEDED} {WALK} {seed}"] = _job("quadruped", walk, 1, f"seed={seed}", RAMP, *FELT)
+    for rate in RATES[2:4] if quick else RATES:
+        for lead in (0, 1):
+            runs[f"{RATE} {rate:.3g}, lead {lead}"] = _job("one_leg", leg // 10, lead, f"learning.rate={rate}")
     for name, more in SETTINGS.items():
         for lead in (1,) if quick else (0, 1):
             runs[f"{FAR} {name}, lead {lead}"] = _job("quadruped", far, lead, *more)
@@ -74,7 +79,7 @@ def _machine(found: Sequence[Long], name: str) -> list[Drawing | Text]:
 def tell(runs: Runs) -> list[Section]:
     """A section for each machine, late actuators, prediction, and chance; each ends in advice."""
     leg, walk, late = (list(_of(runs, kind).values()) for kind in (LEG, WALK, LATE))
-    far, seeds = _of(runs, FAR), _of(runs, SEEDED)
+    far, seeds, rates = _of(runs, FAR), _of(runs, SEEDED), _of(runs, RATE)
     aware = read(runs[f"aware {LEG}"])
     growth = runs.keep("growth.parquet", words.growth_table([*leg, *(w for w in walk if w.rule == "paper")]))
     return [
@@ -98,6 +103,7 @@ def tell(runs: Runs) -> list[Section]:
             [Drawing("late", figures.late(late), words.of_late(late)), words.advice_late(late)],
             beyond=True,
         ),
+        Section("Rate of learning", [words.rate_table(rates), words.advice_rate(rates)], beyond=True),
         Section(
             "Quadruped, five hundred cycles",
             [*_machine(walk, "walk"), words.table(walk), words.advice_walk(walk)],

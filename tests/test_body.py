@@ -2,19 +2,21 @@
 
 import numpy as np
 import pytest
+from grounds import still_ground
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import minimize, root
 
 from cmacexp.control.hybrid_law import posture_term
-from cmacexp.models.body import balance, depth, energy, slope
-from cmacexp.models.ground import Ground, make_ground, stiffness_at
+from cmacexp.models.body import Load, balance, depth, energy, slope
+from cmacexp.models.ground import make_ground, stiffness_at
 from cmacexp.rollout import roll_out
 from cmacexp.scenario import make_scenario
 
 WEIGHT = 40.0
 LEVEL = np.zeros(4)
+LOAD = Load(WEIGHT, 0.0, 0.0)
 HIPS = np.array([(0.225, 0.225), (0.225, -0.225), (-0.225, 0.225), (-0.225, -0.225)])
 
 
@@ -57,14 +59,14 @@ def energy_by_rotation(body, foot, stiffness):
 def find_balance(foot, stiffness, start=(0.5, 0.0, 0.0)):
     """Whether there is a balance, the body and the forces."""
     body, force = np.array(start, dtype=float), np.zeros(len(foot))
-    found = balance(HIPS, foot, np.asarray(stiffness, dtype=float), LEVEL, WEIGHT, body, force)
+    found = balance(HIPS, foot, np.asarray(stiffness, dtype=float), LEVEL, LOAD, body, force)
     return found, body, force
 
 
 def slope_at(body, foot, stiffness):
     """Gradient (3,) and curvature (3, 3) of the energy."""
     h, p, r, hh, hp, hr, pp, pr, rr = slope(
-        np.asarray(body, dtype=float), HIPS, foot, stiffness, LEVEL, WEIGHT, np.zeros(4)
+        np.asarray(body, dtype=float), HIPS, foot, stiffness, LEVEL, LOAD, np.zeros(4)
     )
     return np.array([h, p, r]), np.array([[hh, hp, hr], [hp, pp, pr], [hr, pr, rr]])
 
@@ -116,7 +118,7 @@ def test_pitch_is_positive_nose_down_and_roll_right_side_down():
 @given(tilted())
 def test_energy_is_that_of_weight_and_springs(case):
     body, foot, stiffness = case
-    assert energy(body, HIPS, foot, stiffness, LEVEL, WEIGHT) == pytest.approx(energy_by_rotation(*case), rel=1e-12)
+    assert energy(body, HIPS, foot, stiffness, LEVEL, LOAD) == pytest.approx(energy_by_rotation(*case), rel=1e-12)
 
 
 def differences(function, body, step=1e-5):
@@ -128,7 +130,7 @@ def differences(function, body, step=1e-5):
 @given(tilted())
 def test_gradient_is_the_derivative_of_the_energy(case):
     body, foot, stiffness = case
-    expected = differences(lambda b: energy(b, HIPS, foot, stiffness, LEVEL, WEIGHT), body)
+    expected = differences(lambda b: energy(b, HIPS, foot, stiffness, LEVEL, LOAD), body)
     assert_allclose(slope_at(*case)[0], expected, rtol=1e-6, atol=1e-4)
 
 
@@ -303,7 +305,7 @@ def test_one_leg_on_a_stand_has_no_posture(make_config):
 
 # Ground in patches
 
-PATCHY = Ground(1e4, 0.15, 0.5, 0, 0.0)
+PATCHY = still_ground(1e4, 0.15, 0.5, 0)
 CORNERS = [(i, j) for i in range(-20, 20) for j in range(-20, 20)]
 places = st.floats(-30.0, 30.0)
 
@@ -324,7 +326,7 @@ def test_within_a_patch_the_ground_is_of_one_stiffness(i, j, u, v):
 
 @given(places, places, st.floats(0.0, 0.99), st.integers(0, 2**32 - 1))
 def test_stiffness_stays_within_its_spread(x, y, spread, seed):
-    ground = Ground(1e4, 0.15, spread, seed, 0.0)
+    ground = still_ground(1e4, 0.15, spread, seed)
     assert 1e4 * (1.0 - spread) * (1.0 - 1e-12) <= stiffness_at(ground, x, y) <= 1e4 * (1.0 + spread) * (1.0 + 1e-12)
 
 
@@ -351,13 +353,13 @@ def test_another_seed_gives_other_patches_and_the_same_seed_the_same():
 
 @given(places, places, st.integers(0, 2**32 - 1))
 def test_without_spread_the_ground_is_of_its_stiffness_everywhere(x, y, seed):
-    assert stiffness_at(Ground(1e4, 0.15, 0.0, seed, 0.0), x, y) == 1e4
+    assert stiffness_at(still_ground(1e4, 0.15, 0.0, seed), x, y) == 1e4
 
 
 def test_each_foot_presses_the_patch_that_it_stands_on(walk):
     columns, body, _, scenario = walk("terrain=patchy", "terrain.patch_seed=5")
     config = scenario.setup.config
-    ground = make_ground(config.terrain)
+    ground = make_ground(config.terrain, 0.005)
     assert (ground.stiffness, ground.patch_spread) == (1e4, 0.5)
     seen = set()
     for k in range(0, len(body), 3):

@@ -1,6 +1,7 @@
 """Kills at random moments, a full disk, a folder that cannot be written: nothing broken stays under a final name."""
 
 import os
+import pickle
 import resource
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pandas as pd
 import pytest
 from command import ROOT, cmacexp, python
 
+from cmacexp.errors import BadInput, BadPart
 from cmacexp.verify import faults
 
 KILLING = str(Path(__file__).with_name("killing.py"))
@@ -93,3 +95,13 @@ def test_a_folder_that_cannot_be_written_is_one_line(arguments, locked, tmp_path
     assert len(done.stderr.splitlines()) == 1
     assert f"{locked}/out" in done.stderr
     assert not (locked / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "error",
+    [BadInput("cmac.layers", 0, "must be at least 1"), BadPart("plant", {"a": 1}, "fell\nover", ValueError("over"))],
+)
+def test_what_a_worker_finds_wrong_comes_back_whole(error):
+    back = pickle.loads(pickle.dumps(error))
+    assert (type(back), str(back), back.key) == (type(error), str(error), error.key)
+    assert "\n" not in str(back)

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from grounds import NO_PAYLOAD, still_ground
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.models.body import depth
-from cmacexp.models.ground import Ground, contact_force, damped_force, damped_spring
+from cmacexp.models.ground import contact_force, damped_force, damped_spring
 from cmacexp.models.mechanism import legs_under_body, point_mass
 from cmacexp.plants.kernels import PlantLaw, advance, balance_body, feel_depression, new_state, observe
 from cmacexp.rollout import roll_out
@@ -19,10 +20,6 @@ TORQUE = -np.array([(6.0, 1.5), (6.5, 1.2), (-6.0, -1.5), (-5.5, -1.8)])
 """Keeps all four feet of a quadruped down, and loads them unevenly."""
 stiffnesses, dampings = st.floats(1.0, 1e5), st.floats(0.0, 1e3)
 depressions, rates = st.floats(-0.1, 0.1), st.floats(-5.0, 5.0)
-
-
-def damped(damping, stiffness=STIFFNESS):
-    return Ground(stiffness, 1.0, 0.0, 0, damping)
 
 
 # The law
@@ -55,7 +52,9 @@ def test_a_point_mass_on_damped_ground_is_a_damped_oscillator():
     expected = force / stiffness * (1.0 - swing)
     errors = []
     for steps in (40, 80, 160):
-        law = PlantLaw(point_mass(mass, 0.5), damped(damping, stiffness), 0.0, duration / steps, 1)
+        law = PlantLaw(
+            point_mass(mass, 0.5), still_ground(stiffness, damping=damping), NO_PAYLOAD, 0.0, duration / steps, 1
+        )
         state = new_state(1)
         state.q[0], state.stiffness[0] = (0.0, 0.5 + 1e-15), stiffness
         observe(law, state, np.inf)
@@ -107,7 +106,9 @@ def standing(make_config):
     def stand(damping, step):
         config = make_config("scenario=quadruped")
         legs = [make_leg(config.machine.legs.left_front)] * 4
-        law = PlantLaw(legs_under_body(legs, 0.5, HIPS, 40.0), damped(damping), 0.0, step, 1)
+        law = PlantLaw(
+            legs_under_body(legs, 0.5, HIPS, 40.0), still_ground(STIFFNESS, damping=damping), NO_PAYLOAD, 0.0, step, 1
+        )
         state = new_state(4)
         state.foot[:], state.stiffness[:], state.body[:] = (0.0, 0.5), STIFFNESS, (0.5, 0.0, 0.0)
         assert balance_body(law, state, np.inf)

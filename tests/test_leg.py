@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from grounds import NO_PAYLOAD, still_ground
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from cmacexp.models import leg as model
 from cmacexp.models.gravity import GRAVITY
-from cmacexp.models.ground import Ground
 from cmacexp.models.leg import Leg
 from cmacexp.models.mechanism import legs_on_stand
 from cmacexp.plants.kernels import PlantLaw, advance, new_state, observe
@@ -166,7 +166,7 @@ def total_energy(leg, state, stiffness, ground):
 def energy_error(hip_height, stiffness, steps, duration=0.2):
     """Relative energy error of a leg let go, and the least and largest contact force on the way."""
     leg = DEFAULT._replace(length_2=0.4, mass_1=0.7)
-    law = PlantLaw(legs_on_stand([leg], hip_height), Ground(stiffness, 1.0, 0.0, 0, 0.0), 0.0, duration / steps, 1)
+    law = PlantLaw(legs_on_stand([leg], hip_height), still_ground(stiffness), NO_PAYLOAD, 0.0, duration / steps, 1)
     state = new_state(1)
     state.q[0], state.dq[0] = (1.9, -1.2), (0.5, -1.0)
     state.stiffness[0] = stiffness

@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from command import cmacexp
+from grounds import still_ground
 from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.errors import BadInput
-from cmacexp.models.ground import Ground
 from cmacexp.models.leg import Leg, foot_position, foot_velocity, forward_dynamics, trigonometry
 from cmacexp.models.mechanism import legs_on_stand, legs_under_body
 from cmacexp.plants import Measurement
@@ -21,7 +21,7 @@ from cmacexp.rollout import roll_out
 from cmacexp.scenario import make_scenario
 
 LEG = Leg(0.35, 0.30, 0.5, 0.4, -1.0)
-GROUND = Ground(1e4, 1.0, 0.0, 0, 50.0)
+GROUND = still_ground(1e4, damping=50.0)
 FREE = Touch(GROUND._replace(damping=0.0), 0.0, 0.0, 0.0)
 STICKY = Touch(GROUND, 0.6, 1e4, 50.0)
 TORSO = Torso(1.0, (0.05, 0.06, 0.1))
@@ -111,7 +111,8 @@ def measured(q, dq, pose, pose_rate):
     from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
 
     plant = MujocoQuadruped(1, 0.6, 1e4, 50.0, [0.05, 0.06, 0.1], 0.0, 0)
-    plant.engine, plant.hips = engine, mechanism.hips
+    plant.engine = engine
+    plant.look(mechanism.hips)
     return plant.measure()
 
 
@@ -220,3 +221,39 @@ def test_without_mujoco_the_message_says_how_to_install_it(make_config, monkeypa
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(BadInput, match=r'python -m pip install -e "\.\[mujoco\]"$'):
         make_scenario(make_config("plant=mujoco_leg"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("terrain.step_time=4.5", "terrain.step_factor=3"),
+        ("terrain.slope=-0.2", "terrain.slope_start=0.02", "terrain.damping=2"),
+    ],
+    ids=["step of the stiffness", "slope"],
+)
+def test_a_leg_feels_the_same_change_of_its_ground_in_both_engines(make_config, change):
+    calm, ours, theirs = (
+        roll_out(make_scenario(make_config("scenario=one_leg", "cycles=2", f"plant={plant}", *more)))
+        for plant, more in (("analytic", ()), ("analytic", change), ("mujoco_leg", change))
+    )
+    assert_allclose(theirs.columns()["force"], ours.columns()["force"], atol=1e-6)
+    assert np.abs(calm.columns()["force"] - ours.columns()["force"]).max() > 0.1
+
+
+def test_a_payload_presses_where_it_lies(make_config):
+    """Mean forces of a cycle: feet take 10 N more together, and its moments about the middle."""
+
+    def loads(*more):
+        columns = roll_out(make_scenario(make_config(*WALK, "cycles=2", "feedforward=none", *more))).columns()
+        force, x = columns["force"][1500:], columns["x"][1500:] + np.array([0.225, 0.225, -0.225, -0.225])
+        y = [0.225, -0.225, 0.225, -0.225]
+        return np.array([force.sum(axis=1).mean(), (force * x).sum(axis=1).mean(), (force * y).sum(axis=1).mean()])
+
+    more = loads("payload.weight=10", "payload.x=0.05", "payload.y=0.1") - loads()
+    assert_allclose(more, [10.0, 0.5, 1.0], atol=0.45)  # the body leans towards it
+
+
+def test_on_a_slope_a_body_tells_its_height_above_the_ground_below_it(make_config):
+    rollout = roll_out(make_scenario(make_config(*WALK, "cycles=2", "feedforward=none", "terrain.slope=0.05")))
+    assert rollout.status == "completed"
+    assert_allclose(rollout.body_samples[:, 0], 0.5, atol=0.05)

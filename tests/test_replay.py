@@ -104,6 +104,28 @@ def test_every_leg_of_a_walk_and_its_body_are_shown(copy, tmp_path):
     assert height[:, 0] == pytest.approx(1e3 * body.height.to_numpy())
 
 
+def test_on_a_slope_the_ground_is_drawn_below_the_feet_and_the_body_above_it(tmp_path):
+    folder = tmp_path / "up"
+    slope = ["terrain.slope=0.08", "terrain.slope_start=0.1"]
+    done = cmacexp("scenario=quadruped", "cycles=1", *slope, f"hydra.run.dir={folder}", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    body, foot = pd.read_parquet(folder / "body.parquet"), leg_of(folder, 1)
+    _, pose = rows(folder / "recording.rrd", "world/travel/body", "Transform3D:translation")
+    expected = body.height + 0.08 * np.maximum(body.cog_x - 0.1, 0.0)
+    assert pose.reshape(-1, 3)[:, 2] == pytest.approx(expected.to_numpy(), abs=1e-6)
+    _, feet = rows(folder / "recording.rrd", "world/feet/leg_1/foot", "Points3D:positions")
+    _, dents = rows(folder / "recording.rrd", "world/ground/leg_1", "LineStrips3D:strips")
+    feet, dents = feet.reshape(-1, 3), dents.reshape(-1, 7, 3)
+    surface = 0.08 * np.maximum(dents[..., 0] - 0.1, 0.0)
+    assert dents[:, [0, -1], 2] == pytest.approx(surface[:, [0, -1]], abs=1e-6)
+    dent = (surface - dents[..., 2])[:, 3]
+    assert dent / dent.max() == pytest.approx((foot.force / foot.force.max()).to_numpy(), abs=1e-4)
+    assert dent.max() > 10.0 * foot.force.max() / 1e4
+    pressing, above = (foot.force > 1.0).to_numpy(), feet[:, 2] - 0.08 * np.maximum(feet[:, 0] - 0.1, 0.0)
+    assert above[pressing].max() < 4e-3  # the body's tilt moves the drawn foot along the slope
+    assert "/world/ground/slope" in entities(folder / "recording.rrd")
+
+
 def test_a_window_of_cycles_thinned(copy, tmp_path):
     folder = copy("walk")
     done = replay(folder, "--cycles", "2", "--every", 7, "--views", "posture,scene", folder=tmp_path)

@@ -19,6 +19,7 @@ from cmacexp.run_one import run_scenario
 from cmacexp.scenario import make_scenario
 from cmacexp.score import score
 from cmacexp.sensors.noise import normal, uniform
+from cmacexp.trace import BODY_COLUMNS
 
 REAL = "sensors=real"
 
@@ -234,7 +235,7 @@ def test_true_and_measured_values_stand_beside_each_other(make_config, tmp_path)
     assert legs.columns[25:].tolist() == [f"{name}_measured" for name in ("x", "y", "vx", "vy", "q1", "q2")]
     np.testing.assert_allclose(legs.q2_measured - legs.q2, 0.001)
     np.testing.assert_allclose(legs.force_measured - legs.force, 2.0)
-    assert body.columns[12:].tolist() == [
+    assert body.columns[len(BODY_COLUMNS) :].tolist() == [
         *("pitch_rate", "roll_rate", "pitch_rate_measured", "roll_rate_measured")
     ]  # fmt: skip
     np.testing.assert_allclose(body.pitch_rate[1:], np.diff(body.pitch) / 0.005, atol=1e-12)

@@ -94,6 +94,17 @@ def test_advice_on_late_actuators_lists_the_leads_that_last():
     assert "1 late: auto last." in words.advice_late(runs).text
 
 
+def test_the_advised_rate_is_the_fastest_that_lasts():
+    runs = {
+        "0.1, lead 1": LASTING,
+        "0.2, lead 1": replace(LASTING, x=np.full(5, 0.1), y=np.full(5, 0.1)),
+        "9": ENDING,
+    }
+    told = words.advice_rate(runs).text
+    assert "rate 0.2, lead 1 is at 1 mm first, in cycle 1." in told
+    assert "Drift at 9" in told
+
+
 def test_the_study_runs_and_every_section_ends_in_advice(tmp_path):
     done = python("-m", "pipelines.long_learning", "--quick", "--folder", str(tmp_path), folder=ROOT)
     assert done.returncode == 0, done.stderr
@@ -101,7 +112,7 @@ def test_the_study_runs_and_every_section_ends_in_advice(tmp_path):
     assert faults(folder) == []
     page = re.sub(r'src="data:[^"]*"', "", (folder / "report.html").read_text())
     sections = page.split("<section")[1:]
-    assert sum("Advice:" in section for section in sections) == 7
+    assert sum("Advice:" in section for section in sections) == 8
     growth = pd.read_parquet(folder / "growth.parquet")
     leg = growth[(growth["machine"] == "one leg") & (growth["rule"] == "paper")]
     assert (leg["predicted"] - leg["measured"]).abs().max() < 0.01

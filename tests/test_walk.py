@@ -14,10 +14,10 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from command import cmacexp, python
+from grounds import still_ground
 from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.metrics import compute
-from cmacexp.models.ground import Ground
 from cmacexp.rollout import roll_out
 from cmacexp.rollout.stop import (
     DIVERGED,
@@ -608,7 +608,7 @@ def test_it_walks_over_patches(walk):
 
 def test_the_ground_of_a_scenario_is_that_of_its_config(make_config):
     scenario = make_scenario(make_config("scenario=quadruped", "terrain=patchy", "terrain.patch_seed=9"))
-    assert scenario.plant.law.ground == Ground(1e4, 0.15, 0.5, 9, 0.0)
+    assert scenario.plant.law.ground == still_ground(1e4, 0.15, 0.5, 9)
 
 
 # Falls

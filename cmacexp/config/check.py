@@ -1,9 +1,11 @@
 """Checks of a config that one field alone cannot tell."""
 
 from cmacexp.config.check_sensors import check_sensors
+from cmacexp.config.check_surroundings import check_payload, check_slope, check_stiffness_step
 from cmacexp.config.feedforwards import INPUTS, PerceptronConfig, RadialBasisConfig
 from cmacexp.config.fields import check_fields, listed
-from cmacexp.config.schema import CmacConfig, Config, QuadrupedMachine
+from cmacexp.config.machine import QuadrupedMachine
+from cmacexp.config.schema import CmacConfig, Config
 from cmacexp.errors import BadInput
 
 OUTPUTS = 2
@@ -233,6 +235,9 @@ def check(config: Config) -> None:
     check_timing(config)
     check_machine(config)
     check_load_sharing(config)
+    check_stiffness_step(config, LEGS[config.gait.pattern])
+    check_slope(config)
+    check_payload(config)
     check_pattern(config)
     check_length(config)
     check_record(config)

@@ -11,7 +11,8 @@ from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from cmacexp.config.check import check
 from cmacexp.config.fields import listed
-from cmacexp.config.schema import BUILT_IN_PARTS, MACHINES, Config
+from cmacexp.config.machine import MACHINES
+from cmacexp.config.schema import BUILT_IN_PARTS, Config
 from cmacexp.errors import BadInput
 
 WITHOUT_EFFECT = ("record", "sweep", "optimize", "warn", "hydra")

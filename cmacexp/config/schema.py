@@ -14,118 +14,10 @@ from cmacexp.config.feedforwards import (
     RadialBasisConfig,
 )
 from cmacexp.config.fields import choice, number
+from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.config.mujoco import MujocoLegConfig, MujocoQuadrupedConfig
 from cmacexp.config.sensors import RealSensorsConfig
-from cmacexp.models.gravity import GRAVITY
-
-
-@dataclass
-class LinksConfig:
-    """Two links with point masses at knee and foot (Lin & Song 1997, eq. 23)."""
-
-    length_1: float = number("m", above=0)
-    """Hip to knee, l1."""
-    length_2: float = number("m", above=0)
-    """Knee to foot, l2."""
-    mass_1: float = number("kg", above=0)
-    """Mass at the knee, m1."""
-    mass_2: float = number("kg", above=0)
-    """Mass at the foot, m2."""
-
-
-@dataclass
-class LegConfig(LinksConfig):
-    """A planar two-link leg."""
-
-    knee: str = choice("back", "forward")
-    """Side to which the knee bends: back is theta2 < 0 (assumed)."""
-
-
-@dataclass
-class LegMachine:
-    """One leg on a stand."""
-
-    leg: LegConfig
-    kind: str = choice("leg")
-    hip_height: float = number("m", above=0)
-    """Height of the hip above the undepressed ground."""
-
-
-@dataclass
-class BodyLegConfig(LegConfig):
-    """A leg under a body."""
-
-    hip_x: float = number("m")
-    """Hip in the body frame, forward of the centre of gravity."""
-    hip_y: float = number("m")
-    """Hip in the body frame, to the left."""
-
-
-@dataclass
-class FourLegs:
-    """The legs of a quadruped, in the order of their numbers."""
-
-    left_front: BodyLegConfig
-    right_front: BodyLegConfig
-    left_rear: BodyLegConfig
-    right_rear: BodyLegConfig
-
-
-@dataclass
-class QuadrupedMachine:
-    """Four legs under a body whose height, pitch and roll balance weight and moments (Lin & Song 1997, section 6)."""
-
-    leg: LinksConfig
-    """Links of all legs that ``legs`` does not set otherwise."""
-    legs: FourLegs
-    kind: str = choice("quadruped")
-    hip_height: float = number("m", above=0.25)
-    """Height of the hips above the undepressed ground that the feet are planned for, h0 (assumed)."""
-    body_mass: float = number("kg", above=0)
-    """Mass of the body without its legs, for plants and plans in which it moves; 1 kg in the paper."""
-    weight: float | None = number("N", above=0)
-    """What the feet carry together where leg masses do not load the body; 40 N in the paper; null: of all masses."""
-
-    @property
-    def weight_of_masses(self) -> float:
-        """Of the body and all its legs, N."""
-        legs = (self.legs.left_front, self.legs.right_front, self.legs.left_rear, self.legs.right_rear)
-        return GRAVITY * (self.body_mass + sum(leg.mass_1 + leg.mass_2 for leg in legs))
-
-    @property
-    def total_weight(self) -> float:
-        """What the feet carry together, N."""
-        return self.weight_of_masses if self.weight is None else self.weight
-
-
-@dataclass
-class PointMassMachine:
-    """The leg as a point mass that moves along x and y (Lin & Song 1997, eq. 2-4)."""
-
-    kind: str = choice("point_mass")
-    hip_height: float = number("m", above=0)
-    """Depth of the undepressed ground below the origin."""
-    mass: float = number("kg", above=0)
-    start_clearance: float = number("m")
-    """Height of the mass above the undepressed ground at the start (assumed)."""
-
-
-@dataclass
-class TerrainConfig:
-    """Elastic ground (Lin & Song 1997, eq. 1)."""
-
-    stiffness: float = number("N/m", at_least=1e-3, at_most=1e9)
-    """K_n, the stiffness that the plant feels."""
-    assumed_stiffness: float | None = number("N/m", at_least=1e-3, at_most=1e9)
-    """The K_n that planner and controller believe in; null: the true one."""
-    patch_size: float = number("m", at_least=1e-3)
-    """Side of the square patches of the ground."""
-    patch_spread: float = number("", at_least=0, below=1)
-    """Each patch has K_n times a factor between 1 - spread and 1 + spread; 0: the same everywhere."""
-    patch_seed: int = number("", at_least=0, below=2**32)
-    """Seed of the patches."""
-    damping: float = number("N s/m", at_least=0, at_most=1e9)
-    """Force of the ground over the speed at which it is pressed in; 0 as in the paper. The ground never pulls."""
+from cmacexp.config.surroundings import PayloadConfig, TerrainConfig
 
 
 @dataclass
@@ -320,6 +212,7 @@ class Config:
     machine: Any
     plant: Any
     terrain: TerrainConfig
+    payload: PayloadConfig
     gait: GaitConfig
     sensors: Any
     controller: Any
@@ -400,8 +293,6 @@ class PartWithoutFields:
 
     _target_: str
 
-
-MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine}
 
 BUILT_IN_PARTS = {
     "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,

@@ -35,6 +35,14 @@ STEEPEST = 1.4
 """A body tilted further has no balance, rad."""
 
 
+class Load(NamedTuple):
+    """A weight, N, and where it goes through the plane of the hips, forward and left of the body's centre, m."""
+
+    weight: float
+    x: float
+    y: float
+
+
 @kernel
 def depth(body: Array, x: float, y: float, down: float) -> float:
     """Depth below the undepressed ground, m, of the point (x, y, -down) in the body frame."""
@@ -52,9 +60,9 @@ def depth_rate(body: Array, rate: Array, x: float, y: float) -> float:
 
 
 @kernel
-def energy(body: Array, hips: Array, foot: Array, stiffness: Array, level: Array, weight: float) -> float:
+def energy(body: Array, hips: Array, foot: Array, stiffness: Array, level: Array, load: Load) -> float:
     """Energy of weight and pressed ground, J."""
-    total = weight * body[0]
+    total = -load.weight * depth(body, load.x, load.y, 0.0)
     for i in range(hips.shape[0]):
         pressed = max(0.0, depth(body, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]) - level[i])
         total += 0.5 * stiffness[i] * pressed * pressed
@@ -76,14 +84,13 @@ class Slope(NamedTuple):
 
 
 @kernel
-def slope(
-    body: Array, hips: Array, foot: Array, stiffness: Array, level: Array, weight: float, force: Array
-) -> Slope:
+def slope(body: Array, hips: Array, foot: Array, stiffness: Array, level: Array, load: Load, force: Array) -> Slope:
     """Gradient (N and N m) and curvature of the energy; fills ``force`` (L,), N."""
     sp, cp = sine_cosine(body[1])
     sr, cr = sine_cosine(body[2])
-    h, p, r = weight, 0.0, 0.0
-    hh, hp, hr, pp, pr, rr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ahead, aside, tilt = load.weight * load.x, load.weight * load.y, load.weight * load.y * sr
+    h, p, r = load.weight, -(ahead * cp + tilt * sp), aside * cr * cp
+    hh, hp, hr, pp, pr, rr = 0.0, 0.0, 0.0, ahead * sp - tilt * cp, -aside * cr * sp, -tilt * cp
     for i in range(hips.shape[0]):
         x, y, down = hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]
         below = x * sp + (down * cr - y * sr) * cp
@@ -133,7 +140,7 @@ def descend(
     foot: Array,
     stiffness: Array,
     level: Array,
-    weight: float,
+    load: Load,
     dh: float,
     dp: float,
     dr: float,
@@ -143,11 +150,11 @@ def descend(
     On two feet the energy is almost flat along one tilt: an unbounded step would roll the body over.
     """
     h, p, r = body[0], body[1], body[2]
-    before = energy(body, hips, foot, stiffness, level, weight)
+    before = energy(body, hips, foot, stiffness, level, load)
     scale = min(1.0, LONGEST_STEP / max(abs(dh), abs(dp), abs(dr)))
     for _ in range(MOST_HALVINGS):
         body[0], body[1], body[2] = h + scale * dh, p + scale * dp, r + scale * dr
-        if energy(body, hips, foot, stiffness, level, weight) <= before + ROUNDING * abs(before):
+        if energy(body, hips, foot, stiffness, level, load) <= before + ROUNDING * abs(before):
             return True
         scale *= 0.5
     body[0], body[1], body[2] = h, p, r
@@ -155,9 +162,7 @@ def descend(
 
 
 @kernel_apart
-def balance(
-    hips: Array, foot: Array, stiffness: Array, level: Array, weight: float, body: Array, force: Array
-) -> bool:
+def balance(hips: Array, foot: Array, stiffness: Array, level: Array, load: Load, body: Array, force: Array) -> bool:
     """Find the height, pitch and roll at which the feet carry the body.
 
     Args:
@@ -165,19 +170,19 @@ def balance(
         foot: (L, 2): feet in the frames of their hips, m.
         stiffness: (L,): K_n under each foot, N/m.
         level: (L,): depth at which the ground begins to press each foot, m.
-        weight: W, N.
+        load: what they carry, the body's own weight included.
         body: (3,): height (m), pitch and roll (rad), from where the search starts; becomes the balance.
         force: (L,): is filled with the contact forces, N.
 
     Returns:
         False if there is no balance; ``body`` and ``force`` are then of no use.
     """
-    enough = TOLERANCE * weight
+    enough = TOLERANCE * load.weight
     for i in range(stiffness.shape[0]):
         enough += DEPTH_ROUNDING * stiffness[i]
     closing, last = True, math.inf
     for _ in range(MOST_ITERATIONS):
-        at = slope(body, hips, foot, stiffness, level, weight, force)
+        at = slope(body, hips, foot, stiffness, level, load, force)
         out = max(abs(at.h), abs(at.p), abs(at.r))
         if out <= enough:
             return True
@@ -188,10 +193,10 @@ def balance(
         if closing and convex and max(abs(dh), abs(dp), abs(dr)) <= LONGEST_STEP:
             body[0], body[1], body[2] = body[0] + dh, body[1] + dp, body[2] + dr
             continue
-        damping = weight
+        damping = load.weight
         while not convex:
             convex, dh, dp, dr = newton_step(at, damping)
-            damping = 10.0 * damping + weight
-        if not descend(body, hips, foot, stiffness, level, weight, dh, dp, dr):
+            damping = 10.0 * damping + load.weight
+        if not descend(body, hips, foot, stiffness, level, load, dh, dp, dr):
             return False
     return False

@@ -5,12 +5,22 @@ from typing import NamedTuple
 
 from cmacexp.arrays import Array
 from cmacexp.compile import kernel
-from cmacexp.config.schema import TerrainConfig
+from cmacexp.config.surroundings import TerrainConfig
 from cmacexp.models.mix import MASK, mix
+from cmacexp.models.rise import rise
+
+NEVER = 2**62
+"""A step that no run reaches."""
+ALL_LEGS = 0b1111
+
+
+def first_sample(time: float, sampling_period: float) -> int:
+    """The first sample that is not before ``time``, s."""
+    return math.ceil(time / sampling_period - 1e-9)
 
 
 class Ground(NamedTuple):
-    """Flat ground, of one stiffness or in square patches of different stiffness."""
+    """Ground of one stiffness or in square patches of different stiffness, flat or with a slope."""
 
     stiffness: float
     """K_n, N/m."""
@@ -21,22 +31,57 @@ class Ground(NamedTuple):
     patch_seed: int
     damping: float
     """N s/m."""
+    step_at: int
+    """Sampling periods after which the stiffness steps."""
+    step_factor: float
+    step_legs: int
+    """Legs under which it steps, a bit each; leg 1 the lowest."""
+    slope: float
+    """m/m; the ground is flat up to ``slope_start``, x in the world, m."""
+    slope_start: float
 
 
-def make_ground(terrain: TerrainConfig) -> Ground:
+def make_ground(terrain: TerrainConfig, sampling_period: float) -> Ground:
     """The ground that a config describes."""
-    return Ground(terrain.stiffness, terrain.patch_size, terrain.patch_spread, terrain.patch_seed, terrain.damping)
+    return Ground(
+        terrain.stiffness,
+        terrain.patch_size,
+        terrain.patch_spread,
+        terrain.patch_seed,
+        terrain.damping,
+        NEVER if terrain.step_time is None else first_sample(terrain.step_time, sampling_period),
+        terrain.step_factor,
+        ALL_LEGS if terrain.step_legs is None else sum(1 << (leg - 1) for leg in terrain.step_legs),
+        terrain.slope,
+        terrain.slope_start,
+    )
+
+
+height_at = kernel(rise)
+
+
+@kernel
+def grade_at(ground: Ground, x: float) -> float:
+    """Slope at ``x`` in the world, m/m."""
+    return ground.slope if x > ground.slope_start else 0.0
 
 
 @kernel
 def stiffness_at(ground: Ground, x: float, y: float) -> float:
-    """K_n at (x, y) in the world, N/m."""
+    """K_n at (x, y) in the world before any step, N/m."""
     if ground.patch_spread == 0.0:
         return ground.stiffness
     column = math.floor(x / ground.patch_size) & MASK
     row = math.floor(y / ground.patch_size) & MASK
     drawn = mix(mix(mix(ground.patch_seed, column), row), 0) / MASK
     return ground.stiffness * (1.0 + ground.patch_spread * (2.0 * drawn - 1.0))
+
+
+@kernel
+def stiffness_under(ground: Ground, leg: int, step: float, x: float, y: float) -> float:
+    """K_n under a leg, counted from 0, that stands at (x, y) in the world after ``step`` sampling periods, N/m."""
+    stiffness = stiffness_at(ground, x, y)
+    return stiffness * ground.step_factor if step >= ground.step_at and (ground.step_legs >> leg) & 1 else stiffness
 
 
 @kernel

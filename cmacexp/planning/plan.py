@@ -8,9 +8,9 @@ import numpy as np
 from cmacexp.arrays import Array, Mask
 from cmacexp.compile import kernel
 from cmacexp.config import Config
-from cmacexp.config.schema import QuadrupedMachine
+from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.errors import BadInput
-from cmacexp.models.ground import depression_for
+from cmacexp.models.ground import NEVER, depression_for
 from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of
 from cmacexp.planning.body_load import BodyLoad, dynamic_load, static_load
@@ -24,8 +24,6 @@ from cmacexp.planning.stability import check_stability, plan_margins
 
 BEFORE, ACTING = 0, 1
 """Stages of a run: before the feedforward acts, and since."""
-NEVER = 2**62
-"""A step that no run reaches."""
 LOAD_PASSES = 2
 """Forces press feet in, which moves the masses that load them: each pass comes a thousand times nearer."""
 

@@ -5,7 +5,7 @@ import math
 from cmacexp.arrays import Array
 from cmacexp.models.ground import make_ground
 from cmacexp.planning.setup import Setup
-from cmacexp.plants.kernels import PlantLaw, PlantState, advance, feel_ground, new_state, observe
+from cmacexp.plants.kernels import PlantLaw, PlantState, advance, feel_ground, make_payload, new_state, observe
 from cmacexp.plants.protocol import Measurement
 
 
@@ -25,13 +25,14 @@ class AnalyticPlant:
     def reset(self, setup: Setup) -> Measurement:
         """Start at the planned joint angles, at rest."""
         mechanism, config = setup.mechanism, setup.config
-        terrain = config.terrain
+        payload = make_payload(config.payload, config.sampling_period)
+        ground = make_ground(config.terrain, config.sampling_period)
         step = config.sampling_period / self.substeps
-        self.law = PlantLaw(mechanism, make_ground(terrain), config.body_speed, step, self.substeps)
+        self.law = PlantLaw(mechanism, ground, payload, config.body_speed, step, self.substeps)
         self.state = new_state(mechanism.legs.shape[0])
         self.state.q[:] = setup.start
         self.state.body[0] = mechanism.hip_height
-        self.state.stiffness[:] = terrain.stiffness
+        self.state.stiffness[:] = config.terrain.stiffness
         observe(self.law, self.state, math.inf)
         feel_ground(self.law, self.state)
         observe(self.law, self.state, math.inf)

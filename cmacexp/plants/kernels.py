@@ -6,11 +6,36 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.arrays import Array
-from cmacexp.compile import kernel
-from cmacexp.models.body import balance, depth
-from cmacexp.models.ground import Ground, contact_force, damped_force, damped_spring, stiffness_at
+from cmacexp.compile import kernel, kernel_apart
+from cmacexp.config.surroundings import PayloadConfig
+from cmacexp.models.body import Load, balance, depth
+from cmacexp.models.ground import (
+    NEVER,
+    Ground,
+    contact_force,
+    damped_force,
+    damped_spring,
+    first_sample,
+    grade_at,
+    height_at,
+    stiffness_under,
+)
 from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of, trig_of, trigonometries
+
+
+class Payload(NamedTuple):
+    """What is put on the body during a run."""
+
+    load: Load
+    start: int
+    """Sampling periods after which it lies there."""
+
+
+def make_payload(payload: PayloadConfig, sampling_period: float) -> Payload:
+    """The payload that a config describes."""
+    start = first_sample(payload.time, sampling_period) if payload.weight else NEVER
+    return Payload(Load(payload.weight, payload.x, payload.y), start)
 
 
 class PlantLaw(NamedTuple):
@@ -18,6 +43,7 @@ class PlantLaw(NamedTuple):
 
     mechanism: Mechanism
     ground: Ground
+    payload: Payload
     speed: float
     """Of the body over the ground, m/s."""
     step: float
@@ -53,6 +79,8 @@ class PlantState(NamedTuple):
     """(L,): depression under each foot at the start of a Runge-Kutta step, m; kept where the ground has damping."""
     travel: Array
     """(1,): way that the body has gone, m."""
+    clock: Array
+    """(1,): sampling periods that have passed."""
     trig: Array
     """(L, 4): sines and cosines of the joint angles."""
     stages: Array
@@ -64,9 +92,9 @@ def new_state(legs: int) -> PlantState:
     q, dq, foot, velocity = (np.zeros((legs, 2)) for _ in range(4))
     force, stiffness, level, pressed = (np.zeros(legs) for _ in range(4))
     body, body_rate, travel, spring = (np.zeros(shape) for shape in (3, 3, 1, (2, legs)))
-    trig, stages = np.zeros((legs, 4)), np.zeros((6, legs, 2))
+    clock, trig, stages = np.zeros(1), np.zeros((legs, 4)), np.zeros((6, legs, 2))
     return PlantState(
-        q, dq, foot, velocity, force, body, body_rate, stiffness, level, spring, pressed, travel, trig, stages
+        q, dq, foot, velocity, force, body, body_rate, stiffness, level, spring, pressed, travel, clock, trig, stages
     )
 
 
@@ -76,10 +104,29 @@ def stand_force(law: PlantLaw, i: int, dq: Array, state: PlantState) -> float:
     depression = state.foot[i, 1] - law.mechanism.hip_height - state.level[i]
     if law.ground.damping == 0.0:
         return contact_force(state.stiffness[i], depression)
-    rate = dq[i, 1]
+    along, rate = dq[i, 0], dq[i, 1]
     if law.mechanism.kind != POINT_MASS:
-        rate = foot_velocity(leg_of(law.mechanism, i), trig_of(state.trig, i), dq[i, 0], dq[i, 1])[1]
+        along, rate = foot_velocity(leg_of(law.mechanism, i), trig_of(state.trig, i), dq[i, 0], dq[i, 1])
+    rate += grade_at(law.ground, state.foot[i, 0]) * along
     return damped_force(state.stiffness[i], law.ground.damping, depression, rate)
+
+
+@kernel
+def load_on(law: PlantLaw, step: float) -> Load:
+    """What the feet carry after ``step`` sampling periods: the body, and the payload once it is there."""
+    weight, payload = law.mechanism.weight, law.payload.load
+    if step < law.payload.start:
+        return Load(weight, 0.0, 0.0)
+    total = weight + payload.weight
+    return Load(total, payload.weight * payload.x / total, payload.weight * payload.y / total)
+
+
+@kernel_apart
+def feel_slope(ground: Ground, hips: Array, foot: Array, x: float, level: Array) -> None:
+    """Depth, m, at which each foot meets the ground, below the ground under a body at ``x``; fills ``level`` (L,)."""
+    below = height_at(ground.slope, ground.slope_start, x)
+    for i in range(hips.shape[0]):
+        level[i] = below - height_at(ground.slope, ground.slope_start, x + hips[i, 0] + foot[i, 0])
 
 
 @kernel
@@ -91,14 +138,15 @@ def balance_body(law: PlantLaw, state: PlantState, time: float) -> bool:
         for i in range(stiffness.shape[0]):
             stiffness[i], rest = damped_spring(state.stiffness[i], law.ground.damping, state.pressed[i], time)
             level[i] = state.level[i] + rest
-    return balance(mechanism.hips, state.foot, stiffness, level, mechanism.weight, state.body, state.force)
+    load = load_on(law, state.clock[0])
+    return balance(mechanism.hips, state.foot, stiffness, level, load, state.body, state.force)
 
 
 @kernel
-def contact(law: PlantLaw, q: Array, dq: Array, state: PlantState, time: float) -> None:
-    """Feet and contact forces at joint angles ``q`` and velocities ``dq``, each (L, 2), some time into a step.
+def contact(law: PlantLaw, q: Array, dq: Array, state: PlantState, time: float, x: float) -> None:
+    """Feet and contact forces at joint angles ``q`` and velocities ``dq``, each (L, 2); fills ``state`` with them.
 
-    Fills ``foot``, ``force``, ``body`` and ``trig`` of ``state``.
+    ``time`` has passed since the step began, s, and the body has come to ``x``, m.
     """
     mechanism = law.mechanism
     trigonometries(mechanism, q, state.trig)
@@ -107,9 +155,12 @@ def contact(law: PlantLaw, q: Array, dq: Array, state: PlantState, time: float) 
             state.foot[i, 0], state.foot[i, 1] = q[i, 0], q[i, 1]
         else:
             state.foot[i, 0], state.foot[i, 1] = foot_position(leg_of(mechanism, i), trig_of(state.trig, i))
-        if mechanism.kind != LEGS_UNDER_BODY:
+    if law.ground.slope != 0.0:
+        feel_slope(law.ground, mechanism.hips, state.foot, x, state.level)
+    if mechanism.kind != LEGS_UNDER_BODY:
+        for i in range(q.shape[0]):
             state.force[i] = stand_force(law, i, dq, state)
-    if mechanism.kind == LEGS_UNDER_BODY and not balance_body(law, state, time):
+    elif not balance_body(law, state, time):
         state.body[0] = math.nan
 
 
@@ -133,7 +184,7 @@ def feel_ground(law: PlantLaw, state: PlantState) -> None:
     hips = law.mechanism.hips
     for i in range(hips.shape[0]):
         x = state.travel[0] + hips[i, 0] + state.foot[i, 0]
-        state.stiffness[i] = stiffness_at(law.ground, x, hips[i, 1])
+        state.stiffness[i] = stiffness_under(law.ground, i, state.clock[0], x, hips[i, 1])
 
 
 @kernel
@@ -148,7 +199,7 @@ def feel_depression(law: PlantLaw, state: PlantState) -> None:
 @kernel
 def observe(law: PlantLaw, state: PlantState, time: float) -> None:
     """Bring feet, forces and velocities of ``state`` up to its joints, some time after they were so last."""
-    contact(law, state.q, state.dq, state, time)
+    contact(law, state.q, state.dq, state, time, state.travel[0])
     if law.ground.damping != 0.0 and law.mechanism.kind == LEGS_UNDER_BODY:
         feel_depression(law, state)
     for i in range(state.q.shape[0]):
@@ -169,25 +220,25 @@ def runge_kutta_step(law: PlantLaw, state: PlantState, tau: Array) -> None:
     h = law.step
     s = state.stages
     q, dq, k1, k2, k3, k4 = s[0], s[1], s[2], s[3], s[4], s[5]
-    legs = state.q.shape[0]
+    legs, half_way = state.q.shape[0], state.travel[0] + 0.5 * law.speed * h
     accelerate(law, state, state.dq, tau, k1)
     for i in range(legs):
         for j in range(2):
             q[i, j] = state.q[i, j] + 0.5 * h * state.dq[i, j]
             dq[i, j] = state.dq[i, j] + 0.5 * h * k1[i, j]
-    contact(law, q, dq, state, 0.5 * h)
+    contact(law, q, dq, state, 0.5 * h, half_way)
     accelerate(law, state, dq, tau, k2)
     for i in range(legs):
         for j in range(2):
             q[i, j] = state.q[i, j] + 0.5 * h * dq[i, j]
             dq[i, j] = state.dq[i, j] + 0.5 * h * k2[i, j]
-    contact(law, q, dq, state, 0.5 * h)
+    contact(law, q, dq, state, 0.5 * h, half_way)
     accelerate(law, state, dq, tau, k3)
     for i in range(legs):
         for j in range(2):
             q[i, j] = state.q[i, j] + h * dq[i, j]
             dq[i, j] = state.dq[i, j] + h * k3[i, j]
-    contact(law, q, dq, state, h)
+    contact(law, q, dq, state, h, state.travel[0] + law.speed * h)
     accelerate(law, state, dq, tau, k4)
     for i in range(legs):
         for j in range(2):
@@ -200,9 +251,11 @@ def runge_kutta_step(law: PlantLaw, state: PlantState, tau: Array) -> None:
 def advance(law: PlantLaw, state: PlantState, tau: Array) -> None:
     """Move the plant over one sampling period under the held torque ``tau`` (L, 2), N m."""
     height, pitch, roll = state.body[0], state.body[1], state.body[2]
-    for _ in range(law.substeps):
+    for substep in range(law.substeps):
         runge_kutta_step(law, state, tau)
         state.travel[0] += law.speed * law.step
+        if substep + 1 == law.substeps:
+            state.clock[0] += 1
         feel_ground(law, state)
         observe(law, state, law.step)
     period = law.substeps * law.step

@@ -6,10 +6,11 @@ import numpy as np
 
 from cmacexp.arrays import Array
 from cmacexp.errors import BadInput
-from cmacexp.models.ground import stiffness_at
+from cmacexp.models.ground import stiffness_under
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism
 from cmacexp.planning.setup import Setup
-from cmacexp.plants.mujoco_kernels import Bodies, Touch, press, stick
+from cmacexp.plants.kernels import Payload
+from cmacexp.plants.mujoco_kernels import Bodies, Touch, pressing, sticking
 from cmacexp.plants.mujoco_model import Torso, describe
 
 INSTALL = 'python -m pip install -e ".[mujoco]"'
@@ -39,9 +40,18 @@ class MujocoEngine:
         touch: how a foot feels the ground.
         step: time of one integration step, s.
         torso: the body, if it floats.
+        payload: what is put on it; it presses, but has no inertia.
     """
 
-    def __init__(self, mechanism: Mechanism, touch: Touch, step: float, torso: Torso | None = None):
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        touch: Touch,
+        step: float,
+        torso: Torso | None = None,
+        payload: Payload | None = None,
+    ):
+        self.payload, self.clock = payload, 0
         self.mujoco = load_mujoco()
         self.model = self.mujoco.MjModel.from_xml_string(describe(mechanism, step, torso))
         self.data = data = self.mujoco.MjData(self.model)
@@ -54,6 +64,8 @@ class MujocoEngine:
         )
         self.stiffness, self.force = np.full(legs, touch.ground.stiffness), np.zeros(legs)
         self.anchor = np.zeros((legs, 2))
+        self._pressing = pressing(touch, self.bodies, self.floats, self.stiffness, self.force, self.anchor)
+        self._sticking = sticking(touch, self.bodies, self.floats, self.force, self.anchor)
 
     def start(self, q: Array) -> None:
         """Be at rest at the joint angles ``q`` (L, 2), rad; every foot sticks where it is."""
@@ -64,28 +76,35 @@ class MujocoEngine:
         self._look()
 
     def feel_ground(self) -> None:
-        """Bring the stiffness under each foot up to where the foot is."""
-        if self.touch.ground.patch_spread > 0.0:
+        """Bring the stiffness under each foot up to where the foot is, and to the time."""
+        ground = self.touch.ground
+        if ground.patch_spread > 0.0 or self.clock >= ground.step_at:
             for i, (x, y, _) in enumerate(self.bodies.place[1 + self.floats :][1::2]):
-                self.stiffness[i] = stiffness_at(self.touch.ground, x, y)
+                self.stiffness[i] = stiffness_under(ground, i, self.clock, x, y)
+            self._press()
 
     def advance(self, torque: Array, steps: int) -> None:
-        """Integrate ``steps`` steps under the held ``torque`` (L, 2), N m."""
+        """Integrate ``steps`` steps, a sampling period in all, under the held ``torque`` (L, 2), N m."""
         self.torque[:] = torque
-        for _ in range(steps):
+        for step in range(steps):
             # Only while it is needed: the callback is MuJoCo's for every model of the process.
             self.mujoco.set_mjcb_passive(self._press)
             try:
                 self.mujoco.mj_step(self.model, self.data)
             finally:
                 self.mujoco.set_mjcb_passive(None)
+            self.clock += step + 1 == steps
             self._look()
             if self.touch.friction > 0.0:
-                stick(self.touch, self.bodies, self.floats, self.force, self.anchor)
+                next(self._sticking)
             self.feel_ground()
 
     def _press(self, model: Any = None, data: Any = None) -> None:
-        press(self.touch, self.bodies, self.floats, self.stiffness, self.force, self.anchor)
+        next(self._pressing)
+        if self.payload is not None and self.clock >= self.payload.start:
+            (weight, x, y), turn, pull = self.payload.load, self.bodies.turn[1], self.bodies.pull[1]
+            pull[2] = -weight
+            pull[3], pull[4] = -weight * (turn[3] * x + turn[4] * y), weight * (turn[0] * x + turn[1] * y)
 
     def _look(self) -> None:
         """Bring positions, velocities and contact forces up to the joints; a step leaves those of its last stage."""

@@ -1,15 +1,19 @@
 """What MuJoCo is told of the ground, and what is measured of its machine, as compiled kernels.
 
+What MuJoCo calls in every stage is a compiled generator: resuming it costs a tenth of calling a kernel with as many
+arrays, which its caller keeps alive.
+
 MuJoCo gives where its bodies are and how they move. Its body 0 is the world; then comes the body of the machine if
 it floats, and of every leg its thigh and its shank, whose centre of mass is the foot.
 """
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from cmacexp.arrays import Array
-from cmacexp.compile import kernel
-from cmacexp.models.ground import Ground, damped_force
+from cmacexp.compile import kernel, kernel_apart
+from cmacexp.models.ground import Ground, damped_force, grade_at, height_at
 
 
 class Touch(NamedTuple):
@@ -76,8 +80,10 @@ def press(touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Ar
     for i in range(force.shape[0]):
         shank = floats + 2 * i + 2
         first = 1 if floats else shank - 1
-        rate = -speed(bodies, shank, first, 2)
-        normal = damped_force(stiffness[i], touch.ground.damping, -bodies.place[shank, 2], rate)
+        x, ground = bodies.place[shank, 0], touch.ground
+        depression = height_at(ground.slope, ground.slope_start, x) - bodies.place[shank, 2]
+        rate = grade_at(ground, x) * speed(bodies, shank, first, 0) - speed(bodies, shank, first, 2)
+        normal = damped_force(stiffness[i], ground.damping, depression, rate)
         force[i] = bodies.pull[shank, 2] = normal
         if touch.friction > 0.0:
             for j in range(2):
@@ -112,10 +118,11 @@ def observe_stand(bodies: Bodies, hip_height: float, seen: Measured) -> None:
 
 
 @kernel
-def observe_body(bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> None:
+def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> None:
     """Body and feet of a machine that floats; fills ``seen``.
 
     Args:
+        ground: below the body, whose height is that above it.
         bodies: with places and velocities up to date.
         hips: (L, 2): in the body frame, m.
         torso: (6,): velocity of the body in the world, m/s, and its angular velocity in its own frame, rad/s.
@@ -123,8 +130,9 @@ def observe_body(bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> N
     """
     turn, at, w = bodies.turn[1], bodies.place[1], torso[3:]
     pitch, roll = -math.asin(turn[6]), math.atan2(turn[7], turn[8])
-    seen.pose[0], seen.pose[1], seen.pose[2] = at[2], pitch, roll
-    seen.pose_rate[0] = torso[2]
+    seen.pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
+    seen.pose[1], seen.pose[2] = pitch, roll
+    seen.pose_rate[0] = torso[2] - grade_at(ground, at[0]) * torso[0]
     seen.pose_rate[1] = w[1] * math.cos(roll) - w[2] * math.sin(roll)
     seen.pose_rate[2] = w[0] + (w[1] * math.sin(roll) + w[2] * math.cos(roll)) * math.tan(pitch)
     seen.travel[0], seen.travel[1], seen.travel[2] = at[0], at[1], math.atan2(turn[3], turn[0])
@@ -140,3 +148,37 @@ def observe_body(bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> N
         # What the foot moves in the world because the body turns is not motion of the leg.
         seen.velocity[i, 0] = turn[0] * vx + turn[3] * vy + turn[6] * vz - w[1] * z + w[2] * hips[i, 1]
         seen.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)
+
+
+@kernel_apart
+def pressing(
+    touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Array, anchor: Array
+) -> Iterator[int]:
+    """:func:`press` whenever it is resumed."""
+    while True:
+        press(touch, bodies, floats, stiffness, force, anchor)
+        yield 0
+
+
+@kernel_apart
+def sticking(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Array) -> Iterator[int]:
+    """:func:`stick` whenever it is resumed."""
+    while True:
+        stick(touch, bodies, floats, force, anchor)
+        yield 0
+
+
+@kernel_apart
+def observing_stand(bodies: Bodies, hip_height: float, seen: Measured) -> Iterator[int]:
+    """:func:`observe_stand` whenever it is resumed."""
+    while True:
+        observe_stand(bodies, hip_height, seen)
+        yield 0
+
+
+@kernel_apart
+def observing_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> Iterator[int]:
+    """:func:`observe_body` whenever it is resumed."""
+    while True:
+        observe_body(ground, bodies, hips, torso, seen)
+        yield 0

@@ -7,7 +7,7 @@ from cmacexp.models.ground import make_ground
 from cmacexp.models.mechanism import LEGS_ON_STAND
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.mujoco_engine import MujocoEngine, check_kind
-from cmacexp.plants.mujoco_kernels import Measured, Touch, observe_stand
+from cmacexp.plants.mujoco_kernels import Measured, Touch, observing_stand
 from cmacexp.plants.protocol import Measurement
 
 
@@ -30,10 +30,13 @@ class MujocoLeg:
             BadInput: the machine is no leg on a stand, or MuJoCo is not installed.
         """
         check_kind(setup, LEGS_ON_STAND, "mujoco_leg")
-        touch = Touch(make_ground(setup.config.terrain), 0.0, 0.0, 0.0)
+        touch = Touch(make_ground(setup.config.terrain, setup.config.sampling_period), 0.0, 0.0, 0.0)
         step = setup.config.sampling_period / self.substeps
         self.hip_height = setup.mechanism.hip_height
         self.engine = MujocoEngine(setup.mechanism, touch, step)
+        legs, body = self.engine.legs, np.array([self.hip_height, 0.0, 0.0])
+        self.seen = Measured(np.empty((legs, 2)), np.empty((legs, 2)), body, np.zeros(3), np.zeros(3))
+        self.observing = observing_stand(self.engine.bodies, self.hip_height, self.seen)
         self.engine.start(setup.start)
         return self.measure()
 
@@ -44,16 +47,7 @@ class MujocoLeg:
 
     def measure(self) -> Measurement:
         """What can be measured now."""
-        engine, legs = self.engine, self.engine.legs
-        body = np.array([self.hip_height, 0.0, 0.0])
-        seen = Measured(np.empty((legs, 2)), np.empty((legs, 2)), body, np.zeros(3), np.zeros(3))
-        observe_stand(engine.bodies, self.hip_height, seen)
-        return Measurement(
-            engine.q.copy(),
-            engine.dq.copy(),
-            seen.foot,
-            seen.velocity,
-            engine.force.copy(),
-            seen.pose,
-            seen.pose_rate,
-        )
+        next(self.observing)
+        foot, velocity, pose, rate, _ = (part.copy() for part in self.seen)
+        engine = self.engine
+        return Measurement(engine.q.copy(), engine.dq.copy(), foot, velocity, engine.force.copy(), pose, rate)

@@ -7,12 +7,13 @@ only as far as the feet push it.
 import numpy as np
 
 from cmacexp.arrays import Array
-from cmacexp.config.schema import QuadrupedMachine
+from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.models.ground import make_ground
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.planning.setup import Setup
+from cmacexp.plants.kernels import make_payload
 from cmacexp.plants.mujoco_engine import MujocoEngine, check_kind
-from cmacexp.plants.mujoco_kernels import Measured, Touch, observe_body
+from cmacexp.plants.mujoco_kernels import Measured, Touch, observing_body
 from cmacexp.plants.mujoco_model import Torso, check_inertia
 from cmacexp.plants.protocol import Measurement
 
@@ -60,14 +61,21 @@ class MujocoQuadruped:
         check_inertia(self.body_inertia)
         machine = setup.config.machine
         assert isinstance(machine, QuadrupedMachine)
-        touch = Touch(make_ground(setup.config.terrain), *self.grip)
+        touch = Touch(make_ground(setup.config.terrain, setup.config.sampling_period), *self.grip)
         step = setup.config.sampling_period / self.substeps
         torso = Torso(machine.body_mass, self.body_inertia)
-        self.hips = setup.mechanism.hips
-        self.engine = MujocoEngine(setup.mechanism, touch, step, torso)
+        payload = make_payload(setup.config.payload, setup.config.sampling_period)
+        self.engine = MujocoEngine(setup.mechanism, touch, step, torso, payload)
+        self.look(setup.mechanism.hips)
         draw = np.random.default_rng(self.start_seed)
         self.engine.start(setup.start + draw.uniform(-self.start_spread, self.start_spread, setup.start.shape))
         return self.measure()
+
+    def look(self, hips: Array) -> None:
+        """Look at the machine in the engine, whose hips are at ``hips`` (4, 2) in the body frame, m."""
+        self.seen = Measured(np.empty((4, 2)), np.empty((4, 2)), np.empty(3), np.empty(3), np.empty(3))
+        self.hips, self.torso = hips, self.engine.data.qvel[:6]
+        self.observing = observing_body(self.engine.touch.ground, self.engine.bodies, hips, self.torso, self.seen)
 
     def step(self, torque: Array) -> Measurement:
         """Hold ``torque`` (4, 2), N m, over one sampling period."""
@@ -76,8 +84,7 @@ class MujocoQuadruped:
 
     def measure(self) -> Measurement:
         """What can be measured now."""
+        next(self.observing)
+        foot, velocity, pose, rate, travel = (part.copy() for part in self.seen)
         engine = self.engine
-        seen = Measured(np.empty((4, 2)), np.empty((4, 2)), np.empty(3), np.empty(3), np.empty(3))
-        observe_body(engine.bodies, self.hips, engine.data.qvel[:6], seen)
-        q, dq, force = engine.q.copy(), engine.dq.copy(), engine.force.copy()
-        return Measurement(q, dq, seen.foot, seen.velocity, force, seen.pose, seen.pose_rate, seen.travel)
+        return Measurement(engine.q.copy(), engine.dq.copy(), foot, velocity, engine.force.copy(), pose, rate, travel)

@@ -18,7 +18,7 @@ def _log_body(entities: Entities, view: ShownRun) -> None:
     zero = np.zeros_like(view.time)
     way = view.way() * [1.0, 1.0, 0.0]
     entities.send_columns("world/travel", view.indexes, rr.Transform3D.columns(translation=way))
-    up = np.stack([zero, zero, view.body["height"]], axis=1)
+    up = np.stack([zero, zero, view.way()[:, 2]], axis=1)
     pose = rr.Transform3D.columns(translation=up, quaternion=view.turn())
     entities.send_columns("world/travel/body", view.indexes, pose)
     hips = np.array([[*leg.hip, 0.0] for leg in view.legs])

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PAPER, BASE, ALL, START = "constants of the paper", "none of the changes", "all changes", "start"
+LATE = "long walk without lead"
+BUT = ", but "
+"""In the name of a run with one of the paper's constants changed."""
 FEEDBACK = ", feedback alone"
 CUT_OFF = 10.0
 """Force errors slower than this are looked at apart, Hz."""
@@ -30,8 +33,8 @@ def first(names: list[str]) -> str:
 
 
 def plain(name: str) -> str:
-    """The walk with none of the changes that ``name`` does not tell, all of it kept."""
-    return f"{BASE}: {name}"
+    """A walk with none of the changes, but for what ``name`` tells; its trace is kept whole."""
+    return f"plain, {name}"
 
 
 def without(name: str) -> str:

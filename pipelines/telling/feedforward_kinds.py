@@ -144,11 +144,11 @@ def spread(values: np.ndarray, form: str = "") -> str:
     if np.isinf(values).any():
         return "never" if np.isinf(values).all() else f"not with {np.isinf(values).sum()} of {len(values)} seeds"
 
-    def told(value: float) -> str:
-        return format(value, form) if form else digits(value) if abs(value) >= 1.0 else f"{value:.2g}"
+    def told(value: float, below_one: str) -> str:
+        return format(value, form) if form else digits(value) if abs(value) >= 1.0 else format(value, below_one)
 
-    mean = told(float(values.mean()))
-    return f"{mean} ± {told(float(values.std(ddof=1)))}" if len(values) > 1 else mean
+    mean = told(float(values.mean()), ".2g")
+    return f"{mean} ± {told(float(values.std(ddof=1)), '.1g')}" if len(values) > 1 else mean
 
 
 def level(alone: Course) -> float:

@@ -52,7 +52,7 @@ def shown(course: Course) -> list[int]:
 
 
 def _both(x: np.ndarray, y: np.ndarray) -> str:
-    return f"{spread(x)} / {spread(y)}"
+    return f"{spread(x)} / {spread(y)}".replace(" ± ", "±")
 
 
 def accuracy(found: Mapping[str, Course], tilt: bool = False) -> list[Table]:
@@ -65,8 +65,7 @@ def accuracy(found: Mapping[str, Course], tilt: bool = False) -> list[Table]:
         at = [_both(course.at(course.x, c), course.at(course.y, c)) for c in cycles]
         needed = spread(course.cycles_to(level(found[ALONE])), ".0f") if KINDS[kind].learns else "-"
         best = f"{_both(course.at_best(course.x), course.at_best(course.y))} ({last})"
-        ends = listed(sorted(set(course.statuses)))
-        position.append([kind, *at, best, needed, ends])
+        position.append([kind, *at, best, needed])
         rows = [spread(course.at(course.force, c)) for c in cycles]
         other = course.tilt if tilt else course.settled
         rows += [spread(course.at(other, c)) for c in cycles]
@@ -79,7 +78,7 @@ def accuracy(found: Mapping[str, Course], tilt: bool = False) -> list[Table]:
     )
     names = [f"{what}, cycle {c}" for what in ("rms, N", second) for c in cycles]
     return [
-        Table(["feedforward", *columns, "learnt", "ends"], position, captions[0]),
+        Table(["feedforward", *columns, "learnt"], position, captions[0]),
         Table(["feedforward", *names, "rms, N, best", f"{second}, best"], force, captions[1]),
     ]
 
@@ -127,6 +126,12 @@ def _models(found: Mapping[str, Course]) -> str:
     )
 
 
+def _ends(found: Mapping[str, Course]) -> str:
+    """Whether every run went on to its end."""
+    short = [kind for kind, course in found.items() if set(course.statuses) != {"completed"}]
+    return f"Not all go on to the end: {listed(short)} fell or diverged." if short else "All go on to the end."
+
+
 def advice_one_leg(found: Mapping[str, Course]) -> str:
     """What to take for one leg that repeats its path."""
     compared = measures(found)
@@ -135,8 +140,8 @@ def advice_one_leg(found: Mapping[str, Course]) -> str:
         ranked(compared["best transfer error, mm,"])[0],
     )
     return (
-        f"{_models(found)} Advice: where the path repeats, learn; {fast} gets there soonest, {good} in the end "
-        "furthest. A model earns its place in the first cycles, before anything is learnt."
+        f"{_ends(found)} {_models(found)} Advice: where paths repeat, learn; {fast} gets there soonest, {good} in "
+        "the end furthest. A model earns its place in the first cycles, before anything is learnt."
     )
 
 
@@ -144,9 +149,8 @@ def advice_four_legs(found: Mapping[str, Course]) -> str:
     """What to take for a walk."""
     compared = measures(found)
     fast, good = ranked(compared["cycles to a tenth of the error"])[0], ranked(list(compared.values())[-1])[0]
-    fell = [kind for kind, course in found.items() if set(course.statuses) != {"completed"}]
     return (
-        f"{_models(found)} {'All walk on.' if not fell else f'Not all walk on: {listed(fell)}.'} "
+        f"{_ends(found)} {_models(found)} "
         f"Advice: on four legs take {fast} for speed of learning; {good} has the least force error in the last cycle "
         "shown."
     )
@@ -244,13 +248,13 @@ def costs(runs: Runs, cost: pd.DataFrame, found: Mapping[str, Course]) -> list[T
         Table(
             ["feedforward", "weights", "of them used", "time of a step", "median"],
             rows,
-            "Memory of one leg; time of a step of one leg over that of feedback alone: the least and the median of "
-            "runs that took turns in one process",
+            "Memory of one leg; processor time of a step of one leg over that of feedback alone: the least and the "
+            "median of runs that took turns in one process",
         ),
         Text(
-            f"Feedback alone takes {alone:.2g} µs a step here. Other programs on the same cores show in the median, "
-            "and hardly in the least time; differences of a tenth are noise. The perceptron runs in the step-by-step "
-            "loop, and learns at the end of each cycle in Python; all others run in the compiled loop. "
+            f"Feedback alone takes {alone:.2g} µs a step here. Other programs that share caches and cores show "
+            "in the median more than in the least time; differences of a tenth are noise. The perceptron runs in the "
+            "step-by-step loop, and learns at the end of each cycle in Python; all others run in the compiled loop. "
             f"Advice: {small} needs least memory ({size_of(memory[small])} against {size_of(memory[CMAC])} that "
             "CMAC uses of its board); time is no reason to choose among those of the compiled loop."
         ),

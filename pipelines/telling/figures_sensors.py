@@ -34,7 +34,7 @@ def failures(rows: "pd.DataFrame") -> "Figure":
     label(left, "survived", "P_fn, V_fn, m/N and m/(N s)", "failures survived, %")
     label(right, "broken leg: median and quartiles", "P_fn, V_fn, m/N and m/(N s)", "force rmse, N")
     left.legend(loc="lower left")
-    right.legend(loc="upper left")
+    right.legend(loc="lower left")
     return figure
 
 
@@ -62,7 +62,7 @@ def failure(runs: Mapping[str, StoredRun], leg: int, start: float) -> "Figure":
 def noise(rows: "pd.DataFrame", keys: Mapping[str, str]) -> "Figure":
     """Errors over the level of noise, a column for each signal and a row for each of ``keys``."""
     signals = [name for name in dict.fromkeys(rows["signal"]) if name != "sound"]
-    figure, axes = new_figure(len(keys), len(signals), 1.7, sharex="col")
+    figure, axes = new_figure(len(keys), len(signals), 1.7, sharex="col", sharey="row")
     sound = rows[rows["signal"] == "sound"].iloc[0]
     for n, (key, name) in enumerate(keys.items()):
         for m, signal in enumerate(signals):
@@ -71,7 +71,10 @@ def noise(rows: "pd.DataFrame", keys: Mapping[str, str]) -> "Figure":
             means, halves = (np.array([getattr(value, part) for value in own[key]]) for part in ("mean", "half"))
             axis.errorbar(own["level"], means, np.nan_to_num(halves), color=SERIES[m], marker=MARKERS[m], capsize=2)
             axis.set_xscale("log")
-            axis.set_ylim(bottom=0.0)
+            axis.minorticks_off()
+            ends = [own["level"].min(), own["level"].max()]
+            axis.set_xticks(ends, [f"{level:g}" for level in ends])
+            axis.set_ylim(0.0, 1.15 * max(value.mean + np.nan_to_num(value.half) for value in rows[key]))
             if n == 0:
                 axis.set_title(signal)
             if m == 0:

@@ -173,6 +173,41 @@ def advice_late(runs: Sequence[Long]) -> Text:
     )
 
 
+SMALL = 1.0
+"""Error in transfer that counts as learnt, mm."""
+
+
+def learnt(run: Long) -> float:
+    """First cycle with an error of at most SMALL; NaN if there is none."""
+    small = np.flatnonzero(run.error <= SMALL)
+    return float(small[0] + 1) if len(small) else float("nan")
+
+
+def rate_table(runs: Mapping[str, Long]) -> Table:
+    """How fast learning is at other rates, and how it ends."""
+    rows = []
+    for name, run in runs.items():
+        least, at = best(run.error)
+        told = [_number(learnt(run)), _number(least), str(at), _number(final(run.error)) if run.lasts else "-"]
+        rows.append([name, *told, _end(run), f"{run.drift['named']}" if run.drift else "-"])
+    columns = ["rate", f"{SMALL:g} mm in cycle", "best, mm", "in cycle", "final, mm", "ends", "drift named"]
+    return Table(columns, rows, "One leg, the paper's rule at other rates; 0.195 is the paper's.")
+
+
+def advice_rate(runs: Mapping[str, Long]) -> Text:
+    """Which rate to take."""
+    lasting = {name: run for name, run in runs.items() if run.lasts and not run.drift and learnt(run) == learnt(run)}
+    if not lasting:
+        return Text("Advice: none of these rates lasts.")
+    fastest = min(lasting, key=lambda name: learnt(lasting[name]))
+    drifting = [name for name, run in runs.items() if run.drift]
+    return Text(
+        f"Of what lasts, rate {fastest} is at {SMALL:g} mm first, in cycle {learnt(lasting[fastest]):.0f}. Drift at "
+        f"{listed(drifting)}: a smaller rate puts the end off in proportion, it does not prevent it. Advice: choose "
+        "the lead first; with it the paper's rate is safe, and the rate decides speed alone."
+    )
+
+
 def advice_walk(runs: Sequence[Long]) -> Text:
     """What to take for the quadruped."""
     lasting = sorted((run for run in runs if run.lasts), key=lambda run: final(run.force))

@@ -30,6 +30,11 @@ def jobs(quick: bool) -> Jobs:
     return runs
 
 
+def _same(good: list[str]) -> str:
+    """Says so where lead 1 is bounded because that is what auto comes to."""
+    return " (lead 1 where nothing is late, which is what auto comes to)" if "delay 0 lead 1" in good else ""
+
+
 def sections(runs: Runs) -> list[Section]:
     """Delays and leads."""
     rows, good, bad = [], [], []
@@ -52,8 +57,9 @@ def sections(runs: Runs) -> list[Section]:
     asked = [name for name in runs if name.startswith("delay") and "auto" in name]
     advice = Text(
         f"Of {len(asked)} runs with learning.lead=auto {len(kept)} stay bounded (at most {BOUND} times their own "
-        f"best over the last {WINDOW} cycles); of the others {len(good) - len(kept)} of "
-        f"{len(good) + len(bad) - len(asked)}. Advice: give learning.lead=auto and say how late actuator and "
+        f"best over the last {WINDOW} cycles); of those with "
+        f"lead 0 or 1 {len(good) - len(kept)} of {len(good) + len(bad) - len(asked)}"
+        f"{_same(good)}. Advice: give learning.lead=auto and say how late actuator and "
         "velocity sensors are: the lead is 1 for the sampling, plus that delay. Late positions need no lead, late "
         "velocities do: at the frequencies where a wrong lead makes errors grow, above 20 Hz, velocity is nearly all "
         "of the feedback."

@@ -204,9 +204,10 @@ def sections(runs: Runs) -> list[Section]:
             f"One leg in cycle {FIFTH} over the level of white noise; grey: without noise.",
         ),
         Text(
-            f"{_force_text(leg)} Felt (an error {FELT} times as large as without noise) are: "
-            f"{_levels(leg, ('y', 'feedback'))}. Advice: spend on velocity and position first; the force of one leg "
-            "may be crude, learning averages it."
+            f"{_force_text(leg)} Felt (a value {FELT} times as large as without noise) are: "
+            f"{_levels(leg, ('y', 'feedback'))}. Advice: look after the force sensor first, whose noise comes "
+            "through multiplied by K_ap P_fn, here 10 N for each N; noise goes into the torque, which wears motors, "
+            "and hardly into errors, since learning averages it."
         ),
     ]
     four = [
@@ -217,9 +218,9 @@ def sections(runs: Runs) -> list[Section]:
             "A quadruped over the level of white noise; grey: without noise.",
         ),
         Text(
-            f"Felt are: {_levels(walk, ('force', 'feedback', 'tilt'))}. Advice: a body on stiff ground asks most of "
-            "the sensors of its pose, since posture control multiplies height and tilt by its gain of 8; filter "
-            "them, or take a smaller posture.gain, before anything else."
+            f"Felt are: {_levels(walk, ('force', 'feedback', 'tilt'))}. Advice: take sensors a few times better than "
+            "these levels, and no more: below them noise shows in nothing, and even there in the torque before it "
+            "shows in force or tilt."
         ),
     ]
     found = [Section("Noise on one leg", one, beyond=True), Section("Noise on four legs", four, beyond=True)]

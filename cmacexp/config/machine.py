@@ -1,0 +1,109 @@
+"""What walks: geometry and masses of the machines."""
+
+from dataclasses import dataclass
+
+from cmacexp.config.fields import choice, number
+from cmacexp.models.gravity import GRAVITY
+
+
+@dataclass
+class LinksConfig:
+    """Two links with point masses at knee and foot (Lin & Song 1997, eq. 23)."""
+
+    length_1: float = number("m", above=0)
+    """Hip to knee, l1."""
+    length_2: float = number("m", above=0)
+    """Knee to foot, l2."""
+    mass_1: float = number("kg", above=0)
+    """Mass at the knee, m1."""
+    mass_2: float = number("kg", above=0)
+    """Mass at the foot, m2."""
+
+
+@dataclass
+class LegConfig(LinksConfig):
+    """A planar two-link leg."""
+
+    knee: str = choice("back", "forward")
+    """Side to which the knee bends: back is theta2 < 0 (assumed)."""
+
+
+@dataclass
+class LegMachine:
+    """One leg on a stand."""
+
+    leg: LegConfig
+    kind: str = choice("leg")
+    hip_height: float = number("m", above=0)
+    """Height of the hip above the undepressed ground."""
+
+
+@dataclass
+class BodyLegConfig(LegConfig):
+    """A leg under a body."""
+
+    hip_x: float = number("m")
+    """Hip in the body frame, forward of the centre of gravity."""
+    hip_y: float = number("m")
+    """Hip in the body frame, to the left."""
+
+
+@dataclass
+class FourLegs:
+    """The legs of a quadruped, in the order of their numbers."""
+
+    left_front: BodyLegConfig
+    right_front: BodyLegConfig
+    left_rear: BodyLegConfig
+    right_rear: BodyLegConfig
+
+    @property
+    def in_order(self) -> list[BodyLegConfig]:
+        """Legs 1 to 4."""
+        return [self.left_front, self.right_front, self.left_rear, self.right_rear]
+
+
+@dataclass
+class QuadrupedMachine:
+    """Four legs under a body whose height, pitch and roll balance weight and moments (Lin & Song 1997, section 6)."""
+
+    leg: LinksConfig
+    """Links of all legs that ``legs`` does not set otherwise."""
+    legs: FourLegs
+    kind: str = choice("quadruped")
+    hip_height: float = number("m", above=0.25)
+    """Height of the hips above the undepressed ground that the feet are planned for, h0 (assumed)."""
+    body_mass: float = number("kg", above=0)
+    """Mass of the body without its legs, for plants and plans in which it moves; 1 kg in the paper."""
+    weight: float | None = number("N", above=0)
+    """What the feet carry together where leg masses do not load the body; 40 N in the paper; null: of all masses."""
+
+    @property
+    def weight_of_masses(self) -> float:
+        """Of the body and all its legs, N."""
+        return GRAVITY * (self.body_mass + sum(leg.mass_1 + leg.mass_2 for leg in self.legs.in_order))
+
+    @property
+    def hips(self) -> list[tuple[float, float]]:
+        """Hips 1 to 4 in the body frame, forward and left, m."""
+        return [(leg.hip_x, leg.hip_y) for leg in self.legs.in_order]
+
+    @property
+    def total_weight(self) -> float:
+        """What the feet carry together, N."""
+        return self.weight_of_masses if self.weight is None else self.weight
+
+
+@dataclass
+class PointMassMachine:
+    """The leg as a point mass that moves along x and y (Lin & Song 1997, eq. 2-4)."""
+
+    kind: str = choice("point_mass")
+    hip_height: float = number("m", above=0)
+    """Depth of the undepressed ground below the origin."""
+    mass: float = number("kg", above=0)
+    start_clearance: float = number("m")
+    """Height of the mass above the undepressed ground at the start (assumed)."""
+
+
+MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine}

@@ -1,0 +1,47 @@
+"""What the machine stands on and carries, as a config says it: fields of :mod:`cmacexp.config.schema`."""
+
+from dataclasses import dataclass
+
+from cmacexp.config.fields import number
+
+
+@dataclass
+class TerrainConfig:
+    """Elastic ground (Lin & Song 1997, eq. 1). Planner and controller know of its stiffness alone."""
+
+    stiffness: float = number("N/m", at_least=1e-3, at_most=1e9)
+    """K_n, the stiffness that the plant feels."""
+    assumed_stiffness: float | None = number("N/m", at_least=1e-3, at_most=1e9)
+    """The K_n that planner and controller believe in; null: the true one, before any step of it."""
+    patch_size: float = number("m", at_least=1e-3)
+    """Side of the square patches of the ground."""
+    patch_spread: float = number("", at_least=0, below=1)
+    """Each patch has K_n times a factor between 1 - spread and 1 + spread; 0: the same everywhere."""
+    patch_seed: int = number("", at_least=0, below=2**32)
+    """Seed of the patches."""
+    damping: float = number("N s/m", at_least=0, at_most=1e9)
+    """Force of the ground over the speed at which it is pressed in; 0 as in the paper. The ground never pulls."""
+    step_time: float | None = number("s", at_least=0)
+    """When the stiffness steps; null: never."""
+    step_factor: float = number("", at_least=1e-3, at_most=1e3)
+    """K_n after the step over that before it."""
+    step_legs: list[int] | None = number("", at_least=1, at_most=4)
+    """Legs under which it steps, by their numbers; null: all."""
+    slope: float = number("", above=-1, below=1)
+    """Height that the ground gains over the way, m/m; 0: flat. It is as stiff along the vertical as flat ground."""
+    slope_start: float = number("m")
+    """Where the slope begins, x in the world; flat before. The body's centre starts at 0."""
+
+
+@dataclass
+class PayloadConfig:
+    """What is put on the body during a run; planner and controller do not know of it."""
+
+    weight: float = number("N", at_least=0)
+    """0: none."""
+    x: float = number("m")
+    """Where it lies on the body, forward of its centre, in the plane of the hips."""
+    y: float = number("m")
+    """Where it lies on the body, to the left."""
+    time: float = number("s", at_least=0)
+    """From when on it lies there."""
