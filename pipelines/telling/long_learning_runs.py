@@ -13,6 +13,8 @@ from cmacexp.stability.measured import growth_over, stretch
 from cmacexp.stored import StoredRun
 from cmacexp.sweep.table import steps_per_cycle
 
+ROUNDING = 1e-9
+"""Part of its largest value below which the change of the feedback tells nothing."""
 NEAR = 100
 """Cycles at the end of a run over which its final error is told."""
 
@@ -61,20 +63,26 @@ class Long:
         return np.hypot(self.x, self.y)
 
     @property
+    def moving(self) -> Array:
+        """:attr:`change` up to the cycle from which on it is rounding alone."""
+        still = np.flatnonzero(self.change < ROUNDING * self.change.max(initial=0.0))
+        return self.change[: still[0]] if len(still) else self.change
+
+    @property
     def measured(self) -> float:
         """Growth per cycle of the change of the feedback, as :mod:`cmacexp.stability` reads it; NaN if too short."""
         first = int(self.config["learning"]["start_cycle"])
-        if len(self.change) < first + 3:
+        if len(self.moving) < first + 3:
             return float("nan")
-        return growth_over(self.change, stretch(self.change, first, self.lasts))
+        return growth_over(self.moving, stretch(self.moving, first, self.lasts))
 
     @property
     def predicted(self) -> float:
         """The same as predicted from its config and its calmest cycle; NaN if it ends before."""
         first = int(self.config["learning"]["start_cycle"])
-        if len(self.change) < first + 3:
+        if len(self.moving) < first + 3:
             return float("nan")
-        place = stretch(self.change, first, self.lasts)
+        place = stretch(self.moving, first, self.lasts)
         config = compose_config(overrides_of(self.config))
         try:
             return predicted_growth(config, place.calm).over(place.first, place.last)

@@ -81,10 +81,11 @@ def advice_leg(runs: Sequence[Long], aware: Long) -> list[Text]:
     )
     others = [_name(run) for run in lasting if run is not one]
     rest = f"Of the rest {listed(others[:4])}{' and others last' if len(others) > 4 else ' last'}." if others else ""
+    least = lasting[0] if final(lasting[0].error) < ENOUGH * final(one.error) else one
+    why = "with the smallest error" if least is lasting[0] else "than which none is a tenth better"
     advice = (
-        f"Advice: take {_name(lasting[0])}, which ends with the smallest error ({final(lasting[0].error):.2g} mm). A "
-        "rule that keeps the weights bounded is no substitute for the right lead: it pays for it with the error it "
-        "leaves."
+        f"Advice: take {_name(least)}, {why} at the end ({final(least.error):.2g} mm). A rule that keeps the weights "
+        "bounded is no substitute for the right lead: it pays for it with the error it leaves."
     )
     return [Text(f"{told} {rest}"), Text(advice)]
 
@@ -101,15 +102,22 @@ def advice_drift(runs: Sequence[Long]) -> Text:
     ended = [run for run in runs if not run.lasts]
     named = [run for run in ended if run.drift]
     lead = [run.cycles + 1 - run.drift["named"] for run in named if run.drift]
-    quiet = [run for run in runs if run.lasts and not run.drift]
-    loud = [_name(run) for run in runs if run.lasts and run.drift]
     before = f", {np.median(lead):.0f} cycles before their end in the median" if lead else ""
-    still = f"; named though they reached their last cycle: {listed(loud)}" if loud else ""
+    lasting = [run for run in runs if run.lasts]
+    groups = {which: [run for run in lasting if bool(run.drift) == which] for which in (False, True)}
+    worse = {which: _times_best(group) for which, group in groups.items()}
     return Text(
-        f"{len(named)} of the {len(ended)} runs that ended by themselves were named{before}. {len(quiet)} of the "
-        f"{len(quiet) + len(loud)} that lasted never were{still}. Advice: watch drift in the manifest instead of "
-        "the errors; when it is named the errors are still near their best, and learning can be stopped there."
+        f"{len(named)} of the {len(ended)} runs that ended by themselves were named{before}. Of the {len(lasting)} "
+        f"that reached their last cycle {len(groups[False])} never were; they end at {worse[False]} times their best "
+        f"error in the median, the {len(groups[True])} others at {worse[True]} times. Advice: watch drift in the "
+        "manifest instead of the errors; when it is named the errors are still near their best, and learning can be "
+        "stopped there."
     )
+
+
+def _times_best(runs: Sequence[Long]) -> str:
+    """Final over best error in the median; a dash of no runs."""
+    return f"{np.median([final(run.error) / best(run.error)[0] for run in runs]):.2f}" if runs else "-"
 
 
 def growth_table(runs: Sequence[Long]) -> pa.Table:
@@ -138,18 +146,26 @@ def of_growth(growth: "pd.DataFrame") -> str:
     )
 
 
+def _of_lead(growth: "pd.DataFrame", name: str, lead: str = "0") -> float:
+    return float(growth[name].loc[growth["lead"] == lead].iloc[0])
+
+
 def advice_growth(growth: "pd.DataFrame") -> Text:
     """What a prediction is good for."""
     known = growth.dropna(subset=["predicted", "measured"])
     right = ((known["predicted"] > 1.0) == (known["measured"] > 1.0)).sum()
-    paper = known[(known["rule"] == "paper") & (known["lead"] == "0")]
+    own = known[known["rule"] == "paper"]
     told = "".join(
-        f" {row.machine} under the law as published: predicted {row.predicted:.4f}, measured {row.measured:.4f}."
-        for row in paper.itertuples()
+        f" {str(machine).capitalize()} under the paper's rule: within {_misses(group).median():.1g} in the median "
+        f"over the leads; as published {_of_lead(group, 'predicted'):.4f} predicted, "
+        f"{_of_lead(group, 'measured'):.4f} measured."
+        for machine, group in own.groupby("machine", sort=False)
+        if (group["lead"] == "0").any()
     )
     return Text(
-        f"The linearised loop tells {right} of {len(known)} times rightly whether the feedback grows.{told} Advice: "
-        "run python -m cmacexp.stability DIR on a run of some thirty cycles before one of thousands."
+        f"The linearised loop tells {right} of {len(known)} times rightly whether the feedback grows.{told} Rules "
+        "that change with the size of the error or with time are predicted worse: they are linearised at one cycle. "
+        "Advice: run python -m cmacexp.stability DIR on a run of some thirty cycles before one of thousands."
     )
 
 
@@ -166,13 +182,18 @@ def advice_late(runs: Sequence[Long]) -> Text:
         lasting = [run.lead for run in own if run.lasts]
         told.append(f"{delay} late: {listed(lasting)} last" if lasting else f"{delay} late: none lasts")
     smooth = [run for run in runs if run.rule == "weight_smoothing"]
-    kept = [f"{run.delay} late with lead {run.lead}" for run in smooth if run.lasts]
+    kept = [
+        f"{delay} late with {listed([run.lead for run in smooth if run.lasts and run.delay == delay])}"
+        for delay in sorted({run.delay for run in smooth})
+    ]
     return Text(
-        f"Leads that last under the paper's rule: {'; '.join(told)}. Weight smoothing lasts {listed(kept)}. Advice: "
+        f"Leads that last under the paper's rule: {'; '.join(told)}. Weight smoothing: {'; '.join(kept)}. Advice: "
         "take learning.lead=auto, the number of samples from a torque to the feedback it causes."
     )
 
 
+ENOUGH = 0.9
+"""Part of the error of the paper's rule below which another rule is worth it."""
 SMALL = 1.0
 """Error in transfer that counts as learnt, mm."""
 
