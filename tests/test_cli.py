@@ -93,7 +93,7 @@ def test_force_step_leaves_joints_and_unused_references_empty(tmp_path):
 
 
 BAD = {
-    "scenario=one_lag": "scenario=one_lag: choose from force_step, one_leg, quadruped; did you mean one_leg?",
+    "scenario=one_lag": "choose from force_step, one_leg, quadruped, quadruped_lasting; did you mean one_leg?",
     "force_control=stifness": "did you mean stiffness?",
     "cmca=one_leg": "cmac, controller",
     "cmac.layrs=3": "did you mean cmac.layers?",

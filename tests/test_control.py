@@ -13,6 +13,7 @@ from cmacexp.control.actuator import saturate
 from cmacexp.control.hybrid_law import METHODS, HybridLaw, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise, lead_step
 from cmacexp.control.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth
+from cmacexp.control.plausibility import Plausibility
 from cmacexp.errors import BadInput
 from cmacexp.models.leg import Leg, joint_torque, trigonometry
 from cmacexp.models.mechanism import legs_on_stand, point_mass
@@ -97,10 +98,14 @@ def feedback(law, support, reference, foot, velocity, force, q=(0.0, 0.0)):
     return np.array(us), np.array(torques)
 
 
+BELIEVED = Plausibility(False, 10.0, 0.0, 0.0, 1.0)
+"""Force sensors that are believed, whatever they tell."""
+
+
 def make_law(method="combined", mechanism=None, period=0.005):
     lead = discretise(5.0, 10.0, period)
     mechanism = mechanism or point_mass(0.5, 0.5)
-    return HybridLaw(mechanism, METHODS[method], 90.0, 4.0, 70.0, 0.05, 0.02, lead, 0.0, 0.0)
+    return HybridLaw(mechanism, METHODS[method], 90.0, 4.0, 70.0, 0.05, 0.02, lead, 0.0, 0.0, BELIEVED)
 
 
 def noise(columns, seed):
@@ -110,7 +115,7 @@ def noise(columns, seed):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("support", [False, True])
 def test_feedback_is_one_lead_each_over_position_and_velocity_errors(method, support):
-    law, reference = make_law(method), noise(6, 0)
+    law, reference = make_law(method), noise(7, 0)
     reference[:, 5] = 0.0
     foot, velocity, force = noise(2, 1), noise(2, 2), noise(1, 3)[:, 0]
     position_error, velocity_error = reference[:, :2] - foot, reference[:, 2:4] - velocity
@@ -132,7 +137,7 @@ def test_feedback_is_one_lead_each_over_position_and_velocity_errors(method, sup
 def test_feedback_torque_of_a_leg_is_jacobian_transposed_times_force_and_desired_force():
     leg, q = Leg(0.35, 0.3, 0.5, 0.5, -1.0), (1.9, -0.8)
     at_foot, on_leg = make_law(), make_law(mechanism=legs_on_stand([leg], 0.5))
-    motion = noise(6, 0), noise(2, 1), noise(2, 2), noise(1, 3)[:, 0]
+    motion = noise(7, 0), noise(2, 1), noise(2, 2), noise(1, 3)[:, 0]
     force, _ = feedback(at_foot, True, *motion)
     taught, torque = feedback(on_leg, True, *motion, q=q)
     trig = trigonometry(*q)
