@@ -72,7 +72,7 @@ class RunView:
 
     def ground_height(self, x: Array) -> Array:
         """z of the undepressed ground at ``x`` in the world, m; flat where a config has no slope."""
-        terrain = self.config["terrain"]
+        terrain = self.config.get("terrain", {})
         return rise(terrain.get("slope", 0.0), terrain.get("slope_start", 0.0), x)
 
     def in_world(self, points: Array) -> Array:

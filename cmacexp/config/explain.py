@@ -1,6 +1,7 @@
 """Say in one line, with the names that exist, why a config could not be composed."""
 
 import difflib
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -69,6 +70,8 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         overrides: the command line.
     """
     cause = error.__cause__
+    if unresolved := re.match(r"Error resolving interpolation '\$\{(\w+)\}'", str(error)):  # of conf/config.yaml
+        return f"{unresolved[1]}=None: must be a group of fields; choose an option of conf/{unresolved[1]}"
     if isinstance(error, MissingConfigException) and error.options is not None:
         group, _, name = str(error.missing_cfg_file).rpartition("/")
         if str(error.missing_cfg_file) in EXTRAS:
