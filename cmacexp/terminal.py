@@ -15,7 +15,7 @@ from cmacexp.pooled import table_of_cycles
 from cmacexp.run_one import RunResult
 from cmacexp.scenario import Scenario
 
-COMPILING = "first run: compiling the control loop, once for all later runs (about 10 s) ..."
+COMPILING = "first run: compiling the control loop, once for all later runs (up to half a minute) ..."
 
 
 def say(text: str, error: bool = False) -> None:
