@@ -44,6 +44,7 @@ def test_a_memory_that_ends_a_run_is_worse_than_any():
 def test_what_is_learnt_is_counted_in_cycles_after_the_first():
     assert memory(1024, 3.9).learnt().middle == pytest.approx(10.0)
     assert str(memory(1024, 4.1).learnt()) == "-"
+    assert str(memory(1024, 3.9, 4.1).learnt()) == "-"  # not of those alone that get there
 
 
 def test_enough_is_the_smallest_memory_from_which_on_all_are_good():
@@ -60,7 +61,7 @@ def told(*memories: Memory) -> str:
 
 def test_advice_follows_the_data():
     learns = told(memory(512, 40.0, 40.0, rate=1.0), memory(2**20, 0.5))
-    assert "even 64 words, where 100% collide, learn" in learns
+    assert "even 64 words, where 100% collide, complete every run" in learns
     assert "hash with 41 rows for each visited cell, or give" in learns
     assert "below 131072 words" not in learns
     ends = told(memory(512, None, 9.0), memory(1024, 5.0), memory(2**20, 0.5))

@@ -37,7 +37,7 @@ def _axis(axes: "Axes", values: Sequence[float], names: Sequence[str]) -> None:
     axes.minorticks_off()
 
 
-def _plain_y(axes: "Axes") -> None:
+def plain_y(axes: "Axes") -> None:
     """A logarithmic y axis that reads 0.5, 1, 2."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -77,7 +77,7 @@ def draw_accuracy(sizes: Sequence[Size], cycles: Sequence[int]) -> "Figure":
                     one.plot(places, heights, linestyle="", fillstyle="none", **{**look, "markersize": 7})
             one.axvline(value(paper), **FINE)
             label(one, title if row == 0 else "", unit if row else "", f"error in {side}, mm" if column == 0 else "")
-            _plain_y(one)
+            plain_y(one)
     layers = [s.layers for s in ways[0][2]]
     _axis(axes[3], sorted(layers), [str(n) for n in sorted(layers)])
     widths = [2.0**n for n in range(-5, 1)]
@@ -111,7 +111,7 @@ def draw_collisions(sizes: Sequence[Size]) -> "Figure":
         one.xaxis.set_major_formatter("{x:g}")
         one.axvline(1.0, **FINE)
         label(one, f"error in {side}, cycle {last}", "rows of memory per visited cell", f"error in {side}, mm")
-        _plain_y(one)
+        plain_y(one)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(counts))
     return figure
 
@@ -132,6 +132,6 @@ def draw_walk(sizes: Sequence[Size]) -> "Figure":
         )
         axes[k].axvline(paper_size(sizes).memory, **FINE)
         label(axes[k], title, "memory of one leg", f"{title}, cycle {last}, {unit}")
-        _plain_y(axes[k])
+        plain_y(axes[k])
         _memory_axis(axes[k], [s.memory for s in group])
     return figure

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cmacexp.report.style import DASHES, MARKERS, SERIES, label, new_figure
+from pipelines.telling.cmac_size_figures import plain_y
 from pipelines.telling.hashing_found import Interval, Memory, free, hashed
 
 if TYPE_CHECKING:
@@ -38,8 +39,8 @@ def over_memory(rules: Mapping[str, Sequence[Memory]]) -> "Figure":
         for one, side in ((axes[2], "x"), (axes[3], "y")):
             _with_bars(one, k, name, memories, [m.errors(side) for m in memories])
     titles = {
-        "collisions": "visited cells that share a row, %",
-        "learning": "cycles to a tenth of the error in y",
+        "collisions": "of the visited cells, %",
+        "learning": "cycles to 1/10 in y",
         "error in x": "mm, at the end",
         "error in y": "mm, at the end",
     }
@@ -48,9 +49,7 @@ def over_memory(rules: Mapping[str, Sequence[Memory]]) -> "Figure":
         one.xaxis.set_major_formatter("{x:g}")
         label(one, title, "rows per visited cell", unit)
     for one in axes[1:]:
-        one.set_yscale("log")
-        one.yaxis.set_major_formatter("{x:g}")
-        one.yaxis.set_minor_formatter("")
+        plain_y(one)
     handles, names = axes[3].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=max(1, len(names)))
     return figure

@@ -98,8 +98,9 @@ class Memory:
         return interval([_last(getattr(s, side)) for s in self.sizes if max(s.x) == self.cycles])
 
     def learnt(self) -> Interval:
-        """Cycles after the first until the error in y is a tenth of that of the first, of the runs that get there."""
-        return interval([found for size in self.sizes if (found := _cycles_to_tenth(size)) is not None])
+        """Cycles after the first until the error in y is a tenth of that of the first; NaN unless all get there."""
+        reached = [cycles for size in self.sizes if (cycles := _cycles_to_tenth(size)) is not None]
+        return interval(reached if len(reached) == len(self.sizes) else [])
 
 
 def _last(by_cycle: Mapping[int, float]) -> float:

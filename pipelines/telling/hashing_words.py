@@ -69,8 +69,9 @@ def _of_rule(rule: str, memories: Sequence[Memory]) -> str:
     if lives is None or lives is good:
         return f"{told}. Below that some runs diverge or fall."
     if lives is small:
-        return f"{told}; even {small.words} words, where {small.rate:.0%} collide, learn, and end at " + (
-            f"{small.errors('x')} / {small.errors('y')} mm."
+        return (
+            f"{told}; even {small.words} words, where {small.rate:.0%} collide, complete every run, and end at "
+            + (f"{small.errors('x')} / {small.errors('y')} mm.")
         )
     return f"{told}; below {lives.words} words some runs diverge or fall."
 
@@ -93,10 +94,10 @@ def cost(measured: pd.DataFrame) -> Text:
     """What the hash costs, from nanoseconds a sample by ``way``."""
     took = measured.set_index("way")["time"]
     return Text(
-        f"The hash costs {(took['hashed'] - took['neither']) / 1e3:.1f} µs a sample on the machine that wrote this "
-        f"({took['hashed'] / 1e3:.1f} µs against {took['neither'] / 1e3:.1f} µs for the address alone), and giving "
-        f"rows to visited cells {(took['visited'] - took['neither']) / 1e3:.1f} µs. A run pays it once for each "
-        "sample of the cycle, since the plan fixes every address."
+        f"The hash costs {took['hashed'] - took['neither']:.0f} ns a sample on the machine that wrote this "
+        f"({took['hashed']:.0f} ns against {took['neither']:.0f} ns for the address alone), and looking up the rows "
+        f"of visited cells {took['visited'] - took['neither']:.0f} ns. A run pays it once for each sample of the "
+        "cycle, since the plan fixes every address."
     )
 
 
