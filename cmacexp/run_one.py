@@ -122,7 +122,7 @@ def _roll_out(
 def _told_by_parts(scenario: Scenario) -> manifests.Manifest:
     """What built-in parts tell of their run; a class of one's own may use the same names for something else."""
     controller, feedforward = scenario.controller, scenario.feedforward
-    dropped = controller.dropped if isinstance(controller, HybridController) else {}
+    dropped = controller.dropped if isinstance(controller, HybridController) and scenario.fault is None else {}
     memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else []
     return {
         "dropped": [{"leg": i, "step": k} for i, k in dropped.items()],

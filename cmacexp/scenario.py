@@ -124,7 +124,7 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
         first, fault = new_measurement(mechanism.legs.shape[0]), None
         try:
             first = _reset(setup, parts)
-        except BadInput:
+        except (BadInput, EOFError):  # the latter is damaged compiled code, not the part's
             raise
         except Exception as error:
             fault = error

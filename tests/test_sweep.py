@@ -116,7 +116,7 @@ def test_a_part_that_raises_fails_its_job_alone(tmp_path):
     done = cmacexp("-m", targets, "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
     assert done.returncode == 1
     assert table_of(tmp_path / "s")["status"].tolist() == ["failed", "completed"]
-    assert table_of(tmp_path / "s")["cause"][0] == "RuntimeError: no such luck"
+    assert table_of(tmp_path / "s")["cause"][0] == "before the first step: RuntimeError: no such luck"
     assert "in reset" in json.loads((tmp_path / "s" / "0" / "manifest.json").read_text())["traceback"]
 
 
