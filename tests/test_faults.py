@@ -60,7 +60,8 @@ def test_a_full_disk_is_a_clear_error_and_keeps_nothing_half_written(size, refus
     assert f"{refused}: cannot be written" in told
     assert "Traceback" not in done.stderr
     kept = {path.name for path in (tmp_path / "out").glob("*")} - {".hydra"}
-    assert kept == (set() if refused == "trace.parquet" else {"trace.parquet", "metrics.parquet", "metrics.csv"})
+    whole = {"trace.parquet", "memory.parquet", "metrics.parquet", "metrics.csv"}
+    assert kept == (set() if refused == "trace.parquet" else whole)
     assert all(pd.read_parquet(path).size for path in (tmp_path / "out").glob("*.parquet"))
 
 
