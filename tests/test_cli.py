@@ -10,7 +10,7 @@ import time
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from command import ROOT, cmacexp, python
+from command import ROOT, cmacexp, python, started
 
 from cmacexp.terminal import COMPILING
 
@@ -234,16 +234,7 @@ def test_commands_refuse_a_folder_without_a_run(command, tmp_path):
 
 
 def test_interrupt_keeps_what_there_is(tmp_path):
-    command = [
-        sys.executable,
-        "-m",
-        "cmacexp",
-        "cycles=27000",
-        "learning.lead=1",
-        "record=trace",
-        f"hydra.run.dir={tmp_path}",
-    ]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = started("cycles=27000", "learning.lead=1", "record=trace", f"hydra.run.dir={tmp_path}", folder=ROOT)
     time.sleep(4.0)
     process.send_signal(signal.SIGINT)
     process.communicate()

@@ -3,13 +3,11 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 
 import pandas as pd
 import pytest
-from command import ROOT, cmacexp, python
+from command import ROOT, cmacexp, python, started
 
 SWEEPER = '''
 import json
@@ -227,10 +225,7 @@ def test_a_launcher_that_is_not_installed_is_told_with_its_extra():
 
 
 def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
-    command = [sys.executable, "-m", "cmacexp", "-m", "seed=range(500)", "cycles=1", "hydra.sweep.dir=s"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    process = subprocess.Popen(command, cwd=tmp_path, env=environment, **pipes)
+    process = started("-m", "seed=range(500)", "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
     while not (tmp_path / "s" / "2" / "manifest.json").exists() and process.poll() is None:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
