@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cmacexp.arrays import Array
 from cmacexp.control import CmacFeedforward, HybridController
+from cmacexp.loop.samples import SAMPLES
+from cmacexp.loop.scenario import Scenario
 from cmacexp.models.mechanism import LEGS_ON_STAND
 from cmacexp.plants import AnalyticPlant
-from cmacexp.rollout.layout import SAMPLES
-from cmacexp.scenario import Scenario
+from cmacexp.typing import Array
 
 SOURCE = Path(__file__).with_name("one_leg.c")
 FLAGS = ["-O2", "-ffp-contract=off", "-shared", "-fPIC"]

@@ -7,13 +7,13 @@ import numpy as np
 from benchmarks.c_loop import planned_inputs
 from benchmarks.peers import NumpyCmac, Peer, installed
 from benchmarks.timing import Row, Table, compared, in_turn, make_config, ratio, stopwatch
-from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.addressing import Address, address
 from cmacexp.cmac.memory import read, train
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange, spanning
-from cmacexp.compile import kernel
-from cmacexp.scenario import make_scenario
+from cmacexp.jit.compiler import kernel
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.typing import Array, Cells
 
 INPUTS = {2: "[angle]", 4: "[angle,velocity]", 6: "[angle,velocity,acceleration]"}
 BATCH = 10_000

@@ -6,12 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 from benchmarks.timing import Row, Table, compared, in_turn, make_config
-from cmacexp.arrays import Array
 from cmacexp.config import Config
 from cmacexp.control import Action, Reference
+from cmacexp.loop import Rollout, roll_out
+from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.plants import Measurement
-from cmacexp.rollout import Rollout, roll_out
-from cmacexp.scenario import Scenario, make_scenario
+from cmacexp.typing import Array
 
 TARGET = "10 us on top"
 

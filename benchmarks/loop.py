@@ -12,8 +12,8 @@ from benchmarks import foreign
 from benchmarks.c_loop import build, compiler, run_in_c
 from benchmarks.timing import ROOT, Row, Table, compared, in_turn, make_config, python
 from cmacexp.config import Config
-from cmacexp.rollout import roll_out, stream
-from cmacexp.scenario import make_scenario
+from cmacexp.loop import roll_out, stream
+from cmacexp.loop.scenario import make_scenario
 
 TARGETS = {"one_leg": "0.30 us where C takes 0.36 us", "quadruped": "3 us, aim 2 us", "force_step": ""}
 

@@ -7,9 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.addressing import Address
 from cmacexp.models.mix import MASK, MULTIPLIER
+from cmacexp.typing import Array, Cells
 
 
 class Peer(Protocol):

@@ -8,10 +8,10 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
 from benchmarks.timing import Row, Table, compared, in_turn, make_config, stopwatch
-from cmacexp.rollout import roll_out
-from cmacexp.scenario import make_scenario
-from cmacexp.table import write_table
-from cmacexp.trace import assemble
+from cmacexp.data.parquet import write_table
+from cmacexp.loop import roll_out
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.loop.trace import assemble
 
 
 def _size(path: Path) -> str:

@@ -2,11 +2,12 @@
 
 from typing import TYPE_CHECKING, Any
 
+from cmacexp.version import __version__
+
 if TYPE_CHECKING:
     from cmacexp.api import load, run
 
 __all__ = ["__version__", "load", "run"]
-__version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> Any:

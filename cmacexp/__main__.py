@@ -1,15 +1,15 @@
 """``python -m cmacexp scenario=one_leg``."""
 
 import atexit
+import gc
 import os
 import sys
 import threading
 
 if __name__ == "__main__":
-    from cmacexp.garbage import collect_rarely
-
-    collect_rarely()
-    from cmacexp.cli import main
+    # Importing makes a hundred thousand objects that stay: looking for garbage among them takes longer than a run.
+    gc.set_threshold(100_000, 50, 50)
+    from cmacexp.cli.main import main
 
     code = main()
     # Without taking apart at the end all objects that importing made, which takes longer than a run.

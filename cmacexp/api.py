@@ -1,19 +1,51 @@
 """Runs from Python, as from the command line: :func:`run` one, :func:`load` an old one."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
+from html import escape
 from pathlib import Path
 from typing import Any
 
 from cmacexp.config.compose import compose_config
-from cmacexp.errors import BadInput
-from cmacexp.parts import METHODS
-from cmacexp.run_one import run_scenario
-from cmacexp.scenario import make_scenario
-from cmacexp.stored import StoredRun
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.errors import BadInput, BadRun
+from cmacexp.experiment import run_scenario
+from cmacexp.loop.factory import METHODS
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.metrics.summary import table_of_cycles
 
 RUN_FOLDER = "hydra.run.dir="
+
+
+@dataclass(frozen=True, repr=False)
+class Run(StoredRun):
+    """A finished run that prints its main metrics per cycle; tables are read on first use."""
+
+    def _summary(self) -> tuple[str, list[str], list[list[str]]]:
+        """How it ended in a line, titles and rows of its main metrics."""
+        manifest = self.manifest
+        titles, rows = table_of_cycles(self.scores)
+        cause = f" {manifest['cause']}" if manifest.get("cause") else ""
+        line = f"{self.folder}: {self.config.get('scenario')}, {self.status}{cause}, {manifest['steps']} steps"
+        return line, [f"{title} {unit}".rstrip() for title, unit in titles], rows
+
+    def __repr__(self) -> str:
+        """How it ended, and its main metrics per cycle."""
+        try:
+            line, titles, rows = self._summary()
+        except (BadRun, OSError, KeyError) as error:
+            return f"{type(self).__name__}({str(self.folder)!r}: {error})"
+        widths = [max(map(len, column)) for column in zip(titles, *rows, strict=True)]
+        lines = ("  ".join(cell.rjust(n) for cell, n in zip(row, widths, strict=True)) for row in [titles, *rows])
+        return "\n".join([line, *lines] if rows else [line])
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        line, titles, rows = self._summary()
+        head = "".join(f"<th>{escape(title)}</th>" for title in titles)
+        body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+        return f"<p>{escape(line)}</p><table><tr>{head}</tr>{body}</table>"
 
 
 def _split(overrides: Sequence[str]) -> tuple[list[str], Path | None]:
@@ -33,7 +65,7 @@ def run(
     *,
     config_dir: str | Path | None = None,
     **parts: object,
-) -> StoredRun:
+) -> Run:
     """The same run as ``python -m cmacexp`` with these overrides.
 
     Args:
@@ -61,15 +93,15 @@ def run(
     place = Path(folder) if folder is not None else named
     if place is None:
         place = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))
-    return StoredRun(run_scenario(config, place, prepared=make_scenario(config, **parts)).folder)
+    return Run(run_scenario(config, place, prepared=make_scenario(config, **parts)).folder)
 
 
-def load(folder: str | Path) -> StoredRun:
+def load(folder: str | Path) -> Run:
     """A run of before, by its folder.
 
     Raises:
         BadRun: it is not the folder of a run that came to its end.
     """
-    stored = StoredRun(Path(folder))
+    stored = Run(Path(folder))
     _ = stored.manifest
     return stored

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cmacexp import manifest as manifests
+from cmacexp.cli.command import command
+from cmacexp.data import manifest as manifests
+from cmacexp.data.discovery import is_run, runs_below
+from cmacexp.data.tables import BODY, RECORDING, read_traces, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.folders import command, is_run, runs_below
-from cmacexp.keep import BODY, RECORDING, read_traces, steps_by_cycle
 
 COMPARISONS = Path("outputs", "comparisons")
 """Where comparisons are kept unless told."""

@@ -4,13 +4,15 @@ import argparse
 import sys
 from pathlib import Path
 
-from cmacexp import manifest as manifests
+from cmacexp.cli.command import command
+from cmacexp.data import manifest as manifests
+from cmacexp.data.discovery import runs_below
+from cmacexp.data.files import sha256
+from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, write_scores
 from cmacexp.errors import BadRun
-from cmacexp.files import sha256
-from cmacexp.folders import command, runs_below
-from cmacexp.keep import BODY, MEMORY, TRACE, Scores, score_traces, write_scores
 from cmacexp.metrics.drift import drift_entry
-from cmacexp.terminal import scores_table
+from cmacexp.metrics.score import score_traces
+from cmacexp.report.terminal import scores_table
 
 
 def score(folder: Path) -> Scores:

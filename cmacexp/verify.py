@@ -2,42 +2,13 @@
 
 import argparse
 import sys
-from pathlib import Path
 
-from cmacexp import manifest as manifests
-from cmacexp.config import config_hash
-from cmacexp.errors import BadRun
-from cmacexp.files import sha256
-from cmacexp.folders import command, runs_below
+from cmacexp.cli.command import command
+from cmacexp.data import manifest as manifests
+from cmacexp.data.discovery import runs_below
+from cmacexp.data.integrity import faults
 
 NOT_WHOLE = 4
-
-
-def _config_hash(folder: Path) -> str | None:
-    """Hash of the config that the manifest of a run holds; None without a readable manifest."""
-    try:
-        return config_hash(manifests.read(folder)["config"])
-    except BadRun:
-        return None
-
-
-def faults(folder: Path) -> list[str]:
-    """What keeps a run or a report from being whole; empty if it is."""
-    try:
-        manifest = manifests.read(folder)
-    except BadRun as error:
-        return [str(error).removeprefix(f"{folder}: ")]
-    found = []
-    for name, expected in manifest["files"].items():
-        path = folder / name
-        if not path.is_file():
-            found.append(f"{name}: missing")
-        elif sha256(path) != expected:
-            found.append(f"{name}: changed since it was written")
-    for name, expected in manifest.get("runs", {}).items():
-        if _config_hash(folder / name) != expected:
-            found.append(f"{name}: its config is not the one that the report tells of")
-    return found
 
 
 def _verify(arguments: argparse.Namespace) -> int:

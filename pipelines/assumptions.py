@@ -8,11 +8,9 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any
 
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.report.page import Drawing, Section, Table, Text
-from cmacexp.stored import StoredRun
-from pipelines.shared.runs import Runs
-from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling.assumptions_conclusions import (
+from pipelines.analysis.assumptions_conclusions import (
     Conclusion,
     Outcome,
     changed_by,
@@ -23,9 +21,11 @@ from pipelines.telling.assumptions_conclusions import (
     quadruped,
     shown,
 )
-from pipelines.telling.assumptions_figure import draw
-from pipelines.telling.assumptions_list import METHODS, ONE_LEG, QUADRUPED, Assumption
-from pipelines.telling.measured import listed
+from pipelines.analysis.assumptions_figure import draw
+from pipelines.analysis.assumptions_list import METHODS, ONE_LEG, QUADRUPED, Assumption
+from pipelines.analysis.measured import listed
+from pipelines.shared.runs import Runs
+from pipelines.shared.study import Jobs, Study, main
 
 LEG, WALK, MASS = "one leg", "quadruped", "point mass"
 MACHINES = {

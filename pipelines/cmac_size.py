@@ -5,11 +5,9 @@ What it shows: the width of a cell matters most, layers hardly, and a small part
 """
 
 from cmacexp.report.page import Drawing, Section
-from pipelines.shared.runs import Runs
-from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling.cmac_size_figures import draw_accuracy, draw_collisions, draw_walk
-from pipelines.telling.cmac_size_verdicts import ELEMENTS as RESOLUTION
-from pipelines.telling.cmac_size_verdicts import (
+from pipelines.analysis.cmac_size_figures import draw_accuracy, draw_collisions, draw_walk
+from pipelines.analysis.cmac_size_verdicts import ELEMENTS as RESOLUTION
+from pipelines.analysis.cmac_size_verdicts import (
     INPUTS,
     LAYERS,
     MEMORY,
@@ -21,8 +19,10 @@ from pipelines.telling.cmac_size_verdicts import (
     median_worsening,
     paper_size,
 )
-from pipelines.telling.cmac_size_words import advice, captions, claims, shown_cycles, tables
-from pipelines.telling.measured import size_of
+from pipelines.analysis.cmac_size_words import advice, captions, claims, shown_cycles, tables
+from pipelines.analysis.measured import size_of
+from pipelines.shared.runs import Runs
+from pipelines.shared.study import Jobs, Study, main
 
 LEG, WALK = "one leg", "quadruped"
 LAYER_COUNTS, GRID_LAYERS = (2, 4, 16, 64), (8, 128)

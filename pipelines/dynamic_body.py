@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 from cmacexp.plants.mujoco_engine import load_mujoco
 from cmacexp.report.page import Section
+from pipelines.analysis.dynamic_body_sections import falls_section, ladder_section, starts_section, walks_section
+from pipelines.analysis.dynamic_body_words import ALL, BASE, LATE, PAPER, START, alone, first, plain, without
 from pipelines.shared.runs import Runs
 from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling.dynamic_body_sections import falls_section, ladder_section, starts_section, walks_section
-from pipelines.telling.dynamic_body_words import ALL, BASE, LATE, PAPER, START, alone, first, plain, without
 
 WALK = ("scenario=quadruped", "plant=mujoco_quadruped")
 CHANGES: dict[str, tuple[str, ...]] = {

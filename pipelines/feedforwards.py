@@ -7,13 +7,11 @@ minutes, most of them for the perceptron.
 """
 
 from cmacexp.report.page import Drawing, Section, Text
-from pipelines.shared.runs import Runs
-from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling import feedforward_change as change
-from pipelines.telling import feedforward_words as words
-from pipelines.telling import figures_feedforward as figures
-from pipelines.telling.feedforward_cost import cost_table
-from pipelines.telling.feedforward_kinds import (
+from pipelines.analysis import feedforward_change as change
+from pipelines.analysis import feedforward_words as words
+from pipelines.analysis import figures_feedforward as figures
+from pipelines.analysis.feedforward_cost import cost_table
+from pipelines.analysis.feedforward_kinds import (
     CHANGES,
     FOUR_LEGS,
     KEPT,
@@ -26,6 +24,8 @@ from pipelines.telling.feedforward_kinds import (
     name_of,
     rate_group,
 )
+from pipelines.shared.runs import Runs
+from pipelines.shared.study import Jobs, Study, main
 
 SEEDS = 5
 COMMON = ("reference=aware", "learning.lead=1")

@@ -12,13 +12,13 @@ from itertools import pairwise
 
 import pandas as pd
 
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.step import step_info
 from cmacexp.report.page import Claim, Drawing, Link, Section, Table, Text
-from cmacexp.stored import StoredRun
+from pipelines.analysis import figures_force as figures
+from pipelines.analysis.stiffness_mismatch import METHODS, apparent_stiffness, predicted_force
 from pipelines.shared.runs import Runs
 from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling import figures_force as figures
-from pipelines.telling.ground_belief import METHODS, apparent_stiffness, predicted_force
 
 ASSUMED = 10.0
 """Ground stiffness of section 5, N/m, which the references are made for."""

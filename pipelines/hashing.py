@@ -7,11 +7,11 @@ minutes on two cores.
 """
 
 from cmacexp.report.page import Drawing, Section
+from pipelines.analysis import hashing_words as words
+from pipelines.analysis.hashing_figures import over_memory
+from pipelines.analysis.hashing_found import addressing_cost, found
 from pipelines.shared.runs import Runs
 from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling import hashing_words as words
-from pipelines.telling.hashing_figures import over_memory
-from pipelines.telling.hashing_found import addressing_cost, found
 
 LEG, WALK = "one leg", "quadruped"
 MEMORIES = {LEG: (*(2**n for n in range(9, 17)), 2**18, 2**20), WALK: (*(2**n for n in range(9, 16)), 2**16, 2**18)}

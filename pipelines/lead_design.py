@@ -13,9 +13,9 @@ import pyarrow as pa
 from cmacexp.config.compose import compose_config
 from cmacexp.control.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth, scan
 from cmacexp.report.page import Claim, Drawing, Link, Section, Table
+from pipelines.analysis.figures_lead import design_maps
 from pipelines.shared.runs import Runs
 from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling.figures_lead import design_maps
 
 if TYPE_CHECKING:
     import pandas as pd

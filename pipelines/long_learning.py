@@ -10,11 +10,11 @@ from collections.abc import Sequence
 
 from cmacexp.cmac.rules import RULES
 from cmacexp.report.page import Drawing, Section, Text
+from pipelines.analysis import long_learning_figures as figures
+from pipelines.analysis import long_learning_words as words
+from pipelines.analysis.long_learning_runs import Long, read
 from pipelines.shared.runs import Runs
 from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling import long_learning_figures as figures
-from pipelines.telling import long_learning_words as words
-from pipelines.telling.long_learning_runs import Long, read
 
 LEADS = (-2, -1, 0, 1, 2, 3)
 DELAYS = (0, 1, 2)

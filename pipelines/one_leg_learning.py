@@ -8,16 +8,16 @@ diverges.
 
 import numpy as np
 
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.report.page import Drawing, Section, Text
-from cmacexp.stored import StoredRun
+from pipelines.analysis import figures_one_leg as figures
+from pipelines.analysis import one_leg_beyond as beyond
+from pipelines.analysis import one_leg_claims as claims
+from pipelines.analysis import one_leg_torque_claims as torque_claims
+from pipelines.analysis.one_leg_measures import FIFTH, FIRST, SECOND, by_cycle, torque_oscillation
+from pipelines.analysis.one_leg_statics import feedback_force, literal_depth, weight_at_foot
 from pipelines.shared.runs import Runs
 from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling import figures_one_leg as figures
-from pipelines.telling import one_leg_beyond as beyond
-from pipelines.telling import one_leg_claims as claims
-from pipelines.telling import one_leg_torque_claims as torque_claims
-from pipelines.telling.one_leg_measures import FIFTH, FIRST, SECOND, by_cycle, torque_oscillation
-from pipelines.telling.one_leg_statics import feedback_force, literal_depth, weight_at_foot
 
 MM = 1e3
 RAMP = 0.2

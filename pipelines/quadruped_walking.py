@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.report.page import Drawing, Section, Table, Text
-from cmacexp.stored import StoredRun
+from pipelines.analysis import figures_walk, machine_views, walk_claims
+from pipelines.analysis import gait_events as walk_moments
+from pipelines.analysis.gait_events import Walk
+from pipelines.analysis.walk_claims import MM, PERCENT, End
 from pipelines.shared.runs import Runs
 from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling import figures_walk, machine_views, walk_claims, walk_moments
-from pipelines.telling.walk_claims import MM, PERCENT, End
-from pipelines.telling.walk_moments import Walk
 
 if TYPE_CHECKING:
     import pandas as pd

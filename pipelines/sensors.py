@@ -7,9 +7,9 @@ which it walks at all; the lead must be the number of samples from torque to fee
 """
 
 from cmacexp.report.page import Section
+from pipelines.analysis import sensor_delay, sensor_failures, sensor_noise
 from pipelines.shared.runs import Runs
 from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling import sensor_delay, sensor_failures, sensor_noise
 
 
 def jobs(quick: bool) -> Jobs:

@@ -7,9 +7,9 @@ wrongly of ground and weight it does not mend. About a minute on two cores.
 """
 
 from cmacexp.report.page import Section
+from pipelines.analysis import terrain_recovery, terrain_shape
 from pipelines.shared.runs import Runs
 from pipelines.shared.study import Jobs, Study, main
-from pipelines.telling import terrain_recovery, terrain_shape
 
 
 def jobs(quick: bool) -> Jobs:

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.quantiser import InputRange, quantise
-from cmacexp.compile import kernel
+from cmacexp.jit.compiler import kernel
 from cmacexp.models.mix import mix
+from cmacexp.typing import Array, Cells
 
 
 class Address(NamedTuple):

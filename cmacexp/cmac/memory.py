@@ -1,7 +1,7 @@
 """Reading and training the rows of a CMAC."""
 
-from cmacexp.arrays import Array, Cells
-from cmacexp.compile import kernel
+from cmacexp.jit.compiler import kernel
+from cmacexp.typing import Array, Cells
 
 
 @kernel

@@ -5,17 +5,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.arrays import Array, Cells
 from cmacexp.cmac.addressing import Address, address_batch
 from cmacexp.cmac.displacement import displacement
 from cmacexp.cmac.memory import read_batch, read_weighted_batch, train_batch, train_weighted_batch
 from cmacexp.cmac.quantiser import InputRange
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate_batch
 from cmacexp.cmac.visited import Visited
-from cmacexp.config.check import WORD_BYTES, check_memory
-from cmacexp.config.schema import CmacConfig
-from cmacexp.files import write_atomically
+from cmacexp.config.cmac import WORD_BYTES, CmacConfig, check_memory
+from cmacexp.data.files import write_atomically
 from cmacexp.models.mix import MASK
+from cmacexp.typing import Array, Cells
 
 
 class Cmac:

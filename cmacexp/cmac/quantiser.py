@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array
-from cmacexp.compile import kernel
+from cmacexp.jit.compiler import kernel
+from cmacexp.typing import Array
 
 
 class InputRange(NamedTuple):

@@ -2,9 +2,9 @@
 
 import math
 
-from cmacexp.arrays import Array
 from cmacexp.cmac.addressing import Address
-from cmacexp.compile import kernel
+from cmacexp.jit.compiler import kernel
+from cmacexp.typing import Array
 
 RECTANGULAR, LINEAR, CUBIC = range(3)
 RECEPTIVE_FIELDS = {"rectangular": RECTANGULAR, "linear": LINEAR, "cubic": CUBIC}

@@ -5,9 +5,9 @@ thing otherwise, to the strength of one field of the config. ``zero_phase``, the
 steps around: see :mod:`cmacexp.cmac.spread`.
 """
 
-from cmacexp.arrays import Array, Cells
-from cmacexp.compile import kernel, kernel_apart
 from cmacexp.config.schema import LearningConfig
+from cmacexp.jit.compiler import kernel, kernel_apart
+from cmacexp.typing import Array, Cells
 
 PAPER, NORMALISED, DEAD_ZONE, LEAKAGE, E_MODIFICATION, WEIGHT_SMOOTHING, DECAYING_RATE, ZERO_PHASE = range(8)
 

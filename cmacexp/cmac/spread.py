@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from cmacexp.arrays import Array, Cells
-from cmacexp.compile import kernel_apart
 from cmacexp.errors import BadInput
+from cmacexp.jit.compiler import kernel_apart
+from cmacexp.typing import Array, Cells
 
 MOST_ENTRIES = 2**27
 """Active weights of all steps of a cycle and the steps around them, as looked at by :func:`spread_shares`."""

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array
 from cmacexp.cmac.addressing import address_batch
 from cmacexp.cmac.network import Cmac
-from cmacexp.config.check import MOST_POSITIONS
+from cmacexp.config.cmac import MOST_POSITIONS
+from cmacexp.typing import Array
 
 
 class MemoryUse(NamedTuple):

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.arrays import Cells
 from cmacexp.errors import BadInput
+from cmacexp.typing import Cells
 
 Positions = NDArray[np.uint64]
 

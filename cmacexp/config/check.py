@@ -1,19 +1,16 @@
 """Checks of a config that one field alone cannot tell."""
 
+from cmacexp.config.check_environment import check_payload, check_slope, check_stiffness_step
 from cmacexp.config.check_sensors import check_sensors
-from cmacexp.config.check_surroundings import check_payload, check_slope, check_stiffness_step
+from cmacexp.config.cmac import check_memory
 from cmacexp.config.feedforwards import INPUTS, PerceptronConfig, RadialBasisConfig
 from cmacexp.config.fields import check_fields, listed
 from cmacexp.config.machine import QuadrupedMachine
-from cmacexp.config.schema import CmacConfig, Config
+from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
 OUTPUTS = 2
 """Outputs of a CMAC: one torque for each joint of its leg."""
-WORD_BYTES = 8
-"""Bytes of a CMAC weight, a float64."""
-MOST_POSITIONS = 2**63
-"""Cells of a CMAC that 64 bits tell apart."""
 LEGS = {"transfer_first": 1, "standing": 1, "wave": 4}
 """Legs that each gait pattern is for."""
 MOST_ROWS = 2**24
@@ -91,26 +88,6 @@ def check_machine(config: Config) -> None:
         raise BadInput("force_control.desired_force", force, f"{allowed} with machine.kind={config.machine.kind}")
 
 
-def check_load_sharing(config: Config) -> None:
-    """Hold dynamic load sharing to a body whose weight is that of its masses."""
-    machine = config.machine
-    if config.force_control.load_sharing == "static":
-        return
-    if not isinstance(machine, QuadrupedMachine):
-        raise BadInput(
-            "force_control.load_sharing",
-            config.force_control.load_sharing,
-            f"must be static with machine.kind={machine.kind}, whose force is force_control.desired_force",
-        )
-    of_masses = machine.weight_of_masses
-    if abs(machine.total_weight - of_masses) > TOLERANCE * of_masses:
-        raise BadInput(
-            "machine.weight",
-            machine.weight,
-            f"must be null or {of_masses:.6g} N, the weight of all masses, with force_control.load_sharing=dynamic",
-        )
-
-
 def check_pattern(config: Config) -> None:
     """Hold the duty factor to what the gait's pattern can do."""
     gait = config.gait
@@ -138,35 +115,6 @@ def check_pattern(config: Config) -> None:
             "gait.load_ramp",
             gait.load_ramp,
             f"must be 0, or from {shortest:g} s ({SHORTEST_RAMP} samples) to below {support_time:g} s of support",
-        )
-
-
-def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
-    """Hold a CMAC's memory to at least one weight per layer and output, and to all its cells if it is dense.
-
-    Raises:
-        BadInput: the memory is too small.
-    """
-    least = cmac.layers * outputs * WORD_BYTES
-    if cmac.memory_bytes < least:
-        raise BadInput(
-            "cmac.memory_bytes",
-            cmac.memory_bytes,
-            f"must be at least {least} B, one float64 per layer and output ({cmac.layers} layers)",
-        )
-    dense = least * cmac.resolution_elements**inputs
-    if cmac.addressing == "visited" and dense // (outputs * WORD_BYTES) > MOST_POSITIONS:
-        raise BadInput(
-            "cmac.addressing",
-            "visited",
-            "needs at most 2^63 cells; take fewer cmac.inputs, layers or resolution_elements, or hashed",
-        )
-    if cmac.addressing == "dense" and dense > cmac.memory_bytes:
-        raise BadInput(
-            "cmac.memory_bytes",
-            cmac.memory_bytes,
-            f"dense addressing of {inputs} inputs needs {dense} B (at most {2**30} B are allowed); "
-            "give it that, take fewer cmac.inputs or layers, or cmac.addressing=hashed",
         )
 
 
@@ -234,7 +182,6 @@ def check(config: Config) -> None:
     check_fields(config)
     check_timing(config)
     check_machine(config)
-    check_load_sharing(config)
     check_stiffness_step(config, LEGS[config.gait.pattern])
     check_slope(config)
     check_payload(config)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from cmacexp.config.fields import choice, number
-from cmacexp.models.gravity import GRAVITY
 
 
 @dataclass
@@ -79,19 +78,9 @@ class QuadrupedMachine:
     """What the feet carry together where leg masses do not load the body; 40 N in the paper; null: of all masses."""
 
     @property
-    def weight_of_masses(self) -> float:
-        """Of the body and all its legs, N."""
-        return GRAVITY * (self.body_mass + sum(leg.mass_1 + leg.mass_2 for leg in self.legs.in_order))
-
-    @property
     def hips(self) -> list[tuple[float, float]]:
         """Hips 1 to 4 in the body frame, forward and left, m."""
         return [(leg.hip_x, leg.hip_y) for leg in self.legs.in_order]
-
-    @property
-    def total_weight(self) -> float:
-        """What the feet carry together, N."""
-        return self.weight_of_masses if self.weight is None else self.weight
 
 
 @dataclass

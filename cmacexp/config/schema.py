@@ -6,8 +6,9 @@ Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do n
 from dataclasses import dataclass, field
 from typing import Any
 
+from cmacexp.config.cmac import CmacConfig
+from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.config.feedforwards import (
-    INPUTS,
     InverseDynamicsConfig,
     IterativeLearningConfig,
     PerceptronConfig,
@@ -17,7 +18,6 @@ from cmacexp.config.fields import choice, number
 from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.config.mujoco import MujocoLegConfig, MujocoQuadrupedConfig
 from cmacexp.config.sensors import RealSensorsConfig
-from cmacexp.config.surroundings import PayloadConfig, TerrainConfig
 
 
 @dataclass
@@ -117,28 +117,6 @@ class PlausibilityConfig:
 
 
 @dataclass
-class CmacConfig:
-    """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
-
-    layers: int = number("", at_least=1, at_most=4096)
-    """C, the number of quantisation functions, which is the generalisation size."""
-    resolution_elements: int = number("", at_least=2, at_most=65536)
-    """Blocks of each quantisation function; (resolution_elements - 1) x layers quanta span an input's range."""
-    memory_bytes: int = number("B", at_least=1, at_most=2**30)
-    """Memory of one CMAC; a word is a float64, so rows = memory_bytes / (8 x outputs)."""
-    addressing: str = choice("hashed", "dense", "visited")
-    """hashed: cells share rows by chance; dense: each has its own; visited: each that the path visits has its own."""
-    displacement: str = choice("diagonal", "odd_lattice", "parks_militzer")
-    """How the layers are shifted against each other; diagonal as in the paper."""
-    inputs: list[str] = choice(*INPUTS)
-    """Planned joint values that address the memory (assumed)."""
-    range_factor: float = number("", at_least=1, at_most=1e6)
-    """Input range over the planned span, centred on its middle (assumed)."""
-    receptive_field: str = choice("rectangular", "linear", "cubic")
-    """How much a cell counts over its width: fully, as in the paper, or by a B-spline (Lane et al. 1992)."""
-
-
-@dataclass
 class LearningConfig:
     """The learning law (Lin & Song 1997, eq. 19, 20); the rules and their sources stand in cmacexp/cmac/rules.py."""
 
@@ -226,7 +204,7 @@ class Config:
     record: RecordConfig
     sweep: SweepConfig
     optimize: str | None
-    """Metric whose final value a job of a sweep gives to the sweeper (see cmacexp/optimize.py); null: none."""
+    """Metric whose final value a job of a sweep gives to the sweeper (see cmacexp/sweep/objective.py); null: none."""
     warn: bool
     """Say before a long run if its learning is predicted to come apart (see cmacexp/stability/warn.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)

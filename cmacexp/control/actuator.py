@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array
-from cmacexp.compile import kernel
 from cmacexp.config.schema import ActuatorConfig
+from cmacexp.jit.compiler import kernel
+from cmacexp.typing import Array
 
 
 class Actuator(NamedTuple):

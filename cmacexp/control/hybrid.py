@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from cmacexp.arrays import Array
-from cmacexp.control.hybrid_law import METHODS, HybridLaw, HybridState, hybrid_feedback, new_hybrid_state
+from cmacexp.control.fault_detection import Plausibility
+from cmacexp.control.hybrid_kernels import METHODS, HybridLaw, HybridState, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise
-from cmacexp.control.plausibility import Plausibility
-from cmacexp.control.protocol import Action, Feedforward, Reference
+from cmacexp.control.protocol import Action
+from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.models.mechanism import trigonometries
-from cmacexp.planning.setup import Setup
+from cmacexp.planning.setup import Reference, Setup
 from cmacexp.plants.protocol import Measurement
+from cmacexp.typing import Array
 
 
 class HybridController:

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from cmacexp.compile import kernel
+from cmacexp.jit.compiler import kernel
 
 
 class Lead(NamedTuple):

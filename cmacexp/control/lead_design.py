@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array
+from cmacexp.typing import Array
 
 EFFECTIVE_MASS = 0.75
 """Mass that the foot of the paper's leg moves, kg (assumed)."""

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array, Mask
 from cmacexp.metrics.measures import largest
+from cmacexp.typing import Array, Mask
 
 
 class Rhythm(NamedTuple):

@@ -7,9 +7,9 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from cmacexp.arrays import Array
+from cmacexp.data.parquet import as_array
 from cmacexp.metrics.metric import CONTRACT, CYCLE, MCGHEE_FRANK, Metric, to_table
-from cmacexp.table import as_array
+from cmacexp.typing import Array
 
 
 class BodyBlock(NamedTuple):
@@ -91,7 +91,7 @@ def compute_body(body: pa.Table, steps_per_cycle: int) -> pa.Table:
     """One row per cycle: mean, least and largest height, largest tilt, least of each margin.
 
     Args:
-        body: as :func:`cmacexp.trace.assemble_body` makes it; the last cycle may be short.
+        body: as :func:`cmacexp.loop.trace.assemble_body` makes it; the last cycle may be short.
         steps_per_cycle: N.
     """
     scorer = BodyScorer(steps_per_cycle)

@@ -3,14 +3,14 @@
 import numpy as np
 import pyarrow as pa
 
-from cmacexp.arrays import Array
+from cmacexp.data.parquet import as_array, is_support
 from cmacexp.metrics.block import Block, rhythm_of
-from cmacexp.metrics.definitions import METRICS, OF_A_CYCLE
 from cmacexp.metrics.drift import Drift, DriftWatch
 from cmacexp.metrics.learning import LEARNING
 from cmacexp.metrics.memory import MEMORY, values_of
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
-from cmacexp.table import as_array, is_support
+from cmacexp.metrics.registry import METRICS, OF_A_CYCLE
+from cmacexp.typing import Array
 
 
 def cut(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> Block:
@@ -68,7 +68,7 @@ class Scorer:
         """The first drift seen so far, as known when it was named."""
 
     def add_memory(self, memory: pa.Table) -> None:
-        """Take what the weights were at the end of the next cycles (:func:`cmacexp.trace.assemble_memory`)."""
+        """Take what the weights were at the end of the next cycles (:func:`cmacexp.loop.trace.assemble_memory`)."""
         self.memory.append(memory)
 
     def add(self, trace: pa.Table) -> None:
@@ -106,7 +106,7 @@ def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:
     """Metrics of a trace, one row per cycle and leg; undefined is NaN.
 
     Args:
-        trace: as :func:`cmacexp.trace.assemble` makes it; the last cycle may be short.
+        trace: as :func:`cmacexp.loop.trace.assemble` makes it; the last cycle may be short.
         steps_per_cycle: N.
     """
     scorer = Scorer(steps_per_cycle)

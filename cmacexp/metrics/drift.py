@@ -11,8 +11,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.lib.stride_tricks import sliding_window_view
 
-from cmacexp.arrays import Array
-from cmacexp.table import as_array
+from cmacexp.data.parquet import as_array
+from cmacexp.typing import Array
 
 WINDOW = 10
 """Cycles over which level and growth are told."""

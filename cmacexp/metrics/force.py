@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from cmacexp.arrays import Array
 from cmacexp.metrics import measures
 from cmacexp.metrics.block import Block, three_feet
 from cmacexp.metrics.measures import iae, ise, largest, mean, rms
 from cmacexp.metrics.metric import BRISTOW, CONTRACT, GRAHAM_LATHROP, OGATA, Metric
+from cmacexp.typing import Array
 
 IN_THE_AIR = 0.0
 """Force from which a support starts, N."""

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from cmacexp.arrays import Array
 from cmacexp.metrics.drift import RISE, WINDOW, drift_cycle, feedback_growth
 from cmacexp.metrics.metric import BRISTOW, MANN, SEN, Metric
+from cmacexp.typing import Array
 
 LEARNT = (
     "transfer_rmse_x",

@@ -6,7 +6,7 @@ Times are told in whole samples, without interpolation.
 
 import numpy as np
 
-from cmacexp.arrays import Array, Mask
+from cmacexp.typing import Array, Mask
 
 BAND = 0.02
 """A response has settled within this part of its way from start to settled value (Ogata 2010, section 5-3)."""

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 import pyarrow as pa
 
-from cmacexp.arrays import Array
+from cmacexp.data.parquet import as_array
 from cmacexp.metrics.metric import ALBUS, CONTRACT, Metric
-from cmacexp.table import as_array
+from cmacexp.typing import Array
 
 TOLD = ("weight_norm", "weight_largest", "rows_used", "rows", "cells_colliding")
 """Columns of ``memory.parquet`` that the metrics are computed from."""

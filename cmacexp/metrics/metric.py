@@ -7,8 +7,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from cmacexp.arrays import Array
-from cmacexp.table import arrow
+from cmacexp.data.parquet import arrow
+from cmacexp.typing import Array
 
 CONTRACT = "cmacexp's contract"
 GRAHAM_LATHROP = "Graham & Lathrop 1953"

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cmacexp.arrays import Array
 from cmacexp.metrics import measures
+from cmacexp.typing import Array
 
 
 class StepInfo(NamedTuple):

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from cmacexp.arrays import Array, Mask
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import largest, mean
 from cmacexp.metrics.metric import BRISTOW, CONTRACT, Metric
+from cmacexp.typing import Array, Mask
 
 
 def _joints(by: np.ufunc, torque: Array) -> Array:

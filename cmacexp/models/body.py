@@ -14,10 +14,10 @@ depth than 0, at its ``level``, depth - level stands for the depth.
 import math
 from typing import NamedTuple
 
-from cmacexp.arrays import Array
-from cmacexp.compile import kernel, kernel_apart
+from cmacexp.jit.compiler import kernel, kernel_apart
 from cmacexp.models.ground import contact_force
 from cmacexp.models.sine import sine_cosine
+from cmacexp.typing import Array
 
 MOST_ITERATIONS = 100
 MOST_HALVINGS = 40

@@ -3,11 +3,10 @@
 import math
 from typing import NamedTuple
 
-from cmacexp.arrays import Array
-from cmacexp.compile import kernel
-from cmacexp.config.surroundings import TerrainConfig
+from cmacexp.jit.compiler import kernel
+from cmacexp.models.ground_height import rise
 from cmacexp.models.mix import MASK, mix
-from cmacexp.models.rise import rise
+from cmacexp.typing import Array
 
 NEVER = 2**62
 """A step that no run reaches."""
@@ -39,22 +38,6 @@ class Ground(NamedTuple):
     slope: float
     """m/m; the ground is flat up to ``slope_start``, x in the world, m."""
     slope_start: float
-
-
-def make_ground(terrain: TerrainConfig, sampling_period: float) -> Ground:
-    """The ground that a config describes."""
-    return Ground(
-        terrain.stiffness,
-        terrain.patch_size,
-        terrain.patch_spread,
-        terrain.patch_seed,
-        terrain.damping,
-        NEVER if terrain.step_time is None else first_sample(terrain.step_time, sampling_period),
-        terrain.step_factor,
-        ALL_LEGS if terrain.step_legs is None else sum(1 << (leg - 1) for leg in terrain.step_legs),
-        terrain.slope,
-        terrain.slope_start,
-    )
 
 
 height_at = kernel(rise)

@@ -7,7 +7,7 @@ Scalars in, scalars out, so that loops compile to straight arithmetic. ``trig`` 
 import math
 from typing import NamedTuple
 
-from cmacexp.compile import kernel
+from cmacexp.jit.compiler import kernel
 from cmacexp.models.gravity import GRAVITY
 from cmacexp.models.sine import sine_cosine
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array
-from cmacexp.compile import kernel
+from cmacexp.jit.compiler import kernel
 from cmacexp.models.leg import Leg, Trig, inverse_dynamics, joint_torque, trigonometry
+from cmacexp.typing import Array
 
 POINT_MASS = 0
 LEGS_ON_STAND = 1

@@ -1,6 +1,6 @@
 """Stirring integers into 32 bits, for hashing and for chance that is the same in every process."""
 
-from cmacexp.compile import kernel
+from cmacexp.jit.compiler import kernel
 
 MULTIPLIER = 0x5BD1E995
 """An odd 31-bit number, so that its product with 32 bits stays within a signed 64-bit integer."""

@@ -6,7 +6,7 @@ plant. Both are within 1.5 units of the last place, near their zeros within 1e-2
 
 import math
 
-from cmacexp.compile import kernel
+from cmacexp.jit.compiler import kernel
 
 FURTHEST = 1e6
 """A larger angle, rad, has no sine here: quarter turns could no longer be taken off without loss."""

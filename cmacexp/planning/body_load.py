@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array
 from cmacexp.models.gravity import GRAVITY
 from cmacexp.models.mechanism import Mechanism
+from cmacexp.typing import Array
 
 
 class BodyLoad(NamedTuple):

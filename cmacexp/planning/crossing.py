@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from cmacexp.arrays import Array, Mask
 from cmacexp.config import Config
 from cmacexp.errors import BadInput
 from cmacexp.models.mechanism import Mechanism
+from cmacexp.typing import Array, Mask
 
 NAMES = ("left_front", "right_front", "left_rear", "right_rear")
 """Legs by number, as the config names them."""

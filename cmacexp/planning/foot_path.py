@@ -7,7 +7,7 @@ acceleration, each of the shape of ``s``.
 import numpy as np
 from numpy.polynomial import polynomial
 
-from cmacexp.arrays import Array
+from cmacexp.typing import Array
 
 Motion = tuple[Array, Array, Array]
 

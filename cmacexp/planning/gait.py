@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.arrays import Array, Mask
 from cmacexp.config.schema import GaitConfig
+from cmacexp.typing import Array, Mask
 
 
 class Timing(NamedTuple):

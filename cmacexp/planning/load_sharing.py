@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cmacexp.arrays import Array, Mask
+from cmacexp.typing import Array, Mask
 
 LEAST_WILLING = 1e-9
 """A foot that is not willing counts as so willing where the others cannot do without it."""

@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array, Mask
-from cmacexp.compile import kernel
 from cmacexp.config import Config
 from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.errors import BadInput
+from cmacexp.jit.compiler import kernel
 from cmacexp.models.ground import NEVER, depression_for
 from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of
@@ -21,6 +20,7 @@ from cmacexp.planning.load_sharing import share_load, without_pull
 from cmacexp.planning.reach import check_reach
 from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains, keeps_static_load
 from cmacexp.planning.stability import check_stability, plan_margins
+from cmacexp.typing import Array, Mask
 
 BEFORE, ACTING = 0, 1
 """Stages of a run: before the feedforward acts, and since."""

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from cmacexp.arrays import Array
 from cmacexp.config import Config
 from cmacexp.errors import BadInput
 from cmacexp.models.mechanism import Mechanism
+from cmacexp.typing import Array
 
 STRAIGHT = 1.0 - 1e-6
 """Largest extension over reach: a straight leg cannot move along itself."""

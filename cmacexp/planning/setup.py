@@ -1,18 +1,12 @@
 """What every part of a run may know before it starts."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
-from numpy.typing import NDArray
-
-from cmacexp.arrays import Array
 from cmacexp.config import Config
 from cmacexp.models.mechanism import Mechanism
 from cmacexp.planning.plan import Plan
-
-Weights = Mapping[str, NDArray[Any]]
-"""What a feedforward has learnt, and the law by which it is addressed: arrays by name."""
+from cmacexp.typing import Array, Mask, Weights
 
 
 @dataclass(frozen=True)
@@ -26,3 +20,24 @@ class Setup:
     """(L, 2): joint angles at the start, rad; of a point mass its position, m."""
     learnt: Weights | None = None
     """What the feedforward starts from, by the names that it keeps it under; None: nothing."""
+
+
+class Reference(NamedTuple):
+    """What the plan says of one step; L is the number of legs."""
+
+    step: int
+    """Counts from 0 over the whole run."""
+    sample: int
+    """Counts from 0 within the cycle."""
+    acting: bool
+    """Whether the feedforward learns and acts in this step."""
+    support: Mask
+    """(L,): planned phase, true in support."""
+    values: Array
+    """(L, 7): x, y (m), vx, vy (m/s), reference force, force to add, desired force (N): of ``Plan.reference``."""
+    desired: Array
+    """(L, 6): desired foot position, velocity and acceleration."""
+    joints: Array
+    """(L, 6): desired joint angles, velocities and accelerations."""
+    force_desired: Array
+    """(L,): N."""

@@ -6,10 +6,10 @@ polygon, negative outside. The paper's rear stability margin is the distance to 
 
 import numpy as np
 
-from cmacexp.arrays import Array, Mask
 from cmacexp.config import Config
 from cmacexp.errors import BadInput
 from cmacexp.models.mechanism import Mechanism
+from cmacexp.typing import Array, Mask
 
 STABILITY, FRONT, REAR = range(3)
 ROUNDING = 1e-9

@@ -2,11 +2,11 @@
 
 import math
 
-from cmacexp.arrays import Array
-from cmacexp.models.ground import make_ground
 from cmacexp.planning.setup import Setup
-from cmacexp.plants.kernels import PlantLaw, PlantState, advance, feel_ground, make_payload, new_state, observe
+from cmacexp.plants.environment import make_ground, make_payload
+from cmacexp.plants.kernels import PlantLaw, PlantState, advance, feel_ground, new_state, observe
 from cmacexp.plants.protocol import Measurement
+from cmacexp.typing import Array
 
 
 class AnalyticPlant:

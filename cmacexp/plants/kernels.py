@@ -5,23 +5,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array
-from cmacexp.compile import kernel, kernel_apart
-from cmacexp.config.surroundings import PayloadConfig
+from cmacexp.jit.compiler import kernel, kernel_apart
 from cmacexp.models.body import Load, balance, depth
 from cmacexp.models.ground import (
-    NEVER,
     Ground,
     contact_force,
     damped_force,
     damped_spring,
-    first_sample,
     grade_at,
     height_at,
     stiffness_under,
 )
 from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of, trig_of, trigonometries
+from cmacexp.typing import Array
 
 
 class Payload(NamedTuple):
@@ -30,12 +27,6 @@ class Payload(NamedTuple):
     load: Load
     start: int
     """Sampling periods after which it lies there."""
-
-
-def make_payload(payload: PayloadConfig, sampling_period: float) -> Payload:
-    """The payload that a config describes."""
-    start = first_sample(payload.time, sampling_period) if payload.weight else NEVER
-    return Payload(Load(payload.weight, payload.x, payload.y), start)
 
 
 class PlantLaw(NamedTuple):

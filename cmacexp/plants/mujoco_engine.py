@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.arrays import Array
 from cmacexp.errors import BadInput
 from cmacexp.models.ground import stiffness_under
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism
@@ -12,6 +11,7 @@ from cmacexp.planning.setup import Setup
 from cmacexp.plants.kernels import Payload
 from cmacexp.plants.mujoco_kernels import Bodies, Touch, pressing, sticking
 from cmacexp.plants.mujoco_model import Torso, describe
+from cmacexp.typing import Array
 
 INSTALL = 'python -m pip install -e ".[mujoco]"'
 

@@ -11,9 +11,9 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from cmacexp.arrays import Array
-from cmacexp.compile import kernel, kernel_apart
+from cmacexp.jit.compiler import kernel, kernel_apart
 from cmacexp.models.ground import Ground, damped_force, grade_at, height_at
+from cmacexp.typing import Array
 
 
 class Touch(NamedTuple):

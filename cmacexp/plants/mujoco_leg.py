@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from cmacexp.arrays import Array
-from cmacexp.models.ground import make_ground
 from cmacexp.models.mechanism import LEGS_ON_STAND
 from cmacexp.planning.setup import Setup
+from cmacexp.plants.environment import make_ground
 from cmacexp.plants.mujoco_engine import MujocoEngine, check_kind
 from cmacexp.plants.mujoco_kernels import Measured, Touch, observing_stand
 from cmacexp.plants.protocol import Measurement
+from cmacexp.typing import Array
 
 
 class MujocoLeg:

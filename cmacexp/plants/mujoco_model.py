@@ -6,10 +6,10 @@ World: x forward, y left, z up. A hinge turns about +y, so that a joint angle co
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from cmacexp.arrays import Array
 from cmacexp.errors import BadInput
 from cmacexp.models.gravity import GRAVITY
 from cmacexp.models.mechanism import Mechanism
+from cmacexp.typing import Array
 
 POINT = "1e-15 1e-15 1e-15"
 """Inertia of a point mass, kg m^2: MuJoCo refuses none at all."""

@@ -6,16 +6,15 @@ only as far as the feet push it.
 
 import numpy as np
 
-from cmacexp.arrays import Array
 from cmacexp.config.machine import QuadrupedMachine
-from cmacexp.models.ground import make_ground
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.planning.setup import Setup
-from cmacexp.plants.kernels import make_payload
+from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.mujoco_engine import MujocoEngine, check_kind
 from cmacexp.plants.mujoco_kernels import Measured, Touch, observing_body
 from cmacexp.plants.mujoco_model import Torso, check_inertia
 from cmacexp.plants.protocol import Measurement
+from cmacexp.typing import Array
 
 
 class MujocoQuadruped:

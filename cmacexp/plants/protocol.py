@@ -4,8 +4,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from cmacexp.arrays import Array
 from cmacexp.planning.setup import Setup
+from cmacexp.typing import Array
 
 
 class Measurement(NamedTuple):

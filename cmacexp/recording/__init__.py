@@ -2,8 +2,8 @@
 
 from cmacexp.recording.compare import MOST_RUNS, root_of, write_comparison
 from cmacexp.recording.panels import panel_names
-from cmacexp.recording.part import Part, every_of, part_of, read_cycles
-from cmacexp.recording.view import ShownRun, show
+from cmacexp.recording.shown_run import ShownRun, show
+from cmacexp.recording.window import Part, every_of, part_of, read_cycles
 from cmacexp.recording.write import name_of, write_recording
 
 __all__ = [

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import rerun.blueprint as rrb
 
 from cmacexp.recording.panels import SPACE, Panel, Panels, colours_of, depression_of
-from cmacexp.recording.view import ShownRun
+from cmacexp.recording.shown_run import ShownRun
 
 
 def stack(panels: Panels, names: Sequence[str]) -> Panel:

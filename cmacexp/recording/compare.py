@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from cmacexp.recording.blueprint import laid_out, stack
 from cmacexp.recording.panels import COLOURS, SPACE, Panel, Panels, colours_of, depression_of, panel_names
 from cmacexp.recording.series import series_of
-from cmacexp.recording.view import ShownRun
+from cmacexp.recording.shown_run import ShownRun
 from cmacexp.recording.write import write_views
 
 MOST_RUNS = 6

@@ -3,11 +3,11 @@
 import numpy as np
 import rerun as rr
 
-from cmacexp import palette
-from cmacexp.arrays import Array, Mask
+from cmacexp.recording import palette
 from cmacexp.recording.entities import Entities
-from cmacexp.recording.view import ShownRun
-from cmacexp.view import LegView
+from cmacexp.recording.run_view import LegView
+from cmacexp.recording.shown_run import ShownRun
+from cmacexp.typing import Array, Mask
 
 FORCE_LENGTH = 0.15
 """Length of an arrow for the largest desired force, m."""

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import rerun.blueprint as rrb
 
 from cmacexp.recording.ground import depression_scale
-from cmacexp.recording.view import ShownRun
+from cmacexp.recording.shown_run import ShownRun
 
 Point = tuple[float, float, float]
 Panel = rrb.Container | rrb.View

@@ -3,11 +3,11 @@
 import numpy as np
 import rerun as rr
 
-from cmacexp import palette
-from cmacexp.arrays import Array
+from cmacexp.recording import palette
 from cmacexp.recording.entities import Entities
-from cmacexp.recording.view import ShownRun
-from cmacexp.view import LegView
+from cmacexp.recording.run_view import LegView
+from cmacexp.recording.shown_run import ShownRun
+from cmacexp.typing import Array
 
 PATH_POINTS = 150
 """Points of a drawn foot path."""

@@ -11,15 +11,15 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
-from cmacexp.files import write_atomically
-from cmacexp.keep import read_traces, steps_by_cycle
+from cmacexp.data.files import write_atomically
+from cmacexp.data.tables import read_traces, steps_by_cycle
 from cmacexp.recording.blueprint import layout
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.ground import log_ground
-from cmacexp.recording.part import Part, part_of
 from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
-from cmacexp.recording.view import ShownRun, show
+from cmacexp.recording.shown_run import ShownRun, show
+from cmacexp.recording.window import Part, part_of
 
 
 class _NoPandas(MetaPathFinder):

@@ -6,14 +6,15 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp.console import print_table
+from cmacexp.cli.command import command
+from cmacexp.data.discovery import require_place, runs_below
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.folders import command, require_place, runs_below
+from cmacexp.report.comparison import find_swept, in_order, job_of, table_of_jobs
 from cmacexp.report.page import Report, write_report
 from cmacexp.report.run_report import run_report
 from cmacexp.report.sweep_report import sweep_report
-from cmacexp.stored import StoredRun
-from cmacexp.sweep.table import find_swept, in_order, job_of, table_of_jobs
+from cmacexp.report.terminal import print_table
 
 REPORTS = Path("outputs/reports")
 """Where a report over several folders goes, in a folder of its own."""

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cmacexp.report.look import DESIRED_LINE, SUPPORT, Look, legend_above, legend_below, mark
+from cmacexp.report.figure_data import DESIRED_LINE, SUPPORT, Look, legend_above, legend_below, mark
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, SERIES, label, new_figure
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from cmacexp import manifest as manifests
-from cmacexp.files import sha256, write_atomically
+from cmacexp.data import manifest as manifests
+from cmacexp.data.files import sha256, write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

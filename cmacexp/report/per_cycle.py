@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array
-from cmacexp.pooled import COLUMNS, LARGEST, MEAN, RMS
-from cmacexp.report.look import legend_above, legend_below, logarithmic, mark, spans_decades
+from cmacexp.data.signals import LEG_NAMES
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.metrics.summary import COLUMNS, LARGEST, MEAN, RMS
+from cmacexp.report.figure_data import legend_above, legend_below, logarithmic, mark, spans_decades
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import MARKERS, label, new_figure
-from cmacexp.stored import StoredRun
-from cmacexp.trace import LEG_NAMES
+from cmacexp.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,20 +5,21 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from cmacexp.config.check import OUTPUTS, WORD_BYTES
+from cmacexp.config.check import OUTPUTS
+from cmacexp.config.cmac import WORD_BYTES
 from cmacexp.config.difference import flat
+from cmacexp.data.integrity import faults
+from cmacexp.data.parquet import read_table
+from cmacexp.data.signals import LEG_NAMES
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.tables import BODY_METRICS, METRICS, Scores, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.keep import BODY_METRICS, METRICS, Scores, steps_by_cycle
 from cmacexp.metrics.drift import Drift, in_words
-from cmacexp.pooled import number, table_of_cycles, unit_of
+from cmacexp.metrics.summary import number, table_of_cycles, unit_of
 from cmacexp.report import over_cycle, per_cycle
-from cmacexp.report.look import MOST_CYCLES, Look, look_at
+from cmacexp.report.comparison import TABLES, steps_per_cycle
+from cmacexp.report.figure_data import MOST_CYCLES, Look, look_at
 from cmacexp.report.page import Report, Section, Table, Text
-from cmacexp.stored import StoredRun
-from cmacexp.sweep.table import TABLES, steps_per_cycle
-from cmacexp.table import read_table
-from cmacexp.trace import LEG_NAMES
-from cmacexp.verify import faults
 
 
 def require_whole(run: StoredRun) -> None:

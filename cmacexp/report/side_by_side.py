@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from cmacexp.report.look import DESIRED_LINE, MOST_CYCLES, legend_below, look_at, mark
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.report.comparison import Job
+from cmacexp.report.figure_data import DESIRED_LINE, MOST_CYCLES, legend_below, look_at, mark
 from cmacexp.report.over_cycle import CLOCK, moves
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import label, new_figure
-from cmacexp.stored import StoredRun
-from cmacexp.sweep.table import Job
 
 
 def side_by_side(jobs: Sequence[Job], names: Sequence[str]) -> list[Drawing]:

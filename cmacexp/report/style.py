@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp import palette
+from cmacexp.recording import palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.pooled import COLUMNS
-from cmacexp.report.look import legend_below, logarithmic, mark, spans_decades
+from cmacexp.metrics.summary import COLUMNS
+from cmacexp.report.comparison import Job, text_of
+from cmacexp.report.figure_data import legend_below, logarithmic, mark, spans_decades
 from cmacexp.report.page import Drawing
 from cmacexp.report.per_cycle import MOST_MARKED, scale
 from cmacexp.report.style import DASHES, MARKERS, SERIES, label, new_figure
-from cmacexp.sweep.table import Job, text_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

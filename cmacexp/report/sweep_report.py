@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from cmacexp.report.comparison import TABLES, Job, Swept, find_swept, names_of, table_of_jobs, text_of
 from cmacexp.report.page import Report, Section, Table, Text
 from cmacexp.report.side_by_side import side_by_side
 from cmacexp.report.sweep_plots import learning_curves, over_key
-from cmacexp.sweep.table import TABLES, Job, Swept, find_swept, names_of, table_of_jobs, text_of
 
 MOST_KEYS = 4
 """Swept keys that metrics are drawn over."""

@@ -3,9 +3,9 @@
 import math
 from typing import NamedTuple
 
-from cmacexp.arrays import Array, Counts
-from cmacexp.compile import kernel
+from cmacexp.jit.compiler import kernel
 from cmacexp.sensors.noise import normal, uniform
+from cmacexp.typing import Array, Counts
 
 SOUND, ZERO, LAST, VALUE, BIAS, NOISE = range(6)
 FAULTS = {"none": SOUND, "zero": ZERO, "last": LAST, "value": VALUE, "bias": BIAS, "noise": NOISE}

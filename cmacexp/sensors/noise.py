@@ -1,6 +1,6 @@
 """White noise out of counters: the same in every process, in any order, compiled or not."""
 
-from cmacexp.compile import kernel
+from cmacexp.jit.compiler import kernel
 from cmacexp.models.mix import MASK, mix
 
 SUMMED = 12

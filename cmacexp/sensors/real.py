@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.arrays import Array, Counts
 from cmacexp.models.mix import mix
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.channel import FAULTS, Channel, Sensing
-from cmacexp.sensors.law import OF_A_BODY, OF_A_LEG, new_seen, no_sensing, sense
+from cmacexp.sensors.kernels import OF_A_BODY, OF_A_LEG, new_seen, no_sensing, sense
 from cmacexp.sensors.protocol import SIGNALS
+from cmacexp.typing import Array, Counts
 
 OF_LEGS = {"force": (0,), "position": (1, 2), "velocity": (3, 4)}
 """Channels of each signal within a leg."""

@@ -5,11 +5,12 @@ import hashlib
 import sys
 from pathlib import Path
 
-from cmacexp.console import print_table
+from cmacexp.cli.command import command
+from cmacexp.data.discovery import require_place, runs_below
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
-from cmacexp.folders import command, require_place, runs_below
 from cmacexp.report.page import write_report
-from cmacexp.stored import StoredRun
+from cmacexp.report.terminal import print_table
 
 FOLDER = "stability"
 """Where the page goes in the folder of a run."""
@@ -24,9 +25,9 @@ def _cycle(text: str | None) -> int | None:
 
 
 def _analyse(arguments: argparse.Namespace) -> int:
+    from cmacexp.report.terminal import announce_compiling
     from cmacexp.stability.analysis import analyse
-    from cmacexp.stability.tell import TITLES, report, rows, verdict
-    from cmacexp.terminal import announce_compiling
+    from cmacexp.stability.page import TITLES, report, rows, verdict
 
     announce_compiling()
     folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from omegaconf import OmegaConf
 
-from cmacexp.arrays import Array
 from cmacexp.config import Config, to_config
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadRun, CmacexpError
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import AFTER, OVER, Growth, change_sizes, predicted_growth, with_lead
 from cmacexp.stability.measured import Stretch, changes_of, growth_over, stretch
 from cmacexp.stability.mode import Mode, describe
 from cmacexp.stability.transfer import Spectrum, locals_along, spectrum_of
-from cmacexp.stored import StoredRun
+from cmacexp.typing import Array
 
 LEADS = (-2, -1, 0, 1, 2, 3)
 LONG_ENOUGH = 200
@@ -170,7 +170,7 @@ def analyse(run: StoredRun, cycle: int | None = None, leads: Sequence[int] = LEA
 
 
 def _with_reasons(run: StoredRun, config: Config, own: OfLead, others: Sequence[OfLead]) -> Analysis:
-    from cmacexp.scenario import make_scenario
+    from cmacexp.loop.scenario import make_scenario
 
     assert own.growth is not None
     support = make_scenario(config).setup.plan.support

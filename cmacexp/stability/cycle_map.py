@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array
 from cmacexp.config import Config
-from cmacexp.control.feedforward_law import TABLE
 from cmacexp.errors import CmacexpError
-from cmacexp.rollout.built_in import FusedRun, foreign_parts, fused_parts
-from cmacexp.rollout.layout import SAMPLES, room_for
-from cmacexp.rollout.stop import RUNNING, new_guard
-from cmacexp.scenario import Scenario, make_scenario
+from cmacexp.feedforward.kernels import TABLE
+from cmacexp.loop.builtin import FusedRun, foreign_parts, fused_parts
+from cmacexp.loop.samples import SAMPLES, room_for
+from cmacexp.loop.scenario import Scenario, make_scenario
+from cmacexp.loop.stop import RUNNING, new_guard
+from cmacexp.typing import Array
 
 CLOCKS = ("plant_state.travel", "guard.tumble", "feedforward.log.values")
 """Arrays that only tell how far a run is: way walked, steps without balance, log. Learning cannot amplify them."""

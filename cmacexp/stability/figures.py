@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cmacexp.report.look import SUPPORT, legend_above, legend_below, logarithmic, mark
+from cmacexp.report.figure_data import SUPPORT, legend_above, legend_below, logarithmic, mark
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import DESIRED, MARKERS, SERIES, label, new_figure
 from cmacexp.stability.analysis import DELAYS, LEADS, Analysis

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.arrays import Array
 from cmacexp.config import Config
-from cmacexp.control.feedforward_law import NONE, TABLE
-from cmacexp.scenario import Scenario, make_scenario
+from cmacexp.feedforward.kernels import NONE, TABLE
+from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.stability.cycle_map import Loop, NotPredictable, open_loop
 from cmacexp.stability.krylov import Krylov, krylov
+from cmacexp.typing import Array
 
 EARLY = 25
 """Cycles that are looked at unless told; the calmest of them is linearised."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.arrays import Array
+from cmacexp.typing import Array
 
 # Products are taken by einsum, not by BLAS, whose threads cost more than they save at this size where cores are busy.
 EXHAUSTED = 1e-10

@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array
+from cmacexp.data.parquet import as_array, parts_of
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.tables import TRACE
 from cmacexp.errors import BadRun
-from cmacexp.keep import TRACE
 from cmacexp.stability.growth import AFTER, EARLY, OVER, calmest, fitted_growth
-from cmacexp.stored import StoredRun
-from cmacexp.table import as_array, parts_of
+from cmacexp.typing import Array
 
 FEEDBACK = ("tau_feedback_1", "tau_feedback_2")
 GROWN = 2.0

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.arrays import Array, Mask
+from cmacexp.typing import Array, Mask
 
 AFTER_LIFT_OFF = 20
 """Steps after lift-off that are looked at."""

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.arrays import Array
 from cmacexp.config import Config
 from cmacexp.stability.cycle_map import NUDGE, Loop, NotPredictable, open_loop
+from cmacexp.typing import Array
 
 
 class Local(NamedTuple):

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from cmacexp.config import Config
-from cmacexp.scenario import Scenario
+from cmacexp.loop.scenario import Scenario
 
 MANY = 100
 """Cycles of learning from which on a run is checked; the check takes the time of some 110."""

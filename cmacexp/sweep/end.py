@@ -14,12 +14,12 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import yaml
 
-from cmacexp.console import WIDTH, print_table
-from cmacexp.files import write_atomically
-from cmacexp.pooled import Row, shorten
+from cmacexp.data.files import write_atomically
+from cmacexp.data.parquet import arrow, arrow_strings, write_table
+from cmacexp.metrics.summary import Row, shorten
+from cmacexp.report.comparison import Job, in_order, job_of, sweep_rows, table_of_jobs
+from cmacexp.report.terminal import WIDTH, print_table
 from cmacexp.sweep.start import Sweep, without_sweep
-from cmacexp.sweep.table import Job, in_order, job_of, sweep_rows, table_of_jobs
-from cmacexp.table import arrow, arrow_strings, write_table
 
 TABLE, TABLE_CSV = "sweep.parquet", "sweep.csv"
 MOST_FAILURES = 20

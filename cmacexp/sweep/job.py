@@ -7,10 +7,9 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from cmacexp import manifest as manifests
 from cmacexp.config import Config, config_hash, to_config
+from cmacexp.data import manifest as manifests
 from cmacexp.errors import BadInput, BadPart, CmacexpError, users_traceback
-from cmacexp.garbage import collect_rarely
 from cmacexp.sweep.start import without_sweep
 
 
@@ -28,7 +27,7 @@ def _plain(composed: DictConfig) -> dict[str, Any]:
 def _cause(error: Exception) -> str:
     """Why a job failed, in one line."""
     if isinstance(error, EOFError):
-        from cmacexp.compile import remove_compiled
+        from cmacexp.jit.compiler import remove_compiled
 
         return remove_compiled()
     told = str(error) if isinstance(error, CmacexpError | OSError) else f"{type(error).__name__}: {error}"
@@ -37,7 +36,7 @@ def _cause(error: Exception) -> str:
 
 def _leave_failure(folder: Path, composed: DictConfig, error: Exception, cause: str) -> None:
     """Leave a manifest that says why there is no result, and nothing else; as far as the disk takes it."""
-    from cmacexp.run_one import clear
+    from cmacexp.experiment import clear
 
     plain = _plain(composed)
     manifest: manifests.Manifest = {
@@ -65,10 +64,10 @@ def _leave_failure(folder: Path, composed: DictConfig, error: Exception, cause: 
 
 def _run(config: Config, folder: Path, name: str) -> None:
     """Run the job unless it is finished and the sweep resumes; say how it ended."""
-    from cmacexp.finished import is_finished
-    from cmacexp.run_one import run_scenario
-    from cmacexp.scenario import make_scenario
-    from cmacexp.terminal import announce_compiling, outcome, progress, say
+    from cmacexp.data.integrity import is_finished
+    from cmacexp.experiment import run_scenario
+    from cmacexp.loop.scenario import make_scenario
+    from cmacexp.report.terminal import announce_compiling, outcome, progress, say
 
     announce_compiling()
     if config.sweep.resume and is_finished(folder, config):
@@ -89,15 +88,14 @@ def run_job(composed: DictConfig) -> float | None:
     """Run one job of a sweep; a failure is left on disk and does not take the sweep down.
 
     Returns:
-        What the sweeper asked for by ``optimize``, as :func:`cmacexp.optimize.value_of` gives it.
+        What the sweeper asked for by ``optimize``, as :func:`cmacexp.sweep.objective.value_of` gives it.
     """
-    collect_rarely()
     hydra = HydraConfig.get()
     folder, metric = Path(hydra.runtime.output_dir), composed.get("optimize")
     name = f"#{hydra.job.num} {' '.join(without_sweep(hydra.overrides.task))}"
-    from cmacexp.optimize import check_metric, value_of
-    from cmacexp.sweep.table import job_of
-    from cmacexp.terminal import say
+    from cmacexp.report.comparison import job_of
+    from cmacexp.report.terminal import say
+    from cmacexp.sweep.objective import check_metric, value_of
 
     try:
         config = to_config(composed)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.compose import compose_config
-from cmacexp.files import alone_in
-from cmacexp.finished import is_finished
+from cmacexp.data.files import alone_in
+from cmacexp.data.integrity import is_finished
+from cmacexp.data.parquet import read_table, write_table
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.report.page import Link, relative
-from cmacexp.stored import StoredRun
-from cmacexp.table import read_table, write_table
 from pipelines.shared.workers import Each
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, bool]
 
 
 def _run(folder: Path, config: Config) -> None:
-    from cmacexp.run_one import run_scenario
+    from cmacexp.experiment import run_scenario
 
     folder.mkdir(parents=True, exist_ok=True)
     with alone_in(folder):
@@ -66,8 +66,8 @@ def _run(folder: Path, config: Config) -> None:
 
 
 def _announce_compiling() -> None:
-    from cmacexp.compile import CACHE_FOLDER
-    from cmacexp.terminal import COMPILING
+    from cmacexp.jit.compiler import CACHE_FOLDER
+    from cmacexp.report.terminal import COMPILING
 
     if not any(CACHE_FOLDER.rglob("*.nbi")):
         print(COMPILING, file=sys.stderr)

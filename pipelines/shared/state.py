@@ -4,11 +4,11 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp import manifest as manifests
 from cmacexp.config import config_folder
+from cmacexp.data import manifest as manifests
+from cmacexp.data.integrity import faults
 from cmacexp.errors import BadRun
-from cmacexp.sources import PACKAGE
-from cmacexp.verify import faults
+from cmacexp.jit.sources import PACKAGE
 
 PIPELINES = Path(__file__).resolve().parents[1]
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cmacexp import manifest as manifests
+from cmacexp.data import manifest as manifests
+from cmacexp.data.discovery import require_place
 from cmacexp.errors import CmacexpError
-from cmacexp.folders import require_place
 from cmacexp.report.page import HTML, Claim, Report, Section, draw, write_report
 from pipelines.shared.runs import Runs, collect
 from pipelines.shared.state import is_up_to_date, state_key

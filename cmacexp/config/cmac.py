@@ -1,0 +1,67 @@
+"""Size and shape of the CMAC, and the memory that it needs."""
+
+from dataclasses import dataclass
+
+from cmacexp.config.feedforwards import (
+    INPUTS,
+)
+from cmacexp.config.fields import choice, number
+from cmacexp.errors import BadInput
+
+WORD_BYTES = 8
+"""Bytes of a CMAC weight, a float64."""
+
+
+MOST_POSITIONS = 2**63
+"""Cells of a CMAC that 64 bits tell apart."""
+
+
+@dataclass
+class CmacConfig:
+    """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
+
+    layers: int = number("", at_least=1, at_most=4096)
+    """C, the number of quantisation functions, which is the generalisation size."""
+    resolution_elements: int = number("", at_least=2, at_most=65536)
+    """Blocks of each quantisation function; (resolution_elements - 1) x layers quanta span an input's range."""
+    memory_bytes: int = number("B", at_least=1, at_most=2**30)
+    """Memory of one CMAC; a word is a float64, so rows = memory_bytes / (8 x outputs)."""
+    addressing: str = choice("hashed", "dense", "visited")
+    """hashed: cells share rows by chance; dense: each has its own; visited: each that the path visits has its own."""
+    displacement: str = choice("diagonal", "odd_lattice", "parks_militzer")
+    """How the layers are shifted against each other; diagonal as in the paper."""
+    inputs: list[str] = choice(*INPUTS)
+    """Planned joint values that address the memory (assumed)."""
+    range_factor: float = number("", at_least=1, at_most=1e6)
+    """Input range over the planned span, centred on its middle (assumed)."""
+    receptive_field: str = choice("rectangular", "linear", "cubic")
+    """How much a cell counts over its width: fully, as in the paper, or by a B-spline (Lane et al. 1992)."""
+
+
+def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
+    """Hold a CMAC's memory to at least one weight per layer and output, and to all its cells if it is dense.
+
+    Raises:
+        BadInput: the memory is too small.
+    """
+    least = cmac.layers * outputs * WORD_BYTES
+    if cmac.memory_bytes < least:
+        raise BadInput(
+            "cmac.memory_bytes",
+            cmac.memory_bytes,
+            f"must be at least {least} B, one float64 per layer and output ({cmac.layers} layers)",
+        )
+    dense = least * cmac.resolution_elements**inputs
+    if cmac.addressing == "visited" and dense // (outputs * WORD_BYTES) > MOST_POSITIONS:
+        raise BadInput(
+            "cmac.addressing",
+            "visited",
+            "needs at most 2^63 cells; take fewer cmac.inputs, layers or resolution_elements, or hashed",
+        )
+    if cmac.addressing == "dense" and dense > cmac.memory_bytes:
+        raise BadInput(
+            "cmac.memory_bytes",
+            cmac.memory_bytes,
+            f"dense addressing of {inputs} inputs needs {dense} B (at most {2**30} B are allowed); "
+            "give it that, take fewer cmac.inputs or layers, or cmac.addressing=hashed",
+        )

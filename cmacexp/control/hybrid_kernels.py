@@ -1,0 +1,191 @@
+"""Hybrid position/force control of one step, as compiled kernels.
+
+Equation 21 adds two LEAD compensators, one over position and one over velocity errors. Both have the same corner
+frequencies, so one LEAD over K_ap E + K_av E' is the same controller, and keeps its state when the planned phase
+changes over between position and force control.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.control.fault_detection import Plausibility, Trust, expected_force, judge, new_trust
+from cmacexp.control.lead import Lead, lead_step
+from cmacexp.jit.compiler import kernel
+from cmacexp.models.body import depth, depth_rate
+from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism, torque_for
+from cmacexp.typing import Array, Mask
+
+STIFFNESS, DAMPING, COMBINED, EXPLICIT = range(4)
+METHODS = {"stiffness": STIFFNESS, "damping": DAMPING, "combined": COMBINED, "explicit": EXPLICIT}
+
+
+class HybridLaw(NamedTuple):
+    """What does not change while a controller runs."""
+
+    mechanism: Mechanism
+    method: int
+    """One of METHODS."""
+    position_gain: float
+    """K_ap, N/m."""
+    velocity_gain: float
+    """K_av, N s/m."""
+    force_gain: float
+    """K_a of explicit force control."""
+    elasticity: float
+    """P_fn, m/N."""
+    admittance: float
+    """V_fn, m/(N s)."""
+    lead: Lead
+    posture_gain: float
+    """Of the posture control of a body; 0 switches it off."""
+    posture_rate_gain: float
+    """Of what posture control adds to the velocity reference; 0 as in the paper."""
+    plausibility: Plausibility
+
+
+class HybridState(NamedTuple):
+    """LEAD states, and what the last step gave; L is the number of legs."""
+
+    error: Array
+    """(L, 2): weighted error of the last step, N."""
+    output: Array
+    """(L, 2): LEAD output of the last step, U without the desired force, N."""
+    feedback: Array
+    """(L, 2): feedback torque J^T (U + F_d), N m."""
+    taught: Array
+    """(L, 2): what a feedforward learns from, J^T U, N m."""
+    reference: Array
+    """(L, 2): x and y that the last step was fed, posture control included, m."""
+    plausible: Trust
+
+
+def new_hybrid_state(legs: int) -> HybridState:
+    """LEAD states of zero."""
+    error, output, feedback, taught, reference = (np.zeros((legs, 2)) for _ in range(5))
+    return HybridState(error, output, feedback, taught, reference, new_trust(legs))
+
+
+@kernel
+def position_error(law: HybridLaw, reference: float, reference_rate: float, value: float, rate: float) -> float:
+    """K_ap E + K_av E' without force terms, N (Lin & Song 1997, eq. 21)."""
+    return law.position_gain * (reference - value) + law.velocity_gain * (reference_rate - rate)
+
+
+@kernel
+def posture_term(law: HybridLaw, i: int, body: Array) -> float:
+    """What posture control adds to the reference of a supporting foot, gain x (h0 - h_i), m (section 6.2).
+
+    ``body`` (3,) is height, pitch and roll; h_i is the height of hip i.
+    """
+    if law.mechanism.kind != LEGS_UNDER_BODY or law.posture_gain == 0.0:
+        return 0.0
+    hips = law.mechanism.hips
+    return law.posture_gain * (law.mechanism.hip_height + depth(body, hips[i, 0], hips[i, 1], 0.0))
+
+
+@kernel
+def posture_rate_term(law: HybridLaw, i: int, body: Array, rate: Array) -> float:
+    """What posture control adds to the velocity reference of a supporting foot, -gain x dh_i/dt, m/s.
+
+    With the gain of :func:`posture_term` it is the derivative of that term, which the paper leaves out: a body with
+    inertia rocks without it. ``rate`` (3,) is that of ``body`` (3,).
+    """
+    if law.mechanism.kind != LEGS_UNDER_BODY or law.posture_rate_gain == 0.0:
+        return 0.0
+    hips = law.mechanism.hips
+    return law.posture_rate_gain * depth_rate(body, rate, hips[i, 0], hips[i, 1])
+
+
+@kernel
+def force_error(
+    law: HybridLaw,
+    i: int,
+    reference: Array,
+    y_reference: float,
+    vy_reference: float,
+    y: float,
+    vy: float,
+    force: float,
+) -> float:
+    """Weighted error of the force control method, N (Lin & Song 1997, Fig. 2 to 5 and eq. 21).
+
+    Row ``i`` of ``reference`` (L, 7) is x, y, vx, vy, F_r of the leg and so on; ``y_reference`` and
+    ``vy_reference`` are y and vy with posture control.
+    """
+    if law.method == EXPLICIT:
+        return law.force_gain * (reference[i, 4] - force)
+    stiffness = law.position_gain * (y_reference - y - force * law.elasticity)
+    damping = law.velocity_gain * (vy_reference - vy - force * law.admittance)
+    if law.method == STIFFNESS:
+        return stiffness
+    if law.method == DAMPING:
+        return damping
+    return stiffness + damping
+
+
+@kernel
+def believed_force(
+    law: HybridLaw, trust: Trust, i: int, measured: float, desired: float, foot: Array, body: Array
+) -> float:
+    """The force that control goes by, N: the ``measured`` one unless the sensor of leg ``i`` is implausible.
+
+    The ``desired`` force in its place takes the terms of P_fn and V_fn out of the error, together with those that the
+    reference has for them (eq. 9, 13, 24). Damping and explicit control know nothing of the ground but its force:
+    they go by the one expected at the measured depth.
+    """
+    if not law.plausibility.enabled:
+        return measured
+    expected = expected_force(law.plausibility, law.mechanism, i, foot, body)
+    if judge(law.plausibility, trust, i, measured, expected):
+        return measured
+    return desired if law.method == STIFFNESS or law.method == COMBINED else expected
+
+
+@kernel
+def hybrid_feedback(
+    law: HybridLaw,
+    state: HybridState,
+    support: Mask,
+    reference: Array,
+    trig: Array,
+    foot: Array,
+    velocity: Array,
+    force: Array,
+    body: Array,
+    body_rate: Array,
+) -> None:
+    """Feedback torques of all legs; fills ``state``.
+
+    Args:
+        law: gains and geometry.
+        state: of the last step, becomes that of this one.
+        support: (L,): force control along y where true, position control elsewhere.
+        reference: (L, 7): a row of the plan.
+        trig: (L, 4): sines and cosines of the measured joint angles, see :func:`trigonometries`.
+        foot: (L, 2): measured foot position, m.
+        velocity: (L, 2): measured foot velocity, m/s.
+        force: (L,): measured contact force, N.
+        body: (3,): measured height (m), pitch and roll (rad).
+        body_rate: (3,): their measured rates, m/s and rad/s.
+    """
+    for i in range(support.shape[0]):
+        x_error = position_error(law, reference[i, 0], reference[i, 2], foot[i, 0], velocity[i, 0])
+        y_reference = reference[i, 1]
+        pressed = believed_force(law, state.plausible, i, force[i], reference[i, 6], foot, body)
+        if support[i]:
+            y_reference += posture_term(law, i, body)
+            vy_reference = reference[i, 3] + posture_rate_term(law, i, body, body_rate)
+            y_error = force_error(law, i, reference, y_reference, vy_reference, foot[i, 1], velocity[i, 1], pressed)
+        else:
+            y_error = position_error(law, y_reference, reference[i, 3], foot[i, 1], velocity[i, 1])
+        state.reference[i, 0], state.reference[i, 1] = reference[i, 0], y_reference
+        ux = lead_step(law.lead, x_error, state.error[i, 0], state.output[i, 0])
+        uy = lead_step(law.lead, y_error, state.error[i, 1], state.output[i, 1])
+        state.error[i, 0], state.error[i, 1] = x_error, y_error
+        state.output[i, 0], state.output[i, 1] = ux, uy
+        taught = torque_for(law.mechanism, i, trig, ux, uy)
+        desired = reference[i, 5]
+        feedback = torque_for(law.mechanism, i, trig, ux, uy + desired) if desired != 0.0 else taught
+        state.taught[i, 0], state.taught[i, 1] = taught
+        state.feedback[i, 0], state.feedback[i, 1] = feedback

@@ -1,0 +1,1 @@
+"""A run on disk: signals, tables, manifest, atomic files, discovery, integrity."""

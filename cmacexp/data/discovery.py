@@ -1,0 +1,47 @@
+"""Runs on disk: finding them, and what the commands that read them share."""
+
+from pathlib import Path
+
+from cmacexp.data import manifest as manifests
+from cmacexp.errors import BadInput, BadRun
+
+
+def is_run(folder: Path) -> bool:
+    """Whether ``folder`` is, or was to become, the folder of a run."""
+    named = any((folder / name).exists() for name in (manifests.NAME, "trace.parquet", ".hydra"))
+    return named and not manifests.is_report(folder)
+
+
+def runs_below(folder: Path, reports: bool = False) -> list[Path]:
+    """``folder`` if it is a run, else all runs below it, in order.
+
+    Args:
+        folder: where to look.
+        reports: take folders of reports as well.
+
+    Raises:
+        BadRun: the folder does not exist or holds no run.
+    """
+    if not folder.is_dir():
+        raise BadRun(f"{folder}: no such folder")
+    if is_run(folder) or (reports and manifests.is_report(folder)):
+        return [folder]
+    found = sorted({path.parent for path in folder.rglob("*") if path.name in (manifests.NAME, ".hydra")})
+    found = [path for path in found if reports or is_run(path)]
+    if not found:
+        raise BadRun(f"{folder}: holds no run; give the folder that a run printed at its end")
+    return found
+
+
+def require_place(key: str, folder: Path) -> Path:
+    """``folder`` if it is one or can become one.
+
+    Raises:
+        BadInput: a file stands there or above it.
+    """
+    for path in (folder, *folder.parents):
+        if path.exists():
+            if not path.is_dir():
+                raise BadInput(key, folder, f"{path} is a file; choose a folder, it is made if missing")
+            break
+    return folder

@@ -1,0 +1,59 @@
+"""Which runs need not be run again: one look-up, for studies and for sweeps that are taken up again."""
+
+from pathlib import Path
+
+from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.data import manifest as manifests
+from cmacexp.data.files import sha256
+from cmacexp.data.weights import WEIGHTS, start_hash
+from cmacexp.errors import BadRun
+from cmacexp.jit.sources import code_hash
+
+RESULTS = ("completed", "fell", "diverged")
+"""Ends of a run that are a result."""
+
+
+def is_finished(folder: Path, config: Config) -> bool:
+    """Whether ``folder`` holds the whole result of ``config``, made by the code as it is now.
+
+    A run is taken for finished if its manifest says how it ended, names the same hash of the config and of the code,
+    every file that it lists is there unchanged, its traces are as thin as asked for, its weights are kept if asked
+    for, and those that it started from have not changed. Parts of one's own are told apart by their config alone.
+    """
+    try:
+        manifest = manifests.read(folder)
+    except BadRun:
+        return False
+    plain, kept = to_plain(config), manifest["config"].get("record", {})
+    same = manifest.get("config_hash") == config_hash(plain) and manifest.get("code_hash") == code_hash()
+    same = same and manifest.get("start_weights") == start_hash(config)
+    as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
+    has_weights = WEIGHTS in manifest["files"] or not config.record.weights
+    return same and as_thin and has_weights and manifest["status"] in RESULTS and not faults(folder)
+
+
+def _config_hash(folder: Path) -> str | None:
+    """Hash of the config that the manifest of a run holds; None without a readable manifest."""
+    try:
+        return config_hash(manifests.read(folder)["config"])
+    except BadRun:
+        return None
+
+
+def faults(folder: Path) -> list[str]:
+    """What keeps a run or a report from being whole; empty if it is."""
+    try:
+        manifest = manifests.read(folder)
+    except BadRun as error:
+        return [str(error).removeprefix(f"{folder}: ")]
+    found = []
+    for name, expected in manifest["files"].items():
+        path = folder / name
+        if not path.is_file():
+            found.append(f"{name}: missing")
+        elif sha256(path) != expected:
+            found.append(f"{name}: changed since it was written")
+    for name, expected in manifest.get("runs", {}).items():
+        if _config_hash(folder / name) != expected:
+            found.append(f"{name}: its config is not the one that the report tells of")
+    return found

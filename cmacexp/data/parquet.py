@@ -1,0 +1,87 @@
+"""Tables on disk, and their columns as arrays."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from cmacexp.data.files import write_atomically
+from cmacexp.typing import Array, Mask
+
+
+def arrow(values: NDArray[Any], kind: pa.DataType) -> pa.Array:
+    """An Arrow array of ``values``; unlike ``pa.array`` it does not import pandas, which takes longer than a run."""
+    data = np.ascontiguousarray(values, dtype=kind.to_pandas_dtype())
+    return pa.Array.from_buffers(kind, len(data), [None, pa.py_buffer(data)])
+
+
+def arrow_strings(values: list[str]) -> pa.Array:
+    """An Arrow array of strings, likewise without pandas."""
+    encoded = [value.encode() for value in values]
+    offsets = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    return pa.StringArray.from_buffers(len(values), pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded)))
+
+
+@contextmanager
+def table_writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
+    """Write a table as Parquet part by part, a row group each, whole or not at all; same parts, same bytes."""
+    floats = [field.name for field in schema if pa.types.is_floating(field.type)]
+    with (
+        write_atomically(path) as temporary,
+        pq.ParquetWriter(
+            temporary,
+            schema,
+            compression="zstd",
+            use_dictionary=[name for name in schema.names if name not in floats],
+            column_encoding=dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
+        ) as writer,
+    ):
+        yield writer
+
+
+def write_table(table: pa.Table, path: Path) -> None:
+    """Write a table as Parquet, whole or not at all; the same table gives the same bytes."""
+    with table_writer(path, table.schema) as writer:
+        writer.write_table(table)
+
+
+def parts_of(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
+    """The table that :func:`table_writer` wrote, or some columns of it, part by part."""
+    with pq.ParquetFile(path) as file:
+        for group in range(file.num_row_groups):
+            yield file.read_row_group(group, columns)
+
+
+def rows_of(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
+    """Some rows of a table, by their numbers or by a mask."""
+    numbers = np.flatnonzero(rows) if rows.dtype == bool else rows
+    return table if len(numbers) == table.num_rows else table.take(arrow(numbers, pa.int64()))
+
+
+def read_table(path: Path) -> pa.Table:
+    """The table that :func:`write_table` wrote."""
+    with pq.ParquetFile(path) as file:
+        return file.read()
+
+
+def _contiguous(table: pa.Table, name: str) -> pa.Array:
+    column = table.column(name)
+    return column.chunk(0) if column.num_chunks == 1 else column.combine_chunks()
+
+
+def as_array(table: pa.Table, name: str) -> Array:
+    """One column without nulls as a read-only NumPy array."""
+    values: Array = np.asarray(np.from_dlpack(_contiguous(table, name)))
+    return values
+
+
+def is_support(table: pa.Table) -> Mask:
+    """Whether each row of a trace is planned support."""
+    phase = _contiguous(table, "phase")
+    codes, names = np.from_dlpack(phase.indices), phase.dictionary.to_pylist()
+    return np.asarray(codes == names.index("support")) if "support" in names else np.zeros(len(codes), dtype=bool)

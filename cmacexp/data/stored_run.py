@@ -1,0 +1,93 @@
+"""A run as it stands on disk, for those who look at it: manifest, and tables as DataFrames."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from cmacexp.data import manifest as manifests
+from cmacexp.data.parquet import read_table
+from cmacexp.data.tables import BODY, BODY_METRICS, METRICS, TRACE, Scores
+from cmacexp.errors import BadRun
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A finished run; tables are read when they are asked for.
+
+    Raises:
+        BadRun: on first use of something that is missing or cannot be read.
+    """
+
+    folder: Path
+
+    @cached_property
+    def manifest(self) -> manifests.Manifest:
+        """How it ended, and of what config."""
+        return manifests.read(self.folder)
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """As plain dictionaries."""
+        return dict(self.manifest["config"])
+
+    @property
+    def status(self) -> str:
+        """``completed``, ``fell``, ``diverged``, ``failed`` or ``interrupted``."""
+        return str(self.manifest["status"])
+
+    def _table(self, name: str) -> "pd.DataFrame":
+        try:
+            return read_table(self.folder / name).to_pandas()
+        except (OSError, ValueError) as error:
+            raise BadRun(f"{self.folder / name}: cannot be read ({str(error).splitlines()[0]})") from None
+
+    @cached_property
+    def trace(self) -> "pd.DataFrame":
+        """One row per step and leg."""
+        return self._table(TRACE)
+
+    @cached_property
+    def metrics(self) -> "pd.DataFrame":
+        """One row per cycle and leg."""
+        return self._table(METRICS)
+
+    @property
+    def walks(self) -> bool:
+        """Whether there is a body on legs."""
+        return BODY in self.manifest["files"]
+
+    @cached_property
+    def body(self) -> "pd.DataFrame":
+        """One row per step; only of a run that :attr:`walks`."""
+        return self._table(BODY)
+
+    @cached_property
+    def body_metrics(self) -> "pd.DataFrame":
+        """One row per cycle; only of a run that :attr:`walks`."""
+        return self._table(BODY_METRICS)
+
+    @property
+    def scores(self) -> Scores:
+        """The metrics of every cycle, as Arrow tables."""
+        body = read_table(self.folder / BODY_METRICS) if BODY_METRICS in self.manifest["files"] else None
+        return Scores(read_table(self.folder / METRICS), body)
+
+    def cycles(self, numbers: Sequence[int], name: str = TRACE) -> "pd.DataFrame":
+        """Rows of some cycles of the trace, or of another table, without holding all of a long run in memory."""
+        try:
+            return pq.read_table(self.folder / name, filters=pc.field("cycle").isin(list(numbers))).to_pandas()
+        except (OSError, ValueError) as error:
+            raise BadRun(f"{self.folder / name}: cannot be read ({str(error).splitlines()[0]})") from None
+
+    def cycle(self, number: int, leg: int = 1) -> "pd.DataFrame":
+        """Rows of one leg in one cycle; none if the run did not reach it."""
+        trace = self.trace
+        return trace[(trace["cycle"] == number) & (trace["leg"] == leg)]

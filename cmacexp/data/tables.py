@@ -1,0 +1,112 @@
+"""The tables of a run on disk: its traces, and the metrics that are computed from them alone."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+
+from cmacexp.data.files import write_atomically
+from cmacexp.data.parquet import as_array, parts_of, rows_of, write_table
+from cmacexp.data.signals import BODY_COLUMNS, COLUMNS, Column, schema_of
+from cmacexp.errors import BadRun
+
+TRACE, BODY, MEMORY = "trace.parquet", "body.parquet", "memory.parquet"
+METRICS, METRICS_CSV, BODY_METRICS = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
+RECORDING = "recording.rrd"
+
+
+class Traces(NamedTuple):
+    """What a run left of every step."""
+
+    legs: pa.Table
+    """One row per step and leg."""
+    body: pa.Table | None
+    """One row per step; None without a body."""
+    memory: pa.Table | None = None
+    """One row per cycle and leg; None without weights."""
+
+
+class Scores(NamedTuple):
+    """What was measured of every cycle."""
+
+    legs: pa.Table
+    """One row per cycle and leg."""
+    body: pa.Table | None
+    """One row per cycle; None without a body."""
+
+
+def _parts(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
+    try:
+        yield from parts_of(path, columns)
+    except (OSError, pa.ArrowException) as error:
+        raise BadRun(f"{path}: cannot be read as a trace ({str(error).splitlines()[0]})") from None
+
+
+def steps_by_cycle(folder: Path) -> dict[int, int]:
+    """How many steps of each cycle stand in the trace of a run.
+
+    Raises:
+        BadRun: it is missing or cannot be read.
+    """
+    steps: dict[int, int] = {}
+    for part in _parts(folder / TRACE, ["cycle", "leg"]):
+        cycles, counts = np.unique(as_array(part, "cycle")[as_array(part, "leg") == 1], return_counts=True)
+        for cycle, count in zip(cycles.tolist(), counts.tolist(), strict=True):
+            steps[cycle] = steps.get(cycle, 0) + count
+    return steps
+
+
+def _read(path: Path, columns: Sequence[Column], cycles: tuple[int, int], every: int) -> pa.Table:
+    """A window of a trace, of which one step in ``every``; read part by part, so that no more than it is held."""
+    kept: list[pa.Table] = []
+    seen = 0
+    for part in _parts(path):
+        missing = {column.name for column in columns if not column.added} - set(part.column_names)
+        if missing:
+            raise BadRun(f"{path}: not a trace: it has no {', '.join(sorted(missing))}")
+        cycle = as_array(part, "cycle")
+        part = rows_of(part, (cycle >= cycles[0]) & (cycle <= cycles[1]))
+        legs = int(as_array(part, "leg").max(initial=1)) if "leg" in part.column_names else 1
+        kept.append(rows_of(part, (np.arange(part.num_rows) // legs + seen) % every == 0))
+        seen += part.num_rows // legs
+    return pa.concat_tables(kept).combine_chunks() if kept else schema_of(columns).empty_table()
+
+
+ALL_CYCLES = (1, 2**31 - 1)
+
+
+def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int = 1) -> Traces:
+    """The traces of a run.
+
+    Args:
+        folder: of the run.
+        cycles: the first and the last that are wanted.
+        every: one step in so many of those.
+
+    Raises:
+        BadRun: one is missing or cannot be read.
+    """
+    legs = _read(folder / TRACE, COLUMNS, cycles, every)
+    return Traces(legs, _read(folder / BODY, BODY_COLUMNS, cycles, every) if (folder / BODY).exists() else None)
+
+
+def write_memory(folder: Path, memory: Sequence[pa.Table]) -> list[str]:
+    """Write what the weights of a run were at the end of each cycle; the name of the file, if there are any."""
+    if not memory:
+        return []
+    write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
+    return [MEMORY]
+
+
+def write_scores(folder: Path, scores: Scores) -> list[str]:
+    """Write the metrics of a run; the names of the files."""
+    write_table(scores.legs, folder / METRICS)
+    with write_atomically(folder / METRICS_CSV) as temporary:
+        pa_csv.write_csv(scores.legs, temporary)
+    if scores.body is None:
+        return [METRICS, METRICS_CSV]
+    write_table(scores.body, folder / BODY_METRICS)
+    return [METRICS, METRICS_CSV, BODY_METRICS]

@@ -1,0 +1,1 @@
+"""Feedforwards: what acts before an error is felt."""

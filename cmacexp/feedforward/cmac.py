@@ -1,0 +1,50 @@
+"""One CMAC per leg as a feedforward."""
+
+import numpy as np
+
+from cmacexp.cmac.network import Cmac
+from cmacexp.cmac.quantiser import InputRange, spanning
+from cmacexp.cmac.use import memory_use
+from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
+from cmacexp.planning.setup import Setup
+from cmacexp.typing import Weights
+
+
+class CmacFeedforward(BuiltInFeedforward):
+    """One CMAC per leg, addressed by planned joint values, trained by the feedback (Lin & Song 1997, section 4)."""
+
+    def reset(self, setup: Setup) -> None:
+        """Empty memories, or those of an earlier run with their ranges and hash; the cells of every sample."""
+        config, learnt = setup.config, setup.learnt
+        inputs = [planned_inputs(setup, i, config.cmac.inputs) for i in range(setup.mechanism.legs.shape[0])]
+        if learnt is None:
+            ranges, self.seed = [spanning(own, config.cmac.range_factor) for own in inputs], config.seed
+        else:
+            ranges, self.seed = [InputRange(*ends) for ends in learnt["ranges"]], int(learnt["seed"])
+        self.cmacs = [Cmac(config.cmac, own, 2, self.seed) for own in ranges]
+        for i, cmac in enumerate(self.cmacs):
+            if learnt is not None and cmac.visited is not None:
+                cmac.visited.positions = learnt[f"visited_{i + 1}"]
+        cells = np.stack([cmac.cells(own) for cmac, own in zip(self.cmacs, inputs, strict=True)], axis=1)
+        fields = [cmac.activation(own) for cmac, own in zip(self.cmacs, inputs, strict=True)]
+        activation = None if fields[0] is None else np.stack([own for own in fields if own is not None], axis=1)
+        self.law = network(setup, cells, self.cmacs[0].address.rows, activation)
+        for cmac, own in zip(self.cmacs, self.law.weights, strict=True):
+            cmac.weights = own
+        if learnt is not None:
+            self.law.weights[:] = learnt["weights"]
+        self.memory = [memory_use(cmac, own) for cmac, own in zip(self.cmacs, inputs, strict=True)]
+
+    def learnt(self) -> Weights:
+        """``weights`` (L, rows, 2), N m; ``ranges`` (L, 2, n) of the inputs, low and high; ``seed`` of the hash.
+
+        With visited addressing also ``visited_1`` and so on, the cells of each leg in the order of their rows.
+        """
+        ranges = np.stack([np.stack(cmac.address.ranges) for cmac in self.cmacs])
+        visited = {
+            f"visited_{i + 1}": cmac.visited.positions
+            for i, cmac in enumerate(self.cmacs)
+            if cmac.visited is not None
+        }
+        seed = np.array(self.seed, dtype=float)
+        return {"weights": self.law.weights.copy(), "ranges": ranges, "seed": seed, **visited}

@@ -1,0 +1,128 @@
+"""What acts before an error is felt: nothing, a known torque, or a network that learns; as compiled kernels."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.cmac.memory import read, read_weighted, train, train_weighted
+from cmacexp.cmac.rules import PAPER, ZERO_PHASE, rate_in_cycle, train_by_rule
+from cmacexp.cmac.spread import train_spread
+from cmacexp.feedforward.weight_log import WeightLog, log_cycle
+from cmacexp.jit.compiler import kernel
+from cmacexp.typing import Array, Cells
+
+NONE, TABLE, CMAC, WEIGHTED = range(4)
+
+EMPTY_CELLS: Cells = np.zeros((1, 1, 1), dtype=np.uint32)
+EMPTY: Array = np.zeros((1, 1, 1))
+
+
+class LearningLaw(NamedTuple):
+    """How the weights of a network learn from the feedback."""
+
+    rate: float
+    """beta."""
+    lead: int
+    """U(k-1) trains the cells of step k-1-lead."""
+    rule: int = PAPER
+    """One of :data:`cmacexp.cmac.rules.RULES`."""
+    strength: float = 0.0
+    """Of what the rule does otherwise than the paper's."""
+    start_step: int = 0
+    """First step of the run in which the network learns."""
+    cells: Cells = EMPTY_CELLS
+    """(N, L, K): rows that the error of each sample teaches; of ``zero_phase`` alone, as the next."""
+    share: Array = EMPTY
+    """(N, L, K): in what part."""
+
+
+class Smoothing(NamedTuple):
+    """A symmetric filter that weights, of which there is one a sample, go through at the start of every cycle."""
+
+    taps: Array
+    """(K,): from the middle outwards; empty: none."""
+    room: Array
+    """(rows,): to work in."""
+
+
+class FeedforwardLaw(NamedTuple):
+    """A built-in feedforward over a cycle of N samples; what it does not use is empty.
+
+    A network is linear in its weights: at every sample C of them are active, which ones and how much the plan fixes.
+    """
+
+    kind: int
+    """NONE, TABLE (torque known in advance), CMAC (active weights count fully) or WEIGHTED (by their activation)."""
+    torque: Array
+    """(N, L, 2): torque of the table, N m."""
+    cells: Cells
+    """(N, L, C): active rows of the networks at the planned inputs."""
+    activation: Array
+    """(N, L, C): how much each of them counts; of WEIGHTED, and of a CMAC whose rule is not the paper's."""
+    weights: Array
+    """(L, rows, 2): weights of the networks, one per leg."""
+    learning: LearningLaw
+    smoothing: Smoothing
+    log: WeightLog
+
+
+@kernel
+def smooth(weights: Array, smoothing: Smoothing) -> None:
+    """Filter ``weights`` (rows, 2) along their rows, the last of which is a neighbour of the first."""
+    taps, room = smoothing
+    rows = weights.shape[0]
+    for o in range(weights.shape[1]):
+        for k in range(rows):
+            room[k] = weights[k, o]
+        for k in range(rows):
+            total = taps[0] * room[k]
+            for j in range(1, taps.shape[0]):
+                total += taps[j] * (room[(k - j) % rows] + room[(k + j) % rows])
+            weights[k, o] = total
+
+
+@kernel
+def learn(law: FeedforwardLaw, i: int, step: int, sample: int, taught: Array) -> None:
+    """Train the network of leg ``i`` at ``sample`` with ``taught`` (2,), N m (Lin & Song 1997, eq. 20, 21).
+
+    ``step`` counts from 0 over the whole run.
+    """
+    weights, cells, how = law.weights[i], law.cells[sample, i], law.learning
+    if how.rule == ZERO_PHASE:
+        train_spread(weights, how.cells[sample, i], how.share[sample, i], taught, how.rate, how.strength)
+    elif how.rule != PAPER:
+        cycles = (step - how.start_step) // law.cells.shape[0]
+        rate = rate_in_cycle(how.rule, how.strength, how.rate, cycles)
+        train_by_rule(how.rule, how.strength, weights, cells, law.activation[sample, i], taught, rate)
+    elif law.kind == CMAC:
+        train(weights, cells, taught, how.rate)
+    else:
+        train_weighted(weights, cells, law.activation[sample, i], taught, how.rate)
+
+
+@kernel
+def feedforward_step(law: FeedforwardLaw, step: int, sample: int, taught: Array, output: Array) -> None:
+    """Learn from the last step's feedback, then predict this step's torque (Lin & Song 1997, eq. 18, 20, 21).
+
+    Args:
+        law: the feedforward; the weights of a network change in place.
+        step: counts from 0 over the whole run.
+        sample: this step's sample of the cycle, 0 to N - 1.
+        taught: (L, 2): what the feedback gave in the last step, N m.
+        output: (L, 2): is filled, N m.
+    """
+    if sample == 0:
+        log_cycle(law.log, law.weights)
+    for i in range(output.shape[0]):
+        if law.kind == TABLE:
+            output[i, 0], output[i, 1] = law.torque[sample, i, 0], law.torque[sample, i, 1]
+        elif law.kind == NONE:
+            output[i, 0], output[i, 1] = 0.0, 0.0
+        else:
+            learn(law, i, step, (sample - 1 - law.learning.lead) % law.cells.shape[0], taught[i])
+            if sample == 0 and law.smoothing.taps.shape[0] > 0:
+                smooth(law.weights[i], law.smoothing)
+            if law.kind == CMAC:
+                read(law.weights[i], law.cells[sample, i], output[i])
+            else:
+                read_weighted(law.weights[i], law.cells[sample, i], law.activation[sample, i], output[i])

@@ -1,0 +1,119 @@
+"""A multilayer perceptron, of scikit-learn, that learns once a cycle."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cmacexp.errors import BadInput
+from cmacexp.feedforward.network import planned_inputs
+from cmacexp.planning.setup import Reference, Setup
+from cmacexp.typing import Array, Weights
+
+WEIGHTS = ("hidden_weights", "output_weights", "hidden_bias", "output_bias")
+"""Arrays of a network in the order of scikit-learn, legs first where they are kept."""
+INSTALL = 'needs scikit-learn: python -m pip install -e ".[networks]"'
+
+
+def _regressor() -> Any:
+    try:
+        from sklearn.neural_network import MLPRegressor
+    except ImportError:
+        raise BadInput("feedforward._target_", "cmacexp.control.Perceptron", INSTALL) from None
+    return MLPRegressor
+
+
+class Perceptron:
+    """One perceptron with one hidden layer of tanh per leg, trained by the feedback (Kawato, Furukawa & Suzuki 1987).
+
+    Feedback-error learning in batches: at the end of a cycle, the network is drawn towards what it gave plus beta
+    times the feedback, for every sample of the cycle. Inputs are standardised over the planned path, torques divided
+    by the root mean square of the feedback in the first cycle that it sees. Initial weights and the order of samples
+    come from the run's seed.
+
+    Args:
+        inputs: ``angle``, ``velocity``, ``acceleration``.
+        hidden: neurons of the hidden layer.
+        passes: over the samples of a cycle, each time that it learns.
+        batch: samples of one step of the gradient.
+        step_size: of Adam (Kingma & Ba 2015).
+    """
+
+    acts = True
+
+    def __init__(self, inputs: Sequence[str], hidden: int, passes: int, batch: int, step_size: float):
+        self.inputs = list(inputs)
+        self.hidden = hidden
+        self.passes = passes
+        self.batch = batch
+        self.step_size = step_size
+
+    def reset(self, setup: Setup) -> None:
+        """Networks that have learnt nothing give nothing.
+
+        Raises:
+            BadInput: scikit-learn is missing, or the learning rule is one of networks linear in their weights.
+        """
+        make, rule = _regressor(), setup.config.learning.rule
+        if rule != "paper":
+            raise BadInput("learning.rule", rule, "is for networks linear in their weights; a perceptron takes paper")
+        samples, legs = setup.plan.support.shape
+        self.rate, self.lead = setup.config.learning.rate, setup.config.lead
+        paths = np.stack([planned_inputs(setup, i, self.inputs) for i in range(legs)])
+        spread = paths.std(axis=1, keepdims=True)
+        self.middle, self.spread = paths.mean(axis=1, keepdims=True), np.where(spread > 0.0, spread, 1.0)
+        if setup.learnt is not None:
+            self.middle, self.spread = setup.learnt["middle"], setup.learnt["spread"]
+        self.paths = (paths - self.middle) / self.spread
+        self.torque = np.zeros((samples, legs, 2))
+        self.taught = np.zeros((samples, legs, 2))
+        self.seen, self.scale = 0, np.zeros(legs)
+        self.networks = [self._network(make, setup.config.seed + i, min(self.batch, samples)) for i in range(legs)]
+        for i, one in enumerate(self.networks):
+            one.partial_fit(self.paths[i], self.torque[:, i])  # makes its arrays
+        if setup.learnt is not None:
+            self._restore(setup.learnt)
+
+    def _network(self, make: Any, seed: int, batch: int) -> Any:
+        return make(
+            hidden_layer_sizes=(self.hidden,),
+            activation="tanh",
+            solver="adam",
+            alpha=0.0,
+            batch_size=batch,
+            learning_rate_init=self.step_size,
+            random_state=seed % 2**32,
+        )
+
+    def _restore(self, learnt: Weights) -> None:
+        self.scale[:] = learnt["scale"]
+        for i, one in enumerate(self.networks):
+            # In place: the optimiser goes on with these very arrays.
+            for own, name in zip([*one.coefs_, *one.intercepts_], WEIGHTS, strict=True):
+                own[:] = learnt[name][i]
+            self.torque[:, i] = self.scale[i] * one.predict(self.paths[i])
+
+    def learnt(self) -> Weights:
+        """``middle`` and ``spread`` (L, 1, n) of the inputs, ``scale`` (L,) of the torques, N m, and the WEIGHTS."""
+        arrays = zip(*([*one.coefs_, *one.intercepts_] for one in self.networks), strict=True)
+        weights = {name: np.stack(own) for name, own in zip(WEIGHTS, arrays, strict=True)}
+        return {"middle": self.middle, "spread": self.spread, "scale": self.scale.copy(), **weights}
+
+    def predict(self, reference: Reference, taught: Array) -> Array:
+        """Keep the last step's feedback (L, 2), N m; give this step's torque (L, 2), N m, as of the last learning."""
+        samples = len(self.torque)
+        self.taught[(reference.sample - 1 - self.lead) % samples] = taught
+        if reference.sample == 0 and self.seen >= samples:
+            for leg in range(len(self.networks)):
+                self._learn(leg)
+        self.seen += 1
+        return self.torque[reference.sample]
+
+    def _learn(self, leg: int) -> None:
+        taught = self.taught[:, leg]
+        if self.scale[leg] == 0.0:
+            self.scale[leg] = np.sqrt(np.mean(taught**2)) or 1.0
+        wanted = (self.torque[:, leg] + self.rate * taught) / self.scale[leg]
+        for _ in range(self.passes):
+            self.networks[leg].partial_fit(self.paths[leg], wanted)
+        self.torque[:, leg] = self.scale[leg] * self.networks[leg].predict(self.paths[leg])

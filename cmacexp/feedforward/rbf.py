@@ -1,0 +1,104 @@
+"""Radial basis functions: a network of Gaussians along the planned path."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cmacexp.cmac.quantiser import spanning
+from cmacexp.cmac.use import MemoryUse
+from cmacexp.errors import BadInput
+from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
+from cmacexp.planning.setup import Setup
+from cmacexp.typing import Array, Cells, Weights
+
+
+def spread_out(points: Array, number: int) -> Array:
+    """``number`` of ``points`` (samples, n): the first, then ever the farthest from all before (Gonzalez 1985)."""
+    chosen, distance = [0], np.linalg.norm(points - points[0], axis=1)
+    while len(chosen) < number:
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return points[chosen]
+
+
+def spacing(points: Array) -> float:
+    """Mean distance of each of ``points`` (centres, n) from its nearest neighbour; 1 where that is 0."""
+    distance = np.linalg.norm(points[:, None] - points, axis=2)
+    np.fill_diagonal(distance, np.inf)
+    mean = float(distance.min(axis=1).mean())
+    return mean if 0.0 < mean < np.inf else 1.0
+
+
+def activations(points: Array, centres: Array, width: float, active: int) -> tuple[Cells, Array]:
+    """The ``active`` centres nearest to each of ``points``, and how much each counts, both (samples, active).
+
+    Args:
+        points: (samples, n).
+        centres: (centres, n).
+        width: sigma of exp(-d^2 / (2 sigma^2)), in units of the points; each sample's activations sum up to 1.
+        active: how many.
+    """
+    square = ((points[:, None] - centres) ** 2).sum(axis=2)
+    nearest = square.argsort(axis=1, kind="stable")[:, :active]
+    near = np.take_along_axis(square, nearest, axis=1)
+    # Against the nearest one, so that far from all of them something is left to be divided by.
+    height = np.exp((near[:, :1] - near) / (2.0 * width**2))
+    return nearest.astype(np.uint32), height / height.sum(axis=1, keepdims=True)
+
+
+class RadialBasis(BuiltInFeedforward):
+    """Normalised Gaussians over planned joint values, one network per leg, trained by the feedback.
+
+    Centres and widths stand, the outer weights learn (Moody & Darken 1989; in adaptive control Sanner & Slotine
+    1992). Centres are samples of the planned path, spread evenly over it in inputs scaled to their span; all widths
+    are the same. Only the nearest Gaussians count.
+
+    Args:
+        inputs: ``angle``, ``velocity``, ``acceleration``.
+        centres: of one leg.
+        active: of them at each sample.
+        width: sigma over the mean distance between neighbouring centres.
+    """
+
+    def __init__(self, inputs: Sequence[str], centres: int, active: int, width: float):
+        super().__init__()
+        self.inputs = list(inputs)
+        self.centres = centres
+        self.active = active
+        self.width = width
+
+    def reset(self, setup: Setup) -> None:
+        """Centres along the path and weights of zero, or those of an earlier run.
+
+        Raises:
+            BadInput: more centres than samples.
+        """
+        samples, legs = setup.plan.support.shape
+        if self.centres > samples:
+            raise BadInput("feedforward.centres", self.centres, f"must be at most {samples}, the samples of a cycle")
+        inputs = [planned_inputs(setup, i, self.inputs) for i in range(legs)]
+        if setup.learnt is None:
+            ranges = [spanning(own, 1.0) for own in inputs]
+            self.ranges = np.stack([np.stack(own) for own in ranges])
+            self.places = np.stack([spread_out(own, self.centres) for own in map(_scaled, inputs, self.ranges)])
+        else:
+            self.ranges, self.places = setup.learnt["ranges"], setup.learnt["places"]
+        found = [
+            activations(_scaled(own, ends), places, self.width * spacing(places), self.active)
+            for own, ends, places in zip(inputs, self.ranges, self.places, strict=True)
+        ]
+        cells, activation = (np.stack(own, axis=1) for own in zip(*found, strict=True))
+        self.law = network(setup, cells, self.centres, activation)
+        if setup.learnt is not None:
+            self.law.weights[:] = setup.learnt["weights"]
+        used = [len(np.unique(own)) for own, _ in found]
+        self.memory = [MemoryUse(self.centres, number, number, 0, 0) for number in used]
+
+    def learnt(self) -> Weights:
+        """``weights`` (L, centres, 2), N m; ``ranges`` (L, 2, n) of inputs; ``places`` (L, centres, n) in them."""
+        return {"weights": self.law.weights.copy(), "ranges": self.ranges, "places": self.places}
+
+
+def _scaled(inputs: Array, ranges: Array) -> Array:
+    """``inputs`` (samples, n) as parts of ``ranges`` (2, n), low and high."""
+    return (inputs - ranges[0]) / (ranges[1] - ranges[0])

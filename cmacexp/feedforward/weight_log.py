@@ -1,0 +1,78 @@
+"""What the weights of networks are at the end of each cycle, written down while the compiled loop runs."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.jit.compiler import kernel
+from cmacexp.typing import Array, Cells, Counts
+
+LOGGED = ("weight_norm", "weight_largest", "rows_used")
+"""Columns of a log: Euclidean norm and largest size of the weights, N m; rows with a weight other than 0."""
+MOST_CYCLES = 64
+"""Cycles that a log has room for until it is taken."""
+
+
+class WeightLog(NamedTuple):
+    """The log of L networks over the cycles that the loop has begun since it was last taken."""
+
+    rows: Cells
+    """(L, M): the rows that the plan uses, each once; the rest is room."""
+    used: Counts
+    """(L,): how many those are."""
+    values: Array
+    """(MOST_CYCLES, L, 3): as LOGGED, at the start of each of these cycles."""
+    begun: Counts
+    """(1,): how many those are."""
+
+
+def new_log(cells: Cells) -> WeightLog:
+    """An empty log of networks whose active rows are ``cells`` (N, L, C)."""
+    legs = [np.unique(cells[:, i]) for i in range(cells.shape[1])]
+    rows = np.zeros((len(legs), max(map(len, legs))), dtype=np.uint32)
+    for own, found in zip(rows, legs, strict=True):
+        own[: len(found)] = found
+    counts = np.array([len(found) for found in legs], dtype=np.int64)
+    return WeightLog(rows, counts, np.zeros((MOST_CYCLES, len(legs), len(LOGGED))), np.zeros(1, dtype=np.int64))
+
+
+@kernel
+def weigh(log: WeightLog, weights: Array, told: Array) -> None:
+    """Fill ``told`` (L, 3) with what LOGGED says of ``weights`` (L, rows, 2) now."""
+    for i in range(weights.shape[0]):
+        power, largest, count = 0.0, 0.0, 0
+        for k in range(log.used[i]):
+            first, second = weights[i, log.rows[i, k], 0], weights[i, log.rows[i, k], 1]
+            power += first * first + second * second
+            largest = max(largest, abs(first), abs(second))
+            count += 1 if first != 0.0 or second != 0.0 else 0
+        told[i, 0], told[i, 1], told[i, 2] = math.sqrt(power), largest, count
+
+
+@kernel
+def log_cycle(log: WeightLog, weights: Array) -> None:
+    """Write down how a cycle finds the weights (L, rows, 2)."""
+    if log.begun[0] < log.values.shape[0]:
+        weigh(log, weights, log.values[log.begun[0]])
+    log.begun[0] += 1
+
+
+def take(log: WeightLog, weights: Array, cycles: int) -> Array:
+    """Take the log of the last ``cycles`` cycles, at most MOST_CYCLES; the last of them may be short.
+
+    Args:
+        log: is emptied.
+        weights: (L, rows, 2): as the last of these cycles left them.
+        cycles: those that have passed, whether the networks acted in them or not.
+
+    Returns:
+        (cycles, L, 3): as LOGGED, at the end of each; 0 before the networks learn.
+    """
+    told = np.zeros((cycles, *log.values.shape[1:]))
+    begun = int(log.begun[0])
+    if begun and cycles:  # a run may end before the first step of a cycle is kept
+        told[cycles - begun : cycles - 1] = log.values[1:begun]
+        weigh(log, weights, told[-1])
+    log.begun[0] = 0
+    return told

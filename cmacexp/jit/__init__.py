@@ -1,0 +1,1 @@
+"""Compiled kernels: what numba compiles, when, and where the machine code is cached."""

@@ -1,0 +1,28 @@
+"""The state of the sources, told by a hash of their text."""
+
+import hashlib
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1]
+KERNEL_ROOMS = ("jit", "models", "cmac", "planning", "plants", "sensors", "feedforward", "control", "loop")
+"""Rooms where kernels, and constants that kernels use, stand."""
+RESULT_ROOMS = (*KERNEL_ROOMS, "typing.py", "config", "data", "metrics", "experiment.py")
+"""Rooms whose text can change what a run gives; not those that only look at it."""
+
+
+def sources_hash(rooms: Sequence[str], package: Path = PACKAGE) -> str:
+    """Hash of every Python file of ``rooms`` (folders or files of ``package``), 16 hexadecimal digits."""
+    digest = hashlib.sha256()
+    for room in rooms:
+        path = package / room
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@cache
+def code_hash() -> str:
+    """Hash of all code that can change what a run of built-in parts gives."""
+    return sources_hash(RESULT_ROOMS)

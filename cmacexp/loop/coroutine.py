@@ -1,0 +1,259 @@
+"""The closed loop as a compiled generator: it runs built-in parts, and pauses where a foreign one has to act.
+
+Resuming a compiled generator costs a tenth of a microsecond. Calling a kernel anew costs some 10: every array of the
+tuples that it works on is looked at again.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from cmacexp.control.actuator import Actuator, actuate
+from cmacexp.control.hybrid_kernels import HybridLaw, HybridState, hybrid_feedback
+from cmacexp.feedforward.kernels import FeedforwardLaw, feedforward_step
+from cmacexp.jit.compiler import kernel, kernel_apart, kernel_within
+from cmacexp.loop.compiled import Torques
+from cmacexp.loop.samples import has_measured, write_measured, write_samples
+from cmacexp.loop.stop import DIVERGED, RUNNING, Guard, stop_reason
+from cmacexp.models.mechanism import Mechanism, trigonometries
+from cmacexp.plants.kernels import PlantLaw, PlantState, advance
+from cmacexp.plants.protocol import Measurement
+from cmacexp.sensors.channel import Sensing
+from cmacexp.sensors.kernels import Seen, sense
+from cmacexp.typing import Array, Counts, Mask
+
+MEASURE, ACT, PREDICT, STEP = range(4)
+"""What the loop waits for when it pauses: the method of a foreign part."""
+
+
+class Foreign(NamedTuple):
+    """Which parts are not built in."""
+
+    plant: bool
+    sensors: bool
+    controller: bool
+    feedforward: bool
+    """Of a built-in controller; a foreign controller asks its feedforward itself."""
+
+
+class Handed(NamedTuple):
+    """Room for what foreign parts are given in K steps, a row for each, so that they may keep it; else empty."""
+
+    true: Measurement
+    """(K, ...): for sensors."""
+    seen: Measurement
+    """(K, ...): for a controller."""
+    taught: Array
+    """(K, L, 2): for a feedforward, N m."""
+    torque: Array
+    """(K, L, 2): for a plant, N m."""
+
+
+class Row(NamedTuple):
+    """Where a step is written down."""
+
+    k: int
+    samples: Array
+    body_samples: Array
+
+
+@kernel_within
+def is_finite(values: Array) -> bool:
+    """Whether all of ``values`` (L, 2) are."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            if not math.isfinite(values[i, j]):
+                return False
+    return True
+
+
+@kernel_within
+def sees_finite(seen: Seen) -> bool:
+    """Whether all that is seen is finite."""
+    for i in range(seen.force.shape[0]):
+        if not math.isfinite(seen.force[i]):
+            return False
+    for n in range(3):
+        if not (math.isfinite(seen.body[n]) and math.isfinite(seen.body_rate[n])):
+            return False
+    return is_finite(seen.q) and is_finite(seen.dq) and is_finite(seen.foot) and is_finite(seen.velocity)
+
+
+@kernel
+def moves_finitely(machine: PlantState) -> bool:
+    """Whether velocities are finite that no kernel of ours has computed."""
+    for n in range(3):
+        if not math.isfinite(machine.body_rate[n]):
+            return False
+    return is_finite(machine.velocity)
+
+
+@kernel_within
+def hand(rows: Array, k: int, values: Array) -> None:
+    """Copy ``values`` (L, 2) into ``rows[k]``."""
+    for i in range(values.shape[0]):
+        for j in range(2):
+            rows[k, i, j] = values[i, j]
+
+
+@kernel_within
+def hand_flat(rows: Array, k: int, values: Array) -> None:
+    """Copy ``values`` (n,) into ``rows[k]``."""
+    for i in range(values.shape[0]):
+        rows[k, i] = values[i]
+
+
+@kernel_within
+def hand_true(true: PlantState, rows: Measurement, k: int) -> None:
+    """Fill row ``k`` of ``rows`` (K, ...) with what sensors are given."""
+    hand(rows.q, k, true.q)
+    hand(rows.dq, k, true.dq)
+    hand(rows.foot, k, true.foot)
+    hand(rows.velocity, k, true.velocity)
+    hand_flat(rows.force, k, true.force)
+    hand_flat(rows.body, k, true.body)
+    hand_flat(rows.body_rate, k, true.body_rate)
+
+
+@kernel_within
+def hand_seen(seen: Seen, rows: Measurement, k: int) -> None:
+    """Fill row ``k`` of ``rows`` (K, ...) with what a controller is given."""
+    hand(rows.q, k, seen.q)
+    hand(rows.dq, k, seen.dq)
+    hand(rows.foot, k, seen.foot)
+    hand(rows.velocity, k, seen.velocity)
+    hand_flat(rows.force, k, seen.force)
+    hand_flat(rows.body, k, seen.body)
+    hand_flat(rows.body_rate, k, seen.body_rate)
+
+
+@kernel_within
+def control(
+    foreign: Foreign, law: HybridLaw, state: HybridState, support: Mask, reference: Array, seen: Seen
+) -> None:
+    """The built-in controller at what is ``seen``, by a row of the plan."""
+    if foreign.plant or foreign.sensors:
+        trigonometries(law.mechanism, seen.q, seen.trig)
+    hybrid_feedback(
+        law, state, support, reference,
+        seen.trig, seen.foot, seen.velocity, seen.force, seen.body, seen.body_rate,
+    )  # fmt: skip
+
+
+@kernel_within
+def commit(
+    actuator: Actuator, state: HybridState, torques: Torques, machine: PlantState, seen: Seen, step: int, row: Row
+) -> None:
+    """Work out the torque that the plant gets, and write the step down."""
+    actuate(actuator, step, state.feedback, torques.feedforward, torques.total)
+    write_samples(
+        row.samples, row.body_samples, row.k, machine.foot, machine.velocity, machine.q, machine.dq,
+        machine.force, seen.force, state.reference, state.feedback, torques.feedforward, machine.body,
+    )  # fmt: skip
+    if has_measured(row.samples):
+        write_measured(row.samples, row.body_samples, row.k, seen, machine.body_rate, state.plausible.trusted)
+
+
+@kernel_within
+def watch(guard: Guard, machine: PlantState, sample: int, foreign_plant: bool) -> int:
+    """RUNNING, or why the run stops at the start of a step."""
+    status = stop_reason(guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
+    if status == RUNNING and foreign_plant and not moves_finitely(machine):
+        return DIVERGED
+    return status
+
+
+@kernel_within
+def move(law: PlantLaw, machine: PlantState, torque: Array) -> None:
+    """The built-in plant."""
+    advance(law, machine, torque)
+
+
+@kernel_within
+def feel(sensing: Sensing, mechanism: Mechanism, step: int, machine: PlantState, seen: Seen) -> None:
+    """The built-in sensors."""
+    sense(sensing, mechanism, step, machine, seen)
+
+
+@kernel_within
+def foresee(law: FeedforwardLaw, step: int, sample: int, taught: Array, torque: Array) -> None:
+    """The built-in feedforward."""
+    feedforward_step(law, step, sample, taught, torque)
+
+
+@kernel_apart
+def relay(
+    support: Mask,
+    reference: Array,
+    start_step: int,
+    law: PlantLaw,
+    machine: PlantState,
+    sensing: Sensing,
+    seen: Seen,
+    control_law: HybridLaw,
+    state: HybridState,
+    feedforward_law: FeedforwardLaw,
+    actuator: Actuator,
+    torques: Torques,
+    guard: Guard,
+    foreign: Foreign,
+    progress: Counts,
+    handed: Handed,
+    start: int,
+    samples: Array,
+    body_samples: Array,
+) -> Iterator[int]:
+    """:func:`cmacexp.loop.fused.fused_loop`, pausing at foreign parts; the caller keeps all arrays alive.
+
+    ``progress`` (3,) is filled: steps whose torque the plant has taken, RUNNING or why it stopped, and 1 + the method
+    that gave a value that is not finite, else 0. The fields of :class:`FusedLoop` come one by one, and what is done
+    between pauses are functions apart: a generator that takes all of it in one tuple compiles for a minute.
+
+    Yields:
+        4 x row + MEASURE, ACT, PREDICT or STEP; the caller has the part do it before it resumes.
+    """
+    period = support.shape[0]
+    progress[0], progress[1], progress[2] = 0, RUNNING, 0
+    if start == 0 and samples.shape[0] > 0:
+        progress[1] = watch(guard, machine, 0, False)
+        if progress[1] != RUNNING:
+            return
+    for k in range(samples.shape[0]):
+        step = start + k
+        if foreign.sensors:
+            hand_true(machine, handed.true, k)
+            yield 4 * k + MEASURE
+            if not sees_finite(seen):
+                progress[2] = 1 + MEASURE
+                return
+        elif sensing.active:
+            feel(sensing, law.mechanism, step, machine, seen)
+        if foreign.controller:
+            hand_seen(seen, handed.seen, k)
+            yield 4 * k + ACT
+            if not (is_finite(state.feedback) and is_finite(torques.feedforward)):
+                progress[2] = 1 + ACT
+                return
+        else:
+            if step >= start_step:
+                # Before the feedback, so that what it taught is still the last step's.
+                if foreign.feedforward:
+                    hand(handed.taught, k, state.taught)
+                    yield 4 * k + PREDICT
+                    if not is_finite(torques.feedforward):
+                        progress[2] = 1 + PREDICT
+                        return
+                else:
+                    foresee(feedforward_law, step, step % period, state.taught, torques.feedforward)
+            stage = 1 if step >= start_step else 0
+            control(foreign, control_law, state, support[step % period], reference[stage, step % period], seen)
+        commit(actuator, state, torques, machine, seen, step, Row(k, samples, body_samples))
+        if foreign.plant:
+            hand(handed.torque, k, torques.total)
+            yield 4 * k + STEP
+        else:
+            move(law, machine, torques.total)
+        progress[0] = k + 1
+        progress[1] = watch(guard, machine, (step + 1) % period, foreign.plant)
+        if progress[1] != RUNNING:
+            return

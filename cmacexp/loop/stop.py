@@ -1,0 +1,111 @@
+"""Why a run stops before its end: it diverges, or its machine falls."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.jit.compiler import kernel
+from cmacexp.models.body import depth
+from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism
+from cmacexp.typing import Array
+
+RUNNING, DIVERGED, FELL = range(3)
+STATUSES = {DIVERGED: "diverged", FELL: "fell"}
+
+FASTEST_JOINT = 100.0
+"""A joint faster than this has diverged, rad/s (m/s for a point mass)."""
+STEEPEST = 0.5
+"""A body pitched or rolled further has fallen, rad."""
+LOWEST_HIP = 0.25
+"""A hip below this has fallen, m above the undepressed ground."""
+LONGEST_TUMBLE = 0.25
+"""A body whose stability margin is negative for longer has fallen, s."""
+
+
+class Guard(NamedTuple):
+    """What tells the loop when to stop."""
+
+    mechanism: Mechanism
+    margin: Array
+    """(N,): planned stability margin over a cycle, m; NaN where there is none."""
+    longest_tumble: int
+    """Steps of LONGEST_TUMBLE."""
+    tumble: Array
+    """(1,): steps for which the margin has been negative."""
+
+
+def new_guard(mechanism: Mechanism, margin: Array, sampling_period: float) -> Guard:
+    """A guard at the start of a run."""
+    return Guard(mechanism, np.ascontiguousarray(margin), round(LONGEST_TUMBLE / sampling_period), np.zeros(1))
+
+
+@kernel
+def has_diverged(q: Array, dq: Array, foot: Array) -> bool:
+    """Whether a value is not finite or a joint too fast."""
+    for i in range(q.shape[0]):
+        for j in range(2):
+            if not (math.isfinite(q[i, j]) and math.isfinite(foot[i, j]) and abs(dq[i, j]) <= FASTEST_JOINT):
+                return True
+    return False
+
+
+@kernel
+def has_fallen(guard: Guard, body: Array) -> bool:
+    """Whether the body has no balance, is too steep or too low, or has been tumbling for too long."""
+    if not (math.isfinite(body[0]) and abs(body[1]) <= STEEPEST and abs(body[2]) <= STEEPEST):
+        return True
+    hips = guard.mechanism.hips
+    for i in range(hips.shape[0]):
+        if -depth(body, hips[i, 0], hips[i, 1], 0.0) < LOWEST_HIP:
+            return True
+    return guard.tumble[0] > guard.longest_tumble
+
+
+@kernel
+def stop_reason(guard: Guard, sample: int, q: Array, dq: Array, foot: Array, force: Array, body: Array) -> int:
+    """RUNNING, DIVERGED or FELL at the start of a step, the ``sample`` of its cycle."""
+    if has_diverged(q, dq, foot):
+        return DIVERGED
+    if guard.mechanism.kind == LEGS_UNDER_BODY:
+        guard.tumble[0] = guard.tumble[0] + 1 if guard.margin[sample] < 0.0 else 0
+        if has_fallen(guard, body):
+            return FELL
+    for i in range(force.shape[0]):
+        if not math.isfinite(force[i]):
+            return DIVERGED
+    return RUNNING
+
+
+def _why_diverged(guard: Guard, q: Array, dq: Array) -> str:
+    bad = np.argwhere(~np.isfinite(q) | ~np.isfinite(dq))
+    if len(bad):
+        return f"joint {bad[0][1] + 1} of leg {bad[0][0] + 1} is not finite"
+    leg, joint = np.unravel_index(int(np.argmax(np.abs(dq))), dq.shape)
+    speed = abs(dq[leg, joint])
+    if speed <= FASTEST_JOINT:
+        return "a foot or a contact force is not finite"
+    if guard.mechanism.kind == POINT_MASS:
+        return f"the point mass moves at {speed:.3g} m/s along {'xy'[joint]}, above {FASTEST_JOINT:g} m/s"
+    return f"joint {joint + 1} of leg {leg + 1} moves at {speed:.3g} rad/s, above {FASTEST_JOINT:g} rad/s"
+
+
+def _why_fell(guard: Guard, body: Array) -> str:
+    if not np.isfinite(body[0]):
+        return "no height, pitch and roll balance the body"
+    for name, angle in (("pitch", body[1]), ("roll", body[2])):
+        if abs(angle) > STEEPEST:
+            return f"{name} {angle:.3f} rad, beyond {STEEPEST:g} rad"
+    heights = [-depth(body, x, y, 0.0) for x, y in guard.mechanism.hips]
+    lowest = int(np.argmin(heights))
+    if heights[lowest] < LOWEST_HIP:
+        return f"hip of leg {lowest + 1} at {heights[lowest]:.3f} m, below {LOWEST_HIP:g} m"
+    return f"stability margin negative for more than {LONGEST_TUMBLE:g} s"
+
+
+def describe_stop(
+    guard: Guard, status: int, step: int, sampling_period: float, q: Array, dq: Array, body: Array
+) -> str:
+    """Step, time and cause of a stop, in words; ``q``, ``dq`` (L, 2) and ``body`` are the state it was seen in."""
+    why = _why_diverged(guard, q, dq) if status == DIVERGED else _why_fell(guard, body)
+    return f"at step {step} (t = {step * sampling_period:.3f} s): {why}"

@@ -1,0 +1,105 @@
+"""From the plan and the samples of the loop to the tables of a run."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyarrow as pa
+
+from cmacexp.data.parquet import arrow, arrow_strings
+from cmacexp.data.signals import BODY_COLUMNS, COLUMNS, MEMORY_COLUMNS, PHASES, Column, schema_of
+from cmacexp.planning.plan import Plan
+from cmacexp.typing import Array
+
+
+def assemble(
+    plan: Plan,
+    samples: dict[str, Array],
+    sampling_period: float,
+    start: int = 0,
+    columns: Sequence[Column] = COLUMNS,
+) -> pa.Table:
+    """The trace of a run, or of a part of it, from what was planned and what the loop wrote down.
+
+    Args:
+        plan: the cycle that repeats.
+        samples: (steps, L) by column name: everything that is not planned.
+        sampling_period: T_s, s.
+        start: step of the first row.
+        columns: of the trace, see :func:`with_measured`.
+    """
+    steps, legs = samples["x"].shape
+    period = plan.support.shape[0]
+    step = np.arange(start, start + steps, dtype=np.int32)
+    sample = step % period
+    known = {
+        "step": np.repeat(step, legs),
+        "time": np.repeat(step * sampling_period, legs),
+        "cycle": np.repeat(step // period + 1, legs),
+        "leg": np.tile(np.arange(1, legs + 1, dtype=np.int32), steps),
+        "progress": plan.progress[sample].ravel(),
+        "x_desired": plan.desired[sample, :, 0].ravel(),
+        "y_desired": plan.desired[sample, :, 1].ravel(),
+        "force_desired": plan.force_desired[sample].ravel(),
+    }
+    phase = pa.DictionaryArray.from_arrays(arrow(plan.support[sample].ravel(), pa.int8()), arrow_strings(PHASES))
+    arrays = [
+        phase if c.name == "phase" else arrow(known[c.name] if c.name in known else samples[c.name].ravel(), c.type)
+        for c in columns
+    ]
+    return pa.Table.from_arrays(arrays, schema=schema_of(columns))
+
+
+def assemble_body(
+    plan: Plan,
+    samples: dict[str, Array],
+    force: Array,
+    sampling_period: float,
+    start: int = 0,
+    columns: Sequence[Column] = BODY_COLUMNS,
+) -> pa.Table:
+    """The trace of a body, or of a part of it, one row per step.
+
+    Args:
+        plan: the cycle that repeats.
+        samples: (steps,) by column name: height, pitch, roll, cog_x, cog_y, yaw, and what sensors made of them.
+        force: (steps, L): contact forces, N.
+        sampling_period: T_s, s.
+        start: step of the first row.
+        columns: of the trace, see :func:`with_measured`.
+    """
+    steps, legs = force.shape
+    period = plan.support.shape[0]
+    step = np.arange(start, start + steps, dtype=np.int32)
+    margins = plan.margins[step % period]
+    known = {
+        **samples,
+        "step": step,
+        "time": step * sampling_period,
+        "cycle": step // period + 1,
+        "stability_margin": margins[:, 0],
+        "margin_front": margins[:, 1],
+        "margin_rear": margins[:, 2],
+        "supporting_legs": (force > 0.0) @ (1 << np.arange(legs)),
+    }
+    return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=schema_of(columns))
+
+
+def assemble_memory(weights: Array, rows: int, colliding: Sequence[float], first_cycle: int) -> pa.Table:
+    """The memory of the networks of L legs over a run, or a part of it, one row per cycle and leg.
+
+    Args:
+        weights: (cycles, L, 3): as :data:`cmacexp.feedforward.weight_log.LOGGED`.
+        rows: of the memory of one network.
+        colliding: (L,): cells that share their row with another; NaN if not counted.
+        first_cycle: number of the first of these cycles.
+    """
+    cycles, legs = weights.shape[:2]
+    columns = {
+        "cycle": np.repeat(np.arange(first_cycle, first_cycle + cycles), legs),
+        "leg": np.tile(np.arange(1, legs + 1), cycles),
+        **{name: weights[:, :, k].ravel() for k, name in enumerate(("weight_norm", "weight_largest", "rows_used"))},
+        "rows": np.full(cycles * legs, float(rows)),
+        "cells_colliding": np.tile(np.asarray(colliding, dtype=float), cycles),
+    }
+    arrays = [arrow(columns[c.name], c.type) for c in MEMORY_COLUMNS]
+    return pa.Table.from_arrays(arrays, schema=schema_of(MEMORY_COLUMNS))

@@ -1,0 +1,55 @@
+"""The machine that a config describes."""
+
+from cmacexp.config import Config
+from cmacexp.config.check import TOLERANCE
+from cmacexp.config.machine import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine
+from cmacexp.errors import BadInput
+from cmacexp.models.gravity import GRAVITY
+from cmacexp.models.leg import Leg
+from cmacexp.models.mechanism import Mechanism, legs_on_stand, legs_under_body, point_mass
+
+
+def weight_of_masses(machine: QuadrupedMachine) -> float:
+    """Weight of the body and all its legs, N."""
+    return GRAVITY * (machine.body_mass + sum(leg.mass_1 + leg.mass_2 for leg in machine.legs.in_order))
+
+
+def total_weight(machine: QuadrupedMachine) -> float:
+    """What the feet carry together, N."""
+    return weight_of_masses(machine) if machine.weight is None else machine.weight
+
+
+def make_leg(config: LegConfig) -> Leg:
+    """The leg that a config describes."""
+    knee = -1.0 if config.knee == "back" else 1.0
+    return Leg(config.length_1, config.length_2, config.mass_1, config.mass_2, knee)
+
+
+def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine) -> Mechanism:
+    """The machine that a config describes."""
+    if isinstance(machine, PointMassMachine):
+        return point_mass(machine.mass, machine.hip_height)
+    if isinstance(machine, QuadrupedMachine):
+        legs = [make_leg(leg) for leg in machine.legs.in_order]
+        return legs_under_body(legs, machine.hip_height, machine.hips, total_weight(machine))
+    return legs_on_stand([make_leg(machine.leg)], machine.hip_height)
+
+
+def check_load_sharing(config: Config) -> None:
+    """Hold dynamic load sharing to a body whose weight is that of its masses."""
+    machine = config.machine
+    if config.force_control.load_sharing == "static":
+        return
+    if not isinstance(machine, QuadrupedMachine):
+        raise BadInput(
+            "force_control.load_sharing",
+            config.force_control.load_sharing,
+            f"must be static with machine.kind={machine.kind}, whose force is force_control.desired_force",
+        )
+    of_masses = weight_of_masses(machine)
+    if abs(total_weight(machine) - of_masses) > TOLERANCE * of_masses:
+        raise BadInput(
+            "machine.weight",
+            machine.weight,
+            f"must be null or {of_masses:.6g} N, the weight of all masses, with force_control.load_sharing=dynamic",
+        )

@@ -1,0 +1,33 @@
+"""Ground and payload as a config describes them."""
+
+from cmacexp.config.environment import PayloadConfig, TerrainConfig
+from cmacexp.models.body import Load
+from cmacexp.models.ground import (
+    ALL_LEGS,
+    NEVER,
+    Ground,
+    first_sample,
+)
+from cmacexp.plants.kernels import Payload
+
+
+def make_ground(terrain: TerrainConfig, sampling_period: float) -> Ground:
+    """The ground that a config describes."""
+    return Ground(
+        terrain.stiffness,
+        terrain.patch_size,
+        terrain.patch_spread,
+        terrain.patch_seed,
+        terrain.damping,
+        NEVER if terrain.step_time is None else first_sample(terrain.step_time, sampling_period),
+        terrain.step_factor,
+        ALL_LEGS if terrain.step_legs is None else sum(1 << (leg - 1) for leg in terrain.step_legs),
+        terrain.slope,
+        terrain.slope_start,
+    )
+
+
+def make_payload(payload: PayloadConfig, sampling_period: float) -> Payload:
+    """The payload that a config describes."""
+    start = first_sample(payload.time, sampling_period) if payload.weight else NEVER
+    return Payload(Load(payload.weight, payload.x, payload.y), start)

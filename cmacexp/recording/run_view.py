@@ -1,0 +1,129 @@
+"""A run to be drawn: its traces leg by leg, and the geometry to draw them with.
+
+World: x forward, y left, z up, metres; the undepressed ground is z = 0 up to where a slope begins. Body frame as in
+``cmacexp/models/body.py``.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from cmacexp.data.parquet import as_array, is_support
+from cmacexp.data.signals import LEG_NAMES
+from cmacexp.data.tables import Traces
+from cmacexp.models.ground_height import rise
+from cmacexp.typing import Array, Mask
+
+
+@dataclass(frozen=True)
+class LegView:
+    """Columns of one leg, (steps,) each, and how it is built."""
+
+    number: int
+    name: str
+    columns: dict[str, Array]
+    support: Mask
+    lengths: tuple[float, float] | None
+    """Of thigh and shank, m; None without joints."""
+    hip: tuple[float, float]
+    """In the body frame, forward and left, m."""
+
+    def __getitem__(self, name: str) -> Array:
+        return self.columns[name]
+
+    def in_body(self, x: Array, y: Array) -> Array:
+        """Points (n, 3) in the body frame from x forward, y down in the frame of the hip."""
+        return np.stack([x + self.hip[0], np.full_like(x, self.hip[1]), -y], axis=1)
+
+
+@dataclass(frozen=True)
+class RunView:
+    """A run as it is drawn; arrays are (steps,)."""
+
+    legs: list[LegView]
+    time: Array
+    step: Array
+    cycle: Array
+    body: dict[str, Array]
+    """Columns of ``body.parquet``; of a stand only where it is and how it is turned, which does not change."""
+    config: dict[str, Any]
+
+    @property
+    def walks(self) -> bool:
+        """Whether there is a body on legs."""
+        return len(self.legs) > 1
+
+    def whole_cycles(self) -> tuple[int, int]:
+        """The first cycle and the last whole one."""
+        cycles, counts = np.unique(self.cycle, return_counts=True)
+        whole = cycles[counts >= counts.max() - 1]  # thinned, a whole cycle may have one step less than another
+        return int(cycles[0]), int(whole[-1])
+
+    def turn(self) -> Array:
+        """Orientation of the body as quaternions (steps, 4), x y z w: roll about x, pitch about y, yaw about z."""
+        a, p, r = (self.body[name] / 2.0 for name in ("yaw", "pitch", "roll"))
+        level = [np.cos(p) * np.sin(r), np.sin(p) * np.cos(r), -np.sin(p) * np.sin(r), np.cos(p) * np.cos(r)]
+        x, y, z, w = level
+        c, s = np.cos(a), np.sin(a)
+        return np.stack([c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z], axis=1)
+
+    def ground_height(self, x: Array) -> Array:
+        """z of the undepressed ground at ``x`` in the world, m; flat where a config has no slope."""
+        terrain = self.config.get("terrain", {})
+        return rise(terrain.get("slope", 0.0), terrain.get("slope_start", 0.0), x)
+
+    def in_world(self, points: Array) -> Array:
+        """Points (steps, 3) of the body frame in the world."""
+        a, p, r = (self.body[name] for name in ("yaw", "pitch", "roll"))
+        x, y, z = points.T
+        y, z = y * np.cos(r) - z * np.sin(r), y * np.sin(r) + z * np.cos(r)
+        x, z = x * np.cos(p) + z * np.sin(p), -x * np.sin(p) + z * np.cos(p)
+        x, y = x * np.cos(a) - y * np.sin(a), x * np.sin(a) + y * np.cos(a)
+        return np.stack([x, y, z], axis=1) + self.way()
+
+    def way(self) -> Array:
+        """The body in the world (steps, 3), m."""
+        x = self.body["cog_x"]
+        return np.stack([x, self.body["cog_y"], self.body["height"] + self.ground_height(x)], axis=1)
+
+
+def _leg_configs(config: dict[str, Any]) -> list[dict[str, Any]]:
+    machine = config["machine"]
+    return list(machine["legs"].values()) if "legs" in machine else [machine.get("leg") or {}]
+
+
+def _leg(trace: pa.Table, rows: NDArray[np.intp], number: int, built: dict[str, Any]) -> LegView:
+    skipped = {"step", "time", "cycle", "leg", "phase"}
+    return LegView(
+        number,
+        LEG_NAMES[number - 1] if "hip_x" in built else "leg",
+        {name: as_array(trace, name)[rows] for name in trace.column_names if name not in skipped},
+        is_support(trace)[rows],
+        (built["length_1"], built["length_2"]) if "length_1" in built else None,
+        (built.get("hip_x", 0.0), built.get("hip_y", 0.0)),
+    )
+
+
+def view_of(traces: Traces, config: dict[str, Any]) -> RunView:
+    """Cut traces into legs.
+
+    Args:
+        traces: the steps that are drawn.
+        config: as it stands in the manifest.
+    """
+    trace = traces.legs
+    number = as_array(trace, "leg")
+    rows = {i: np.flatnonzero(number == i) for i in range(1, len(_leg_configs(config)) + 1)}
+    legs = [_leg(trace, rows[i], i, leg) for i, leg in enumerate(_leg_configs(config), start=1)]
+    time, step, cycle = (as_array(trace, name)[rows[1]] for name in ("time", "step", "cycle"))
+    if traces.body is not None:
+        body = {"yaw": np.zeros_like(time)}
+        body |= {name: as_array(traces.body, name) for name in traces.body.column_names}
+    else:
+        still = np.zeros_like(time)
+        body = dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll"), still)
+        body["height"] = still + config["machine"]["hip_height"]
+    return RunView(legs, time, step, cycle, body, config)

@@ -1,0 +1,126 @@
+"""What drawings of one run share: the cycles to look at, and the marks of their lines."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cmacexp.data.signals import LEG_NAMES
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.tables import BODY
+from cmacexp.report.style import DASHES, DESIRED, SERIES
+from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_CYCLES = 6
+"""Cycles that can be told apart in one figure."""
+SUPPORT = "#F1F1F1"
+"""Shade behind the planned support."""
+DECADES = 20.0
+"""Positive values that span more than this factor are drawn on a logarithmic axis."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """Some cycles of a run."""
+
+    numbers: Sequence[int]
+    trace: "pd.DataFrame"
+    body: "pd.DataFrame | None"
+    cycle_time: float
+    period: float
+    """Between two samples, s."""
+    legs: int
+    has_joints: bool
+
+    def of(self, number: int, leg: int) -> "pd.DataFrame":
+        """The trace of one leg in one cycle."""
+        return self.trace[(self.trace["cycle"] == number) & (self.trace["leg"] == leg)]
+
+    def of_body(self, number: int) -> "pd.DataFrame":
+        """The trace of the body in one cycle."""
+        assert self.body is not None
+        return self.body[self.body["cycle"] == number]
+
+    def clock(self, rows: "pd.DataFrame") -> Array:
+        """Time since the cycle began, s."""
+        return np.asarray(rows["time"] - (rows["cycle"] - 1) * self.cycle_time)
+
+    @property
+    def span(self) -> float:
+        """Time that the longest of the cycles lasted, s; less than a cycle if the run stopped in its first."""
+        return float(self.clock(self.trace).max()) + self.period
+
+    def name(self, leg: int) -> str:
+        """E.g. ``leg 1, left front``; empty if there is one leg only."""
+        return f"leg {leg}, {LEG_NAMES[leg - 1]}" if self.legs > 1 else ""
+
+
+def look_at(run: StoredRun, numbers: Sequence[int]) -> Look:
+    """Read some cycles of a run."""
+    trace = run.cycles(numbers)
+    body = run.cycles(numbers, BODY) if run.walks else None
+    has_joints = bool(trace["q1"].notna().any())
+    times = run.config["gait"]["cycle_time"], run.config["sampling_period"]
+    return Look(numbers, trace, body, *times, int(trace["leg"].max()), has_joints)
+
+
+def mark(index: int) -> dict[str, Any]:
+    """Colour and dash of line number ``index``; no two of the first 49 are the same."""
+    return {"color": SERIES[index % 7], "linestyle": DASHES[(index + index // 7) % 7]}
+
+
+DESIRED_LINE: dict[str, Any] = {"color": DESIRED, "linewidth": 2.6, "alpha": 0.6, "zorder": 1.9}
+
+
+def spans_decades(values: Sequence[float] | Array) -> bool:
+    """Whether values are seen better on a logarithmic axis: none is negative, and those above 0 lie far apart."""
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known)]
+    above = known[known > 0]
+    return bool(above.size and known.min() >= 0 and above.max() > DECADES * above.min())
+
+
+def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> None:
+    """Make one axis logarithmic, with plain numbers at its ticks.
+
+    Args:
+        axes: to change.
+        which: ``x`` or ``y``.
+        values: that stand on it; what is not above 0 is not drawn.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known) & (known > 0)]
+    (axes.set_xscale if which == "x" else axes.set_yscale)("log", nonpositive="mask")
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    few = known.max() < 1e2 * known.min()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def legend_below(figure: "Figure", axes: "Axes", columns: int = 6, title: str = "") -> None:
+    """One legend for all axes of a figure, clear of the data; every name stands once, and a single one not at all."""
+    handles, names = axes.get_legend_handles_labels()
+    once = dict(zip(names, handles, strict=True))
+    if len(once) > 1 or title:
+        columns = max(1, min(columns, len(once), 112 // (8 + max(map(len, once)))))
+        place: dict[str, Any] = {"loc": "outside lower center", "ncols": columns, "handlelength": 3}
+        figure.legend(list(once.values()), list(once), title=title or None, **place)
+
+
+def legend_above(axes: "Axes") -> None:
+    """A legend between title and axes, clear of the data; a single line has none, but leaves the place for it."""
+    handles, _ = axes.get_legend_handles_labels()
+    axes.set_title(axes.get_title(loc="left"), pad=18)
+    if len(handles) > 1:
+        place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (-0.02, 0.99), "borderaxespad": 0.1}
+        legend = axes.legend(ncols=len(handles), handlelength=2.2, columnspacing=1.0, **place)
+        legend.set_in_layout(False)

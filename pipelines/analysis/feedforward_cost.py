@@ -1,0 +1,45 @@
+"""What a step costs with each feedforward, measured in this process, one after the other and over again."""
+
+import time
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+
+from cmacexp.config.compose import compose_config
+from cmacexp.loop import stream
+from cmacexp.loop.scenario import make_scenario
+from pipelines.analysis.feedforward_kinds import ALONE, KINDS, MLP
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CYCLES, ROUNDS, STEPPED_ROUNDS = 10, 30, 3
+"""Of a run; runs of each kind, and of one that is worked on step by step, one more than are counted."""
+
+
+def cost_table(quick: bool) -> pa.Table:
+    """Processor time of a step of one leg by kind and round, s; that of other programs is not in it."""
+    rows = []
+    configs = {
+        kind: compose_config(
+            ["scenario=one_leg", "reference=aware", f"cycles={2 if quick else CYCLES}", *how.overrides]
+        )
+        for kind, how in KINDS.items()
+    }
+    for turn in range(STEPPED_ROUNDS if quick else ROUNDS):
+        for kind, config in configs.items():
+            if kind == MLP and turn >= STEPPED_ROUNDS:
+                continue
+            scenario = make_scenario(config)
+            began = time.process_time()
+            end = stream(scenario, lambda samples: None)
+            seconds = time.process_time() - began
+            if turn:  # the first one loads compiled code
+                rows.append({"kind": kind, "round": turn, "seconds_per_step": seconds / end.steps})
+    return pa.Table.from_pylist(rows)
+
+
+def ratios(cost: "pd.DataFrame") -> "pd.DataFrame":
+    """Time of a step over that of feedback alone, by kind: ``least`` over least, ``median`` over median."""
+    by_kind = cost.groupby("kind")["seconds_per_step"].agg(least="min", median="median")
+    return by_kind / by_kind.loc[ALONE]

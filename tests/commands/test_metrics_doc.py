@@ -1,0 +1,75 @@
+"""The documentation of the metrics tells every column as the code defines it.
+
+After a change of a definition, renew its tables with ``python tests/commands/test_metrics_doc.py`` and read the diff.
+"""
+
+import re
+from pathlib import Path
+
+import pytest
+from support.made_traces import make_trace
+
+from cmacexp.metrics import compute
+from cmacexp.metrics.body import BODY_METRICS
+from cmacexp.metrics.metric import CONTRACT, CYCLE, LEG
+from cmacexp.metrics.registry import METRICS
+from cmacexp.metrics.step import StepInfo
+
+PAGE = Path(__file__).parents[2] / "docs" / "metrics.md"
+COLUMNS = {
+    "metrics.parquet": {"cycle": CYCLE, "leg": LEG, **METRICS},
+    "body_metrics.parquet": {"cycle": CYCLE, **BODY_METRICS},
+}
+HEAD = ["column", "unit", "definition", "NaN where", "source"]
+
+
+def line(cells):
+    return "| " + " | ".join(cells) + " |\n"
+
+
+def table_of(columns):
+    """The table that is to stand in the page."""
+    rows = [[f"`{name}`", c.unit or "1", c.meaning, c.undefined, c.source] for name, c in columns.items()]
+    return line(HEAD) + "|---" * len(HEAD) + "|\n" + "".join(map(line, rows))
+
+
+def table_below(text, heading):
+    """The first table below a heading, with where it stands."""
+    return re.compile(r"(?:^\|.*\n)+", re.MULTILINE).search(text, text.index(f"\n## `{heading}`\n"))
+
+
+def write():
+    for heading, columns in COLUMNS.items():
+        text = PAGE.read_text()
+        old = table_below(text, heading)
+        PAGE.write_text(text[: old.start()] + table_of(columns) + text[old.end() :])
+
+
+@pytest.mark.parametrize("heading", COLUMNS)
+def test_the_page_has_every_column_with_unit_definition_and_source(heading):
+    assert table_below(PAGE.read_text(), heading)[0] == table_of(COLUMNS[heading])
+
+
+def test_the_page_speaks_of_the_columns_that_are_written():
+    table = compute(make_trace("TTSS"), 4)
+    assert table.column_names == list(COLUMNS["metrics.parquet"])
+    for name, column in COLUMNS["metrics.parquet"].items():
+        about = table.schema.field(name).metadata
+        assert [about[key].decode() for key in (b"unit", b"meaning", b"undefined", b"source")] == [*column[:4]]
+
+
+@pytest.mark.parametrize("columns", COLUMNS.values(), ids=COLUMNS)
+def test_every_source_is_listed_in_full(columns):
+    listed = PAGE.read_text().split("\n## Sources\n")[1]
+    for column in columns.values():
+        authors = CONTRACT if column.source == CONTRACT else re.search(r"[A-Z][^:]*? \d{4}", column.source)[0]
+        assert f"- **{authors}**" in listed
+
+
+def test_every_field_of_a_step_s_metrics_is_told():
+    below = PAGE.read_text().split("\n## One response: `step_info`\n")[1].split("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)` ", below, flags=re.MULTILINE) == list(StepInfo._fields)
+
+
+if __name__ == "__main__":
+    write()

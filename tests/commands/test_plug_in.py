@@ -1,0 +1,354 @@
+"""Parts of one's own: how they are found and made, what they are held to, what is told when they are wrong."""
+
+import itertools
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from support.command import cmacexp
+
+import cmacexp as package
+from cmacexp.control import Action, CmacFeedforward, HybridController
+from cmacexp.errors import BadInput, BadPart, CmacexpError, users_traceback
+from cmacexp.loop import roll_out
+from cmacexp.loop.run import foreign_parts
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.plants import AnalyticPlant
+from cmacexp.sensors import PerfectSensors
+
+PARTS = {
+    "plant": AnalyticPlant,
+    "sensors": PerfectSensors,
+    "controller": HybridController,
+    "feedforward": CmacFeedforward,
+}
+OWN = """
+import numpy as np
+from cmacexp.control import Action
+
+class Still:
+    def __init__(self, gain=1.0): self.gain = gain
+    def reset(self, setup, feedforward): self.legs = len(setup.mechanism.legs)
+    def act(self, reference, measurement): return Action(np.zeros((self.legs, 2)), np.zeros((self.legs, 2)))
+
+class Needs(Still):
+    def __init__(self, stiffness): super().__init__()
+
+class Stiff(Still):
+    def __init__(self, position_gain, velocity_gain): super().__init__()
+
+class Flat(Still):
+    def act(self, reference, measurement): return Action(np.zeros(2), np.zeros((self.legs, 2)))
+
+class Breaks(Still):
+    def act(self, reference, measurement):
+        gain = 1 / (reference.step - 700)
+        return super().act(reference, measurement)
+
+class BreaksAtOnce(Still):
+    def reset(self, setup, feedforward): raise KeyError("no such leg")
+
+class CannotBeMade(Still):
+    def __init__(self): raise ValueError("no licence")
+
+number = 3
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """The current folder, with a file of controllers in it that no other test has imported."""
+    monkeypatch.chdir(tmp_path)
+    name = f"own_{abs(hash(tmp_path))}"
+    (tmp_path / f"{name}.py").write_text(OWN)
+    return name
+
+
+def foreign(part):
+    """The same part under a class that no loop knows."""
+    part.__class__ = type(type(part).__name__, (type(part),), {"predict": lambda *a: CmacFeedforward.predict(*a)})
+    return part
+
+
+# Any of the parts can be foreign, alone or with others
+
+
+@pytest.mark.parametrize("keys", [k for n in (1, 2, 4) for k in itertools.combinations(PARTS, n)], ids="-".join)
+def test_a_run_is_the_same_to_the_bit_whichever_parts_are_foreign(make_config, keys):
+    config = make_config("cycles=2", "gait.cycle_time=1.5", "cmac.memory_bytes=16384", "learning.start_cycle=1")
+    scenario = make_scenario(config)
+    for key in keys:
+        foreign(getattr(scenario, key))
+    found = foreign_parts(scenario)._asdict()
+    expected = {key for key in keys if key != "feedforward" or "controller" not in keys}
+    assert {key for key, is_foreign in found.items() if is_foreign} == expected
+    one, other = roll_out(make_scenario(config)), roll_out(scenario)
+    assert other.status == "completed", other.cause
+    assert one.samples.tobytes() == other.samples.tobytes()
+
+
+class Spy:
+    """A controller that keeps all that it is given, and spoils it."""
+
+    def reset(self, setup, feedforward):
+        setup.plan.reference[:] = np.nan
+        setup.mechanism.legs[:] = 0.0
+        self.inner, self.kept, self.copies = HybridController(100.0, 5.0, 5.0, 10.0), [], []
+
+    def act(self, reference, measurement):
+        self.kept.append(measurement)
+        self.copies.append(measurement.q.copy())
+        with pytest.raises(ValueError, match="read-only"):
+            reference.values[:] = 0.0
+        measurement.force[:] = 1e6
+        return Action(np.full((1, 2), 0.1), np.zeros((1, 2)))
+
+
+def test_a_part_can_keep_what_it_is_given_and_harm_nobody_by_it(make_config):
+    config, spy = make_config("cycles=1", "gait.cycle_time=0.5", "gait.stroke=0.02"), Spy()
+    spoiled = roll_out(make_scenario(config, controller=spy))
+    assert all(np.array_equal(kept.q, copy) for kept, copy in zip(spy.kept, spy.copies, strict=True))
+    assert len({copy.tobytes() for copy in spy.copies}) > 50
+    assert spoiled.columns()["force"].max() < 1e5
+
+
+# How they are found
+
+
+def test_a_class_in_the_current_folder_gets_the_fields_it_takes(here):
+    scenario = make_scenario(compose(f"controller._target_={here}.Still", "+controller.gain=3"))
+    assert scenario.controller.gain == 3
+    assert scenario.setup.config.controller == {"_target_": f"{here}.Still", "gain": 3}
+
+
+def compose(*overrides):
+    from cmacexp.config.compose import compose_config
+
+    return compose_config(overrides)
+
+
+def test_references_rest_on_gains_only_where_the_controller_takes_them(here):
+    plans = [
+        make_scenario(compose("scenario=one_leg", f"controller._target_={name}")).setup.plan.reference[0, 300, 0, 1]
+        for name in ("cmacexp.control.HybridController", f"{here}.Stiff", f"{here}.Still")
+    ]
+    assert plans[0] == plans[1]
+    assert plans[0] - plans[2] == pytest.approx(1.0 / 100.0 + 5.0 / 100.0 * compose().force_control.admittance)
+
+
+@pytest.mark.parametrize("method", ["stiffness", "damping", "combined", "explicit"])
+def test_every_force_control_method_plans_for_a_controller_without_gains(here, method):
+    reference = make_scenario(
+        compose(f"controller._target_={here}.Still", f"force_control={method}")
+    ).setup.plan.reference
+    assert not np.isinf(reference).any()
+
+
+BAD = {
+    "{}.Missing": "has no Missing; it has Breaks, BreaksAtOnce, CannotBeMade, Flat, Needs, Stiff, Still",
+    "{}.Stil": "did you mean Still?",
+    "{}x.Still": "there is no module {}x, neither in",
+    "{}.number": "is no class but a int",
+    "Still": "must name a class as module.Class",
+    "{}.Needs": "controller.stiffness=(not set): {}.Needs takes stiffness: give it one with +controller.stiffness=",
+    "{}.Still +controller.gian=3": "controller.gian=3: {}.Still takes gain; did you mean gain?",
+    "collections.OrderedDict": "is no controller: it has no reset and no act",
+    "os.system": "cannot be made",
+}
+
+
+@pytest.mark.parametrize("target", BAD)
+def test_a_target_that_cannot_be_made_is_told_in_a_line(here, target):
+    overrides = f"controller._target_={target.format(here)}".split()
+    with pytest.raises(BadInput) as caught:
+        make_scenario(compose(*overrides))
+    assert BAD[target].format(here) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("def f(:", "SyntaxError"),
+        ("x = unknown", "NameError: name 'unknown'"),
+        ("import no_such", "no module no_such"),
+    ],
+)
+def test_a_file_that_cannot_be_imported_keeps_its_traceback(here, tmp_path, text, told):
+    (tmp_path / f"{here}_bad.py").write_text(text)
+    with pytest.raises(BadPart, match=told) as caught:
+        make_scenario(compose(f"controller._target_={here}_bad.C"))
+    shown = users_traceback(caught.value.raised)
+    assert text in shown
+    assert f"{here}_bad.py" in shown
+    assert "hydra" not in shown
+    assert "parts.py" not in shown
+
+
+def test_a_class_that_raises_when_it_is_made_keeps_its_traceback(here):
+    with pytest.raises(BadPart, match="cannot be made: ValueError: no licence") as caught:
+        make_scenario(compose(f"controller._target_={here}.CannotBeMade"))
+    assert 'raise ValueError("no licence")' in users_traceback(caught.value.raised)
+
+
+def test_a_missing_extra_is_told_with_the_command_that_installs_it(here, tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
+    (tmp_path / f"{here}_extra.py").write_text("import mujoco")
+    with pytest.raises(BadInput, match=r'needs mujoco, .*: python -m pip install -e "\.\[mujoco\]"'):
+        make_scenario(compose(f"plant._target_={here}_extra.C"))
+
+
+# What they give back
+
+
+ANSWERS = {
+    "None": (lambda a: None, "act gave None: expected cmacexp.control.Action(feedback, feedforward[, reference])"),
+    "array": (lambda a: a.feedback, "act gave an array of shape (1, 2): expected"),
+    "flat": (
+        lambda a: a._replace(feedback=np.zeros(2)),
+        "gave feedback of shape (2,): expected (L, 2) = (1, 2) float64",
+    ),
+    "text": (lambda a: a._replace(feedforward="much"), "gave feedforward of type str: expected (L, 2) = (1, 2)"),
+    "ragged": (lambda a: a._replace(feedback=[[1.0], [1.0, 2.0]]), "gave feedback of type list: expected (L, 2)"),
+    "complex": (lambda a: a._replace(feedback=np.zeros((1, 2), complex)), "gave feedback of type ndarray"),
+    "NaN": (
+        lambda a: a._replace(feedback=np.array([[0.0, np.nan]])),
+        "gave feedback[0, 1] = nan: expected finite N m",
+    ),
+}
+
+
+class Answers(HybridController):
+    """Gives something else at one step."""
+
+    def __init__(self, change, step):
+        super().__init__(100.0, 5.0, 5.0, 10.0)
+        self.change, self.step = change, step
+
+    def act(self, reference, measurement):
+        action = super().act(reference, measurement)
+        return self.change(action) if reference.step == self.step else action
+
+
+@pytest.mark.parametrize("step", [0, 500])
+@pytest.mark.parametrize("case", ANSWERS)
+def test_an_answer_that_cannot_be_used_fails_the_run_and_keeps_the_steps_before(make_config, case, step):
+    change, told = ANSWERS[case]
+    rollout = roll_out(make_scenario(make_config("cycles=1"), controller=Answers(change, step)))
+    assert rollout.status == "failed"
+    assert rollout.cause.startswith(f"after step {step}: Answers.")
+    assert told in rollout.cause
+    assert len(rollout.samples) == step
+
+
+@pytest.mark.parametrize("values", [[[0.5, 0.25]], np.array([[0.5, 0.25]], np.float32), np.array([[1, 2]])])
+def test_numbers_of_any_kind_are_taken(make_config, values):
+    controller = Answers(lambda a: a._replace(feedback=values), 0)
+    rollout = roll_out(make_scenario(make_config("cycles=1"), controller=controller))
+    assert rollout.status == "completed"
+    assert rollout.samples[0, 0, 12:14].tolist() == np.asarray(values, float)[0].tolist()
+
+
+@pytest.mark.parametrize(
+    ("key", "method", "told"),
+    [
+        ("plant", "step", "Odd.step gave q of shape (2, 2): expected (L, 2) = (1, 2) float64, rad"),
+        ("sensors", "measure", "Odd.measure gave q of shape (2, 2)"),
+        ("plant", "reset", "before the first step: Odd.reset gave q of shape (2, 2)"),
+        ("feedforward", "predict", "Odd.predict gave torque of shape (2, 2)"),
+    ],
+)
+def test_every_part_is_held_to_its_shapes(make_config, key, method, told):
+    def odd(self, *arguments):
+        given = getattr(PARTS[key], method)(self, *arguments)
+        return np.zeros((2, 2)) if key == "feedforward" else given._replace(q=np.zeros((2, 2)))
+
+    part = type("Odd", (PARTS[key],), {method: odd})()
+    config = make_config("cycles=1", "learning.start_cycle=1")
+    rollout = roll_out(make_scenario(config, **{key: part}))
+    assert (rollout.status, len(rollout.samples)) == ("failed", 0)
+    assert told in rollout.cause
+
+
+def test_a_scenario_runs_once(make_config):
+    scenario = make_scenario(make_config("cycles=1"))
+    roll_out(scenario)
+    with pytest.raises(CmacexpError, match="this scenario has run"):
+        roll_out(scenario)
+
+
+# From the command line
+
+
+def test_a_controller_that_raises_in_the_middle_keeps_its_traceback_and_the_trace(here, tmp_path):
+    target = f"controller._target_={here}.Breaks"
+    done = cmacexp(target, "cycles=2", "record=trace", "hydra.run.dir=r", folder=tmp_path)
+    assert done.returncode == 1
+    assert "gain = 1 / (reference.step - 700)" in done.stderr
+    assert "error: after step 700: ZeroDivisionError" in done.stderr
+    assert "stepped.py" not in done.stderr
+    manifest = json.loads((tmp_path / "r" / "manifest.json").read_text())
+    assert (manifest["status"], manifest["steps"]) == ("failed", 700)
+    assert pq.read_metadata(tmp_path / "r" / "trace.parquet").num_rows == 700
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("Flat", "Flat.act gave feedback of shape (2,)"), ("BreaksAtOnce", "no such leg")]
+)
+def test_what_fails_at_once_leaves_a_manifest_that_says_so(here, tmp_path, name, told):
+    done = cmacexp(f"controller._target_={here}.{name}", "cycles=1", "hydra.run.dir=r", folder=tmp_path)
+    assert done.returncode == 1
+    assert told in done.stderr
+    manifest = json.loads((tmp_path / "r" / "manifest.json").read_text())
+    assert (manifest["status"], manifest["steps"]) == ("failed", 0)
+    assert ("traceback" in manifest) == (name == "BreaksAtOnce")
+
+
+# From Python
+
+
+def test_run_gives_what_the_command_line_gives(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run = package.run(["scenario=one_leg", "cycles=2", "record=trace"])
+    assert run.folder.parent.as_posix() == "outputs/one_leg"
+    assert (run.status, len(run.trace), len(run.metrics)) == ("completed", 1200, 2)
+    assert "one_leg, completed, 1200 steps" in repr(run)
+    assert len(repr(run).splitlines()) == 4
+    assert run._repr_html_().count("<tr>") == 3
+    again = package.load(run.folder)
+    assert repr(again) == repr(run)
+    assert again.trace.equals(run.trace)
+
+
+def test_run_takes_a_folder_in_its_overrides_and_own_configs(here, tmp_path):
+    (tmp_path / "mine" / "controller").mkdir(parents=True)
+    (tmp_path / "mine" / "controller" / "still.yaml").write_text(f"_target_: {here}.Still\ngain: 4\n")
+    run = package.run(
+        ["controller=still", "cycles=1", "record=trace", "hydra.run.dir=r"], config_dir=tmp_path / "mine"
+    )
+    assert run.folder.name == "r"
+    assert run.config["controller"]["gain"] == 4
+
+
+@pytest.mark.parametrize(
+    ("overrides", "told"),
+    [
+        (["cmac.layers=0"], "cmac.layers=0"),
+        (["-m"], "command line alone"),
+        (["cmac.layrs=3"], "did you mean cmac.layers"),
+    ],
+)
+def test_mistakes_in_run_are_one_line(overrides, told):
+    with pytest.raises(CmacexpError, match=told):
+        package.run(overrides)
+
+
+def test_load_refuses_what_is_no_run(tmp_path):
+    with pytest.raises(CmacexpError, match=r"no manifest\.json"):
+        package.load(tmp_path)
+
+
+def test_objects_stand_for_parts_only(tmp_path):
+    with pytest.raises(BadInput, match="takes objects for plant, sensors, controller, feedforward"):
+        package.run([], tmp_path, motor=object())

@@ -1,0 +1,310 @@
+"""Replay: recordings read back from the file and compared with the trace that another process left."""
+
+import json
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from rerun.chunk import RrdReader
+from support.command import cmacexp, python
+
+from cmacexp.config import to_plain
+from cmacexp.config.difference import labels
+from cmacexp.data.tables import read_traces, steps_by_cycle
+from cmacexp.recording import part_of, read_cycles, show
+from cmacexp.recording.compare import shared_ranges
+from cmacexp.recording.window import MOST_STEPS
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A folder with runs of other processes: leg_cmac, leg_none, walk."""
+    folder = tmp_path_factory.mktemp("runs")
+    common = ["record=trace", "cycles=4"]
+    for name, overrides in {
+        "leg_cmac": ["scenario=one_leg"],
+        "leg_none": ["scenario=one_leg", "feedforward=none"],
+        "walk": ["scenario=quadruped", "cycles=2"],
+    }.items():
+        done = cmacexp(*common, *overrides, f"hydra.run.dir={folder / name}", folder=folder)
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture
+def copy(runs, tmp_path):
+    """``copy("leg_cmac")`` gives a run that the test may change."""
+
+    def copied(name):
+        subprocess.run(["cp", "-r", str(runs / name), str(tmp_path / name)], check=True)
+        return tmp_path / name
+
+    return copied
+
+
+def replay(*arguments, folder):
+    return python("-m", "cmacexp.replay", "--no-viewer", *map(str, arguments), folder=folder)
+
+
+def rows(path, entity, component):
+    """Steps and values (steps, ...) of one component of a recording, in the order of the steps."""
+    chunks = RrdReader(path).stream().filter(content=f"/{entity}", has_timeline="step").to_chunks()
+    found = sorted((row["step"], row[component]) for chunk in chunks for row in chunk.to_record_batch().to_pylist())
+    return np.array([step for step, _ in found]), np.array([value for _, value in found])
+
+
+def entities(path):
+    return {chunk.entity_path for chunk in RrdReader(path).stream().to_chunks()}
+
+
+def name_in(path):
+    chunks = RrdReader(path).stream().filter(content="/__properties").to_chunks()
+    found = [row for chunk in chunks for row in chunk.to_record_batch().to_pylist()]
+    return next(row["RecordingInfo:name"][0] for row in found if "RecordingInfo:name" in row)
+
+
+def replace_force(view, force):
+    leg = view.legs[0]
+    return replace(view, legs=[replace(leg, columns={**leg.columns, "force": force, "force_measured": force})])
+
+
+def leg_of(folder, number=1):
+    trace = pd.read_parquet(folder / "trace.parquet")
+    return trace[trace.leg == number]
+
+
+def test_a_run_of_another_process_is_shown_as_its_trace_says(copy, tmp_path):
+    folder = copy("leg_cmac")
+    done = replay(folder, folder=tmp_path)
+    assert done.stdout == f"{folder}/recording.rrd: one_leg leg_cmac, cycles 1 to 4, every step\n"
+    trace = leg_of(folder)
+    steps, force = rows(folder / "recording.rrd", "series/leg_1/force", "Scalars:scalars")
+    assert (steps == np.arange(2400)).all()
+    assert (force == trace[["force_desired", "force"]].to_numpy()).all()
+    _, error = rows(folder / "recording.rrd", "series/leg_1/error", "Scalars:scalars")
+    assert error == pytest.approx(1e3 * (trace[["x", "y"]].to_numpy() - trace[["x_desired", "y_desired"]].to_numpy()))
+    _, torque = rows(folder / "recording.rrd", "series/leg_1/torque_2", "Scalars:scalars")
+    assert (torque == trace[["tau_feedback_2", "tau_feedforward_2"]].to_numpy()).all()
+    _, foot = rows(folder / "recording.rrd", "world/feet/leg_1/foot", "Points3D:positions")
+    assert foot[:, 0, 0] == pytest.approx(trace.x.to_numpy(), abs=1e-6)
+    assert foot[:, 0, 2] == pytest.approx(0.5 - trace.y.to_numpy(), abs=1e-6)
+    assert python("-m", "cmacexp.verify", str(folder), folder=tmp_path).returncode == 0
+
+
+def test_every_leg_of_a_walk_and_its_body_are_shown(copy, tmp_path):
+    folder = copy("walk")
+    assert replay(folder, folder=tmp_path).returncode == 0
+    for number in (1, 2, 3, 4):
+        _, force = rows(folder / "recording.rrd", f"series/leg_{number}/force", "Scalars:scalars")
+        assert (force == leg_of(folder, number)[["force_desired", "force"]].to_numpy()).all()
+    body = pd.read_parquet(folder / "body.parquet")
+    _, height = rows(folder / "recording.rrd", "series/body/height", "Scalars:scalars")
+    assert height[:, 0] == pytest.approx(1e3 * body.height.to_numpy())
+
+
+def test_on_a_slope_the_ground_is_drawn_below_the_feet_and_the_body_above_it(tmp_path):
+    folder = tmp_path / "up"
+    slope = ["terrain.slope=0.08", "terrain.slope_start=0.1"]
+    done = cmacexp("scenario=quadruped", "cycles=1", *slope, f"hydra.run.dir={folder}", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    body, foot = pd.read_parquet(folder / "body.parquet"), leg_of(folder, 1)
+    _, pose = rows(folder / "recording.rrd", "world/travel/body", "Transform3D:translation")
+    expected = body.height + 0.08 * np.maximum(body.cog_x - 0.1, 0.0)
+    assert pose.reshape(-1, 3)[:, 2] == pytest.approx(expected.to_numpy(), abs=1e-6)
+    _, feet = rows(folder / "recording.rrd", "world/feet/leg_1/foot", "Points3D:positions")
+    _, dents = rows(folder / "recording.rrd", "world/ground/leg_1", "LineStrips3D:strips")
+    feet, dents = feet.reshape(-1, 3), dents.reshape(-1, 7, 3)
+    surface = 0.08 * np.maximum(dents[..., 0] - 0.1, 0.0)
+    assert dents[:, [0, -1], 2] == pytest.approx(surface[:, [0, -1]], abs=1e-6)
+    dent = (surface - dents[..., 2])[:, 3]
+    assert dent / dent.max() == pytest.approx((foot.force / foot.force.max()).to_numpy(), abs=1e-4)
+    assert dent.max() > 10.0 * foot.force.max() / 1e4
+    pressing, above = (foot.force > 1.0).to_numpy(), feet[:, 2] - 0.08 * np.maximum(feet[:, 0] - 0.1, 0.0)
+    assert above[pressing].max() < 4e-3  # the body's tilt moves the drawn foot along the slope
+    assert "/world/ground/slope" in entities(folder / "recording.rrd")
+
+
+def test_a_window_of_cycles_thinned(copy, tmp_path):
+    folder = copy("walk")
+    done = replay(folder, "--cycles", "2", "--every", 7, "--views", "posture,scene", folder=tmp_path)
+    said = "quadruped walk, cycle 2, one step in 7 of 600"
+    assert done.stdout == f"{folder}/recording.rrd: {said}; --every 1 shows all\n"
+    assert name_in(folder / "recording.rrd") == said
+    shown = slice(600, 1200, 7)
+    steps, force = rows(folder / "recording.rrd", "series/leg_3/force", "Scalars:scalars")
+    assert (steps == np.arange(1200)[shown]).all()
+    assert (force == leg_of(folder, 3)[["force_desired", "force"]].to_numpy()[shown]).all()
+    _, height = rows(folder / "recording.rrd", "series/body/height", "Scalars:scalars")
+    assert height[:, 0] == pytest.approx(1e3 * pd.read_parquet(folder / "body.parquet").height.to_numpy()[shown])
+    assert python("-m", "cmacexp.verify", str(folder), folder=tmp_path).returncode == 0
+
+
+def test_a_recording_that_is_there_is_kept_until_another_is_asked_for(copy, tmp_path):
+    folder = copy("leg_none")
+    replay(folder, "--cycles", "last2", folder=tmp_path)
+    before = (folder / "recording.rrd").read_bytes()
+    assert "one_leg leg_none, cycles 3 to 4, every step (as it was built" in replay(folder, folder=tmp_path).stdout
+    replay(folder, "--cycles", "1", "--out", "apart/first.rrd", folder=tmp_path)
+    assert name_in(tmp_path / "apart" / "first.rrd") == "one_leg leg_none, cycle 1, every step"
+    assert (folder / "recording.rrd").read_bytes() == before
+    assert "cycles 1 to 4" in replay(folder, "--rebuild", folder=tmp_path).stdout
+
+
+def test_a_damaged_recording_is_built_anew(copy, tmp_path):
+    folder = copy("leg_none")
+    (folder / "recording.rrd").write_bytes(b"rubbish")
+    assert "cycles 1 to 4, every step\n" in replay(folder, folder=tmp_path).stdout
+    assert len(rows(folder / "recording.rrd", "series/leg_1/force", "Scalars:scalars")[0]) == 2400
+
+
+def test_a_long_run_is_thinned_and_says_so(tmp_path):
+    done = cmacexp("cycles=34", f"hydra.run.dir={tmp_path}/long", folder=tmp_path)
+    assert "recording.rrd: one step in 2 of 20400" in done.stdout
+    path = tmp_path / "long" / "recording.rrd"
+    assert name_in(path) == "one_leg long, cycles 1 to 34, one step in 2 of 20400"
+    assert (rows(path, "series/leg_1/force", "Scalars:scalars")[0] == np.arange(0, 20400, 2)).all()
+    assert "every step\n" in replay(tmp_path / "long", "--every", 1, folder=tmp_path).stdout
+    assert len(rows(path, "series/leg_1/force", "Scalars:scalars")[0]) == 20400
+
+
+def test_runs_side_by_side_are_named_by_what_differs(runs, tmp_path):
+    before = {path: path.read_bytes() for path in runs.rglob("*") if path.is_file()}
+    done = replay(runs / "leg_none", runs / "leg_cmac", folder=tmp_path)
+    path = tmp_path / "outputs" / "comparisons" / "leg_none-leg_cmac.rrd"
+    assert done.stdout.endswith(
+        "leg_none-leg_cmac.rrd: feedforward=none | feedforward=cmac, cycles 1 to 4, every step\n"
+    )
+    for number, name in ((1, "none"), (2, "cmac")):
+        entity = f"{number}_feedforward_{name}/series/leg_1/force"
+        _, force = rows(path, entity, "Scalars:scalars")
+        assert (force == leg_of(runs / f"leg_{name}")[["force_desired", "force"]].to_numpy()).all()
+    assert {path: path.read_bytes() for path in runs.rglob("*") if path.is_file()} == before
+
+
+def test_runs_of_different_machines_side_by_side(runs, tmp_path):
+    done = replay(runs, "--cycles", "last", "--views", "force,posture", "--out", "all.rrd", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = entities(tmp_path / "all.rrd")
+    assert {"/1_leg_cmac/series/leg_1/force", "/2_leg_none/gait/1_leg", "/3_walk/series/body/tilt"} <= found
+    # The walk took two cycles, so the last that all have is the second.
+    steps, _ = rows(tmp_path / "all.rrd", "1_leg_cmac/series/leg_1/force", "Scalars:scalars")
+    assert (steps == np.arange(600, 1200)).all()
+
+
+BAD = {
+    "leg_cmac --cycles 3-5": "--cycles=3-5: must lie within the 4 cycles that the run took",
+    "leg_cmac --cycles 0": "--cycles=0: must lie within the 4 cycles",
+    "leg_cmac --cycles 3-2": "--cycles=3-2: must lie within the 4 cycles",
+    "leg_cmac --cycles last5": "--cycles=last5: must lie within the 4 cycles",
+    "leg_cmac --cycles some": "--cycles=some: write 3-5, 7, last or last5",
+    "leg_cmac walk --cycles 3": "--cycles=3: must lie within the 2 cycles that all runs took",
+    "leg_cmac --views scene,posture": "--views=posture: no such view; choose from scene, gait, force, error, torque",
+    "leg_cmac walk --views postur": "--views=postur: no such view; choose from scene, sides, gait, force, posture",
+    "leg_cmac --every 0": "--every=0: must be a whole number from 1",
+    "leg_cmac --every 2401": "--every=2401: must be at most the 2400 steps",
+    "leg_cmac --out film.mp4": "--out=film.mp4: must end in .rrd",
+    "leg_cmac --out leg_cmac/more/film.rrd": "must lie outside the folders of runs",
+    "nowhere": "nowhere: no such folder",
+}
+
+
+@pytest.mark.parametrize("arguments", BAD)
+def test_what_cannot_be_shown_is_one_line(arguments, runs):
+    done = replay(*arguments.split(), folder=runs)
+    assert done.returncode == 2
+    assert BAD[arguments] in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not list(runs.rglob("*.rrd"))
+
+
+def test_too_many_runs_are_one_line(runs, tmp_path):
+    for number in range(7):
+        subprocess.run(["cp", "-r", str(runs / "leg_none"), str(tmp_path / f"copy{number}")], check=True)
+    done = replay(tmp_path, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == ("error: 7 runs: at most 6 go side by side; name the folders of those to compare\n")
+
+
+def test_a_run_without_a_step_is_one_line(copy, tmp_path):
+    folder = copy("leg_none")
+    trace = pd.read_parquet(folder / "trace.parquet")
+    trace.iloc[:0].to_parquet(folder / "trace.parquet")
+    done = replay(folder, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == f"error: {folder}: its trace kept none of its 2400 steps, there is nothing to show\n"
+    manifest = json.loads((folder / "manifest.json").read_text())
+    (folder / "manifest.json").write_text(json.dumps({**manifest, "steps": 0}))
+    assert (
+        replay(folder, folder=tmp_path).stderr == f"error: {folder}: the run took no step, there is nothing to show\n"
+    )
+
+
+def test_the_usual_thinning_keeps_within_the_most_steps(runs):
+    kept = steps_by_cycle(runs / "leg_none")
+    sharing = 3 * MOST_STEPS // 2400
+    assert part_of(kept).every == 1
+    assert part_of(kept, sharing=sharing).every == 3
+    assert part_of(kept, sharing=sharing + 1).every == 4
+
+
+@pytest.mark.parametrize(("text", "cycles"), [("3-5", (3, 5)), ("7", (7, 7)), ("last", (9, 9)), ("last9", (1, 9))])
+def test_windows_of_cycles(text, cycles):
+    assert read_cycles(text, 9) == cycles
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        (["cmac.layers=8"], ["cmac.layers=16", "record=trace"], ["cmac.layers=8", "cmac.layers=16"]),
+        (["cmac.inputs=[angle]"], ["feedforward=none", "cmac.inputs=[angle,velocity]"], None),
+        (["feedforward=none"], ["feedforward=cmac"], ["feedforward=none", "feedforward=cmac"]),
+        (["scenario=one_leg"], ["scenario=quadruped"], ["one_leg", "quadruped"]),
+        (["record=full"], ["record=trace"], ["a", "b"]),
+        (["terrain=patchy"], ["terrain=soft_flat", "seed=1", "cycles=2"], ["a", "b"]),
+    ],
+)
+def test_names_of_runs_side_by_side(first, second, expected, make_config):
+    expected = expected or [
+        "feedforward=cmac cmac.inputs=[angle]",
+        "feedforward=none cmac.inputs=[angle,velocity]",
+    ]
+    assert labels([to_plain(make_config(*overrides)) for overrides in (first, second)], ["a", "b"]) == expected
+
+
+def test_plots_share_an_axis_unless_one_dwarfs_the_other(runs):
+    trace = read_traces(runs / "leg_none")
+    config = json.loads((runs / "leg_none" / "manifest.json").read_text())["config"]
+    view = show(trace, config, "leg", part_of(steps_by_cycle(runs / "leg_none")))
+    force = view.legs[0]["force"]
+    larger, dwarfing = (replace_force(view, factor * force) for factor in (2.0, 50.0))
+    low, high = shared_ranges([view, larger])["leg_1/force"]
+    assert low < 0.0
+    assert 2.0 * force.max() < high < 2.2 * force.max()
+    assert "leg_1/force" not in shared_ranges([view, dwarfing])
+    assert "leg_1/error" in shared_ranges([view, dwarfing])
+
+
+@pytest.mark.parametrize("name", ["leg_none", "walk"])
+def test_every_view_can_be_asked_for(name, copy, tmp_path):
+    names = [
+        "scene",
+        "gait",
+        "force",
+        "error",
+        "torque",
+        *(["sides", "posture", "margins"] if name == "walk" else []),
+    ]
+    folder = copy(name)
+    assert replay(folder, "--cycles", "2", "--views", ",".join(names), folder=tmp_path).returncode == 0
+    reader = RrdReader(folder / "recording.rrd")
+    origins = set()
+    for chunk in reader.stream(store=reader.blueprints()[0]).to_chunks():
+        for row in chunk.to_record_batch().to_pylist():
+            origins.update(origin.strip("/") for origin in row.get("ViewBlueprint:space_origin") or ())
+    shown = {"world/travel", "gait"} | {f"series/leg_1/{plot}" for plot in ("force", "error", "torque_1", "torque_2")}
+    if name == "walk":
+        shown |= {f"series/leg_{n}/{plot}" for n in (2, 3, 4) for plot in ("force", "error", "torque_1", "torque_2")}
+        shown |= {"series/body/tilt", "series/body/height", "series/body/margins"}
+    assert origins == shown

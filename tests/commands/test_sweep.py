@@ -1,0 +1,238 @@
+"""Sweeps from the command line: what they leave, what they say, how they resume, where they run."""
+
+import json
+import os
+import signal
+import time
+
+import pandas as pd
+import pytest
+from support.command import ROOT, cmacexp, python, started
+
+SWEEPER = '''
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.config_store import ConfigStore
+
+
+class HalvingSweeper(BasicSweeper):
+    """Halves learning.rate as long as what the job gives gets less."""
+
+    def sweep(self, arguments):
+        rate, found = 1.6, []
+        Path(self.config.hydra.sweep.dir).mkdir(parents=True)
+        while len(found) < 2 or found[-1] < found[-2]:
+            job = [*arguments, f"learning.rate={rate}"]
+            (done,) = self.launcher.launch([job], initial_job_idx=len(found))
+            found.append(done.return_value)
+            rate /= 2
+        (Path(self.config.hydra.sweep.dir) / "found.json").write_text(json.dumps(found))
+
+
+@dataclass
+class HalvingSweeperConf:
+    _target_: str = "hydra_plugins.halving.HalvingSweeper"
+    max_batch_size: int | None = None
+
+
+ConfigStore.instance().store(group="hydra/sweeper", name="halving", node=HalvingSweeperConf)
+'''
+
+
+def table_of(folder):
+    return pd.read_parquet(folder / "sweep.parquet")
+
+
+@pytest.fixture(scope="module")
+def mixed(tmp_path_factory):
+    """A sweep with a result, a divergence and bad input."""
+    folder = tmp_path_factory.mktemp("mixed")
+    done = cmacexp("-m", "controller.velocity_gain=5,80,-1", "cycles=2", "hydra.sweep.dir=s", folder=folder)
+    return folder / "s", done
+
+
+def test_the_table_has_a_row_for_each_job_with_overrides_status_and_metrics(mixed):
+    table = table_of(mixed[0])
+    assert table["run"].tolist() == ["0", "1", "2"]
+    assert table["controller.velocity_gain"].tolist() == [5, 80, -1]
+    assert table["status"].tolist() == ["completed", "diverged", "failed"]
+    assert table["overrides"][0] == "controller.velocity_gain=5 cycles=2 record=trace"
+    metrics = pd.read_parquet(mixed[0] / "0" / "metrics.parquet")
+    assert table["final_force_rmse"][0] == metrics["force_rmse"].iloc[-1]
+    assert table["best_force_rmse"][0] == metrics["force_rmse"].min()
+    assert table["final_torque_peak"][0] == metrics["torque_peak"].iloc[-1]
+    assert table["final_force_rmse"][1:].isna().all()
+
+
+def test_both_tables_say_the_same(mixed):
+    read = pd.read_csv(mixed[0] / "sweep.csv", dtype={"run": str, "cause": str}).fillna({"cause": ""})
+    pd.testing.assert_frame_equal(table_of(mixed[0]), read, check_dtype=False)
+
+
+def test_a_sweep_keeps_no_recording_unless_it_is_asked_for(mixed, tmp_path):
+    assert not list(mixed[0].rglob("*.rrd"))
+    cmacexp("-m", "seed=0", "cycles=1", "record=full", "hydra.sweep.dir=s", folder=tmp_path)
+    assert (tmp_path / "s" / "0" / "recording.rrd").exists()
+
+
+def test_the_terminal_shows_a_summary_and_failures_with_their_reason(mixed):
+    done = mixed[1]
+    assert "3 jobs: 1 completed, 1 diverged, 1 failed" in done.stdout
+    assert "  2 failed: controller.velocity_gain=-1.0: must be at least 0" in done.stderr
+    assert done.stdout.splitlines()[-1] == "s/sweep.parquet"
+    assert "Traceback" not in done.stderr
+    assert done.returncode == 1
+
+
+def test_a_job_that_failed_leaves_its_reason_on_disk(mixed):
+    manifest = json.loads((mixed[0] / "2" / "manifest.json").read_text())
+    assert (manifest["status"], manifest["bad_input"], manifest["files"]) == ("failed", True, {})
+    assert manifest["cause"].startswith("controller.velocity_gain=-1.0: must be")
+    assert python("-m", "cmacexp.verify", str(mixed[0]), folder=mixed[0]).returncode == 0
+
+
+def test_a_sweep_of_bad_input_alone_is_bad_input(tmp_path):
+    assert cmacexp("-m", "cycles=0,-1", "hydra.sweep.dir=s", folder=tmp_path).returncode == 2
+    assert table_of(tmp_path / "s")["status"].tolist() == ["failed", "failed"]
+
+
+def test_a_name_that_cannot_be_stops_the_sweep_before_its_first_job(tmp_path):
+    done = cmacexp("-m", "seed=0,1", "force_control=stiffness,stifness", folder=tmp_path)
+    assert done.returncode == 2
+    assert "did you mean stiffness?" in done.stderr
+    assert not list(tmp_path.rglob("manifest.json"))
+
+
+def test_a_part_that_raises_fails_its_job_alone(tmp_path):
+    code = "from cmacexp.control import CmacFeedforward\n\nclass Broken(CmacFeedforward):\n"
+    code += "    def reset(self, setup):\n        raise RuntimeError('no such luck')\n"
+    (tmp_path / "mine.py").write_text(code)
+    targets = "feedforward._target_=mine.Broken,cmacexp.control.CmacFeedforward"
+    done = cmacexp("-m", targets, "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
+    assert done.returncode == 1
+    assert table_of(tmp_path / "s")["status"].tolist() == ["failed", "completed"]
+    assert table_of(tmp_path / "s")["cause"][0] == "before the first step: RuntimeError: no such luck"
+    assert "in reset" in json.loads((tmp_path / "s" / "0" / "manifest.json").read_text())["traceback"]
+
+
+def test_damaged_compiled_code_fails_a_job_and_is_gone_for_the_next(tmp_path):
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    find = "from cmacexp.jit.compiler import CACHE_FOLDER; print(CACHE_FOLDER)"
+    folder = python("-c", find, folder=tmp_path, **cache).stdout.strip()
+    code = "from cmacexp.control import CmacFeedforward\n\nclass Cut(CmacFeedforward):\n"
+    code += "    def reset(self, setup):\n        raise EOFError('Ran out of input')\n"
+    (tmp_path / "mine.py").write_text(code)
+    (tmp_path / "cache" / "cmacexp").mkdir(parents=True, exist_ok=True)
+    done = cmacexp("-m", "feedforward._target_=mine.Cut", "cycles=1", "hydra.sweep.dir=s", folder=tmp_path, **cache)
+    assert done.returncode == 1
+    assert f"{folder}: compiled code was damaged and is removed; run again" in done.stderr
+    assert not any((tmp_path / "cache" / "cmacexp").iterdir())
+
+
+RESUME = ["sweep.resume=true", "hydra.sweep.dir=s"]
+
+
+def test_resume_runs_what_is_missing_failed_or_of_another_config(tmp_path):
+    swept = ["cmac.layers=8,10,16,32", "cycles=1"]
+    cmacexp("-m", *swept, "hydra.sweep.dir=s", folder=tmp_path)
+    (tmp_path / "s" / "0" / "manifest.json").unlink()
+    failed = json.loads((tmp_path / "s" / "1" / "manifest.json").read_text()) | {"status": "failed"}
+    (tmp_path / "s" / "1" / "manifest.json").write_text(json.dumps(failed))
+    kept = (tmp_path / "s" / "3" / "trace.parquet").stat().st_mtime_ns
+    done = cmacexp("-m", "cmac.layers=8,10,20,32", "cycles=1", *RESUME, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("finished before, not run again") == 1
+    assert "#3 cmac.layers=32 cycles=1 record=trace: finished before" in done.stdout
+    assert (tmp_path / "s" / "3" / "trace.parquet").stat().st_mtime_ns == kept
+    assert table_of(tmp_path / "s")["cmac.layers"].tolist() == [8, 10, 20, 32]
+    assert table_of(tmp_path / "s")["status"].tolist() == ["completed"] * 4
+
+
+def test_the_table_leaves_out_what_an_earlier_sweep_left(tmp_path):
+    cmacexp("-m", "seed=0,1,2", "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
+    cmacexp("-m", "seed=0,1", "cycles=1", *RESUME, folder=tmp_path)
+    assert table_of(tmp_path / "s")["seed"].tolist() == [0, 1]
+
+
+def test_resume_needs_a_sweep_and_its_folder(tmp_path):
+    for arguments, told in ((["-m", "seed=0,1"], "add hydra.sweep.dir=DIR"), ([], "add -m and hydra.sweep.dir=DIR")):
+        done = cmacexp(*arguments, "sweep.resume=true", folder=tmp_path)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert told in done.stderr
+        assert len(done.stderr.splitlines()) == 1
+        assert not list(tmp_path.rglob("manifest.json"))
+
+
+def test_a_sweeper_can_search_over_a_metric(tmp_path):
+    plugin = tmp_path / "hydra_plugins" / "halving"
+    plugin.mkdir(parents=True)
+    (plugin / "__init__.py").write_text(SWEEPER)
+    environment = {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
+    search = ["-m", "hydra/sweeper=halving", "cycles=3", "optimize=transfer_rmse_y", "hydra.sweep.dir=s"]
+    done = cmacexp(*search, folder=tmp_path, **environment)
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "s" / "found.json").read_text())
+    assert len(found) >= 2
+    assert found[-1] >= found[-2]
+    table = table_of(tmp_path / "s")
+    assert (table["status"][0], found[0]) == ("diverged", float("inf"))
+    assert table["final_transfer_rmse_y"][1:].tolist() == found[1:]
+
+
+def test_what_a_job_gives_counts_a_fall_as_the_worst(tmp_path):
+    from cmacexp.report.comparison import Job
+    from cmacexp.sweep.objective import value_of
+
+    last = {"force_rmse": 0.5, "force_steady_state_error": -0.2, "feedforward_share": 0.7}
+    done, fell = Job(tmp_path, "completed", "", last=last), Job(tmp_path, "fell", "", last=last)
+    assert value_of("force_rmse", done) == 0.5
+    assert value_of("force_steady_state_error", done) == 0.2
+    assert value_of("feedforward_share", done) == 0.7
+    assert value_of("force_rmse", fell) == value_of("tilt_max", done) == float("inf")
+    assert value_of("feedforward_share", fell) == float("-inf")
+
+
+def test_a_metric_that_there_is_not_is_bad_input(tmp_path):
+    done = cmacexp("optimize=transfer_rmse", folder=tmp_path)
+    assert done.returncode == 2
+    assert "optimize=transfer_rmse: choose from transfer_rmse_x, transfer_rmse_y" in done.stderr
+    assert "did you mean transfer_rmse_" in done.stderr
+
+
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+def test_other_launchers_leave_the_same_table(launcher, tmp_path):
+    swept = ["-m", "cmac.layers=8,0,32", "cycles=1"]
+    ends = [cmacexp(*swept, "hydra.sweep.dir=basic", folder=tmp_path)]
+    ends.append(cmacexp(*swept, f"hydra/launcher={launcher}", "hydra.sweep.dir=other", folder=tmp_path))
+    assert [end.returncode for end in ends] == [1, 1]
+    assert all("  1 failed: cmac.layers=0: must be at least 1" in end.stderr for end in ends)
+    assert "Traceback" not in ends[1].stderr
+    pd.testing.assert_frame_equal(table_of(tmp_path / "basic"), table_of(tmp_path / "other"))
+
+
+def test_a_launcher_that_is_not_installed_is_told_with_its_extra():
+    from hydra.errors import MissingConfigException
+
+    from cmacexp.config.explain import explain_composition
+
+    missing = MissingConfigException("not found", "hydra/launcher/submitit_slurm", options=["basic"])
+    told = explain_composition(missing, [])
+    assert told.startswith("hydra/launcher=submitit_slurm: is not installed: ")
+    assert "[cluster]" in told
+
+
+def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
+    process = started("-m", "seed=range(500)", "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
+    while not (tmp_path / "s" / "2" / "manifest.json").exists() and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate()
+    assert process.returncode == 130
+    assert "interrupted" in err
+    assert "Traceback" not in err
+    assert "500 jobs: " in out
+    assert "not begun" in out
+    assert table_of(tmp_path / "s")["status"][:3].tolist() == ["completed"] * 3

@@ -1,0 +1,140 @@
+"""Which runs are taken for finished, and so are not run again; and reports that know what they rest on."""
+
+import json
+
+import pytest
+
+from cmacexp.config.compose import compose_config
+from cmacexp.data import manifest as manifests
+from cmacexp.data.discovery import runs_below
+from cmacexp.data.integrity import faults, is_finished
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.errors import CmacexpError
+from cmacexp.experiment import run_scenario
+from cmacexp.report.page import HTML, Claim, Link, Report, Section, Table, Text, write_report
+from pipelines.shared.runs import collect
+from pipelines.shared.state import is_up_to_date
+from pipelines.shared.workers import workers
+
+JOB = ["scenario=force_step", "gait.cycle_time=1.0", "record=trace"]
+
+
+@pytest.fixture
+def finished(tmp_path):
+    config = compose_config(JOB)
+    run_scenario(config, tmp_path / "run")
+    return tmp_path / "run", config
+
+
+def change_manifest(folder, **values):
+    path = folder / "manifest.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **values}))
+
+
+def test_a_whole_run_of_the_same_config_is_finished(finished):
+    folder, config = finished
+    assert is_finished(folder, config)
+    assert is_finished(folder, compose_config([*JOB, "record=full"])), "what is recorded changes no result"
+
+
+def test_a_run_of_another_config_is_not(finished):
+    folder, _ = finished
+    assert not is_finished(folder, compose_config([*JOB, "machine.mass=0.6"]))
+
+
+@pytest.mark.parametrize(
+    "change", [{"status": "failed"}, {"status": "interrupted"}, {"code_hash": "0" * 16}, {"files": {"no": "such"}}]
+)
+def test_a_run_that_broke_off_or_that_other_code_made_is_not(finished, change):
+    folder, config = finished
+    change_manifest(folder, **change)
+    assert not is_finished(folder, config)
+
+
+@pytest.mark.parametrize("status", ["fell", "diverged"])
+def test_a_run_that_fell_or_diverged_has_a_result(finished, status):
+    folder, config = finished
+    change_manifest(folder, status=status)
+    assert is_finished(folder, config)
+
+
+def test_a_changed_file_makes_it_unfinished(finished):
+    folder, config = finished
+    (folder / "metrics.csv").write_text("other")
+    assert not is_finished(folder, config)
+
+
+def test_no_run_at_all_is_not_finished(tmp_path):
+    assert not is_finished(tmp_path / "none", compose_config(JOB))
+
+
+def test_overrides_that_cannot_be_are_answered_in_one_line():
+    with pytest.raises(CmacexpError, match=r"no such key.*\n?") as caught:
+        compose_config(["cmac.layerz=8"])
+    assert "\n" not in str(caught.value)
+
+
+def test_runs_are_reused_and_equal_ones_run_once(tmp_path, capfd):
+    jobs = {"one": {"a": JOB, "same": JOB}, "other": {"b": JOB, "c": [*JOB, "machine.mass=0.7"]}}
+    with workers() as each:
+        first = collect(each, jobs, tmp_path)
+    assert "2 runs, 2 of them to be run" in capfd.readouterr().err
+    assert first["one"]["a"].folder == first["one"]["same"].folder == first["other"]["b"].folder
+    times = {run.folder: (run.folder / "trace.parquet").stat().st_mtime_ns for run in first["other"].values()}
+    with workers() as each:
+        again = collect(each, jobs, tmp_path)
+    assert "2 runs, 0 of them to be run" in capfd.readouterr().err
+    assert {r.folder: (r.folder / "trace.parquet").stat().st_mtime_ns for r in again["other"].values()} == times
+
+
+def test_a_stored_run_gives_its_tables(finished):
+    run = StoredRun(finished[0])
+    assert run.status == "completed"
+    assert not run.walks
+    assert len(run.trace) == 200 == len(run.cycle(1))
+    assert run.cycle(2).empty
+    assert run.metrics["cycle"].tolist() == [1]
+
+
+def make_report(folder, run, verdict="reproduced"):
+    claim = Claim("it presses <hard>", "section 3", "1 N", verdict, [Link("run", "../run")])
+    section = Section("One & only", [Text("a < b"), Table(["x", "y"], [["1", "2"]])], [claim])
+    return write_report(Report("T", "S", [section], [run / "trace.parquet"]), folder, "key")
+
+
+def test_a_report_lists_what_it_rests_on(finished, tmp_path):
+    page = make_report(tmp_path / "report", finished[0])
+    assert page == tmp_path / "report" / HTML
+    text = page.read_text()
+    assert "a &lt; b" in text
+    assert "It presses &lt;hard&gt;" in text
+    assert "http" not in text, "the page needs nothing from elsewhere"
+    assert set(manifests.read(page.parent)["files"]) == {"report.html", "claims.csv", "../run/trace.parquet"}
+    assert not faults(page.parent)
+    assert is_up_to_date(page.parent, "key")
+    assert not is_up_to_date(page.parent, "other")
+    with (finished[0] / "trace.parquet").open("ab") as file:
+        file.write(b" ")
+    assert faults(page.parent) == ["../run/trace.parquet: changed since it was written"]
+    assert not is_up_to_date(page.parent, "key")
+
+
+def test_a_report_notices_a_config_that_was_changed_by_hand(finished, tmp_path):
+    run = finished[0]
+    report = Report("T", "S", [], [], runs={run: manifests.read(run)["config_hash"]})
+    folder = write_report(report, tmp_path / "report", "key").parent
+    assert not faults(folder)
+    config = manifests.read(run)["config"]
+    change_manifest(run, config={**config, "seed": 1})
+    assert faults(folder) == ["../run: its config is not the one that the report tells of"]
+
+
+def test_a_report_is_no_run(finished, tmp_path):
+    make_report(tmp_path / "report", finished[0])
+    assert runs_below(tmp_path) == [finished[0]]
+    assert runs_below(tmp_path, reports=True) == [tmp_path / "report", finished[0]]
+
+
+def test_a_verdict_is_one_of_four():
+    with pytest.raises(ValueError, match="choose from"):
+        Claim("c", "s", "m", "proved", [])

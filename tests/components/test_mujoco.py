@@ -1,0 +1,260 @@
+"""Plants in MuJoCo: the leg is our leg, the body obeys mechanics, and what they need is asked for in one line."""
+
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from support.command import cmacexp
+from support.grounds import still_ground
+
+from cmacexp.errors import BadInput
+from cmacexp.loop import roll_out
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.models.leg import Leg, foot_position, foot_velocity, forward_dynamics, trigonometry
+from cmacexp.models.mechanism import legs_on_stand, legs_under_body
+from cmacexp.planning.machine import weight_of_masses
+from cmacexp.plants import Measurement
+from cmacexp.plants.mujoco_engine import MujocoEngine
+from cmacexp.plants.mujoco_kernels import Bodies, Touch, stick
+from cmacexp.plants.mujoco_kernels import press as press_feet
+from cmacexp.plants.mujoco_model import Torso
+
+LEG = Leg(0.35, 0.30, 0.5, 0.4, -1.0)
+GROUND = still_ground(1e4, damping=50.0)
+FREE = Touch(GROUND._replace(damping=0.0), 0.0, 0.0, 0.0)
+STICKY = Touch(GROUND, 0.6, 1e4, 50.0)
+TORSO = Torso(1.0, (0.05, 0.06, 0.1))
+HIPS = [(0.2, 0.2), (0.2, -0.2), (-0.2, 0.2), (-0.2, -0.2)]
+WALK = ("scenario=quadruped", "plant=mujoco_quadruped")
+
+
+def engine_at(q, dq, tau, hip_height=10.0):
+    engine = MujocoEngine(legs_on_stand([LEG], hip_height), FREE, 1e-3)
+    engine.start(np.array([q]))
+    engine.dq[:], engine.torque[:] = dq, tau
+    engine._look()
+    return engine
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_accelerations_are_those_of_our_equations(seed):
+    """In the air and on the ground: eq. 17 and 23 against an engine that has never heard of them."""
+    draw = np.random.default_rng(seed)
+    q, dq, tau = draw.uniform(-2, 2, 2), draw.uniform(-5, 5, 2), draw.uniform(-10, 10, 2)
+    trig = trigonometry(*q)
+    for hip_height in (10.0, foot_position(LEG, trig)[1] - 1e-3):
+        engine = engine_at(q, dq, tau, hip_height)
+        engine.mujoco.mj_forward(engine.model, engine.data)
+        ours = forward_dynamics(LEG, trig, *dq, *tau, engine.force[0])
+        assert (engine.force[0] > 0.0) == (hip_height != 10.0)
+        assert_allclose(engine.data.qacc, ours, rtol=1e-9)
+        foot, shank = foot_position(LEG, trig), engine.bodies.place[2]
+        assert_allclose([shank[0], hip_height - shank[2]], foot, atol=1e-12)
+
+
+def test_a_leg_learns_the_same_in_both_engines(make_config):
+    """Asked for: foot within 1 mm, force within 2 %, over 5 cycles; with one method of integration it is rounding."""
+    ours, theirs = (
+        roll_out(make_scenario(make_config("scenario=one_leg", "cycles=5", f"plant={plant}")))
+        for plant in ("analytic", "mujoco_leg")
+    )
+    assert theirs.status == "completed"
+    for name in ("x", "y", "force", "tau_feedforward_1", "tau_feedforward_2"):
+        assert_allclose(theirs.columns()[name], ours.columns()[name], atol=1e-9, err_msg=name)
+
+
+def falling(step, steps):
+    """A machine thrown through the air: its energy at the start and at the end, J."""
+    mechanism = legs_under_body([LEG] * 4, 100.0, HIPS, 40.0)
+    engine = MujocoEngine(mechanism, STICKY, step, TORSO)
+    mujoco, model, data = engine.mujoco, engine.model, engine.data
+    draw = np.random.default_rng(0)
+    engine.start(draw.uniform(-1, 1, (4, 2)))
+    data.qvel[:] = draw.uniform(-3, 3, model.nv)
+    energies = []
+    for _ in range(2):
+        mujoco.mj_forward(model, data)
+        mujoco.mj_energyPos(model, data)
+        mujoco.mj_energyVel(model, data)
+        energies.append(data.energy.sum())
+        engine.advance(np.zeros((4, 2)), steps)
+    return energies
+
+
+def test_energy_is_conserved_in_the_air():
+    lost = []
+    for steps in (50, 100, 200):
+        before, after = falling(0.2 / steps, steps)
+        lost.append(abs(after - before))
+    assert lost[-1] < 1e-4
+    for coarse, fine in pairwise(lost):
+        assert coarse > 8.0 * fine
+
+
+def measured(q, dq, pose, pose_rate):
+    """A machine whose body is at height, pitch, roll with their rates; by way of MuJoCo's quaternion."""
+    from scipy.spatial.transform import Rotation
+
+    mechanism = legs_under_body([LEG] * 4, 0.5, HIPS, 40.0)
+    engine = MujocoEngine(mechanism, STICKY, 1e-3, TORSO)
+    engine.start(q)
+    height, pitch, roll = pose
+    turn = Rotation.from_euler("ZYX", [0.3, pitch, roll])
+    engine.data.qpos[:3], engine.data.qpos[3:7] = [1.0, 2.0, height], turn.as_quat()[[3, 0, 1, 2]]
+    h = 1e-7
+    later = Rotation.from_euler("ZYX", [0.3, pitch + h * pose_rate[1], roll + h * pose_rate[2]])
+    engine.data.qvel[:3] = [0.3, -0.2, pose_rate[0]]
+    engine.data.qvel[3:6] = (turn.inv() * later).as_rotvec() / h
+    engine.dq[:] = dq
+    engine._look()
+    from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
+
+    plant = MujocoQuadruped(1, 0.6, 1e4, 50.0, [0.05, 0.06, 0.1], 0.0, 0)
+    plant.engine = engine
+    plant.look(mechanism.hips)
+    return plant.measure()
+
+
+def test_body_and_feet_are_measured_in_our_frames():
+    draw = np.random.default_rng(1)
+    q, dq = draw.uniform(-1, 1, (4, 2)), draw.uniform(-2, 2, (4, 2))
+    pose, rate = [0.6, 0.1, -0.2], [0.3, 0.5, -0.7]
+    m: Measurement = measured(q, dq, pose, rate)
+    assert_allclose(m.body, pose, atol=1e-12)
+    assert_allclose(m.body_rate, rate, atol=1e-6)
+    assert_allclose(m.travel, [1.0, 2.0, 0.3], atol=1e-12)
+    for i in range(4):
+        trig = trigonometry(*q[i])
+        assert_allclose(m.foot[i], foot_position(LEG, trig), atol=1e-12)
+        assert_allclose(m.velocity[i], foot_velocity(LEG, trig, *dq[i]), atol=1e-12)
+
+
+def one_foot(place, velocity, anchor, touch=STICKY):
+    """Forces on a foot at ``place`` (m) that moves (m/s), held at ``anchor``; and where it sticks then."""
+    bodies = Bodies(np.zeros((3, 3)), np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, 6)), np.zeros((3, 9)))
+    bodies.place[2], bodies.motion[2, 3:] = place, velocity
+    force, held = np.zeros(1), np.array([anchor], dtype=float)
+    press_feet(touch, bodies, 0, np.array([1e4]), force, held)
+    stick(touch, bodies, 0, force, held)
+    return bodies.pull[2, :3], held[0]
+
+
+def test_friction_by_hand():
+    """Depth 1 mm: 10 N carry at most 6 N of friction, which the spring of 10 N/mm gives at 0.6 mm."""
+    pull, held = one_foot([3e-4, 0.0, -1e-3], [0.0, 0.0, 0.0], [0.0, 0.0])
+    assert_allclose(pull, [-3.0, 0.0, 10.0])
+    assert_allclose(held, [0.0, 0.0])
+    pull, held = one_foot([3e-3, 4e-3, -1e-3], [0.0, 0.0, 0.0], [0.0, 0.0])
+    assert_allclose(pull, [-3.6, -4.8, 10.0])
+    assert_allclose(held, [3e-3 - 0.36e-3, 4e-3 - 0.48e-3])
+    pull, held = one_foot([1.0, 2.0, 0.1], [1.0, 1.0, -1.0], [0.0, 0.0])
+    assert_allclose(pull, 0.0)
+    assert_allclose(held, [1.0, 2.0])
+
+
+def test_a_dynamic_body_walks_as_it_was_planned(make_config):
+    """Over whole cycles of a periodic walk the ground carries the weight: momentum comes back to what it was."""
+    config = make_config(*WALK, "cycles=3", "plant.start_spread=0.01")
+    run = roll_out(make_scenario(config))
+    assert run.status == "completed"
+    n = config.steps_per_cycle
+    force = run.columns()["force"][-n:].sum(axis=1).mean()
+    assert force == pytest.approx(weight_of_masses(config.machine), rel=0.01)
+    body = run.body_columns()
+    advance = body["cog_x"][-1] - body["cog_x"][-n]
+    assert advance == pytest.approx(config.body_speed * config.gait.cycle_time, rel=0.1)
+    assert body["cog_y"].any()
+    assert body["yaw"].any()
+    assert np.abs(body["yaw"]).max() < 0.1
+
+
+def test_it_starts_pressed_in_as_planned(make_config):
+    scenario = make_scenario(make_config(*WALK))
+    assert_allclose(scenario.first.force, scenario.setup.plan.force_desired[0], atol=1e-9)
+    assert_array_equal(scenario.first.dq, 0.0)
+
+
+def test_the_seed_of_the_start_tells_where_it_starts(make_config):
+    def start(*overrides):
+        return make_scenario(make_config(*WALK, "plant.start_spread=0.02", *overrides)).first.q
+
+    planned = make_scenario(make_config(*WALK)).setup.start
+    assert_array_equal(start(), start())
+    assert np.abs(start() - planned).max() <= 0.02
+    assert (start() != start("plant.start_seed=1")).all()
+
+
+def test_the_plant_chooses_settings_that_walk_and_the_command_line_wins(make_config):
+    chosen = make_config(*WALK)
+    assert (chosen.sampling_period, chosen.reference, chosen.learning.lead) == (0.002, "force_feedforward", 1)
+    assert make_config(*WALK, "learning.lead=0", "sampling_period=0.005").learning.lead == 0
+    assert make_config("scenario=quadruped").learning.lead == 0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            ["scenario=quadruped", "plant=mujoco_leg"],
+            "machine.kind=quadruped: must be leg with plant=mujoco_leg: take scenario=one_leg",
+        ),
+        (
+            ["scenario=force_step", "plant=mujoco_leg"],
+            "machine.kind=point_mass: must be leg with plant=mujoco_leg: take scenario=one_leg",
+        ),
+        ([*WALK, "plant.friction=0"], "plant.friction=0.0: must be above 0 and at most 10"),
+        (
+            [*WALK, "plant.body_inertia=[0.1,0.1,0.3]"],
+            "plant.body_inertia=[0.1, 0.1, 0.3]: must be three values (kg m^2, about x, y and z), none above the sum "
+            "of the other two",
+        ),
+        (["plant=mujoco_leg", "plant.substeps=0"], "plant.substeps=0: must be at least 1 and at most 10000"),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path, overrides, message):
+    done = cmacexp(*overrides, folder=tmp_path)
+    assert (done.returncode, done.stderr) == (2, f"error: {message}\n")
+
+
+def test_without_mujoco_the_message_says_how_to_install_it(make_config, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(BadInput, match=r'python -m pip install -e "\.\[mujoco\]"$'):
+        make_scenario(make_config("plant=mujoco_leg"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("terrain.step_time=4.5", "terrain.step_factor=3"),
+        ("terrain.slope=-0.2", "terrain.slope_start=0.02", "terrain.damping=2"),
+    ],
+    ids=["step of the stiffness", "slope"],
+)
+def test_a_leg_feels_the_same_change_of_its_ground_in_both_engines(make_config, change):
+    calm, ours, theirs = (
+        roll_out(make_scenario(make_config("scenario=one_leg", "cycles=2", f"plant={plant}", *more)))
+        for plant, more in (("analytic", ()), ("analytic", change), ("mujoco_leg", change))
+    )
+    assert_allclose(theirs.columns()["force"], ours.columns()["force"], atol=1e-6)
+    assert np.abs(calm.columns()["force"] - ours.columns()["force"]).max() > 0.1
+
+
+def test_a_payload_presses_where_it_lies(make_config):
+    """Mean forces of a cycle: feet take 10 N more together, and its moments about the middle."""
+
+    def loads(*more):
+        columns = roll_out(make_scenario(make_config(*WALK, "cycles=2", "feedforward=none", *more))).columns()
+        force, x = columns["force"][1500:], columns["x"][1500:] + np.array([0.225, 0.225, -0.225, -0.225])
+        y = [0.225, -0.225, 0.225, -0.225]
+        return np.array([force.sum(axis=1).mean(), (force * x).sum(axis=1).mean(), (force * y).sum(axis=1).mean()])
+
+    more = loads("payload.weight=10", "payload.x=0.05", "payload.y=0.1") - loads()
+    assert_allclose(more, [10.0, 0.5, 1.0], atol=0.45)  # the body leans towards it
+
+
+def test_on_a_slope_a_body_tells_its_height_above_the_ground_below_it(make_config):
+    rollout = roll_out(make_scenario(make_config(*WALK, "cycles=2", "feedforward=none", "terrain.slope=0.05")))
+    assert rollout.status == "completed"
+    assert_allclose(rollout.body_samples[:, 0], 0.5, atol=0.05)

@@ -1,0 +1,306 @@
+"""Laws of the closed loop: both loops agree, runs repeat to the bit, and nothing that stops a run loses its trace."""
+
+import dataclasses
+import itertools
+import os
+import random
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from cmacexp.config import config_hash, to_plain
+from cmacexp.data.parquet import write_table
+from cmacexp.experiment import run_scenario
+from cmacexp.loop import roll_out
+from cmacexp.loop.samples import SAMPLES
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.loop.stop import FASTEST_JOINT
+from cmacexp.loop.trace import assemble
+
+SPREAD = {
+    "scenario": ["one_leg", "force_step"],
+    "force_control": ["stiffness", "damping", "combined", "explicit"],
+    "feedforward": ["none", "cmac", "inverse_dynamics"],
+    "reference": ["literal", "aware", "force_feedforward"],
+    "learning.lead": [-1, 0, 1, 2],
+    "plant.substeps": [1, 3],
+    "actuator.torque_limit": ["null", 2.5],
+}
+CASES = random.Random(1997).sample(list(itertools.product(*SPREAD.values())), 40)
+
+
+def run(config, **options):
+    return roll_out(make_scenario(config), **options)
+
+
+def same_bits(one, other):
+    return one.shape == other.shape and one.tobytes() == other.tobytes()
+
+
+def differing_columns(one, other):
+    """Names of the columns whose bits differ, for a message that helps."""
+    return [name for i, name in enumerate(SAMPLES) if not same_bits(one[:, :, i].copy(), other[:, :, i].copy())]
+
+
+# Two loops, one result
+
+
+def test_the_cases_take_in_every_value():
+    assert [set(column) for column in zip(*CASES, strict=True)] == [set(values) for values in SPREAD.values()]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: "-".join(map(str, case)))
+def test_fused_loop_equals_stepped_loop_to_the_bit(make_config, case):
+    overrides = [f"{key}={value}" for key, value in zip(SPREAD, case, strict=True)]
+    config = make_config(*overrides, "gait.cycle_time=3", "cycles=3", "cmac.memory_bytes=16384")
+    fused, stepped = run(config), run(config, fused=False)
+    assert (fused.status, fused.cause) == (stepped.status, stepped.cause)
+    assert np.array_equal(fused.samples, stepped.samples, equal_nan=True)
+    assert differing_columns(fused.samples, stepped.samples) == []
+
+
+@pytest.mark.parametrize("gain", [0.5, 80.0])
+def test_fused_loop_equals_stepped_loop_where_it_diverges(make_config, gain):
+    config = make_config(
+        f"controller.velocity_gain={gain}", "controller.position_gain=2000", "learning.start_cycle=1"
+    )
+    fused, stepped = run(config), run(config, fused=False)
+    assert fused.status == "diverged"
+    assert (fused.status, fused.cause) == (stepped.status, stepped.cause)
+    assert same_bits(fused.samples, stepped.samples)
+
+
+# What the rows say
+
+
+@pytest.mark.parametrize("limit", ["null", 2.5])
+def test_a_row_holds_the_state_at_the_start_of_its_step_and_the_torque_held_during_it(make_config, limit):
+    scenario = make_scenario(make_config("cycles=2", f"actuator.torque_limit={limit}", "plant.substeps=2"))
+    columns = roll_out(scenario).columns()
+    machine, torques = make_scenario(scenario.setup.config), np.zeros((1, 2))
+    state = machine.first
+    for k in range(1200):
+        assert (columns["q1"][k, 0], columns["dq2"][k, 0]) == (state.q[0, 0], state.dq[0, 1])
+        assert (columns["y"][k, 0], columns["force"][k, 0]) == (state.foot[0, 1], state.force[0])
+        for j in (0, 1):
+            torques[0, j] = columns[f"tau_feedback_{j + 1}"][k, 0] + columns[f"tau_feedforward_{j + 1}"][k, 0]
+        assert limit == "null" or np.abs(torques).max() <= limit
+        state = machine.plant.step(torques)
+
+
+@pytest.mark.parametrize("lead", [-1, 0, 2])
+def test_feedback_trains_the_cells_of_its_step_less_the_lead_before_the_next_prediction(make_config, lead):
+    config = make_config("cycles=3", f"learning.lead={lead}", "learning.rate=0.3", "cmac.memory_bytes=16384")
+    scenario = make_scenario(config)
+    cells, weights = scenario.feedforward.law.cells[:, 0], np.zeros((1024, 2))
+    columns = roll_out(scenario).columns()
+    feedback, feedforward = (
+        np.column_stack([columns[f"tau_{part}_1"], columns[f"tau_{part}_2"]]) for part in ("feedback", "feedforward")
+    )
+    assert not feedforward[:600].any()  # the first cycle is the baseline
+    for k in range(600, 1800):
+        np.add.at(weights, cells[(k - 1 - lead) % 600], 0.3 * feedback[k - 1] / config.cmac.layers)
+        np.testing.assert_allclose(feedforward[k], weights[cells[k % 600]].sum(axis=0), rtol=1e-9, atol=1e-12)
+
+
+def test_the_trace_repeats_the_plan_and_holds_the_samples(make_config):
+    rollout = run(make_config("cycles=2"))
+    trace = assemble(rollout.plan, rollout.columns(), 0.005).to_pydict()
+    planned = {
+        "y_desired": rollout.plan.desired[:, 0, 1], "x_desired": rollout.plan.desired[:, 0, 0],
+        "progress": rollout.plan.progress[:, 0], "force_desired": rollout.plan.force_desired[:, 0],
+        "phase": np.where(rollout.plan.support[:, 0], "support", "transfer"),
+    }  # fmt: skip
+    for name, values in planned.items():
+        assert trace[name] == [*values, *values]
+    for name, values in rollout.columns().items():
+        assert trace[name] == values[:, 0].tolist()
+    assert trace["step"] == list(range(1200))
+    assert trace["cycle"] == [1] * 600 + [2] * 600
+    assert trace["time"] == [k * 0.005 for k in range(1200)]
+
+
+# The same run again
+
+ELSEWHERE = """
+import sys
+from pathlib import Path
+import numpy as np
+from hydra import compose, initialize_config_dir
+from cmacexp.config import config_folder, to_config
+from cmacexp.loop import roll_out
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.data.parquet import write_table
+from cmacexp.data.signals import assemble
+
+folder, *overrides = sys.argv[1:]
+with initialize_config_dir(str(config_folder()), version_base="1.3"):
+    config = to_config(compose("config", overrides))
+rollout = roll_out(make_scenario(config))
+np.save(folder + "/samples.npy", rollout.samples)
+trace = assemble(rollout.plan, rollout.columns(), config.sampling_period)
+write_table(trace, Path(folder, "trace.parquet"))
+"""
+
+
+def run_elsewhere(folder, overrides, **environment):
+    """Samples and trace bytes of a run in another process."""
+    command = [sys.executable, "-c", ELSEWHERE, str(folder), *overrides]
+    subprocess.run(command, env={**os.environ, **environment}, check=True)
+    return np.load(folder / "samples.npy"), (folder / "trace.parquet").read_bytes()
+
+
+def test_the_same_seed_gives_the_same_bytes_in_another_process(make_config, tmp_path):
+    overrides = "scenario=one_leg", "cycles=3", "seed=7"
+    config = make_config(*overrides)
+    rollout = run(config)
+    write_table(assemble(rollout.plan, rollout.columns(), config.sampling_period), tmp_path / "here.parquet")
+    samples, trace = run_elsewhere(tmp_path, overrides)
+    assert same_bits(samples, rollout.samples)
+    assert trace == (tmp_path / "here.parquet").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["cycles=2", "gait.cycle_time=1.5", "cmac.displacement=odd_lattice", "learning.lead=1"],
+        [
+            "scenario=one_leg",
+            "cycles=1",
+            "feedforward=inverse_dynamics",
+            "learning.start_cycle=1",
+            "plant.substeps=2",
+        ],
+        ["scenario=force_step", "gait.cycle_time=3", "force_control=explicit", "actuator.torque_limit=1.5"],
+        ["cycles=1", "controller.velocity_gain=80"],
+    ],
+    ids=["cmac", "inverse dynamics", "limited point mass", "diverging"],
+)
+def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, overrides):
+    samples, _ = run_elsewhere(tmp_path, overrides, NUMBA_DISABLE_JIT="1")
+    compiled = run(make_config(*overrides)).samples
+    assert samples.shape == compiled.shape
+    assert differing_columns(samples, compiled) == []
+
+
+def test_another_seed_gives_another_hash_and_other_samples(make_config):
+    one, other = (make_config("cycles=3", "cmac.memory_bytes=4096", f"seed={seed}") for seed in (0, 1))
+    assert config_hash(to_plain(one)) != config_hash(to_plain(other))
+    first, second = run(one).samples, run(other).samples
+    assert same_bits(first[:600], second[:600])  # before the CMAC acts
+    assert not same_bits(first, second)
+
+
+# Runs that stop
+
+
+def test_a_diverging_run_stops_at_once_and_says_where(make_config):
+    config = make_config("scenario=one_leg", "controller.velocity_gain=80")
+    seen = []
+    rollout = run(config, watch=seen.append)
+    step, time, joint, speed = re.fullmatch(
+        r"at step (\d+) \(t = ([\d.]+) s\): joint ([12]) of leg 1 moves at ([\d.e+]+) rad/s, above 100 rad/s",
+        rollout.cause,
+    ).groups()
+    assert rollout.status == "diverged"
+    assert len(rollout.samples) == int(step) == round(float(time) / 0.005) < 3000
+    assert float(speed) > FASTEST_JOINT
+    columns = rollout.columns()
+    assert np.isfinite(rollout.samples).all()
+    assert max(np.abs(columns["dq1"]).max(), np.abs(columns["dq2"]).max()) <= FASTEST_JOINT
+    assert np.abs(columns[f"dq{joint}"][-1]) > 0.1 * FASTEST_JOINT
+    assert seen == []
+    stepped = run(config, watch=seen.append, fused=False)
+    assert (stepped.cause, seen) == (rollout.cause, list(range(1, int(step) // 600 + 1)))
+
+
+class Faulty:
+    """A part that does what another does, until its ``method`` is called for the given time."""
+
+    def __init__(self, part, method, calls, fault):
+        self.part, self.method, self.calls, self.fault = part, method, calls, fault
+
+    def __getattr__(self, name):
+        inner = getattr(self.part, name)
+        if name != self.method:
+            return inner
+
+        def counted(*arguments):
+            self.calls -= 1
+            return self.fault(inner, *arguments) if self.calls == 0 else inner(*arguments)
+
+        return counted
+
+
+def breaks(inner, *arguments):
+    raise RuntimeError("cable cut")
+
+
+def interrupts(inner, *arguments):
+    raise KeyboardInterrupt
+
+
+def with_faulty(config, part, method, calls, fault):
+    scenario = make_scenario(config)
+    return dataclasses.replace(scenario, **{part: Faulty(getattr(scenario, part), method, calls, fault)})
+
+
+@pytest.mark.parametrize("step", [100, 750])
+@pytest.mark.parametrize(("part", "method"), [("plant", "step"), ("controller", "act"), ("sensors", "measure")])
+def test_a_part_that_raises_fails_the_run_and_keeps_the_trace_up_to_there(make_config, part, method, step):
+    config = make_config("cycles=2")
+    rollout = roll_out(with_faulty(config, part, method, step + 1, breaks))
+    assert rollout.status == "failed"
+    assert "RuntimeError: cable cut" in rollout.cause
+    assert isinstance(rollout.error, RuntimeError)
+    kept = len(rollout.samples)
+    assert kept in (step, step + 1)  # of the step in which a plant fails the beginning is known
+    assert same_bits(rollout.samples[:step], run(config, fused=False).samples[:step])
+    assert assemble(rollout.plan, rollout.columns(), 0.005).num_rows == kept
+
+
+def test_a_part_that_raises_at_once_still_leaves_a_run_that_says_so(make_config, tmp_path):
+    config = make_config("cycles=1", "record=trace")
+    result = run_scenario(config, tmp_path, prepared=with_faulty(config, "controller", "act", 1, breaks))
+    assert result.status == "failed"
+    assert "cable cut" in result.manifest["traceback"]
+    assert set(result.manifest["files"]) <= {file.name for file in tmp_path.iterdir()}
+
+
+def test_an_interrupt_between_cycles_keeps_the_cycles_done(make_config):
+    def watch(cycle):
+        if cycle == 2:
+            raise KeyboardInterrupt
+
+    config = make_config("cycles=4")
+    rollout = run(config, watch=watch, fused=False)
+    assert rollout.status == "interrupted"
+    assert rollout.cause
+    assert same_bits(rollout.samples, run(config).samples[:1200])
+
+
+def test_an_interrupt_within_a_cycle_keeps_the_steps_done(make_config):
+    rollout = roll_out(with_faulty(make_config("cycles=2"), "plant", "step", 101, interrupts))
+    assert rollout.status == "interrupted"
+    assert len(rollout.samples) in (100, 101)
+
+
+def test_an_exception_in_watch_fails_the_run(make_config):
+    rollout = run(make_config("cycles=2"), watch=lambda cycle: breaks(None), fused=False)
+    assert rollout.status == "failed"
+    assert len(rollout.samples) == 600
+
+
+@pytest.mark.parametrize("field", ["q", "dq", "foot", "force"])
+def test_a_measurement_that_is_not_finite_diverges_and_is_named_so(make_config, field):
+    def spoil(inner, *arguments):
+        measured = inner(*arguments)
+        return measured._replace(**{field: measured._asdict()[field] * np.nan})
+
+    rollout = roll_out(with_faulty(make_config("cycles=1"), "plant", "step", 100, spoil))
+    assert rollout.status == "diverged"
+    assert len(rollout.samples) == 100
+    assert "not finite" in rollout.cause

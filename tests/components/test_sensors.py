@@ -1,0 +1,324 @@
+"""Sensors: each imperfection by itself, the kinematics of what is measured, both loops, trace, and bad input."""
+
+import itertools
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from cmacexp.data.signals import BODY_COLUMNS
+from cmacexp.errors import BadInput
+from cmacexp.experiment import run_scenario
+from cmacexp.loop import roll_out
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.models.leg import foot_position, foot_velocity, trigonometry
+from cmacexp.models.mechanism import leg_of
+from cmacexp.plants import Measurement
+from cmacexp.score import score
+from cmacexp.sensors.noise import normal, uniform
+
+REAL = "sensors=real"
+
+
+def tell(make_config, values, *overrides, scenario="one_leg"):
+    """What the force sensors (steps, L) tell of ``values`` (steps, L)."""
+    made = make_scenario(make_config(f"scenario={scenario}", REAL, *overrides))
+    first = made.first
+    return np.array([made.sensors.measure(first._replace(force=np.array(row, dtype=float))).force for row in values])
+
+
+def tell_one(make_config, values, *overrides):
+    return tell(make_config, np.reshape(values, (-1, 1)), *overrides)[:, 0].tolist()
+
+
+# Chance
+
+
+def test_normal_numbers_are_white_and_have_mean_0_and_variance_1():
+    drawn = np.array([[normal(key, step) for step in range(20000)] for key in (7, 8)])
+    assert np.abs(drawn.mean(axis=1)).max() < 0.03
+    assert np.abs(drawn.var(axis=1) - 1.0).max() < 0.04
+    assert abs((drawn**4).mean() - 2.9) < 0.12  # of a sum of twelve uniform numbers; 3 for a Gaussian
+    for lag in (1, 2, 3, 8, 600):
+        assert abs((drawn[:, lag:] * drawn[:, :-lag]).mean()) < 0.025
+    assert abs((drawn[0] * drawn[1]).mean()) < 0.03
+
+
+def test_uniform_numbers_fill_their_range_evenly():
+    drawn = np.array([uniform(3, step) for step in range(20000)])
+    counts, _ = np.histogram(drawn, bins=20, range=(0.0, 1.0))
+    assert counts.sum() == 20000
+    assert ((counts - 1000.0) ** 2 / 1000.0).sum() < 45.0  # chi-squared of 19, one chance in a thousand
+
+
+# One imperfection at a time, by hand
+
+
+def test_sensors_without_imperfections_change_no_bit(make_config):
+    perfect, real = (roll_out(make_scenario(make_config("cycles=2", f"sensors={s}"))) for s in ("perfect", "real"))
+    assert perfect.samples.tobytes() == real.samples.tobytes()
+
+
+def test_delay_gives_the_value_of_so_many_samples_ago_and_the_first_before(make_config):
+    assert tell_one(make_config, [5, 6, 7, 8, 9], "sensors.force.delay=2") == [5, 5, 5, 6, 7]
+
+
+def test_bias_and_quantum(make_config):
+    told = tell_one(make_config, [0.0, 0.9, 1.2, -1.0], "sensors.force.bias=0.2", "sensors.force.quantum=0.5")
+    assert told == [0.0, 1.0, 1.5, -1.0]
+
+
+def test_imperfections_begin_at_their_start(make_config):
+    told = tell_one(make_config, [1, 1, 1, 1], "sensors.force.bias=1", "sensors.force.start=0.01")
+    assert told == [1, 1, 2, 2]
+
+
+def test_noise_is_absolute_or_in_proportion_and_of_the_seed(make_config):
+    still = np.full(4000, 10.0)
+    for setting, deviation in (("noise=0.5", 0.5), ("noise_relative=0.2", 2.0)):
+        told, again, other = (
+            np.array(tell_one(make_config, still, f"sensors.force.{setting}", f"seed={seed}")) for seed in (1, 1, 2)
+        )
+        assert told.std() == pytest.approx(deviation, rel=0.05)
+        assert told.mean() == pytest.approx(10.0, abs=0.1)
+        assert (told == again).all()
+        assert abs(np.corrcoef(told, other)[0, 1]) < 0.06
+    assert not any(tell_one(make_config, np.zeros(100), "sensors.force.noise_relative=0.2"))
+
+
+def test_a_lost_sample_reads_the_last_good_one_or_zero(make_config):
+    values = np.arange(1.0, 2001.0)
+    held = np.array(tell_one(make_config, values, "sensors.force.dropout=0.3"))
+    lost = held != values
+    assert lost.mean() == pytest.approx(0.3, abs=0.04)
+    assert (held[1:][lost[1:]] == held[:-1][lost[1:]]).all()
+    zero = np.array(tell_one(make_config, values, "sensors.force.dropout=0.3", "sensors.force.dropout_reads=zero"))
+    assert (zero[lost] == 0.0).all()
+    assert (zero[~lost] == values[~lost]).all()
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ("kind=zero", [1, 2, 0, 0, 0]),
+        ("kind=last", [1, 2, 3, 3, 3]),
+        ("kind=value", [1, 2, 40, 40, 40]),
+        ("kind=bias", [1, 2, 43, 44, 45]),
+    ],
+)
+def test_a_fault_from_its_start_on(make_config, fault, told):
+    value = [] if fault in ("kind=zero", "kind=last") else ["sensors.force.fault.value=40"]
+    overrides = [f"sensors.force.fault.{fault}", "sensors.force.fault.start=0.01", *value]
+    assert tell_one(make_config, [1, 2, 3, 4, 5], *overrides) == told
+
+
+def test_noise_as_a_fault_comes_on_top_of_that_of_a_sound_sensor(make_config):
+    faulty = ["sensors.force.fault.kind=noise", "sensors.force.fault.value=3", "sensors.force.noise=4"]
+    told = np.array(tell_one(make_config, np.zeros(4000), *faulty))
+    assert told.std() == pytest.approx(5.0, rel=0.05)
+
+
+def test_only_the_named_legs_are_altered(make_config):
+    overrides = [
+        "sensors.force.bias=1", "sensors.force.legs=[1,3]", "sensors.force.fault.kind=zero",
+        "sensors.force.fault.legs=[4]",
+    ]  # fmt: skip
+    assert tell(make_config, [[10, 20, 30, 40]], *overrides, scenario="quadruped").tolist() == [[11, 20, 31, 0]]
+
+
+def test_every_channel_has_noise_of_its_own(make_config):
+    config = make_config("scenario=quadruped", REAL, *(f"sensors.{s}.noise=1" for s in ("force", "position", "tilt")))
+    made = make_scenario(config)
+    seen = [made.sensors.measure(made.first) for _ in range(500)]
+    parts = [[*s.force, *s.q.ravel(), *s.body[1:]] for s in seen]
+    between = np.corrcoef(np.array(parts).T) - np.eye(14)
+    assert np.abs(between).max() < 0.2
+
+
+# Kinematics
+
+
+def test_the_foot_follows_from_the_joints_that_are_measured(make_config):
+    overrides = ["sensors.position.bias=0.02", "sensors.position.legs=[2]", "sensors.velocity.bias=-0.3"]
+    made = make_scenario(make_config("scenario=quadruped", REAL, *overrides))
+    true = made.first._replace(dq=np.arange(8.0).reshape(4, 2))
+    seen = made.sensors.measure(true)
+    for i in range(4):
+        q, dq = true.q[i] + (0.02 if i == 1 else 0.0), true.dq[i] - 0.3
+        leg, trig = leg_of(made.setup.mechanism, i), trigonometry(*q)
+        assert seen.q[i].tolist() == q.tolist()
+        assert tuple(seen.foot[i]) == foot_position(leg, trig)
+        assert tuple(seen.velocity[i]) == foot_velocity(leg, trig, *dq)
+    assert seen.foot[0].tolist() == true.foot[0].tolist()
+
+
+def test_a_point_mass_measures_where_it_is(make_config):
+    made = make_scenario(make_config("scenario=force_step", REAL, "sensors.position.bias=0.5"))
+    seen = made.sensors.measure(made.first)
+    assert seen.foot.tolist() == seen.q.tolist() == (made.first.q + 0.5).tolist()
+
+
+def test_pose_and_rates_of_a_body(make_config):
+    overrides = [
+        f"sensors.{name}.bias={k}" for k, name in enumerate(("height", "tilt", "height_rate", "tilt_rate"), 1)
+    ]
+    made = make_scenario(make_config("scenario=quadruped", REAL, *overrides))
+    true = Measurement(*made.first[:5], np.array([0.5, 0.1, -0.1]), np.array([0.0, 0.2, -0.2]))
+    seen = made.sensors.measure(true)
+    assert (seen.body - true.body).tolist() == pytest.approx([1, 2, 2])
+    assert (seen.body_rate - true.body_rate).tolist() == pytest.approx([3, 4, 4])
+
+
+# Both loops, and plain Python
+
+ALL = [
+    *("sensors=encoders", "sensors.force.dropout=0.1", "sensors.force.noise_relative=0.2", "sensors.force.delay=1"),
+    *("sensors.position.noise=0.0005", "sensors.velocity.bias=0.001", "sensors.force.fault.kind=last"),
+    *("sensors.force.fault.start=4", "sensors.force.legs=[1]", "sensors.velocity.dropout=0.05"),
+]
+FAULTY = {
+    "one leg": [*[o for o in ALL if "dropout=0.1" not in o], "cycles=3", "learning.lead=auto"],
+    "point mass": ["scenario=force_step", REAL, "sensors.position.noise=0.001", "sensors.velocity.quantum=0.01"],
+    "late": ["cycles=3", "actuator.delay=2", "actuator.rate_limit=900", "actuator.torque_limit=9"],
+    "quadruped": [
+        *("scenario=quadruped", REAL, "sensors.height.noise=0.0001", "sensors.tilt.delay=1"),
+        *("sensors.force.fault.kind=noise", "sensors.force.fault.legs=[2]", "sensors.force.fault.value=4"),
+        *("sensors.tilt_rate.noise=1", "cycles=3"),
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("overrides", FAULTY.values(), ids=FAULTY)
+def test_fused_loop_equals_stepped_loop_to_the_bit(make_config, overrides):
+    config = make_config(*overrides)
+    fused, stepped = (roll_out(make_scenario(config), fused=f) for f in (True, False))
+    assert (fused.status, fused.cause) == (stepped.status, stepped.cause)
+    assert fused.samples.tobytes() == stepped.samples.tobytes()
+    assert fused.body_samples.tobytes() == stepped.body_samples.tobytes()
+
+
+PLAIN = """
+import sys
+import numpy as np
+from cmacexp.config.compose import compose_config
+from cmacexp.loop import roll_out
+from cmacexp.loop.scenario import make_scenario
+
+rollout = roll_out(make_scenario(compose_config(sys.argv[2:])))
+np.savez(sys.argv[1], samples=rollout.samples, body=rollout.body_samples)
+"""
+
+
+@pytest.mark.parametrize("name", ["one leg", "quadruped"])
+def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, name):
+    overrides = [*FAULTY[name], "cycles=1", "sensors.force.fault.start=1"]
+    command = [sys.executable, "-c", PLAIN, str(tmp_path / "plain.npz"), *overrides]
+    subprocess.run(command, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=True)
+    compiled = roll_out(make_scenario(make_config(*overrides)))
+    with np.load(tmp_path / "plain.npz") as plain:
+        assert plain["samples"].tobytes() == compiled.samples.tobytes()
+        assert plain["body"].tobytes() == compiled.body_samples.tobytes()
+
+
+# Trace
+
+
+def test_true_and_measured_values_stand_beside_each_other(make_config, tmp_path):
+    overrides = ["sensors.position.bias=0.001", "sensors.tilt_rate.bias=0.5", "sensors.force.bias=2"]
+    config = make_config("scenario=quadruped", REAL, *overrides, "cycles=1", "record=trace")
+    run_scenario(config, tmp_path)
+    legs, body = (pq.read_table(tmp_path / f"{name}.parquet").to_pandas() for name in ("trace", "body"))
+    assert legs.columns[25:].tolist() == [f"{name}_measured" for name in ("x", "y", "vx", "vy", "q1", "q2")]
+    np.testing.assert_allclose(legs.q2_measured - legs.q2, 0.001)
+    np.testing.assert_allclose(legs.force_measured - legs.force, 2.0)
+    assert body.columns[len(BODY_COLUMNS) :].tolist() == [
+        *("pitch_rate", "roll_rate", "pitch_rate_measured", "roll_rate_measured")
+    ]  # fmt: skip
+    np.testing.assert_allclose(body.pitch_rate[1:], np.diff(body.pitch) / 0.005, atol=1e-12)
+    before = (tmp_path / "metrics.parquet").read_bytes()
+    score(tmp_path)
+    assert (tmp_path / "metrics.parquet").read_bytes() == before
+
+
+def test_perfect_sensors_add_no_columns(make_config, tmp_path):
+    run_scenario(make_config("cycles=1", REAL, "sensors.force.bias=1", "record=trace"), tmp_path)
+    names = pq.read_schema(tmp_path / "trace.parquet").names
+    assert [name for name in names if name.endswith("_measured")] == ["force_measured"]
+
+
+# A lead that is worked out
+
+
+@pytest.mark.parametrize(
+    ("overrides", "lead"),
+    [
+        ([], 1),
+        (["actuator.delay=2"], 3),
+        ([REAL, "sensors.velocity.delay=1", "actuator.delay=1"], 3),
+        ([REAL, "sensors.position.delay=3"], 1),
+        ([REAL, "sensors.position.delay=3", "controller.velocity_gain=0"], 4),
+    ],
+)
+def test_an_automatic_lead_counts_the_samples_from_torque_to_feedback(make_config, tmp_path, overrides, lead):
+    config = make_config(*overrides, "learning.lead=auto", "cycles=1", "record=trace")
+    run_scenario(config, tmp_path)
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    assert (manifest["learning_lead"], manifest["config"]["learning"]["lead"]) == (lead, "auto")
+    assert make_scenario(config).feedforward.law.learning.lead == lead
+
+
+@pytest.mark.parametrize("delay", [1, 2])
+def test_with_a_late_actuator_the_automatic_lead_stays_bounded_where_others_do_not(make_config, delay):
+    ends = {}
+    for lead in ("auto", 0, 1):
+        config = make_config("cycles=200", f"actuator.delay={delay}", f"learning.lead={lead}")
+        ends[lead] = roll_out(make_scenario(config)).status
+    assert ends == {"auto": "completed", 0: "diverged", 1: "diverged"}
+
+
+# Bad input
+
+STUCK = ["sensors=force_stuck", "sensors.force.fault.start=1"]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ([*STUCK, "sensors.force.dropout=0.1"], "sensors.force.dropout=0.1: must be 0 with .*kind=zero"),
+        ([REAL, "sensors.position.delay=600"], "sensors.position.delay=600: must be at most 599"),
+        ([REAL, "sensors.force.legs=[2]"], r"sensors.force.legs=2: must be at most 1"),
+        ([REAL, "sensors.force.legs=[]"], r"sensors.force.legs=\[\]: must name at least one leg"),
+        ([REAL, "sensors.force.fault.legs=[1,1]"], "each once"),
+        (["sensors=force_stuck", "cycles=2"], "sensors.force.fault.start=6.0: must be below 6 s"),
+        ([REAL, "sensors.velocity.start=15"], "sensors.velocity.start=15.0: must be below 15 s"),
+        ([REAL, "sensors.tilt.noise=0.1"], "sensors.tilt=.*: must do nothing with machine.kind=leg"),
+        ([REAL, "sensors.height.fault.kind=zero"], "sensors.height=.*: it has no body"),
+        ([REAL, "sensors.force.fault.kind=zero", "sensors.force.fault.value=3"], "must be 0 with"),
+        ([REAL, "sensors.force.fault.kind=bias"], "must not be 0"),
+        ([REAL, "sensors.force.fault.kind=noise", "sensors.force.fault.value=-1"], "must be above 0"),
+        ([REAL, "sensors.force.noise=-1"], "sensors.force.noise=-1.0: must be at least 0"),
+        ([REAL, "sensors.force.dropout=1"], "sensors.force.dropout=1.0: must be at least 0 and below 1"),
+        ([REAL, "sensors.force.fault.kind=odd"], "choose from none, zero, last, value, bias, noise"),
+        (["actuator.delay=600"], "actuator.delay=600: must be at most 599"),
+        (["actuator.rate_limit=0"], "actuator.rate_limit=0.0: must be above 0"),
+        (["learning.lead=soon"], "learning.lead=soon: must be at least -100 and at most 100, or auto"),
+        (["learning.lead=1.5"], "learning.lead=1.5: must be at least -100 and at most 100, or auto"),
+    ],
+)
+def test_settings_that_contradict_each_other_are_bad_input(make_config, overrides, message):
+    with pytest.raises(BadInput, match=message):
+        make_config(*overrides)
+
+
+def test_stuck_and_lossy_sensors_may_be_those_of_different_legs(make_config):
+    for lossy, stuck in itertools.permutations((1, 2), 2):
+        overrides = [
+            f"sensors.force.legs=[{lossy}]",
+            f"sensors.force.fault.legs=[{stuck}]",
+            "sensors.force.dropout=0.1",
+        ]
+        make_config("scenario=quadruped", REAL, *overrides, "sensors.force.fault.kind=zero")

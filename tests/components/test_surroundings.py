@@ -1,0 +1,206 @@
+"""What changes during a run: stiffness steps, a payload, sloping ground. Planner and controller do not know of it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from cmacexp.errors import BadInput
+from cmacexp.loop import roll_out
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.models.body import Load, energy, slope
+from cmacexp.models.ground import first_sample
+from cmacexp.models.ground_height import rise
+
+HIPS = np.array([(0.225, 0.225), (0.225, -0.225), (-0.225, 0.225), (-0.225, -0.225)])
+WALK = ("scenario=quadruped", "cycles=2")
+CHANGES = {
+    "step": ("terrain.step_time=3.2", "terrain.step_factor=3"),
+    "payload": ("payload.weight=10", "payload.x=0.1", "payload.y=-0.05", "payload.time=3.2"),
+    "slope": ("terrain.slope=0.05", "terrain.slope_start=0.3"),
+}
+AT = 640
+"""The step at 3.2 s."""
+
+
+@pytest.fixture(scope="module")
+def run(make_config):
+    """``run("scenario=one_leg", fused=False)`` gives a rollout; each is made once."""
+    made = {}
+
+    def roll(*overrides, fused=True):
+        if (overrides, fused) not in made:
+            made[overrides, fused] = roll_out(make_scenario(make_config(*overrides)), fused=fused)
+        return made[overrides, fused]
+
+    return roll
+
+
+def in_world(body, foot):
+    """Feet (L, 3) relative to the ground below the body's centre."""
+    height, pitch, roll = body[:3]
+    cp, sp = np.cos(pitch), np.sin(pitch)
+    x, y, z = HIPS[:, 0] + foot[:, 0], HIPS[:, 1], -foot[:, 1]
+    y, z = y * np.cos(roll) - z * np.sin(roll), y * np.sin(roll) + z * np.cos(roll)
+    return np.stack([x * cp + z * sp, y, -x * sp + z * cp + height], axis=1)
+
+
+def feet(rollout, k):
+    columns = rollout.columns()
+    return np.column_stack([columns["x"][k], columns["y"][k]])
+
+
+# Both loops, and what planner and controller know
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_both_loops_agree_and_the_plan_knows_nothing(run, change):
+    fused, stepped, calm = run(*WALK, *CHANGES[change]), run(*WALK, *CHANGES[change], fused=False), run(*WALK)
+    assert fused.status == "completed"
+    assert_array_equal(fused.samples, stepped.samples)
+    assert_array_equal(fused.body_samples, stepped.body_samples)
+    assert_array_equal(fused.plan.reference, calm.plan.reference)
+    assert_array_equal(fused.plan.joints, calm.plan.joints)
+    assert not np.array_equal(fused.samples[AT:], calm.samples[AT:])
+
+
+@pytest.mark.parametrize("change", ["step", "payload"])
+def test_before_a_change_nothing_is_different(run, change):
+    changed, calm = run(*WALK, *CHANGES[change]), run(*WALK)
+    assert_array_equal(changed.samples[:AT], calm.samples[:AT])
+    assert_array_equal(changed.body_samples[:AT], calm.body_samples[:AT])
+
+
+@given(st.integers(0, 10**7), st.sampled_from([0.005, 0.001, 0.01, 1e-4]))
+def test_a_change_acts_from_the_first_sample_that_is_not_before_it(sample, period):
+    assert first_sample(sample * period, period) == sample
+    assert first_sample((sample + 0.01) * period, period) == sample + 1
+
+
+# Stiffness
+
+
+@pytest.mark.parametrize("substeps", [1, 3])
+def test_under_one_leg_the_ground_is_of_another_stiffness_from_its_step_on(run, substeps):
+    overrides = ("scenario=one_leg", "cycles=2", f"plant.substeps={substeps}", *CHANGES["step"])
+    columns = run(*overrides, "terrain.step_time=1.5").columns()
+    stiffness = np.where(np.arange(1200) >= 300, 30.0, 10.0)
+    assert_allclose(columns["force"][:, 0], stiffness * np.maximum(0.0, columns["y"][:, 0] - 0.5), rtol=1e-12)
+    assert columns["force"][300, 0] > 2.5 * columns["force"][299, 0] > 0.0
+
+
+def test_a_step_under_some_legs_leaves_the_others_on_the_old_ground(run):
+    rollout = run(*WALK, *CHANGES["step"], "terrain.step_legs=[4, 1]")
+    factors = np.where(np.arange(1200)[:, None] >= AT, [3.0, 1.0, 1.0, 3.0], 1.0)
+    for k in range(AT - 50, 1200, 7):
+        sunk = np.maximum(0.0, -in_world(rollout.body_samples[k], feet(rollout, k))[:, 2])
+        assert_allclose(rollout.columns()["force"][k], 1e4 * factors[k] * sunk, rtol=1e-8, atol=1e-8)
+
+
+# Payload
+
+
+def test_feet_carry_the_payload_and_its_moments_from_its_time_on(run):
+    rollout = run(*WALK, *CHANGES["payload"])
+    force = rollout.columns()["force"]
+    assert_allclose(force.sum(axis=1), np.where(np.arange(1200) >= AT, 50.0, 40.0), atol=1e-8)
+    for k in range(AT, 1200, 7):
+        body = rollout.body_samples[k]
+        at = in_world(body, feet(rollout, k))
+        # The payload lies in the plane of the hips, where in_world puts feet that are neither ahead nor below.
+        lies = in_world(body, np.column_stack([0.1 - HIPS[:, 0], np.zeros(4)]))
+        y_from_left = (-0.05 + 0.225) / 0.45
+        lies = lies[1] + y_from_left * (lies[0] - lies[1])
+        assert_allclose(force[k] @ at[:, :2], 10.0 * lies[:2], atol=1e-8)
+
+
+@given(
+    st.floats(1.0, 60.0), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3),
+    st.lists(st.floats(-0.01, 0.01), min_size=4, max_size=4),
+)  # fmt: skip
+def test_slope_of_the_energy_is_its_derivative_off_centre_and_on_uneven_ground(weight, x, y, pitch, roll, level):
+    load, level, foot = Load(weight, x, y), np.array(level), np.tile([0.05, 0.5], (4, 1))
+    stiffness, body, nudge = np.full(4, 1e4), np.array([0.43, pitch, roll]), 1e-6
+
+    def at(shift):
+        return slope(body + shift, HIPS, foot, stiffness, level, load, np.zeros(4))
+
+    here = at(np.zeros(3))
+    curvature = np.array([[here.hh, here.hp, here.hr], [here.hp, here.pp, here.pr], [here.hr, here.pr, here.rr]])
+    for n, shift in enumerate(nudge * np.eye(3)):
+        up, down = (energy(body + s, HIPS, foot, stiffness, level, load) for s in (shift, -shift))
+        assert here[n] == pytest.approx((up - down) / (2.0 * nudge), rel=1e-6, abs=1e-5)
+        change = (np.array(at(shift)[:3]) - np.array(at(-shift)[:3])) / (2.0 * nudge)
+        pressed = (in_world(body, foot)[:, 2] < -level - 1e-5) == (in_world(body, foot)[:, 2] < -level + 1e-5)
+        if pressed.all():
+            assert_allclose(curvature[n], change, rtol=1e-5, atol=1e-2)
+
+
+# Slope
+
+
+def test_ground_is_flat_up_to_its_slope():
+    assert_allclose(rise(0.1, 2.0, np.array([-1.0, 2.0, 3.0])), [0.0, 0.0, 0.1])
+
+
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_one_leg_presses_sloping_ground_where_its_foot_is(run, damping):
+    overrides = ("scenario=one_leg", "cycles=2", "terrain.slope=-0.3", "terrain.slope_start=0.02")
+    columns = run(*overrides, f"terrain.damping={damping}").columns()
+    x, y, vx, vy = (columns[name][:, 0] for name in ("x", "y", "vx", "vy"))
+    sunk = y - 0.5 - 0.3 * np.maximum(0.0, x - 0.02)
+    rate = vy - np.where(x > 0.02, 0.3 * vx, 0.0)
+    expected = np.where(sunk > 0.0, np.maximum(0.0, 10.0 * sunk + damping * rate), 0.0)
+    assert_allclose(columns["force"][:, 0], expected, rtol=1e-9, atol=1e-12)
+
+
+def test_feet_of_a_body_press_sloping_ground_where_they_are(run):
+    rollout = run(*WALK, *CHANGES["slope"])
+    speed, uneven = 0.3 / (0.8 * 3.0), 0.0
+    for k in range(0, 1200, 7):
+        x, foot = speed * k * 0.005, feet(rollout, k)
+        higher = rise(0.05, 0.3, x + HIPS[:, 0] + foot[:, 0]) - rise(0.05, 0.3, np.array(x))
+        sunk = np.maximum(0.0, higher - in_world(rollout.body_samples[k], foot)[:, 2])
+        assert_allclose(rollout.columns()["force"][k], 1e4 * sunk, rtol=1e-6, atol=1e-6)
+        uneven = max(uneven, np.ptp(higher))
+    assert uneven > 0.02
+
+
+def test_only_the_ground_around_the_machine_counts(run):
+    """On a slope that began far behind, the height of the body above the ground below it is that near its start."""
+    near, far = (run(*WALK, "terrain.slope=0.05", f"terrain.slope_start={start}") for start in (-1.0, -50.0))
+    assert_allclose(near.body_samples[:200], far.body_samples[:200], atol=1e-9)
+    assert near.body_samples[-1, 1] < run(*WALK).body_samples[-1, 1] - 0.005  # nose up
+
+
+# What contradicts itself
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["terrain.step_factor=3"], "terrain.step_factor=3.0: needs a terrain.step_time, from 0 to below 15 s"),
+        (["terrain.step_legs=[1]"], "terrain.step_legs=[1]: needs a terrain.step_time"),
+        (["terrain.step_time=15"], "terrain.step_time=15.0: must be below 15 s, the end of the run"),
+        (["terrain.step_time=1", "terrain.step_legs=[2]"], "terrain.step_legs=[2]: must be 1; or null for all"),
+        (["terrain.step_time=1", "terrain.step_legs=[]"], "terrain.step_legs=[]: must be 1; or null for all"),
+        (["terrain.step_time=-1"], "terrain.step_time=-1.0: must be at least 0 (s)"),
+        (["terrain.slope=1"], "terrain.slope=1.0: must be above -1 and below 1"),
+        (["terrain.slope=0.1", "terrain.slope_start=0.1"], "terrain.slope_start=0.1: must be below 0.1 m, as far as"),
+        (["payload.weight=10"], "payload.weight=10.0: must be 0 with machine.kind=leg: it has no body"),
+        ([*WALK, "payload.weight=-1"], "payload.weight=-1.0: must be at least 0 (N)"),
+        ([*WALK, "payload.weight=10", "payload.time=6"], "payload.time=6.0: must be below 6 s, the end of the run"),
+        ([*WALK, "payload.weight=10", "payload.y=0.3"], "payload.y=0.3: must be from -0.225 to 0.225 m, between"),
+        (
+            [*WALK, "terrain.step_time=1", "terrain.step_legs=[1, 1]"],
+            "terrain.step_legs=[1, 1]: must be some of 1",
+        ),
+        ([*WALK, "terrain.slope=0.1", "terrain.slope_start=1.2"], "terrain.slope_start=1.2: must be below 1.125 m"),
+    ],
+    ids=lambda case: " ".join(case) if isinstance(case, list) else "",
+)
+def test_changes_that_nothing_could_feel_are_refused_with_the_bound(make_config, overrides, message):
+    with pytest.raises(BadInput) as caught:
+        make_config(*overrides)
+    assert str(caught.value).startswith(message)

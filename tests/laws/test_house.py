@@ -1,0 +1,188 @@
+"""The house: which room may use which, how large a file may be, and that compiled code is never stale."""
+
+import ast
+import importlib.util
+import pkgutil
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import cmacexp
+import pipelines
+from cmacexp.jit.sources import KERNEL_ROOMS, RESULT_ROOMS
+
+LAYERS = (
+    {"errors", "typing", "version"},
+    {"jit"},
+    {"config"},
+    {"data"},
+    {"models"},
+    {"cmac"},
+    {"planning"},
+    {"plants"},
+    {"sensors"},
+    {"feedforward"},
+    {"control"},
+    {"loop"},
+    {"metrics"},
+    {"recording"},
+    {"report"},
+    {"stability"},
+    {"experiment"},
+    {"api"},
+    {"sweep"},
+    {"cli", "score", "verify", "replay", "__main__"},
+)
+"""Rooms of the package; each imports only from its own layer and those above it in this list."""
+STUDY_LAYERS = ({"shared"}, {"analysis"})
+"""Rooms of the studies, below the studies themselves."""
+READERS = {"metrics", "recording", "report"}
+"""Rooms that read what is on disk and never reach the loop."""
+
+
+def modules_of(package) -> list[str]:
+    found = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    return [package.__name__, *(name for _, name, _ in found)]
+
+
+MODULES, STUDIES = modules_of(cmacexp), modules_of(pipelines)
+ALL = frozenset({*MODULES, *STUDIES})
+
+
+@cache
+def text_of(module: str) -> str:
+    return Path(importlib.util.find_spec(module).origin).read_text()
+
+
+@cache
+def imports(module: str) -> set[str]:
+    """Modules of the project that ``module`` imports, lazily too."""
+    found = set()
+    for node in ast.walk(ast.parse(text_of(module))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names = {alias.name: f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {inner if inner in ALL else node.module for inner in names.values()}
+    return (found & ALL) - {module}
+
+
+@cache
+def reach(module: str) -> set[str]:
+    """All modules that ``module`` imports, by whatever way."""
+    seen, todo = set(), [module]
+    while todo:
+        new = imports(todo.pop()) - seen
+        seen |= new
+        todo += new
+    return seen
+
+
+def room_of(module: str) -> str:
+    """The room of a module; the package itself hands on the API, and a ``__main__`` is a command."""
+    _, *inside = module.split(".")
+    if not inside:
+        return "api"
+    return "__main__" if inside[-1] == "__main__" else inside[0]
+
+
+def layer_of(room: str, layers) -> int:
+    return next((index for index, rooms in enumerate(layers) if room in rooms), len(layers))
+
+
+def test_every_room_has_a_layer():
+    rooms = {room_of(module) for module in MODULES}
+    assert rooms == set().union(*LAYERS)
+
+
+def test_a_room_imports_only_from_the_layers_above_it():
+    upward = {
+        (module, used)
+        for module in MODULES
+        for used in imports(module)
+        if used.startswith("pipelines") or layer_of(room_of(used), LAYERS) > layer_of(room_of(module), LAYERS)
+    }
+    assert not upward
+
+
+def test_a_study_imports_only_from_the_layers_above_it():
+    upward = {
+        (module, used)
+        for module in STUDIES
+        for used in imports(module)
+        if used.startswith("pipelines.")
+        and layer_of(room_of(used), STUDY_LAYERS) > layer_of(room_of(module), STUDY_LAYERS)
+    }
+    assert not upward
+
+
+def test_what_reads_a_trace_never_reaches_the_loop():
+    assert not [m for m in MODULES if room_of(m) in READERS and "loop" in {room_of(used) for used in reach(m)}]
+
+
+def test_no_module_imports_itself_by_a_detour():
+    assert not [module for module in [*MODULES, *STUDIES] if module in reach(module)]
+
+
+def rooms_with_suffix(modules: set[str]) -> set[str]:
+    """Rooms as :mod:`cmacexp.jit.sources` names them: a folder, or a file with its suffix."""
+    rooms = {room_of(module) for module in modules}
+    return {
+        room if importlib.util.find_spec(f"cmacexp.{room}").submodule_search_locations else f"{room}.py"
+        for room in rooms
+    }
+
+
+def test_what_a_kernel_uses_keys_the_cache_of_compiled_code():
+    typed_only = {"typing.py", "errors.py", "config", "data"}
+    for module in MODULES:
+        if "@kernel" in text_of(module):
+            assert rooms_with_suffix(imports(module)) <= {*KERNEL_ROOMS, *typed_only}, module
+
+
+def test_the_code_hash_covers_all_that_a_result_depends_on():
+    only_shown = {"recording", "errors.py", "version.py"}
+    assert rooms_with_suffix(reach("cmacexp.experiment")) <= {*RESULT_ROOMS, *only_shown}
+
+
+def test_files_are_short_and_public_names_documented():
+    for module in [*MODULES, *STUDIES]:
+        text = text_of(module)
+        assert len(text.splitlines()) <= 400, module
+        for node in ast.parse(text).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+                assert ast.get_docstring(node), f"{module}.{node.name}"
+
+
+def test_starting_imports_nothing_that_only_some_runs_need():
+    heavy = ["rerun", "pandas", "matplotlib", "scipy", "numba", "pyarrow"]
+    code = f"import sys, cmacexp.cli.main; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_run_imports_nothing_that_it_does_not_need(tmp_path):
+    heavy = ["pandas", "matplotlib", "jinja2", "scipy.linalg", "scipy.signal", "scipy.optimize"]
+    code = (
+        f"import sys; sys.argv = ['cmacexp', 'hydra.run.dir={tmp_path}']; from cmacexp.cli.main import main; "
+        f"assert main() == 0; print([m for m in {heavy} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def cited(text: str) -> set[int]:
+    """Numbers in ``eq. 1, 16``, ``eq. 5-7``, ``eq. 13 and 24``."""
+    numbers = set()
+    for match in re.finditer(r"eq\. (\d+(?:(?:-|, | and | to )\d+)*)", text):
+        for part in re.split(r", | and ", match[1].replace(" to ", "-")):
+            low, _, high = part.partition("-")
+            numbers |= set(range(int(low), int(high or low) + 1))
+    return numbers
+
+
+def test_every_equation_is_found_by_its_number():
+    numbered = {1, 2, *range(5, 22), 23}
+    assert numbered <= set().union(*(cited(text_of(module)) for module in MODULES))

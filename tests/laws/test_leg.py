@@ -1,0 +1,189 @@
+"""Laws of the leg: kinematics, dynamics, and energy under the project's integrator."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from support.grounds import NO_PAYLOAD, still_ground
+
+from cmacexp.models import leg as model
+from cmacexp.models.gravity import GRAVITY
+from cmacexp.models.leg import Leg
+from cmacexp.models.mechanism import legs_on_stand
+from cmacexp.plants.kernels import PlantLaw, advance, new_state, observe
+
+DEFAULT = Leg(0.35, 0.35, 0.5, 0.5, -1.0)
+
+lengths, masses, angles = st.floats(0.1, 1.0), st.floats(0.1, 5.0), st.floats(-3.1, 3.1)
+legs = st.builds(Leg, lengths, lengths, masses, masses, st.sampled_from([-1.0, 1.0]))
+postures = st.tuples(angles, angles)
+bent = st.floats(0.1, 3.0)
+"""|theta2| of a knee that is neither straight nor folded."""
+speeds = st.tuples(st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
+torques = st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
+forces = st.floats(0.0, 50.0)
+
+
+def foot(leg, q):
+    return np.array(model.foot_position(leg, model.trigonometry(*q)))
+
+
+def knee(leg, q):
+    return leg.length_1 * np.array([math.cos(q[0]), math.sin(q[0])])
+
+
+def inertia(leg, q):
+    m11, m12, m22 = model.inertia(leg, model.trigonometry(*q))
+    return np.array([[m11, m12], [m12, m22]])
+
+
+def bias(leg, q, dq):
+    return np.array(model.bias_torque(leg, model.trigonometry(*q), *dq))
+
+
+def jacobian(leg, q):
+    return np.reshape(model.jacobian(leg, model.trigonometry(*q)), (2, 2))
+
+
+def potential(leg, q):
+    return -GRAVITY * (leg.mass_1 * knee(leg, q)[1] + leg.mass_2 * foot(leg, q)[1])
+
+
+def gradient(function, q, h=1e-6):
+    """Central differences of ``function`` along each joint, stacked last."""
+    steps = np.eye(2) * h
+    return np.stack([(function(q + step) - function(q - step)) / (2.0 * h) for step in steps], axis=-1)
+
+
+@given(legs, postures)
+def test_inertia_is_positive_definite(leg, q):
+    assert np.linalg.eigvalsh(inertia(leg, q)).min() > 0.0
+
+
+@given(legs, postures, speeds)
+def test_inertia_gives_the_kinetic_energy_of_the_two_point_masses(leg, q, dq):
+    knee_velocity = gradient(lambda p: knee(leg, p), np.array(q)) @ dq
+    foot_velocity = gradient(lambda p: foot(leg, p), np.array(q)) @ dq
+    twice = leg.mass_1 * knee_velocity @ knee_velocity + leg.mass_2 * foot_velocity @ foot_velocity
+    assert_allclose(dq @ inertia(leg, q) @ dq, twice, rtol=1e-7, atol=1e-7)
+
+
+@given(legs, postures, speeds, torques, forces)
+def test_inverse_dynamics_inverts_forward_dynamics(leg, q, dq, tau, force):
+    trig = model.trigonometry(*q)
+    ddq = model.forward_dynamics(leg, trig, *dq, *tau, force)
+    assert_allclose(model.inverse_dynamics(leg, trig, *dq, *ddq, force), tau, rtol=1e-9, atol=1e-8)
+
+
+@given(legs, postures, speeds, speeds, forces)
+def test_forward_dynamics_inverts_inverse_dynamics(leg, q, dq, ddq, force):
+    trig = model.trigonometry(*q)
+    tau = model.inverse_dynamics(leg, trig, *dq, *ddq, force)
+    assert_allclose(model.forward_dynamics(leg, trig, *dq, *tau, force), ddq, rtol=1e-7, atol=1e-6)
+
+
+@given(legs, angles, bent)
+def test_inverse_kinematics_inverts_forward_kinematics_on_the_side_of_the_knee(leg, q1, q2):
+    q = q1, leg.knee * q2
+    found = model.inverse_kinematics(leg, *foot(leg, q))
+    assert math.copysign(1.0, found[1]) == leg.knee
+    assert found[1] == pytest.approx(q[1], abs=1e-9)
+    assert math.remainder(found[0] - q[0], 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(legs, angles, st.floats(1.001, 10.0))
+def test_inverse_kinematics_is_nan_out_of_reach(leg, direction, factor):
+    heading = np.array([math.cos(direction), math.sin(direction)])
+    too_far = factor * (leg.length_1 + leg.length_2) * heading
+    too_near = abs(leg.length_1 - leg.length_2) / factor * heading
+    assert np.isnan(model.inverse_kinematics(leg, *too_far)).all()
+    if abs(leg.length_1 - leg.length_2) > 1e-3:
+        assert np.isnan(model.inverse_kinematics(leg, *too_near)).all()
+
+
+@given(legs, postures)
+def test_jacobian_is_the_derivative_of_forward_kinematics(leg, q):
+    assert_allclose(jacobian(leg, q), gradient(lambda p: foot(leg, p), np.array(q)), atol=1e-8)
+
+
+@given(legs, postures, speeds, torques)
+def test_power_at_the_foot_is_power_at_the_joints(leg, q, dq, force):
+    trig = model.trigonometry(*q)
+    at_joints = np.dot(model.joint_torque(leg, trig, *force), dq)
+    assert at_joints == pytest.approx(np.dot(force, model.foot_velocity(leg, trig, *dq)), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("t", [0.0, 0.3, 0.7, 1.1])
+def test_joint_velocity_and_acceleration_are_those_of_the_joints_along_a_foot_path(side, t):
+    leg, h = DEFAULT._replace(knee=side, length_2=0.4), 1e-4
+
+    def joints(t):
+        return np.array(model.inverse_kinematics(leg, 0.15 * math.sin(3.0 * t), 0.5 + 0.1 * math.cos(2.0 * t)))
+
+    velocity = 0.45 * math.cos(3.0 * t), -0.2 * math.sin(2.0 * t)
+    acceleration = -1.35 * math.sin(3.0 * t), -0.4 * math.cos(2.0 * t)
+    before, now, after = joints(t - h), joints(t), joints(t + h)
+    trig = model.trigonometry(*now)
+    dq = model.joint_velocity(leg, trig, *velocity)
+    assert_allclose(dq, (after - before) / (2.0 * h), atol=1e-5)
+    ddq = model.joint_acceleration(leg, trig, *dq, *acceleration)
+    assert_allclose(ddq, (after - 2.0 * now + before) / h**2, atol=1e-4)
+
+
+@given(legs, postures, speeds, speeds)
+def test_inertia_rate_less_twice_coriolis_is_skew(leg, q, dq, x):
+    q, dq, x = np.array(q), np.array(dq), np.array(x)
+    slope = gradient(lambda p: inertia(leg, p), q)  # slope[i, j, k] = dM_ij/dq_k
+    christoffel = 0.5 * (slope + slope.transpose(0, 2, 1) - slope.transpose(2, 1, 0))
+    coriolis = christoffel @ dq
+    gravity = bias(leg, q, np.zeros(2))
+    assert_allclose(coriolis @ dq + gravity, bias(leg, q, dq), rtol=1e-6, atol=1e-5)
+    assert x @ (slope @ dq - 2.0 * coriolis) @ x == pytest.approx(0.0, abs=1e-4)
+
+
+@given(legs, postures)
+def test_gravity_is_the_gradient_of_the_potential_energy(leg, q):
+    gravity = bias(leg, q, np.zeros(2))
+    assert_allclose(gravity, gradient(lambda p: potential(leg, p), np.array(q)), rtol=1e-6, atol=1e-6)
+
+
+def test_the_foot_feels_the_weight_of_the_leg_at_mid_stroke():
+    q = model.inverse_kinematics(DEFAULT, 0.0, 0.6)
+    at_foot = np.linalg.solve(jacobian(DEFAULT, q).T, bias(DEFAULT, q, np.zeros(2)))
+    assert at_foot[1] == pytest.approx(-7.4, abs=0.05)  # upwards: what has to hold it
+
+
+def total_energy(leg, state, stiffness, ground):
+    q, dq = state.q[0], state.dq[0]
+    depression = max(0.0, foot(leg, q)[1] - ground)
+    return 0.5 * dq @ inertia(leg, q) @ dq + potential(leg, q) + 0.5 * stiffness * depression**2
+
+
+def energy_error(hip_height, stiffness, steps, duration=0.2):
+    """Relative energy error of a leg let go, and the least and largest contact force on the way."""
+    leg = DEFAULT._replace(length_2=0.4, mass_1=0.7)
+    law = PlantLaw(legs_on_stand([leg], hip_height), still_ground(stiffness), NO_PAYLOAD, 0.0, duration / steps, 1)
+    state = new_state(1)
+    state.q[0], state.dq[0] = (1.9, -1.2), (0.5, -1.0)
+    state.stiffness[0] = stiffness
+    observe(law, state, law.step)
+    before, seen = total_energy(leg, state, stiffness, hip_height), [state.force[0]]
+    for _ in range(steps):
+        advance(law, state, np.zeros((1, 2)))
+        seen.append(state.force[0])
+    return abs(total_energy(leg, state, stiffness, hip_height) - before) / abs(before), min(seen), max(seen)
+
+
+@pytest.mark.parametrize(("hip_height", "stiffness"), [(2.0, 10.0), (0.2, 40.0)], ids=["in the air", "on the ground"])
+def test_energy_is_conserved_at_fourth_order(hip_height, stiffness):
+    errors = []
+    for steps in (20, 40, 80):
+        error, least, largest = energy_error(hip_height, stiffness, steps)
+        errors.append(error)
+        assert (largest == 0.0) if hip_height == 2.0 else (least > 0.0)
+    assert errors[0] < 1e-3
+    assert errors[0] >= 12.0 * errors[1] >= 144.0 * errors[2] > 0.0
