@@ -43,7 +43,7 @@ class CState(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_double * 2) for name in ("q", "dq", "foot", "velocity")),
         ("force", ctypes.c_double),
-        *((name, ctypes.c_double * 2) for name in ("error", "output", "taught")),
+        *((name, ctypes.c_double * 2) for name in ("error", "output", "learning_error")),
         ("taken", ctypes.c_int64),
     ]
 
@@ -89,7 +89,7 @@ def _tables(scenario: Scenario) -> dict[str, np.ndarray]:
 
 def _law(scenario: Scenario, tables: dict[str, np.ndarray]) -> CLaw:
     config, plan, address = scenario.setup.config, scenario.setup.plan, scenario.feedforward.cmacs[0].address
-    leg, control, lead = config.machine.leg, scenario.controller.law, scenario.controller.law.lead
+    leg, control, lead = config.machine.leg, scenario.controller.params, scenario.controller.params.lead
     numbers = (
         leg.length_1, leg.length_2, leg.mass_1, leg.mass_2, config.machine.hip_height, config.terrain.stiffness,
         config.sampling_period, control.position_gain, control.velocity_gain, control.elasticity,
@@ -113,7 +113,7 @@ def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
     assert config.force_control.method == "combined"
     assert (plant.substeps, config.learning.lead, config.terrain.patch_spread) == (1, 0, 0.0)
     tables = _tables(scenario)
-    law = _law(scenario, tables)
+    params = _law(scenario, tables)
     first = scenario.first
     state = CState(force=first.force[0])
     for name in ("q", "dq", "foot", "velocity"):
@@ -121,5 +121,5 @@ def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
     samples = np.full((config.cycles * config.steps_per_cycle, len(SAMPLES)), np.nan)
     count, room = ctypes.c_int64(len(samples)), ctypes.c_void_p(samples.ctypes.data)
     began = time.perf_counter()
-    taken = library.one_leg(ctypes.byref(law), ctypes.byref(state), count, room)
+    taken = library.one_leg(ctypes.byref(params), ctypes.byref(state), count, room)
     return samples[:taken], time.perf_counter() - began

@@ -35,12 +35,12 @@ def planned_loop(weights: Array, cells: Cells, error: Array, rate: float, output
 
 @kernel
 def hashed_loop(
-    law: Address, inputs: Array, row: Cells, weights: Array, error: Array, rate: float, output: Array, passes: int
+    params: Address, inputs: Array, row: Cells, weights: Array, error: Array, rate: float, output: Array, passes: int
 ) -> None:
     """Predict and update along inputs (N, n), whose cells are hashed anew into ``row`` (C,)."""
     for _ in range(passes):
         for k in range(inputs.shape[0]):
-            address(law, inputs[k], row)
+            address(params, inputs[k], row)
             read(weights, row, output)
             train(weights, row, error[k], rate)
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
-from benchmarks import foreign
+from benchmarks import external
 from benchmarks.c_loop import build, compiler, run_in_c
 from benchmarks.timing import ROOT, Row, Table, compared, in_turn, make_config, python
 from cmacexp.config import Config
@@ -107,7 +107,7 @@ def growth(rounds: int, cycles: int) -> Table:
 def tables(quick: bool) -> list[Table]:
     """All of this file."""
     return [
-        *foreign.tables(quick),
+        *external.tables(quick),
         scenarios(7 if quick else 31),
         growth(2 if quick else 3, 1_000 if quick else 10_000),
     ]

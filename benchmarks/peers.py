@@ -28,23 +28,23 @@ def _mix(state: np.ndarray, value: np.ndarray | int) -> np.ndarray:
 class NumpyCmac:
     """The hashed CMAC of this project written with whole arrays; finds the same cells."""
 
-    def __init__(self, law: Address, weights: Array, rate: float):
-        self.law, self.weights, self.rate = law, np.zeros_like(weights), rate
-        layers, inputs = law.displacement.shape
-        self.first = _mix(_mix(np.full(layers, law.seed), np.arange(layers)), inputs)
+    def __init__(self, params: Address, weights: Array, rate: float):
+        self.params, self.weights, self.rate = params, np.zeros_like(weights), rate
+        layers, inputs = params.displacement.shape
+        self.first = _mix(_mix(np.full(layers, params.seed), np.arange(layers)), inputs)
 
     def cells(self, inputs: Array) -> Cells:
         """Active rows (samples, C) of inputs (samples, n)."""
-        law, layers = self.law, len(self.first)
-        quanta = (law.resolution_elements - 1) * layers
-        low, high = law.ranges.low, law.ranges.high
+        params, layers = self.params, len(self.first)
+        quanta = (params.resolution_elements - 1) * layers
+        low, high = params.ranges.low, params.ranges.high
         scaled = np.floor((np.clip(inputs, low, high) - low) / (high - low) * quanta)
         quantum = np.minimum(scaled.astype(np.int64), quanta - 1)
-        blocks = (quantum[:, None, :] + law.displacement) // layers
+        blocks = (quantum[:, None, :] + params.displacement) // layers
         state = np.broadcast_to(self.first, blocks.shape[:2])
         for d in range(inputs.shape[1]):
             state = _mix(state, blocks[:, :, d])
-        return (_mix(state, 0) * law.rows) >> 32
+        return (_mix(state, 0) * params.rows) >> 32
 
     def batch(self, inputs: Array, errors: Array) -> Array:
         """Predict a batch, then train with it; where samples share cells, each adds its part."""
@@ -61,11 +61,11 @@ class NumpyCmac:
 class _Tiles:
     """Weights, and their use at the rows that a tile coder gives."""
 
-    def __init__(self, law: Address, rate: float):
-        self.layers, self.inputs = law.displacement.shape
-        self.rows, self.weights, self.rate = law.rows, np.zeros((law.rows, 2)), rate
-        self.low, self.high = law.ranges.low, law.ranges.high
-        self.elements = law.resolution_elements
+    def __init__(self, params: Address, rate: float):
+        self.layers, self.inputs = params.displacement.shape
+        self.rows, self.weights, self.rate = params.rows, np.zeros((params.rows, 2)), rate
+        self.low, self.high = params.ranges.low, params.ranges.high
+        self.elements = params.resolution_elements
 
     def rows_of(self, x: Array) -> Cells | list[int]:
         """Rows that the tile coder activates at ``x``."""
@@ -84,10 +84,10 @@ class FixedReps(_Tiles):
 
     name = "PyFixedReps-andnp"
 
-    def __init__(self, law: Address, rate: float):
+    def __init__(self, params: Address, rate: float):
         from PyFixedReps import TileCoder, TileCoderConfig
 
-        super().__init__(law, rate)
+        super().__init__(params, rate)
         ranges = list(zip(self.low, self.high, strict=True))
         config = TileCoderConfig(self.elements, self.layers, self.inputs, input_ranges=ranges, scale_output=False)
         self.coder = TileCoder(config)
@@ -102,10 +102,10 @@ class LinearRl(_Tiles):
 
     name = "linear-rl (tiles3)"
 
-    def __init__(self, law: Address, rate: float):
+    def __init__(self, params: Address, rate: float):
         from linear_rl.tyles3 import tiles
 
-        super().__init__(law, rate)
+        super().__init__(params, rate)
         self.tiles, self.scale = tiles, (self.elements - 1) / (self.high - self.low)
 
     def rows_of(self, x: Array) -> Cells | list[int]:
@@ -113,12 +113,12 @@ class LinearRl(_Tiles):
         return self.tiles(self.rows, self.layers, ((x - self.low) * self.scale).tolist())
 
 
-def installed(law: Address, rate: float) -> dict[str, Peer]:
+def installed(params: Address, rate: float) -> dict[str, Peer]:
     """The peers from PyPI that this machine has, by name."""
     peers: dict[str, Peer] = {}
     for kind in (FixedReps, LinearRl):
         try:
-            peers[kind.name] = kind(law, rate)
+            peers[kind.name] = kind(params, rate)
         except ImportError:
             print(f"{kind.name} is not installed: left out")
     return peers

@@ -80,7 +80,7 @@ def _memory(scenario: Scenario, samples: Samples) -> pa.Table | None:
     counted = [use.cells_colliding for use in feedforward.memory] or [None] * weights.shape[1]
     colliding = [math.nan if count is None else count for count in counted]
     first = samples.start // scenario.setup.config.steps_per_cycle + 1
-    return assemble_memory(weights, feedforward.law.weights.shape[1], colliding, first)
+    return assemble_memory(weights, feedforward.params.weights.shape[1], colliding, first)
 
 
 def _roll_out(

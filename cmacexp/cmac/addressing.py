@@ -26,42 +26,42 @@ class Address(NamedTuple):
 
 
 @kernel
-def address(law: Address, inputs: Array, cells: Cells) -> int:
+def address(params: Address, inputs: Array, cells: Cells) -> int:
     """Rows that one input (n,) activates.
 
     Args:
-        law: the address law of the CMAC.
+        params: the address law of the CMAC.
         inputs: (n,): the input.
         cells: (C,): is filled with one row per layer.
 
     Returns:
         How many of the inputs lay outside their range and were clipped to it.
     """
-    layers, dimensions = law.displacement.shape
-    quanta = (law.resolution_elements - 1) * layers
+    layers, dimensions = params.displacement.shape
+    quanta = (params.resolution_elements - 1) * layers
     clipped = 0
     # Dense: mixed radix over layer and blocks. Hashed: the same numbers stirred into 32 bits.
     for j in range(layers):
-        cells[j] = mix(mix(law.seed, j), dimensions) if law.hashed else j
+        cells[j] = mix(mix(params.seed, j), dimensions) if params.hashed else j
     for d in range(dimensions):
-        quantum, outside = quantise(inputs[d], law.ranges.low[d], law.ranges.high[d], quanta)
+        quantum, outside = quantise(inputs[d], params.ranges.low[d], params.ranges.high[d], quanta)
         if outside:
             clipped += 1
         whole, rest = quantum // layers, quantum % layers
         for j in range(layers):
-            block = whole + 1 if rest + law.displacement[j, d] >= layers else whole
+            block = whole + 1 if rest + params.displacement[j, d] >= layers else whole
             so_far = int(np.int64(cells[j]))
-            cells[j] = mix(so_far, block) if law.hashed else so_far * law.resolution_elements + block
-    if law.hashed:
+            cells[j] = mix(so_far, block) if params.hashed else so_far * params.resolution_elements + block
+    if params.hashed:
         for j in range(layers):
-            cells[j] = (mix(int(np.int64(cells[j])), 0) * law.rows) >> 32
+            cells[j] = (mix(int(np.int64(cells[j])), 0) * params.rows) >> 32
     return clipped
 
 
 @kernel
-def address_batch(law: Address, inputs: Array, cells: Cells) -> int:
+def address_batch(params: Address, inputs: Array, cells: Cells) -> int:
     """Rows that a batch of inputs (samples, n) activates; fills ``cells`` (samples, C); see :func:`address`."""
     clipped = 0
     for k in range(inputs.shape[0]):
-        clipped += address(law, inputs[k], cells[k])
+        clipped += address(params, inputs[k], cells[k])
     return clipped

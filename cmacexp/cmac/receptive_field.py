@@ -27,26 +27,26 @@ def spline(kind: int, place: float) -> float:
 
 
 @kernel
-def activate(law: Address, kind: int, inputs: Array, activation: Array) -> None:
+def activate(params: Address, kind: int, inputs: Array, activation: Array) -> None:
     """How much the cells of one input (n,) count: over all inputs the product of the splines, over all layers C.
 
     The sum is held at C, as in the paper, because a product of many splines is small almost everywhere. As long as
     it is not 0, the output is continuous: a cell is left where it counts nothing.
 
     Args:
-        law: the address law of the CMAC.
+        params: the address law of the CMAC.
         kind: of the receptive field.
         inputs: (n,): the input; outside its range it is clipped.
         activation: (C,): is filled; ones if all products are 0.
     """
-    layers, dimensions = law.displacement.shape
-    quanta = (law.resolution_elements - 1) * layers
+    layers, dimensions = params.displacement.shape
+    quanta = (params.resolution_elements - 1) * layers
     total = 0.0
     for j in range(layers):
         product = 1.0
         for d in range(dimensions):
-            low, high = law.ranges.low[d], law.ranges.high[d]
-            shifted = (min(max(inputs[d], low), high) - low) / (high - low) * quanta + law.displacement[j, d]
+            low, high = params.ranges.low[d], params.ranges.high[d]
+            shifted = (min(max(inputs[d], low), high) - low) / (high - low) * quanta + params.displacement[j, d]
             block = shifted / layers
             product *= spline(kind, block - math.floor(block))
         activation[j] = product
@@ -56,7 +56,7 @@ def activate(law: Address, kind: int, inputs: Array, activation: Array) -> None:
 
 
 @kernel
-def activate_batch(law: Address, kind: int, inputs: Array, activation: Array) -> None:
+def activate_batch(params: Address, kind: int, inputs: Array, activation: Array) -> None:
     """:func:`activate` for a batch of inputs (samples, n); fills ``activation`` (samples, C)."""
     for k in range(inputs.shape[0]):
-        activate(law, kind, inputs[k], activation[k])
+        activate(params, kind, inputs[k], activation[k])

@@ -41,7 +41,7 @@ def rate_in_cycle(rule: int, strength: float, rate: float, cycles: int) -> float
 
 
 @kernel
-def taught_error(rule: int, strength: float, error: float) -> float:
+def effective_error(rule: int, strength: float, error: float) -> float:
     """What of the ``error`` teaches, N m: nothing in the dead zone (Peterson & Narendra 1982)."""
     return 0.0 if rule == DEAD_ZONE and abs(error) <= strength else error
 
@@ -96,7 +96,7 @@ def train_by_rule(
                 for j in range(cells.shape[0]):
                     goal += activation[j] * activation[j] * weights[cells[j], o]
                 goal /= power
-            share = rate * taught_error(rule, strength, error[o]) / (power + added_power(rule, strength))
+            share = rate * effective_error(rule, strength, error[o]) / (power + added_power(rule, strength))
             drawn = pull(rule, strength, rate, error[o]) / largest
             for j in range(cells.shape[0]):
                 weight = weights[cells[j], o]

@@ -56,10 +56,10 @@ def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, 
             found.append((rows[total > 0.0], total[total > 0.0]))
     most = max(1, *(len(rows) for rows, _ in found))
     shape = (samples * legs, most)
-    taught, shares = np.zeros(shape, dtype=cells.dtype), np.zeros(shape)
+    spread_cells, shares = np.zeros(shape, dtype=cells.dtype), np.zeros(shape)
     for n, (rows, total) in enumerate(found):
-        taught[n, : len(rows)], shares[n, : len(rows)] = rows, total
-    return taught.reshape(samples, legs, most), shares.reshape(samples, legs, most)
+        spread_cells[n, : len(rows)], shares[n, : len(rows)] = rows, total
+    return spread_cells.reshape(samples, legs, most), shares.reshape(samples, legs, most)
 
 
 @kernel_apart

@@ -27,13 +27,13 @@ class MemoryUse(NamedTuple):
 
 def memory_use(cmac: Cmac, inputs: Array) -> MemoryUse:
     """What a path of inputs (samples, n) uses of the memory of ``cmac``."""
-    law, before = cmac.address, cmac.clipped
+    params, before = cmac.address, cmac.clipped
     used, row_of = np.unique(cmac.cells(inputs), return_inverse=True)
     clipped, cmac.clipped = cmac.clipped - before, before
-    if cmac.layers * law.resolution_elements ** inputs.shape[1] > MOST_POSITIONS:
-        return MemoryUse(law.rows, len(used), None, None, clipped)
+    if cmac.layers * params.resolution_elements ** inputs.shape[1] > MOST_POSITIONS:
+        return MemoryUse(params.rows, len(used), None, None, clipped)
     positions = np.empty((len(inputs), cmac.layers), dtype=np.uint64)
-    address_batch(law._replace(hashed=False), inputs, positions)
+    address_batch(params._replace(hashed=False), inputs, positions)
     cells, first = np.unique(positions, return_index=True)
     shared = np.bincount(row_of.ravel()[first], minlength=len(used))
-    return MemoryUse(law.rows, len(used), len(cells), int(shared[shared > 1].sum()), clipped)
+    return MemoryUse(params.rows, len(used), len(cells), int(shared[shared > 1].sum()), clipped)

@@ -49,26 +49,26 @@ def new_trust(legs: int) -> Trust:
 
 
 @kernel
-def expected_force(law: Plausibility, mechanism: Mechanism, i: int, foot: Array, body: Array) -> float:
+def expected_force(params: Plausibility, mechanism: Mechanism, i: int, foot: Array, body: Array) -> float:
     """Contact force that flat ground gives foot ``i`` at its measured depth, N (Lin & Song 1997, eq. 1).
 
     ``foot`` (L, 2) is in the frames of the hips, ``body`` (3,) is height, pitch and roll.
     """
     if mechanism.kind == LEGS_UNDER_BODY:
         hips = mechanism.hips
-        return contact_force(law.stiffness, depth(body, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]))
-    return contact_force(law.stiffness, foot[i, 1] - mechanism.hip_height)
+        return contact_force(params.stiffness, depth(body, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]))
+    return contact_force(params.stiffness, foot[i, 1] - mechanism.hip_height)
 
 
 @kernel
-def judge(law: Plausibility, trust: Trust, i: int, measured: float, expected: float) -> bool:
+def judge(params: Plausibility, trust: Trust, i: int, measured: float, expected: float) -> bool:
     """Look at one sample of leg ``i``, N; whether its sensor is still trusted."""
     if trust.trusted[i] == 0.0:
         return False
-    allowed = law.tolerance + law.relative_tolerance * expected
+    allowed = params.tolerance + params.relative_tolerance * expected
     doubt = min(abs(measured - expected) / allowed - 1.0, MOST_DOUBT)
     trust.doubt[i] = max(0.0, trust.doubt[i] + doubt)
-    if trust.doubt[i] > law.patience:
+    if trust.doubt[i] > params.patience:
         trust.trusted[i] = 0.0
         return False
     trust.steps[i] += 1.0

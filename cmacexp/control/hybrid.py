@@ -3,7 +3,7 @@
 import numpy as np
 
 from cmacexp.control.fault_detection import Plausibility
-from cmacexp.control.hybrid_kernels import METHODS, HybridLaw, HybridState, hybrid_feedback, new_hybrid_state
+from cmacexp.control.hybrid_kernels import METHODS, HybridParams, HybridState, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise
 from cmacexp.control.protocol import Action
 from cmacexp.feedforward.protocol import Feedforward
@@ -23,7 +23,7 @@ class HybridController:
         lead_alpha: upper over lower corner frequency.
     """
 
-    law: HybridLaw
+    params: HybridParams
     state: HybridState
     feedforward: Feedforward
 
@@ -36,7 +36,7 @@ class HybridController:
     def reset(self, setup: Setup, feedforward: Feedforward) -> None:
         """LEAD states of zero."""
         method, check = setup.config.force_control, setup.config.plausibility
-        self.law = HybridLaw(
+        self.params = HybridParams(
             setup.mechanism,
             METHODS[method.method],
             self.position_gain,
@@ -72,11 +72,11 @@ class HybridController:
 
     def act(self, reference: Reference, measurement: Measurement) -> Action:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""
-        last: Array = self.state.taught.copy()
+        last: Array = self.state.learning_error.copy()
         m = measurement
-        trigonometries(self.law.mechanism, m.q, self.trig)
+        trigonometries(self.params.mechanism, m.q, self.trig)
         hybrid_feedback(
-            self.law, self.state, reference.support, reference.values, self.trig,
+            self.params, self.state, reference.support, reference.values, self.trig,
             m.foot, m.velocity, m.force, m.body, m.body_rate,
         )  # fmt: skip
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)

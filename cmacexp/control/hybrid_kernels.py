@@ -20,7 +20,7 @@ STIFFNESS, DAMPING, COMBINED, EXPLICIT = range(4)
 METHODS = {"stiffness": STIFFNESS, "damping": DAMPING, "combined": COMBINED, "explicit": EXPLICIT}
 
 
-class HybridLaw(NamedTuple):
+class HybridParams(NamedTuple):
     """What does not change while a controller runs."""
 
     mechanism: Mechanism
@@ -53,7 +53,7 @@ class HybridState(NamedTuple):
     """(L, 2): LEAD output of the last step, U without the desired force, N."""
     feedback: Array
     """(L, 2): feedback torque J^T (U + F_d), N m."""
-    taught: Array
+    learning_error: Array
     """(L, 2): what a feedforward learns from, J^T U, N m."""
     reference: Array
     """(L, 2): x and y that the last step was fed, posture control included, m."""
@@ -62,44 +62,44 @@ class HybridState(NamedTuple):
 
 def new_hybrid_state(legs: int) -> HybridState:
     """LEAD states of zero."""
-    error, output, feedback, taught, reference = (np.zeros((legs, 2)) for _ in range(5))
-    return HybridState(error, output, feedback, taught, reference, new_trust(legs))
+    error, output, feedback, learning_error, reference = (np.zeros((legs, 2)) for _ in range(5))
+    return HybridState(error, output, feedback, learning_error, reference, new_trust(legs))
 
 
 @kernel
-def position_error(law: HybridLaw, reference: float, reference_rate: float, value: float, rate: float) -> float:
+def position_error(params: HybridParams, reference: float, reference_rate: float, value: float, rate: float) -> float:
     """K_ap E + K_av E' without force terms, N (Lin & Song 1997, eq. 21)."""
-    return law.position_gain * (reference - value) + law.velocity_gain * (reference_rate - rate)
+    return params.position_gain * (reference - value) + params.velocity_gain * (reference_rate - rate)
 
 
 @kernel
-def posture_term(law: HybridLaw, i: int, body: Array) -> float:
+def posture_term(params: HybridParams, i: int, body: Array) -> float:
     """What posture control adds to the reference of a supporting foot, gain x (h0 - h_i), m (section 6.2).
 
     ``body`` (3,) is height, pitch and roll; h_i is the height of hip i.
     """
-    if law.mechanism.kind != LEGS_UNDER_BODY or law.posture_gain == 0.0:
+    if params.mechanism.kind != LEGS_UNDER_BODY or params.posture_gain == 0.0:
         return 0.0
-    hips = law.mechanism.hips
-    return law.posture_gain * (law.mechanism.hip_height + depth(body, hips[i, 0], hips[i, 1], 0.0))
+    hips = params.mechanism.hips
+    return params.posture_gain * (params.mechanism.hip_height + depth(body, hips[i, 0], hips[i, 1], 0.0))
 
 
 @kernel
-def posture_rate_term(law: HybridLaw, i: int, body: Array, rate: Array) -> float:
+def posture_rate_term(params: HybridParams, i: int, body: Array, rate: Array) -> float:
     """What posture control adds to the velocity reference of a supporting foot, -gain x dh_i/dt, m/s.
 
     With the gain of :func:`posture_term` it is the derivative of that term, which the paper leaves out: a body with
     inertia rocks without it. ``rate`` (3,) is that of ``body`` (3,).
     """
-    if law.mechanism.kind != LEGS_UNDER_BODY or law.posture_rate_gain == 0.0:
+    if params.mechanism.kind != LEGS_UNDER_BODY or params.posture_rate_gain == 0.0:
         return 0.0
-    hips = law.mechanism.hips
-    return law.posture_rate_gain * depth_rate(body, rate, hips[i, 0], hips[i, 1])
+    hips = params.mechanism.hips
+    return params.posture_rate_gain * depth_rate(body, rate, hips[i, 0], hips[i, 1])
 
 
 @kernel
 def force_error(
-    law: HybridLaw,
+    params: HybridParams,
     i: int,
     reference: Array,
     y_reference: float,
@@ -113,20 +113,20 @@ def force_error(
     Row ``i`` of ``reference`` (L, 7) is x, y, vx, vy, F_r of the leg and so on; ``y_reference`` and
     ``vy_reference`` are y and vy with posture control.
     """
-    if law.method == EXPLICIT:
-        return law.force_gain * (reference[i, 4] - force)
-    stiffness = law.position_gain * (y_reference - y - force * law.elasticity)
-    damping = law.velocity_gain * (vy_reference - vy - force * law.admittance)
-    if law.method == STIFFNESS:
+    if params.method == EXPLICIT:
+        return params.force_gain * (reference[i, 4] - force)
+    stiffness = params.position_gain * (y_reference - y - force * params.elasticity)
+    damping = params.velocity_gain * (vy_reference - vy - force * params.admittance)
+    if params.method == STIFFNESS:
         return stiffness
-    if law.method == DAMPING:
+    if params.method == DAMPING:
         return damping
     return stiffness + damping
 
 
 @kernel
 def believed_force(
-    law: HybridLaw, trust: Trust, i: int, measured: float, desired: float, foot: Array, body: Array
+    params: HybridParams, trust: Trust, i: int, measured: float, desired: float, foot: Array, body: Array
 ) -> float:
     """The force that control goes by, N: the ``measured`` one unless the sensor of leg ``i`` is implausible.
 
@@ -134,17 +134,17 @@ def believed_force(
     reference has for them (eq. 9, 13, 24). Damping and explicit control know nothing of the ground but its force:
     they go by the one expected at the measured depth.
     """
-    if not law.plausibility.enabled:
+    if not params.plausibility.enabled:
         return measured
-    expected = expected_force(law.plausibility, law.mechanism, i, foot, body)
-    if judge(law.plausibility, trust, i, measured, expected):
+    expected = expected_force(params.plausibility, params.mechanism, i, foot, body)
+    if judge(params.plausibility, trust, i, measured, expected):
         return measured
-    return desired if law.method == STIFFNESS or law.method == COMBINED else expected
+    return desired if params.method == STIFFNESS or params.method == COMBINED else expected
 
 
 @kernel
 def hybrid_feedback(
-    law: HybridLaw,
+    params: HybridParams,
     state: HybridState,
     support: Mask,
     reference: Array,
@@ -158,7 +158,7 @@ def hybrid_feedback(
     """Feedback torques of all legs; fills ``state``.
 
     Args:
-        law: gains and geometry.
+        params: gains and geometry.
         state: of the last step, becomes that of this one.
         support: (L,): force control along y where true, position control elsewhere.
         reference: (L, 7): a row of the plan.
@@ -170,22 +170,24 @@ def hybrid_feedback(
         body_rate: (3,): their measured rates, m/s and rad/s.
     """
     for i in range(support.shape[0]):
-        x_error = position_error(law, reference[i, 0], reference[i, 2], foot[i, 0], velocity[i, 0])
+        x_error = position_error(params, reference[i, 0], reference[i, 2], foot[i, 0], velocity[i, 0])
         y_reference = reference[i, 1]
-        pressed = believed_force(law, state.plausible, i, force[i], reference[i, 6], foot, body)
+        pressed = believed_force(params, state.plausible, i, force[i], reference[i, 6], foot, body)
         if support[i]:
-            y_reference += posture_term(law, i, body)
-            vy_reference = reference[i, 3] + posture_rate_term(law, i, body, body_rate)
-            y_error = force_error(law, i, reference, y_reference, vy_reference, foot[i, 1], velocity[i, 1], pressed)
+            y_reference += posture_term(params, i, body)
+            vy_reference = reference[i, 3] + posture_rate_term(params, i, body, body_rate)
+            y_error = force_error(
+                params, i, reference, y_reference, vy_reference, foot[i, 1], velocity[i, 1], pressed
+            )
         else:
-            y_error = position_error(law, y_reference, reference[i, 3], foot[i, 1], velocity[i, 1])
+            y_error = position_error(params, y_reference, reference[i, 3], foot[i, 1], velocity[i, 1])
         state.reference[i, 0], state.reference[i, 1] = reference[i, 0], y_reference
-        ux = lead_step(law.lead, x_error, state.error[i, 0], state.output[i, 0])
-        uy = lead_step(law.lead, y_error, state.error[i, 1], state.output[i, 1])
+        ux = lead_step(params.lead, x_error, state.error[i, 0], state.output[i, 0])
+        uy = lead_step(params.lead, y_error, state.error[i, 1], state.output[i, 1])
         state.error[i, 0], state.error[i, 1] = x_error, y_error
         state.output[i, 0], state.output[i, 1] = ux, uy
-        taught = torque_for(law.mechanism, i, trig, ux, uy)
+        learning_error = torque_for(params.mechanism, i, trig, ux, uy)
         desired = reference[i, 5]
-        feedback = torque_for(law.mechanism, i, trig, ux, uy + desired) if desired != 0.0 else taught
-        state.taught[i, 0], state.taught[i, 1] = taught
+        feedback = torque_for(params.mechanism, i, trig, ux, uy + desired) if desired != 0.0 else learning_error
+        state.learning_error[i, 0], state.learning_error[i, 1] = learning_error
         state.feedback[i, 0], state.feedback[i, 1] = feedback

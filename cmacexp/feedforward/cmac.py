@@ -28,11 +28,11 @@ class CmacFeedforward(BuiltInFeedforward):
         cells = np.stack([cmac.cells(own) for cmac, own in zip(self.cmacs, inputs, strict=True)], axis=1)
         fields = [cmac.activation(own) for cmac, own in zip(self.cmacs, inputs, strict=True)]
         activation = None if fields[0] is None else np.stack([own for own in fields if own is not None], axis=1)
-        self.law = network(setup, cells, self.cmacs[0].address.rows, activation)
-        for cmac, own in zip(self.cmacs, self.law.weights, strict=True):
+        self.params = network(setup, cells, self.cmacs[0].address.rows, activation)
+        for cmac, own in zip(self.cmacs, self.params.weights, strict=True):
             cmac.weights = own
         if learnt is not None:
-            self.law.weights[:] = learnt["weights"]
+            self.params.weights[:] = learnt["weights"]
         self.memory = [memory_use(cmac, own) for cmac, own in zip(self.cmacs, inputs, strict=True)]
 
     def learnt(self) -> Weights:
@@ -47,4 +47,4 @@ class CmacFeedforward(BuiltInFeedforward):
             if cmac.visited is not None
         }
         seed = np.array(self.seed, dtype=float)
-        return {"weights": self.law.weights.copy(), "ranges": ranges, "seed": seed, **visited}
+        return {"weights": self.params.weights.copy(), "ranges": ranges, "seed": seed, **visited}

@@ -47,19 +47,19 @@ class IterativeLearning(BuiltInFeedforward):
         samples, legs = setup.plan.support.shape
         cells = np.broadcast_to(np.arange(samples, dtype=np.uint32)[:, None, None], (samples, legs, 1))
         taps = None if self.cutoff is None else gaussian_taps(self.cutoff, setup.config.sampling_period)
-        self.law = network(setup, cells, samples, taps=taps)
+        self.params = network(setup, cells, samples, taps=taps)
         if setup.learnt is not None:
             learnt = setup.learnt["weights"]
-            if learnt.shape != self.law.weights.shape:
+            if learnt.shape != self.params.weights.shape:
                 raise BadInput(
                     "learning.start_from",
                     setup.config.learning.start_from,
                     f"has weights for {learnt.shape[1]} samples, this cycle has {samples}; give cycle and sampling "
                     "period that were learnt",
                 )
-            self.law.weights[:] = learnt
+            self.params.weights[:] = learnt
         self.memory = [MemoryUse(samples, samples, samples, 0, 0)] * legs
 
     def learnt(self) -> Weights:
         """``weights`` (L, N, 2), N m."""
-        return {"weights": self.law.weights.copy()}
+        return {"weights": self.params.weights.copy()}

@@ -37,4 +37,4 @@ class InverseDynamics(BuiltInFeedforward):
                 depression = plan.desired[k, i, 1] - mechanism.hip_height
                 force = contact_force(setup.config.assumed_stiffness, depression)
                 torque[k, i] = planned_torque(mechanism, i, q, dq, ddq, force)
-        self.law = known_torque(setup, torque)
+        self.params = known_torque(setup, torque)

@@ -17,7 +17,7 @@ EMPTY_CELLS: Cells = np.zeros((1, 1, 1), dtype=np.uint32)
 EMPTY: Array = np.zeros((1, 1, 1))
 
 
-class LearningLaw(NamedTuple):
+class LearningParams(NamedTuple):
     """How the weights of a network learn from the feedback."""
 
     rate: float
@@ -45,7 +45,7 @@ class Smoothing(NamedTuple):
     """(rows,): to work in."""
 
 
-class FeedforwardLaw(NamedTuple):
+class FeedforwardParams(NamedTuple):
     """A built-in feedforward over a cycle of N samples; what it does not use is empty.
 
     A network is linear in its weights: at every sample C of them are active, which ones and how much the plan fixes.
@@ -61,7 +61,7 @@ class FeedforwardLaw(NamedTuple):
     """(N, L, C): how much each of them counts; of WEIGHTED, and of a CMAC whose rule is not the paper's."""
     weights: Array
     """(L, rows, 2): weights of the networks, one per leg."""
-    learning: LearningLaw
+    learning: LearningParams
     smoothing: Smoothing
     log: WeightLog
 
@@ -82,47 +82,47 @@ def smooth(weights: Array, smoothing: Smoothing) -> None:
 
 
 @kernel
-def learn(law: FeedforwardLaw, i: int, step: int, sample: int, taught: Array) -> None:
-    """Train the network of leg ``i`` at ``sample`` with ``taught`` (2,), N m (Lin & Song 1997, eq. 20, 21).
+def learn(params: FeedforwardParams, i: int, step: int, sample: int, learning_error: Array) -> None:
+    """Train the network of leg ``i`` at ``sample`` with ``learning_error`` (2,), N m (Lin & Song 1997, eq. 20, 21).
 
     ``step`` counts from 0 over the whole run.
     """
-    weights, cells, how = law.weights[i], law.cells[sample, i], law.learning
+    weights, cells, how = params.weights[i], params.cells[sample, i], params.learning
     if how.rule == ZERO_PHASE:
-        train_spread(weights, how.cells[sample, i], how.share[sample, i], taught, how.rate, how.strength)
+        train_spread(weights, how.cells[sample, i], how.share[sample, i], learning_error, how.rate, how.strength)
     elif how.rule != PAPER:
-        cycles = (step - how.start_step) // law.cells.shape[0]
+        cycles = (step - how.start_step) // params.cells.shape[0]
         rate = rate_in_cycle(how.rule, how.strength, how.rate, cycles)
-        train_by_rule(how.rule, how.strength, weights, cells, law.activation[sample, i], taught, rate)
-    elif law.kind == CMAC:
-        train(weights, cells, taught, how.rate)
+        train_by_rule(how.rule, how.strength, weights, cells, params.activation[sample, i], learning_error, rate)
+    elif params.kind == CMAC:
+        train(weights, cells, learning_error, how.rate)
     else:
-        train_weighted(weights, cells, law.activation[sample, i], taught, how.rate)
+        train_weighted(weights, cells, params.activation[sample, i], learning_error, how.rate)
 
 
 @kernel
-def feedforward_step(law: FeedforwardLaw, step: int, sample: int, taught: Array, output: Array) -> None:
+def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning_error: Array, output: Array) -> None:
     """Learn from the last step's feedback, then predict this step's torque (Lin & Song 1997, eq. 18, 20, 21).
 
     Args:
-        law: the feedforward; the weights of a network change in place.
+        params: the feedforward; the weights of a network change in place.
         step: counts from 0 over the whole run.
         sample: this step's sample of the cycle, 0 to N - 1.
-        taught: (L, 2): what the feedback gave in the last step, N m.
+        learning_error: (L, 2): what the feedback gave in the last step, N m.
         output: (L, 2): is filled, N m.
     """
     if sample == 0:
-        log_cycle(law.log, law.weights)
+        log_cycle(params.log, params.weights)
     for i in range(output.shape[0]):
-        if law.kind == TABLE:
-            output[i, 0], output[i, 1] = law.torque[sample, i, 0], law.torque[sample, i, 1]
-        elif law.kind == NONE:
+        if params.kind == TABLE:
+            output[i, 0], output[i, 1] = params.torque[sample, i, 0], params.torque[sample, i, 1]
+        elif params.kind == NONE:
             output[i, 0], output[i, 1] = 0.0, 0.0
         else:
-            learn(law, i, step, (sample - 1 - law.learning.lead) % law.cells.shape[0], taught[i])
-            if sample == 0 and law.smoothing.taps.shape[0] > 0:
-                smooth(law.weights[i], law.smoothing)
-            if law.kind == CMAC:
-                read(law.weights[i], law.cells[sample, i], output[i])
+            learn(params, i, step, (sample - 1 - params.learning.lead) % params.cells.shape[0], learning_error[i])
+            if sample == 0 and params.smoothing.taps.shape[0] > 0:
+                smooth(params.weights[i], params.smoothing)
+            if params.kind == CMAC:
+                read(params.weights[i], params.cells[sample, i], output[i])
             else:
-                read_weighted(law.weights[i], law.cells[sample, i], law.activation[sample, i], output[i])
+                read_weighted(params.weights[i], params.cells[sample, i], params.activation[sample, i], output[i])

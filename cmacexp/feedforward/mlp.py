@@ -66,7 +66,7 @@ class Perceptron:
             self.middle, self.spread = setup.learnt["middle"], setup.learnt["spread"]
         self.paths = (paths - self.middle) / self.spread
         self.torque = np.zeros((samples, legs, 2))
-        self.taught = np.zeros((samples, legs, 2))
+        self.learning_error = np.zeros((samples, legs, 2))
         self.seen, self.scale = 0, np.zeros(legs)
         self.networks = [self._network(make, setup.config.seed + i, min(self.batch, samples)) for i in range(legs)]
         for i, one in enumerate(self.networks):
@@ -99,10 +99,10 @@ class Perceptron:
         weights = {name: np.stack(own) for name, own in zip(WEIGHTS, arrays, strict=True)}
         return {"middle": self.middle, "spread": self.spread, "scale": self.scale.copy(), **weights}
 
-    def predict(self, reference: Reference, taught: Array) -> Array:
+    def predict(self, reference: Reference, learning_error: Array) -> Array:
         """Keep the last step's feedback (L, 2), N m; give this step's torque (L, 2), N m, as of the last learning."""
         samples = len(self.torque)
-        self.taught[(reference.sample - 1 - self.lead) % samples] = taught
+        self.learning_error[(reference.sample - 1 - self.lead) % samples] = learning_error
         if reference.sample == 0 and self.seen >= samples:
             for leg in range(len(self.networks)):
                 self._learn(leg)
@@ -110,10 +110,10 @@ class Perceptron:
         return self.torque[reference.sample]
 
     def _learn(self, leg: int) -> None:
-        taught = self.taught[:, leg]
+        learning_error = self.learning_error[:, leg]
         if self.scale[leg] == 0.0:
-            self.scale[leg] = np.sqrt(np.mean(taught**2)) or 1.0
-        wanted = (self.torque[:, leg] + self.rate * taught) / self.scale[leg]
+            self.scale[leg] = np.sqrt(np.mean(learning_error**2)) or 1.0
+        wanted = (self.torque[:, leg] + self.rate * learning_error) / self.scale[leg]
         for _ in range(self.passes):
             self.networks[leg].partial_fit(self.paths[leg], wanted)
         self.torque[:, leg] = self.scale[leg] * self.networks[leg].predict(self.paths[leg])

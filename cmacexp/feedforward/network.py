@@ -13,8 +13,8 @@ from cmacexp.feedforward.kernels import (
     NONE,
     TABLE,
     WEIGHTED,
-    FeedforwardLaw,
-    LearningLaw,
+    FeedforwardParams,
+    LearningParams,
     Smoothing,
     feedforward_step,
 )
@@ -34,7 +34,7 @@ class BuiltInFeedforward:
     """
 
     acts = True
-    law: FeedforwardLaw
+    params: FeedforwardParams
     memory: list[MemoryUse]
     """Of the memory of each leg; empty for a feedforward without memory."""
 
@@ -50,12 +50,12 @@ class BuiltInFeedforward:
 
         None of a feedforward without weights.
         """
-        return take(self.law.log, self.law.weights, cycles) if self.law.kind in (CMAC, WEIGHTED) else None
+        return take(self.params.log, self.params.weights, cycles) if self.params.kind in (CMAC, WEIGHTED) else None
 
-    def predict(self, reference: Reference, taught: Array) -> Array:
+    def predict(self, reference: Reference, learning_error: Array) -> Array:
         """Learn from the last step's feedback (L, 2), N m, then give this step's torque (L, 2), N m."""
-        output = np.zeros_like(taught)
-        feedforward_step(self.law, reference.step, reference.sample, taught, output)
+        output = np.zeros_like(learning_error)
+        feedforward_step(self.params, reference.step, reference.sample, learning_error, output)
         return output
 
 
@@ -64,7 +64,7 @@ def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
     return setup.plan.joints[:, i, [column for name in names for column in COLUMNS[name]]]
 
 
-def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningLaw:
+def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningParams:
     """How a network of these cells and activations (N, L, C) learns."""
     config = setup.config.learning
     rule, strength = RULES[config.rule][0], strength_of(config)
@@ -77,14 +77,14 @@ def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningLaw:
         )
     if rule in (NORMALISED, ZERO_PHASE):
         strength *= float(np.mean((activation**2).sum(axis=2)))
-    law = LearningLaw(config.rate, setup.config.lead, rule, strength, setup.plan.start_step)
+    params = LearningParams(config.rate, setup.config.lead, rule, strength, setup.plan.start_step)
     if rule != ZERO_PHASE:
-        return law
-    taught, share = spread_shares(cells, activation, config.window)
-    return law._replace(cells=taught, share=share)
+        return params
+    spread_cells, share = spread_shares(cells, activation, config.window)
+    return params._replace(cells=spread_cells, share=share)
 
 
-def known_torque(setup: Setup, torque: Array | None) -> FeedforwardLaw:
+def known_torque(setup: Setup, torque: Array | None) -> FeedforwardParams:
     """A law that gives ``torque`` (N, L, 2), N m, known in advance; None gives none."""
     legs = setup.mechanism.legs.shape[0]
     # One compiled loop fits all laws: what one does not use is empty.
@@ -94,13 +94,15 @@ def known_torque(setup: Setup, torque: Array | None) -> FeedforwardLaw:
         np.zeros((legs, 1, 2)),
     )
     kind, table = (NONE, np.zeros((1, legs, 2))) if torque is None else (TABLE, torque)
-    learning, log = LearningLaw(0.0, 0), new_log(cells)
-    return FeedforwardLaw(kind, np.ascontiguousarray(table), cells, activation, weights, learning, NO_SMOOTHING, log)
+    learning, log = LearningParams(0.0, 0), new_log(cells)
+    return FeedforwardParams(
+        kind, np.ascontiguousarray(table), cells, activation, weights, learning, NO_SMOOTHING, log
+    )
 
 
 def network(
     setup: Setup, cells: Cells, rows: int, activation: Array | None = None, taps: Array | None = None
-) -> FeedforwardLaw:
+) -> FeedforwardParams:
     """A law of one network per leg, linear in its weights, which are zero at first.
 
     Args:
@@ -117,7 +119,7 @@ def network(
     cells = np.ascontiguousarray(cells, dtype=np.uint32)
     counts = np.ones(cells.shape) if activation is None else np.ascontiguousarray(activation, dtype=float)
     learning = _learning(setup, cells, counts)
-    return FeedforwardLaw(
+    return FeedforwardParams(
         CMAC if activation is None else WEIGHTED,
         np.zeros((1, legs, 2)),
         cells,

@@ -11,4 +11,4 @@ class NoFeedforward(BuiltInFeedforward):
 
     def reset(self, setup: Setup) -> None:
         """Nothing to work out."""
-        self.law = known_torque(setup, None)
+        self.params = known_torque(setup, None)

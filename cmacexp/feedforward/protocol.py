@@ -16,8 +16,8 @@ class Feedforward(Protocol):
         """Forget everything; look at the plan."""
         ...
 
-    def predict(self, reference: Reference, taught: Array) -> Array:
-        """Learn from ``taught`` (L, 2), the last step's feedback in N m, then give this step's torque (L, 2)."""
+    def predict(self, reference: Reference, learning_error: Array) -> Array:
+        """Learn from the last step's feedback (L, 2), N m, then give this step's torque (L, 2), N m."""
         ...
 
 

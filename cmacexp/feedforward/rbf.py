@@ -88,15 +88,15 @@ class RadialBasis(BuiltInFeedforward):
             for own, ends, places in zip(inputs, self.ranges, self.places, strict=True)
         ]
         cells, activation = (np.stack(own, axis=1) for own in zip(*found, strict=True))
-        self.law = network(setup, cells, self.centres, activation)
+        self.params = network(setup, cells, self.centres, activation)
         if setup.learnt is not None:
-            self.law.weights[:] = setup.learnt["weights"]
+            self.params.weights[:] = setup.learnt["weights"]
         used = [len(np.unique(own)) for own, _ in found]
         self.memory = [MemoryUse(self.centres, number, number, 0, 0) for number in used]
 
     def learnt(self) -> Weights:
         """``weights`` (L, centres, 2), N m; ``ranges`` (L, 2, n) of inputs; ``places`` (L, centres, n) in them."""
-        return {"weights": self.law.weights.copy(), "ranges": self.ranges, "places": self.places}
+        return {"weights": self.params.weights.copy(), "ranges": self.ranges, "places": self.places}
 
 
 def _scaled(inputs: Array, ranges: Array) -> Array:

@@ -6,7 +6,7 @@ from cmacexp.control import HybridController, NoFeedforward
 from cmacexp.control.actuator import new_actuator
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.loop.compiled import FusedLoop, Torques, fused_loop
-from cmacexp.loop.coroutine import Foreign
+from cmacexp.loop.coroutine import External
 from cmacexp.loop.external import measurable
 from cmacexp.loop.samples import room_for
 from cmacexp.loop.scenario import Scenario
@@ -19,11 +19,11 @@ from cmacexp.sensors.kernels import Seen, new_seen, no_sensing
 from cmacexp.typing import Array
 
 
-def foreign_parts(scenario: Scenario) -> Foreign:
-    """Which parts the compiled loops do not know; a class made from a built-in one is foreign."""
+def external_components(scenario: Scenario) -> External:
+    """Which parts the compiled loops do not know; a class made from a built-in one is external."""
     controller, feedforward = type(scenario.controller) is not HybridController, scenario.feedforward
     known = isinstance(feedforward, BuiltInFeedforward) and type(feedforward).predict is BuiltInFeedforward.predict
-    return Foreign(
+    return External(
         type(scenario.plant) is not AnalyticPlant,
         type(scenario.sensors) not in (PerfectSensors, RealSensors),
         controller,
@@ -31,34 +31,34 @@ def foreign_parts(scenario: Scenario) -> Foreign:
     )
 
 
-ALL_FOREIGN = Foreign(plant=True, sensors=True, controller=True, feedforward=False)
+ALL_EXTERNAL = External(plant=True, sensors=True, controller=True, feedforward=False)
 
 
-def _sensing(scenario: Scenario, foreign: Foreign, state: PlantState) -> tuple[Sensing, Seen]:
+def _sensing(scenario: Scenario, external: External, state: PlantState) -> tuple[Sensing, Seen]:
     """Sensors as the loops take them; perfect ones show the arrays of the plant."""
     sensors = scenario.sensors
-    if foreign.sensors:
+    if external.sensors:
         return no_sensing(), new_seen(len(state.force))
     if isinstance(sensors, RealSensors) and sensors.sensing.active:
         return sensors.sensing, sensors.seen
     return no_sensing(), Seen(*(getattr(state, name) for name in Seen._fields))
 
 
-def fused_parts(scenario: Scenario, foreign: Foreign, guard: Guard) -> FusedLoop:
+def fused_parts(scenario: Scenario, external: External, guard: Guard) -> FusedLoop:
     """The states of all built-in parts; with stand-ins for the others, of which only the room for results is used."""
     setup = scenario.setup
     plant, controller, feedforward = AnalyticPlant(), HybridController(1.0, 0.0, 1.0, 1.0), scenario.feedforward
-    if foreign.plant:
+    if external.plant:
         plant.reset(setup)
     else:
         assert isinstance(scenario.plant, AnalyticPlant)
         plant = scenario.plant
-    if foreign.controller:
+    if external.controller:
         controller.reset(setup, feedforward)
     else:
         assert isinstance(scenario.controller, HybridController)
         controller = scenario.controller
-    if not isinstance(feedforward, BuiltInFeedforward) or foreign.controller or foreign.feedforward:
+    if not isinstance(feedforward, BuiltInFeedforward) or external.controller or external.feedforward:
         feedforward = NoFeedforward()
         feedforward.reset(setup)
     legs = setup.mechanism.legs.shape[0]
@@ -66,12 +66,12 @@ def fused_parts(scenario: Scenario, foreign: Foreign, guard: Guard) -> FusedLoop
         setup.plan.support,
         setup.plan.reference,
         setup.plan.start_step,
-        plant.law,
+        plant.params,
         plant.state,
-        *_sensing(scenario, foreign, plant.state),
-        controller.law,
+        *_sensing(scenario, external, plant.state),
+        controller.params,
         controller.state,
-        feedforward.law,
+        feedforward.params,
         new_actuator(setup.config.actuator, setup.config.sampling_period, legs),
         Torques(*(np.zeros((legs, 2)) for _ in range(2))),
         guard,

@@ -3,12 +3,12 @@
 from typing import NamedTuple
 
 from cmacexp.control.actuator import Actuator, actuate
-from cmacexp.control.hybrid_kernels import HybridLaw, HybridState, hybrid_feedback
-from cmacexp.feedforward.kernels import FeedforwardLaw, feedforward_step
+from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
+from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.jit.compiler import kernel
 from cmacexp.loop.samples import has_measured, write_measured, write_samples
 from cmacexp.loop.stop import RUNNING, Guard, stop_reason
-from cmacexp.plants.kernels import PlantLaw, PlantState, advance
+from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.sensors.channel import Sensing
 from cmacexp.sensors.kernels import Seen, sense
 from cmacexp.typing import Array, Mask
@@ -28,14 +28,14 @@ class FusedLoop(NamedTuple):
     """As in the plan; so are the next two."""
     reference: Array
     start_step: int
-    plant: PlantLaw
+    plant: PlantParams
     plant_state: PlantState
     sensing: Sensing
     seen: Seen
     """What the controller goes by: the arrays of the plant itself where no sensor alters anything."""
-    control: HybridLaw
+    control: HybridParams
     control_state: HybridState
-    feedforward: FeedforwardLaw
+    feedforward: FeedforwardParams
     actuator: Actuator
     torques: Torques
     guard: Guard
@@ -65,8 +65,8 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
         if loop.sensing.active:
             sense(loop.sensing, plant.mechanism, start + k, machine, seen)
         if acting:
-            # Before the feedback, so that what it taught is still the last step's.
-            feedforward_step(loop.feedforward, start + k, sample, state.taught, feedforward)
+            # Before the feedback, so that the learning error is still that of the last step.
+            feedforward_step(loop.feedforward, start + k, sample, state.learning_error, feedforward)
         hybrid_feedback(
             loop.control, state, loop.support[sample], reference,
             seen.trig, seen.foot, seen.velocity, seen.force, seen.body, seen.body_rate,

@@ -1,4 +1,4 @@
-"""The closed loop as a compiled generator: it runs built-in parts, and pauses where a foreign one has to act.
+"""The closed loop as a compiled generator: it runs built-in parts, and pauses where a external one has to act.
 
 Resuming a compiled generator costs a tenth of a microsecond. Calling a kernel anew costs some 10: every array of the
 tuples that it works on is looked at again.
@@ -9,41 +9,41 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from cmacexp.control.actuator import Actuator, actuate
-from cmacexp.control.hybrid_kernels import HybridLaw, HybridState, hybrid_feedback
-from cmacexp.feedforward.kernels import FeedforwardLaw, feedforward_step
+from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
+from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.jit.compiler import kernel, kernel_apart, kernel_within
 from cmacexp.loop.compiled import Torques
 from cmacexp.loop.samples import has_measured, write_measured, write_samples
 from cmacexp.loop.stop import DIVERGED, RUNNING, Guard, stop_reason
 from cmacexp.models.mechanism import Mechanism, trigonometries
-from cmacexp.plants.kernels import PlantLaw, PlantState, advance
+from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.channel import Sensing
 from cmacexp.sensors.kernels import Seen, sense
 from cmacexp.typing import Array, Counts, Mask
 
 MEASURE, ACT, PREDICT, STEP = range(4)
-"""What the loop waits for when it pauses: the method of a foreign part."""
+"""What the loop waits for when it pauses: the method of a external part."""
 
 
-class Foreign(NamedTuple):
+class External(NamedTuple):
     """Which parts are not built in."""
 
     plant: bool
     sensors: bool
     controller: bool
     feedforward: bool
-    """Of a built-in controller; a foreign controller asks its feedforward itself."""
+    """Of a built-in controller; a external controller asks its feedforward itself."""
 
 
-class Handed(NamedTuple):
-    """Room for what foreign parts are given in K steps, a row for each, so that they may keep it; else empty."""
+class Inputs(NamedTuple):
+    """Room for what external parts are given in K steps, a row for each, so that they may keep it; else empty."""
 
     true: Measurement
     """(K, ...): for sensors."""
     seen: Measurement
     """(K, ...): for a controller."""
-    taught: Array
+    learning_error: Array
     """(K, L, 2): for a feedforward, N m."""
     torque: Array
     """(K, L, 2): for a plant, N m."""
@@ -129,13 +129,13 @@ def hand_seen(seen: Seen, rows: Measurement, k: int) -> None:
 
 @kernel_within
 def control(
-    foreign: Foreign, law: HybridLaw, state: HybridState, support: Mask, reference: Array, seen: Seen
+    external: External, params: HybridParams, state: HybridState, support: Mask, reference: Array, seen: Seen
 ) -> None:
     """The built-in controller at what is ``seen``, by a row of the plan."""
-    if foreign.plant or foreign.sensors:
-        trigonometries(law.mechanism, seen.q, seen.trig)
+    if external.plant or external.sensors:
+        trigonometries(params.mechanism, seen.q, seen.trig)
     hybrid_feedback(
-        law, state, support, reference,
+        params, state, support, reference,
         seen.trig, seen.foot, seen.velocity, seen.force, seen.body, seen.body_rate,
     )  # fmt: skip
 
@@ -155,18 +155,18 @@ def commit(
 
 
 @kernel_within
-def watch(guard: Guard, machine: PlantState, sample: int, foreign_plant: bool) -> int:
+def watch(guard: Guard, machine: PlantState, sample: int, external_plant: bool) -> int:
     """RUNNING, or why the run stops at the start of a step."""
     status = stop_reason(guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
-    if status == RUNNING and foreign_plant and not moves_finitely(machine):
+    if status == RUNNING and external_plant and not moves_finitely(machine):
         return DIVERGED
     return status
 
 
 @kernel_within
-def move(law: PlantLaw, machine: PlantState, torque: Array) -> None:
+def move(params: PlantParams, machine: PlantState, torque: Array) -> None:
     """The built-in plant."""
-    advance(law, machine, torque)
+    advance(params, machine, torque)
 
 
 @kernel_within
@@ -176,9 +176,9 @@ def feel(sensing: Sensing, mechanism: Mechanism, step: int, machine: PlantState,
 
 
 @kernel_within
-def foresee(law: FeedforwardLaw, step: int, sample: int, taught: Array, torque: Array) -> None:
+def foresee(params: FeedforwardParams, step: int, sample: int, learning_error: Array, torque: Array) -> None:
     """The built-in feedforward."""
-    feedforward_step(law, step, sample, taught, torque)
+    feedforward_step(params, step, sample, learning_error, torque)
 
 
 @kernel_apart
@@ -186,24 +186,24 @@ def relay(
     support: Mask,
     reference: Array,
     start_step: int,
-    law: PlantLaw,
+    params: PlantParams,
     machine: PlantState,
     sensing: Sensing,
     seen: Seen,
-    control_law: HybridLaw,
+    control_params: HybridParams,
     state: HybridState,
-    feedforward_law: FeedforwardLaw,
+    feedforward_params: FeedforwardParams,
     actuator: Actuator,
     torques: Torques,
     guard: Guard,
-    foreign: Foreign,
+    external: External,
     progress: Counts,
-    handed: Handed,
+    inputs: Inputs,
     start: int,
     samples: Array,
     body_samples: Array,
 ) -> Iterator[int]:
-    """:func:`cmacexp.loop.fused.fused_loop`, pausing at foreign parts; the caller keeps all arrays alive.
+    """:func:`cmacexp.loop.fused.fused_loop`, pausing at external parts; the caller keeps all arrays alive.
 
     ``progress`` (3,) is filled: steps whose torque the plant has taken, RUNNING or why it stopped, and 1 + the method
     that gave a value that is not finite, else 0. The fields of :class:`FusedLoop` come one by one, and what is done
@@ -220,40 +220,40 @@ def relay(
             return
     for k in range(samples.shape[0]):
         step = start + k
-        if foreign.sensors:
-            hand_true(machine, handed.true, k)
+        if external.sensors:
+            hand_true(machine, inputs.true, k)
             yield 4 * k + MEASURE
             if not sees_finite(seen):
                 progress[2] = 1 + MEASURE
                 return
         elif sensing.active:
-            feel(sensing, law.mechanism, step, machine, seen)
-        if foreign.controller:
-            hand_seen(seen, handed.seen, k)
+            feel(sensing, params.mechanism, step, machine, seen)
+        if external.controller:
+            hand_seen(seen, inputs.seen, k)
             yield 4 * k + ACT
             if not (is_finite(state.feedback) and is_finite(torques.feedforward)):
                 progress[2] = 1 + ACT
                 return
         else:
             if step >= start_step:
-                # Before the feedback, so that what it taught is still the last step's.
-                if foreign.feedforward:
-                    hand(handed.taught, k, state.taught)
+                # Before the feedback, so that the learning error is still that of the last step.
+                if external.feedforward:
+                    hand(inputs.learning_error, k, state.learning_error)
                     yield 4 * k + PREDICT
                     if not is_finite(torques.feedforward):
                         progress[2] = 1 + PREDICT
                         return
                 else:
-                    foresee(feedforward_law, step, step % period, state.taught, torques.feedforward)
+                    foresee(feedforward_params, step, step % period, state.learning_error, torques.feedforward)
             stage = 1 if step >= start_step else 0
-            control(foreign, control_law, state, support[step % period], reference[stage, step % period], seen)
+            control(external, control_params, state, support[step % period], reference[stage, step % period], seen)
         commit(actuator, state, torques, machine, seen, step, Row(k, samples, body_samples))
-        if foreign.plant:
-            hand(handed.torque, k, torques.total)
+        if external.plant:
+            hand(inputs.torque, k, torques.total)
             yield 4 * k + STEP
         else:
-            move(law, machine, torques.total)
+            move(params, machine, torques.total)
         progress[0] = k + 1
-        progress[1] = watch(guard, machine, (step + 1) % period, foreign.plant)
+        progress[1] = watch(guard, machine, (step + 1) % period, external.plant)
         if progress[1] != RUNNING:
             return

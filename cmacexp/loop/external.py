@@ -1,6 +1,6 @@
 """The closed loop with parts of any kind; for built-in parts it gives the bits of the fused loop.
 
-Foreign parts are called from here, once a step each; between the calls :func:`relay` runs the rest. What a part is
+External parts are called from here, once a step each; between the calls :func:`relay` runs the rest. What a part is
 given is its own: it may keep it, and nothing that it writes into it reaches the loop.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.loop.compiled import FusedLoop
-from cmacexp.loop.coroutine import STEP, Foreign, Handed, relay
+from cmacexp.loop.coroutine import STEP, External, Inputs, relay
 from cmacexp.loop.samples import GONE, room_for
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.stop import RUNNING
@@ -60,24 +60,24 @@ class SteppedLoop:
     Args:
         scenario: the parts, reset.
         loop: its built-in parts, with stand-ins for the others.
-        foreign: those others.
+        external: those others.
     """
 
-    def __init__(self, scenario: Scenario, loop: FusedLoop, foreign: Foreign):
-        self.loop, self.foreign = loop, foreign
+    def __init__(self, scenario: Scenario, loop: FusedLoop, external: External):
+        self.loop, self.external = loop, external
         self.plant, self.sensors = scenario.plant, scenario.sensors
         self.controller, self.feedforward = scenario.controller, scenario.feedforward
         self.plan = scenario.setup.plan
         self.rows: dict[tuple[int, int, bool], tuple[list[NDArray[Any]], ...]] = {}
         self.state = measurable(loop.plant_state)
-        if foreign.plant:
+        if external.plant:
             for own, first in zip(state_of(self.state), state_of(scenario.first), strict=True):
                 own[...] = first
         self.travel = scenario.first.travel
         self.given = measurable(loop.seen)
         self.progress = np.zeros(3, dtype=np.int64)
         self.calls: tuple[Callable[[int], None], ...] = (self._measure, self._act, self._predict, self._step)
-        self.trusts = foreign.controller and hasattr(scenario.controller, "force_trusted")
+        self.trusts = external.controller and hasattr(scenario.controller, "force_trusted")
         self.begun = 0
         self._run(*room_for(0, self.state.q.shape[0], False))
 
@@ -107,29 +107,29 @@ class SteppedLoop:
         progress, calls, self.body_samples = self.progress, self.calls, body_samples
         self.begun = self.taken
         progress[0] = 0
-        handed = self._prepare(len(samples))
-        for pause in relay(*self.loop, self.foreign, self.progress, handed, self.begun, samples, body_samples):
+        inputs = self._prepare(len(samples))
+        for pause in relay(*self.loop, self.external, self.progress, inputs, self.begun, samples, body_samples):
             calls[pause & 3](pause >> 2)
         self._require_finite(int(progress[2]) - 1)
         return int(progress[1])
 
-    def _prepare(self, steps: int) -> Handed:
-        """Room for what foreign parts are given in the next steps, and the views of it that they get."""
-        foreign = self.foreign
+    def _prepare(self, steps: int) -> Inputs:
+        """Room for what external parts are given in the next steps, and the views of it that they get."""
+        external = self.external
 
         def room(like: Array, needed: bool) -> Array:
             return np.empty((steps if needed else 0, *like.shape))
 
         true, seen = (
             Measurement(*(room(part, needed) for part in state_of(self.state)))
-            for needed in (foreign.sensors, foreign.controller)
+            for needed in (external.sensors, external.controller)
         )
-        handed = Handed(true, seen, room(self.state.q, foreign.feedforward), room(self.state.q, foreign.plant))
+        inputs = Inputs(true, seen, room(self.state.q, external.feedforward), room(self.state.q, external.plant))
         self.true, self.seen = _measurements(true), _measurements(seen)
-        self.taught, self.torque = list(handed.taught), list(handed.torque)
-        if foreign.controller or foreign.feedforward:
+        self.learning_error, self.torque = list(inputs.learning_error), list(inputs.torque)
+        if external.controller or external.feedforward:
             self.references = self._references(steps)
-        return handed
+        return inputs
 
     def _references(self, steps: int) -> list[Reference]:
         """What the plan says of the next steps."""
@@ -156,7 +156,7 @@ class SteppedLoop:
             state.reference[...] = reference.values[:, :2]
 
     def _predict(self, row: int) -> None:
-        torque = self.feedforward.predict(self.references[row], self.taught[row])
+        torque = self.feedforward.predict(self.references[row], self.learning_error[row])
         take(self.feedforward, "predict", "torque", torque, self.loop.torques.feedforward)
 
     def _step(self, row: int) -> None:

@@ -12,7 +12,7 @@ from cmacexp.config import Config
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
-from cmacexp.loop.builtin import ALL_FOREIGN, FusedRun, foreign_parts, fused_parts
+from cmacexp.loop.builtin import ALL_EXTERNAL, FusedRun, external_components, fused_parts
 from cmacexp.loop.external import SteppedLoop
 from cmacexp.loop.interrupt import interrupt_held_back
 from cmacexp.loop.samples import GONE, body_names_of, names_of, room_for
@@ -139,9 +139,9 @@ def stream(
     if scenario.fault is not None:
         keep(Samples(0, *room_for(0, setup.mechanism.legs.shape[0], False), None))
         return End(0, "failed", f"before the first step: {_told(scenario.fault)}", 0.0, scenario.fault)
-    foreign = foreign_parts(scenario) if fused else ALL_FOREIGN
-    parts = fused_parts(scenario, foreign, guard)
-    loop = SteppedLoop(scenario, parts, foreign) if any(foreign) else FusedRun(parts)
+    external = external_components(scenario) if fused else ALL_EXTERNAL
+    parts = fused_parts(scenario, external, guard)
+    loop = SteppedLoop(scenario, parts, external) if any(external) else FusedRun(parts)
     legs = setup.mechanism.legs.shape[0]
     fits = min(max(1, MOST_ROWS // (period * legs)), MOST_CYCLES)
     together = min(cycles, fits if isinstance(loop, FusedRun) else 1)

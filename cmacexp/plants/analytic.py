@@ -4,7 +4,7 @@ import math
 
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
-from cmacexp.plants.kernels import PlantLaw, PlantState, advance, feel_ground, new_state, observe
+from cmacexp.plants.kernels import PlantParams, PlantState, advance, feel_ground, new_state, observe
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array
 
@@ -16,7 +16,7 @@ class AnalyticPlant:
         substeps: Runge-Kutta steps per sampling period.
     """
 
-    law: PlantLaw
+    params: PlantParams
     state: PlantState
 
     def __init__(self, substeps: int = 1):
@@ -28,19 +28,19 @@ class AnalyticPlant:
         payload = make_payload(config.payload, config.sampling_period)
         ground = make_ground(config.terrain, config.sampling_period)
         step = config.sampling_period / self.substeps
-        self.law = PlantLaw(mechanism, ground, payload, config.body_speed, step, self.substeps)
+        self.params = PlantParams(mechanism, ground, payload, config.body_speed, step, self.substeps)
         self.state = new_state(mechanism.legs.shape[0])
         self.state.q[:] = setup.start
         self.state.body[0] = mechanism.hip_height
         self.state.stiffness[:] = config.terrain.stiffness
-        observe(self.law, self.state, math.inf)
-        feel_ground(self.law, self.state)
-        observe(self.law, self.state, math.inf)
+        observe(self.params, self.state, math.inf)
+        feel_ground(self.params, self.state)
+        observe(self.params, self.state, math.inf)
         return self.measure()
 
     def step(self, torque: Array) -> Measurement:
         """Hold ``torque`` (L, 2) over one sampling period."""
-        advance(self.law, self.state, torque)
+        advance(self.params, self.state, torque)
         return self.measure()
 
     def measure(self) -> Measurement:

@@ -29,7 +29,7 @@ class Payload(NamedTuple):
     """Sampling periods after which it lies there."""
 
 
-class PlantLaw(NamedTuple):
+class PlantParams(NamedTuple):
     """What does not change while a plant runs; L is the number of its legs."""
 
     mechanism: Mechanism
@@ -90,23 +90,23 @@ def new_state(legs: int) -> PlantState:
 
 
 @kernel
-def stand_force(law: PlantLaw, i: int, dq: Array, state: PlantState) -> float:
+def stand_force(params: PlantParams, i: int, dq: Array, state: PlantState) -> float:
     """Contact force, N, of foot ``i`` whose hip does not move, at joint velocities ``dq`` (L, 2)."""
-    depression = state.foot[i, 1] - law.mechanism.hip_height - state.level[i]
-    if law.ground.damping == 0.0:
+    depression = state.foot[i, 1] - params.mechanism.hip_height - state.level[i]
+    if params.ground.damping == 0.0:
         return contact_force(state.stiffness[i], depression)
     along, rate = dq[i, 0], dq[i, 1]
-    if law.mechanism.kind != POINT_MASS:
-        along, rate = foot_velocity(leg_of(law.mechanism, i), trig_of(state.trig, i), dq[i, 0], dq[i, 1])
-    rate += grade_at(law.ground, state.foot[i, 0]) * along
-    return damped_force(state.stiffness[i], law.ground.damping, depression, rate)
+    if params.mechanism.kind != POINT_MASS:
+        along, rate = foot_velocity(leg_of(params.mechanism, i), trig_of(state.trig, i), dq[i, 0], dq[i, 1])
+    rate += grade_at(params.ground, state.foot[i, 0]) * along
+    return damped_force(state.stiffness[i], params.ground.damping, depression, rate)
 
 
 @kernel
-def load_on(law: PlantLaw, step: float) -> Load:
+def load_on(params: PlantParams, step: float) -> Load:
     """What the feet carry after ``step`` sampling periods: the body, and the payload once it is there."""
-    weight, payload = law.mechanism.weight, law.payload.load
-    if step < law.payload.start:
+    weight, payload = params.mechanism.weight, params.payload.load
+    if step < params.payload.start:
         return Load(weight, 0.0, 0.0)
     total = weight + payload.weight
     return Load(total, payload.weight * payload.x / total, payload.weight * payload.y / total)
@@ -121,46 +121,46 @@ def feel_slope(ground: Ground, hips: Array, foot: Array, x: float, level: Array)
 
 
 @kernel
-def balance_body(law: PlantLaw, state: PlantState, time: float) -> bool:
+def balance_body(params: PlantParams, state: PlantState, time: float) -> bool:
     """Balance the body on the feet in ``state``, some time after the start of the Runge-Kutta step."""
-    mechanism, stiffness, level = law.mechanism, state.stiffness, state.level
-    if law.ground.damping != 0.0:
+    mechanism, stiffness, level = params.mechanism, state.stiffness, state.level
+    if params.ground.damping != 0.0:
         stiffness, level = state.spring[0], state.spring[1]
         for i in range(stiffness.shape[0]):
-            stiffness[i], rest = damped_spring(state.stiffness[i], law.ground.damping, state.pressed[i], time)
+            stiffness[i], rest = damped_spring(state.stiffness[i], params.ground.damping, state.pressed[i], time)
             level[i] = state.level[i] + rest
-    load = load_on(law, state.clock[0])
+    load = load_on(params, state.clock[0])
     return balance(mechanism.hips, state.foot, stiffness, level, load, state.body, state.force)
 
 
 @kernel
-def contact(law: PlantLaw, q: Array, dq: Array, state: PlantState, time: float, x: float) -> None:
+def contact(params: PlantParams, q: Array, dq: Array, state: PlantState, time: float, x: float) -> None:
     """Feet and contact forces at joint angles ``q`` and velocities ``dq``, each (L, 2); fills ``state`` with them.
 
     ``time`` has passed since the step began, s, and the body has come to ``x``, m.
     """
-    mechanism = law.mechanism
+    mechanism = params.mechanism
     trigonometries(mechanism, q, state.trig)
     for i in range(q.shape[0]):
         if mechanism.kind == POINT_MASS:
             state.foot[i, 0], state.foot[i, 1] = q[i, 0], q[i, 1]
         else:
             state.foot[i, 0], state.foot[i, 1] = foot_position(leg_of(mechanism, i), trig_of(state.trig, i))
-    if law.ground.slope != 0.0:
-        feel_slope(law.ground, mechanism.hips, state.foot, x, state.level)
+    if params.ground.slope != 0.0:
+        feel_slope(params.ground, mechanism.hips, state.foot, x, state.level)
     if mechanism.kind != LEGS_UNDER_BODY:
         for i in range(q.shape[0]):
-            state.force[i] = stand_force(law, i, dq, state)
-    elif not balance_body(law, state, time):
+            state.force[i] = stand_force(params, i, dq, state)
+    elif not balance_body(params, state, time):
         state.body[0] = math.nan
 
 
 @kernel
-def accelerate(law: PlantLaw, state: PlantState, dq: Array, tau: Array, ddq: Array) -> None:
+def accelerate(params: PlantParams, state: PlantState, dq: Array, tau: Array, ddq: Array) -> None:
     """Joint accelerations under ``tau`` at the feet and forces in ``state``; fills ``ddq`` (eq. 2, 17)."""
     for i in range(dq.shape[0]):
-        leg = leg_of(law.mechanism, i)
-        if law.mechanism.kind == POINT_MASS:
+        leg = leg_of(params.mechanism, i)
+        if params.mechanism.kind == POINT_MASS:
             ddq[i, 0] = tau[i, 0] / leg.mass_2
             ddq[i, 1] = (tau[i, 1] - state.force[i]) / leg.mass_2
         else:
@@ -170,67 +170,67 @@ def accelerate(law: PlantLaw, state: PlantState, dq: Array, tau: Array, ddq: Arr
 
 
 @kernel
-def feel_ground(law: PlantLaw, state: PlantState) -> None:
+def feel_ground(params: PlantParams, state: PlantState) -> None:
     """Bring the stiffness under each foot up to where the foot is."""
-    hips = law.mechanism.hips
+    hips = params.mechanism.hips
     for i in range(hips.shape[0]):
         x = state.travel[0] + hips[i, 0] + state.foot[i, 0]
-        state.stiffness[i] = stiffness_under(law.ground, i, state.clock[0], x, hips[i, 1])
+        state.stiffness[i] = stiffness_under(params.ground, i, state.clock[0], x, hips[i, 1])
 
 
 @kernel
-def feel_depression(law: PlantLaw, state: PlantState) -> None:
+def feel_depression(params: PlantParams, state: PlantState) -> None:
     """Keep how far each foot of a body presses the ground in, for the damping of the next step."""
-    hips = law.mechanism.hips
+    hips = params.mechanism.hips
     for i in range(hips.shape[0]):
         down = depth(state.body, hips[i, 0] + state.foot[i, 0], hips[i, 1], state.foot[i, 1])
         state.pressed[i] = max(0.0, down - state.level[i])
 
 
 @kernel
-def observe(law: PlantLaw, state: PlantState, time: float) -> None:
+def observe(params: PlantParams, state: PlantState, time: float) -> None:
     """Bring feet, forces and velocities of ``state`` up to its joints, some time after they were so last."""
-    contact(law, state.q, state.dq, state, time, state.travel[0])
-    if law.ground.damping != 0.0 and law.mechanism.kind == LEGS_UNDER_BODY:
-        feel_depression(law, state)
+    contact(params, state.q, state.dq, state, time, state.travel[0])
+    if params.ground.damping != 0.0 and params.mechanism.kind == LEGS_UNDER_BODY:
+        feel_depression(params, state)
     for i in range(state.q.shape[0]):
-        if law.mechanism.kind == POINT_MASS:
+        if params.mechanism.kind == POINT_MASS:
             state.velocity[i, 0], state.velocity[i, 1] = state.dq[i, 0], state.dq[i, 1]
         else:
             state.velocity[i, 0], state.velocity[i, 1] = foot_velocity(
-                leg_of(law.mechanism, i), trig_of(state.trig, i), state.dq[i, 0], state.dq[i, 1]
+                leg_of(params.mechanism, i), trig_of(state.trig, i), state.dq[i, 0], state.dq[i, 1]
             )
 
 
 @kernel
-def runge_kutta_step(law: PlantLaw, state: PlantState, tau: Array) -> None:
-    """One classical fourth-order step of ``law.step``; contact forces act inside every stage.
+def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None:
+    """One classical fourth-order step of ``params.step``; contact forces act inside every stage.
 
     ``state`` holds feet and forces at its joints before the step; after it they are those of the last stage.
     """
-    h = law.step
+    h = params.step
     s = state.stages
     q, dq, k1, k2, k3, k4 = s[0], s[1], s[2], s[3], s[4], s[5]
-    legs, half_way = state.q.shape[0], state.travel[0] + 0.5 * law.speed * h
-    accelerate(law, state, state.dq, tau, k1)
+    legs, half_way = state.q.shape[0], state.travel[0] + 0.5 * params.speed * h
+    accelerate(params, state, state.dq, tau, k1)
     for i in range(legs):
         for j in range(2):
             q[i, j] = state.q[i, j] + 0.5 * h * state.dq[i, j]
             dq[i, j] = state.dq[i, j] + 0.5 * h * k1[i, j]
-    contact(law, q, dq, state, 0.5 * h, half_way)
-    accelerate(law, state, dq, tau, k2)
+    contact(params, q, dq, state, 0.5 * h, half_way)
+    accelerate(params, state, dq, tau, k2)
     for i in range(legs):
         for j in range(2):
             q[i, j] = state.q[i, j] + 0.5 * h * dq[i, j]
             dq[i, j] = state.dq[i, j] + 0.5 * h * k2[i, j]
-    contact(law, q, dq, state, 0.5 * h, half_way)
-    accelerate(law, state, dq, tau, k3)
+    contact(params, q, dq, state, 0.5 * h, half_way)
+    accelerate(params, state, dq, tau, k3)
     for i in range(legs):
         for j in range(2):
             q[i, j] = state.q[i, j] + h * dq[i, j]
             dq[i, j] = state.dq[i, j] + h * k3[i, j]
-    contact(law, q, dq, state, h, state.travel[0] + law.speed * h)
-    accelerate(law, state, dq, tau, k4)
+    contact(params, q, dq, state, h, state.travel[0] + params.speed * h)
+    accelerate(params, state, dq, tau, k4)
     for i in range(legs):
         for j in range(2):
             # The velocities of the stages are dq, dq + h/2 k1, dq + h/2 k2, dq + h k3: their weighted sum is this.
@@ -239,17 +239,17 @@ def runge_kutta_step(law: PlantLaw, state: PlantState, tau: Array) -> None:
 
 
 @kernel
-def advance(law: PlantLaw, state: PlantState, tau: Array) -> None:
+def advance(params: PlantParams, state: PlantState, tau: Array) -> None:
     """Move the plant over one sampling period under the held torque ``tau`` (L, 2), N m."""
     height, pitch, roll = state.body[0], state.body[1], state.body[2]
-    for substep in range(law.substeps):
-        runge_kutta_step(law, state, tau)
-        state.travel[0] += law.speed * law.step
-        if substep + 1 == law.substeps:
+    for substep in range(params.substeps):
+        runge_kutta_step(params, state, tau)
+        state.travel[0] += params.speed * params.step
+        if substep + 1 == params.substeps:
             state.clock[0] += 1
-        feel_ground(law, state)
-        observe(law, state, law.step)
-    period = law.substeps * law.step
+        feel_ground(params, state)
+        observe(params, state, params.step)
+    period = params.substeps * params.step
     state.body_rate[0] = (state.body[0] - height) / period
     state.body_rate[1] = (state.body[1] - pitch) / period
     state.body_rate[2] = (state.body[2] - roll) / period

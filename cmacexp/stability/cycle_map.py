@@ -14,7 +14,7 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.kernels import TABLE
-from cmacexp.loop.builtin import FusedRun, foreign_parts, fused_parts
+from cmacexp.loop.builtin import FusedRun, external_components, fused_parts
 from cmacexp.loop.samples import SAMPLES, room_for
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.stop import RUNNING, new_guard
@@ -83,13 +83,13 @@ class Loop:
     """
 
     def __init__(self, scenario: Scenario):
-        foreign = foreign_parts(scenario)
-        if any(foreign) or scenario.fault is not None:
+        external = external_components(scenario)
+        if any(external) or scenario.fault is not None:
             raise NotPredictable("parts that the compiled loop does not know cannot be linearised")
         setup = scenario.setup
         config, legs = setup.config, setup.mechanism.legs.shape[0]
         guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
-        self.run = FusedRun(fused_parts(scenario, foreign, guard))
+        self.run = FusedRun(fused_parts(scenario, external, guard))
         self.plan = setup.plan
         self.config = config
         self.period = config.steps_per_cycle
@@ -115,8 +115,8 @@ class Loop:
 
     def play(self, torque: Array) -> None:
         """From now on the feedforward is ``torque`` (N, L, 2), N m, changed in place or not, and learns no more."""
-        law = self.run.loop.feedforward
-        self.run.loop = self.run.loop._replace(feedforward=law._replace(kind=TABLE, torque=torque))
+        params = self.run.loop.feedforward
+        self.run.loop = self.run.loop._replace(feedforward=params._replace(kind=TABLE, torque=torque))
         self._first = [(array, array.copy()) for _, array in arrays_of(self.run.loop)]
 
     def hold(self, steps: int) -> Array:
@@ -197,4 +197,4 @@ def open_loop(config: Config, prepared: Scenario | None = None) -> Loop:
     """
     if prepared is None:
         return Loop(make_scenario(config))
-    return Loop(copy.deepcopy(prepared) if not any(foreign_parts(prepared)) else prepared)
+    return Loop(copy.deepcopy(prepared) if not any(external_components(prepared)) else prepared)

@@ -1,4 +1,4 @@
-"""From feedforward torque to what the feedforward is taught, around single samples of the cycle.
+"""From feedforward torque to what the feedforward is learning_error, around single samples of the cycle.
 
 T is the transfer from a feedforward torque to -J^T U, the torque that it spares the feedback. Learning from cycle to
 cycle takes u to u - beta T u, so it settles at frequencies where every eigenvalue of T has a positive real part. A
@@ -26,7 +26,7 @@ class Local(NamedTuple):
     b: Array
     """B, (n, 2 L): from torque."""
     c: Array
-    """C, (2 L, n): to the feedback torque that a feedforward is taught."""
+    """C, (2 L, n): to the feedback torque that a feedforward is learning_error."""
 
 
 def _advanced(loop: Loop) -> None:
@@ -65,10 +65,10 @@ def _local(loop: Loop, table: Array) -> Local:
     loop.hold(1)
     now = loop.state()
 
-    def taught() -> Array:
-        return loop.run.loop.control_state.taught.reshape(-1).copy()
+    def learning_error() -> Array:
+        return loop.run.loop.control_state.learning_error.reshape(-1).copy()
 
-    columns = [loop.derivative(now, along, taught, 1) for along in np.eye(len(now))]
+    columns = [loop.derivative(now, along, learning_error, 1) for along in np.eye(len(now))]
     b = _from_torque(loop, now, table[sample])
     loop.put(now)
     closed = np.stack([state for state, _ in columns], axis=1)
@@ -113,7 +113,7 @@ def transfer(local: Local, frequencies: Array, period: float, delay: int = 0) ->
         delay: further samples from every torque to the joints.
 
     Returns:
-        (f, 2 L, 2 L); [f, i, j] from feedforward torque j to the torque i that is taught, sign turned.
+        (f, 2 L, 2 L); [f, i, j] from feedforward torque j to the torque i that is learning_error, sign turned.
     """
     z = np.exp(2j * np.pi * np.asarray(frequencies, dtype=float) * period)[:, None, None]
     path = local.c @ np.linalg.solve(z * np.eye(len(local.a)) - local.a, local.b.astype(complex)[None]) * z**-delay

@@ -12,7 +12,7 @@ import cmacexp as package
 from cmacexp.control import Action, CmacFeedforward, HybridController
 from cmacexp.errors import BadInput, BadPart, CmacexpError, users_traceback
 from cmacexp.loop import roll_out
-from cmacexp.loop.run import foreign_parts
+from cmacexp.loop.run import external_components
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
 from cmacexp.sensors import PerfectSensors
@@ -65,24 +65,24 @@ def here(tmp_path, monkeypatch):
     return name
 
 
-def foreign(part):
+def external(part):
     """The same part under a class that no loop knows."""
     part.__class__ = type(type(part).__name__, (type(part),), {"predict": lambda *a: CmacFeedforward.predict(*a)})
     return part
 
 
-# Any of the parts can be foreign, alone or with others
+# Any of the parts can be external, alone or with others
 
 
 @pytest.mark.parametrize("keys", [k for n in (1, 2, 4) for k in itertools.combinations(PARTS, n)], ids="-".join)
-def test_a_run_is_the_same_to_the_bit_whichever_parts_are_foreign(make_config, keys):
+def test_a_run_is_the_same_to_the_bit_whichever_parts_are_external(make_config, keys):
     config = make_config("cycles=2", "gait.cycle_time=1.5", "cmac.memory_bytes=16384", "learning.start_cycle=1")
     scenario = make_scenario(config)
     for key in keys:
-        foreign(getattr(scenario, key))
-    found = foreign_parts(scenario)._asdict()
+        external(getattr(scenario, key))
+    found = external_components(scenario)._asdict()
     expected = {key for key in keys if key != "feedforward" or "controller" not in keys}
-    assert {key for key, is_foreign in found.items() if is_foreign} == expected
+    assert {key for key, is_external in found.items() if is_external} == expected
     one, other = roll_out(make_scenario(config)), roll_out(scenario)
     assert other.status == "completed", other.cause
     assert one.samples.tobytes() == other.samples.tobytes()

@@ -117,12 +117,12 @@ def test_a_wrong_model_errs_in_what_it_has_wrong(make_config):
     """Torque is linear in both masses together; the contact force has no part in that."""
     common = ("scenario=one_leg", "feedforward=inverse_dynamics")
     exact, heavy, long = (
-        make_scenario(make_config(*common, change)).feedforward.law.torque
+        make_scenario(make_config(*common, change)).feedforward.params.torque
         for change in ("seed=0", "feedforward.mass_factor=1.2", "feedforward.length_factor=1.1")
     )
     scenario = make_scenario(make_config(*common, "terrain.stiffness=0.001", "terrain.assumed_stiffness=10"))
-    assert_allclose(exact, scenario.feedforward.law.torque)  # goes by the ground that is assumed
-    light = make_scenario(make_config(*common, "feedforward.mass_factor=0.8")).feedforward.law.torque
+    assert_allclose(exact, scenario.feedforward.params.torque)  # goes by the ground that is assumed
+    light = make_scenario(make_config(*common, "feedforward.mass_factor=0.8")).feedforward.params.torque
     assert_allclose(heavy - exact, exact - light, atol=1e-12)
     assert np.abs(heavy - exact).max() > 0.1
     assert np.abs(long - exact).max() > 0.1

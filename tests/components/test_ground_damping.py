@@ -13,7 +13,7 @@ from cmacexp.models.body import depth
 from cmacexp.models.ground import contact_force, damped_force, damped_spring
 from cmacexp.models.mechanism import legs_under_body, point_mass
 from cmacexp.planning.machine import make_leg
-from cmacexp.plants.kernels import PlantLaw, advance, balance_body, feel_depression, new_state, observe
+from cmacexp.plants.kernels import PlantParams, advance, balance_body, feel_depression, new_state, observe
 
 STIFFNESS = 1e4
 HIPS = [(0.225, 0.225), (0.225, -0.225), (-0.225, 0.225), (-0.225, -0.225)]
@@ -53,14 +53,14 @@ def test_a_point_mass_on_damped_ground_is_a_damped_oscillator():
     expected = force / stiffness * (1.0 - swing)
     errors = []
     for steps in (40, 80, 160):
-        law = PlantLaw(
+        params = PlantParams(
             point_mass(mass, 0.5), still_ground(stiffness, damping=damping), NO_PAYLOAD, 0.0, duration / steps, 1
         )
         state = new_state(1)
         state.q[0], state.stiffness[0] = (0.0, 0.5 + 1e-15), stiffness
-        observe(law, state, np.inf)
+        observe(params, state, np.inf)
         for _ in range(steps):
-            advance(law, state, np.array([[0.0, force]]))
+            advance(params, state, np.array([[0.0, force]]))
         errors.append(abs(state.q[0, 1] - 0.5 - expected))
     assert errors[0] < 1e-3 * expected
     assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 4.0, atol=0.5)
@@ -74,7 +74,7 @@ def test_what_a_leg_loses_is_what_the_damping_takes(make_config):
     scenario = make_scenario(config)
     plant, leg = scenario.plant, make_leg(config.machine.leg)
     plant.state.q[0], plant.state.dq[0] = (1.9, -1.2), (0.0, 0.0)
-    law = plant.law._replace(mechanism=plant.law.mechanism._replace(hip_height=0.2))
+    params = plant.params._replace(mechanism=plant.params.mechanism._replace(hip_height=0.2))
 
     def energy(state):
         (q1, q2), (w1, w2) = state.q[0], state.dq[0]
@@ -85,11 +85,11 @@ def test_what_a_leg_loses_is_what_the_damping_takes(make_config):
         pressed = max(0.0, state.foot[0, 1] - 0.2)
         return 0.5 * m1 * knee @ knee + 0.5 * m2 * foot @ foot - 9.81 * low + 20.0 * pressed**2
 
-    observe(law, plant.state, np.inf)
-    before, powers, law = energy(plant.state), [], law._replace(step=2.5e-4, substeps=1)
+    observe(params, plant.state, np.inf)
+    before, powers, params = energy(plant.state), [], params._replace(step=2.5e-4, substeps=1)
     for _ in range(400):
         powers.append(3.0 * plant.state.velocity[0, 1] ** 2)
-        advance(law, plant.state, np.zeros((1, 2)))
+        advance(params, plant.state, np.zeros((1, 2)))
         assert plant.state.force[0] > 0.0
     powers.append(3.0 * plant.state.velocity[0, 1] ** 2)
     lost = np.trapezoid(powers, dx=2.5e-4)
@@ -107,41 +107,41 @@ def standing(make_config):
     def stand(damping, step):
         config = make_config("scenario=quadruped")
         legs = [make_leg(config.machine.legs.left_front)] * 4
-        law = PlantLaw(
+        params = PlantParams(
             legs_under_body(legs, 0.5, HIPS, 40.0), still_ground(STIFFNESS, damping=damping), NO_PAYLOAD, 0.0, step, 1
         )
         state = new_state(4)
         state.foot[:], state.stiffness[:], state.body[:] = (0.0, 0.5), STIFFNESS, (0.5, 0.0, 0.0)
-        assert balance_body(law, state, np.inf)
-        feel_depression(law, state)
-        return law, state
+        assert balance_body(params, state, np.inf)
+        feel_depression(params, state)
+        return params, state
 
     return stand
 
 
-def settle(law, state, steps):
+def settle(params, state, steps):
     """Depression of each step, m."""
     sunk = []
     for _ in range(steps):
-        assert balance_body(law, state, law.step)
-        feel_depression(law, state)
+        assert balance_body(params, state, params.step)
+        feel_depression(params, state)
         sunk.append(0.5 - state.body[0])
-        assert_allclose(state.force.sum(), law.mechanism.weight, rtol=1e-9)
+        assert_allclose(state.force.sum(), params.mechanism.weight, rtol=1e-9)
     return np.array(sunk)
 
 
 @pytest.mark.parametrize(("damping", "step"), [(50.0, 0.005), (50.0, 1e-4), (0.1, 0.005), (1e4, 0.005)])
 def test_a_step_of_load_sinks_in_with_the_time_constant_of_damping_over_stiffness(standing, damping, step):
     """From 1.00 to 1.25 mm, each step of backward Euler by 1/(1 + h K_n / c) nearer; stable however small c is."""
-    law, state = standing(damping, step)
-    heavier = law._replace(mechanism=law.mechanism._replace(weight=50.0))
+    params, state = standing(damping, step)
+    heavier = params._replace(mechanism=params.mechanism._replace(weight=50.0))
     left = 1.25e-3 - settle(heavier, state, 12)
     assert_allclose(left, 0.25e-3 / (1.0 + step * STIFFNESS / damping) ** np.arange(1, 13), rtol=1e-6, atol=1e-12)
 
 
 def test_at_rest_damping_changes_nothing(standing):
-    law, state = standing(50.0, 0.005)
-    assert_allclose(settle(law, state, 5), 1e-3, rtol=1e-9)
+    params, state = standing(50.0, 0.005)
+    assert_allclose(settle(params, state, 5), 1e-3, rtol=1e-9)
     assert_allclose(state.force, 10.0, rtol=1e-9)
 
 

@@ -20,7 +20,7 @@ def weights_after(config, *, fused=True):
     scenario = make_scenario(config)
     told = []
     stream(scenario, lambda samples: told.append(samples.weights.copy()), fused=fused)
-    return np.concatenate(told), scenario.feedforward.law.weights
+    return np.concatenate(told), scenario.feedforward.params.weights
 
 
 def summed_up(weights):

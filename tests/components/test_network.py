@@ -46,7 +46,7 @@ class TwoNeighbours(BuiltInFeedforward):
         samples, legs = setup.plan.support.shape
         cells = (np.arange(samples)[:, None, None] + np.array([0, 1])) % samples
         shape = (samples, legs, 2)
-        self.law = network(setup, np.broadcast_to(cells, shape), samples, np.broadcast_to([0.7, 0.3], shape))
+        self.params = network(setup, np.broadcast_to(cells, shape), samples, np.broadcast_to([0.7, 0.3], shape))
 
 
 def test_a_network_of_ones_own_learns_and_both_loops_give_the_same_bits(make_config):

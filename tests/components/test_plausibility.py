@@ -41,11 +41,11 @@ def test_a_spike_is_forgotten_and_a_dropped_sensor_stays_dropped():
 @pytest.mark.parametrize("scenario", ["one_leg", "quadruped"])
 def test_the_expected_force_is_the_true_one_where_all_else_is_known(make_config, scenario):
     made = make_scenario(make_config(f"scenario={scenario}", "cycles=1"))
-    law, mechanism = LAW._replace(stiffness=made.setup.config.terrain.stiffness), made.setup.mechanism
+    params, mechanism = LAW._replace(stiffness=made.setup.config.terrain.stiffness), made.setup.mechanism
     rollout = roll_out(made)
     for k in range(0, 600, 7):
         foot, body = np.ascontiguousarray(rollout.samples[k, :, :2]), rollout.body_samples[k]
-        told = [expected_force(law, mechanism, i, foot, body) for i in range(len(foot))]
+        told = [expected_force(params, mechanism, i, foot, body) for i in range(len(foot))]
         np.testing.assert_allclose(told, rollout.columns()["force"][k], atol=1e-8)
 
 

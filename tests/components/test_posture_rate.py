@@ -32,7 +32,7 @@ def test_without_a_body_nothing_has_a_rate(make_config, scenario):
 
 @pytest.fixture(scope="module")
 def hybrid_law(make_config):
-    return make_scenario(make_config("scenario=quadruped", "posture.rate_gain=5")).controller.law
+    return make_scenario(make_config("scenario=quadruped", "posture.rate_gain=5")).controller.params
 
 
 rates, tilts = st.floats(-1.0, 1.0), st.floats(-0.3, 0.3)
@@ -40,24 +40,24 @@ rates, tilts = st.floats(-1.0, 1.0), st.floats(-0.3, 0.3)
 
 @given(st.floats(0.4, 0.6), tilts, tilts, rates, rates, rates, st.integers(0, 3))
 def test_rate_term_is_the_derivative_of_the_posture_term(hybrid_law, height, pitch, roll, dh, dp, dr, leg):
-    law = hybrid_law._replace(posture_gain=5.0)
+    params = hybrid_law._replace(posture_gain=5.0)
     body, rate, dt = np.array([height, pitch, roll]), np.array([dh, dp, dr]), 1e-6
-    change = posture_term(law, leg, body + dt * rate) - posture_term(law, leg, body - dt * rate)
-    assert posture_rate_term(law, leg, body, rate) == pytest.approx(change / (2.0 * dt), abs=1e-7)
-    assert posture_rate_term(law._replace(posture_rate_gain=0.0), leg, body, rate) == 0.0
+    change = posture_term(params, leg, body + dt * rate) - posture_term(params, leg, body - dt * rate)
+    assert posture_rate_term(params, leg, body, rate) == pytest.approx(change / (2.0 * dt), abs=1e-7)
+    assert posture_rate_term(params._replace(posture_rate_gain=0.0), leg, body, rate) == 0.0
 
 
 def test_one_leg_on_a_stand_has_no_rate_term(make_config):
-    law = make_scenario(make_config("scenario=one_leg", "posture.rate_gain=5")).controller.law
-    assert posture_rate_term(law, 0, np.zeros(3), np.ones(3)) == 0.0
+    params = make_scenario(make_config("scenario=one_leg", "posture.rate_gain=5")).controller.params
+    assert posture_rate_term(params, 0, np.zeros(3), np.ones(3)) == 0.0
 
 
-def feedback_of(law, support, body_rate):
+def feedback_of(params, support, body_rate):
     """U_y of each leg at its first step, N; feet and references at zero."""
     state, two = new_hybrid_state(4), np.zeros((4, 2))
     trig = np.array([trigonometry(0.3, 1.2)] * 4)
     body = np.array([0.5, 0.0, 0.0])
-    hybrid_feedback(law, state, support, np.zeros((4, 6)), trig, two, two, np.zeros(4), body, body_rate)
+    hybrid_feedback(params, state, support, np.zeros((4, 6)), trig, two, two, np.zeros(4), body, body_rate)
     return state.output[:, 1]
 
 
@@ -67,10 +67,10 @@ def feedback_of(law, support, body_rate):
 def test_supporting_feet_are_sent_down_by_gain_times_the_speed_of_a_sinking_hip(hybrid_law, method, weight):
     """A level body sinks by 0.1 m/s and pitches its nose down by 0.2 rad/s; its hips are 0.225 m from its middle."""
     support = np.array([True, True, True, False])
-    law = hybrid_law._replace(method=METHODS[method])
+    params = hybrid_law._replace(method=METHODS[method])
     sinking = 0.1 + 0.2 * np.array([0.225, 0.225, -0.225, -0.225])
-    expected = weight * law.lead.b0 * law.velocity_gain * 5.0 * np.where(support, sinking, 0.0)
-    assert_allclose(feedback_of(law, support, np.array([-0.1, 0.2, 0.0])), expected, rtol=1e-12, atol=1e-12)
+    expected = weight * params.lead.b0 * params.velocity_gain * 5.0 * np.where(support, sinking, 0.0)
+    assert_allclose(feedback_of(params, support, np.array([-0.1, 0.2, 0.0])), expected, rtol=1e-12, atol=1e-12)
 
 
 def test_a_walk_is_calmed_by_it_and_both_loops_agree(make_config):

@@ -95,7 +95,7 @@ def test_a_row_holds_the_state_at_the_start_of_its_step_and_the_torque_held_duri
 def test_feedback_trains_the_cells_of_its_step_less_the_lead_before_the_next_prediction(make_config, lead):
     config = make_config("cycles=3", f"learning.lead={lead}", "learning.rate=0.3", "cmac.memory_bytes=16384")
     scenario = make_scenario(config)
-    cells, weights = scenario.feedforward.law.cells[:, 0], np.zeros((1024, 2))
+    cells, weights = scenario.feedforward.params.cells[:, 0], np.zeros((1024, 2))
     columns = roll_out(scenario).columns()
     feedback, feedforward = (
         np.column_stack([columns[f"tau_{part}_1"], columns[f"tau_{part}_2"]]) for part in ("feedback", "feedforward")

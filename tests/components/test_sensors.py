@@ -268,7 +268,7 @@ def test_an_automatic_lead_counts_the_samples_from_torque_to_feedback(make_confi
     run_scenario(config, tmp_path)
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     assert (manifest["learning_lead"], manifest["config"]["learning"]["lead"]) == (lead, "auto")
-    assert make_scenario(config).feedforward.law.learning.lead == lead
+    assert make_scenario(config).feedforward.params.learning.lead == lead
 
 
 @pytest.mark.parametrize("delay", [1, 2])

@@ -580,7 +580,7 @@ def test_planned_joints_and_torques_of_the_other_legs_stay_as_they_are(make_conf
         (one != other).any(axis=(0, 2)).tolist()
         for one, other in (
             (plain.setup.plan.joints, changed.setup.plan.joints),
-            (plain.feedforward.law.torque, changed.feedforward.law.torque),
+            (plain.feedforward.params.torque, changed.feedforward.params.torque),
         )
     ]
     assert differs == [[override.startswith("length"), False, False, False], [True, False, False, False]]
@@ -615,7 +615,7 @@ def test_it_walks_over_patches(walk):
 
 def test_the_ground_of_a_scenario_is_that_of_its_config(make_config):
     scenario = make_scenario(make_config("scenario=quadruped", "terrain=patchy", "terrain.patch_seed=9"))
-    assert scenario.plant.law.ground == still_ground(1e4, 0.15, 0.5, 9)
+    assert scenario.plant.params.ground == still_ground(1e4, 0.15, 0.5, 9)
 
 
 # Falls

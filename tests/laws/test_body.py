@@ -287,21 +287,21 @@ def test_supporting_feet_are_sent_gain_times_what_their_hip_lacks_below_the_plan
 
 @pytest.fixture(scope="module")
 def hybrid_law(make_config):
-    return make_scenario(make_config("scenario=quadruped")).controller.law
+    return make_scenario(make_config("scenario=quadruped")).controller.params
 
 
 @given(st.floats(0.4, 0.6), tilts, tilts, st.integers(0, 3))
 def test_posture_term_is_gain_times_what_the_hip_lacks(hybrid_law, height, pitch, roll, leg):
-    law = hybrid_law._replace(posture_gain=5.0)
+    params = hybrid_law._replace(posture_gain=5.0)
     lacks = 0.5 - in_world((height, pitch, roll), np.array([[*HIPS[leg], 0.0]]))[0, 2]
-    assert posture_term(law, leg, np.array([height, pitch, roll])) == pytest.approx(5.0 * lacks, abs=1e-12)
-    assert posture_term(law._replace(posture_gain=0.0), leg, np.array([height, pitch, roll])) == 0.0
+    assert posture_term(params, leg, np.array([height, pitch, roll])) == pytest.approx(5.0 * lacks, abs=1e-12)
+    assert posture_term(params._replace(posture_gain=0.0), leg, np.array([height, pitch, roll])) == 0.0
 
 
 def test_one_leg_on_a_stand_has_no_posture(make_config):
-    law = make_scenario(make_config("scenario=one_leg")).controller.law
-    assert law.posture_gain == 8.0
-    assert posture_term(law, 0, np.array([0.3, 0.1, 0.1])) == 0.0
+    params = make_scenario(make_config("scenario=one_leg")).controller.params
+    assert params.posture_gain == 8.0
+    assert posture_term(params, 0, np.array([0.3, 0.1, 0.1])) == 0.0
 
 
 # Ground in patches

@@ -85,11 +85,11 @@ def test_one_quantum_along_one_axis_changes_the_cell_of_exactly_one_layer(name, 
         assume(False)
     elements = 3
     quanta = (elements - 1) * layers
-    law = Address(InputRange(np.zeros(inputs), np.full(inputs, quanta)), shifts, elements, 1, False, 0)
+    params = Address(InputRange(np.zeros(inputs), np.full(inputs, quanta)), shifts, elements, 1, False, 0)
     axis = data.draw(st.integers(0, inputs - 1))
     here = np.array([data.draw(st.integers(0, quanta - 2)) for _ in range(inputs)]) + 0.5
     before, after = np.zeros((2, layers), dtype=np.int32)
-    assert address(law, here, before) == address(law, here + np.eye(inputs)[axis], after) == 0
+    assert address(params, here, before) == address(params, here + np.eye(inputs)[axis], after) == 0
     assert (before != after).sum() == 1
 
 

@@ -11,7 +11,7 @@ from scipy import signal
 
 from cmacexp.control.actuator import saturate
 from cmacexp.control.fault_detection import Plausibility
-from cmacexp.control.hybrid_kernels import METHODS, HybridLaw, hybrid_feedback, new_hybrid_state
+from cmacexp.control.hybrid_kernels import METHODS, HybridParams, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise, lead_step
 from cmacexp.control.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth
 from cmacexp.errors import BadInput
@@ -85,15 +85,15 @@ def test_difference_equation_is_the_bilinear_filter(omega, alpha, period):
 # Hybrid law
 
 
-def feedback(law, support, reference, foot, velocity, force, q=(0.0, 0.0)):
+def feedback(params, support, reference, foot, velocity, force, q=(0.0, 0.0)):
     """U and feedback torque of each step of one leg; rows of arrays are steps."""
     state, us, torques, trig = new_hybrid_state(1), [], [], np.array([trigonometry(*q)])
     for k in range(len(foot)):
         hybrid_feedback(
-            law, state, np.array([support]), reference[k : k + 1], trig,
+            params, state, np.array([support]), reference[k : k + 1], trig,
             foot[k : k + 1], velocity[k : k + 1], force[k : k + 1], np.zeros(3), np.zeros(3),
         )  # fmt: skip
-        us.append(state.taught[0].copy())
+        us.append(state.learning_error[0].copy())
         torques.append(state.feedback[0].copy())
     return np.array(us), np.array(torques)
 
@@ -105,7 +105,7 @@ BELIEVED = Plausibility(False, 10.0, 0.0, 0.0, 1.0)
 def make_law(method="combined", mechanism=None, period=0.005):
     lead = discretise(5.0, 10.0, period)
     mechanism = mechanism or point_mass(0.5, 0.5)
-    return HybridLaw(mechanism, METHODS[method], 90.0, 4.0, 70.0, 0.05, 0.02, lead, 0.0, 0.0, BELIEVED)
+    return HybridParams(mechanism, METHODS[method], 90.0, 4.0, 70.0, 0.05, 0.02, lead, 0.0, 0.0, BELIEVED)
 
 
 def noise(columns, seed):
@@ -115,7 +115,7 @@ def noise(columns, seed):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("support", [False, True])
 def test_feedback_is_one_lead_each_over_position_and_velocity_errors(method, support):
-    law, reference = make_law(method), noise(7, 0)
+    params, reference = make_law(method), noise(7, 0)
     reference[:, 5] = 0.0
     foot, velocity, force = noise(2, 1), noise(2, 2), noise(1, 3)[:, 0]
     position_error, velocity_error = reference[:, :2] - foot, reference[:, 2:4] - velocity
@@ -127,11 +127,11 @@ def test_feedback_is_one_lead_each_over_position_and_velocity_errors(method, sup
             position_error[:, 1] = reference[:, 4] - force
         gains[:, 1] = {"stiffness": (90, 0), "damping": (0, 4), "combined": (90, 4), "explicit": (70, 0)}[method]
     expected = [
-        gains[0, axis] * compensate(law.lead, position_error[:, axis])
-        + gains[1, axis] * compensate(law.lead, velocity_error[:, axis])
+        gains[0, axis] * compensate(params.lead, position_error[:, axis])
+        + gains[1, axis] * compensate(params.lead, velocity_error[:, axis])
         for axis in (0, 1)
     ]
-    assert_allclose(feedback(law, support, reference, foot, velocity, force)[0].T, expected, rtol=1e-9, atol=1e-9)
+    assert_allclose(feedback(params, support, reference, foot, velocity, force)[0].T, expected, rtol=1e-9, atol=1e-9)
 
 
 def test_feedback_torque_of_a_leg_is_jacobian_transposed_times_force_and_desired_force():
@@ -139,10 +139,10 @@ def test_feedback_torque_of_a_leg_is_jacobian_transposed_times_force_and_desired
     at_foot, on_leg = make_law(), make_law(mechanism=legs_on_stand([leg], 0.5))
     motion = noise(7, 0), noise(2, 1), noise(2, 2), noise(1, 3)[:, 0]
     force, _ = feedback(at_foot, True, *motion)
-    taught, torque = feedback(on_leg, True, *motion, q=q)
+    learning_error, torque = feedback(on_leg, True, *motion, q=q)
     trig = trigonometry(*q)
     for k in range(len(force)):
-        assert_allclose(taught[k], joint_torque(leg, trig, *force[k]), rtol=1e-9)
+        assert_allclose(learning_error[k], joint_torque(leg, trig, *force[k]), rtol=1e-9)
         pressed = force[k] + (0.0, motion[0][k, 5])
         assert_allclose(torque[k], joint_torque(leg, trig, *pressed), rtol=1e-9, atol=1e-12)
 
@@ -188,10 +188,10 @@ def test_force_settles_at_the_steady_state_of_its_own_equation(make_config, meth
     rollout = roll_out(make_scenario(config))
     row = rollout.plan.reference[0, 0, 0]
     fed = {"damping": row[3], "explicit": row[4]}.get(method, row[1] - config.machine.hip_height)
-    control, law = config.controller, config.force_control
+    control, params = config.controller, config.force_control
     expected = steady_force(
         method, fed, control.position_gain, control.velocity_gain,
-        law.force_gain, law.elasticity, law.admittance, config.terrain.stiffness,
+        params.force_gain, params.elasticity, params.admittance, config.terrain.stiffness,
     )  # fmt: skip
     force = rollout.columns()["force"][:, 0]
     assert rollout.status == "completed"

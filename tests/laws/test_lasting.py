@@ -18,8 +18,8 @@ def test_lasting_is_the_paper_s_law_but_for_its_lead(make_config):
     lasting, paper = make_config("learning=lasting"), make_config("learning=paper")
     assert lasting.learning.lead == "auto"
     assert (lasting.learning.rule, lasting.learning.rate) == ("paper", paper.learning.rate)
-    assert make_scenario(lasting).feedforward.law.learning.lead == 1
-    assert make_scenario(make_config("learning=lasting", "actuator.delay=2")).feedforward.law.learning.lead == 3
+    assert make_scenario(lasting).feedforward.params.learning.lead == 1
+    assert make_scenario(make_config("learning=lasting", "actuator.delay=2")).feedforward.params.learning.lead == 3
 
 
 def test_one_leg_stays_as_good_as_it_was(make_config, tmp_path):

@@ -13,7 +13,7 @@ from cmacexp.models import leg as model
 from cmacexp.models.gravity import GRAVITY
 from cmacexp.models.leg import Leg
 from cmacexp.models.mechanism import legs_on_stand
-from cmacexp.plants.kernels import PlantLaw, advance, new_state, observe
+from cmacexp.plants.kernels import PlantParams, advance, new_state, observe
 
 DEFAULT = Leg(0.35, 0.35, 0.5, 0.5, -1.0)
 
@@ -166,14 +166,16 @@ def total_energy(leg, state, stiffness, ground):
 def energy_error(hip_height, stiffness, steps, duration=0.2):
     """Relative energy error of a leg let go, and the least and largest contact force on the way."""
     leg = DEFAULT._replace(length_2=0.4, mass_1=0.7)
-    law = PlantLaw(legs_on_stand([leg], hip_height), still_ground(stiffness), NO_PAYLOAD, 0.0, duration / steps, 1)
+    params = PlantParams(
+        legs_on_stand([leg], hip_height), still_ground(stiffness), NO_PAYLOAD, 0.0, duration / steps, 1
+    )
     state = new_state(1)
     state.q[0], state.dq[0] = (1.9, -1.2), (0.5, -1.0)
     state.stiffness[0] = stiffness
-    observe(law, state, law.step)
+    observe(params, state, params.step)
     before, seen = total_energy(leg, state, stiffness, hip_height), [state.force[0]]
     for _ in range(steps):
-        advance(law, state, np.zeros((1, 2)))
+        advance(params, state, np.zeros((1, 2)))
         seen.append(state.force[0])
     return abs(total_energy(leg, state, stiffness, hip_height) - before) / abs(before), min(seen), max(seen)
 

@@ -99,11 +99,11 @@ def test_what_is_half_as_active_leaks_half_as_much():
 
 
 @given(activations, st.lists(errors, min_size=1, max_size=30), st.floats(0.001, 10.0))
-def test_e_modification_bounds_every_weight(activation, taught, strength):
-    largest = max(1.0 / strength, 0.2 * max(map(abs, taught)))  # or what one error teaches, if that is more
+def test_e_modification_bounds_every_weight(activation, learning_error, strength):
+    largest = max(1.0 / strength, 0.2 * max(map(abs, learning_error)))  # or what one error teaches, if that is more
     bound = activation.max() / (activation @ activation) * largest
     weights = np.zeros((9, 2))
-    for error in taught:
+    for error in learning_error:
         weights, _ = trained("e_modification", strength, activation, error, weights=weights)
         assert np.abs(weights).max() <= bound * (1 + 1e-9)
 
@@ -180,7 +180,7 @@ class Tents(BuiltInFeedforward):
         activation = np.stack([10 - part, part], axis=1) / 10.0
         shape = (samples, legs, 2)
         spread = [np.broadcast_to(a[:, None, :], shape) for a in (cells, activation)]
-        self.law = network(setup, spread[0], samples // 10, spread[1])
+        self.params = network(setup, spread[0], samples // 10, spread[1])
 
 
 @pytest.mark.parametrize("feedforward", ["cmac", "tents"])

@@ -1,4 +1,4 @@
-"""T, from feedforward torque to what is taught: the lead that holds is the samples from torque to feedback."""
+"""T, from feedforward torque to the learning error: the lead that holds is the samples from torque to feedback."""
 
 import numpy as np
 import pytest

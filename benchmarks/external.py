@@ -1,4 +1,4 @@
-"""What a foreign part costs a step on top of what it takes itself: parts that only give what a fused run gave."""
+"""What a external part costs a step on top of what it takes itself: parts that only give what a fused run gave."""
 
 import time
 from collections.abc import Callable
@@ -39,7 +39,7 @@ class Plays:
         """As a controller."""
         return self.give()
 
-    def predict(self, reference: Reference, taught: Array) -> Array:
+    def predict(self, reference: Reference, learning_error: Array) -> Array:
         """As a feedforward."""
         return self.give()
 
@@ -72,7 +72,7 @@ def answers(config: Config) -> dict[str, list[Any]]:
 
 
 def in_loop(config: Config, given: dict[str, list[Any]]) -> Callable[[], float]:
-    """A worker: seconds a step of a run with these foreign parts."""
+    """A worker: seconds a step of a run with these external parts."""
 
     def run() -> float:
         scenario = replace(make_scenario(config), **{key: Plays(listed) for key, listed in given.items()})
@@ -102,7 +102,7 @@ def alone(given: dict[str, list[Any]]) -> Callable[[], float]:
 
 
 def tables(quick: bool) -> list[Table]:
-    """Each part foreign by itself, and all of them, in both scenarios."""
+    """Each part external by itself, and all of them, in both scenarios."""
     rows: list[Row] = []
     for scenario in ("one_leg", "quadruped"):
         config = make_config(f"scenario={scenario}", "learning.start_cycle=1")
@@ -114,4 +114,4 @@ def tables(quick: bool) -> list[Table]:
         times = in_turn(workers, 7 if quick else 31)
         for key in sets:
             rows.append(compared(times, f"{scenario}, {key}", key, f"{key} alone", "the part's own calls", TARGET))
-    return [Table("A foreign part, a step", rows)]
+    return [Table("A external part, a step", rows)]
