@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from tests.command import python
+from support.command import python
 
 from cmacexp.recording.run_view import LegView, RunView
 from pipelines.analysis import walk_claims
