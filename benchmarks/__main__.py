@@ -17,7 +17,7 @@ BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 
 
 def machine() -> str:
-    """What all this ran on, in one line."""
+    """The machine and the versions, in one line."""
     cpu = platform.processor() or platform.machine()
     described = Path("/proc/cpuinfo")
     if described.exists():
@@ -34,8 +34,8 @@ def machine() -> str:
     return ", ".join(parts) + load
 
 
-def kept(page: str, results: str) -> str:
-    """``page`` with what stands between the markers replaced.
+def replace_results(page: str, results: str) -> str:
+    """``page`` with the text between the markers replaced.
 
     Raises:
         ValueError: it does not have both markers once, in this order.
@@ -48,7 +48,7 @@ def kept(page: str, results: str) -> str:
 
 
 def main() -> None:
-    """Run what the command line asks for."""
+    """Run the benchmarks named on the command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(ALL)}; all without one")
     parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter runs: to see that all works")
@@ -64,8 +64,8 @@ def main() -> None:
         for table in found:
             parts.append(markdown(table))
             print(f"\n{parts[-1]}", flush=True)
-        if chosen.write:  # after each, so that an interrupted session keeps what it has
-            chosen.write.write_text(kept(chosen.write.read_text(), "\n\n".join(parts)))
+        if chosen.write:  # after each, so that an interrupted session keeps its results
+            chosen.write.write_text(replace_results(chosen.write.read_text(), "\n\n".join(parts)))
 
 
 if __name__ == "__main__":

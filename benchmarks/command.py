@@ -1,4 +1,4 @@
-"""The whole command, compiled before, against the imports that no run can do without."""
+"""The whole command, compiled before, against the imports that every run needs."""
 
 import os
 import tempfile

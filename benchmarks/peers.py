@@ -1,4 +1,4 @@
-"""The same CMAC work by others: vectorised NumPy, and the tile coders from PyPI that install beside this project.
+"""The same CMAC work by other programs: vectorised NumPy, and tile coders from PyPI that install with this project.
 
 Every peer has 32 layers over the same ranges, a memory of as many rows, two outputs, and does predict and update.
 """
@@ -13,7 +13,7 @@ from cmacexp.typing import Array, Cells
 
 
 class Peer(Protocol):
-    """Who can predict and update a single input (n,), by an error (outputs,)."""
+    """A program that predicts and updates a single input (n,), by an error (outputs,)."""
 
     def step(self, x: Array, error: Array) -> Array:
         """Predict at ``x``, then train there."""

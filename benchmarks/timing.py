@@ -1,7 +1,7 @@
 """Interleaved timing and tables of ratios, for all benchmarks.
 
-Machines are noisy and change their clock while they run. So whatever is compared takes turns in the same rounds. What
-disturbs a measurement only makes it longer: a time is the best of its rounds, a ratio is that of two best times.
+Machines are noisy and change their clock while they run. So programs that are compared take turns in the same rounds.
+A disturbance only makes a measurement longer: a time is the best of its rounds, a ratio is that of two best times.
 """
 
 import subprocess
@@ -56,7 +56,7 @@ def ratio(times: Times, name: str, base: str) -> float:
     return min(times[name]) / min(times[base])
 
 
-def told(seconds: float) -> str:
+def format_time(seconds: float) -> str:
     """Seconds with a fitting unit and three digits."""
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
         if seconds >= size:
@@ -66,8 +66,8 @@ def told(seconds: float) -> str:
 
 def compared(times: Times, what: str, name: str, base: str, against: str, target: str = "") -> Row:
     """The row that sets ``name`` against ``base``."""
-    other = f"{against}: {told(min(times[base]))}"
-    return Row(what, told(min(times[name])), other, ratio(times, name, base), target)
+    other = f"{against}: {format_time(min(times[base]))}"
+    return Row(what, format_time(min(times[name])), other, ratio(times, name, base), target)
 
 
 def stopwatch(work: Callable[[], object]) -> Callable[[], float]:

@@ -1,4 +1,4 @@
-"""Writing a trace: Parquet as this project writes it, against the writers that lie nearest."""
+"""Writing a trace: Parquet as this project writes it, against the closest alternatives."""
 
 import tempfile
 from pathlib import Path

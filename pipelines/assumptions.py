@@ -1,7 +1,7 @@
 """How much each value that Lin & Song 1997 do not give changes the conclusions.
 
 ``python -m pipelines.assumptions`` changes one assumed value at a time, of one leg, of the quadruped and of the point
-mass, and draws every conclusion again.
+mass, and evaluates every conclusion again.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,7 +36,7 @@ MACHINES = {
 QUICK = {LEG: ("cycles=5",), WALK: ("cycles=5",), MASS: ()}
 CONTROL = ("stiffness", "damping", "combined")
 CHANGED = " ≠"
-"""Stands behind a number whose conclusion comes out otherwise."""
+"""Marks a number whose conclusion changes."""
 
 
 def _name(machine: str, assumption: Assumption | None = None, value: str = "") -> str:
@@ -100,7 +100,7 @@ def table(taken: Outcome, outcomes: Sequence[Outcome], conclusions: Sequence[Con
         name = f"{outcome.assumption} {outcome.taken} → {outcome.value}" if outcome.value else outcome.assumption
         rows.append([name, *numbers, *([outcome.later] if taken.later else [])])
     columns = ["value taken → tried", *(c.what for c in conclusions), *(["small from"] if taken.later else [])]
-    return Table(columns, rows, f"{CHANGED.strip()}: the conclusion comes out otherwise than with the values taken")
+    return Table(columns, rows, f"{CHANGED.strip()}: the conclusion differs from that with the values taken")
 
 
 def legend(taken: Outcome, conclusions: Sequence[Conclusion]) -> str:
@@ -120,9 +120,9 @@ def _consequence(outcome: Outcome, taken: Outcome, conclusions: Sequence[Conclus
     if outcome.falls:
         return f"{instead}, it falls"
     changes = changed_by(outcome, taken.numbers, conclusions)
-    told = [f"{conclusions[k].what} {shown(outcome.numbers[k])}, not {shown(taken.numbers[k])}" for k in changes]
+    changed = [f"{conclusions[k].what} {shown(outcome.numbers[k])}, not {shown(taken.numbers[k])}" for k in changes]
     later = f" (both at most a quarter from cycle {outcome.later} on)" if outcome.later not in ("", "-") else ""
-    return f"{instead}, {listed(told)}{later}"
+    return f"{instead}, {listed(changed)}{later}"
 
 
 def _count(number: int, what: str) -> str:
@@ -147,8 +147,7 @@ def verdict(taken: Outcome, outcomes: Sequence[Outcome], conclusions: Sequence[C
     return [
         f"Of {_count(len(changing) + len(harmless), 'assumption')}, tried with {_count(len(outcomes), 'other value')}"
         f", {len(changing)} can change a conclusion. No value tried of these changes any: {listed(harmless)}.",
-        f"Conclusions that come out the same with every value{but}: {listed(safe)}. "
-        f"Over all values: {'; '.join(ranges)}.",
+        f"Conclusions that are the same with every value{but}: {listed(safe)}. Over all values: {'; '.join(ranges)}.",
         *(
             f"{name[0].upper()}{name[1:]}: with "
             + "; with ".join(_consequence(outcome, taken, conclusions) for outcome in values)
@@ -160,15 +159,13 @@ def verdict(taken: Outcome, outcomes: Sequence[Outcome], conclusions: Sequence[C
 
 def _caption(taken: Outcome, outcomes: Sequence[Outcome], conclusions: Sequence[Conclusion]) -> str:
     changing, harmless = matters(outcomes, taken.numbers, conclusions)
-    told = (
-        f"{len(harmless)} of {_count(len(changing) + len(harmless), 'assumption')} leave every conclusion as it is."
-    )
+    summary = f"{len(harmless)} of {_count(len(changing) + len(harmless), 'assumption')} change no conclusion."
     if not changing:
-        return told
+        return summary
     most = max(outcomes, key=lambda o: len(changed_by(o, taken.numbers, conclusions)))
     count = len(changed_by(most, taken.numbers, conclusions))
     return (
-        f"{told} The most is changed by {most.assumption} {most.value} instead of {most.taken}: "
+        f"{summary} The largest change is due to {most.assumption} {most.value} instead of {most.taken}: "
         f"{count} of {_count(len(conclusions), 'conclusion')}."
     )
 
@@ -193,7 +190,7 @@ def by_method(runs: Mapping[str, StoredRun]) -> dict[str, dict[str, StoredRun]]:
     return variants
 
 
-def tell(runs: Runs) -> list[Section]:
+def summarise(runs: Runs) -> list[Section]:
     """One leg, quadruped, and the force control methods."""
     masses = by_method(runs)
     config = masses[MASS]["combined"].config
@@ -204,10 +201,8 @@ def tell(runs: Runs) -> list[Section]:
     ]
 
 
-PURPOSE = (
-    "Each value that the paper does not give is changed alone; which of the paper's conclusions come out otherwise?"
-)
-STUDY = Study("assumptions", "What the assumed values change", PURPOSE, jobs, tell)
+PURPOSE = "Each value that the paper does not give is changed alone; which of the paper's conclusions change?"
+STUDY = Study("assumptions", "What the assumed values change", PURPOSE, jobs, summarise)
 
 if __name__ == "__main__":
     main(STUDY)

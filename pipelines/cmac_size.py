@@ -29,7 +29,7 @@ LAYER_COUNTS, GRID_LAYERS = (2, 4, 16, 64), (8, 128)
 RESOLUTIONS, FACTORS = (5, 9, 17, 65, 129), (1, 2, 3, 10)
 MEMORIES = tuple(2**n for n in (9, 10, 11, 12, 13, 14, 16, 18))
 SEEDED, SEEDS = 2**14, (1, 2)
-"""Memories up to this are hashed with other seeds too: there it is luck which cells collide."""
+"""Memories up to this are hashed with other seeds too: there the seed decides which cells collide."""
 LEAST_ROW = 16
 """Bytes of memory per layer below which a CMAC of two outputs cannot be."""
 OTHER = ("cmac.displacement=odd_lattice", "cmac.displacement=parks_militzer")
@@ -64,7 +64,7 @@ def jobs(quick: bool) -> Jobs:
     }
 
 
-def tell(runs: Runs) -> list[Section]:
+def summarise(runs: Runs) -> list[Section]:
     """One leg with figures and claims; the quadruped."""
     legs, walks = ([measure(n, run, runs[m]) for n, run in runs.items() if n.startswith(m)] for m in (LEG, WALK))
     accuracy, collisions = captions(legs)
@@ -90,7 +90,7 @@ PURPOSE = (
     "The paper's CMAC with one thing changed at a time: the width of a cell matters most, layers hardly, and a small "
     "part of its memory is enough."
 )
-STUDY = Study("cmac_size", "How large a CMAC must be", PURPOSE, jobs, tell)
+STUDY = Study("cmac_size", "How large a CMAC must be", PURPOSE, jobs, summarise)
 
 if __name__ == "__main__":
     main(STUDY)

@@ -1,4 +1,4 @@
-"""What becomes of the paper's walk when the body has mass: the quadruped in MuJoCo, with friction under its feet.
+"""The paper's walk with a body that has mass: the quadruped in MuJoCo, with friction under its feet.
 
 ``python -m pipelines.dynamic_body`` (some minutes on two cores; needs the extra ``mujoco``). Lin & Song 1997 balance
 the body in every instant. What this claims of a body that floats: the paper's constants fall; sampled faster, with
@@ -104,7 +104,7 @@ def jobs(quick: bool) -> Jobs:
     return runs
 
 
-def tell(runs: Runs) -> list[Section]:
+def summarise(runs: Runs) -> list[Section]:
     """That it falls, that it walks, what makes its forces better, and whether that lasts."""
     return [falls_section(runs), walks_section(runs), ladder_section(runs, list(CHANGES)), starts_section(runs)]
 
@@ -113,7 +113,7 @@ PURPOSE = (
     "The quadruped in MuJoCo with a body of 1 kg that floats: the paper's constants fall; which changes let it walk, "
     "and which let learning improve its forces as well as its positions."
 )
-STUDY = Study("dynamic_body", "A body that really moves", PURPOSE, jobs, tell)
+STUDY = Study("dynamic_body", "A body with mass", PURPOSE, jobs, summarise)
 
 if __name__ == "__main__":
     main(STUDY)

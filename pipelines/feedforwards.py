@@ -1,4 +1,4 @@
-"""What else could stand in the place of the CMAC: models, radial basis functions, a perceptron, iterative learning.
+"""Alternatives to the CMAC: models, radial basis functions, a perceptron, iterative learning.
 
 ``python -m pipelines.feedforwards`` lets each of them learn the same steps of one leg and the same walk, then gives
 what it has learnt another ground and another stroke. What it claims: what learns from the feedback gets far below a
@@ -40,16 +40,16 @@ AFTER, QUICK_AFTER = 20, 3
 
 
 def _jobs_of(group: str, kind: str, quick: bool, *more: str, seeds: int = SEEDS) -> dict[str, list[str]]:
-    chance = KINDS[kind].chance
-    numbers = range(1 if quick else seeds) if chance else [0]
+    seeded = KINDS[kind].seeded
+    numbers = range(1 if quick else seeds) if seeded else [0]
     return {
-        name_of(group, kind, seed): [*COMMON, *KINDS[kind].overrides, *more, *([f"seed={seed}"] if chance else [])]
+        name_of(group, kind, seed): [*COMMON, *KINDS[kind].overrides, *more, *([f"seed={seed}"] if seeded else [])]
         for seed in numbers
     }
 
 
 def jobs(quick: bool) -> Jobs:
-    """Every kind on one leg, on four and on a smooth path; learners at other rates, and anew after a change."""
+    """Every kind on one leg, on four and on a smooth path; learners at other rates, and fresh after a change."""
     runs: dict[str, list[str]] = {}
     for group, (overrides, cycles, quick_cycles) in STEPS.items():
         for kind in KINDS:
@@ -83,7 +83,7 @@ def carried_over(quick: bool, runs: Runs) -> Jobs:
     }  # fmt: skip
 
 
-def tell(runs: Runs) -> list[Section]:
+def summarise(runs: Runs) -> list[Section]:
     """Accuracy and speed on one leg and on four, then what each costs, and what a change does to it."""
     leg, walk, smooth = (courses(runs, group) for group in STEPS)
     cost = runs.keep("cost.parquet", cost_table(quick=len(next(iter(leg.values())).x[0]) < AFTER))
@@ -127,11 +127,11 @@ def tell(runs: Runs) -> list[Section]:
 
 STUDY = Study(
     "feedforwards",
-    "What could stand in the place of the CMAC",
+    "Alternatives to the CMAC",
     "Exact and wrong models, CMAC, radial basis functions, a perceptron and iterative learning control as the "
-    "feedforward of one leg and of four: accuracy, speed of learning, memory, time, and what is left after a change.",
+    "feedforward of one leg and of four: accuracy, speed of learning, memory, time, and what remains after a change.",
     jobs,
-    tell,
+    summarise,
     carried_over,
 )
 

@@ -1,9 +1,9 @@
 """Four ways to control the force of a point mass (Lin & Song 1997, sections 2 and 3, eq. 8-15).
 
 ``python -m pipelines.force_methods`` brings a mass down on soft and on hard ground under each method, lets it go
-where there is no ground, and gives it ground that is not as stiff as it believes. What it claims: each method presses
-with the desired force on the ground that it was made for; combined control does it best; stiffness and combined
-control press wrongly where the ground is another than assumed.
+where there is no ground, and gives it ground that is not as stiff as assumed. What it claims: each method presses
+with the desired force on the ground that it was designed for; combined control does it best; stiffness and combined
+control press wrongly where the ground differs from the assumed one.
 """
 
 from collections.abc import Sequence
@@ -27,9 +27,9 @@ FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)
 """True over assumed ground stiffness."""
 ELASTICITIES = (0.0, 0.01, 0.03, 0.1, 0.3)
 STIFFER = 1.1
-"""Two grounds that tell how stiff the controlled mass is: as assumed, and so much stiffer."""
+"""Two grounds from which the stiffness of the controlled mass follows: as assumed, and stiffer by this factor."""
 HEAVIER = "machine.mass=1.0"
-"""With which explicit force control comes to rest."""
+"""Mass with which explicit force control comes to rest, kg."""
 EXACT, STEADY = 0.01, 0.02
 """Largest relative error of a settled force, and largest ripple of a force at rest."""
 
@@ -39,21 +39,21 @@ def _job(method: str, *more: str) -> list[str]:
 
 
 def jobs(quick: bool) -> Jobs:
-    """Soft, hard and no ground for every method; wrong beliefs of the ground; other elasticities."""
+    """Soft, hard and no ground for every method; wrongly assumed ground; other elasticities."""
     runs = {f"soft {m}": _job(m) for m in METHODS}
     runs["soft explicit, 1 kg"] = _job("explicit", HEAVIER)
     runs |= {f"hard {m}": _job(m, f"terrain.stiffness={HARD}") for m in METHODS}
-    believed = f"terrain.assumed_stiffness={ASSUMED}"
-    runs |= {f"free {m}": _job(m, f"terrain.stiffness={NO_GROUND}", believed) for m in METHODS}
+    assumed = f"terrain.assumed_stiffness={ASSUMED}"
+    runs |= {f"free {m}": _job(m, f"terrain.stiffness={NO_GROUND}", assumed) for m in METHODS}
     for factor in (0.5, 1.0, 2.0) if quick else FACTORS:
         for method in METHODS:
             mass = [HEAVIER] if method == "explicit" else []
             runs[f"ground x {factor} {method}"] = _job(
-                method, f"terrain.stiffness={ASSUMED * factor}", believed, *mass
+                method, f"terrain.stiffness={ASSUMED * factor}", assumed, *mass
             )
     for elasticity in ELASTICITIES[::3] if quick else ELASTICITIES:
         for factor in (1.0, STIFFER):
-            more = (f"terrain.stiffness={ASSUMED * factor}", believed, f"force_control.elasticity={elasticity}")
+            more = (f"terrain.stiffness={ASSUMED * factor}", assumed, f"force_control.elasticity={elasticity}")
             runs[f"elasticity {elasticity} x {factor}"] = _job("stiffness", *more)
     return runs
 
@@ -134,25 +134,27 @@ def _table(rows: pd.DataFrame, caption: str) -> Table:
 
 def _free_text(runs: Runs) -> str:
     """What each method does where there is no ground."""
-    told = []
+    summaries = []
     for method in ("stiffness", "combined"):
         trace = runs[f"free {method}"].trace
         info = step_info(trace["time"], trace["y"], float(trace["y_reference"].iloc[-1]))
-        told.append(
+        summaries.append(
             f"{method} control stops {1e3 * (trace['y'].iloc[-1] - trace['y'].iloc[0]):.0f} mm below the start, at "
             f"its reference (rise {info.rise_time:.2f} s, overshoot {info.overshoot:.0%}, 2 % settling "
             f"{info.settling_time:.2f} s)"
         )
-    told.append(
+    summaries.append(
         f"damping control goes on down at {runs['free damping'].trace['vy'].iloc[-1]:.2f} m/s, its reference velocity"
     )
     explicit = runs["free explicit"]
-    told.append(
+    summaries.append(
         "explicit control, which feels no force, accelerates without end "
         f"({explicit.status} after {explicit.trace['time'].iloc[-1]:.2f} s)"
     )
     return (
-        "Where there is no ground, " + "; ".join(told) + ". Only a position term makes approach and contact one law."
+        "Where there is no ground, "
+        + "; ".join(summaries)
+        + ". Only with a position term does one law serve approach and contact."
     )
 
 
@@ -197,8 +199,8 @@ def _elasticities(runs: Runs) -> tuple[dict[float, float], list[str], Drawing]:
     return found, names, drawing
 
 
-def tell(runs: Runs) -> list[Section]:
-    """The comparison of the methods, and what a wrong belief of the ground does to them."""
+def summarise(runs: Runs) -> list[Section]:
+    """The comparison of the methods, and the effect of a wrongly assumed ground."""
     desired = _desired(runs["soft combined"])
     soft, hard = (
         measures(runs, [n for n in runs if n.startswith(kind)]).rename(index=lambda n: n.split(" ", 1)[1])
@@ -228,7 +230,7 @@ def tell(runs: Runs) -> list[Section]:
         Drawing(
             "free_space",
             figures.free_space(runs, METHODS),
-            "Depth below the start where there is no ground, though the controller believes in some.",
+            "Depth below the start where there is no ground, though the controller assumes some.",
         ),
         Text(_free_text(runs)),
         spring,
@@ -245,7 +247,7 @@ STUDY = Study(
     "Stiffness, damping, combined and explicit force control of a point mass on soft, hard and no ground, and on "
     "ground that is not as stiff as assumed (Lin & Song 1997, section 3).",
     jobs,
-    tell,
+    summarise,
 )
 
 if __name__ == "__main__":

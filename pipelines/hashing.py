@@ -51,7 +51,7 @@ def jobs(quick: bool) -> Jobs:
     return runs
 
 
-def tell(runs: Runs) -> list[Section]:
+def summarise(runs: Runs) -> list[Section]:
     """One leg with the cost of the hash, and the quadruped; each ends in advice."""
     cost = runs.keep("addressing.parquet", addressing_cost())
     sections = []
@@ -75,7 +75,7 @@ STUDY = Study(
     "Collisions of hashed memory against accuracy and convergence, over seeds of the hash, in short runs of the "
     "paper's rule and in long ones of a rule that lasts.",
     jobs,
-    tell,
+    summarise,
 )
 
 if __name__ == "__main__":

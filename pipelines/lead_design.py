@@ -29,7 +29,7 @@ MOST_RESONANCE = 1.10
 WITHIN = 0.10
 """Relative distance at which two bandwidths count as the same."""
 TABLE = "lead_design.parquet"
-"""Every loop that was computed; stands beside the report."""
+"""Every loop that was computed; stored beside the report."""
 COLUMNS = ("scenario", "default", "omega", "alpha", "resonance", "bandwidth", "open_bandwidth", "stable")
 
 
@@ -91,7 +91,7 @@ def both_claim(loops: "pd.DataFrame") -> Claim:
     )
 
 
-def tell(runs: Runs) -> list[Section]:
+def summarise(runs: Runs) -> list[Section]:
     """The defaults, the scan, and what they say of the paper's objectives."""
     loops = objectives(runs.keep(TABLE, design_table()))
     defaults, grid = loops[loops["default"]], loops[~loops["default"]]
@@ -140,9 +140,9 @@ STUDY = Study(
     "lead_design",
     "Which LEAD compensator meets the paper's objectives",
     "Section 2 of Lin & Song 1997 asks for a resonance below 110 % and an unchanged bandwidth, but gives no corner "
-    "frequencies. This study tells which ones meet either, and that none meet both.",
+    "frequencies. This study finds those that meet either; none meets both.",
     jobs,
-    tell,
+    summarise,
 )
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 ``python -m pipelines.long_learning`` runs 10,000 cycles of one leg and 500 of the quadruped, with actuators that are
 none, one or two samples late, and other seeds of the hash. What it claims: the law as published drifts from some
-cycle on and ends by itself, which its linearised loop predicts; it lasts if the feedback trains the cells of the
+cycle on and diverges, which its linearised loop predicts; it lasts if the feedback trains the cells of the
 torque that caused it. It takes about ten minutes on two cores.
 """
 
@@ -76,8 +76,8 @@ def _machine(found: Sequence[Long], name: str) -> list[Drawing | Text]:
     ]
 
 
-def tell(runs: Runs) -> list[Section]:
-    """A section for each machine, late actuators, prediction, and chance; each ends in advice."""
+def summarise(runs: Runs) -> list[Section]:
+    """A section for each machine, late actuators, prediction, and seeds; each ends in advice."""
     leg, walk, late = (list(_of(runs, kind).values()) for kind in (LEG, WALK, LATE))
     far, seeds, rates = _of(runs, FAR), _of(runs, SEEDED), _of(runs, RATE)
     aware = read(runs[f"aware {LEG}"])
@@ -89,7 +89,7 @@ def tell(runs: Runs) -> list[Section]:
             beyond=True,
         ),
         Section(
-            "Drift is named before a run falls apart",
+            "Drift is detected before a run diverges or falls",
             [Drawing("drift", figures.drift(leg), words.of_drift(leg)), words.advice_drift([*leg, *walk])],
             beyond=True,
         ),
@@ -114,17 +114,17 @@ def tell(runs: Runs) -> list[Section]:
             [Drawing("settings", figures.settings(far), words.of_settings(far)), *words.advice_settings(far)],
             beyond=True,
         ),
-        Section("Chance: seeds of the hash", [words.seeds_table(seeds), words.advice_seeds(seeds)], beyond=True),
+        Section("Seeds of the hash", [words.seeds_table(seeds), words.advice_seeds(seeds)], beyond=True),
     ]
 
 
 STUDY = Study(
     "long_learning",
     "Learning beyond five cycles",
-    "The law as published drifts and ends by itself, which its linearised loop predicts; with the right lead it "
+    "The law as published drifts and diverges, which its linearised loop predicts; with the right lead it "
     "lasts ten thousand cycles, on one leg and under a body.",
     jobs,
-    tell,
+    summarise,
 )
 
 if __name__ == "__main__":

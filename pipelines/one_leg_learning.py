@@ -171,7 +171,7 @@ def why_not_below_1(run: StoredRun) -> str:
     )
 
 
-def tell(runs: Runs) -> list[Section]:
+def summarise(runs: Runs) -> list[Section]:
     """The paper's figures and claims, then what it did not see."""
     return [
         paper_section(runs),
@@ -188,7 +188,7 @@ STUDY = Study(
     "vanish and CMAC gives the major part of the torque, as the paper says; the 5 % of force error is a bias of its "
     "eq. 13, and its learning law diverges.",
     jobs,
-    tell,
+    summarise,
 )
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """The paper, claim by claim: runs the studies of Lin & Song 1997 and writes their report.
 
 ``python -m pipelines.paper`` leaves ``outputs/studies/paper/report.html``: a table of what the paper says beside what
-was measured, its figures drawn anew, and what it did not see.
+was measured, its figures drawn again, and what it did not see.
 """
 
 from pipelines import assumptions, cmac_size, force_methods, lead_design, one_leg_learning, quadruped_walking

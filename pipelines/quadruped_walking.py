@@ -11,8 +11,7 @@ import numpy as np
 
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.report.page import Drawing, Section, Table, Text
-from pipelines.analysis import figures_walk, machine_views, walk_claims
-from pipelines.analysis import gait_events as walk_moments
+from pipelines.analysis import figures_walk, gait_events, machine_views, walk_claims
 from pipelines.analysis.gait_events import Walk
 from pipelines.analysis.walk_claims import MM, PERCENT, End
 from pipelines.shared.runs import Runs
@@ -128,8 +127,8 @@ def _view_caption(walk: Walk, number: int, k: int, cycle: int) -> str:
 
 def _drawings(walk: Walk, errors: "pd.Series") -> list[Drawing]:
     last = int(walk.view.cycle[-1])
-    instants = walk_moments.instants(walk, last)
-    gait = walk_moments.gait(walk)
+    instants = gait_events.instants(walk, last)
+    gait = gait_events.gait(walk)
     body = walk.view.config["machine"]
     drawings = [
         Drawing(
@@ -167,9 +166,9 @@ def _claims(runs: Runs, walk: Walk) -> list[walk_claims.Claim]:
     view = walk.view
     config, links = view.config, runs.links
     lift, down, front = (
-        f(walk) for f in (walk_moments.lift_off_of_3, walk_moments.touch_down_of_3, walk_moments.touch_down_of_2)
+        f(walk) for f in (gait_events.lift_off_of_3, gait_events.touch_down_of_3, gait_events.touch_down_of_2)
     )
-    printed = walk_moments.touch_down_of_3(walk_moments.walk_of(runs[PRINTED]))
+    printed = gait_events.touch_down_of_3(gait_events.walk_of(runs[PRINTED]))
     ends = {name: end_of(run) for name, run in runs.items()}
     tables = {name: figures_walk.pooled(runs[name].metrics) for name in (ALL, PRINTED, NO_CMAC)}
     hip_height = config["machine"]["hip_height"]
@@ -183,7 +182,7 @@ def _claims(runs: Runs, walk: Walk) -> list[walk_claims.Claim]:
         return {name: ends[name] for name in names}
 
     return [
-        walk_claims.gait_is_a_wave(walk_moments.gait(walk), int((walk.force > 0.0).sum(axis=1).min()), links(ALL)),
+        walk_claims.gait_is_a_wave(gait_events.gait(walk), int((walk.force > 0.0).sum(axis=1).min()), links(ALL)),
         *(
             walk_claims.walks_steadily(ends[name], runs[name].body_metrics, hip_height, how, links(name))
             for name, how in ((ALL, "aware reference"), (PRINTED, "eq. 24 as printed"))
@@ -207,7 +206,7 @@ def _claims(runs: Runs, walk: Walk) -> list[walk_claims.Claim]:
 
 
 def _quadruped(runs: Runs) -> Section:
-    walk = walk_moments.walk_of(runs[ALL])
+    walk = gait_events.walk_of(runs[ALL])
     tables = {name: figures_walk.pooled(runs[name].metrics) for name in (ALL, PRINTED, NO_CMAC)}
     last = tables[ALL].index[-1]
     share = {name: PERCENT * (1.0 - table["feedforward_share"].iloc[-1]) for name, table in tables.items()}
@@ -295,7 +294,7 @@ def _divergence(runs: Runs) -> list[Text | Drawing]:
     ]
 
 
-def tell(runs: Runs) -> list[Section]:
+def summarise(runs: Runs) -> list[Section]:
     """The quadruped as the paper shows it, and what the paper did not see."""
     return [
         _quadruped(runs),
@@ -309,7 +308,7 @@ STUDY = Study(
     "Section 6 of Lin & Song 1997: four legs walk with force/position feedback, posture control and a CMAC for each "
     "leg. Posture control is what keeps the machine up; CMAC makes it level and leaves little to the feedback.",
     jobs,
-    tell,
+    summarise,
 )
 
 if __name__ == "__main__":

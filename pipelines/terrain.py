@@ -1,9 +1,9 @@
-"""Ground and load that change during a run, patches and slopes, none of which the planner knows of.
+"""Ground and load that change during a run, patches and slopes, all unknown to the planner.
 
 ``python -m pipelines.terrain`` makes the ground three times as stiff or puts 10 N on the body in the middle of a run,
 and lets machines walk over patches and slopes, each with and without CMAC. What it claims: with a learning rule that
-lasts, learning on brings the errors back within some cycles, below those of feedback alone; what the plan believes
-wrongly of ground and weight it does not mend. About a minute on two cores.
+lasts, continued learning brings the errors back within some cycles, below those of feedback alone; it does not
+correct what the plan assumes wrongly about ground and weight. About a minute on two cores.
 """
 
 from cmacexp.report.page import Section
@@ -17,7 +17,7 @@ def jobs(quick: bool) -> Jobs:
     return {**terrain_recovery.jobs(quick), **terrain_shape.jobs(quick)}
 
 
-def tell(runs: Runs) -> list[Section]:
+def summarise(runs: Runs) -> list[Section]:
     """A section for each, which ends in advice."""
     return [terrain_recovery.section(runs), *terrain_shape.sections(runs)]
 
@@ -28,7 +28,7 @@ STUDY = Study(
     "How many cycles learning takes to recover from a step of the ground's stiffness and from a payload, with and "
     "without CMAC; how uneven and how steep the ground may be.",
     jobs,
-    tell,
+    summarise,
 )
 
 if __name__ == "__main__":

@@ -1,1 +1,1 @@
-"""How studies tell of their runs: measures, verdicts and figures, one topic a file."""
+"""How studies summarise their runs: measures, verdicts and figures, one topic a file."""

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LEARNT = 0.25
-"""Errors at most so much of those of cycle 1 count as small; the paper's "virtually eliminated" is stricter."""
+"""Errors below this fraction of those of cycle 1 count as small; the paper's "virtually eliminated" is stricter."""
 FORCE_ERROR = 5.0
 """Steady-state force error in percent, "less than 5%"."""
 MAJOR = 0.5
@@ -27,7 +27,7 @@ CYCLE = 5
 
 @dataclass(frozen=True)
 class Conclusion:
-    """A number, and between which limits what the paper concludes from it holds."""
+    """A number, and the limits between which the paper's conclusion from it holds."""
 
     name: str
     """What it says, in short."""
@@ -36,7 +36,7 @@ class Conclusion:
     axis: str
     """When, and in which unit."""
     measure: Callable[[Any], float]
-    """Of a run, or of the runs of a variant by force control method; NaN where a run did not get that far."""
+    """Of a run, or of the runs of a variant by force control method; NaN where a run ended before."""
     least: float = -inf
     most: float = inf
     logarithmic: bool = False
@@ -47,7 +47,7 @@ class Conclusion:
 
 
 def _at(run: StoredRun, cycle: int | None) -> "pd.Series | None":
-    """Metrics of a cycle, None: of the last one that was asked for; None if the run did not end it."""
+    """Metrics of a cycle (None: the last one requested); None if the run did not complete it."""
     table, number = per_cycle(run), cycle or run.config["cycles"]
     if number not in table.index or (run.status != "completed" and number == table.index[-1]):
         return None
@@ -74,7 +74,7 @@ def ratio(name: str, cycle: int | None) -> Callable[[StoredRun], float]:
 
 
 def walked(run: StoredRun) -> float:
-    """Whole cycles walked, over those asked for."""
+    """Whole cycles walked, over those requested."""
     cycles = len(per_cycle(run))
     return (cycles if run.status == "completed" else cycles - 1) / run.config["cycles"]
 
@@ -140,13 +140,13 @@ def methods() -> tuple[Conclusion, ...]:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one value of an assumption led to."""
+    """The result of one value of an assumption."""
 
     assumption: str
     taken: str
     """The value taken, in words."""
     value: str
-    """The one tried, in words; empty if it is the one taken."""
+    """The value tried, in words; empty if it is the one taken."""
     numbers: tuple[float, ...]
     """One for each conclusion."""
     later: str = ""
@@ -154,12 +154,12 @@ class Outcome:
 
     @property
     def falls(self) -> bool:
-        """Whether some number is missing because the run did not get that far."""
+        """Whether some number is missing because the run ended before."""
         return not all(isfinite(number) for number in self.numbers)
 
 
 def changed_by(outcome: Outcome, taken: Sequence[float], conclusions: Sequence[Conclusion]) -> list[int]:
-    """Places of the conclusions that come out otherwise than with the values taken."""
+    """Indices of the conclusions that differ from those with the values taken."""
     both = zip(conclusions, outcome.numbers, taken, strict=True)
     return [k for k, (c, now, before) in enumerate(both) if c.holds(now) != c.holds(before)]
 

@@ -20,7 +20,7 @@ ROW = 0.175
 TITLE = 13
 """Letters of a line of a title."""
 WIDE = 30.0
-"""Ratio of the ends of a logarithmic axis from which on it is marked by decades alone."""
+"""Ratio of the ends of a logarithmic axis above which only decades are marked."""
 SAME, OTHER = SERIES[1], SERIES[0]
 SHADE = "#E3E3E3"
 
@@ -72,10 +72,8 @@ def _legend(figure: "Figure") -> None:
     from matplotlib.patches import Patch
 
     marks = [
-        Line2D(
-            [], [], linestyle="", marker="o", color=SAME, markersize=4, label="conclusion as with the values taken"
-        ),
-        Line2D([], [], linestyle="", marker="X", color=OTHER, markersize=6, label="conclusion comes out otherwise"),
+        Line2D([], [], linestyle="", marker="o", color=SAME, markersize=4, label="conclusion unchanged"),
+        Line2D([], [], linestyle="", marker="X", color=OTHER, markersize=6, label="conclusion changes"),
         Line2D([], [], linestyle="--", color="#555555", label="values taken"),
         Patch(color=SHADE, label="the paper's conclusion does not hold"),
     ]

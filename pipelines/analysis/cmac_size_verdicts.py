@@ -1,4 +1,4 @@
-"""What a CMAC of some size did, and what follows from it for what the paper says of memory and collisions."""
+"""What a CMAC of some size achieved, and what follows for the paper's claims about memory and collisions."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from pipelines.analysis.measured import changed, per_cycle
 LAYERS, ELEMENTS, MEMORY = "cmac.layers", "cmac.resolution_elements", "cmac.memory_bytes"
 INPUTS, RANGE, SEED = "cmac.inputs", "cmac.range_factor", "seed"
 SHOWN = (5, 10, 20)
-"""Cycles that errors are told of."""
+"""Cycles whose errors are shown."""
 AS_GOOD = 2.0
-"""Errors of the last cycle at most so many times those of the paper's size count as no worse."""
+"""Errors of the last cycle up to this multiple of those of the paper's size count as no worse."""
 ALIKE = 1.25
-"""Errors of every cycle shown within so many times those of the paper's size count as alike."""
+"""Errors of every cycle shown within this factor of those of the paper's size count as alike."""
 LEARNT = 0.25
-"""Errors of the last cycle at most so much of those of the first count as learnt."""
+"""Errors of the last cycle below this fraction of those of the first count as learnt."""
 NOTICEABLE = 0.05
 """Share of visited cells that collide from which on the rate of collision counts as noticeable."""
 CROWDED = 0.5
@@ -29,7 +29,7 @@ LITTLE = 0.1
 
 @dataclass(frozen=True)
 class Size:
-    """A CMAC, how it differs from the paper's, and what came of it; numbers of several legs are pooled."""
+    """A CMAC, how it differs from the paper's, and its results; numbers of several legs are pooled."""
 
     changed: Mapping[str, Any]
     """Keys and values in which its config differs from the paper's size."""
@@ -105,7 +105,7 @@ def paper_size(sizes: Iterable[Size]) -> Size:
 
 
 def worsening(size: Size, paper: Size) -> float:
-    """Last errors over those of the paper's size, in x or y, the larger one; inf if ``size`` did not get there."""
+    """Last errors over those of the paper's size, in x or y, the larger one; inf if ``size`` ended before."""
     last = max(paper.x)
     if last not in size.x:
         return np.inf

@@ -1,4 +1,4 @@
-"""What the study of CMAC sizes says in words and numbers: advice, tables, captions and claims."""
+"""Text of the study of CMAC sizes: advice, tables, captions and claims."""
 
 from collections.abc import Sequence
 
@@ -35,7 +35,7 @@ from pipelines.shared.runs import Runs
 
 
 def shown_cycles(sizes: Sequence[Size]) -> list[int]:
-    """The cycles that errors are told of, as far as they were run."""
+    """The cycles whose errors are shown, as far as they were run."""
     return [cycle for cycle in SHOWN if cycle in paper_size(sizes).x]
 
 
@@ -43,7 +43,7 @@ def _errors(size: Size, cycle: int) -> str:
     return f"{digits(size.x[cycle])} / {digits(size.y[cycle])}" if cycle in size.x else "-"
 
 
-def _told(size: Size, cycles: Sequence[int], last: str) -> list[str]:
+def _values(size: Size, cycles: Sequence[int], last: str) -> list[str]:
     memory = [str(size.rows_used), size_of(size.bytes_needed), f"{size.rate:.1%}"]
     return [*(_errors(size, cycle) for cycle in cycles), last, f"{size.share:.0%}", *memory]
 
@@ -53,12 +53,12 @@ def tables(sizes: Sequence[Size]) -> list[Table]:
     cycles, walk = shown_cycles(sizes), np.isfinite(paper_size(sizes).tilt)
     single, double = [], []
     for size in sizes:
-        told = _told(size, cycles, digits(size.tilt) if walk else f"{size.force_error:.2%}")
+        values = _values(size, cycles, digits(size.tilt) if walk else f"{size.force_error:.2%}")
         if set(size.changed) == {LAYERS, MEMORY}:
-            double.append([str(size.layers), size_of(size.memory), *told])
+            double.append([str(size.layers), size_of(size.memory), *values])
         elif len(size.changed) <= 1:
             name = " ".join(f"{key.removeprefix('cmac.')}={short(value)}" for key, value in size.changed.items())
-            single.append([name or "nothing", *told])
+            single.append([name or "nothing", *values])
     columns = [*(f"cycle {cycle}" for cycle in cycles), "tilt, mrad" if walk else "force error"]
     columns += ["share", "rows", "room", "collide"]
     caption = (
@@ -94,7 +94,7 @@ def advice(sizes: Sequence[Size]) -> list[Text]:
             f"Layers: with {layers[0]} to {layers[-1]} the errors of every cycle shown stay within {ALIKE:g} times "
             f"those of {paper.layers}; each layer visits some {paper.cells / paper.layers:.0f} cells of its own. "
             f"Inputs: {short(few.changed.get(INPUTS, 'all six'))} learn fastest "
-            f"({_errors(few, first)} mm in cycle {first}): on one fixed path fewer inputs tell enough apart."
+            f"({_errors(few, first)} mm in cycle {first}): on one fixed path fewer inputs are enough."
         ),
         Text(
             f"Memory: {size_of(enough)} do as well as {size_of(paper.memory)} (errors of cycle {last} within "
@@ -107,9 +107,9 @@ def advice(sizes: Sequence[Size]) -> list[Text]:
 
 
 def claims(sizes: Sequence[Size], runs: Runs) -> list[Claim]:
-    """What the paper says of memory, and what came out."""
+    """The paper's claims about memory, and the verdicts."""
     paper, groups, enough = paper_size(sizes), crowded(sizes), enough_memory(sizes)
-    told = "; ".join(
+    collisions = "; ".join(
         f"{size_of(memory)}: {np.median([s.rate for s in groups[memory]]):.0%} collide, errors "
         f"{median_worsening(groups[memory], paper):.1f} times"
         for memory in sorted({max(groups, default=0), enough, min(groups, default=0)} & set(groups), reverse=True)
@@ -128,8 +128,8 @@ def claims(sizes: Sequence[Size], runs: Runs) -> list[Claim]:
         Claim(
             "CMAC learning is robust to collisions",
             "section 4",
-            f"Against the paper's size, cycle {max(paper.x)}: {told or 'no memory is crowded'} (criterion: at most "
-            f"{AS_GOOD:g} times wherever over {CROWDED:.0%} collide; median over seeds of the hash)",
+            f"Against the paper's size, cycle {max(paper.x)}: {collisions or 'no memory is crowded'} (criterion: at "
+            f"most {AS_GOOD:g} times wherever over {CROWDED:.0%} collide; median over seeds of the hash)",
             verdict_of_robustness(sizes),
             runs.links(paper.name, *behind[:3]),
         ),

@@ -1,4 +1,4 @@
-"""Sections of the study of a body that really moves."""
+"""Sections of the study of a body with mass."""
 
 from collections.abc import Sequence
 
@@ -38,7 +38,7 @@ MOST_X, MOST_Y, MOST_TILT = 3.0, 1.5, 10.0
 OFF_COURSE, LATER = 0.05, 1.1
 """Largest relative error of the advance; largest force error late over that early."""
 FELT = 1.1
-"""A change that makes the force error so many times as large when it is left out is felt."""
+"""A change counts as felt if leaving it out multiplies the force error by at least this."""
 SHOWN_LEG = 2
 WHERE = "section 6, with a dynamic body"
 
@@ -131,7 +131,7 @@ def walks_section(runs: Runs) -> Section:
     forces = (
         "not in every walk do its contact forces get better."
         if any(stronger)
-        else "its contact forces get worse: learning excites a body that nothing damps."
+        else "its contact forces get worse: learning excites an undamped body."
     )
     intro = "Sampled at 2 ms, with LEAD 10/3 and the desired force as part of the feedback; nothing else is changed."
     parts = [Text(intro), table, Text(f"The machine learns where to put its feet, but {forces}")]

@@ -1,4 +1,4 @@
-"""What is read from the walks of a dynamic body, and what the runs of its study are called."""
+"""Measures of the walks of a dynamic body, and the names of the runs of its study."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ BUT = ", but "
 """In the name of a run with one of the paper's constants changed."""
 FEEDBACK = ", feedback alone"
 CUT_OFF = 10.0
-"""Force errors slower than this are looked at apart, Hz."""
+"""Force errors below this frequency are measured separately, Hz."""
 MM, MRAD = 1e3, 1e3
 
 
@@ -33,7 +33,7 @@ def first(names: list[str]) -> str:
 
 
 def plain(name: str) -> str:
-    """A walk with none of the changes, but for what ``name`` tells; its trace is kept whole."""
+    """A walk with none of the changes, except the one called ``name``; its trace is kept whole."""
     return f"plain, {name}"
 
 
@@ -79,7 +79,7 @@ class Walk:
     seconds: float
     """Simulated until it ended."""
     force: float
-    """RMSE over all legs and the whole cycle, N; NaN if the walk did not get there, as all that follows."""
+    """RMSE over all legs and the whole cycle, N; NaN if the walk ended before, as all that follows."""
     slow: float
     """Of it what is slower than CUT_OFF, N."""
     x: float
@@ -108,7 +108,7 @@ def force_errors(run: StoredRun, cycle: int) -> tuple[Array, Array, Array]:
 
 
 def walk_at(run: StoredRun, cycle: int) -> Walk:
-    """What ``cycle`` of a run came to; the run must have kept it in its trace."""
+    """Results of ``cycle`` of a run, whose trace must contain it."""
     period = run.config["sampling_period"]
     seconds = run.manifest["steps"] * period
     table = by_cycle(run)

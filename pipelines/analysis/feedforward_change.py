@@ -1,4 +1,4 @@
-"""What is left of what was learnt on another ground, or with another stroke."""
+"""How much of what was learnt remains on another ground, or with another stroke."""
 
 from collections.abc import Mapping
 
@@ -57,10 +57,10 @@ def tables(runs: Runs) -> list[Table]:
             if kind not in first:
                 continue
             course = kept.get(kind, fresh[kind])
-            told = [spread(course.error[:, 0]), spread(first[kind])]
+            values = [spread(course.error[:, 0]), spread(first[kind])]
             learns = kind in kept
-            told += [spread(c.cycles_to(tenth), ".0f") if learns else "-" for c in (course, fresh[kind])]
-            rows.append([kind, *told, spread(course.error[:, -1])])
+            values += [spread(c.cycles_to(tenth), ".0f") if learns else "-" for c in (course, fresh[kind])]
+            rows.append([kind, *values, spread(course.error[:, -1])])
         last = fresh[ALONE].error.shape[1]
         columns = ["feedforward", "cycle 1, mm", "of feedback alone", "learnt, carried over", "learnt, from nothing"]
         found.append(Table([*columns, f"cycle {last}, mm"], rows, group[0].upper() + group[1:]))
@@ -114,5 +114,5 @@ def advice(runs: Runs) -> str:
         "far as the new path asks for the same torque there. A CMAC on another path reads some cells that it never "
         "trained; Gaussians and perceptron interpolate. A model knows the new path at once. Advice: where paths "
         f"change, take {order[0]} (mean error left {digits(100 * left[order[0]])} %), or begin with a model; keep "
-        "the weights (record.weights) rather than to learn anew."
+        "the weights (record.weights) rather than learning from nothing."
     )

@@ -15,11 +15,11 @@ TENTH = 0.1
 
 @dataclass(frozen=True)
 class Kind:
-    """A feedforward, and how it is asked for."""
+    """A feedforward, and the overrides that choose it."""
 
     overrides: tuple[str, ...]
-    chance: bool = False
-    """Whether the seed plays a part."""
+    seeded: bool = False
+    """Whether its result depends on the seed."""
     learns: bool = True
 
 
@@ -32,10 +32,10 @@ KINDS = {
         name: Kind(("feedforward=inverse_dynamics", f"feedforward.mass_factor={factor}"), learns=False)
         for factor, name in WRONG.items()
     },
-    CMAC: Kind(("feedforward=cmac",), chance=True),
-    "CMAC of angles": Kind(("feedforward=cmac", "cmac.inputs=[angle]"), chance=True),
+    CMAC: Kind(("feedforward=cmac",), seeded=True),
+    "CMAC of angles": Kind(("feedforward=cmac", "cmac.inputs=[angle]"), seeded=True),
     RBF: Kind(("feedforward=rbf",)),
-    MLP: Kind(("feedforward=mlp",), chance=True),
+    MLP: Kind(("feedforward=mlp",), seeded=True),
     ILC: Kind(("feedforward=ilc",)),
 }
 LEARNERS = [name for name, kind in KINDS.items() if kind.learns]
@@ -45,7 +45,7 @@ KEPT = [CMAC, RBF, MLP, ILC]
 
 ONE_LEG, FOUR_LEGS, SMOOTH = "one leg", "four legs", "without jumps"
 RATES = (50 / 256, 0.5, 1.0)
-"""That of the paper, and what iterative learning control would take."""
+"""That of the paper, and the rate that suits iterative learning control."""
 CHANGES = {
     "stroke 150 mm": ("gait.stroke=0.15",),
     "stroke 250 mm": ("gait.stroke=0.25",),
@@ -62,7 +62,7 @@ def rate_group(rate: float) -> str:
 
 def name_of(group: str, kind: str, seed: int = 0) -> str:
     """The study's own name of a run."""
-    return f"{group}: {kind}" + (f", seed {seed}" if KINDS[kind].chance else "")
+    return f"{group}: {kind}" + (f", seed {seed}" if KINDS[kind].seeded else "")
 
 
 @dataclass(frozen=True)
@@ -144,11 +144,11 @@ def spread(values: np.ndarray, form: str = "") -> str:
     if np.isinf(values).any():
         return "never" if np.isinf(values).all() else f"not with {np.isinf(values).sum()} of {len(values)} seeds"
 
-    def told(value: float, below_one: str) -> str:
+    def rounded(value: float, below_one: str) -> str:
         return format(value, form) if form else digits(value) if abs(value) >= 1.0 else format(value, below_one)
 
-    mean = told(float(values.mean()), ".2g")
-    return f"{mean} ± {told(float(values.std(ddof=1)), '.1g')}" if len(values) > 1 else mean
+    mean = rounded(float(values.mean()), ".2g")
+    return f"{mean} ± {rounded(float(values.std(ddof=1)), '.1g')}" if len(values) > 1 else mean
 
 
 def level(alone: Course) -> float:

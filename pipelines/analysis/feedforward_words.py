@@ -1,4 +1,4 @@
-"""What the comparison of feedforwards says in words and numbers: tables, advice and claims."""
+"""Text of the comparison of feedforwards: tables, advice and claims."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -33,20 +33,21 @@ from pipelines.shared.runs import Runs
 
 SHOWN = (5, 20)
 CLEARLY = 0.9
-"""Less than so much of CMAC's mean counts as better."""
+"""Less than this fraction of CMAC's mean counts as better."""
 SLOW = 2.0
-"""So many times CMAC's cycles count as a long time of training."""
+"""This multiple of CMAC's cycles counts as a long time of training."""
 
 READING = (
     "All run with the same feedback, reference=aware and learning.lead=1, the law that lasts, at the paper's rate. "
     "Models act from the first cycle on; what learns begins in the second. Mean ± standard deviation over five seeds "
-    "where chance plays a part: the hash of a CMAC, the initial weights of the perceptron (MLP). RBF: 100 normalised "
-    "Gaussians along the path. ILC: iterative learning control, a torque for every sample, low-passed at 20 Hz."
+    "for what depends on the seed: the hash of a CMAC, the initial weights of the perceptron (MLP). RBF: 100 "
+    "normalised Gaussians along the path. ILC: iterative learning control, a torque for every sample, low-passed at "
+    "20 Hz."
 )
 
 
 def shown(course: Course) -> list[int]:
-    """The cycles that errors are told of: those that were run, else the last."""
+    """The cycles whose errors are shown: those that were run, else the last."""
     last = course.x.shape[1]
     return [cycle for cycle in SHOWN if cycle <= last] or [last]
 
@@ -84,8 +85,8 @@ def accuracy(found: Mapping[str, Course], tilt: bool = False) -> list[Table]:
 
 
 def _means(found: Mapping[str, Course], value: Callable[[Course], np.ndarray]) -> dict[str, float]:
-    told = {kind: float(np.mean(value(course))) for kind, course in found.items() if KINDS[kind].learns}
-    return {kind: np.inf if np.isnan(mean) else mean for kind, mean in told.items()}
+    means = {kind: float(np.mean(value(course))) for kind, course in found.items() if KINDS[kind].learns}
+    return {kind: np.inf if np.isnan(mean) else mean for kind, mean in means.items()}
 
 
 def measures(found: Mapping[str, Course]) -> dict[str, dict[str, float]]:
@@ -105,13 +106,13 @@ def measures(found: Mapping[str, Course]) -> dict[str, dict[str, float]]:
 
 def beaten(found: Mapping[str, Course]) -> str:
     """Where a feedforward is better than the paper's CMAC, and where none is."""
-    told = []
+    comparisons = []
     for what, values in measures(found).items():
         better = [k for k in ranked(values) if k != CMAC and values[k] < CLEARLY * values[CMAC]]
         own = "never" if np.isinf(values[CMAC]) else digits(values[CMAC])
         names = ", ".join(f"{kind} {digits(values[kind])}" for kind in better)
-        told.append(f"{what}: {names} against {own}" if better else f"{what}: none ({own})")
-    return "Better than the paper's CMAC by more than a tenth of it: " + "; ".join(told) + "."
+        comparisons.append(f"{what}: {names} against {own}" if better else f"{what}: none ({own})")
+    return "Better than the paper's CMAC by more than a tenth of it: " + "; ".join(comparisons) + "."
 
 
 def _models(found: Mapping[str, Course]) -> str:
@@ -198,13 +199,13 @@ def rates(runs: Runs) -> list[Table | Text]:
     cycles = shown(next(iter(by_rate.values()))[CMAC])
     rows, best = [], {}
     for kind in LEARNERS:
-        told, errors = [], {}
+        values, errors = [], {}
         for rate, found in by_rate.items():
             course = found[kind]
-            told += [spread(course.at(course.error, c)) for c in cycles]
+            values += [spread(course.at(course.error, c)) for c in cycles]
             errors[rate] = float(course.at(course.error, cycles[-1])[0])
         best[kind] = min(errors, key=lambda rate: errors[rate] if errors[rate] == errors[rate] else np.inf)
-        rows.append([kind, *told])
+        rows.append([kind, *values])
     columns = [f"{rate:.2g}, cycle {c}" for rate in by_rate for c in cycles]
     first = cycles[0]
     by_kind = {
@@ -240,8 +241,8 @@ def costs(runs: Runs, cost: pd.DataFrame, found: Mapping[str, Course]) -> list[T
         held, used = bytes_of(own)
         memory[kind] = used
         times = ratio.loc[kind]
-        told = [size_of(held), size_of(used)] if KINDS[kind].learns else ["-", "-"]
-        rows.append([kind, *told, digits(times["least"]), digits(times["median"])])
+        values = [size_of(held), size_of(used)] if KINDS[kind].learns else ["-", "-"]
+        rows.append([kind, *values, digits(times["least"]), digits(times["median"])])
     small = ranked({kind: memory[kind] for kind in LEARNERS})[0]
     alone = 1e6 * float(cost.loc[cost["kind"] == ALONE, "seconds_per_step"].min())
     return [
@@ -270,7 +271,7 @@ def _cycles(count: float) -> str:
 
 
 def claims(runs: Runs, found: Mapping[str, Course], walk: Mapping[str, Course]) -> list[Claim]:
-    """What the paper says of CMAC beside other ways: on one leg (``found``) and on four (``walk``)."""
+    """The paper's claims about CMAC against alternatives: on one leg (``found``) and on four (``walk``)."""
     needed, walked = (measures(each)["cycles to a tenth of the error"] for each in (found, walk))
     one, four = (", ".join(f"{kind} {_cycles(count)}" for kind, count in each.items()) for each in (needed, walked))
     first = {kind: next(iter(of_kind(runs, ONE_LEG, kind))) for kind in (CMAC, MLP, RBF, ILC)}

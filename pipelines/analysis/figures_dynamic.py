@@ -1,4 +1,4 @@
-"""Figures of the walk with a body that really moves."""
+"""Figures of the walk with a body that has mass."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING

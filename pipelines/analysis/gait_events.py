@@ -1,4 +1,4 @@
-"""When the moments of Fig. 17 to 20 come in a walk, and what margins and forces there are then; from its traces.
+"""The events of Fig. 17 to 20 in the traces of a walk, with their margins and forces.
 
 Two kinds of margin: *planned* ones are those of the gait, from ``body.parquet``; *measured* ones are those of the
 feet that carry, where they stand under the tilted body.

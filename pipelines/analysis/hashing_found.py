@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 AS_GOOD = 1.25
-"""Errors at most so many times those without collisions count as no worse."""
+"""Errors up to this multiple of those without collisions count as no worse."""
 TENTH = 0.1
 """Part of the error of the first cycle at which a run counts as having learnt."""
 AT_THE_END = 10
-"""Last cycles whose errors are told, in the mean."""
+"""Last cycles over which errors are averaged."""
 
 
 class Interval(NamedTuple):
@@ -94,11 +94,11 @@ class Memory:
         return sum(max(size.x) < self.cycles for size in self.sizes)
 
     def errors(self, side: str) -> Interval:
-        """At the end in ``x`` or ``y``, mm, of the runs that got there."""
+        """At the end in ``x`` or ``y``, mm, of the runs that completed."""
         return interval([_last(getattr(s, side)) for s in self.sizes if max(s.x) == self.cycles])
 
     def learnt(self) -> Interval:
-        """Cycles after the first until the error in y is a tenth of that of the first; NaN unless all get there."""
+        """Cycles after the first until the error in y is a tenth of that of the first; NaN unless all reach it."""
         reached = [cycles for size in self.sizes if (cycles := _cycles_to_tenth(size)) is not None]
         return interval(reached if len(reached) == len(self.sizes) else [])
 
@@ -130,7 +130,7 @@ def free(memories: Sequence[Memory]) -> Memory:
 
 
 def hashed(memories: Sequence[Memory]) -> list[Memory]:
-    """Those whose cells share rows by chance, smallest first."""
+    """Those whose cells may share rows, smallest first."""
     return [memory for memory in memories if not memory.visited]
 
 

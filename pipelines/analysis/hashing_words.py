@@ -1,4 +1,4 @@
-"""What the study of hashing says in words: tables, captions, advice and a claim of the paper."""
+"""Text of the study of hashing: tables, captions, advice and a claim of the paper."""
 
 from collections.abc import Mapping, Sequence
 
@@ -58,22 +58,22 @@ def _of_rule(rule: str, memories: Sequence[Memory]) -> str:
     good = enough(memories, lambda m: worse(m, memories) <= AS_GOOD)
     lives = enough(memories, _learns)
     best = free(memories)
-    told = f"With {rule}, errors without any collision end at {best.errors('x')} / {best.errors('y')} mm in x / y"
+    summary = f"With {rule}, errors without any collision end at {best.errors('x')} / {best.errors('y')} mm in x / y"
     if good is None:
-        return f"{told}, and no hashed memory comes within {AS_GOOD:g} times of it."
-    told += (
+        return f"{summary}, and no hashed memory comes within {AS_GOOD:g} times of it."
+    summary += (
         f"; from {good.room:.2g} rows a visited cell on ({size_of(good.memory)}, {good.rate:.0%} collide) hashing "
         f"costs no more than {AS_GOOD:g} times of it"
     )
     small = hashed(memories)[0]
     if lives is None or lives is good:
-        return f"{told}. Below that some runs diverge or fall."
+        return f"{summary}. Below that some runs diverge or fall."
     if lives is small:
         return (
-            f"{told}; even {small.words} words, where {small.rate:.0%} collide, complete every run, and end at "
+            f"{summary}; even {small.words} words, where {small.rate:.0%} collide, complete every run, and end at "
             + (f"{small.errors('x')} / {small.errors('y')} mm.")
         )
-    return f"{told}; below {lives.words} words some runs diverge or fall."
+    return f"{summary}; below {lives.words} words some runs diverge or fall."
 
 
 def advice(rules: Rules) -> list[Text]:
@@ -103,19 +103,21 @@ def cost(measured: pd.DataFrame) -> Text:
 
 def claim(rules: Rules, runs: Runs, behind: Sequence[str]) -> Claim:
     """Of robustness to collisions, here with intervals and over long runs."""
-    told, verdicts = [], []
+    summaries, verdicts = [], []
     for rule, memories in rules.items():
         crowded = [memory for memory in hashed(memories) if memory.rate >= 0.5]
         good = [worse(memory, memories) <= AS_GOOD for memory in crowded]
         lives = [memory.ended == 0 for memory in crowded]
-        told.append(f"{rule}: {sum(good)} of {len(crowded)} such memories as good, {sum(lives)} complete all runs")
+        summaries.append(
+            f"{rule}: {sum(good)} of {len(crowded)} such memories as good, {sum(lives)} complete all runs"
+        )
         verdicts.append("reproduced" if all(good) else "reproduced in part" if any(lives) else "contradicted")
     verdict = verdicts[0] if len(set(verdicts)) == 1 else "reproduced in part"
     return Claim(
         "CMAC learning is robust to collisions",
         "section 4",
         f"Where at least half of the visited cells collide (criterion: at most {AS_GOOD:g} times the errors without "
-        f"collisions): {'; '.join(told)}",
+        f"collisions): {'; '.join(summaries)}",
         verdict,
         runs.links(*behind),
     )

@@ -34,7 +34,7 @@ def _plot(axes: "Axes", run: Long, values: Any, name: str, index: int) -> None:
 
 
 def over_cycles(runs: Sequence[Long]) -> "Figure":
-    """Errors of every rule over the cycles, for the leads 0 and 1; a cross where a run ended by itself."""
+    """Errors of every rule over the cycles, for the leads 0 and 1; a cross where a run fell or diverged."""
     walks = runs[0].tilt is not None
     figure, axes = new_figure(2, 2, 2.3, sharex=True, sharey="row")
     for column, lead in enumerate(SHOWN):
@@ -61,9 +61,9 @@ def _grid(axes: "Axes", rows: Sequence[str], columns: Sequence[str], cells: Mapp
     for (row, column), run in cells.items():
         at = rows.index(row), columns.index(column)
         values[at] = final(run.error) if run.lasts else np.nan
-        told = f"{final(run.error):.2g} mm" if run.lasts else f"{run.status}\n{run.cycles + 1}"
+        note = f"{final(run.error):.2g} mm" if run.lasts else f"{run.status}\n{run.cycles + 1}"
         dark = run.lasts and len(lasting) > 1 and values[at] > np.sqrt(min(lasting) * max(lasting))
-        axes.text(at[1], at[0], told, ha="center", va="center", fontsize=7, color="white" if dark else "black")
+        axes.text(at[1], at[0], note, ha="center", va="center", fontsize=7, color="white" if dark else "black")
     axes.set_facecolor(ENDED)
     norm = LogNorm(min(lasting, default=0.1), max([*lasting, 1.01 * min(lasting, default=0.1)]))
     axes.imshow(np.ma.masked_invalid(values), cmap="Blues", norm=norm, aspect="auto")
@@ -95,7 +95,7 @@ def late(runs: Sequence[Long]) -> "Figure":
 
 
 def drift(runs: Sequence[Long]) -> "Figure":
-    """The feedback's change and the error of the paper's rule for each lead, and where drift was named."""
+    """The feedback's change and the error of the paper's rule for each lead, and where drift was detected."""
     figure, axes = new_figure(1, 2, 2.7)
     for index, run in enumerate(r for r in runs if r.rule == "paper"):
         for ax, values in ((axes[0], run.error), (axes[1], run.change)):

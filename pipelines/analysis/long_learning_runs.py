@@ -1,4 +1,4 @@
-"""What the study of long learning reads from a run: how small its errors get, how long they stay so, how it ends."""
+"""What the study of long learning measures in a run: how small its errors get, how long they stay so, how it ends."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,9 +14,9 @@ from cmacexp.stability.measured import growth_over, stretch
 from cmacexp.typing import Array
 
 ROUNDING = 1e-9
-"""Part of its largest value below which the change of the feedback tells nothing."""
+"""Part of its largest value below which the change of the feedback has no meaning."""
 NEAR = 100
-"""Cycles at the end of a run over which its final error is told."""
+"""Cycles at the end of a run whose median is its final error."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def best(values: Array) -> tuple[float, int]:
 
 
 def overrides_of(config: dict[str, Any]) -> list[str]:
-    """What the runs of this study say on the command line, from the config of one of them."""
+    """Overrides of the runs of this study, from the config of one of them."""
     learning, force = config["learning"], config["force_control"]
     return [
         f"scenario={config['scenario']}",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 WITHIN = 0.01
-"""By so much a predicted growth per cycle may miss."""
+"""Tolerance of a predicted growth per cycle."""
 
 
 def _number(value: float, digits: int = 3) -> str:
@@ -22,7 +22,7 @@ def _number(value: float, digits: int = 3) -> str:
 
 
 def _end(run: Long) -> str:
-    return f"is there in cycle {run.cycles}" if run.lasts else f"{run.status} in cycle {run.cycles + 1}"
+    return f"completed {run.cycles} cycles" if run.lasts else f"{run.status} in cycle {run.cycles + 1}"
 
 
 def _name(run: Long) -> str:
@@ -35,16 +35,16 @@ def table(runs: Sequence[Long]) -> Table:
     rows = []
     for run in runs:
         least, at = best(run.error)
-        told = [_number(least), str(at), _number(final(run.error)) if run.lasts else "-"]
-        told += [_number(final(run.force)), _number(final(run.tilt))] if walks and run.tilt is not None else []
-        told += [f"{run.share[-1]:.3f}", "lasts" if run.lasts else f"{run.status} in {run.cycles + 1}"]
-        told += [f"{run.drift['cycle']}, {run.drift['named']}" if run.drift else "-"]
-        rows.append([run.rule, run.lead, *told])
+        values = [_number(least), str(at), _number(final(run.error)) if run.lasts else "-"]
+        values += [_number(final(run.force)), _number(final(run.tilt))] if walks and run.tilt is not None else []
+        values += [f"{run.share[-1]:.3f}", "lasts" if run.lasts else f"{run.status} in {run.cycles + 1}"]
+        values += [f"{run.drift['cycle']}, {run.drift['named']}" if run.drift else "-"]
+        rows.append([run.rule, run.lead, *values])
     columns = ["rule", "lead", "best, mm", "in cycle", "final, mm"]
     columns += ["force, N", "tilt, mrad"] if walks else []
     caption = (
         "Error in transfer (x and y together): least, and median of the last hundred cycles. Drift: since which "
-        "cycle, and when it was named."
+        "cycle, and when it was detected."
     )
     return Table([*columns, "share", "ends", "drift"], rows, caption, 2)
 
@@ -73,45 +73,45 @@ def advice_leg(runs: Sequence[Long], aware: Long) -> list[Text]:
         return [Text("Advice: none of these lasts.")]
     paper = next((run for run in runs if run.rule == "paper" and run.lead == "0"), runs[0])
     one = next((run for run in runs if run.rule == "paper" and run.lead == "1"), lasting[0])
-    told = (
+    summary = (
         f"The law as published {_end(paper)}; with lead 1 it ends at {final(one.x):.3f} mm in x and "
         f"{final(one.y):.2f} mm in y, never more than {_never_worse(one):.3f} times the best of the last thousand "
         f"cycles, with a share of the feedforward of {one.share[-1]:.3f}. With "
-        f"reference=aware the force settles {abs(aware.steady):.2%} beside the desired one."
+        f"reference=aware the force settles within {abs(aware.steady):.2%} of the desired one."
     )
     others = [_name(run) for run in lasting if run is not one]
     rest = f"Of the rest {listed(others[:4])}{' and others last' if len(others) > 4 else ' last'}." if others else ""
     least = lasting[0] if final(lasting[0].error) < ENOUGH * final(one.error) else one
-    why = "with the smallest error" if least is lasting[0] else "than which none is a tenth better"
+    why = "with the smallest error" if least is lasting[0] else "no other is a tenth better"
     advice = (
         f"Advice: take {_name(least)}, {why} at the end ({final(least.error):.2g} mm). A rule that keeps the weights "
         "bounded is no substitute for the right lead: it pays for it with the error it leaves."
     )
-    return [Text(f"{told} {rest}"), Text(advice)]
+    return [Text(f"{summary} {rest}"), Text(advice)]
 
 
 def of_drift(runs: Sequence[Long]) -> str:
     """Caption of the figure of drift."""
     named = [run for run in runs if run.rule == "paper" and run.drift]
-    told = ", ".join(f"lead {r.lead}: cycle {r.drift['named']:.0f} of {r.cycles + 1}" for r in named if r.drift)
-    return f"The paper's rule with other leads; a circle where its drift was named ({told or 'none'})."
+    summary = ", ".join(f"lead {r.lead}: cycle {r.drift['named']:.0f} of {r.cycles + 1}" for r in named if r.drift)
+    return f"The paper's rule with other leads; a circle where drift was detected ({summary or 'none'})."
 
 
 def advice_drift(runs: Sequence[Long]) -> Text:
-    """How well drift foretells an end."""
+    """How well drift predicts a divergence or fall."""
     ended = [run for run in runs if not run.lasts]
-    named = [run for run in ended if run.drift]
-    lead = [run.cycles + 1 - run.drift["named"] for run in named if run.drift]
+    detected = [run for run in ended if run.drift]
+    lead = [run.cycles + 1 - run.drift["named"] for run in detected if run.drift]
     before = f", {np.median(lead):.0f} cycles before their end in the median" if lead else ""
     lasting = [run for run in runs if run.lasts]
     groups = {which: [run for run in lasting if bool(run.drift) == which] for which in (False, True)}
     worse = {which: _times_best(group) for which, group in groups.items()}
     return Text(
-        f"{len(named)} of the {len(ended)} runs that ended by themselves were named{before}. Of the {len(lasting)} "
-        f"that reached their last cycle {len(groups[False])} never were; they end at {worse[False]} times their best "
-        f"error in the median, the {len(groups[True])} others at {worse[True]} times. Advice: watch drift in the "
-        "manifest instead of the errors; when it is named the errors are still near their best, and learning can be "
-        "stopped there."
+        f"Drift was detected in {len(detected)} of the {len(ended)} runs that diverged or fell{before}. Of the "
+        f"{len(lasting)} runs that completed, {len(groups[False])} showed none; they end at {worse[False]} times "
+        f"their best error in the median, the {len(groups[True])} others at {worse[True]} times. Advice: watch drift "
+        "in the manifest instead of the errors; when it is detected the errors are still near their best, and "
+        "learning can be stopped there."
     )
 
 
@@ -151,11 +151,11 @@ def _of_lead(growth: "pd.DataFrame", name: str, lead: str = "0") -> float:
 
 
 def advice_growth(growth: "pd.DataFrame") -> Text:
-    """What a prediction is good for."""
+    """How good the predictions are."""
     known = growth.dropna(subset=["predicted", "measured"])
     right = ((known["predicted"] > 1.0) == (known["measured"] > 1.0)).sum()
     own = known[known["rule"] == "paper"]
-    told = "".join(
+    summary = "".join(
         f" {str(machine).capitalize()} under the paper's rule: within {_misses(group).median():.1g} in the median "
         f"over the leads; as published {_of_lead(group, 'predicted'):.4f} predicted, "
         f"{_of_lead(group, 'measured'):.4f} measured."
@@ -163,37 +163,37 @@ def advice_growth(growth: "pd.DataFrame") -> Text:
         if (group["lead"] == "0").any()
     )
     return Text(
-        f"The linearised loop tells {right} of {len(known)} times rightly whether the feedback grows.{told} Rules "
-        "that change with the size of the error or with time are predicted worse: they are linearised at one cycle. "
-        "Advice: run python -m cmacexp.stability DIR on a run of some thirty cycles before one of thousands."
+        f"The linearised loop predicts correctly in {right} of {len(known)} cases whether the feedback grows."
+        f"{summary} Rules that change with the size of the error or with time are predicted less accurately: they "
+        "are linearised at one cycle. Advice: run python -m cmacexp.stability DIR on a run of thirty cycles first."
     )
 
 
 def of_late(runs: Sequence[Long]) -> str:
     """Caption of the map of delays."""
-    return f"One leg, {max(run.asked for run in runs)} cycles, torques that act so many samples late."
+    return f"One leg, {max(run.asked for run in runs)} cycles, with delayed torques."
 
 
 def advice_late(runs: Sequence[Long]) -> Text:
     """Which lead a delay needs."""
-    told = []
+    delays = []
     for delay in sorted({run.delay for run in runs}):
         own = [run for run in runs if run.delay == delay and run.rule == "paper"]
         lasting = [run.lead for run in own if run.lasts]
-        told.append(f"{delay} late: {listed(lasting)} last" if lasting else f"{delay} late: none lasts")
+        delays.append(f"{delay} late: {listed(lasting)} last" if lasting else f"{delay} late: none lasts")
     smooth = [run for run in runs if run.rule == "weight_smoothing"]
     kept = [
         f"{delay} late with {listed([run.lead for run in smooth if run.lasts and run.delay == delay])}"
         for delay in sorted({run.delay for run in smooth})
     ]
     return Text(
-        f"Leads that last under the paper's rule: {'; '.join(told)}. Weight smoothing: {'; '.join(kept)}. Advice: "
+        f"Leads that last under the paper's rule: {'; '.join(delays)}. Weight smoothing: {'; '.join(kept)}. Advice: "
         "take learning.lead=auto, the number of samples from a torque to the feedback it causes."
     )
 
 
 ENOUGH = 0.9
-"""Part of the error of the paper's rule below which another rule is worth it."""
+"""Fraction of the error of the paper's rule below which another rule is recommended."""
 SMALL = 1.0
 """Error in transfer that counts as learnt, mm."""
 
@@ -209,9 +209,9 @@ def rate_table(runs: Mapping[str, Long]) -> Table:
     rows = []
     for name, run in runs.items():
         least, at = best(run.error)
-        told = [_number(learnt(run)), _number(least), str(at), _number(final(run.error)) if run.lasts else "-"]
-        rows.append([name, *told, _end(run), f"{run.drift['named']}" if run.drift else "-"])
-    columns = ["rate", f"{SMALL:g} mm in cycle", "best, mm", "in cycle", "final, mm", "ends", "drift named"]
+        values = [_number(learnt(run)), _number(least), str(at), _number(final(run.error)) if run.lasts else "-"]
+        rows.append([name, *values, _end(run), f"{run.drift['named']}" if run.drift else "-"])
+    columns = ["rate", f"{SMALL:g} mm in cycle", "best, mm", "in cycle", "final, mm", "ends", "drift detected"]
     return Table(columns, rows, "One leg, the paper's rule at other rates; 0.195 is the paper's.")
 
 
@@ -224,7 +224,7 @@ def advice_rate(runs: Mapping[str, Long]) -> Text:
     drifting = [name for name, run in runs.items() if run.drift]
     return Text(
         f"Of what lasts, rate {fastest} is at {SMALL:g} mm first, in cycle {learnt(lasting[fastest]):.0f}. Drift at "
-        f"{listed(drifting)}: a smaller rate puts the end off in proportion, it does not prevent it. Advice: choose "
+        f"{listed(drifting)}: a smaller rate delays divergence in proportion, it does not prevent it. Advice: choose "
         "the lead first; with it the paper's rate is safe, and the rate decides speed alone."
     )
 
@@ -251,7 +251,7 @@ def of_settings(runs: Mapping[str, Long]) -> str:
 
 
 def advice_settings(runs: Mapping[str, Long]) -> list[Table | Text]:
-    """What the settings of the quadruped are worth."""
+    """The effect of each setting of the quadruped."""
     rows = []
     for name, run in runs.items():
         at = [f"{run.force[n - 1]:.2f}" if run.cycles >= n else "-" for n in (20, 100, 500, 2000)]
@@ -290,7 +290,7 @@ def seeds_table(runs: Mapping[str, Long]) -> Table:
 
 
 def advice_seeds(runs: Mapping[str, Long]) -> Text:
-    """What chance does."""
+    """The effect of the seed of the hash."""
     lasting = sum(run.lasts for run in runs.values())
     return Text(
         f"{lasting} of {len(runs)} runs last. Advice: once the lead is right the seed of the hash does not decide "

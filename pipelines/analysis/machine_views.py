@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 X, Y, Z = range(3)
 MM = 1e3
 DEPRESSION_SCALE = 20.0
-"""Depressions are drawn so many times deeper than they are."""
+"""Factor by which drawn depressions exceed the true ones."""
 PLATE = 0.03
 """Drawn thickness of the body, m."""
 OBLIQUE = 0.5 * np.array([np.cos(np.radians(38.0)), np.sin(np.radians(38.0))])
-"""Where a metre to the left goes on paper in the oblique view."""
+"""A metre to the left as drawn in the oblique view."""
 MOST_FORCE = 25.0
 """Upper end of the force display, N."""
 NEAR, FAR, ALOFT = colour(palette.THIGH), "#AEB9C6", SERIES[0]

@@ -1,4 +1,4 @@
-"""What studies that compare many runs read from each: metrics per cycle over all legs, and how its config differs."""
+"""Measures of one run in studies that compare many: metrics per cycle over all legs, and how its config differs."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -32,7 +32,7 @@ def flat(config: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def changed(config: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
-    """What ``config`` says otherwise than ``base``, by dotted keys."""
+    """Fields of ``config`` that differ from ``base``, by dotted keys."""
     before = flat(base)
     return {key: value for key, value in flat(config).items() if before.get(key) != value}
 

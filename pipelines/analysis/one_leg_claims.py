@@ -164,7 +164,7 @@ def more_learning_is_no_better(metrics: "pd.DataFrame", links: Sequence[Link]) -
 def all_improve(metrics: "pd.DataFrame", links: Sequence[Link]) -> Claim:
     """The summary of section 5."""
     table = by_cycle(metrics)
-    told = {
+    columns = {
         "transfer_rmse_x": ("x in transfer", "mm", MM),
         "transfer_rmse_y": ("y in transfer", "mm", MM),
         "support_rmse_x": ("x in support", "mm", MM),
@@ -176,8 +176,8 @@ def all_improve(metrics: "pd.DataFrame", links: Sequence[Link]) -> Claim:
         f"RMS errors of cycle {FIRST} and cycle {FIFTH}: "
         + "; ".join(
             f"{name} {f * table[column][FIRST]:.3g} and {f * table[column][FIFTH]:.3g} {unit}"
-            for column, (name, unit, f) in told.items()
+            for column, (name, unit, f) in columns.items()
         ),
-        judged(*(table[column][FIFTH] < table[column][FIRST] for column in told)),
+        judged(*(table[column][FIFTH] < table[column][FIRST] for column in columns)),
         links,
     )

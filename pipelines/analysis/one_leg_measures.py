@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 FIRST, SECOND, FIFTH = CYCLES
 LANDED, WINDOW = 0.2, 0.2
-"""Time after touch-down from which a force is looked at for oscillations, and width of the mean it is to leave, s."""
+"""Time after touch-down from which a force is searched for oscillations, and width of the mean it is to leave, s."""
 EVENT, TORQUE_WINDOW = 0.3, 0.1
 """Time from touch-down in which the torque changes abruptly, and width of the mean it is to leave, s."""
 

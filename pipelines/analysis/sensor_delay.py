@@ -1,4 +1,4 @@
-"""Late torques: which lead a delay of the actuator asks for."""
+"""Late torques: the lead that a delay of the actuator requires."""
 
 from cmacexp.report.page import Drawing, Section, Table, Text
 from pipelines.analysis import figures_sensors as figures
@@ -69,5 +69,5 @@ def sections(runs: Runs) -> list[Section]:
         figures.delays({name: run for name, run in runs.items() if name.startswith("delay") and "long" not in name}),
         "Transfer error of one leg while it learns. A cross: the run diverged.",
     )
-    table = Table(columns, rows, "One leg with torques that act so many samples late", text_columns=3)
+    table = Table(columns, rows, "One leg with delayed torques", text_columns=3)
     return [Section("Actuators that are late", [table, drawing, advice], beyond=True)]

@@ -1,4 +1,4 @@
-"""Force sensors that break while the machine walks: how far it is felt, and what the check of plausibility does."""
+"""Force sensors that break while the machine walks: the effect of each failure, and of fault detection."""
 
 import random
 from collections.abc import Iterator, Sequence
@@ -58,9 +58,9 @@ class Case(NamedTuple):
 
 def cases() -> list[Case]:
     """Forty, seeded: every kind on every leg, at two moments."""
-    chance = random.Random(1997)
+    rng = random.Random(1997)
     return [
-        Case(kind, leg, round(chance.uniform(EARLIEST, LATEST), 3))
+        Case(kind, leg, round(rng.uniform(EARLIEST, LATEST), 3))
         for kind in KINDS
         for leg in (1, 2, 3, 4)
         for _ in range(2)
@@ -245,9 +245,9 @@ def sections(runs: Runs) -> list[Section]:
         Text(
             "A quadruped walks (lead 1, load ramp 0.12 s); in the fifth or the sixth cycle the force sensor of one "
             "leg breaks. Forty failures, seeded: " + "; ".join(TOLD.values()) + "; on every leg, at two moments. "
-            "The check (plausibility=force) compares what a sensor tells with what the ground would give at the "
-            "measured depth of the foot, and when doubt has added up drops the terms of P_fn and V_fn of that leg, "
-            "from the error and from the reference alike (eq. 24)."
+            "The check (plausibility=force) compares what a sensor reads with what the ground would give at the "
+            "measured depth of the foot, and once the evidence is large enough drops the terms of P_fn and V_fn of "
+            "that leg, from the error and from the reference alike (eq. 24)."
         ),
         _gains_table(rows),
         Drawing(

@@ -21,7 +21,7 @@ FIFTH = 5
 LEG_SEEDS, WALK_SEEDS = 8, 5
 WALK_GAIN = 1e-3
 FELT = 1.5
-"""A level is felt where an error is so many times that without noise."""
+"""A level is felt where an error is at least this multiple of that without noise."""
 
 
 class Noise(NamedTuple):
@@ -132,7 +132,7 @@ def _table(rows: "pd.DataFrame", keys: dict[str, str], caption: str) -> Table:
 
 
 def _levels(rows: "pd.DataFrame", keys: tuple[str, ...]) -> str:
-    told = []
+    summaries = []
     for noise in NOISES:
         if noise.signal not in set(rows["signal"]):
             continue
@@ -141,12 +141,12 @@ def _levels(rows: "pd.DataFrame", keys: tuple[str, ...]) -> str:
         key = min(levels, key=lambda name: levels[name])
         most = rows[rows["signal"] == noise.signal]["level"].max()
         words = {"y": "transfer error", "force": "force error", "feedback": "feedback torque", "tilt": "tilt"}
-        told.append(
+        summaries.append(
             f"{noise.signal} from {least:g} {noise.unit} (first the {words[key]})"
             if np.isfinite(least)
             else f"{noise.signal} not up to {most:g} {noise.unit}"
         )
-    return "; ".join(told)
+    return "; ".join(summaries)
 
 
 def _force_text(rows: "pd.DataFrame") -> str:
@@ -180,11 +180,11 @@ def _gain_section(rows: "pd.DataFrame") -> list[Table | Text]:
         "tilt, mrad",
         "with noise",
     ]
-    told = f"from a gain of {min(felt):g} on" if felt else "at none of these gains"
+    levels = f"from a gain of {min(felt):g} on" if felt else "at none of these gains"
     return [
         Table(columns, body, "Quadruped with 20 % noise on all forces, last three cycles, mean over seeds"),
         Text(
-            f"Noise of 20 % on the force is felt in the feedback torque of a quadruped {told}. Advice: raise P_fn "
+            f"Noise of 20 % on the force is felt in the feedback torque of a quadruped {levels}. Advice: raise P_fn "
             "and V_fn only as far as the force sensors are good, and where they are poor stay at 1e-3 or below."
         ),
     ]

@@ -1,4 +1,4 @@
-"""What the steady states of eq. 8-15 say of ground that is not as stiff as the controller believes."""
+"""Steady states of eq. 8-15 on ground that is not as stiff as the controller assumes."""
 
 import math
 from typing import Any

@@ -16,14 +16,14 @@ LASTING = [
     "force_control.elasticity=0.001",
     "force_control.admittance=0.001",
 ]
-"""What keeps the quadruped learning for hundreds of cycles."""
+"""Settings with which the quadruped learns for hundreds of cycles without drift."""
 
 
 FEEDFORWARDS = {"with CMAC": "cmac", "feedback alone": "none"}
 
 
 class Measure(NamedTuple):
-    """What is followed over the cycles: its words, how much of its unit is one, and its unit."""
+    """An error over the cycles: its name in tables, the factor from SI units, and its unit."""
 
     words: str
     factor: float
@@ -48,13 +48,13 @@ def errors_of(run: StoredRun, names: Mapping[str, Measure]) -> "pd.DataFrame":
 
 
 class Walked(NamedTuple):
-    """Runs on like ground."""
+    """Runs on the same kind of ground."""
 
     ground: float
     """Spread or slope."""
     runs: int
     walked: int
-    """How many came to their end."""
+    """How many completed."""
     force: Spread
     """Force error over the last cycles, N."""
     tilt: Spread

@@ -1,4 +1,4 @@
-"""Learning on after a change of ground or load: how far errors rise, and how many cycles they take to come back."""
+"""Learning after a change of ground or load: how far errors rise, and how many cycles they take to recover."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,7 +21,7 @@ CYCLE_TIME = 3.0
 FACTOR, PAYLOAD, AHEAD = 3, 10, 0.1
 """Step of the ground's stiffness, weight of the payload in N, and how far ahead of the centre it may lie, m."""
 WITHIN = 1.2
-"""An error that stays within so many times a level has come back to it."""
+"""An error that stays within this factor of a level has recovered."""
 CYCLES_OF_LEVEL = 5
 """Cycles before the change, or at the end, whose mean is a level."""
 
@@ -124,7 +124,7 @@ def change_cycle(run: StoredRun) -> int:
 
 
 def recoveries(run: StoredRun, names: Mapping[str, Measure]) -> dict[str, Recovery]:
-    """By the names of the measures; nothing of a run that did not come to its end."""
+    """By the names of the measures; nothing for a run that did not complete."""
     if run.status != "completed":
         return {}
     errors = errors_of(run, names)
@@ -166,9 +166,9 @@ def advice(runs: Runs) -> str:
     said += ", and the force error is below that of feedback alone" if all(better) else ""
     if raised:
         said += (
-            "; but what the plan believes of ground and weight stays wrong, and with it the force: "
+            "; but the plan still assumes the old ground and weight, so the force stays wrong: "
             + ", ".join(raised)
-            + ". Where the force counts, tell the plan (terrain.assumed_stiffness, machine.weight)"
+            + ". Where the force matters, give the plan the new values (terrain.assumed_stiffness, machine.weight)"
         )
     return said + "."
 
@@ -185,7 +185,7 @@ def section(runs: Runs) -> Section:
     parts: list[Part] = [
         Text(
             f"After {change} cycles the ground becomes {FACTOR} times as stiff, or {PAYLOAD} N are put on the body; "
-            "planner and controller are not told. The rule is the lasting one (learning.lead=1; in the quadruped "
+            "planner and controller do not know. The rule is the lasting one (learning.lead=1; in the quadruped "
             "with gait.load_ramp=0.12 and force feedback of 1e-3)."
         ),
         Drawing(

@@ -1,4 +1,4 @@
-"""Ground in patches, and slopes: how much of either a machine walks over that knows of none."""
+"""Ground in patches, and slopes: how much of either a machine that does not know of them walks over."""
 
 from collections.abc import Sequence
 
@@ -52,7 +52,7 @@ def jobs(quick: bool) -> Jobs:
 
 
 def walked(ground: float, runs: Sequence[StoredRun]) -> Walked:
-    """The ends of runs on like ground; errors are of those that came to it."""
+    """Results of runs on the same kind of ground; errors are of those that completed."""
     ends = [errors_of(run, BODY).iloc[-LAST:] for run in runs if run.status == "completed"]
     force = spread([float(np.sqrt((end["force_rmse_cycle"] ** 2).mean())) for end in ends])
     return Walked(ground, len(runs), len(ends), force, spread([float(end["tilt_max"].max()) for end in ends]))
@@ -143,7 +143,7 @@ def sections(runs: Runs) -> list[Section]:
             [
                 Text(
                     "Squares of 0.15 m, each with K_n times a factor between 1 - spread and 1 + spread. Mean "
-                    f"and 95 % interval over seeds, of the last {LAST} cycles of walks that came to their end."
+                    f"and 95 % interval over seeds, of the last {LAST} cycles of walks that completed."
                 ),
                 Drawing(
                     "patches",
@@ -159,7 +159,7 @@ def sections(runs: Runs) -> list[Section]:
             "Slopes",
             [
                 Text(
-                    f"The ground rises or falls from {start:g} m on; the planner believes in flat ground, so the "
+                    f"The ground rises or falls from {start:g} m on; the planner assumes flat ground, so the "
                     "front feet touch down early uphill and late downhill. Contact forces stay vertical, without "
                     "friction."
                 ),

@@ -53,7 +53,7 @@ class End(NamedTuple):
 
 
 def gait_is_a_wave(gait: "pd.DataFrame", least_feet: int, links: Sequence[Link]) -> Claim:
-    """Fig. 14, from :func:`pipelines.analysis.walk_moments.gait` and the least number of feet that carry."""
+    """Fig. 14, from :func:`pipelines.analysis.gait_events.gait` and the least number of feet that carry."""
     tolerance = 1e-3
 
     def after(first: int, second: int) -> float:
@@ -97,11 +97,11 @@ def walks_steadily(end: End, body: "pd.DataFrame", hip_height: float, how: str, 
 def posture_carries(
     without: Mapping[str, End], with_it: Mapping[str, End], off: float, links: Sequence[Link]
 ) -> Claim:
-    """Section 6.2: posture decides on the forces; ``off`` is the largest of |sum of forces - weight|, N."""
+    """Section 6.2: posture determines the forces; ``off`` is the largest of |sum of forces - weight|, N."""
     falls = [end.status == "fell" for end in without.values()]
     stands = [end.status == "completed" for end in with_it.values()]
 
-    def told(ends: Mapping[str, End]) -> str:
+    def summary(ends: Mapping[str, End]) -> str:
         return "; ".join(
             f"{name}: {'walks all cycles' if e.status == 'completed' else f'{e.status} at {e.time:.3f} s'}"
             for name, e in ends.items()
@@ -110,7 +110,7 @@ def posture_carries(
     return Claim(
         "Foot forces depend on the posture; posture control obtains it",
         "sections 6, 6.2",
-        f"{told(without)}; {told(with_it)}; the forces sum to the weight within {off:.0g} N",
+        f"{summary(without)}; {summary(with_it)}; the forces sum to the weight within {off:.0g} N",
         REPRODUCED if all(falls + stands) else IN_PART if any(falls) and any(stands) else NOT_REPRODUCED,
         links,
     )
@@ -162,7 +162,7 @@ def foot_1_is_late(
     def late(table: "pd.DataFrame") -> "pd.DataFrame":
         return table[table["force_1"] > 0.0]
 
-    def told(table: "pd.DataFrame") -> str:
+    def summary(table: "pd.DataFrame") -> str:
         own = late(table)
         if own.empty:
             return f"in none of {len(table)} cycles"
@@ -177,8 +177,8 @@ def foot_1_is_late(
     return Claim(
         "After foot 3 has touched down F_n1 is not 0 although F_d1 = 0, due to the delay of leg 1; it does no harm",
         "section 6.3, Fig. 18",
-        f"foot 1 is late {told(touch_down)}; {touch_down['force_1'].iloc[-1]:.2f} N in the last (foot 1 is not late "
-        f"where foot 3 came down early). Eq. 24 as printed: {told(printed)}",
+        f"foot 1 is late {summary(touch_down)}; {touch_down['force_1'].iloc[-1]:.2f} N in the last (foot 1 is not "
+        f"late where foot 3 came down early). Eq. 24 as printed: {summary(printed)}",
         NOT_REPRODUCED if own.empty else REPRODUCED if often and harmless else IN_PART,
         links,
     )
@@ -220,14 +220,14 @@ def feedback_diminishes(share: "pd.Series", links: Sequence[Link]) -> Claim:
 def control_improves(learned: "pd.Series", alone: "pd.Series", how: str, links: Sequence[Link]) -> Claim:
     """Summary: errors of a learned cycle against those of feedback and posture control alone in the same cycle."""
     better = [learned[name] <= IMPROVED * alone[name] for name in ERRORS]
-    told = (
+    errors = (
         f"{name} {scale * alone[key]:.2g} and {scale * learned[key]:.2g} {unit}"
         for key, (name, scale, unit) in ERRORS.items()
     )
     return Claim(
         f"Learning improves position and force control, also of the quadruped ({how})",
         "abstract, section 7",
-        f"RMS errors of cycle {learned.name}, without and with CMAC: " + ", ".join(told),
+        f"RMS errors of cycle {learned.name}, without and with CMAC: " + ", ".join(errors),
         REPRODUCED if all(better) else IN_PART if any(better) else NOT_REPRODUCED,
         links,
     )

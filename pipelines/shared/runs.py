@@ -1,4 +1,4 @@
-"""The runs of studies: found by the hash of their config where they are finished, else run, on all cores."""
+"""The runs of studies: found by the hash of their config if they are complete, else run, on all cores."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -22,12 +22,12 @@ HASH_DIGITS = 12
 
 
 class Runs(dict[str, StoredRun]):
-    """The runs of a study by its own names of them."""
+    """The runs of a study by the study's names for them."""
 
     def __init__(self, runs: Mapping[str, StoredRun], report: Path):
         super().__init__(runs)
         self.report = report
-        """Folder of the report that tells of them."""
+        """Folder of their report."""
         self._kept: set[Path] = set()
 
     def links(self, *names: str) -> list[Link]:
@@ -49,7 +49,7 @@ class Runs(dict[str, StoredRun]):
 
 
 def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, bool]:
-    """Where the run of ``overrides`` stands, its config, and whether it is finished."""
+    """Folder of the run of ``overrides``, its config, and whether it is complete."""
     config = compose_config([*overrides, "record=trace"])
     kept = ("-thin" if config.record.thins else "") + ("-weights" if config.record.weights else "")
     folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{kept}"
@@ -76,7 +76,7 @@ def _announce_compiling() -> None:
 def collect(
     each: Each, jobs: Mapping[str, Mapping[str, Sequence[str]]], store: Path
 ) -> dict[str, dict[str, StoredRun]]:
-    """The runs of several studies; equal ones are run once, finished ones not at all.
+    """The runs of several studies; equal ones are run once, complete ones not at all.
 
     Args:
         each: runs work on all cores.

@@ -1,4 +1,4 @@
-"""What can be said of a mean where chance plays a part."""
+"""Means over seeds, with their confidence intervals."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,7 +20,7 @@ class Spread(NamedTuple):
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """The mean of independent values, with what it is known to (Student 1908).
+    """The mean of independent values, with its confidence interval (Student 1908).
 
     >>> str(spread([1.0, 2.0, 3.0]))
     '2 ± 2.5'

@@ -1,4 +1,4 @@
-"""What all studies share: run what is missing, reuse what is there, write the report, say how it went."""
+"""What all studies share: run what is missing, reuse what exists, write the report, print its claims."""
 
 import argparse
 import sys
@@ -16,12 +16,12 @@ from pipelines.shared.workers import workers
 
 FOLDER = Path("outputs/studies")
 Jobs = Mapping[str, Sequence[str]]
-"""Overrides of each run that a study asks for, by the study's own name of it."""
+"""Overrides of each run that a study asks for, by the study's name for it."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study: what it runs, and what it tells of it."""
+    """A study: what it runs, and what it reports."""
 
     name: str
     """That of its module in ``pipelines``."""
@@ -30,7 +30,7 @@ class Study:
     """What it claims, in a sentence or two."""
     jobs: Callable[[bool], Jobs]
     """The runs, given whether it is to be quick."""
-    tell: Callable[[Runs], Sequence[Section]]
+    summarise: Callable[[Runs], Sequence[Section]]
     """The sections of its report."""
     then: Callable[[bool, Runs], Jobs] | None = None
     """Further runs, which need the first ones, e.g. start from what they have learnt."""
@@ -48,9 +48,9 @@ def _print_claims(claims: Sequence[Claim]) -> None:
     Console(highlight=False, width=None if sys.stdout.isatty() else 160).print(table)
 
 
-def _tell(tell: Callable[[Runs], Sequence[Section]], runs: Runs) -> tuple[list[Section], set[Path]]:
+def _summarise(summarise: Callable[[Runs], Sequence[Section]], runs: Runs) -> tuple[list[Section], set[Path]]:
     """The sections of a study with their figures drawn, and every file that they rest on or consist of."""
-    drawn = [draw(section, runs.report) for section in tell(runs)]
+    drawn = [draw(section, runs.report) for section in summarise(runs)]
     return [section for section, _ in drawn], runs.files | {file for _, files in drawn for file in files}
 
 
@@ -72,9 +72,11 @@ def write_study(studies: Sequence[Study], title: str, purpose: str, folder: Path
             more = collect(each, later, folder.parent / "runs")
             runs |= {name: runs[name] | own for name, own in more.items()}
         (folder / manifests.NAME).unlink(missing_ok=True)  # its figures are about to change
-        told = each("drawing", _tell, [(study.tell, Runs(runs[study.name], folder)) for study in studies])
-    sections = [section for own, _ in told for section in own]
-    files = {path for _, own in told for path in own}
+        summaries = each(
+            "drawing", _summarise, [(study.summarise, Runs(runs[study.name], folder)) for study in studies]
+        )
+    sections = [section for own, _ in summaries for section in own]
+    files = {path for _, own in summaries for path in own}
     of_config = {run.folder: str(run.manifest["config_hash"]) for own in runs.values() for run in own.values()}
     config = {"studies": [study.name for study in studies], "quick": quick}
     report = Report(title, purpose, sections, sorted(files), config, of_config)

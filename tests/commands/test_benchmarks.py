@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from benchmarks.__main__ import BEGIN, END, kept
+from benchmarks.__main__ import BEGIN, END, replace_results
 from benchmarks.c_loop import build, compiler, run_in_c
 from benchmarks.peers import NumpyCmac
-from benchmarks.timing import in_turn, ratio, told
+from benchmarks.timing import format_time, in_turn, ratio
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange
 from cmacexp.loop import roll_out
@@ -58,10 +58,10 @@ def test_workers_take_turns_and_ratios_are_of_best_times():
     assert order == ["a", "b"] * 3
     assert times == {"a": [4.0, 3.0], "b": [2.0, 8.0]}
     assert ratio(times, "a", "b") == 1.5
-    assert [told(s) for s in (2.0, 0.0123, 4.567e-6, 9e-8)] == ["2 s", "12.3 ms", "4.57 us", "90 ns"]
+    assert [format_time(s) for s in (2.0, 0.0123, 4.567e-6, 9e-8)] == ["2 s", "12.3 ms", "4.57 us", "90 ns"]
 
 
 def test_only_what_stands_between_the_markers_is_replaced():
-    assert kept(f"before\n{BEGIN}\nold\n{END}\nafter\n", "new") == f"before\n{BEGIN}\nnew\n{END}\nafter\n"
+    assert replace_results(f"before\n{BEGIN}\nold\n{END}\nafter\n", "new") == f"before\n{BEGIN}\nnew\n{END}\nafter\n"
     with pytest.raises(ValueError, match="expected"):
-        kept("a page without markers", "new")
+        replace_results("a page without markers", "new")

@@ -1,4 +1,4 @@
-"""The study of a body that really moves: measures by hand, verdicts follow the data, the command leaves a report."""
+"""The study of a body with mass: measures by hand, verdicts follow the data, the command leaves a report."""
 
 import csv
 from itertools import combinations

@@ -69,8 +69,8 @@ def test_advice_names_what_ends_with_the_least_error():
 
 def test_advice_on_drift_counts_what_was_named_and_what_was_not():
     told = words.advice_drift([LASTING, ENDING, replace(ENDING, drift=None)]).text
-    assert "1 of the 2 runs that ended by themselves were named, 2 cycles before" in told
-    assert "Of the 1 that reached their last cycle 1 never were; they end at 2.00 times their best error" in told
+    assert "Drift was detected in 1 of the 2 runs that diverged or fell, 2 cycles before" in told
+    assert "Of the 1 runs that completed, 1 showed none; they end at 2.00 times their best error" in told
     assert "the 0 others at - times" in told
 
 
@@ -86,7 +86,7 @@ def test_predictions_are_counted_by_whether_they_are_near_and_on_the_right_side(
     )
     assert "2 of 3 predictions" in words.of_growth(growth)
     told = words.advice_growth(growth).text
-    assert "2 of 3 times rightly" in told
+    assert "correctly in 2 of 3 cases" in told
     assert "as published 1.0200 predicted, 1.0250 measured" in told
 
 
