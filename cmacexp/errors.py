@@ -1,4 +1,4 @@
-"""The mistakes that users can make, one exception each; every message is one line that says how to mend it."""
+"""The mistakes that users can make, one exception each; every message is one line that says how to correct it."""
 
 import importlib
 import sys
@@ -6,39 +6,40 @@ import traceback
 from pathlib import Path
 from types import TracebackType
 
-EXTRAS = {"mujoco": "mujoco"}
-"""Modules that come with an extra of this package."""
+EXTRAS = {
+    "mujoco": "mujoco",
+    "hydra/launcher/joblib": "cores",
+    "hydra/launcher/submitit_local": "cluster",
+    "hydra/launcher/submitit_slurm": "cluster",
+}
+"""Extras of this package, by the module or the option of Hydra that each installs."""
 
 
-def install(extra: str) -> str:
-    """How to install an extra."""
-    return f'python -m pip install -e ".[{extra}]" in the checkout'
+def format_install_command(wanted: str) -> str:
+    """The command that installs a module or an option of Hydra; empty if no extra of this package contains it."""
+    extra = EXTRAS.get(wanted) or EXTRAS.get(wanted.partition(".")[0])
+    return f'python -m pip install -e ".[{extra}]" in the checkout' if extra else ""
 
 
-def install_command(module: str) -> str:
-    """How to install a module that comes with an extra; empty if it comes with none."""
-    extra = EXTRAS.get(module.partition(".")[0])
-    return install(extra) if extra else ""
-
-
-def _is_users(frame: TracebackType) -> bool:
-    hydra, ours = sys.modules.get("hydra"), Path(__file__).parent
+def _is_user_code(frame: TracebackType) -> bool:
     file = Path(frame.tb_frame.f_code.co_filename)
-    theirs = [Path(importlib.__file__).parent, Path(hydra.__file__ or "").parent] if hydra else []
-    return "<frozen" not in str(file) and not any(file.is_relative_to(folder) for folder in [ours, *theirs])
+    hydra = getattr(sys.modules.get("hydra"), "__file__", None)
+    other_code = [Path(origin).parent for origin in (__file__, importlib.__file__, hydra) if origin]
+    return "<frozen" not in str(file) and not any(file.is_relative_to(folder) for folder in other_code)
 
 
-def users_traceback(error: BaseException) -> str:
-    """The traceback of an error from the first frame on that is not the project's, Hydra's or the import system's.
+def format_user_traceback(error: BaseException) -> str:
+    """The traceback of an error, starting at the first frame of the user's own code.
 
-    It is whole if all frames are; none is shown of a file that cannot be read as Python.
+    Frames of this project, Hydra and the import system that come before are left out. If no frame is the user's,
+    the traceback is complete, but for a file with a syntax error, which has no frame of its own, none is shown.
     """
-    at = error.__traceback__
-    while at is not None and not _is_users(at):
-        at = at.tb_next
-    if at is None and not isinstance(error, SyntaxError):
-        at = error.__traceback__
-    return "".join(traceback.format_exception(type(error), error, at))
+    frame = error.__traceback__
+    while frame is not None and not _is_user_code(frame):
+        frame = frame.tb_next
+    if frame is None and not isinstance(error, SyntaxError):
+        frame = error.__traceback__
+    return "".join(traceback.format_exception(type(error), error, frame))
 
 
 class CmacexpError(Exception):
@@ -50,12 +51,12 @@ class BadInput(CmacexpError):
 
     Args:
         key: the config key as typed on the command line, e.g. ``cmac.layers``.
-        value: the value found there.
-        allowed: what is allowed, and how to mend it.
+        value: its value.
+        allowed: what is allowed, and how to correct it.
     """
 
     def __init__(self, key: str, value: object, allowed: str):
-        super().__init__(key, value, allowed)  # all of them, so that it comes back whole from another process
+        super().__init__(key, value, allowed)  # all arguments, so that pickling between processes preserves the error
         self.key = key
 
     def __str__(self) -> str:
@@ -63,13 +64,13 @@ class BadInput(CmacexpError):
         return f"{key}={value}: {allowed}"
 
 
-class BadPart(BadInput):
-    """A part whose own code raised when it was imported or made.
+class BadComponent(BadInput):
+    """A component whose own code raised when it was imported or constructed.
 
     Args:
-        key: as of :class:`BadInput`.
+        key: as in :class:`BadInput`.
         value: likewise.
-        reason: what it raised, in a line.
+        reason: what it raised, as text; line breaks become spaces.
         raised: what it raised.
     """
 
@@ -79,9 +80,9 @@ class BadPart(BadInput):
         self.raised = raised
 
 
-class BadAnswer(CmacexpError):
-    """A part gave back what the loop cannot use; the message names class, method, what was expected and what came."""
+class BadOutput(CmacexpError):
+    """A component returned what the loop cannot use; the message names class, method, and what was expected."""
 
 
 class BadRun(CmacexpError):
-    """A folder that does not hold what a run leaves behind."""
+    """A folder that does not contain a readable run."""

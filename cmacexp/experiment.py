@@ -33,7 +33,7 @@ from cmacexp.data.tables import (
     write_scores,
 )
 from cmacexp.data.weights import WEIGHTS, start_hash, write_weights
-from cmacexp.errors import BadAnswer, users_traceback
+from cmacexp.errors import BadOutput, format_user_traceback
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.sources import code_hash
 from cmacexp.loop import End, Samples, stream
@@ -168,8 +168,8 @@ def run_scenario(
         "wall_seconds": time.perf_counter() - began,
         "files": {name: sha256(folder / name) for name in names},
     }
-    if end.error is not None and not isinstance(end.error, BadAnswer):
-        manifest["traceback"] = users_traceback(end.error)
+    if end.error is not None and not isinstance(end.error, BadOutput):
+        manifest["traceback"] = format_user_traceback(end.error)
     manifests.write(folder, manifest)
     return StoredRun(folder)
 

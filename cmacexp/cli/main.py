@@ -17,7 +17,7 @@ from yaml import YAMLError
 
 from cmacexp.config import Config, config_folder, to_config
 from cmacexp.config.hydra_private import compose_once
-from cmacexp.errors import BadInput, BadPart, CmacexpError, users_traceback
+from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.sweep.start import SweepStart
 
 if TYPE_CHECKING:
@@ -86,8 +86,8 @@ def _task(session: _Session) -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except (CmacexpError, OSError, MemoryError) as error:
             _remove_empty(Path(hydra.runtime.output_dir))
-            if isinstance(error, BadPart):
-                print(users_traceback(error.raised), file=sys.stderr, end="")
+            if isinstance(error, BadComponent):
+                print(format_user_traceback(error.raised), file=sys.stderr, end="")
             session.fail("bad input" if isinstance(error, BadInput) else "failed", str(error) or type(error).__name__)
         return None
 

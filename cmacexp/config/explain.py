@@ -13,7 +13,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config.fields import listed
 from cmacexp.config.load import config_folder
-from cmacexp.errors import install
+from cmacexp.errors import format_install_command
 
 
 def _composed(overrides: Sequence[str]) -> DictConfig:
@@ -54,14 +54,6 @@ def unknown_key(key: str, overrides: Sequence[str]) -> str:
     return f"{key}: no such key; {parent or 'the config'} has {listed(names)}{meant}"
 
 
-EXTRAS = {
-    "hydra/launcher/joblib": "cores",
-    "hydra/launcher/submitit_local": "cluster",
-    "hydra/launcher/submitit_slurm": "cluster",
-}
-"""Options that come with an extra of this package."""
-
-
 def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
     """One line for what Hydra says in several.
 
@@ -74,9 +66,8 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         return f"{unresolved[1]}=None: must be a group of fields; choose an option of conf/{unresolved[1]}"
     if isinstance(error, MissingConfigException) and error.options is not None:
         group, _, name = str(error.missing_cfg_file).rpartition("/")
-        if str(error.missing_cfg_file) in EXTRAS:
-            extra = EXTRAS[str(error.missing_cfg_file)]
-            return f"{group}={name}: is not installed: {install(extra)}"
+        if command := format_install_command(str(error.missing_cfg_file)):
+            return f"{group}={name}: is not installed: {command}"
         near = difflib.get_close_matches(name, error.options, 1)
         meant = f"; did you mean {near[0]}?" if near else ""
         return f"{group}={name}: choose from {', '.join(error.options)}{meant}"

@@ -93,7 +93,7 @@ class SteppedLoop:
             RUNNING, or why it stopped.
 
         Raises:
-            BadAnswer: a part gave back what the loop cannot use; ``taken`` tells when.
+            BadOutput: a part gave back what the loop cannot use; ``taken`` tells when.
         """
         period, done, stop = self.plan.support.shape[0], 0, RUNNING
         while stop == RUNNING and done < len(samples):

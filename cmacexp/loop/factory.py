@@ -16,7 +16,7 @@ from hydra.utils import instantiate
 
 from cmacexp.config.fields import listed
 from cmacexp.config.schema import BUILT_IN_PARTS
-from cmacexp.errors import BadInput, BadPart, install_command
+from cmacexp.errors import BadComponent, BadInput, format_install_command
 
 METHODS = {
     "plant": ("reset", "step"),
@@ -56,7 +56,7 @@ def _import(key: str, target: str, name: str) -> ModuleType | None:
     """A module by its full name; None if there is none of that name.
 
     Raises:
-        BadPart: it is there, and raises when it is imported.
+        BadComponent: it is there, and raises when it is imported.
     """
     importlib.invalidate_caches()  # a file may have been written a moment ago
     try:
@@ -65,11 +65,11 @@ def _import(key: str, target: str, name: str) -> ModuleType | None:
         missing = error.name or ""
         if name == missing or name.startswith(f"{missing}."):
             return None
-        if command := install_command(missing):
+        if command := format_install_command(missing):
             raise BadInput(key, target, f"needs {missing}, which is not installed: {command}") from error
-        raise BadPart(key, target, f"importing {name} found no module {missing}", error) from error
+        raise BadComponent(key, target, f"importing {name} found no module {missing}", error) from error
     except Exception as error:
-        raise BadPart(key, target, f"importing {name} raised {type(error).__name__}: {error}", error) from error
+        raise BadComponent(key, target, f"importing {name} raised {type(error).__name__}: {error}", error) from error
 
 
 def _find(key: str, target: object) -> Callable[..., object]:
@@ -145,7 +145,7 @@ def build(key: str, node: Mapping[str, Any], made: Any = None) -> tuple[Any, dic
         made: the part if it is made already.
 
     Raises:
-        BadInput: it cannot be made; as :class:`BadPart` with the traceback of what its own code raised.
+        BadInput: it cannot be made; as :class:`BadComponent` with the traceback of what its own code raised.
     """
     target, where = node.get("_target_"), f"{key}._target_"
     part, fitting = (made, dict(node)) if made is not None else _make(where, key, node)
@@ -165,9 +165,9 @@ def _make(where: str, key: str, node: Mapping[str, Any]) -> tuple[Any, dict[str,
         cause = error.__cause__
         if isinstance(cause, BadInput):
             raise cause from None
-        if isinstance(cause, ModuleNotFoundError) and (command := install_command(cause.name or "")):
+        if isinstance(cause, ModuleNotFoundError) and (command := format_install_command(cause.name or "")):
             raise BadInput(where, target, f"needs {cause.name}, which is not installed: {command}") from error
         reason = " ".join(str(cause or error).split())
         if cause is None:
             raise BadInput(where, target, f"cannot be made: {reason}") from error
-        raise BadPart(where, target, f"cannot be made: {type(cause).__name__}: {reason}", cause) from error
+        raise BadComponent(where, target, f"cannot be made: {type(cause).__name__}: {reason}", cause) from error

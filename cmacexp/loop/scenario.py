@@ -67,7 +67,7 @@ def _reset(setup: Setup, parts: dict[str, Any]) -> Measurement:
     """Reset all parts; the plant at the start.
 
     Raises:
-        BadAnswer: what the plant gave is no measurement of this machine.
+        BadOutput: what the plant gave is no measurement of this machine.
         Exception: whatever a part raises.
     """
     plant, sensors, controller, feedforward = (parts[key] for key in METHODS)

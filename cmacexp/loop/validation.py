@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.control.protocol import Action
-from cmacexp.errors import BadAnswer
+from cmacexp.errors import BadOutput
 from cmacexp.plants.protocol import STATE, Measurement, state_of
 from cmacexp.typing import Array
 
@@ -32,7 +32,7 @@ def take(part: object, method: str, name: str, given: Any, room: Array) -> None:
     """Copy an array that a part gave into ``room``, of the shape that it must have.
 
     Raises:
-        BadAnswer: it is no array of numbers of that shape.
+        BadOutput: it is no array of numbers of that shape.
     """
     try:
         if given.dtype is FLOAT and given.shape == room.shape:
@@ -47,9 +47,9 @@ def take(part: object, method: str, name: str, given: Any, room: Array) -> None:
     except (TypeError, ValueError):
         kind, values = "O", np.empty(0)
     if given is None or kind not in "fiub":
-        raise BadAnswer(f"{_method(part, method)} gave {name} of type {type(given).__name__}: {expected}")
+        raise BadOutput(f"{_method(part, method)} gave {name} of type {type(given).__name__}: {expected}")
     if values.shape != room.shape:
-        raise BadAnswer(f"{_method(part, method)} gave {name} of shape {values.shape}: {expected}")
+        raise BadOutput(f"{_method(part, method)} gave {name} of shape {values.shape}: {expected}")
     room[...] = values
 
 
@@ -57,23 +57,23 @@ def require_finite(part: object, method: str, name: str, values: Array) -> None:
     """Refuse values of which one is NaN or infinite.
 
     Raises:
-        BadAnswer: names the first of them.
+        BadOutput: names the first of them.
     """
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         where = ", ".join(map(str, bad[0]))
         value = values[tuple(bad[0])]
-        raise BadAnswer(f"{_method(part, method)} gave {name}[{where}] = {value}: expected finite {UNITS[name]}")
+        raise BadOutput(f"{_method(part, method)} gave {name}[{where}] = {value}: expected finite {UNITS[name]}")
 
 
 def take_measurement(part: object, method: str, given: Any, room: Measurement) -> None:
     """Copy a measurement that plant or sensors gave into ``room``, the arrays of one.
 
     Raises:
-        BadAnswer: it is no :class:`Measurement`, or one of its arrays is not as it must be.
+        BadOutput: it is no :class:`Measurement`, or one of its arrays is not as it must be.
     """
     if not isinstance(given, Measurement):
-        raise BadAnswer(
+        raise BadOutput(
             f"{_method(part, method)} gave {_told(given)}: "
             f"expected cmacexp.plants.Measurement({', '.join(Measurement._fields)})"
         )
@@ -102,10 +102,10 @@ def take_action(part: object, given: Any, feedback: Array, feedforward: Array, r
         Whether it said which reference it went by.
 
     Raises:
-        BadAnswer: it is no :class:`Action`, or one of its arrays is not as it must be.
+        BadOutput: it is no :class:`Action`, or one of its arrays is not as it must be.
     """
     if not isinstance(given, Action):
-        raise BadAnswer(
+        raise BadOutput(
             f"{_method(part, 'act')} gave {_told(given)}: "
             "expected cmacexp.control.Action(feedback, feedforward[, reference])"
         )

@@ -9,7 +9,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config import Config, config_hash, to_config
 from cmacexp.data import manifest as manifests
-from cmacexp.errors import BadInput, BadPart, CmacexpError, users_traceback
+from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.sweep.start import without_sweep
 
 
@@ -53,8 +53,8 @@ def _leave_failure(folder: Path, composed: DictConfig, error: Exception, cause: 
         "wall_seconds": 0.0,
         "files": {},
     }
-    if isinstance(error, BadPart) or not isinstance(error, CmacexpError | OSError | MemoryError):
-        manifest["traceback"] = users_traceback(error.raised if isinstance(error, BadPart) else error)
+    if isinstance(error, BadComponent) or not isinstance(error, CmacexpError | OSError | MemoryError):
+        manifest["traceback"] = format_user_traceback(error.raised if isinstance(error, BadComponent) else error)
     try:
         clear(folder)
         manifests.write(folder, manifest)

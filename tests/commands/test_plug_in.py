@@ -10,7 +10,7 @@ from support.command import cmacexp
 
 import cmacexp as package
 from cmacexp.control import Action, CmacFeedforward, HybridController
-from cmacexp.errors import BadInput, BadPart, CmacexpError, users_traceback
+from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.loop import roll_out
 from cmacexp.loop.run import external_components
 from cmacexp.loop.scenario import make_scenario
@@ -177,9 +177,9 @@ def test_a_target_that_cannot_be_made_is_told_in_a_line(here, target):
 )
 def test_a_file_that_cannot_be_imported_keeps_its_traceback(here, tmp_path, text, told):
     (tmp_path / f"{here}_bad.py").write_text(text)
-    with pytest.raises(BadPart, match=told) as caught:
+    with pytest.raises(BadComponent, match=told) as caught:
         make_scenario(compose(f"controller._target_={here}_bad.C"))
-    shown = users_traceback(caught.value.raised)
+    shown = format_user_traceback(caught.value.raised)
     assert text in shown
     assert f"{here}_bad.py" in shown
     assert "hydra" not in shown
@@ -187,9 +187,9 @@ def test_a_file_that_cannot_be_imported_keeps_its_traceback(here, tmp_path, text
 
 
 def test_a_class_that_raises_when_it_is_made_keeps_its_traceback(here):
-    with pytest.raises(BadPart, match="cannot be made: ValueError: no licence") as caught:
+    with pytest.raises(BadComponent, match="cannot be made: ValueError: no licence") as caught:
         make_scenario(compose(f"controller._target_={here}.CannotBeMade"))
-    assert 'raise ValueError("no licence")' in users_traceback(caught.value.raised)
+    assert 'raise ValueError("no licence")' in format_user_traceback(caught.value.raised)
 
 
 def test_a_missing_extra_is_told_with_the_command_that_installs_it(here, tmp_path, monkeypatch):

@@ -12,7 +12,7 @@ import pytest
 from support.command import ROOT, cmacexp, python
 
 from cmacexp.data.integrity import faults
-from cmacexp.errors import BadInput, BadPart
+from cmacexp.errors import BadComponent, BadInput
 
 KILLING = str(Path(__file__).parents[1] / "support" / "killing.py")
 SWEEP = ["-m", "cmac.layers=8,10,16,32", "cycles=2", "hydra.sweep.dir=out"]
@@ -100,7 +100,10 @@ def test_a_folder_that_cannot_be_written_is_one_line(arguments, locked, tmp_path
 
 @pytest.mark.parametrize(
     "error",
-    [BadInput("cmac.layers", 0, "must be at least 1"), BadPart("plant", {"a": 1}, "fell\nover", ValueError("over"))],
+    [
+        BadInput("cmac.layers", 0, "must be at least 1"),
+        BadComponent("plant", {"a": 1}, "fell\nover", ValueError("over")),
+    ],
 )
 def test_what_a_worker_finds_wrong_comes_back_whole(error):
     back = pickle.loads(pickle.dumps(error))
