@@ -13,6 +13,7 @@ from cmacexp.control import CmacFeedforward, HybridController
 from cmacexp.loop.samples import SAMPLES
 from cmacexp.loop.scenario import Scenario
 from cmacexp.models.mechanism import LEGS_ON_STAND
+from cmacexp.planning.columns import FORCE_DESIRED, JOINT_COLUMNS
 from cmacexp.plants import AnalyticPlant
 from cmacexp.typing import Array
 
@@ -68,8 +69,7 @@ def build(layers: int, inputs: int) -> ctypes.CDLL:
 
 def planned_inputs(scenario: Scenario) -> Array:
     """Planned inputs (N, n) of the CMAC of the first leg."""
-    columns = {"angle": (0, 1), "velocity": (2, 3), "acceleration": (4, 5)}
-    chosen = [column for name in scenario.setup.config.cmac.inputs for column in columns[name]]
+    chosen = [column for name in scenario.setup.config.cmac.inputs for column in JOINT_COLUMNS[name]]
     return np.ascontiguousarray(scenario.setup.plan.joints[:, 0, chosen])
 
 
@@ -77,7 +77,7 @@ def _tables(scenario: Scenario) -> dict[str, np.ndarray]:
     plan, address = scenario.setup.plan, scenario.feedforward.cmacs[0].address
     tables = {
         "support": plan.support[:, 0].astype(np.uint8),
-        "reference": plan.reference[:, :, 0, :6],
+        "reference": plan.reference[:, :, 0, :FORCE_DESIRED],
         "inputs": planned_inputs(scenario),
         "low": address.ranges.low,
         "high": address.ranges.high,
@@ -103,7 +103,7 @@ def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
     """Run a fresh ``scenario=one_leg`` from its first step to its last in C.
 
     Returns:
-        Samples (steps, columns) in the order of SAMPLES, and seconds in the loop.
+        Samples (steps, columns) in the order of :data:`SAMPLES`, and seconds in the loop.
     """
     config, plant = scenario.setup.config, scenario.plant
     assert isinstance(plant, AnalyticPlant)

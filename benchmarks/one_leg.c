@@ -225,8 +225,8 @@ int64_t one_leg(const Law *law, State *s, int64_t steps, double *samples) {
         }
         saturate(law->torque_limit, feedback, feedforward, tau);
         double row[COLUMNS] = {
-            s->foot[0], s->foot[1], s->velocity[0], s->velocity[1], s->q[0], s->q[1], s->dq[0], s->dq[1],
-            s->force, s->force, r[0], r[1], feedback[0], feedback[1], feedforward[0], feedforward[1]};
+            r[0], r[1], s->foot[0], s->foot[1], s->velocity[0], s->velocity[1], s->q[0], s->q[1], s->dq[0], s->dq[1],
+            s->force, s->force, feedback[0], feedback[1], feedforward[0], feedforward[1]};
         memcpy(samples + k * COLUMNS, row, sizeof row);
         advance(law, s, &trig, tau);
         if (has_diverged(s)) return k + 1;

@@ -16,7 +16,7 @@ from cmacexp.control import HybridController, Learns
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import remove_leftovers, sha256
 from cmacexp.data.parquet import as_array, rows_of, table_writer
-from cmacexp.data.signals import BODY_COLUMNS, COLUMNS, Column, schema_of, with_measured
+from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, make_schema, select_signals
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import (
     BODY,
@@ -53,11 +53,11 @@ def clear(folder: Path) -> None:
     remove_leftovers(folder)
 
 
-def _columns(scenario: Scenario) -> tuple[tuple[Column, ...], tuple[Column, ...] | None]:
+def _columns(scenario: Scenario) -> tuple[tuple[Signal, ...], tuple[Signal, ...] | None]:
     """Columns of the traces of legs and body; None without a body."""
     altered, watched = altered_by(scenario.sensors), scenario.setup.config.plausibility.enabled
-    legs = with_measured(COLUMNS, altered, watched)
-    return legs, with_measured(BODY_COLUMNS, altered) if scenario.setup.mechanism.kind == LEGS_UNDER_BODY else None
+    legs = select_signals(LEG_SIGNALS, altered, watched)
+    return legs, select_signals(BODY_SIGNALS, altered) if scenario.setup.mechanism.kind == LEGS_UNDER_BODY else None
 
 
 def _traces(scenario: Scenario, samples: Samples) -> Traces:
@@ -219,8 +219,8 @@ def writing(
     folder: Path,
     record: RecordConfig,
     steps_per_cycle: int,
-    legs: Sequence[Column],
-    body: Sequence[Column] | None,
+    legs: Sequence[Signal],
+    body: Sequence[Signal] | None,
 ) -> Iterator[RunWriter]:
     """Write the traces of a run as it goes on; they appear when the block ends well.
 
@@ -233,5 +233,5 @@ def writing(
     """
     with ExitStack() as stack:
         files = [(TRACE, legs), *([(BODY, body)] if body else [])]
-        writers = [stack.enter_context(table_writer(folder / name, schema_of(columns))) for name, columns in files]
+        writers = [stack.enter_context(table_writer(folder / name, make_schema(columns))) for name, columns in files]
         yield RunWriter(writers, record, steps_per_cycle)

@@ -1,6 +1,6 @@
 """What walks: geometry and masses of the machines."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from cmacexp.config.fields import choice, number
 
@@ -59,7 +59,13 @@ class FourLegs:
     @property
     def in_order(self) -> list[BodyLegConfig]:
         """Legs 1 to 4."""
-        return [self.left_front, self.right_front, self.left_rear, self.right_rear]
+        return [getattr(self, key) for key in LEG_KEYS]
+
+
+LEG_KEYS = tuple(field.name for field in fields(FourLegs))
+"""Keys of legs 1 to 4 under a body."""
+LEG_NAMES = tuple(key.replace("_", " ") for key in LEG_KEYS)
+"""The same as words."""
 
 
 @dataclass

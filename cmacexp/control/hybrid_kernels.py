@@ -14,6 +14,7 @@ from cmacexp.control.lead import Lead, lead_step
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import depth, depth_rate
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism, torque_for
+from cmacexp.planning.columns import FORCE_ADDED, FORCE_DESIRED, FORCE_REFERENCE, VX, VY, X, Y
 from cmacexp.typing import Array, Mask
 
 STIFFNESS, DAMPING, COMBINED, EXPLICIT = range(4)
@@ -110,11 +111,11 @@ def force_error(
 ) -> float:
     """Weighted error of the force control method, N (Lin & Song 1997, Fig. 2 to 5 and eq. 21).
 
-    Row ``i`` of ``reference`` (L, 7) is x, y, vx, vy, F_r of the leg and so on; ``y_reference`` and
-    ``vy_reference`` are y and vy with posture control.
+    ``reference`` (L, 7) is a row of the plan; ``y_reference`` and ``vy_reference`` are its y and vy with posture
+    control.
     """
     if params.method == EXPLICIT:
-        return params.force_gain * (reference[i, 4] - force)
+        return params.force_gain * (reference[i, FORCE_REFERENCE] - force)
     stiffness = params.position_gain * (y_reference - y - force * params.elasticity)
     damping = params.velocity_gain * (vy_reference - vy - force * params.admittance)
     if params.method == STIFFNESS:
@@ -161,7 +162,7 @@ def hybrid_feedback(
         params: gains and geometry.
         state: of the last step, becomes that of this one.
         support: (L,): force control along y where true, position control elsewhere.
-        reference: (L, 7): a row of the plan.
+        reference: (L, 7): a row of the plan, see :mod:`cmacexp.planning.columns`.
         trig: (L, 4): sines and cosines of the measured joint angles, see :func:`trigonometries`.
         foot: (L, 2): measured foot position, m.
         velocity: (L, 2): measured foot velocity, m/s.
@@ -170,24 +171,24 @@ def hybrid_feedback(
         body_rate: (3,): their measured rates, m/s and rad/s.
     """
     for i in range(support.shape[0]):
-        x_error = position_error(params, reference[i, 0], reference[i, 2], foot[i, 0], velocity[i, 0])
-        y_reference = reference[i, 1]
-        pressed = believed_force(params, state.plausible, i, force[i], reference[i, 6], foot, body)
+        x_error = position_error(params, reference[i, X], reference[i, VX], foot[i, 0], velocity[i, 0])
+        y_reference = reference[i, Y]
+        pressed = believed_force(params, state.plausible, i, force[i], reference[i, FORCE_DESIRED], foot, body)
         if support[i]:
             y_reference += posture_term(params, i, body)
-            vy_reference = reference[i, 3] + posture_rate_term(params, i, body, body_rate)
+            vy_reference = reference[i, VY] + posture_rate_term(params, i, body, body_rate)
             y_error = force_error(
                 params, i, reference, y_reference, vy_reference, foot[i, 1], velocity[i, 1], pressed
             )
         else:
-            y_error = position_error(params, y_reference, reference[i, 3], foot[i, 1], velocity[i, 1])
-        state.reference[i, 0], state.reference[i, 1] = reference[i, 0], y_reference
+            y_error = position_error(params, y_reference, reference[i, VY], foot[i, 1], velocity[i, 1])
+        state.reference[i, 0], state.reference[i, 1] = reference[i, X], y_reference
         ux = lead_step(params.lead, x_error, state.error[i, 0], state.output[i, 0])
         uy = lead_step(params.lead, y_error, state.error[i, 1], state.output[i, 1])
         state.error[i, 0], state.error[i, 1] = x_error, y_error
         state.output[i, 0], state.output[i, 1] = ux, uy
         learning_error = torque_for(params.mechanism, i, trig, ux, uy)
-        desired = reference[i, 5]
-        feedback = torque_for(params.mechanism, i, trig, ux, uy + desired) if desired != 0.0 else learning_error
+        added = reference[i, FORCE_ADDED]
+        feedback = torque_for(params.mechanism, i, trig, ux, uy + added) if added != 0.0 else learning_error
         state.learning_error[i, 0], state.learning_error[i, 1] = learning_error
         state.feedback[i, 0], state.feedback[i, 1] = feedback

@@ -1,137 +1,178 @@
-"""The trace of a run: one row per step and leg; Parquet on disk is the truth."""
+"""The table of signals: every column of the tables that a run writes, declared once.
+
+The schemas of the files, the layout of the loop's samples, the ``*_measured`` columns, the arrays that components
+exchange and ``docs/signals.md`` derive from it.
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import pyarrow as pa
 
+from cmacexp.config.machine import LEG_NAMES
+
+CLOCK, PLAN, PLANT, SENSORS, CONTROLLER, FEEDFORWARD, TRACE = (
+    "clock", "plan", "plant", "sensors", "controller", "feedforward", "trace",
+)  # fmt: skip
+"""Who owns a signal; the trace owns what it computes from other signals."""
+SAMPLED = (PLANT, SENSORS, CONTROLLER, FEEDFORWARD)
+"""Owners whose signals the loop samples in every step; the others are known before or after the run."""
+
+ALWAYS, IF_ALTERED, IF_WATCHED = "always", "if altered", "if watched"
+"""When a trace has a column: in every run, where sensors can alter the signal, where force sensors are watched."""
+
 
 @dataclass(frozen=True)
-class Column:
-    """Name, unit and meaning of a column, and its Arrow type."""
+class Signal:
+    """One column: name, unit, meaning, owner, Arrow type."""
 
     name: str
     unit: str
     meaning: str
+    owner: str
     type: pa.DataType = pa.float64()
+    altered_by: tuple[str, ...] = ()
+    """Sensor signals that can alter this one; a column ``*_measured`` then shows what the controller gets."""
+    present: str = ALWAYS
     added: bool = False
     """Whether traces of earlier versions lack it."""
 
 
 PHASES = ["transfer", "support"]
-LEG_NAMES = ("left front", "right front", "left rear", "right rear")
-"""Of legs 1 to 4 under a body."""
+_NUMBERED = ", ".join(f"{number} {name}" for number, name in enumerate(LEG_NAMES, 1))
 
-COLUMNS = (
-    Column("step", "", "sampling period, from 0 over the whole run", pa.int32()),
-    Column("time", "s", "start of the step"),
-    Column("cycle", "", "gait cycle, from 1, by the machine's clock", pa.int32()),
-    Column("leg", "", "1 left front, 2 right front, 3 left rear, 4 right rear; 1 for one leg", pa.int32()),
-    Column("phase", "", "planned phase", pa.dictionary(pa.int8(), pa.string())),
-    Column("progress", "", "0 to 1 within the phase"),
-    Column("x_desired", "m", "where the foot should really be, hip frame, x forward"),
-    Column(
+LEG_SIGNALS = (
+    Signal("step", "", "sampling period, from 0 over the whole run", CLOCK, pa.int32()),
+    Signal("time", "s", "start of the step", CLOCK),
+    Signal("cycle", "", "gait cycle, from 1, by the machine's clock", CLOCK, pa.int32()),
+    Signal("leg", "", f"{_NUMBERED}; 1 for one leg", CLOCK, pa.int32()),
+    Signal("phase", "", "planned phase", PLAN, pa.dictionary(pa.int8(), pa.string())),
+    Signal("progress", "", "0 to 1 within the phase", PLAN),
+    Signal("x_desired", "m", "where the foot should really be, hip frame, x forward", PLAN),
+    Signal(
         "y_desired",
         "m",
         "where the foot should really be, hip frame, y down; in support the depression for F_d",
+        PLAN,
     ),
-    Column("x_reference", "m", "what the controller is fed along x"),
-    Column("y_reference", "m", "what the controller is fed along y (D_r of eq. 9, 13, 24); NaN where unused"),
-    Column("x", "m", "foot, hip frame, x forward"),
-    Column("y", "m", "foot, hip frame, y down"),
-    Column("vx", "m/s", "velocity of the foot in the hip frame"),
-    Column("vy", "m/s", "velocity of the foot in the hip frame"),
-    Column("q1", "rad", "joint angle theta1; NaN without joints"),
-    Column("q2", "rad", "joint angle theta2; NaN without joints"),
-    Column("dq1", "rad/s", "joint velocity"),
-    Column("dq2", "rad/s", "joint velocity"),
-    Column("force", "N", "contact force, positive pressing on the ground"),
-    Column("force_desired", "N", "desired contact force"),
-    Column("force_measured", "N", "contact force as the controller saw it"),
-    Column("tau_feedback_1", "N m", "feedback torque of joint 1 (Cartesian force in N for a point mass)"),
-    Column("tau_feedback_2", "N m", "feedback torque of joint 2 (Cartesian force in N for a point mass)"),
-    Column("tau_feedforward_1", "N m", "feedforward torque of joint 1; the plant gets the sum of both"),
-    Column("tau_feedforward_2", "N m", "feedforward torque of joint 2; the plant gets the sum of both"),
+    Signal("x_reference", "m", "what the controller is fed along x", CONTROLLER),
+    Signal(
+        "y_reference", "m", "what the controller is fed along y (D_r of eq. 9, 13, 24); NaN where unused", CONTROLLER
+    ),
+    Signal("x", "m", "foot, hip frame, x forward", PLANT, altered_by=("position",)),
+    Signal("y", "m", "foot, hip frame, y down", PLANT, altered_by=("position",)),
+    Signal("vx", "m/s", "velocity of the foot in the hip frame", PLANT, altered_by=("position", "velocity")),
+    Signal("vy", "m/s", "velocity of the foot in the hip frame", PLANT, altered_by=("position", "velocity")),
+    Signal("q1", "rad", "joint angle theta1; NaN without joints", PLANT, altered_by=("position",)),
+    Signal("q2", "rad", "joint angle theta2; NaN without joints", PLANT, altered_by=("position",)),
+    Signal("dq1", "rad/s", "joint velocity", PLANT, altered_by=("velocity",)),
+    Signal("dq2", "rad/s", "joint velocity", PLANT, altered_by=("velocity",)),
+    Signal("force", "N", "contact force, positive pressing on the ground", PLANT, altered_by=("force",)),
+    Signal("force_desired", "N", "desired contact force", PLAN),
+    Signal("force_measured", "N", "contact force as the controller saw it", SENSORS),
+    Signal("tau_feedback_1", "N m", "feedback torque of joint 1 (Cartesian force in N for a point mass)", CONTROLLER),
+    Signal("tau_feedback_2", "N m", "feedback torque of joint 2 (Cartesian force in N for a point mass)", CONTROLLER),
+    Signal("tau_feedforward_1", "N m", "feedforward torque of joint 1; the plant gets the sum of both", FEEDFORWARD),
+    Signal("tau_feedforward_2", "N m", "feedforward torque of joint 2; the plant gets the sum of both", FEEDFORWARD),
+    Signal(
+        "force_trusted",
+        "",
+        "1 while the controller goes by the force sensor; 0 since it was implausible",
+        CONTROLLER,
+        pa.int8(),
+        present=IF_WATCHED,
+    ),
 )
+"""Of ``trace.parquet``: one row per step and leg."""
 
-BODY_COLUMNS = (
-    Column("step", "", "sampling period, from 0 over the whole run", pa.int32()),
-    Column("time", "s", "start of the step"),
-    Column("cycle", "", "gait cycle, from 1", pa.int32()),
-    Column("height", "m", "centre of the body above the undepressed ground below it"),
-    Column("pitch", "rad", "positive nose down"),
-    Column("roll", "rad", "positive right side down"),
-    Column("yaw", "rad", "positive turned to the left; 0 unless the plant moves the body by itself", added=True),
-    Column(
+BODY_SIGNALS = (
+    Signal("step", "", "sampling period, from 0 over the whole run", CLOCK, pa.int32()),
+    Signal("time", "s", "start of the step", CLOCK),
+    Signal("cycle", "", "gait cycle, from 1", CLOCK, pa.int32()),
+    Signal("height", "m", "centre of the body above the undepressed ground below it", PLANT, altered_by=("height",)),
+    Signal("pitch", "rad", "positive nose down", PLANT, altered_by=("tilt",)),
+    Signal("roll", "rad", "positive right side down", PLANT, altered_by=("tilt",)),
+    Signal(
+        "yaw", "rad", "positive turned to the left; 0 unless the plant moves the body by itself", PLANT, added=True
+    ),
+    Signal(
         "cog_x",
         "m",
         "centre of gravity in the world, forward; stroke/(duty factor x T) times time unless the plant moves it",
+        PLANT,
     ),
-    Column("cog_y", "m", "centre of gravity in the world, left"),
-    Column("stability_margin", "m", "to the nearest edge of the planned support polygon (McGhee & Frank 1968)"),
-    Column("margin_front", "m", "to the front boundary of the planned support polygon along the body's x"),
-    Column("margin_rear", "m", "to the rear boundary of the planned support polygon along the body's x"),
-    Column("supporting_legs", "", "bit mask of feet with force > 0, leg 1 the lowest bit", pa.int32()),
+    Signal("cog_y", "m", "centre of gravity in the world, left", PLANT),
+    Signal("stability_margin", "m", "to the nearest edge of the planned support polygon (McGhee & Frank 1968)", PLAN),
+    Signal("margin_front", "m", "to the front boundary of the planned support polygon along the body's x", PLAN),
+    Signal("margin_rear", "m", "to the rear boundary of the planned support polygon along the body's x", PLAN),
+    Signal("supporting_legs", "", "bit mask of feet with force > 0, leg 1 the lowest bit", TRACE, pa.int32()),
+    Signal("height_rate", "m/s", "rate of the height", PLANT, altered_by=("height_rate",), present=IF_ALTERED),
+    Signal("pitch_rate", "rad/s", "rate of the pitch", PLANT, altered_by=("tilt_rate",), present=IF_ALTERED),
+    Signal("roll_rate", "rad/s", "rate of the roll", PLANT, altered_by=("tilt_rate",), present=IF_ALTERED),
 )
+"""Of ``body.parquet``: one row per step."""
 
-MEASURED = {
-    "x": ("position",),
-    "y": ("position",),
-    "vx": ("position", "velocity"),
-    "vy": ("position", "velocity"),
-    "q1": ("position",),
-    "q2": ("position",),
-    "dq1": ("velocity",),
-    "dq2": ("velocity",),
-    "height": ("height",),
-    "pitch": ("tilt",),
-    "roll": ("tilt",),
-    "height_rate": ("height_rate",),
-    "pitch_rate": ("tilt_rate",),
-    "roll_rate": ("tilt_rate",),
+MEMORY_SIGNALS = (
+    Signal("cycle", "", "gait cycle, from 1", CLOCK, pa.int32()),
+    Signal("leg", "", "as in the trace", CLOCK, pa.int32()),
+    Signal("weight_norm", "N m", "Euclidean norm of all weights of the network at the end of the cycle", FEEDFORWARD),
+    Signal("weight_largest", "N m", "largest absolute weight at the end of the cycle", FEEDFORWARD),
+    Signal("rows_used", "", "rows of memory with a weight other than 0 at the end of the cycle", FEEDFORWARD),
+    Signal("rows", "", "rows of memory that the network has", PLAN),
+    Signal(
+        "cells_colliding", "", "cells of the planned path that share their row with another; NaN if not counted", PLAN
+    ),
+)
+"""Of ``memory.parquet``: one row per cycle and leg."""
+
+ARRAYS = {
+    "q": ("q1", "q2"),
+    "dq": ("dq1", "dq2"),
+    "foot": ("x", "y"),
+    "velocity": ("vx", "vy"),
+    "force": ("force",),
+    "body": ("height", "pitch", "roll"),
+    "body_rate": ("height_rate", "pitch_rate", "roll_rate"),
+    "travel": ("cog_x", "cog_y", "yaw"),
+    "feedback": ("tau_feedback_1", "tau_feedback_2"),
+    "feedforward": ("tau_feedforward_1", "tau_feedforward_2"),
+    "reference": ("x_reference", "y_reference"),
 }
-"""Columns that get a ``*_measured`` beside them where one of these signals of the sensors is altered."""
-
-RATES = (
-    Column("height_rate", "m/s", "rate of the height"),
-    Column("pitch_rate", "rad/s", "rate of the pitch"),
-    Column("roll_rate", "rad/s", "rate of the roll"),
-)
-"""Columns of a body that stand in its trace where their sensors alter them."""
+"""Signals in the arrays that components exchange; those up to ``travel`` are the fields of a measurement."""
 
 
-TRUSTED = Column(
-    "force_trusted", "", "1 while the controller goes by the force sensor; 0 since it was implausible", pa.int8()
-)
-"""Of legs whose force sensors are watched."""
+def select_signals(
+    table: Sequence[Signal], altered: Collection[str] = (), watched: bool = False
+) -> tuple[Signal, ...]:
+    """Columns of a run whose sensors can alter some signals, and whose force sensors are ``watched`` or not."""
 
+    def is_altered(signal: Signal) -> bool:
+        return any(name in altered for name in signal.altered_by)
 
-def with_measured(columns: Sequence[Column], altered: Collection[str], watched: bool = False) -> tuple[Column, ...]:
-    """Columns of a trace, then those of sensors that alter these signals, and of force sensors that are watched."""
-
-    def is_altered(column: Column) -> bool:
-        return any(signal in altered for signal in MEASURED.get(column.name, ()))
-
-    rates = [column for column in RATES if columns is BODY_COLUMNS and is_altered(column)]
-    seen = [
-        Column(f"{column.name}_measured", column.unit, f"{column.name} as the controller saw it")
-        for column in (*columns, *rates)
-        if is_altered(column)
+    true = [s for s in table if s.present == ALWAYS or (s.present == IF_ALTERED and is_altered(s))]
+    names = {signal.name for signal in true}
+    measured = [
+        Signal(f"{s.name}_measured", s.unit, f"{s.name} as the controller saw it", SENSORS)
+        for s in true
+        if is_altered(s) and f"{s.name}_measured" not in names
     ]
-    return (*columns, *rates, *seen, *([TRUSTED] if watched and columns is COLUMNS else []))
+    return (*true, *measured, *(s for s in table if s.present == IF_WATCHED and watched))
 
 
-MEMORY_COLUMNS = (
-    Column("cycle", "", "gait cycle, from 1", pa.int32()),
-    Column("leg", "", "as in the trace", pa.int32()),
-    Column("weight_norm", "N m", "Euclidean norm of all weights of the network at the end of the cycle"),
-    Column("weight_largest", "N m", "largest absolute weight at the end of the cycle"),
-    Column("rows_used", "", "rows of memory with a weight other than 0 at the end of the cycle"),
-    Column("rows", "", "rows of memory that the network has"),
-    Column("cells_colliding", "", "cells of the planned path that share their row with another; NaN if not counted"),
-)
+def list_samples(table: Sequence[Signal], wide: bool) -> tuple[str, ...]:
+    """Names of what the loop samples, in the order of the columns; ``wide``: with all that sensors may add."""
+    all_altering = {name for signal in table for name in signal.altered_by}
+    columns = select_signals(table, all_altering if wide else (), watched=wide)
+    return tuple(signal.name for signal in columns if signal.owner in SAMPLED)
 
 
-def schema_of(columns: Sequence[Column]) -> pa.Schema:
-    """Arrow schema of columns, with unit and meaning in the metadata of each field."""
-    return pa.schema([pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns])
+def list_units() -> dict[str, str]:
+    """Units of :data:`ARRAYS`: one, or one per column."""
+    units = {signal.name: signal.unit for signal in (*LEG_SIGNALS, *BODY_SIGNALS)}
+    by_column = {array: [units[name] for name in names] for array, names in ARRAYS.items()}
+    return {array: own[0] if len(set(own)) == 1 else ", ".join(own) for array, own in by_column.items()}
+
+
+def make_schema(signals: Sequence[Signal]) -> pa.Schema:
+    """Arrow schema of signals, with unit and meaning in the metadata of each field."""
+    return pa.schema([pa.field(s.name, s.type, metadata={"unit": s.unit, "meaning": s.meaning}) for s in signals])

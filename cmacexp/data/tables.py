@@ -10,7 +10,7 @@ import pyarrow.csv as pa_csv
 
 from cmacexp.data.files import write_atomically
 from cmacexp.data.parquet import as_array, parts_of, rows_of, write_table
-from cmacexp.data.signals import BODY_COLUMNS, COLUMNS, Column, schema_of
+from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, make_schema, select_signals
 from cmacexp.errors import BadRun
 
 TRACE, BODY, MEMORY = "trace.parquet", "body.parquet", "memory.parquet"
@@ -59,7 +59,7 @@ def steps_by_cycle(folder: Path) -> dict[int, int]:
     return steps
 
 
-def _read(path: Path, columns: Sequence[Column], cycles: tuple[int, int], every: int) -> pa.Table:
+def _read(path: Path, columns: Sequence[Signal], cycles: tuple[int, int], every: int) -> pa.Table:
     """A window of a trace, of which one step in ``every``; read part by part, so that no more than it is held."""
     kept: list[pa.Table] = []
     seen = 0
@@ -72,7 +72,7 @@ def _read(path: Path, columns: Sequence[Column], cycles: tuple[int, int], every:
         legs = int(as_array(part, "leg").max(initial=1)) if "leg" in part.column_names else 1
         kept.append(rows_of(part, (np.arange(part.num_rows) // legs + seen) % every == 0))
         seen += part.num_rows // legs
-    return pa.concat_tables(kept).combine_chunks() if kept else schema_of(columns).empty_table()
+    return pa.concat_tables(kept).combine_chunks() if kept else make_schema(columns).empty_table()
 
 
 ALL_CYCLES = (1, 2**31 - 1)
@@ -89,8 +89,10 @@ def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int =
     Raises:
         BadRun: one is missing or cannot be read.
     """
-    legs = _read(folder / TRACE, COLUMNS, cycles, every)
-    return Traces(legs, _read(folder / BODY, BODY_COLUMNS, cycles, every) if (folder / BODY).exists() else None)
+    legs = _read(folder / TRACE, select_signals(LEG_SIGNALS), cycles, every)
+    return Traces(
+        legs, _read(folder / BODY, select_signals(BODY_SIGNALS), cycles, every) if (folder / BODY).exists() else None
+    )
 
 
 def write_memory(folder: Path, memory: Sequence[pa.Table]) -> list[str]:

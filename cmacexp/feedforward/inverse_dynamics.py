@@ -5,6 +5,7 @@ import numpy as np
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import Mechanism, planned_torque
+from cmacexp.planning.columns import Y
 from cmacexp.planning.setup import Setup
 
 
@@ -34,7 +35,7 @@ class InverseDynamics(BuiltInFeedforward):
         for k in range(torque.shape[0]):
             for i in range(torque.shape[1]):
                 q, dq, ddq = plan.joints[k, i].reshape(3, 2)
-                depression = plan.desired[k, i, 1] - mechanism.hip_height
+                depression = plan.desired[k, i, Y] - mechanism.hip_height
                 force = contact_force(setup.config.assumed_stiffness, depression)
                 torque[k, i] = planned_torque(mechanism, i, q, dq, ddq, force)
         self.params = known_torque(setup, torque)

@@ -19,11 +19,10 @@ from cmacexp.feedforward.kernels import (
     feedforward_step,
 )
 from cmacexp.feedforward.weight_log import new_log, take
+from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Cells
 
-COLUMNS = {"angle": (0, 1), "velocity": (2, 3), "acceleration": (4, 5)}
-"""Columns of ``Plan.joints`` that an input names."""
 NO_SMOOTHING = Smoothing(np.zeros(0), np.zeros(1))
 
 
@@ -61,7 +60,7 @@ class BuiltInFeedforward:
 
 def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
     """Planned joint values (N, 2 x names) of leg ``i``: angles in rad, their velocities, accelerations."""
-    return setup.plan.joints[:, i, [column for name in names for column in COLUMNS[name]]]
+    return setup.plan.joints[:, i, [column for name in names for column in JOINT_COLUMNS[name]]]
 
 
 def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningParams:

@@ -5,11 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cmacexp.data.signals import FEEDFORWARD, MEMORY_SIGNALS
 from cmacexp.jit.compiler import kernel
 from cmacexp.typing import Array, Cells, Counts
 
-LOGGED = ("weight_norm", "weight_largest", "rows_used")
-"""Columns of a log: Euclidean norm and largest size of the weights, N m; rows with a weight other than 0."""
+LOGGED = tuple(signal.name for signal in MEMORY_SIGNALS if signal.owner == FEEDFORWARD)
+"""Columns of a log."""
+NORM, LARGEST, ROWS_USED = (LOGGED.index(name) for name in ("weight_norm", "weight_largest", "rows_used"))
 MOST_CYCLES = 64
 """Cycles that a log has room for until it is taken."""
 
@@ -47,7 +49,7 @@ def weigh(log: WeightLog, weights: Array, told: Array) -> None:
             power += first * first + second * second
             largest = max(largest, abs(first), abs(second))
             count += 1 if first != 0.0 or second != 0.0 else 0
-        told[i, 0], told[i, 1], told[i, 2] = math.sqrt(power), largest, count
+        told[i, NORM], told[i, LARGEST], told[i, ROWS_USED] = math.sqrt(power), largest, count
 
 
 @kernel

@@ -6,8 +6,10 @@ from functools import cache
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
-KERNEL_ROOMS = ("jit", "models", "cmac", "planning", "plants", "sensors", "feedforward", "control", "loop")
-"""Rooms where kernels, and constants that kernels use, stand."""
+KERNEL_ROOMS = (
+    "jit", "data/signals.py", "models", "cmac", "planning", "plants", "sensors", "feedforward", "control", "loop",
+)  # fmt: skip
+"""Rooms and files with kernels, and with constants that kernels use."""
 RESULT_ROOMS = (*KERNEL_ROOMS, "typing.py", "config", "data", "metrics", "experiment.py")
 """Rooms whose text can change what a run gives; not those that only look at it."""
 

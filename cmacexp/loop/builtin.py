@@ -8,7 +8,7 @@ from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.loop.compiled import FusedLoop, Torques, fused_loop
 from cmacexp.loop.coroutine import External
 from cmacexp.loop.external import measurable
-from cmacexp.loop.samples import room_for
+from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.stop import Guard
 from cmacexp.plants import AnalyticPlant
@@ -88,7 +88,7 @@ class FusedRun:
         self.loop = loop
         self.taken = 0
         self.state = measurable(loop.plant_state)
-        self.run(*room_for(0, loop.support.shape[1], False))
+        self.run(*make_samples(0, loop.support.shape[1], False))
 
     def run(self, samples: Array, body_samples: Array) -> int:
         """As :meth:`SteppedLoop.run`."""

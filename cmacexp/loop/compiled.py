@@ -6,8 +6,9 @@ from cmacexp.control.actuator import Actuator, actuate
 from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.jit.compiler import kernel
-from cmacexp.loop.samples import has_measured, write_measured, write_samples
+from cmacexp.loop.samples import write_samples
 from cmacexp.loop.stop import RUNNING, Guard, stop_reason
+from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.sensors.channel import Sensing
 from cmacexp.sensors.kernels import Seen, sense
@@ -45,7 +46,7 @@ class FusedLoop(NamedTuple):
 def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array) -> tuple[int, int]:
     """Run as many steps as ``samples`` (steps, L, columns) has room for, from step ``start``.
 
-    ``body_samples`` is (steps, columns); columns in the order of :mod:`cmacexp.loop.layout`.
+    ``body_samples`` is (steps, columns); columns in the order of :mod:`cmacexp.loop.samples`.
 
     Returns:
         Steps written, and RUNNING or why it stopped after them.
@@ -61,7 +62,7 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
     sample = start % period
     for k in range(steps):
         acting = start + k >= loop.start_step
-        reference = loop.reference[1 if acting else 0, sample]
+        reference = loop.reference[ACTING if acting else BEFORE, sample]
         if loop.sensing.active:
             sense(loop.sensing, plant.mechanism, start + k, machine, seen)
         if acting:
@@ -72,12 +73,7 @@ def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array)
             seen.trig, seen.foot, seen.velocity, seen.force, seen.body, seen.body_rate,
         )  # fmt: skip
         actuate(loop.actuator, start + k, state.feedback, feedforward, total)
-        write_samples(
-            samples, body_samples, k, machine.foot, machine.velocity, machine.q, machine.dq,
-            machine.force, seen.force, state.reference, state.feedback, feedforward, machine.body,
-        )  # fmt: skip
-        if has_measured(samples):
-            write_measured(samples, body_samples, k, seen, machine.body_rate, state.plausible.trusted)
+        write_samples(samples, body_samples, k, machine, seen, state, feedforward)
         advance(plant, machine, total)
         sample = sample + 1 if sample + 1 < period else 0
         status = stop_reason(loop.guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)

@@ -13,9 +13,10 @@ from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_fee
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.jit.compiler import kernel, kernel_apart, kernel_within
 from cmacexp.loop.compiled import Torques
-from cmacexp.loop.samples import has_measured, write_measured, write_samples
+from cmacexp.loop.samples import write_samples
 from cmacexp.loop.stop import DIVERGED, RUNNING, Guard, stop_reason
 from cmacexp.models.mechanism import Mechanism, trigonometries
+from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.channel import Sensing
@@ -146,12 +147,7 @@ def commit(
 ) -> None:
     """Work out the torque that the plant gets, and write the step down."""
     actuate(actuator, step, state.feedback, torques.feedforward, torques.total)
-    write_samples(
-        row.samples, row.body_samples, row.k, machine.foot, machine.velocity, machine.q, machine.dq,
-        machine.force, seen.force, state.reference, state.feedback, torques.feedforward, machine.body,
-    )  # fmt: skip
-    if has_measured(row.samples):
-        write_measured(row.samples, row.body_samples, row.k, seen, machine.body_rate, state.plausible.trusted)
+    write_samples(row.samples, row.body_samples, row.k, machine, seen, state, torques.feedforward)
 
 
 @kernel_within
@@ -245,7 +241,7 @@ def relay(
                         return
                 else:
                     foresee(feedforward_params, step, step % period, state.learning_error, torques.feedforward)
-            stage = 1 if step >= start_step else 0
+            stage = ACTING if step >= start_step else BEFORE
             control(external, control_params, state, support[step % period], reference[stage, step % period], seen)
         commit(actuator, state, torques, machine, seen, step, Row(k, samples, body_samples))
         if external.plant:

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from cmacexp.loop.compiled import FusedLoop
 from cmacexp.loop.coroutine import STEP, External, Inputs, relay
-from cmacexp.loop.samples import GONE, room_for
+from cmacexp.loop.samples import TRAVEL, make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.stop import RUNNING
 from cmacexp.loop.validation import require_finite, take, take_action, take_measurement
+from cmacexp.planning.columns import Y
 from cmacexp.planning.setup import Reference
 from cmacexp.plants.protocol import STATE, Measurement, state_of
 from cmacexp.typing import Array
@@ -79,7 +80,7 @@ class SteppedLoop:
         self.calls: tuple[Callable[[int], None], ...] = (self._measure, self._act, self._predict, self._step)
         self.trusts = external.controller and hasattr(scenario.controller, "force_trusted")
         self.begun = 0
-        self._run(*room_for(0, self.state.q.shape[0], False))
+        self._run(*make_samples(0, self.state.q.shape[0], False))
 
     @property
     def taken(self) -> int:
@@ -153,7 +154,7 @@ class SteppedLoop:
         if self.trusts:
             state.plausible.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
         if not take_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
-            state.reference[...] = reference.values[:, :2]
+            state.reference[...] = reference.values[:, : Y + 1]
 
     def _predict(self, row: int) -> None:
         torque = self.feedforward.predict(self.references[row], self.learning_error[row])
@@ -161,7 +162,7 @@ class SteppedLoop:
 
     def _step(self, row: int) -> None:
         if self.travel is not None:
-            self.body_samples[row, GONE] = self.travel
+            self.body_samples[row, TRAVEL] = self.travel
         measured = self.plant.step(self.torque[row])
         take_measurement(self.plant, "step", measured, self.state)
         self.travel = measured.travel

@@ -9,17 +9,19 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.config import Config
+from cmacexp.data.signals import ARRAYS
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
 from cmacexp.loop.builtin import ALL_EXTERNAL, FusedRun, external_components, fused_parts
 from cmacexp.loop.external import SteppedLoop
 from cmacexp.loop.interrupt import interrupt_held_back
-from cmacexp.loop.samples import GONE, body_names_of, names_of, room_for
+from cmacexp.loop.samples import TRAVEL, WIDE_SAMPLES, make_samples, name_body_samples, name_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_guard
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
+from cmacexp.planning.stability import STABILITY
 from cmacexp.sensors.protocol import altered_by
 from cmacexp.typing import Array
 
@@ -30,8 +32,8 @@ Entering the fused loop costs some 12 us, as much as dozens of steps.
 """
 
 
-JOINTS = ("q1", "q2", "dq1", "dq2")
-"""Columns that are undefined for a point mass, measured or not."""
+JOINTS = (*ARRAYS["q"], *ARRAYS["dq"])
+"""Signals that are undefined for a point mass, measured or not."""
 
 
 class Samples(NamedTuple):
@@ -40,7 +42,7 @@ class Samples(NamedTuple):
     start: int
     """First step."""
     legs: Array
-    """(steps, L, columns), in the order of :mod:`cmacexp.loop.layout`."""
+    """(steps, L, columns), in the order of :mod:`cmacexp.loop.samples`."""
     body: Array
     """(steps, columns), likewise."""
     weights: Array | None
@@ -48,11 +50,11 @@ class Samples(NamedTuple):
 
     def columns(self) -> dict[str, Array]:
         """Of the legs, (steps, L) by column name."""
-        return {name: self.legs[:, :, i] for i, name in enumerate(names_of(self.legs))}
+        return name_samples(self.legs)
 
     def body_columns(self) -> dict[str, Array]:
         """Of the body, (steps,) by column name."""
-        return {name: self.body[:, i] for i, name in enumerate(body_names_of(self.body))}
+        return name_body_samples(self.body)
 
 
 @dataclass(frozen=True)
@@ -107,8 +109,8 @@ def _weights(scenario: Scenario, cycles: int) -> Array | None:
 def _go_as_planned(body: Array, start: int, config: Config) -> None:
     """Where a body that goes straight ahead as planned is in the world; fills its columns of ``body``."""
     step = np.arange(start, start + len(body))
-    body[:, GONE] = 0.0
-    body[:, GONE.start] = step * config.sampling_period * config.body_speed
+    body[:, TRAVEL] = 0.0
+    body[:, TRAVEL[0]] = step * config.sampling_period * config.body_speed
 
 
 def stream(
@@ -135,9 +137,9 @@ def stream(
     scenario.begin()
     setup = scenario.setup
     config, period, cycles = setup.config, setup.config.steps_per_cycle, setup.config.cycles
-    guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
+    guard = new_guard(setup.mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
     if scenario.fault is not None:
-        keep(Samples(0, *room_for(0, setup.mechanism.legs.shape[0], False), None))
+        keep(Samples(0, *make_samples(0, setup.mechanism.legs.shape[0], False), None))
         return End(0, "failed", f"before the first step: {_told(scenario.fault)}", 0.0, scenario.fault)
     external = external_components(scenario) if fused else ALL_EXTERNAL
     parts = fused_parts(scenario, external, guard)
@@ -146,8 +148,9 @@ def stream(
     fits = min(max(1, MOST_ROWS // (period * legs)), MOST_CYCLES)
     together = min(cycles, fits if isinstance(loop, FusedRun) else 1)
     wide = config.plausibility.enabled or bool(altered_by(scenario.sensors) - {"force"})
-    samples, body = room_for(together * period, legs, wide)
-    joints = [i for i, name in enumerate(names_of(samples)) if name.removesuffix("_measured") in JOINTS]
+    samples, body = make_samples(together * period, legs, wide)
+    names = WIDE_SAMPLES[: samples.shape[2]]
+    joints = [column for column, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
     ending, seconds = _Ending(loop), 0.0
     while ending.status == "completed" and loop.taken < cycles * period:
         start, steps = loop.taken, min(len(samples), cycles * period - loop.taken)

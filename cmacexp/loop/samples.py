@@ -1,50 +1,60 @@
-"""What the loop writes down of every step."""
+"""What the loop samples in every step, in columns that the table of signals orders."""
 
 import numpy as np
 
+from cmacexp.control.hybrid_kernels import HybridState
+from cmacexp.data.signals import ARRAYS, BODY_SIGNALS, LEG_SIGNALS, list_samples
 from cmacexp.jit.compiler import kernel
-from cmacexp.plants.protocol import Measurement
+from cmacexp.plants.kernels import PlantState
 from cmacexp.sensors.kernels import Seen
 from cmacexp.typing import Array
 
-SAMPLES = (
-    "x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2", "force", "force_measured", "x_reference", "y_reference",
-    "tau_feedback_1", "tau_feedback_2", "tau_feedforward_1", "tau_feedforward_2",
-)  # fmt: skip
-"""Columns of the trace that a run gives for every leg; the rest is planned."""
-
-POSE, TRAVEL = ("height", "pitch", "roll"), ("cog_x", "cog_y", "yaw")
-BODY_SAMPLES = (*POSE, *TRAVEL)
-"""Columns of the body that a run gives; the last three are those of the plan unless the plant measures them."""
-GONE = slice(len(POSE), len(BODY_SAMPLES))
-"""Those three."""
-
-MEASURED = ("x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2")
-"""Columns that follow SAMPLES, as ``x_measured``, where sensors alter something; the force has its own always."""
-
-TRUSTED = "force_trusted"
-"""Follows MEASURED: whether the controller goes by the force sensor."""
-
-RATES = ("height_rate", "pitch_rate", "roll_rate")
-BODY_MEASURED = (*POSE, *RATES)
-"""Likewise of the body, after BODY_SAMPLES and RATES."""
+SAMPLES, BODY_SAMPLES = (list_samples(table, wide=False) for table in (LEG_SIGNALS, BODY_SIGNALS))
+"""Columns that every run samples of each leg, and of a body."""
+WIDE_SAMPLES, WIDE_BODY_SAMPLES = (list_samples(table, wide=True) for table in (LEG_SIGNALS, BODY_SIGNALS))
+"""The same, followed by what sensors may add."""
 
 
-def names_of(samples: Array) -> tuple[str, ...]:
-    """Names of the columns of leg samples (steps, L, columns)."""
-    return (*SAMPLES, *(f"{name}_measured" for name in MEASURED), TRUSTED)[: samples.shape[2]]
+def _columns(names: str) -> tuple[int, ...]:
+    return tuple(WIDE_SAMPLES.index(name) for name in names.split())
 
 
-def body_names_of(samples: Array) -> tuple[str, ...]:
-    """Names of the columns of body samples (steps, columns)."""
-    return (*BODY_SAMPLES, *RATES, *(f"{name}_measured" for name in BODY_MEASURED))[: samples.shape[1]]
+def _body_columns(names: str) -> tuple[int, ...]:
+    return tuple(WIDE_BODY_SAMPLES.index(name) for name in names.split())
 
 
-def room_for(steps: int, legs: int, measured: bool) -> tuple[Array, Array]:
-    """Room for the samples of legs and body, with or without what is measured of them."""
+X, Y, VX, VY, Q1, Q2, DQ1, DQ2 = _columns("x y vx vy q1 q2 dq1 dq2")
+X_MEASURED, Y_MEASURED, VX_MEASURED, VY_MEASURED = _columns("x_measured y_measured vx_measured vy_measured")
+Q1_MEASURED, Q2_MEASURED, DQ1_MEASURED, DQ2_MEASURED = _columns("q1_measured q2_measured dq1_measured dq2_measured")
+FORCE, FORCE_MEASURED, FORCE_TRUSTED = _columns("force force_measured force_trusted")
+X_REFERENCE, Y_REFERENCE = _columns("x_reference y_reference")
+TAU_FEEDBACK_1, TAU_FEEDBACK_2 = _columns("tau_feedback_1 tau_feedback_2")
+TAU_FEEDFORWARD_1, TAU_FEEDFORWARD_2 = _columns("tau_feedforward_1 tau_feedforward_2")
+HEIGHT, PITCH, ROLL = _body_columns("height pitch roll")
+HEIGHT_RATE, PITCH_RATE, ROLL_RATE = _body_columns("height_rate pitch_rate roll_rate")
+HEIGHT_MEASURED, PITCH_MEASURED, ROLL_MEASURED = _body_columns("height_measured pitch_measured roll_measured")
+HEIGHT_RATE_MEASURED, PITCH_RATE_MEASURED, ROLL_RATE_MEASURED = _body_columns(
+    "height_rate_measured pitch_rate_measured roll_rate_measured"
+)
+TRAVEL = [BODY_SAMPLES.index(name) for name in ARRAYS["travel"]]
+"""Columns of the position of the body in the world; those of the plan unless the plant measures them."""
+
+
+def name_samples(samples: Array) -> dict[str, Array]:
+    """Columns of leg samples (steps, L, columns), (steps, L) by name."""
+    return {name: samples[:, :, column] for column, name in enumerate(WIDE_SAMPLES[: samples.shape[2]])}
+
+
+def name_body_samples(samples: Array) -> dict[str, Array]:
+    """Columns of body samples (steps, columns), (steps,) by name."""
+    return {name: samples[:, column] for column, name in enumerate(WIDE_BODY_SAMPLES[: samples.shape[1]])}
+
+
+def make_samples(steps: int, legs: int, wide: bool) -> tuple[Array, Array]:
+    """Zeros for the samples of legs (steps, L, columns) and body (steps, columns)."""
     return (
-        np.zeros((steps, legs, len(SAMPLES) + (len(MEASURED) + 1 if measured else 0))),
-        np.zeros((steps, len(BODY_SAMPLES) + (len(RATES) + len(BODY_MEASURED) if measured else 0))),
+        np.zeros((steps, legs, len(WIDE_SAMPLES if wide else SAMPLES))),
+        np.zeros((steps, len(WIDE_BODY_SAMPLES if wide else BODY_SAMPLES))),
     )
 
 
@@ -53,59 +63,44 @@ def write_samples(
     samples: Array,
     body_samples: Array,
     k: int,
-    foot: Array,
-    velocity: Array,
-    q: Array,
-    dq: Array,
-    force: Array,
-    force_measured: Array,
-    reference: Array,
-    feedback: Array,
+    machine: PlantState,
+    seen: Seen,
+    control: HybridState,
     feedforward: Array,
-    body: Array,
 ) -> None:
-    """Fill ``samples[k]`` (L, columns) and the pose in ``body_samples[k]``, in the order of SAMPLES and BODY_SAMPLES.
+    """Write row ``k`` of samples (steps, L, columns) and body samples (steps, columns).
 
-    Forces are (L,), ``body`` is (3,), ``reference`` begins with x and y, the rest is (L, 2).
+    The torques are those that act: of ``control`` and ``feedforward`` (L, 2), N m, after the actuator.
     """
-    for n in range(3):
-        body_samples[k, n] = body[n]
-    for i in range(force.shape[0]):
-        for j in range(2):
-            samples[k, i, j] = foot[i, j]
-            samples[k, i, 2 + j] = velocity[i, j]
-            samples[k, i, 4 + j] = q[i, j]
-            samples[k, i, 6 + j] = dq[i, j]
-            samples[k, i, 10 + j] = reference[i, j]
-            samples[k, i, 12 + j] = feedback[i, j]
-            samples[k, i, 14 + j] = feedforward[i, j]
-        samples[k, i, 8] = force[i]
-        samples[k, i, 9] = force_measured[i]
-
-
-@kernel
-def has_measured(samples: Array) -> bool:
-    """Whether leg samples have room for what sensors made of them."""
-    return samples.shape[2] > len(SAMPLES)
+    body = machine.body
+    body_samples[k, HEIGHT], body_samples[k, PITCH], body_samples[k, ROLL] = body[0], body[1], body[2]
+    for i in range(samples.shape[1]):
+        row = samples[k, i]
+        row[X], row[Y] = machine.foot[i, 0], machine.foot[i, 1]
+        row[VX], row[VY] = machine.velocity[i, 0], machine.velocity[i, 1]
+        row[Q1], row[Q2] = machine.q[i, 0], machine.q[i, 1]
+        row[DQ1], row[DQ2] = machine.dq[i, 0], machine.dq[i, 1]
+        row[FORCE], row[FORCE_MEASURED] = machine.force[i], seen.force[i]
+        row[X_REFERENCE], row[Y_REFERENCE] = control.reference[i, 0], control.reference[i, 1]
+        row[TAU_FEEDBACK_1], row[TAU_FEEDBACK_2] = control.feedback[i, 0], control.feedback[i, 1]
+        row[TAU_FEEDFORWARD_1], row[TAU_FEEDFORWARD_2] = feedforward[i, 0], feedforward[i, 1]
+    if samples.shape[2] > len(SAMPLES):
+        write_measured(samples, body_samples, k, machine, seen, control)
 
 
 @kernel
 def write_measured(
-    samples: Array, body_samples: Array, k: int, seen: Seen | Measurement, body_rate: Array, trusted: Array
+    samples: Array, body_samples: Array, k: int, machine: PlantState, seen: Seen, control: HybridState
 ) -> None:
-    """Fill the rest of ``samples[k]`` and ``body_samples[k]`` with what was ``seen``.
-
-    ``body_rate`` (3,) is true; ``trusted`` (L,) tells which force sensors the controller goes by.
-    """
-    first, after = len(SAMPLES), len(BODY_SAMPLES)
-    for i in range(seen.force.shape[0]):
-        for j in range(2):
-            samples[k, i, first + j] = seen.foot[i, j]
-            samples[k, i, first + 2 + j] = seen.velocity[i, j]
-            samples[k, i, first + 4 + j] = seen.q[i, j]
-            samples[k, i, first + 6 + j] = seen.dq[i, j]
-        samples[k, i, first + 8] = trusted[i]
-    for n in range(3):
-        body_samples[k, after + n] = body_rate[n]
-        body_samples[k, after + 3 + n] = seen.body[n]
-        body_samples[k, after + 6 + n] = seen.body_rate[n]
+    """Write the columns of row ``k`` that sensors and their supervision add."""
+    for i in range(samples.shape[1]):
+        row = samples[k, i]
+        row[X_MEASURED], row[Y_MEASURED] = seen.foot[i, 0], seen.foot[i, 1]
+        row[VX_MEASURED], row[VY_MEASURED] = seen.velocity[i, 0], seen.velocity[i, 1]
+        row[Q1_MEASURED], row[Q2_MEASURED] = seen.q[i, 0], seen.q[i, 1]
+        row[DQ1_MEASURED], row[DQ2_MEASURED] = seen.dq[i, 0], seen.dq[i, 1]
+        row[FORCE_TRUSTED] = control.plausible.trusted[i]
+    row, true, body, rate = body_samples[k], machine.body_rate, seen.body, seen.body_rate
+    row[HEIGHT_RATE], row[PITCH_RATE], row[ROLL_RATE] = true[0], true[1], true[2]
+    row[HEIGHT_MEASURED], row[PITCH_MEASURED], row[ROLL_MEASURED] = body[0], body[1], body[2]
+    row[HEIGHT_RATE_MEASURED], row[PITCH_RATE_MEASURED], row[ROLL_RATE_MEASURED] = rate[0], rate[1], rate[2]

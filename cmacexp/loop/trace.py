@@ -6,8 +6,19 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.data.parquet import arrow, arrow_strings
-from cmacexp.data.signals import BODY_COLUMNS, COLUMNS, MEMORY_COLUMNS, PHASES, Column, schema_of
+from cmacexp.data.signals import (
+    BODY_SIGNALS,
+    LEG_SIGNALS,
+    MEMORY_SIGNALS,
+    PHASES,
+    Signal,
+    make_schema,
+    select_signals,
+)
+from cmacexp.feedforward.weight_log import LOGGED
+from cmacexp.planning.columns import X, Y
 from cmacexp.planning.plan import Plan
+from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.typing import Array
 
 
@@ -16,7 +27,7 @@ def assemble(
     samples: dict[str, Array],
     sampling_period: float,
     start: int = 0,
-    columns: Sequence[Column] = COLUMNS,
+    columns: Sequence[Signal] = select_signals(LEG_SIGNALS),
 ) -> pa.Table:
     """The trace of a run, or of a part of it, from what was planned and what the loop wrote down.
 
@@ -25,7 +36,7 @@ def assemble(
         samples: (steps, L) by column name: everything that is not planned.
         sampling_period: T_s, s.
         start: step of the first row.
-        columns: of the trace, see :func:`with_measured`.
+        columns: of the trace, see :func:`select_signals`.
     """
     steps, legs = samples["x"].shape
     period = plan.support.shape[0]
@@ -37,8 +48,8 @@ def assemble(
         "cycle": np.repeat(step // period + 1, legs),
         "leg": np.tile(np.arange(1, legs + 1, dtype=np.int32), steps),
         "progress": plan.progress[sample].ravel(),
-        "x_desired": plan.desired[sample, :, 0].ravel(),
-        "y_desired": plan.desired[sample, :, 1].ravel(),
+        "x_desired": plan.desired[sample, :, X].ravel(),
+        "y_desired": plan.desired[sample, :, Y].ravel(),
         "force_desired": plan.force_desired[sample].ravel(),
     }
     phase = pa.DictionaryArray.from_arrays(arrow(plan.support[sample].ravel(), pa.int8()), arrow_strings(PHASES))
@@ -46,7 +57,7 @@ def assemble(
         phase if c.name == "phase" else arrow(known[c.name] if c.name in known else samples[c.name].ravel(), c.type)
         for c in columns
     ]
-    return pa.Table.from_arrays(arrays, schema=schema_of(columns))
+    return pa.Table.from_arrays(arrays, schema=make_schema(columns))
 
 
 def assemble_body(
@@ -55,7 +66,7 @@ def assemble_body(
     force: Array,
     sampling_period: float,
     start: int = 0,
-    columns: Sequence[Column] = BODY_COLUMNS,
+    columns: Sequence[Signal] = select_signals(BODY_SIGNALS),
 ) -> pa.Table:
     """The trace of a body, or of a part of it, one row per step.
 
@@ -65,7 +76,7 @@ def assemble_body(
         force: (steps, L): contact forces, N.
         sampling_period: T_s, s.
         start: step of the first row.
-        columns: of the trace, see :func:`with_measured`.
+        columns: of the trace, see :func:`select_signals`.
     """
     steps, legs = force.shape
     period = plan.support.shape[0]
@@ -76,12 +87,12 @@ def assemble_body(
         "step": step,
         "time": step * sampling_period,
         "cycle": step // period + 1,
-        "stability_margin": margins[:, 0],
-        "margin_front": margins[:, 1],
-        "margin_rear": margins[:, 2],
+        "stability_margin": margins[:, STABILITY],
+        "margin_front": margins[:, FRONT],
+        "margin_rear": margins[:, REAR],
         "supporting_legs": (force > 0.0) @ (1 << np.arange(legs)),
     }
-    return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=schema_of(columns))
+    return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=make_schema(columns))
 
 
 def assemble_memory(weights: Array, rows: int, colliding: Sequence[float], first_cycle: int) -> pa.Table:
@@ -97,9 +108,9 @@ def assemble_memory(weights: Array, rows: int, colliding: Sequence[float], first
     columns = {
         "cycle": np.repeat(np.arange(first_cycle, first_cycle + cycles), legs),
         "leg": np.tile(np.arange(1, legs + 1), cycles),
-        **{name: weights[:, :, k].ravel() for k, name in enumerate(("weight_norm", "weight_largest", "rows_used"))},
+        **{name: weights[:, :, k].ravel() for k, name in enumerate(LOGGED)},
         "rows": np.full(cycles * legs, float(rows)),
         "cells_colliding": np.tile(np.asarray(colliding, dtype=float), cycles),
     }
-    arrays = [arrow(columns[c.name], c.type) for c in MEMORY_COLUMNS]
-    return pa.Table.from_arrays(arrays, schema=schema_of(MEMORY_COLUMNS))
+    arrays = [arrow(columns[c.name], c.type) for c in MEMORY_SIGNALS]
+    return pa.Table.from_arrays(arrays, schema=make_schema(MEMORY_SIGNALS))

@@ -5,15 +5,13 @@ from typing import Any
 import numpy as np
 
 from cmacexp.control.protocol import Action
+from cmacexp.data.signals import list_units
 from cmacexp.errors import BadOutput
 from cmacexp.plants.protocol import STATE, Measurement, state_of
 from cmacexp.typing import Array
 
-UNITS = {
-    "q": "rad", "dq": "rad/s", "foot": "m", "velocity": "m/s", "force": "N",
-    "body": "m, rad, rad", "body_rate": "m/s, rad/s, rad/s", "travel": "m, m, rad",
-    "feedback": "N m", "feedforward": "N m", "torque": "N m", "reference": "m",
-}  # fmt: skip
+UNITS = list_units()
+UNITS["torque"] = UNITS["feedback"]
 
 FLOAT = np.dtype(np.float64)
 

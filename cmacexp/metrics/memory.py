@@ -6,18 +6,19 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.data.parquet import as_array
+from cmacexp.data.signals import CLOCK, MEMORY_SIGNALS
 from cmacexp.metrics.metric import ALBUS, CONTRACT, Metric
 from cmacexp.typing import Array
 
-TOLD = ("weight_norm", "weight_largest", "rows_used", "rows", "cells_colliding")
+COLUMNS = [signal.name for signal in MEMORY_SIGNALS if signal.owner != CLOCK]
 """Columns of ``memory.parquet`` that the metrics are computed from."""
 
 
 def values_of(memory: pa.Table | None, cycles: int, legs: int) -> dict[str, Array]:
     """The columns of ``memory.parquet``, (cycles, legs) by name; NaN throughout without memory."""
     if memory is None:
-        return {name: np.full((cycles, legs), np.nan) for name in TOLD}
-    return {name: as_array(memory, name).reshape(cycles, legs) for name in TOLD}
+        return {name: np.full((cycles, legs), np.nan) for name in COLUMNS}
+    return {name: as_array(memory, name).reshape(cycles, legs) for name in COLUMNS}
 
 
 _NO_WEIGHTS = "no weights that a built-in feedforward keeps"

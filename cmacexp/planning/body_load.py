@@ -10,6 +10,7 @@ import numpy as np
 
 from cmacexp.models.gravity import GRAVITY
 from cmacexp.models.mechanism import Mechanism
+from cmacexp.planning.columns import AX, AY, DDQ1, DQ1, Q1, X, Y
 from cmacexp.typing import Array
 
 
@@ -40,7 +41,7 @@ def dynamic_load(mechanism: Mechanism, body_mass: float, desired: Array, joints:
         joints: (N, L, 6): the same in joint angles.
     """
     length, mass_knee, mass_foot = mechanism.legs[:, 0], mechanism.legs[:, 2], mechanism.legs[:, 3]
-    angle, rate, acceleration = joints[..., 0], joints[..., 2], joints[..., 4]
+    angle, rate, acceleration = joints[..., Q1], joints[..., DQ1], joints[..., DDQ1]
     sine, cosine = np.sin(angle), np.cos(angle)
     knee_x, knee_y = length * cosine, length * sine
     knee_ax = -length * (sine * acceleration + cosine * rate**2)
@@ -49,7 +50,7 @@ def dynamic_load(mechanism: Mechanism, body_mass: float, desired: Array, joints:
     moment_x, moment_y = np.zeros(len(desired)), np.zeros(len(desired))
     for mass, x, y, ax, ay in (
         (mass_knee, knee_x, knee_y, knee_ax, knee_ay),
-        (mass_foot, desired[..., 0], desired[..., 1], desired[..., 4], desired[..., 5]),
+        (mass_foot, desired[..., X], desired[..., Y], desired[..., AX], desired[..., AY]),
     ):
         down = mass * (GRAVITY - ay)
         force += down.sum(axis=1)

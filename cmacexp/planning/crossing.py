@@ -3,18 +3,17 @@
 import numpy as np
 
 from cmacexp.config import Config
+from cmacexp.config.machine import LEG_KEYS
 from cmacexp.errors import BadInput
 from cmacexp.models.mechanism import Mechanism
+from cmacexp.planning.columns import Q1, Q2
 from cmacexp.typing import Array, Mask
-
-NAMES = ("left_front", "right_front", "left_rear", "right_rear")
-"""Legs by number, as the config names them."""
 
 
 def joints_in_plane(mechanism: Mechanism, i: int, joints: Array) -> Array:
     """Hip, knee and foot of leg ``i`` along its plan (N, 6), (3, N, 2): x forward, y down in the body frame, m."""
     l1, l2 = mechanism.legs[i, 0], mechanism.legs[i, 1]
-    q1, q12 = joints[:, 0], joints[:, 0] + joints[:, 1]
+    q1, q12 = joints[:, Q1], joints[:, Q1] + joints[:, Q2]
     hip = np.stack([np.full(len(q1), mechanism.hips[i, 0]), np.zeros(len(q1))], axis=1)
     knee = hip + l1 * np.stack([np.cos(q1), np.sin(q1)], axis=1)
     return np.stack([hip, knee, knee + l2 * np.stack([np.cos(q12), np.sin(q12)], axis=1)])
@@ -48,9 +47,9 @@ def check_crossing(config: Config, mechanism: Mechanism, joints: Array) -> None:
                     crossing |= _links_cross(points[i][m], points[i][m + 1], points[j][n], points[j][n + 1])
             if crossing.any():
                 k = int(np.flatnonzero(crossing)[0])
-                where = f"legs {NAMES[i]} and {NAMES[j]} would cross at t = {k * config.sampling_period:.3f} s"
+                where = f"legs {LEG_KEYS[i]} and {LEG_KEYS[j]} would cross at t = {k * config.sampling_period:.3f} s"
                 if mechanism.hips[i, 0] == mechanism.hips[j, 0]:
-                    key = f"machine.legs.{NAMES[j]}.hip_y"
+                    key = f"machine.legs.{LEG_KEYS[j]}.hip_y"
                     raise BadInput(key, mechanism.hips[j, 1], f"{where}: both hips are in one place")
                 if mechanism.legs[i, 4] > 0 > mechanism.legs[j, 4]:
                     raise BadInput(
@@ -58,7 +57,7 @@ def check_crossing(config: Config, mechanism: Mechanism, joints: Array) -> None:
                     )
                 inward, bend = (i, "forward") if mechanism.legs[i, 4] < 0 else (j, "back")
                 raise BadInput(
-                    f"machine.legs.{NAMES[inward]}.knee",
+                    f"machine.legs.{LEG_KEYS[inward]}.knee",
                     "back" if bend == "forward" else "forward",
                     f"{where}; must be {bend}: front knees bend forward and rear knees back",
                 )

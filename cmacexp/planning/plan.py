@@ -13,6 +13,26 @@ from cmacexp.models.ground import NEVER, depression_for
 from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of
 from cmacexp.planning.body_load import BodyLoad, dynamic_load, static_load
+from cmacexp.planning.columns import (
+    ACTING,
+    AX,
+    AY,
+    BEFORE,
+    DDQ1,
+    DDQ2,
+    DQ1,
+    DQ2,
+    FORCE_ADDED,
+    FORCE_DESIRED,
+    FORCE_REFERENCE,
+    Q1,
+    Q2,
+    REFERENCE_COLUMNS,
+    VX,
+    VY,
+    X,
+    Y,
+)  # fmt: skip
 from cmacexp.planning.crossing import check_crossing
 from cmacexp.planning.foot_path import VERTICAL, line, quintic
 from cmacexp.planning.gait import Timing, make_timing
@@ -22,8 +42,6 @@ from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains, keeps_static_l
 from cmacexp.planning.stability import check_stability, plan_margins
 from cmacexp.typing import Array, Mask
 
-BEFORE, ACTING = 0, 1
-"""Stages of a run: before the feedforward acts, and since."""
 LOAD_PASSES = 2
 """Forces press feet in, which moves the masses that load them: each pass comes a thousand times nearer."""
 
@@ -36,13 +54,13 @@ class Plan(NamedTuple):
     progress: Array
     """(N, L): 0 to 1 within the phase."""
     desired: Array
-    """(N, L, 6): x, y (m), vx, vy (m/s), ax, ay (m/s^2) of where the foot should really be."""
+    """(N, L, 6): motion of where the foot should really be; columns of all arrays in :mod:`columns`."""
     joints: Array
     """(N, L, 6): the same motion in joint angles, rad; of a point mass equal to ``desired``."""
     force_desired: Array
     """(N, L): desired contact force, N."""
     reference: Array
-    """(2, N, L, 7): per stage x, y (m), vx, vy (m/s), F_r (N), F_d to add to the feedback (N), desired force (N)."""
+    """(2, N, L, 7): what the controller is fed, per stage."""
     margins: Array
     """(N, 3): stability margin, front and rear margin of a body over its planned support polygon, m; else NaN."""
     start_step: int
@@ -63,9 +81,9 @@ def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
                 trig = trigonometry(q1, q2)
                 dq1, dq2 = joint_velocity(leg, trig, vx, vy)
                 ddq1, ddq2 = joint_acceleration(leg, trig, dq1, dq2, ax, ay)
-            joints[k, i, 0], joints[k, i, 1] = q1, q2
-            joints[k, i, 2], joints[k, i, 3] = dq1, dq2
-            joints[k, i, 4], joints[k, i, 5] = ddq1, ddq2
+            joints[k, i, Q1], joints[k, i, Q2] = q1, q2
+            joints[k, i, DQ1], joints[k, i, DQ2] = dq1, dq2
+            joints[k, i, DDQ1], joints[k, i, DDQ2] = ddq1, ddq2
 
 
 def _horizontal(config: Config, timing: Timing) -> Array:
@@ -106,18 +124,19 @@ def _desired_motion(config: Config, timing: Timing, hip_height: float, force: Ar
     gait, stiffness = config.gait, config.assumed_stiffness
     transfer_time = timing.transfer_samples * config.sampling_period
     desired = np.zeros((*timing.support.shape, 6))
-    desired[..., 0::2] = _horizontal(config, timing)
+    desired[..., [X, VX, AX]] = _horizontal(config, timing)
     for i in range(timing.support.shape[1]):
         support, s = timing.support[:, i], timing.progress[:, i]
-        desired[support, i, 1] = hip_height + depression_for(stiffness, force[support, i])
-        desired[support, i, 3] = depression_for(stiffness, rate[support, i])
+        desired[support, i, Y] = hip_height + depression_for(stiffness, force[support, i])
+        desired[support, i, VY] = depression_for(stiffness, rate[support, i])
         if timing.transfer_samples:
             s = s[~support]
             first, last = timing.sample[:, i] == 0, timing.sample[:, i] == timing.support_samples - 1
-            take_off, touch_down = desired[support & last, i, 1][0], desired[support & first, i, 1][0]
+            take_off, touch_down = desired[support & last, i, Y][0], desired[support & first, i, Y][0]
             check_apex(config, touch_down - take_off)
             vertical = VERTICAL[gait.vertical](take_off, touch_down, gait.lift, s, transfer_time)
-            desired[~support, i, 1::2] = np.stack(vertical, axis=1)
+            for column, values in zip((Y, VY, AY), vertical, strict=True):
+                desired[~support, i, column] = values
     return desired
 
 
@@ -154,17 +173,18 @@ def _reference(config: Config, timing: Timing, hip_height: float, desired: Array
         method.admittance,
         config.assumed_stiffness,
     )
-    reference = np.zeros((2, *force.shape, 7))
-    reference[..., :4], reference[..., 6] = desired[..., :4], force
+    reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS))
+    copied = [X, Y, VX, VY]
+    reference[..., copied], reference[..., FORCE_DESIRED] = desired[..., copied], force
     support = timing.support
     for stage in (BEFORE, ACTING):
         keeps = config.gains is not None and keeps_static_load(config.reference, stage == ACTING)
         law = SUPPORT_REFERENCES[method.method](gains, keeps)
-        reference[stage, support, 1] = hip_height + law.depression * force[support]
-        reference[stage, support, 3] = law.velocity * force[support]
-        reference[stage, support, 4] = law.force * force[support]
+        reference[stage, support, Y] = hip_height + law.depression * force[support]
+        reference[stage, support, VY] = law.velocity * force[support]
+        reference[stage, support, FORCE_REFERENCE] = law.force * force[support]
         if config.reference == "force_feedforward":
-            reference[stage, support, 5] = force[support]
+            reference[stage, support, FORCE_ADDED] = force[support]
     return reference
 
 
@@ -194,7 +214,7 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
     """
     timing = make_timing(config.gait, config.steps_per_cycle)
     feet = np.zeros((*timing.support.shape, 2))
-    feet[..., 0] = _horizontal(config, timing)[..., 0]
+    feet[..., X] = _horizontal(config, timing)[..., 0]
     feet += mechanism.hips
     margins = plan_margins(mechanism, feet, timing.support)
     if mechanism.kind == LEGS_UNDER_BODY:

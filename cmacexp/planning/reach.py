@@ -7,6 +7,7 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.errors import BadInput
 from cmacexp.models.mechanism import Mechanism
+from cmacexp.planning.columns import X, Y
 from cmacexp.typing import Array
 
 STRAIGHT = 1.0 - 1e-6
@@ -82,6 +83,6 @@ def check_reach(config: Config, mechanism: Mechanism, desired: Array) -> None:
         BadInput: names stroke, lift or hip height, whichever is to blame, and what would be in reach.
     """
     for i in range(mechanism.legs.shape[0]):
-        x, y = desired[:, i, 0], desired[:, i, 1]
+        x, y = desired[:, i, X], desired[:, i, Y]
         _check_near(config, mechanism, i, x, y)
         _check_far(config, mechanism, i, x, y)

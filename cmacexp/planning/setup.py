@@ -34,7 +34,7 @@ class Reference(NamedTuple):
     support: Mask
     """(L,): planned phase, true in support."""
     values: Array
-    """(L, 7): x, y (m), vx, vy (m/s), reference force, force to add, desired force (N): of ``Plan.reference``."""
+    """(L, 7): of ``Plan.reference``: x, y (m), vx, vy (m/s), reference force, force to add, desired force (N)."""
     desired: Array
     """(L, 6): desired foot position, velocity and acceleration."""
     joints: Array

@@ -11,8 +11,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.parquet import as_array, is_support
-from cmacexp.data.signals import LEG_NAMES
 from cmacexp.data.tables import Traces
 from cmacexp.models.ground_height import rise
 from cmacexp.typing import Array, Mask

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.data.signals import LEG_NAMES
+from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY
 from cmacexp.report.style import DASHES, DESIRED, SERIES

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cmacexp.data.signals import LEG_NAMES
+from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.summary import COLUMNS, LARGEST, MEAN, RMS
 from cmacexp.report.figure_data import legend_above, legend_below, logarithmic, mark, spans_decades

@@ -8,9 +8,9 @@ import pyarrow.parquet as pq
 from cmacexp.config.check import OUTPUTS
 from cmacexp.config.cmac import WORD_BYTES
 from cmacexp.config.difference import flat
+from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.integrity import faults
 from cmacexp.data.parquet import read_table
-from cmacexp.data.signals import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY_METRICS, METRICS, Scores, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun

@@ -15,7 +15,7 @@ from cmacexp.config import Config
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.kernels import TABLE
 from cmacexp.loop.builtin import FusedRun, external_components, fused_parts
-from cmacexp.loop.samples import SAMPLES, room_for
+from cmacexp.loop.samples import SAMPLES, make_samples
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.stop import RUNNING, new_guard
 from cmacexp.typing import Array
@@ -93,7 +93,7 @@ class Loop:
         self.plan = setup.plan
         self.config = config
         self.period = config.steps_per_cycle
-        self.samples, self.body = room_for(self.period, legs, False)
+        self.samples, self.body = make_samples(self.period, legs, False)
         self.places: list[Place] = []
         self._first = [(array, array.copy()) for _, array in arrays_of(self.run.loop)]
         self._others: list[tuple[Any, Any]] = []

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cmacexp.data.signals import LEG_NAMES
+from cmacexp.config.machine import LEG_NAMES
 from cmacexp.report.style import DASHES, DESIRED, FEEDBACK, FEEDFORWARD, SERIES, label, new_figure
 from cmacexp.typing import Array
 from pipelines.analysis.dynamic_body_words import CUT_OFF, Walk

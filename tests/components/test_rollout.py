@@ -134,7 +134,7 @@ from cmacexp.config import config_folder, to_config
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.data.parquet import write_table
-from cmacexp.data.signals import assemble
+from cmacexp.loop.trace import assemble
 
 folder, *overrides = sys.argv[1:]
 with initialize_config_dir(str(config_folder()), version_base="1.3"):

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from cmacexp.data.signals import BODY_COLUMNS
+from cmacexp.data.signals import BODY_SIGNALS, select_signals
 from cmacexp.errors import BadInput
 from cmacexp.experiment import run_scenario
 from cmacexp.loop import roll_out
@@ -235,7 +235,7 @@ def test_true_and_measured_values_stand_beside_each_other(make_config, tmp_path)
     assert legs.columns[25:].tolist() == [f"{name}_measured" for name in ("x", "y", "vx", "vy", "q1", "q2")]
     np.testing.assert_allclose(legs.q2_measured - legs.q2, 0.001)
     np.testing.assert_allclose(legs.force_measured - legs.force, 2.0)
-    assert body.columns[len(BODY_COLUMNS) :].tolist() == [
+    assert body.columns[len(select_signals(BODY_SIGNALS)) :].tolist() == [
         *("pitch_rate", "roll_rate", "pitch_rate_measured", "roll_rate_measured")
     ]  # fmt: skip
     np.testing.assert_allclose(body.pitch_rate[1:], np.diff(body.pitch) / 0.005, atol=1e-12)

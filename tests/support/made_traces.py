@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow as pa
 
-from cmacexp.data.signals import COLUMNS, schema_of
+from cmacexp.data.signals import LEG_SIGNALS, make_schema, select_signals
 from cmacexp.metrics import compute
 
 PERIOD = 0.1
@@ -30,12 +30,12 @@ def make_trace(text, rows=None, legs=1, **columns):
     values |= {"cycle": np.arange(rows) // len(text) + 1, "leg": np.tile(np.arange(1, legs + 1), (rows, 1))}
     values |= columns
     arrays = []
-    for field in schema_of(COLUMNS):
+    for field in make_schema(select_signals(LEG_SIGNALS)):
         value = np.asarray(values.get(field.name, NOTHING))
         whole = np.broadcast_to(value if value.ndim == 2 else value.reshape(-1, 1), (rows, legs)).ravel()
         arrays.append(pa.array(whole.tolist(), pa.string()).dictionary_encode().cast(field.type)
                       if field.name == "phase" else pa.array(whole, field.type))  # fmt: skip
-    return pa.Table.from_arrays(arrays, schema=schema_of(COLUMNS))
+    return pa.Table.from_arrays(arrays, schema=make_schema(select_signals(LEG_SIGNALS)))
 
 
 def measure(text, **columns):
