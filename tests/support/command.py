@@ -1,26 +1,49 @@
 """Run the command line as a user does, in a process of its own."""
 
+import atexit
+import json
 import os
 import signal
 import subprocess
 import sys
+import tempfile
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 
 
-def python(*arguments: str, folder: Path, **environment: str) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
-        capture_output=True,
-        text=True,
-    )
+def environment(**changes: str) -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(ROOT), **changes}
 
 
-def cmacexp(*overrides: str, folder: Path, **environment: str) -> subprocess.CompletedProcess:
-    return python("-m", "cmacexp", *overrides, folder=folder, **environment)
+@cache
+def server() -> subprocess.Popen:
+    """The process whose forks are commands; one for all tests of this process."""
+    command = [sys.executable, str(Path(__file__).with_name("server.py"))]
+    process = subprocess.Popen(command, env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    atexit.register(process.communicate)
+    return process
+
+
+def module(*words: str, folder: Path) -> subprocess.CompletedProcess:
+    """``python -m WORDS``, without waiting for imports."""
+    with tempfile.NamedTemporaryFile("r") as output, tempfile.NamedTemporaryFile("r") as errors:
+        process = server()
+        print(json.dumps([str(folder), output.name, errors.name, words]), file=process.stdin, flush=True)
+        return subprocess.CompletedProcess(words, int(process.stdout.readline()), output.read(), errors.read())
+
+
+def python(*arguments: str, folder: Path, **changes: str) -> subprocess.CompletedProcess:
+    """The interpreter with these arguments, and changes of the environment; a module runs in a fork of the server."""
+    if arguments[0] == "-m" and not changes:
+        return module(*arguments[1:], folder=folder)
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, cwd=folder, env=environment(**changes), capture_output=True, text=True)
+
+
+def cmacexp(*overrides: str, folder: Path, **changes: str) -> subprocess.CompletedProcess:
+    return python("-m", "cmacexp", *overrides, folder=folder, **changes)
 
 
 def started(*overrides: str, folder: Path) -> subprocess.Popen:
@@ -28,7 +51,7 @@ def started(*overrides: str, folder: Path) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, "-m", "cmacexp", *overrides],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
