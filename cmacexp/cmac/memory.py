@@ -22,7 +22,9 @@ def read(weights: Array, cells: Cells, output: Array) -> None:
 
 @kernel
 def train(weights: Array, cells: Cells, error: Array, rate: float) -> None:
-    """Add beta U / C to every active weight (Lin & Song 1997, eq. 19, 20).
+    """Add beta U / C to every active weight (Lin & Song 1997, eq. 19, 20): the paper's rule where all count fully.
+
+    :func:`cmacexp.cmac.rules.train_by_rule` gives the same bits; this is the short path of the compiled loop.
 
     Args:
         weights: (rows, outputs): changed in place.
@@ -48,44 +50,7 @@ def read_weighted(weights: Array, cells: Cells, activation: Array, output: Array
 
 
 @kernel
-def train_weighted(weights: Array, cells: Cells, activation: Array, error: Array, rate: float) -> None:
-    """:func:`train` where the active weights count by their ``activation`` (C,): add beta U a_j / sum a_i^2.
-
-    It changes the output at these cells by beta U, as :func:`train` does, to which it comes down where all are one.
-    """
-    power = 0.0
-    for j in range(cells.shape[0]):
-        power += activation[j] * activation[j]
-    if power > 0.0:
-        for o in range(error.shape[0]):
-            share = rate * error[o] / power
-            for j in range(cells.shape[0]):
-                weights[cells[j], o] += share * activation[j]
-
-
-@kernel
-def read_batch(weights: Array, cells: Cells, output: Array) -> None:
-    """:func:`read` for a batch: ``cells`` (samples, C), ``output`` (samples, outputs)."""
-    for k in range(cells.shape[0]):
-        read(weights, cells[k], output[k])
-
-
-@kernel
-def train_batch(weights: Array, cells: Cells, error: Array, rate: float) -> None:
-    """:func:`train` for a batch, one sample after the other: ``cells`` (samples, C), ``error`` (samples, outputs)."""
-    for k in range(cells.shape[0]):
-        train(weights, cells[k], error[k], rate)
-
-
-@kernel
-def read_weighted_batch(weights: Array, cells: Cells, activation: Array, output: Array) -> None:
-    """:func:`read_batch` with an ``activation`` (samples, C)."""
+def read_batch(weights: Array, cells: Cells, activation: Array, output: Array) -> None:
+    """:func:`read_weighted` for a batch: ``cells`` and ``activation`` (samples, C), ``output`` (samples, outputs)."""
     for k in range(cells.shape[0]):
         read_weighted(weights, cells[k], activation[k], output[k])
-
-
-@kernel
-def train_weighted_batch(weights: Array, cells: Cells, activation: Array, error: Array, rate: float) -> None:
-    """:func:`train_batch` with an ``activation`` (samples, C)."""
-    for k in range(cells.shape[0]):
-        train_weighted(weights, cells[k], activation[k], error[k], rate)

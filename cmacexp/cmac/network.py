@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from cmacexp.cmac.addressing import Address, address_batch
 from cmacexp.cmac.displacement import displacement
-from cmacexp.cmac.memory import read_batch, read_weighted_batch, train_batch, train_weighted_batch
+from cmacexp.cmac.memory import read_batch
 from cmacexp.cmac.quantiser import InputRange
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate_batch
+from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.cmac.visited import Visited
 from cmacexp.config.cmac import WORD_BYTES, CmacConfig, check_memory
 from cmacexp.data.files import write_atomically
@@ -80,17 +81,16 @@ class Cmac:
         self.clipped += address_batch(self.address, batch, cells)
         return cells
 
-    def activation(self, inputs: Array) -> Array | None:
-        """How much the cells of a batch of inputs (samples, n) count, (samples, C); None: all fully.
+    def activation(self, inputs: Array) -> Array:
+        """How much the cells of a batch of inputs (samples, n) count, (samples, C).
 
         Raises:
             ValueError: as :meth:`cells`.
         """
         batch = self._checked(inputs)
-        if self.receptive_field == RECTANGULAR:
-            return None
-        activation = np.empty((len(batch), self.layers))
-        activate_batch(self.address, self.receptive_field, batch, activation)
+        activation = np.ones((len(batch), self.layers))
+        if self.receptive_field != RECTANGULAR:
+            activate_batch(self.address, self.receptive_field, batch, activation)
         return activation
 
     def _checked(self, inputs: Array) -> Array:
@@ -103,11 +103,7 @@ class Cmac:
     def predict(self, inputs: Array) -> Array:
         """Outputs (samples, outputs) for a batch of inputs (samples, n)."""
         output = np.empty((len(inputs), self.weights.shape[1]))
-        activation = self.activation(inputs)
-        if activation is None:
-            read_batch(self.weights, self.cells(inputs), output)
-        else:
-            read_weighted_batch(self.weights, self.cells(inputs), activation, output)
+        read_batch(self.weights, self.cells(inputs), self.activation(inputs), output)
         return output
 
     def update(self, inputs: Array, error: Array, rate: float) -> None:
@@ -120,11 +116,7 @@ class Cmac:
         expected = (len(inputs), self.weights.shape[1])
         if errors.shape != expected or not np.isfinite(errors).all():
             raise ValueError(f"error of shape {errors.shape}: expected finite numbers of shape {expected}")
-        activation = self.activation(inputs)
-        if activation is None:
-            train_batch(self.weights, self.cells(inputs), errors, rate)
-        else:
-            train_weighted_batch(self.weights, self.cells(inputs), activation, errors, rate)
+        train_batch(PAPER, self.weights, self.cells(inputs), self.activation(inputs), errors, rate)
 
     def save(self, path: Path) -> None:
         """Keep address law and weights in one ``.npz`` file."""

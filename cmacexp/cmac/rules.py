@@ -1,84 +1,143 @@
-"""Learning rules beyond the paper's, for any network that is linear in its weights; as compiled kernels.
+"""Learning rules for any network that is linear in its weights: what teaches x divisor x goal.
 
-All of them change the active weights alone: beta U a_j / sum a_i^2, as the paper does (eq. 20), and each does one
-thing otherwise, to the strength of one field of the config. ``zero_phase``, the project's own, also teaches the
-steps around: see :mod:`cmacexp.cmac.spread`.
+Every rule changes only the active weights. To each it adds beta e a_j / d, with e what teaches and d the divisor, and
+it moves the weight a fraction of the way to the goal. The paper's rule (Lin & Song 1997, eq. 20) is the feedback
+torque U over sum a_i^2, without a goal; the others are listed in :data:`RULES`.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+
 from cmacexp.config.schema import LearningConfig
+from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import kernel, kernel_apart
 from cmacexp.typing import Array, Cells
 
-PAPER, NORMALISED, DEAD_ZONE, LEAKAGE, E_MODIFICATION, WEIGHT_SMOOTHING, DECAYING_RATE, ZERO_PHASE = range(8)
+ERROR, OUTSIDE_DEAD_ZONE, NEIGHBOURS = range(3)
+TEACHES = ("U", "U where abs(U) > strength", "U, also at neighbouring steps")
+POWER, REGULARISED = range(2)
+DIVISORS = ("sum a_i^2", "sum a_i^2 + strength x its mean")
+NO_GOAL, ZERO, ZERO_BY_ERROR, MEAN = range(4)
+GOALS = ("none", "0", "0, in proportion to abs(U)", "mean of the active weights")
+CONSTANT, DECAYING = range(2)
+RATES = ("beta", "beta / (1 + cycles / strength)")
+
+
+class RuleParams(NamedTuple):
+    """A combination of choices, and the strength of what differs from the paper's rule."""
+
+    teaches: int = ERROR
+    """One of TEACHES."""
+    divisor: int = POWER
+    """One of DIVISORS."""
+    goal: int = NO_GOAL
+    """One of GOALS: where the weights are drawn, by beta times the strength in each step."""
+    rate: int = CONSTANT
+    """One of RATES."""
+    strength: float = 0.0
+
+
+class Rule(NamedTuple):
+    """A learning rule as data."""
+
+    source: str
+    strength: str = ""
+    """Field of :class:`LearningConfig` that holds its strength; empty: none."""
+    params: RuleParams = RuleParams()
+
 
 RULES = {
-    "paper": (PAPER, ""),
-    "normalised": (NORMALISED, "regularisation"),
-    "dead_zone": (DEAD_ZONE, "dead_zone"),
-    "leakage": (LEAKAGE, "leakage"),
-    "e_modification": (E_MODIFICATION, "e_modification"),
-    "weight_smoothing": (WEIGHT_SMOOTHING, "smoothing"),
-    "decaying_rate": (DECAYING_RATE, "decay"),
-    "zero_phase": (ZERO_PHASE, "leakage"),
+    "paper": Rule("Lin & Song 1997, eq. 20"),
+    "normalised": Rule("Nagumo & Noda 1967", "regularisation", RuleParams(divisor=REGULARISED)),
+    "dead_zone": Rule("Peterson & Narendra 1982", "dead_zone", RuleParams(teaches=OUTSIDE_DEAD_ZONE)),
+    "leakage": Rule("sigma modification, Ioannou & Kokotovic 1984", "leakage", RuleParams(goal=ZERO)),
+    "e_modification": Rule("Narendra & Annaswamy 1987", "e_modification", RuleParams(goal=ZERO_BY_ERROR)),
+    "weight_smoothing": Rule("Macnab 2017, doi:10.1007/s00521-017-3182-6", "smoothing", RuleParams(goal=MEAN)),
+    "decaying_rate": Rule("Robbins & Monro 1951; Darken & Moody 1991", "decay", RuleParams(rate=DECAYING)),
+    "zero_phase": Rule("this project", "leakage", RuleParams(teaches=NEIGHBOURS, goal=ZERO)),
 }
-"""Number of every rule, and the config field of its strength."""
 
 
-def strength_of(config: LearningConfig) -> float:
-    """What the rule of ``config`` does otherwise than the paper's, in the unit of its field; 0 for the paper's."""
-    _, name = RULES[config.rule]
-    return float(getattr(config, name)) if name else 0.0
+PAPER = RULES["paper"].params
 
 
-@kernel
-def rate_in_cycle(rule: int, strength: float, rate: float, cycles: int) -> float:
-    """beta after ``cycles`` cycles of learning: constant, or beta / (1 + cycles/decay).
+def find_rule(name: str) -> Rule:
+    """The rule of that name.
 
-    Its sum is infinite, that of its squares finite (Robbins & Monro 1951); the form is that of Darken & Moody 1991,
-    "Note on learning rate schedules for stochastic optimization".
+    Raises:
+        BadInput: there is none.
     """
-    return rate / (1.0 + cycles / strength) if rule == DECAYING_RATE else rate
+    if name not in RULES:
+        raise BadInput("learning.rule", name, "choose from " + ", ".join(RULES))
+    return RULES[name]
 
 
-@kernel
-def effective_error(rule: int, strength: float, error: float) -> float:
-    """What of the ``error`` teaches, N m: nothing in the dead zone (Peterson & Narendra 1982)."""
-    return 0.0 if rule == DEAD_ZONE and abs(error) <= strength else error
+def make_rule(config: LearningConfig, activation: Array) -> RuleParams:
+    """The rule of a config, for a network with ``activation`` (N, L, C) along the plan.
 
-
-@kernel
-def added_power(rule: int, strength: float) -> float:
-    """What is added to sum a_i^2, so that hardly active weights are not learnt in leaps (Nagumo & Noda 1967)."""
-    return strength if rule == NORMALISED else 0.0
-
-
-@kernel
-def pull(rule: int, strength: float, rate: float, error: float) -> float:
-    """Share of its way to the goal that the most active weight is drawn at once, 0 to 1.
-
-    Leakage (sigma modification, Ioannou & Kokotovic 1984) draws to zero, e-modification (Narendra & Annaswamy 1987)
-    too, but the less, the smaller the error; weight smoothing (Macnab 2017, doi:10.1007/s00521-017-3182-6) draws to
-    the mean of the active weights.
+    Raises:
+        BadInput: the rule needs several active weights and the network has one.
     """
-    if rule in (LEAKAGE, WEIGHT_SMOOTHING):
-        return min(1.0, rate * strength)
-    if rule == E_MODIFICATION:
-        return min(1.0, rate * strength * abs(error))
-    return 0.0
+    rule = find_rule(config.rule)
+    strength = float(getattr(config, rule.strength)) if rule.strength else 0.0
+    if rule.params.goal == MEAN and activation.shape[2] == 1:
+        raise BadInput(
+            "learning.rule",
+            config.rule,
+            "draws active weights to their mean, but this network has one active weight at a time; "
+            "use at least 2 (cmac.layers), or another rule",
+        )
+    if rule.params.divisor == REGULARISED or rule.params.teaches == NEIGHBOURS:
+        strength *= float(np.mean((activation**2).sum(axis=2)))
+    return rule.params._replace(strength=strength)
+
+
+@kernel
+def rate_after(rule: RuleParams, rate: float, cycles: int) -> float:
+    """The rate after ``cycles`` cycles; the sum of a decaying one diverges, that of its squares converges."""
+    return rate / (1.0 + cycles / rule.strength) if rule.rate == DECAYING else rate
+
+
+@kernel
+def teaching_error(rule: RuleParams, error: float) -> float:
+    """The part of ``error``, N m, that teaches."""
+    return 0.0 if rule.teaches == OUTSIDE_DEAD_ZONE and abs(error) <= rule.strength else error
+
+
+@kernel
+def compute_divisor(rule: RuleParams, power: float) -> float:
+    """The divisor for ``power``, sum a_i^2; with regularisation, weights that are hardly active learn slowly."""
+    return power + rule.strength if rule.divisor == REGULARISED else power
+
+
+@kernel
+def compute_goal(rule: RuleParams, weights: Array, cells: Cells, activation: Array, power: float, o: int) -> float:
+    """The goal of the active weights of output ``o``; a mean weighs by a_i^2, so that drawing keeps the output."""
+    goal = 0.0
+    if rule.goal == MEAN:
+        for j in range(cells.shape[0]):
+            goal += activation[j] * activation[j] * weights[cells[j], o]
+        goal /= power
+    return goal
+
+
+@kernel
+def pull(rule: RuleParams, rate: float, error: float) -> float:
+    """Fraction of the way to the goal that the most active weight moves in one step, 0 to 1."""
+    if rule.goal == NO_GOAL:
+        return 0.0
+    return min(1.0, rate * rule.strength * (abs(error) if rule.goal == ZERO_BY_ERROR else 1.0))
 
 
 @kernel_apart
 def train_by_rule(
-    rule: int, strength: float, weights: Array, cells: Cells, activation: Array, error: Array, rate: float
+    rule: RuleParams, weights: Array, cells: Cells, activation: Array, error: Array, rate: float
 ) -> None:
-    """One step of a rule: to every active weight add beta U a_j / sum a_i^2, and draw it to the rule's goal.
-
-    A weight is drawn in proportion to its activation, and the mean weighs by a_i^2: so smoothing leaves the output at
-    these cells as it is, whatever the activations are, and where all are one it is the plain mean.
+    """One step of learning: every active weight changes in proportion to its activation.
 
     Args:
-        rule: number of the rule.
-        strength: of the rule.
+        rule: any but one that teaches neighbouring steps, see :func:`cmacexp.cmac.spread.train_spread`.
         weights: (rows, outputs): changed in place.
         cells: (C,): active rows.
         activation: (C,): how much each of them counts, 0 or more.
@@ -91,13 +150,16 @@ def train_by_rule(
         largest = max(largest, activation[j])
     if power > 0.0:
         for o in range(error.shape[0]):
-            goal = 0.0
-            if rule == WEIGHT_SMOOTHING:
-                for j in range(cells.shape[0]):
-                    goal += activation[j] * activation[j] * weights[cells[j], o]
-                goal /= power
-            share = rate * effective_error(rule, strength, error[o]) / (power + added_power(rule, strength))
-            drawn = pull(rule, strength, rate, error[o]) / largest
+            goal = compute_goal(rule, weights, cells, activation, power, o)
+            step = rate * teaching_error(rule, error[o]) / compute_divisor(rule, power)
+            drawn = pull(rule, rate, error[o]) / largest
             for j in range(cells.shape[0]):
                 weight = weights[cells[j], o]
-                weights[cells[j], o] = weight + share * activation[j] + drawn * activation[j] * (goal - weight)
+                weights[cells[j], o] = weight + step * activation[j] + drawn * activation[j] * (goal - weight)
+
+
+@kernel
+def train_batch(rule: RuleParams, weights: Array, cells: Cells, activation: Array, error: Array, rate: float) -> None:
+    """:func:`train_by_rule` for a batch, one sample after the other; every array has a first axis of samples."""
+    for k in range(cells.shape[0]):
+        train_by_rule(rule, weights, cells[k], activation[k], error[k], rate)

@@ -118,19 +118,10 @@ class PlausibilityConfig:
 
 @dataclass
 class LearningConfig:
-    """The learning law (Lin & Song 1997, eq. 19, 20); the rules and their sources stand in cmacexp/cmac/rules.py."""
+    """The learning rule (Lin & Song 1997, eq. 19, 20) and the strengths of the others."""
 
-    rule: str = choice(
-        "paper",
-        "normalised",
-        "dead_zone",
-        "leakage",
-        "e_modification",
-        "weight_smoothing",
-        "decaying_rate",
-        "zero_phase",
-    )
-    """paper: beta U a_j / sum a_i^2; each of the others does one thing otherwise, as the field of its name says."""
+    rule: str
+    """One of cmacexp/cmac/rules.py; each but the paper's has its strength in a field below."""
     rate: float = number("", above=0, below=2)
     """beta; 50/256 in the paper."""
     lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",))

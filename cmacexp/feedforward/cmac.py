@@ -26,8 +26,7 @@ class CmacFeedforward(BuiltInFeedforward):
             if learnt is not None and cmac.visited is not None:
                 cmac.visited.positions = learnt[f"visited_{i + 1}"]
         cells = np.stack([cmac.cells(own) for cmac, own in zip(self.cmacs, inputs, strict=True)], axis=1)
-        fields = [cmac.activation(own) for cmac, own in zip(self.cmacs, inputs, strict=True)]
-        activation = None if fields[0] is None else np.stack([own for own in fields if own is not None], axis=1)
+        activation = np.stack([cmac.activation(own) for cmac, own in zip(self.cmacs, inputs, strict=True)], axis=1)
         self.params = network(setup, cells, self.cmacs[0].address.rows, activation)
         for cmac, own in zip(self.cmacs, self.params.weights, strict=True):
             cmac.weights = own

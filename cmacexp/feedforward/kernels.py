@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.cmac.memory import read, read_weighted, train, train_weighted
-from cmacexp.cmac.rules import PAPER, ZERO_PHASE, rate_in_cycle, train_by_rule
+from cmacexp.cmac.memory import read, read_weighted, train
+from cmacexp.cmac.rules import NEIGHBOURS, PAPER, RuleParams, rate_after, train_by_rule
 from cmacexp.cmac.spread import train_spread
 from cmacexp.feedforward.weight_log import WeightLog, log_cycle
 from cmacexp.jit.compiler import kernel
@@ -24,10 +24,9 @@ class LearningParams(NamedTuple):
     """beta."""
     lead: int
     """U(k-1) trains the cells of step k-1-lead."""
-    rule: int = PAPER
-    """One of :data:`cmacexp.cmac.rules.RULES`."""
-    strength: float = 0.0
-    """Of what the rule does otherwise than the paper's."""
+    rule: RuleParams = PAPER
+    plain: bool = False
+    """True for the paper's rule where all active weights count fully, which needs no activations."""
     start_step: int = 0
     """First step of the run in which the network learns."""
     cells: Cells = EMPTY_CELLS
@@ -88,16 +87,14 @@ def learn(params: FeedforwardParams, i: int, step: int, sample: int, learning_er
     ``step`` counts from 0 over the whole run.
     """
     weights, cells, how = params.weights[i], params.cells[sample, i], params.learning
-    if how.rule == ZERO_PHASE:
-        train_spread(weights, how.cells[sample, i], how.share[sample, i], learning_error, how.rate, how.strength)
-    elif how.rule != PAPER:
-        cycles = (step - how.start_step) // params.cells.shape[0]
-        rate = rate_in_cycle(how.rule, how.strength, how.rate, cycles)
-        train_by_rule(how.rule, how.strength, weights, cells, params.activation[sample, i], learning_error, rate)
-    elif params.kind == CMAC:
+    if how.plain:
         train(weights, cells, learning_error, how.rate)
+    elif how.rule.teaches == NEIGHBOURS:
+        share = how.share[sample, i]
+        train_spread(weights, how.cells[sample, i], share, learning_error, how.rate, how.rule.strength)
     else:
-        train_weighted(weights, cells, params.activation[sample, i], learning_error, how.rate)
+        rate = rate_after(how.rule, how.rate, (step - how.start_step) // params.cells.shape[0])
+        train_by_rule(how.rule, weights, cells, params.activation[sample, i], learning_error, rate)
 
 
 @kernel

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cmacexp.cmac.rules import NORMALISED, PAPER, RULES, WEIGHT_SMOOTHING, ZERO_PHASE, strength_of
+from cmacexp.cmac.rules import NEIGHBOURS, PAPER, make_rule
 from cmacexp.cmac.spread import spread_shares
 from cmacexp.cmac.use import MemoryUse
-from cmacexp.errors import BadInput
 from cmacexp.feedforward.kernels import (
     CMAC,
     NONE,
@@ -66,18 +65,10 @@ def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
 def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningParams:
     """How a network of these cells and activations (N, L, C) learns."""
     config = setup.config.learning
-    rule, strength = RULES[config.rule][0], strength_of(config)
-    if rule == WEIGHT_SMOOTHING and activation.shape[2] == 1:
-        raise BadInput(
-            "learning.rule",
-            config.rule,
-            "draws active weights to their mean, but here one alone is active at a time; "
-            "take at least 2 (cmac.layers), or another rule",
-        )
-    if rule in (NORMALISED, ZERO_PHASE):
-        strength *= float(np.mean((activation**2).sum(axis=2)))
-    params = LearningParams(config.rate, setup.config.lead, rule, strength, setup.plan.start_step)
-    if rule != ZERO_PHASE:
+    rule = make_rule(config, activation)
+    plain = rule == PAPER and bool((activation == 1.0).all())
+    params = LearningParams(config.rate, setup.config.lead, rule, plain, setup.plan.start_step)
+    if rule.teaches != NEIGHBOURS:
         return params
     spread_cells, share = spread_shares(cells, activation, config.window)
     return params._replace(cells=spread_cells, share=share)
@@ -119,10 +110,10 @@ def network(
     counts = np.ones(cells.shape) if activation is None else np.ascontiguousarray(activation, dtype=float)
     learning = _learning(setup, cells, counts)
     return FeedforwardParams(
-        CMAC if activation is None else WEIGHTED,
+        CMAC if (counts == 1.0).all() else WEIGHTED,
         np.zeros((1, legs, 2)),
         cells,
-        np.zeros((1, legs, 1)) if activation is None and learning.rule == PAPER else counts,
+        np.zeros((1, legs, 1)) if learning.plain else counts,
         np.zeros((legs, rows, 2)),
         learning,
         NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows)),

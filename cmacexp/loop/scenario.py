@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cmacexp.cmac.rules import find_rule
 from cmacexp.config import Config, to_plain
 from cmacexp.config.machine import PointMassMachine
 from cmacexp.control import Controller
@@ -94,6 +95,7 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
         BadInput: a part cannot be made, there are no weights to start from, or the plan asks for what the machine
             cannot do.
     """
+    find_rule(config.learning.rule)
     check_load_sharing(config)
     mechanism = make_mechanism(config.machine)
     plain = to_plain(config)

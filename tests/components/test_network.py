@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from cmacexp.cmac.memory import read, read_weighted, train, train_weighted
+from cmacexp.cmac.memory import read, read_weighted, train
+from cmacexp.cmac.rules import PAPER, train_by_rule
 from cmacexp.feedforward.network import BuiltInFeedforward, network
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
@@ -17,7 +18,7 @@ CELLS = np.array([4, 0, 7], dtype=np.uint32)
 def test_one_weighted_update_moves_the_output_by_rate_times_error(activation, rate, error):
     weights, before, after = np.random.default_rng(0).normal(size=(9, 2)), np.empty(2), np.empty(2)
     read_weighted(weights, CELLS, np.array(activation), before)
-    train_weighted(weights, CELLS, np.array(activation), np.array([error, -error]), rate)
+    train_by_rule(PAPER, weights, CELLS, np.array(activation), np.array([error, -error]), rate)
     read_weighted(weights, CELLS, np.array(activation), after)
     assert_allclose(after - before, [rate * error, -rate * error], atol=1e-11)
 
@@ -25,7 +26,7 @@ def test_one_weighted_update_moves_the_output_by_rate_times_error(activation, ra
 def test_activations_of_one_are_the_cmac():
     plain, weighted = np.ones((9, 2)), np.ones((9, 2))
     train(plain, CELLS, np.array([3.0, -1.0]), 0.2)
-    train_weighted(weighted, CELLS, np.ones(3), np.array([3.0, -1.0]), 0.2)
+    train_by_rule(PAPER, weighted, CELLS, np.ones(3), np.array([3.0, -1.0]), 0.2)
     outputs = np.empty((2, 2))
     read(plain, CELLS, outputs[0])
     read_weighted(weighted, CELLS, np.ones(3), outputs[1])
@@ -35,7 +36,7 @@ def test_activations_of_one_are_the_cmac():
 
 def test_without_activation_nothing_is_learnt():
     weights = np.ones((9, 2))
-    train_weighted(weights, CELLS, np.zeros(3), np.array([3.0, -1.0]), 0.2)
+    train_by_rule(PAPER, weights, CELLS, np.zeros(3), np.array([3.0, -1.0]), 0.2)
     assert_array_equal(weights, 1.0)
 
 

@@ -5,10 +5,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from support.command import cmacexp
+from support.command import ROOT, cmacexp
 
-from cmacexp.cmac.memory import read_weighted, train, train_weighted
-from cmacexp.cmac.rules import RULES, rate_in_cycle, train_by_rule
+from cmacexp.cmac.memory import read_weighted, train
+from cmacexp.cmac.rules import (
+    DIVISORS,
+    GOALS,
+    NEIGHBOURS,
+    PAPER,
+    RATES,
+    REGULARISED,
+    RULES,
+    TEACHES,
+    ZERO,
+    Rule,
+    RuleParams,
+    make_rule,
+    rate_after,
+    train_by_rule,
+)
 from cmacexp.cmac.spread import binomial, spread_shares, train_spread
 from cmacexp.config.schema import LearningConfig
 from cmacexp.errors import BadInput
@@ -32,7 +47,8 @@ def trained(rule, strength, activation, error, rate=0.2, weights=None):
     """Weights after one step of ``rule``, and those before."""
     before = weights_at_first() if weights is None else weights
     after = before.copy()
-    train_by_rule(RULES[rule][0], strength, after, CELLS, np.asarray(activation), np.array([error, -error]), rate)
+    params = RULES[rule].params._replace(strength=strength)
+    train_by_rule(params, after, CELLS, np.asarray(activation), np.array([error, -error]), rate)
     return after, before
 
 
@@ -42,17 +58,44 @@ def output(weights, activation):
     return given
 
 
-def test_the_config_knows_every_rule_and_its_strength():
+def test_the_config_has_a_field_for_every_strength():
     fields = LearningConfig.__dataclass_fields__
-    assert set(fields["rule"].metadata["choices"]) == set(RULES)
-    assert {name for _, name in RULES.values() if name} <= set(fields)
+    assert {rule.strength for rule in RULES.values() if rule.strength} <= set(fields)
+
+
+def documented(name, rule, config):
+    """The row of a rule in docs/learning-rules.md."""
+    choices = (TEACHES[rule.params.teaches], DIVISORS[rule.params.divisor], GOALS[rule.params.goal])
+    strength = "none"
+    if rule.strength:
+        unit = LearningConfig.__dataclass_fields__[rule.strength].metadata["unit"]
+        strength = f"`{rule.strength}` {getattr(config, rule.strength):g} {unit}".strip()
+    return f"| `{name}` | {' | '.join(choices)} | {RATES[rule.params.rate]} | {strength} | {rule.source} |"
+
+
+@pytest.mark.parametrize(("name", "rule"), RULES.items())
+def test_the_documentation_has_the_row_of_every_rule(make_config, name, rule):
+    page = (ROOT / "docs" / "learning-rules.md").read_text()
+    assert documented(name, rule, make_config().learning) in page.splitlines()
+
+
+def test_a_rule_that_is_added_to_the_table_is_learnt_by(make_config, monkeypatch):
+    halved = Rule("a test", "regularisation", RuleParams(divisor=REGULARISED, goal=ZERO))
+    monkeypatch.setitem(RULES, "mine", halved)
+    config = make_config("learning.rule=mine", "learning.regularisation=0.5").learning
+    rule = make_rule(config, np.full((3, 1, 4), 2.0))
+    assert rule == RuleParams(divisor=REGULARISED, goal=ZERO, strength=8.0)  # half of sum a_i^2
+    weights = weights_at_first()
+    train_by_rule(rule, weights, CELLS, np.ones(4), np.array([6.0, 0.0]), 0.1)
+    assert_allclose(weights[CELLS, 0], 0.2 * weights_at_first()[CELLS, 0] + 0.05)
 
 
 @given(activations, errors)
 @pytest.mark.parametrize(("rule", "strength"), WITHOUT.items())
 def test_a_rule_without_strength_is_the_papers_to_the_bit(rule, strength, activation, error):
     after, paper = trained(rule, strength, activation, error)
-    train_weighted(paper, CELLS, activation, np.array([error, -error]), 0.2)
+    step = 0.2 * np.array([error, -error]) / sum(activation.tolist()[j] * activation.tolist()[j] for j in range(4))
+    paper[CELLS] += activation[:, None] * step
     assert_array_equal(after, paper)
 
 
@@ -64,7 +107,7 @@ def test_with_activations_of_one_it_is_that_of_the_cmac_to_the_bit(rule, strengt
 
 
 @given(activations, errors)
-@pytest.mark.parametrize("rule", [rule for rule in RULES if rule != "zero_phase"])
+@pytest.mark.parametrize("rule", [name for name, rule in RULES.items() if rule.params.teaches != NEIGHBOURS])
 def test_weights_that_are_not_active_stay(rule, activation, error):
     after, before = trained(rule, 0.3, activation, error)
     assert_array_equal(after[OTHERS], before[OTHERS])
@@ -126,9 +169,9 @@ def test_smoothing_keeps_the_mean_of_the_active_weights_and_draws_them_to_it():
 
 
 def test_the_rate_decays_to_half_and_a_third():
-    number, _ = RULES["decaying_rate"]
-    assert [rate_in_cycle(number, 100.0, 0.6, n) for n in (0, 100, 200)] == pytest.approx([0.6, 0.3, 0.2])
-    assert rate_in_cycle(RULES["paper"][0], 100.0, 0.6, 100) == 0.6
+    rule = RULES["decaying_rate"].params._replace(strength=100.0)
+    assert [rate_after(rule, 0.6, n) for n in (0, 100, 200)] == pytest.approx([0.6, 0.3, 0.2])
+    assert rate_after(PAPER, 0.6, 100) == 0.6
 
 
 @pytest.mark.parametrize("window", [0, 1, 4, 10])
