@@ -7,11 +7,11 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from cmacexp.config.component import COMPONENTS
 from cmacexp.config.compose import compose_config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.experiment import run_scenario
-from cmacexp.loop.factory import METHODS
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.summary import table_of_cycles
 
@@ -82,9 +82,9 @@ def run(
         OSError: the folder cannot be written.
     """
     chosen, named = _split(overrides)
-    unknown = set(parts) - set(METHODS)
+    unknown = set(parts) - set(COMPONENTS)
     if unknown:
-        raise BadInput("run", ", ".join(sorted(unknown)), f"takes objects for {', '.join(METHODS)}")
+        raise BadInput("run", ", ".join(sorted(unknown)), f"takes objects for {', '.join(COMPONENTS)}")
     config = compose_config(chosen, config_dir)
     targets: dict[str, Any] = {
         key: {"_target_": f"{type(part).__module__}.{type(part).__qualname__}"} for key, part in parts.items()

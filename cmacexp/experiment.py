@@ -162,7 +162,7 @@ def run_scenario(
         "steps": end.steps,
         "start_weights": start_hash(config),
         "drift": drift_entry(scores.legs),
-        "learning_lead": config.lead,
+        "learning_lead": scenario.setup.lead,
         **_told_by_parts(scenario),
         "rollout_seconds": end.seconds,
         "wall_seconds": time.perf_counter() - began,

@@ -44,7 +44,7 @@ class _Session:
 
 
 def _run(composed: DictConfig, session: _Session) -> None:
-    config = to_config(composed)
+    config = to_config(composed, HydraConfig.get().runtime.choices)
     if config.sweep.resume:
         raise BadInput("sweep.resume", True, "resumes a sweep: add -m and hydra.sweep.dir=DIR")
     from cmacexp.experiment import run_scenario

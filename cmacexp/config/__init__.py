@@ -1,6 +1,9 @@
 """Typed and checked configuration of a run."""
 
-from cmacexp.config.load import config_folder, config_hash, to_config, to_plain
+from cmacexp.config.component import ComponentConfig
+from cmacexp.config.fields import choice, number
+from cmacexp.config.folder import config_folder
+from cmacexp.config.load import config_hash, to_config, to_plain
 from cmacexp.config.schema import Config
 
-__all__ = ["Config", "config_folder", "config_hash", "to_config", "to_plain"]
+__all__ = ["ComponentConfig", "Config", "choice", "config_folder", "config_hash", "number", "to_config", "to_plain"]

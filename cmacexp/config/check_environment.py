@@ -1,13 +1,13 @@
-"""Checks of ground and payload that one field alone cannot tell: a change that nothing feels is a mistake."""
+"""Checks of ground and payload against the run: a change that has no effect is a mistake."""
 
 from cmacexp.config.machine import LegMachine, PointMassMachine, QuadrupedMachine
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
 
-def check_stiffness_step(config: Config, legs: int) -> None:
-    """Hold a step of the stiffness to the run and to its ``legs``."""
-    terrain, end = config.terrain, config.cycles * config.gait.cycle_time
+def check_stiffness_step(config: Config) -> None:
+    """Check that a step of the stiffness falls into the run, under legs of the machine."""
+    terrain, legs, end = config.terrain, config.legs, config.cycles * config.gait.cycle_time
     if terrain.step_time is None:
         for key, value, without in (("factor", terrain.step_factor, 1.0), ("legs", terrain.step_legs, None)):
             if value != without:
@@ -34,7 +34,7 @@ def furthest_foot(config: Config) -> float:
 
 
 def check_slope(config: Config) -> None:
-    """Hold a slope to where feet come."""
+    """Check that a slope begins where feet come."""
     terrain, furthest = config.terrain, furthest_foot(config)
     if terrain.slope and terrain.slope_start >= furthest:
         raise BadInput(
@@ -43,7 +43,7 @@ def check_slope(config: Config) -> None:
 
 
 def check_payload(config: Config) -> None:
-    """Hold a payload to a body, to the run and to the rectangle of the hips."""
+    """Check that a payload lies on a body, within the rectangle of its hips, during the run."""
     payload, machine, end = config.payload, config.machine, config.cycles * config.gait.cycle_time
     if not payload.weight:
         return

@@ -1,19 +1,19 @@
 """Size and shape of the CMAC, and the memory that it needs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cmacexp.config.feedforwards import (
-    INPUTS,
-)
 from cmacexp.config.fields import choice, number
 from cmacexp.errors import BadInput
 
+INPUTS = ("angle", "velocity", "acceleration")
+"""Planned joint values that can be inputs of a network."""
+OUTPUTS = 2
+"""Outputs of a CMAC: one torque for each joint of its leg."""
 WORD_BYTES = 8
 """Bytes of a CMAC weight, a float64."""
-
-
 MOST_POSITIONS = 2**63
-"""Cells of a CMAC that 64 bits tell apart."""
+"""Most cells of a CMAC that can be numbered with 64 bits."""
 
 
 @dataclass
@@ -29,17 +29,17 @@ class CmacConfig:
     addressing: str = choice("hashed", "dense", "visited")
     """hashed: cells share rows by chance; dense: each has its own; visited: each that the path visits has its own."""
     displacement: str = choice("diagonal", "odd_lattice", "parks_militzer")
-    """How the layers are shifted against each other; diagonal as in the paper."""
+    """How the layers are shifted against each other; diagonal: as in the paper."""
     inputs: list[str] = choice(*INPUTS)
     """Planned joint values that address the memory (assumed)."""
     range_factor: float = number("", at_least=1, at_most=1e6)
     """Input range over the planned span, centred on its middle (assumed)."""
     receptive_field: str = choice("rectangular", "linear", "cubic")
-    """How much a cell counts over its width: fully, as in the paper, or by a B-spline (Lane et al. 1992)."""
+    """Activation of a cell over its width: constant, as in the paper, or a B-spline (Lane et al. 1992)."""
 
 
 def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
-    """Hold a CMAC's memory to at least one weight per layer and output, and to all its cells if it is dense.
+    """Check that the memory holds one weight per layer and output, and all cells if addressing is dense.
 
     Raises:
         BadInput: the memory is too small.
@@ -65,3 +65,23 @@ def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
             f"dense addressing of {inputs} inputs needs {dense} B (at most {2**30} B are allowed); "
             "give it that, take fewer cmac.inputs or layers, or cmac.addressing=hashed",
         )
+
+
+def check_inputs(key: str, inputs: Sequence[str]) -> None:
+    """Check that the inputs of a network are at least one, each named once.
+
+    Raises:
+        BadInput: they are not.
+    """
+    if not inputs or len(set(inputs)) != len(inputs):
+        raise BadInput(key, inputs, f"must name at least one of {', '.join(INPUTS)}, each once")
+
+
+def check_cmac(cmac: CmacConfig) -> None:
+    """Check the inputs of a CMAC, and that its memory suffices for them.
+
+    Raises:
+        BadInput: one of both is wrong.
+    """
+    check_inputs("cmac.inputs", cmac.inputs)
+    check_memory(cmac, 2 * len(cmac.inputs), OUTPUTS)

@@ -6,10 +6,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
-from cmacexp.config.load import config_folder, to_config
+from cmacexp.config.folder import config_folder
+from cmacexp.config.load import to_config
 from cmacexp.config.schema import Config
 from cmacexp.errors import CmacexpError
 
@@ -29,13 +30,17 @@ def _groups() -> set[str]:
 
 
 @cache
-def _composed(choices: tuple[str, ...], config_dir: str | None = None) -> DictConfig:
-    """What Hydra composes of choices of groups: reading some 30 files takes it longer than most runs."""
+def _composed(overrides: tuple[str, ...], config_dir: str | None = None) -> tuple[DictConfig, dict[str, str]]:
+    """What Hydra composes, and the option of each group: reading some 30 files takes it longer than most runs."""
     from hydra import compose, initialize_config_dir
 
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         places = [f"hydra.searchpath=[file://{config_dir}]"] if config_dir else []
-        return compose("config", [*choices, *places])
+        composed = compose("config", [*overrides, *places], return_hydra_config=True)
+    choices = dict(composed.hydra.runtime.choices)
+    with open_dict(composed):
+        del composed["hydra"]
+    return composed, choices
 
 
 def _values(overrides: Sequence[str]) -> list[tuple[str, Any]] | None:
@@ -48,7 +53,7 @@ def _values(overrides: Sequence[str]) -> list[tuple[str, Any]] | None:
     return found
 
 
-def _quick(overrides: Sequence[str]) -> DictConfig | None:
+def _quick(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]] | None:
     """The same config as Hydra composes of ``overrides``, from one that it has composed before; None if it cannot be.
 
     Groups are chosen first and values set then, in Hydra as well, whatever their order.
@@ -57,12 +62,13 @@ def _quick(overrides: Sequence[str]) -> DictConfig | None:
     values = _values([text for text in overrides if text not in choices])
     if values is None:
         return None
-    config = copy.deepcopy(_composed(choices))
+    composed, options = _composed(choices)
+    config = copy.deepcopy(composed)
     for key, value in values:
         if OmegaConf.select(config, key, default=MISSING) is MISSING:
             return None
         OmegaConf.update(config, key, value, merge=True)
-    return config
+    return config, options
 
 
 def compose_config(overrides: Sequence[str], config_dir: str | Path | None = None) -> Config:
@@ -82,7 +88,7 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
     try:
         own = None if config_dir is None else str(Path(config_dir).resolve())
         if own is not None:  # its files may have changed since
-            return to_config(_composed.__wrapped__(tuple(overrides), own))
-        return to_config(_quick(overrides) or _composed.__wrapped__(tuple(overrides)))
+            return to_config(*_composed.__wrapped__(tuple(overrides), own))
+        return to_config(*(_quick(overrides) or _composed.__wrapped__(tuple(overrides))))
     except (HydraException, OmegaConfBaseException) as error:
         raise CmacexpError(explain_composition(error, list(overrides))) from error

@@ -6,7 +6,9 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from cmacexp.config.load import WITHOUT_EFFECT, config_folder
+from cmacexp.config.folder import config_folder
+from cmacexp.config.load import WITHOUT_EFFECT
+from cmacexp.config.targets import NEW_NAMES
 
 MOST_KEYS = 3
 """Runs that differ in more keys than that are better told by the names of their folders."""
@@ -15,6 +17,7 @@ MOST_KEYS = 3
 @cache
 def _option(group: str, target: str) -> str:
     """The option of a group that makes the class ``target``, else the name of the class."""
+    target = NEW_NAMES.get(target, target)
     for path in sorted((config_folder() / group).glob("*.yaml")):
         option = OmegaConf.load(path)
         if isinstance(option, DictConfig) and target in (

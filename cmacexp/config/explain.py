@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config.fields import listed
-from cmacexp.config.load import config_folder
+from cmacexp.config.folder import config_folder
 from cmacexp.errors import format_install_command
 
 

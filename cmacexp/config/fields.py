@@ -1,8 +1,8 @@
-"""Config fields with their unit and range, and the one check that holds them all to it."""
+"""Config fields with their unit and range, and the one check of them all."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import field, fields, is_dataclass
+from dataclasses import MISSING, field, fields, is_dataclass
 from typing import Any
 
 from cmacexp.errors import BadInput
@@ -16,15 +16,20 @@ def number(
     below: float | None = None,
     at_most: float | None = None,
     words: Sequence[str] = (),
+    default: Any = MISSING,
 ) -> Any:
-    """A dataclass field holding a quantity in ``unit`` within the given range, or one of ``words``."""
+    """A dataclass field for a quantity in ``unit`` within the given range, or one of ``words``.
+
+    Shipped fields have no default: their values stand in ``conf/``.
+    """
     bounds = {"above": above, "at_least": at_least, "below": below, "at_most": at_most}
-    return field(metadata={"unit": unit, "words": words, **{k: v for k, v in bounds.items() if v is not None}})
+    given = {name: bound for name, bound in bounds.items() if bound is not None}
+    return field(default=default, metadata={"unit": unit, "words": words, **given})
 
 
-def choice(*names: str) -> Any:
-    """A dataclass field holding one of ``names``, or a list of some of them."""
-    return field(metadata={"choices": names})
+def choice(*names: str, default: Any = MISSING) -> Any:
+    """A dataclass field for one of ``names``, or a list of some of them."""
+    return field(default=default, metadata={"choices": names})
 
 
 def describe_range(metadata: dict[str, Any]) -> str:
@@ -36,7 +41,7 @@ def describe_range(metadata: dict[str, Any]) -> str:
 
 
 def _plain(bound: float) -> str:
-    """A bound as one would write it: whole numbers in full."""
+    """A bound as text: whole numbers in full."""
     return str(int(bound)) if float(bound).is_integer() and abs(bound) < 1e15 else f"{bound:g}"
 
 
@@ -65,7 +70,7 @@ def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
 
 
 def check_fields(node: object, prefix: str = "") -> None:
-    """Hold every field of a config dataclass, and of those inside it, to its range.
+    """Check every field of a config dataclass, and of those inside it, against its range.
 
     Args:
         node: a config dataclass.
@@ -89,5 +94,5 @@ def check_fields(node: object, prefix: str = "") -> None:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names as they stand in an error message."""
+    """Names in the order and form of an error message."""
     return ", ".join(sorted(names))

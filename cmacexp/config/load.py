@@ -2,67 +2,84 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, fields
-from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from cmacexp.config.check import check
+from cmacexp.config.component import COMPONENTS, config_class, fit_fields
 from cmacexp.config.fields import listed
 from cmacexp.config.machine import MACHINES
-from cmacexp.config.schema import BUILT_IN_PARTS, Config
+from cmacexp.config.schema import Config
+from cmacexp.config.targets import NEW_NAMES, current_folder_importable, find_class, say_new_name
 from cmacexp.errors import BadInput
 
 WITHOUT_EFFECT = ("record", "sweep", "optimize", "warn", "hydra")
 """Root keys that do not change the results of a run, and so stay out of its hash."""
-
-
 WITHOUT_OPTIONS = ("scenario", "cycles", "seed", "sampling_period", "reference", "sweep", "optimize", "warn")
 """Root keys that are not groups."""
 
 
-def config_folder() -> Path:
-    """The folder of the shipped configs: inside an installed package, else at the top of the checkout."""
-    package = Path(__file__).resolve().parents[1]
-    inside = package / "conf"
-    return inside if inside.is_dir() else package.parent / "conf"
-
-
-def _schema(composed: DictConfig) -> DictConfig:
-    """The schema of Config with the parts that this config chose filled in."""
-    schema = OmegaConf.structured(Config)
+def _require_groups(plain: Mapping[str, Any]) -> None:
     for group in (field.name for field in fields(Config) if field.name not in WITHOUT_OPTIONS):
-        if not isinstance(composed.get(group), DictConfig):
-            raise BadInput(group, composed.get(group), f"must be a group of fields; choose an option of conf/{group}")
-    kind = composed.machine.get("kind")
+        if not isinstance(plain.get(group), dict):
+            raise BadInput(group, plain.get(group), f"must be a group of fields; choose an option of conf/{group}")
+
+
+def _machine_schema(kind: object) -> DictConfig:
     if kind not in MACHINES:
         raise BadInput("machine.kind", kind, "choose from " + ", ".join(MACHINES))
-    schema.machine = OmegaConf.structured(MACHINES[kind])
-    for part in ("plant", "sensors", "controller", "feedforward"):
-        target = composed[part].get("_target_")
-        if target in BUILT_IN_PARTS:
-            schema[part] = OmegaConf.structured(BUILT_IN_PARTS[target])
-    assert isinstance(schema, DictConfig)
-    return schema
+    return OmegaConf.structured(MACHINES[str(kind)])
 
 
-def to_config(composed: DictConfig) -> Config:
+def _component(
+    group: str, node: Mapping[str, Any], choices: Mapping[str, str] | None
+) -> tuple[dict[str, Any], DictConfig | None]:
+    """The fields that a component takes, and their schema; None if its class carries no config class."""
+    target = node.get("_target_")
+    if target in NEW_NAMES:
+        if choices is not None:
+            say_new_name(str(target))
+        node = {**node, "_target_": NEW_NAMES[str(target)]}
+    component = find_class(f"{group}._target_", node.get("_target_"))
+    schema = config_class(component)
+    return fit_fields(group, node, component, choices), None if schema is None else OmegaConf.structured(schema)
+
+
+def _with_schema(plain: dict[str, Any], choices: Mapping[str, str] | None) -> DictConfig:
+    """A plain config with the types of Config, of its machine and of its components."""
+    schema = OmegaConf.structured(Config)
+    _require_groups(plain)
+    schema.machine = _machine_schema(plain["machine"].get("kind"))
+    with current_folder_importable():
+        for group in COMPONENTS:
+            plain[group], own = _component(group, plain[group], choices)
+            if own is not None:
+                schema[group] = own
+        merged = OmegaConf.merge(schema, plain)
+    assert isinstance(merged, DictConfig)
+    return merged
+
+
+def to_config(composed: DictConfig, choices: Mapping[str, str] | None = None) -> Config:
     """Type and check a composed config.
 
     Args:
         composed: what Hydra composed, or the ``config`` of a manifest as a DictConfig.
+        choices: the option that Hydra chose in each group; None: not known, as of a manifest.
 
     Returns:
         The config; every value in its range, every combination of values possible.
 
     Raises:
-        BadInput: names the first key that cannot stay as it is.
+        BadInput: names the first key that is wrong.
     """
     try:
-        merged = OmegaConf.merge(_schema(composed), composed)
-        config = OmegaConf.to_object(merged)
+        plain: Any = OmegaConf.to_container(composed, resolve=True)
+        config = OmegaConf.to_object(_with_schema(plain, choices))
     except OmegaConfBaseException as error:
         raise _explain(error, composed) from error
     assert isinstance(config, Config)

@@ -8,60 +8,14 @@ from typing import Any
 
 from cmacexp.config.cmac import CmacConfig
 from cmacexp.config.environment import PayloadConfig, TerrainConfig
-from cmacexp.config.feedforwards import (
-    InverseDynamicsConfig,
-    IterativeLearningConfig,
-    PerceptronConfig,
-    RadialBasisConfig,
-)
 from cmacexp.config.fields import choice, number
+from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.machine import QuadrupedMachine
-from cmacexp.config.mujoco import MujocoLegConfig, MujocoQuadrupedConfig
-from cmacexp.config.sensors import RealSensorsConfig
-
-
-@dataclass
-class GaitConfig:
-    """When and along which path the feet move."""
-
-    pattern: str = choice("transfer_first", "standing", "wave")
-    """transfer_first: one leg, a cycle begins with lift-off; standing: one leg, no transfer; wave: four legs."""
-    touch_down: list[float] | None = number("cycles", at_least=0, below=1)
-    """Touch-down of each leg within the cycle; null: by the pattern."""
-    cycle_time: float = number("s", at_least=1e-3, at_most=1e5)
-    """T."""
-    duty_factor: float = number("", above=0, at_most=1)
-    """Fraction of the cycle in which a foot supports."""
-    stroke: float = number("m", at_least=0)
-    """Travel of the foot on the ground during support (assumed)."""
-    lift: float = number("m", at_least=0)
-    """Apex of the transfer above the take-off point (assumed)."""
-    vertical: str = choice("cubic", "two_cubics")
-    """cubic: one through both ends and the apex, its speed jumps (assumed); two_cubics: at rest at ends and apex."""
-    load_ramp: float = number("s", at_least=0)
-    """Time after touch-down over which a foot takes its desired force; 0: a step, as in the paper."""
-    allow_unstable: bool = field(kw_only=True)
-    """Run a gait of four legs that is not statically stable."""
-
-
-@dataclass
-class ControllerConfig:
-    """Position control and the LEAD compensator (Lin & Song 1997, eq. 5-7, 21)."""
-
-    _target_: str
-    position_gain: float = number("N/m", above=0, at_most=1e9)
-    """K_ap."""
-    velocity_gain: float = number("N s/m", at_least=0, at_most=1e9)
-    """K_av."""
-    lead_omega: float = number("rad/s", above=0, at_most=1e6)
-    """Lower corner frequency omega (assumed; see pipelines/lead_design.py)."""
-    lead_alpha: float = number("", above=0, at_most=1e6)
-    """Upper over lower corner frequency, alpha (assumed)."""
 
 
 @dataclass
 class ActuatorConfig:
-    """What becomes of the commanded torque."""
+    """How the actuators turn the commanded torque into the one that acts."""
 
     torque_limit: float | None = number("N m (N for a point mass)", above=0)
     """Largest absolute torque of each joint; null: none."""
@@ -100,20 +54,20 @@ class ForceControlConfig:
     force_gain: float = number("", above=0, at_most=1e9)
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
     load_sharing: str = choice("static", "dynamic")
-    """What feet share under a body; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
+    """What the feet of a body share; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
 
 
 @dataclass
 class PlausibilityConfig:
-    """Whether the controller looks if a force sensor can be believed, and drops one that cannot."""
+    """Fault detection: whether the controller checks its force sensors, and ignores those that are implausible."""
 
     enabled: bool
     tolerance: float = number("N", above=0, at_most=1e9)
-    """Difference from the force expected at the measured depth that raises no doubt."""
+    """Largest plausible difference from the force expected at the measured depth."""
     relative_tolerance: float = number("", at_least=0, below=1)
     """Likewise over the expected force; at 1 a sensor stuck at zero would pass."""
     patience: int = number("samples", at_least=1, at_most=10**6)
-    """So many that are wrong by twice the tolerance drop a sensor."""
+    """A sensor is ignored for good after so many readings that are wrong by twice the tolerance."""
 
 
 @dataclass
@@ -129,35 +83,35 @@ class LearningConfig:
     start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts."""
     start_from: str | None = field(kw_only=True)
-    """Folder of a run that kept its weights (record.weights), with which the feedforward begins; null: none."""
+    """Folder of a run with record.weights, from whose weights the feedforward starts; null: none."""
     regularisation: float = number("", at_least=0, at_most=1e6)
-    """normalised: added to sum a_i^2, over its mean along the plan; 0: the paper's rule."""
+    """normalised: added to sum a_i^2, as a fraction of its mean along the plan; 0: the paper's rule."""
     dead_zone: float = number("N m", at_least=0)
-    """dead_zone: feedback up to this teaches nothing; 0: the paper's rule."""
+    """dead_zone: feedback up to this changes no weight; 0: the paper's rule."""
     leakage: float = number("", at_least=0, at_most=1)
-    """leakage, zero_phase: an active weight loses beta times this of itself; 0: none."""
+    """leakage, zero_phase: fraction that an active weight loses in each step, over beta; 0: none."""
     e_modification: float = number("1/(N m)", at_least=0, at_most=1e6)
-    """e_modification: loses beta |U| times this; the output stays within its inverse; 0: the paper's rule."""
+    """e_modification: leakage over |U|; the output stays within its inverse; 0: the paper's rule."""
     smoothing: float = number("", at_least=0, at_most=1)
-    """weight_smoothing: goes beta times this of its way to the mean of the active ones, kappa of Macnab 2017."""
+    """weight_smoothing: fraction of its way to the mean of the active ones, over beta; kappa of Macnab 2017."""
     window: int = number("samples", at_least=0, at_most=10**4)
-    """zero_phase: an error teaches so many samples to both sides, by binomial weights; 0: leakage alone."""
+    """zero_phase: samples to each side that an error trains, with binomial weights; 0: leakage alone."""
     decay: float = number("cycles", above=0, at_most=1e9)
-    """decaying_rate: after so many cycles of learning the rate is half of beta, after twice as many a third."""
+    """decaying_rate: cycles of learning after which the rate is half of beta; after twice as many a third."""
 
 
 @dataclass
 class RecordConfig:
-    """What a run leaves behind besides trace and metrics."""
+    """What a run keeps besides its metrics."""
 
     recording: bool
     """Write recording.rrd, the Rerun view."""
     weights: bool
     """Write weights.npz, what the feedforward has learnt at the end."""
     every_nth_step: int = number("steps", at_least=1, at_most=10**9)
-    """Keep one step in so many in the traces; the metrics are those of all steps."""
+    """Keep every n-th step in the traces; metrics use all steps."""
     cycles: list[int] | None = number("cycle", at_least=1, at_most=10**9)
-    """Keep these cycles in the traces; null: all. The metrics are those of all cycles."""
+    """Keep these cycles in the traces; null: all. Metrics use all cycles."""
 
     @property
     def thins(self) -> bool:
@@ -167,15 +121,15 @@ class RecordConfig:
 
 @dataclass
 class SweepConfig:
-    """How a sweep goes about its jobs."""
+    """How a sweep runs its jobs."""
 
     resume: bool
-    """Do not run jobs again whose result the sweep's folder holds."""
+    """Do not run jobs again whose results are in the folder of the sweep."""
 
 
 @dataclass
 class Config:
-    """One run, whole."""
+    """All fields of a run."""
 
     scenario: str
     machine: Any
@@ -195,12 +149,12 @@ class Config:
     record: RecordConfig
     sweep: SweepConfig
     optimize: str | None
-    """Metric whose final value a job of a sweep gives to the sweeper (see cmacexp/sweep/objective.py); null: none."""
+    """Metric whose final value a job returns to the sweeper (see cmacexp/sweep/objective.py); null: none."""
     warn: bool
-    """Say before a long run if its learning is predicted to come apart (see cmacexp/stability/warn.py)."""
+    """Warn before a long run if its learning is predicted to diverge (see cmacexp/stability/warn.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)
     seed: int = number("", at_least=0, below=2**32)
-    """Seeds the hash of the CMAC's memory, and every part that draws random numbers."""
+    """Seed of the hash of the CMAC's memory and of every component that draws random numbers."""
     sampling_period: float = number("s", at_least=1e-6, at_most=1e3)
     """T_s."""
     reference: str = choice("literal", "aware", "force_feedforward")
@@ -213,28 +167,23 @@ class Config:
         return round(self.gait.cycle_time / self.sampling_period)
 
     @property
-    def body_speed(self) -> float:
-        """Speed of a body over the ground, stroke / (duty factor x T), m/s; 0 without a body."""
-        walks = isinstance(self.machine, QuadrupedMachine)
-        return self.gait.stroke / (self.gait.duty_factor * self.gait.cycle_time) if walks else 0.0
+    def legs(self) -> int:
+        """Number of legs."""
+        return PATTERNS[self.gait.pattern].legs
 
     @property
-    def lead(self) -> int:
-        """``learning.lead`` in samples; auto is the number of them from a torque to the feedback that it causes.
+    def has_body(self) -> bool:
+        """Whether the machine is a body on legs."""
+        return isinstance(self.machine, QuadrupedMachine)
 
-        Late positions do not count where there is velocity feedback, which outweighs them at the frequencies that a
-        wrong lead makes grow.
-        """
-        if self.learning.lead != "auto":
-            return int(self.learning.lead)
-        late = 0
-        if isinstance(self.sensors, RealSensorsConfig):
-            late = (self.sensors.velocity if self.gains is None or self.gains[1] else self.sensors.position).delay
-        return 1 + self.actuator.delay + late
+    @property
+    def body_speed(self) -> float:
+        """Speed of a body over the ground, stroke / (duty factor x T), m/s; 0 without a body."""
+        return self.gait.stroke / (self.gait.duty_factor * self.gait.cycle_time) if self.has_body else 0.0
 
     @property
     def gains(self) -> tuple[float, float] | None:
-        """K_ap (N/m) and K_av (N s/m) of the controller; None of one that has no such fields, or no such numbers."""
+        """K_ap (N/m) and K_av (N s/m) of the controller; None if it has no such fields, or no such numbers."""
         fields = self.controller if isinstance(self.controller, dict) else vars(self.controller)
         position, velocity = fields.get("position_gain"), fields.get("velocity_gain")
         if not (isinstance(position, int | float) and isinstance(velocity, int | float)):
@@ -243,38 +192,5 @@ class Config:
 
     @property
     def assumed_stiffness(self) -> float:
-        """K_n as planner and controller believe it, N/m."""
+        """K_n that planner and controller assume, N/m."""
         return self.terrain.assumed_stiffness or self.terrain.stiffness
-
-
-@dataclass
-class AnalyticPlantConfig:
-    """The project's own equations of motion."""
-
-    _target_: str
-    substeps: int = number("", at_least=1, at_most=10000)
-    """Runge-Kutta steps per sampling period; 1 as in the paper."""
-
-
-@dataclass
-class PartWithoutFields:
-    """A part that has nothing to set."""
-
-    _target_: str
-
-
-BUILT_IN_PARTS = {
-    "cmacexp.plants.AnalyticPlant": AnalyticPlantConfig,
-    "cmacexp.control.HybridController": ControllerConfig,
-    "cmacexp.plants.mujoco_leg.MujocoLeg": MujocoLegConfig,
-    "cmacexp.plants.mujoco_quadruped.MujocoQuadruped": MujocoQuadrupedConfig,
-    "cmacexp.sensors.PerfectSensors": PartWithoutFields,
-    "cmacexp.sensors.RealSensors": RealSensorsConfig,
-    "cmacexp.control.NoFeedforward": PartWithoutFields,
-    "cmacexp.control.CmacFeedforward": PartWithoutFields,
-    "cmacexp.control.InverseDynamics": InverseDynamicsConfig,
-    "cmacexp.control.RadialBasis": RadialBasisConfig,
-    "cmacexp.control.Perceptron": PerceptronConfig,
-    "cmacexp.control.IterativeLearning": IterativeLearningConfig,
-}
-"""Schemas of the parts that a ``_target_`` can name; another target brings its own fields, unchecked here."""

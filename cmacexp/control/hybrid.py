@@ -1,7 +1,10 @@
-"""The hybrid position/force controller as a part that a config can name."""
+"""The hybrid position/force controller."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
+from cmacexp.config import ComponentConfig, number
 from cmacexp.control.fault_detection import Plausibility
 from cmacexp.control.hybrid_kernels import METHODS, HybridParams, HybridState, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise
@@ -14,14 +17,20 @@ from cmacexp.typing import Array
 
 
 class HybridController:
-    """Position control, and force control where the plan has a foot support (Lin & Song 1997, eq. 21).
+    """Position control, and force control of the feet that the plan has in support (Lin & Song 1997, eq. 21)."""
 
-    Args:
-        position_gain: K_ap, N/m.
-        velocity_gain: K_av, N s/m.
-        lead_omega: lower corner frequency of the LEAD, rad/s.
-        lead_alpha: upper over lower corner frequency.
-    """
+    @dataclass
+    class Config(ComponentConfig):
+        """Position control and the LEAD compensator (Lin & Song 1997, eq. 5-7, 21)."""
+
+        position_gain: float = number("N/m", above=0, at_most=1e9)
+        """K_ap."""
+        velocity_gain: float = number("N s/m", at_least=0, at_most=1e9)
+        """K_av."""
+        lead_omega: float = number("rad/s", above=0, at_most=1e6)
+        """Lower corner frequency omega (assumed; see pipelines/lead_design.py)."""
+        lead_alpha: float = number("", above=0, at_most=1e6)
+        """Upper over lower corner frequency, alpha (assumed)."""
 
     params: HybridParams
     state: HybridState
@@ -34,7 +43,7 @@ class HybridController:
         self.lead_alpha = lead_alpha
 
     def reset(self, setup: Setup, feedforward: Feedforward) -> None:
-        """LEAD states of zero."""
+        """Set the states of the LEAD compensators to zero."""
         method, check = setup.config.force_control, setup.config.plausibility
         self.params = HybridParams(
             setup.mechanism,
@@ -61,7 +70,7 @@ class HybridController:
 
     @property
     def force_trusted(self) -> Array:
-        """(L,): 1, and 0 since the force sensor of the leg was found implausible."""
+        """(L,): 1, or 0 from the step on at which the force sensor of the leg was found implausible."""
         return self.state.plausible.trusted
 
     @property

@@ -1,4 +1,4 @@
-"""What controller and feedforward are to the loop."""
+"""The interface of a controller."""
 
 from typing import NamedTuple, Protocol
 
@@ -9,18 +9,18 @@ from cmacexp.typing import Array
 
 
 class Action(NamedTuple):
-    """Joint torques with their parts kept apart, so that the trace shows who did the work."""
+    """Joint torques of feedback and feedforward, apart, so that the trace shows the share of each."""
 
     feedback: Array
     """(L, 2), N m."""
     feedforward: Array
     """(L, 2), N m."""
     reference: Array | None = None
-    """(L, 2): x and y that the controller went by, m, if they are not those of the plan."""
+    """(L, 2): x and y that the controller used, m; None: those of the plan."""
 
 
 class Controller(Protocol):
-    """From what should be and what is to joint torques."""
+    """Computes joint torques from reference and measurement."""
 
     def reset(self, setup: Setup, feedforward: Feedforward) -> None:
         """Start a run."""

@@ -1,1 +1,20 @@
-"""Feedforwards: what acts before an error is felt."""
+"""Feedforwards: torque that is known from the plan, or learnt from the feedback."""
+
+from cmacexp.feedforward.cmac import CmacFeedforward
+from cmacexp.feedforward.ilc import IterativeLearning
+from cmacexp.feedforward.inverse_dynamics import InverseDynamics
+from cmacexp.feedforward.mlp import Perceptron
+from cmacexp.feedforward.none import NoFeedforward
+from cmacexp.feedforward.protocol import Feedforward, Learns
+from cmacexp.feedforward.rbf import RadialBasis
+
+__all__ = [
+    "CmacFeedforward",
+    "Feedforward",
+    "InverseDynamics",
+    "IterativeLearning",
+    "Learns",
+    "NoFeedforward",
+    "Perceptron",
+    "RadialBasis",
+]

@@ -5,6 +5,7 @@ import numpy as np
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange, spanning
 from cmacexp.cmac.use import memory_use
+from cmacexp.config import ComponentConfig
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Weights
@@ -13,8 +14,10 @@ from cmacexp.typing import Weights
 class CmacFeedforward(BuiltInFeedforward):
     """One CMAC per leg, addressed by planned joint values, trained by the feedback (Lin & Song 1997, section 4)."""
 
+    Config = ComponentConfig
+
     def reset(self, setup: Setup) -> None:
-        """Empty memories, or those of an earlier run with their ranges and hash; the cells of every sample."""
+        """Compute the cells of every sample; start with empty memories, or with those of an earlier run."""
         config, learnt = setup.config, setup.learnt
         inputs = [planned_inputs(setup, i, config.cmac.inputs) for i in range(setup.mechanism.legs.shape[0])]
         if learnt is None:

@@ -1,15 +1,18 @@
 """Iterative learning control: a torque for every sample of the cycle, improved from cycle to cycle."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from cmacexp.cmac.use import MemoryUse
+from cmacexp.config import ComponentConfig, number
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, network
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Weights
 
 REACH = 4.0
-"""Standard deviations of the Gaussian to which its taps go."""
+"""Standard deviations of the Gaussian that its taps cover."""
 
 
 def gaussian_taps(cutoff: float, sampling_period: float) -> Array:
@@ -26,20 +29,24 @@ def gaussian_taps(cutoff: float, sampling_period: float) -> Array:
 class IterativeLearning(BuiltInFeedforward):
     """u_{j+1}(k) = Q [u_j(k) + beta U_j(k + lead)], cycle j, sample k (Bristow, Tharayil & Alleyne 2006).
 
-    One weight a sample and joint; Q is a low-pass without phase over the cycle, which it takes as a ring: each cycle
-    goes on where the last one ended, as in repetitive control. Nothing is carried over to another path but by the
-    sample's place in the cycle.
-
-    Args:
-        cutoff: of Q, Hz, where its gain is 1/sqrt(2); None: Q = 1.
+    One weight per sample and joint; Q is a zero-phase low-pass filter over the cycle as a ring: each cycle continues
+    where the last one ended, as in repetitive control. What is learnt belongs to a sample of the cycle, whatever the
+    path there.
     """
+
+    @dataclass
+    class Config(ComponentConfig):
+        """The low-pass filter Q."""
+
+        cutoff: float | None = number("Hz", above=0, at_most=1e6)
+        """Frequency at which the gain of Q is 1/sqrt(2); null: Q = 1."""
 
     def __init__(self, cutoff: float | None):
         super().__init__()
         self.cutoff = cutoff
 
     def reset(self, setup: Setup) -> None:
-        """No torque at any sample, or that of an earlier run.
+        """Start with no torque at any sample, or with that of an earlier run.
 
         Raises:
             BadInput: the earlier run has another number of samples in a cycle.

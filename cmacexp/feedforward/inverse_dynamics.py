@@ -1,7 +1,10 @@
 """Inverse dynamics along the desired path, with a model that may be wrong."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from cmacexp.config import ComponentConfig, number
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import Mechanism, planned_torque
@@ -13,24 +16,29 @@ class InverseDynamics(BuiltInFeedforward):
     """Inverse dynamics along the desired path (Lin & Song 1997, eq. 16, 17).
 
     The contact force is that of the desired depression, in transfer too: the path leaves the ground on the way up.
-
-    Args:
-        mass_factor: masses of the model over the true ones.
-        length_factor: lengths of the model's links over the true ones.
     """
+
+    @dataclass
+    class Config(ComponentConfig):
+        """Errors of the model."""
+
+        mass_factor: float = number("", above=0, at_most=1e3)
+        """Masses of the model over the true ones."""
+        length_factor: float = number("", above=0, at_most=1e3)
+        """Lengths of the model's links over the true ones; joint angles are planned with the true ones."""
 
     def __init__(self, mass_factor: float = 1.0, length_factor: float = 1.0):
         super().__init__()
         self.mass_factor = mass_factor
         self.length_factor = length_factor
 
-    def _believed(self, mechanism: Mechanism) -> Mechanism:
+    def _modelled(self, mechanism: Mechanism) -> Mechanism:
         lengths, masses = [self.length_factor] * 2, [self.mass_factor] * 2
         return mechanism._replace(legs=mechanism.legs * np.array([*lengths, *masses, 1.0]))
 
     def reset(self, setup: Setup) -> None:
-        """Torque of every sample of the cycle."""
-        plan, mechanism = setup.plan, self._believed(setup.mechanism)
+        """Compute the torque of every sample of the cycle."""
+        plan, mechanism = setup.plan, self._modelled(setup.mechanism)
         torque = np.zeros((*plan.joints.shape[:2], 2))
         for k in range(torque.shape[0]):
             for i in range(torque.shape[1]):

@@ -1,17 +1,20 @@
 """A multilayer perceptron, of scikit-learn, that learns once a cycle."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from cmacexp.config import ComponentConfig, Config, choice, number
+from cmacexp.config.cmac import INPUTS, check_inputs
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import planned_inputs
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Weights
 
 WEIGHTS = ("hidden_weights", "output_weights", "hidden_bias", "output_bias")
-"""Arrays of a network in the order of scikit-learn, legs first where they are kept."""
+"""Arrays of a network in the order of scikit-learn; saved with legs as first axis."""
 INSTALL = 'needs scikit-learn: python -m pip install -e ".[networks]"'
 
 
@@ -19,25 +22,37 @@ def _regressor() -> Any:
     try:
         from sklearn.neural_network import MLPRegressor
     except ImportError:
-        raise BadInput("feedforward._target_", "cmacexp.control.Perceptron", INSTALL) from None
+        raise BadInput("feedforward._target_", "cmacexp.feedforward.Perceptron", INSTALL) from None
     return MLPRegressor
 
 
 class Perceptron:
     """One perceptron with one hidden layer of tanh per leg, trained by the feedback (Kawato, Furukawa & Suzuki 1987).
 
-    Feedback-error learning in batches: at the end of a cycle, the network is drawn towards what it gave plus beta
-    times the feedback, for every sample of the cycle. Inputs are standardised over the planned path, torques divided
-    by the root mean square of the feedback in the first cycle that it sees. Initial weights and the order of samples
-    come from the run's seed.
-
-    Args:
-        inputs: ``angle``, ``velocity``, ``acceleration``.
-        hidden: neurons of the hidden layer.
-        passes: over the samples of a cycle, each time that it learns.
-        batch: samples of one step of the gradient.
-        step_size: of Adam (Kingma & Ba 2015).
+    Feedback-error learning in batches: at the end of a cycle, the network is trained with its own output plus beta
+    times the feedback, at every sample of the cycle. Inputs are standardised over the planned path, torques divided
+    by the root mean square of the feedback in the first cycle of learning. The seed of the run determines initial
+    weights and the order of samples.
     """
+
+    @dataclass
+    class Config(ComponentConfig):
+        """Inputs, size and training of the network of one leg."""
+
+        inputs: list[str] = choice(*INPUTS)
+        """Planned joint values."""
+        hidden: int = number("", at_least=1, at_most=4096)
+        """Neurons of the hidden layer."""
+        passes: int = number("", at_least=1, at_most=1000)
+        """Passes over the samples of a cycle, at its end."""
+        batch: int = number("samples", at_least=1, at_most=2**24)
+        """Samples of one gradient step."""
+        step_size: float = number("", above=0, at_most=10)
+        """Step size of Adam (Kingma & Ba 2015)."""
+
+        def check(self, config: Config) -> None:
+            """Check the inputs."""
+            check_inputs("feedforward.inputs", self.inputs)
 
     acts = True
 
@@ -49,16 +64,16 @@ class Perceptron:
         self.step_size = step_size
 
     def reset(self, setup: Setup) -> None:
-        """Networks that have learnt nothing give nothing.
+        """Make the networks, whose output is zero until they learn.
 
         Raises:
-            BadInput: scikit-learn is missing, or the learning rule is one of networks linear in their weights.
+            BadInput: scikit-learn is missing, or the learning rule is for networks linear in their weights.
         """
         make, rule = _regressor(), setup.config.learning.rule
         if rule != "paper":
             raise BadInput("learning.rule", rule, "is for networks linear in their weights; a perceptron takes paper")
         samples, legs = setup.plan.support.shape
-        self.rate, self.lead = setup.config.learning.rate, setup.config.lead
+        self.rate, self.lead = setup.config.learning.rate, setup.lead
         paths = np.stack([planned_inputs(setup, i, self.inputs) for i in range(legs)])
         spread = paths.std(axis=1, keepdims=True)
         self.middle, self.spread = paths.mean(axis=1, keepdims=True), np.where(spread > 0.0, spread, 1.0)
@@ -88,7 +103,7 @@ class Perceptron:
     def _restore(self, learnt: Weights) -> None:
         self.scale[:] = learnt["scale"]
         for i, one in enumerate(self.networks):
-            # In place: the optimiser goes on with these very arrays.
+            # In place: the optimiser keeps references to these arrays.
             for own, name in zip([*one.coefs_, *one.intercepts_], WEIGHTS, strict=True):
                 own[:] = learnt[name][i]
             self.torque[:, i] = self.scale[i] * one.predict(self.paths[i])
@@ -100,7 +115,7 @@ class Perceptron:
         return {"middle": self.middle, "spread": self.spread, "scale": self.scale.copy(), **weights}
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Keep the last step's feedback (L, 2), N m; give this step's torque (L, 2), N m, as of the last learning."""
+        """Store the last step's feedback (L, 2), N m; return this step's torque (L, 2), N m."""
         samples = len(self.torque)
         self.learning_error[(reference.sample - 1 - self.lead) % samples] = learning_error
         if reference.sample == 0 and self.seen >= samples:

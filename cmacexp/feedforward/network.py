@@ -67,7 +67,7 @@ def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningParams:
     config = setup.config.learning
     rule = make_rule(config, activation)
     plain = rule == PAPER and bool((activation == 1.0).all())
-    params = LearningParams(config.rate, setup.config.lead, rule, plain, setup.plan.start_step)
+    params = LearningParams(config.rate, setup.lead, rule, plain, setup.plan.start_step)
     if rule.teaches != NEIGHBOURS:
         return params
     spread_cells, share = spread_shares(cells, activation, config.window)

@@ -1,11 +1,14 @@
 """Radial basis functions: a network of Gaussians along the planned path."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from cmacexp.cmac.quantiser import spanning
 from cmacexp.cmac.use import MemoryUse
+from cmacexp.config import ComponentConfig, Config, choice, number
+from cmacexp.config.cmac import INPUTS, check_inputs
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.planning.setup import Setup
@@ -13,7 +16,7 @@ from cmacexp.typing import Array, Cells, Weights
 
 
 def spread_out(points: Array, number: int) -> Array:
-    """``number`` of ``points`` (samples, n): the first, then ever the farthest from all before (Gonzalez 1985)."""
+    """``number`` of ``points`` (samples, n): the first, then the farthest from all chosen before (Gonzalez 1985)."""
     chosen, distance = [0], np.linalg.norm(points - points[0], axis=1)
     while len(chosen) < number:
         chosen.append(int(distance.argmax()))
@@ -30,18 +33,18 @@ def spacing(points: Array) -> float:
 
 
 def activations(points: Array, centres: Array, width: float, active: int) -> tuple[Cells, Array]:
-    """The ``active`` centres nearest to each of ``points``, and how much each counts, both (samples, active).
+    """The ``active`` centres nearest to each of ``points``, and the activation of each, both (samples, active).
 
     Args:
         points: (samples, n).
         centres: (centres, n).
         width: sigma of exp(-d^2 / (2 sigma^2)), in units of the points; each sample's activations sum up to 1.
-        active: how many.
+        active: number of active centres.
     """
     square = ((points[:, None] - centres) ** 2).sum(axis=2)
     nearest = square.argsort(axis=1, kind="stable")[:, :active]
     near = np.take_along_axis(square, nearest, axis=1)
-    # Against the nearest one, so that far from all of them something is left to be divided by.
+    # Relative to the nearest one, so that the sum is not zero far from all of them.
     height = np.exp((near[:, :1] - near) / (2.0 * width**2))
     return nearest.astype(np.uint32), height / height.sum(axis=1, keepdims=True)
 
@@ -49,16 +52,31 @@ def activations(points: Array, centres: Array, width: float, active: int) -> tup
 class RadialBasis(BuiltInFeedforward):
     """Normalised Gaussians over planned joint values, one network per leg, trained by the feedback.
 
-    Centres and widths stand, the outer weights learn (Moody & Darken 1989; in adaptive control Sanner & Slotine
+    Centres and widths are fixed, the outer weights learn (Moody & Darken 1989; in adaptive control Sanner & Slotine
     1992). Centres are samples of the planned path, spread evenly over it in inputs scaled to their span; all widths
-    are the same. Only the nearest Gaussians count.
-
-    Args:
-        inputs: ``angle``, ``velocity``, ``acceleration``.
-        centres: of one leg.
-        active: of them at each sample.
-        width: sigma over the mean distance between neighbouring centres.
+    are the same. Only the nearest Gaussians are active.
     """
+
+    @dataclass
+    class Config(ComponentConfig):
+        """Inputs, number and width of the Gaussians of one leg."""
+
+        inputs: list[str] = choice(*INPUTS)
+        """Planned joint values."""
+        centres: int = number("", at_least=1, at_most=4096)
+        """Gaussians, spread evenly over the path."""
+        active: int = number("", at_least=1, at_most=4096)
+        """Nearest Gaussians that are active at a sample."""
+        width: float = number("", above=0, at_most=1e3)
+        """Standard deviation of a Gaussian over the mean distance between neighbouring centres."""
+
+        def check(self, config: Config) -> None:
+            """Check the inputs, and that there are as many centres as active ones."""
+            check_inputs("feedforward.inputs", self.inputs)
+            if self.active > self.centres:
+                raise BadInput(
+                    "feedforward.active", self.active, f"must be at most feedforward.centres={self.centres}"
+                )
 
     def __init__(self, inputs: Sequence[str], centres: int, active: int, width: float):
         super().__init__()
@@ -68,7 +86,7 @@ class RadialBasis(BuiltInFeedforward):
         self.width = width
 
     def reset(self, setup: Setup) -> None:
-        """Centres along the path and weights of zero, or those of an earlier run.
+        """Place the centres along the path; start with weights of zero, or with those of an earlier run.
 
         Raises:
             BadInput: more centres than samples.
@@ -100,5 +118,5 @@ class RadialBasis(BuiltInFeedforward):
 
 
 def _scaled(inputs: Array, ranges: Array) -> Array:
-    """``inputs`` (samples, n) as parts of ``ranges`` (2, n), low and high."""
+    """``inputs`` (samples, n) scaled to 0 to 1 over ``ranges`` (2, n), low and high."""
     return (inputs - ranges[0]) / (ranges[1] - ranges[0])

@@ -1,7 +1,7 @@
-"""The parts of one run, built from its config."""
+"""The components of one run, made from its config."""
 
 import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,8 @@ from cmacexp.config.machine import PointMassMachine
 from cmacexp.control import Controller
 from cmacexp.data.weights import read_weights
 from cmacexp.errors import BadInput, CmacexpError
-from cmacexp.feedforward.protocol import Feedforward, Learns
-from cmacexp.loop.factory import METHODS, build, current_folder_importable
+from cmacexp.feedforward import Feedforward, Learns
+from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
 from cmacexp.loop.validation import require_finite, take_measurement
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
@@ -25,7 +25,7 @@ from cmacexp.typing import Array
 
 @dataclass
 class Scenario:
-    """One run, ready to start: every part is reset. A scenario runs once."""
+    """One run, ready to start: every component is reset. A scenario runs once."""
 
     setup: Setup
     plant: Plant
@@ -35,20 +35,32 @@ class Scenario:
     first: Measurement
     """Of the plant at the start."""
     fault: Exception | None = None
-    """What a part raised when it was reset: the run fails before its first step."""
+    """What a component raised when it was reset: the run fails before its first step."""
     used: bool = field(default=False, init=False)
 
     def begin(self) -> None:
         """Note that the run begins.
 
         Raises:
-            CmacexpError: it has run before; its parts hold the state of its end.
+            CmacexpError: it has run before; its components hold their states at its end.
         """
         if self.used:
-            raise CmacexpError(
-                "this scenario has run and its parts are where they ended: make it anew by make_scenario"
-            )
+            raise CmacexpError("this scenario has run, its components hold their last states: make a new one")
         self.used = True
+
+
+def resolve_lead(config: Config, sensors: Sensors) -> int:
+    """``learning.lead`` in samples; ``auto`` is the number of them from a torque to the feedback that it causes.
+
+    Args:
+        config: of the run.
+        sensors: may say by ``feedback_delay(uses_velocity)`` how many samples the feedback comes late through them.
+    """
+    if config.learning.lead != "auto":
+        return int(config.learning.lead)
+    delay = getattr(sensors, "feedback_delay", None)
+    uses_velocity = config.gains is None or config.gains[1] > 0.0
+    return 1 + config.actuator.delay + (delay(uses_velocity) if delay else 0)
 
 
 def _start(config: Config, plan: Plan) -> Array:
@@ -56,70 +68,68 @@ def _start(config: Config, plan: Plan) -> Array:
     start = plan.joints[0, :, :2].copy()
     if isinstance(config.machine, PointMassMachine):
         start[:, 1] = config.machine.hip_height - config.machine.start_clearance
-    return start
+    return np.ascontiguousarray(start)
 
 
-def _own(setup: Setup, part: object) -> Setup:
-    """What a part may know, as a copy of its own if it is not one of ours: no other part can be harmed by it."""
-    return setup if type(part).__module__.startswith("cmacexp.") else copy.deepcopy(setup)
+def _own(setup: Setup, component: object) -> Setup:
+    """The setup for a component: a copy if it is external, so that it can change nothing for the others."""
+    return setup if type(component).__module__.startswith("cmacexp.") else copy.deepcopy(setup)
 
 
-def _reset(setup: Setup, parts: dict[str, Any]) -> Measurement:
-    """Reset all parts; the plant at the start.
+def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
+    """Reset all components; the plant at the start.
 
     Raises:
-        BadOutput: what the plant gave is no measurement of this machine.
-        Exception: whatever a part raises.
+        BadOutput: what the plant returned is no measurement of this machine.
+        Exception: whatever a component raises.
     """
-    plant, sensors, controller, feedforward = (parts[key] for key in METHODS)
+    plant, sensors, controller, feedforward = (components[group] for group in PROTOCOLS)
     feedforward.reset(_own(setup, feedforward))
     controller.reset(_own(setup, controller), feedforward)
     sensors.reset(_own(setup, sensors))
     first = new_measurement(setup.mechanism.legs.shape[0])
     measured = plant.reset(_own(setup, plant))
     take_measurement(plant, "reset", measured, first)
-    if not isinstance(plant, AnalyticPlant):  # ours says so if the body finds no balance: it has fallen
+    if not isinstance(plant, AnalyticPlant):  # a body of ours without equilibrium is no mistake: it has fallen
         for name, values in zip(STATE, state_of(first), strict=True):
             require_finite(plant, "reset", name, values)
     return first._replace(travel=measured.travel)
 
 
 def make_scenario(config: Config, **given: Any) -> Scenario:
-    """Plan the run, build its parts and reset them.
+    """Plan the run, make its components and reset them.
 
     Args:
         config: a checked config.
-        given: parts that are made already, by the key of their group.
+        given: components that exist already, by the key of their group.
 
     Raises:
-        BadInput: a part cannot be made, there are no weights to start from, or the plan asks for what the machine
-            cannot do.
+        BadInput: a component cannot be made, there are no weights to start from, or the plan asks for what the
+            machine cannot do.
     """
     find_rule(config.learning.rule)
     check_load_sharing(config)
-    mechanism = make_mechanism(config.machine)
-    plain = to_plain(config)
-    with current_folder_importable():
-        built = {key: build(key, plain[key], given.get(key)) for key in METHODS}
-        parts = {key: part for key, (part, _) in built.items()}
-        if isinstance(config.controller, dict):
-            # Gains that its class does not take are not the controller's, and no reference may rest on them.
-            config = replace(config, controller=built["controller"][1])
-        check_weights(config, parts["feedforward"])
-        plan = make_plan(config, mechanism, parts["feedforward"].acts)
-        setup = Setup(config, mechanism, plan, np.ascontiguousarray(_start(config, plan)), read_weights(config))
-        first, fault = new_measurement(mechanism.legs.shape[0]), None
-        try:
-            first = _reset(setup, parts)
-        except (BadInput, EOFError):  # the latter is damaged compiled code, not the part's
-            raise
-        except Exception as error:
-            fault = error
-    return Scenario(setup, **parts, first=first, fault=fault)
+    mechanism, plain = make_mechanism(config.machine), to_plain(config)
+    for group, component in given.items():
+        require_members(group, plain[group].get("_target_"), component)
+    made = {group: make_component(group, plain[group]) for group in PROTOCOLS if group not in given}
+    components = {**made, **given}
+    check_weights(config, components["feedforward"])
+    plan = make_plan(config, mechanism, components["feedforward"].acts)
+    lead = resolve_lead(config, components["sensors"])
+    setup = Setup(config, mechanism, plan, _start(config, plan), read_weights(config), lead)
+    first, fault = new_measurement(mechanism.legs.shape[0]), None
+    try:
+        first = _reset(setup, components)
+    except (BadInput, EOFError):  # EOFError: damaged compiled code, which is not the component's fault
+        raise
+    except Exception as error:
+        fault = error
+    return Scenario(setup, **components, first=first, fault=fault)
 
 
 def check_weights(config: Config, feedforward: Feedforward) -> None:
-    """Hold what is to be kept, or started from, to feedforwards that learn.
+    """Check that a feedforward learns if its weights are to be kept, or started from.
 
     Raises:
         BadInput: ``feedforward`` does not say what it has learnt.

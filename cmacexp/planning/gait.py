@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.config.schema import GaitConfig
+from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.typing import Array, Mask
 
 
@@ -30,15 +30,8 @@ class Timing(NamedTuple):
 
 
 def touch_downs(pattern: str, duty_factor: float) -> list[float]:
-    """Touch-down of each leg within the cycle, 0 to 1.
-
-    ``transfer_first``, one leg: the cycle begins with lift-off. ``standing``, one leg. ``wave``, four legs: those of
-    one side follow those of the other by half a cycle, and a rear foot touches down when the front foot of its side
-    lifts (Lin & Song 1997, Fig. 14; the start of the cycle is assumed).
-    """
-    if pattern == "wave":
-        return [0.0, 0.5, duty_factor, (duty_factor + 0.5) % 1.0]
-    return {"transfer_first": [1.0 - duty_factor], "standing": [0.0]}[pattern]
+    """Touch-down of each leg within the cycle, 0 to 1, as :data:`cmacexp.config.gait.PATTERNS` gives it."""
+    return [(start + slope * duty_factor) % 1.0 for start, slope in PATTERNS[pattern].touch_downs]
 
 
 def make_timing(gait: GaitConfig, samples: int) -> Timing:

@@ -19,7 +19,9 @@ class Setup:
     start: Array
     """(L, 2): joint angles at the start, rad; of a point mass its position, m."""
     learnt: Weights | None = None
-    """What the feedforward starts from, by the names that it keeps it under; None: nothing."""
+    """Weights of an earlier run that the feedforward starts from, by their names; None: it starts from nothing."""
+    lead: int = 0
+    """``learning.lead`` in samples: feedback trains the cells of so many samples before the last one."""
 
 
 class Reference(NamedTuple):

@@ -1,7 +1,9 @@
 """The project's own plant: point mass or legs on elastic ground, by their equations of motion."""
 
 import math
+from dataclasses import dataclass
 
+from cmacexp.config import ComponentConfig, number
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.kernels import PlantParams, PlantState, advance, feel_ground, new_state, observe
@@ -10,11 +12,14 @@ from cmacexp.typing import Array
 
 
 class AnalyticPlant:
-    """Equations 1, 2, 16, 17 and 23 of Lin & Song 1997, integrated at the sampling period.
+    """Equations 1, 2, 16, 17 and 23 of Lin & Song 1997, integrated at the sampling period."""
 
-    Args:
-        substeps: Runge-Kutta steps per sampling period.
-    """
+    @dataclass
+    class Config(ComponentConfig):
+        """How the equations of motion are integrated."""
+
+        substeps: int = number("", at_least=1, at_most=10000)
+        """Runge-Kutta steps per sampling period; 1 as in the paper."""
 
     params: PlantParams
     state: PlantState
@@ -44,6 +49,6 @@ class AnalyticPlant:
         return self.measure()
 
     def measure(self) -> Measurement:
-        """A copy of what can be measured now."""
+        """A copy of the present state."""
         state = self.state
         return Measurement(*(part.copy() for part in state[:7]))

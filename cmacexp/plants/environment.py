@@ -1,18 +1,13 @@
-"""Ground and payload as a config describes them."""
+"""Ground and payload, made from their config."""
 
 from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.models.body import Load
-from cmacexp.models.ground import (
-    ALL_LEGS,
-    NEVER,
-    Ground,
-    first_sample,
-)
+from cmacexp.models.ground import ALL_LEGS, NEVER, Ground, first_sample
 from cmacexp.plants.kernels import Payload
 
 
 def make_ground(terrain: TerrainConfig, sampling_period: float) -> Ground:
-    """The ground that a config describes."""
+    """Make the ground that a config describes."""
     return Ground(
         terrain.stiffness,
         terrain.patch_size,
@@ -28,6 +23,6 @@ def make_ground(terrain: TerrainConfig, sampling_period: float) -> Ground:
 
 
 def make_payload(payload: PayloadConfig, sampling_period: float) -> Payload:
-    """The payload that a config describes."""
+    """Make the payload that a config describes."""
     start = first_sample(payload.time, sampling_period) if payload.weight else NEVER
     return Payload(Load(payload.weight, payload.x, payload.y), start)

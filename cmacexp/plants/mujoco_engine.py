@@ -1,4 +1,4 @@
-"""MuJoCo moves a machine, and is told of our ground: what one leg and four have in common."""
+"""MuJoCo moves a machine on the project's ground: what one leg and four legs have in common."""
 
 from typing import Any
 
@@ -30,17 +30,17 @@ def load_mujoco() -> Any:
 
 
 class MujocoEngine:
-    """A model in MuJoCo that moves under joint torques and our contact forces.
+    """A model in MuJoCo that moves under joint torques and the project's contact forces.
 
-    Its classical Runge-Kutta method asks for the contact forces in every stage, as our own does: held over a step
-    they would feed the ground's oscillations.
+    MuJoCo's classical Runge-Kutta method evaluates the contact forces in every stage, as the project's own does: held
+    over a step they would excite oscillations of the ground.
 
     Args:
         mechanism: legs on a stand, or under a body that floats.
         touch: how a foot feels the ground.
         step: time of one integration step, s.
         torso: the body, if it floats.
-        payload: what is put on it; it presses, but has no inertia.
+        payload: what lies on the body; it has weight, but no inertia.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class MujocoEngine:
         self.touch, self.floats = touch, int(torso is not None)
         self.legs = legs = mechanism.legs.shape[0]
         self.bodies = Bodies(data.xipos, data.cvel, data.subtree_com, data.xfrc_applied, data.ximat)
-        # Views: what is written into them, MuJoCo sees.
+        # Views: MuJoCo uses what is written into them.
         self.q, self.dq, self.torque = (
             values[-2 * legs :].reshape(legs, 2) for values in (data.qpos, data.qvel, data.qfrc_applied)
         )
@@ -68,7 +68,7 @@ class MujocoEngine:
         self._sticking = sticking(touch, self.bodies, self.floats, self.force, self.anchor)
 
     def start(self, q: Array) -> None:
-        """Be at rest at the joint angles ``q`` (L, 2), rad; every foot sticks where it is."""
+        """Set the joint angles to ``q`` (L, 2), rad, at rest; every foot sticks where it is."""
         self.q[:] = q
         self._look()
         self.anchor[:] = self.bodies.place[1 + self.floats :][1::2, :2]
@@ -76,7 +76,7 @@ class MujocoEngine:
         self._look()
 
     def feel_ground(self) -> None:
-        """Bring the stiffness under each foot up to where the foot is, and to the time."""
+        """Set the stiffness under each foot to that of its place, now."""
         ground = self.touch.ground
         if ground.patch_spread > 0.0 or self.clock >= ground.step_at:
             for i, (x, y, _) in enumerate(self.bodies.place[1 + self.floats :][1::2]):
@@ -87,7 +87,7 @@ class MujocoEngine:
         """Integrate ``steps`` steps, a sampling period in all, under the held ``torque`` (L, 2), N m."""
         self.torque[:] = torque
         for step in range(steps):
-            # Only while it is needed: the callback is MuJoCo's for every model of the process.
+            # Only while it is needed: MuJoCo calls it for every model of the process.
             self.mujoco.set_mjcb_passive(self._press)
             try:
                 self.mujoco.mj_step(self.model, self.data)
@@ -107,7 +107,7 @@ class MujocoEngine:
             pull[3], pull[4] = -weight * (turn[3] * x + turn[4] * y), weight * (turn[0] * x + turn[1] * y)
 
     def _look(self) -> None:
-        """Bring positions, velocities and contact forces up to the joints; a step leaves those of its last stage."""
+        """Update positions, velocities and contact forces; a step leaves those of its last stage."""
         mujoco, model, data = self.mujoco, self.model, self.data
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -116,10 +116,10 @@ class MujocoEngine:
 
 
 def check_kind(setup: Setup, kind: int, option: str) -> None:
-    """Hold the machine to what a plant can move.
+    """Check that a plant can move the machine.
 
     Raises:
-        BadInput: it is of another kind.
+        BadInput: the machine is of another kind.
     """
     if setup.mechanism.kind != kind:
         needed = "quadruped" if kind == LEGS_UNDER_BODY else "leg"

@@ -1,7 +1,10 @@
-"""The leg on its stand in MuJoCo: another engine's word on our equations of motion."""
+"""The leg on its stand in MuJoCo: an independent check of the project's equations of motion."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
+from cmacexp.config import ComponentConfig, number
 from cmacexp.models.mechanism import LEGS_ON_STAND
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground
@@ -12,11 +15,14 @@ from cmacexp.typing import Array
 
 
 class MujocoLeg:
-    """One leg on a stand, against our elastic ground, without friction.
+    """One leg on a stand, on the project's elastic ground, without friction."""
 
-    Args:
-        substeps: integration steps per sampling period.
-    """
+    @dataclass
+    class Config(ComponentConfig):
+        """How MuJoCo integrates the leg."""
+
+        substeps: int = number("", at_least=1, at_most=10000)
+        """Runge-Kutta steps per sampling period."""
 
     engine: MujocoEngine
 
@@ -27,7 +33,7 @@ class MujocoLeg:
         """Start at the planned joint angles, at rest.
 
         Raises:
-            BadInput: the machine is no leg on a stand, or MuJoCo is not installed.
+            BadInput: the machine is not a leg on a stand, or MuJoCo is not installed.
         """
         check_kind(setup, LEGS_ON_STAND, "mujoco_leg")
         touch = Touch(make_ground(setup.config.terrain, setup.config.sampling_period), 0.0, 0.0, 0.0)
@@ -46,7 +52,7 @@ class MujocoLeg:
         return self.measure()
 
     def measure(self) -> Measurement:
-        """What can be measured now."""
+        """A copy of the present state."""
         next(self.observing)
         foot, velocity, pose, rate, _ = (part.copy() for part in self.seen)
         engine = self.engine

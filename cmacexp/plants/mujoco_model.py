@@ -1,6 +1,6 @@
-"""A machine as MuJoCo describes it: links without extent, point masses at knee and foot, no contacts of its own.
+"""A machine as a MuJoCo model: links without extent, point masses at knee and foot, no contacts of MuJoCo's own.
 
-World: x forward, y left, z up. A hinge turns about +y, so that a joint angle counts from +x downwards as ours does.
+World: x forward, y left, z up. A hinge turns about +y, so that joint angles count from +x downwards, as everywhere.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from cmacexp.models.mechanism import Mechanism
 from cmacexp.typing import Array
 
 POINT = "1e-15 1e-15 1e-15"
-"""Inertia of a point mass, kg m^2: MuJoCo refuses none at all."""
+"""Inertia of a point mass, kg m^2: MuJoCo does not accept zero."""
 
 
 def _link(length: float, mass: float, at: str, inside: str = "") -> str:
@@ -39,7 +39,7 @@ class Torso(NamedTuple):
 
 
 def check_inertia(inertia: Sequence[float]) -> None:
-    """Hold the inertia of a body to what masses can have.
+    """Check that masses can have the inertia of a body.
 
     Raises:
         BadInput: not three values, or one more than the other two together.

@@ -1,11 +1,14 @@
-"""Four legs under a body that really moves: it floats in MuJoCo, and stands on our elastic ground by friction.
+"""Four legs under a floating body in MuJoCo, which stand on the project's elastic ground by friction.
 
-Lin & Song 1997 balance the body in every instant (section 6); here it has mass, so that it rocks, bounces, and goes
+Lin & Song 1997 balance the body in every instant (section 6); here it has mass, so that it rocks, bounces, and moves
 only as far as the feet push it.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from cmacexp.config import ComponentConfig, Config, number
 from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.planning.setup import Setup
@@ -20,18 +23,32 @@ from cmacexp.typing import Array
 class MujocoQuadruped:
     """A floating body on four planar legs with point feet.
 
-    A foot sticks where it came down, held by a spring and a damper, until that takes more than friction can give;
-    then where it sticks is drawn along.
-
-    Args:
-        substeps: integration steps per sampling period.
-        friction: tangential over normal force at most (Coulomb).
-        friction_stiffness: of that spring, N/m.
-        friction_damping: of that damper, N s/m.
-        body_inertia: of the body about its own x, y and z, kg m^2.
-        start_spread: joint angles start at most so far from the planned ones, rad.
-        start_seed: draws where.
+    A spring and a damper hold a foot at the point where it touched down, as long as their force stays within the
+    limit of friction; beyond it the foot drags the point along.
     """
+
+    @dataclass
+    class Config(ComponentConfig):
+        """Integration, friction of the feet, inertia of the body, and where the joints start."""
+
+        substeps: int = number("", at_least=1, at_most=10000)
+        """Runge-Kutta steps per sampling period."""
+        friction: float = number("", above=0, at_most=10)
+        """Largest tangential over normal force of a foot (Coulomb)."""
+        friction_stiffness: float = number("N/m", above=0, at_most=1e6)
+        """Stiffness of the spring that holds a sticking foot."""
+        friction_damping: float = number("N s/m", at_least=0, at_most=1e4)
+        """Damping beside that spring."""
+        body_inertia: list[float] = number("kg m^2", above=0, at_most=1e3)
+        """Inertia of the body without its legs about its x, y and z."""
+        start_spread: float = number("rad", at_least=0, at_most=0.5)
+        """Largest difference of the joint angles at the start from the planned ones."""
+        start_seed: int = number("", at_least=0, below=2**32)
+        """Seed of the joint angles at the start."""
+
+        def check(self, config: Config) -> None:
+            """Check that masses can have such an inertia."""
+            check_inertia(self.body_inertia)
 
     engine: MujocoEngine
 
@@ -54,10 +71,9 @@ class MujocoQuadruped:
         """Start near the planned joint angles, at rest, the body at its planned height.
 
         Raises:
-            BadInput: the machine has no body, no masses have such an inertia, or MuJoCo is not installed.
+            BadInput: the machine has no body, or MuJoCo is not installed.
         """
         check_kind(setup, LEGS_UNDER_BODY, "mujoco_quadruped")
-        check_inertia(self.body_inertia)
         machine = setup.config.machine
         assert isinstance(machine, QuadrupedMachine)
         touch = Touch(make_ground(setup.config.terrain, setup.config.sampling_period), *self.grip)
@@ -71,7 +87,7 @@ class MujocoQuadruped:
         return self.measure()
 
     def look(self, hips: Array) -> None:
-        """Look at the machine in the engine, whose hips are at ``hips`` (4, 2) in the body frame, m."""
+        """Begin to observe the machine in the engine; its hips are at ``hips`` (4, 2) in the body frame, m."""
         self.seen = Measured(np.empty((4, 2)), np.empty((4, 2)), np.empty(3), np.empty(3), np.empty(3))
         self.hips, self.torso = hips, self.engine.data.qvel[:6]
         self.observing = observing_body(self.engine.touch.ground, self.engine.bodies, hips, self.torso, self.seen)
@@ -82,7 +98,7 @@ class MujocoQuadruped:
         return self.measure()
 
     def measure(self) -> Measurement:
-        """What can be measured now."""
+        """A copy of the present state."""
         next(self.observing)
         foot, velocity, pose, rate, travel = (part.copy() for part in self.seen)
         engine = self.engine

@@ -5,8 +5,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from cmacexp.config.check import OUTPUTS
-from cmacexp.config.cmac import WORD_BYTES
+from cmacexp.config.cmac import OUTPUTS, WORD_BYTES
 from cmacexp.config.difference import flat
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.integrity import faults

@@ -3,6 +3,7 @@
 from collections.abc import Collection
 from typing import Protocol
 
+from cmacexp.config import ComponentConfig
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
 
@@ -29,6 +30,7 @@ class Sensors(Protocol):
 class PerfectSensors:
     """The controller sees the true state."""
 
+    Config = ComponentConfig
     alters: Collection[str] = ()
 
     def reset(self, setup: Setup) -> None:

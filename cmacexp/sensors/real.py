@@ -9,6 +9,7 @@ from cmacexp.models.mix import mix
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.channel import FAULTS, Channel, Sensing
+from cmacexp.sensors.config import RealSensorsConfig
 from cmacexp.sensors.kernels import OF_A_BODY, OF_A_LEG, new_seen, no_sensing, sense
 from cmacexp.sensors.protocol import SIGNALS
 from cmacexp.typing import Array, Counts
@@ -21,7 +22,7 @@ CHANCE = 0x53454E53
 """Sets the chance of the sensors apart from that of other parts under the same seed."""
 
 Signal = Mapping[str, Any]
-"""Fields of :class:`cmacexp.config.sensors.SignalConfig`."""
+"""Fields of :class:`cmacexp.sensors.config.SignalConfig`."""
 
 
 def _imperfections(signal: Signal, sampling_period: float) -> list[float]:
@@ -78,11 +79,20 @@ class RealSensors:
         signals: the fields of each of :data:`cmacexp.sensors.protocol.SIGNALS`.
     """
 
+    Config = RealSensorsConfig
     sensing: Sensing
 
     def __init__(self, **signals: Signal):
         self.signals = signals
         self.alters: tuple[str, ...] = ()
+
+    def feedback_delay(self, uses_velocity: bool) -> int:
+        """Samples by which the joint signals that feedback rests on come late.
+
+        Late positions do not count where there is velocity feedback, which outweighs them at the frequencies that a
+        wrong lead makes grow.
+        """
+        return int(self.signals["velocity" if uses_velocity else "position"]["delay"])
 
     def reset(self, setup: Setup) -> None:
         """Work out every channel; forget what was seen."""

@@ -10,6 +10,7 @@ from omegaconf import OmegaConf
 from cmacexp.config import Config, to_config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadRun, CmacexpError
+from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import AFTER, OVER, Growth, change_sizes, predicted_growth, with_lead
 from cmacexp.stability.measured import Stretch, changes_of, growth_over, stretch
@@ -160,20 +161,19 @@ def analyse(run: StoredRun, cycle: int | None = None, leads: Sequence[int] = LEA
     sizes = changes_of(run)
     if len(sizes) < config.learning.start_cycle + 3:
         raise BadRun(f"{run.folder}: growth shows over {config.learning.start_cycle + 4} cycles at the least")
-    own = _of_lead(config.lead, config, sizes, run.status == "completed", cycle)
+    scenario = make_scenario(config)
+    lead = scenario.setup.lead
+    own = _of_lead(lead, config, sizes, run.status == "completed", cycle)
     if own.growth is None:
         raise BadRun(f"{run.folder}: its learning cannot be predicted: {own.why_not}")
     enough = min(config.cycles, LONG_ENOUGH)
-    leads = sorted({*leads, config.lead})
-    others = [own if lead == config.lead else _in_memory(lead, config, enough) for lead in leads]
-    return _with_reasons(run, config, own, others)
+    others = [own if tried == lead else _in_memory(tried, config, enough) for tried in sorted({*leads, lead})]
+    return _with_reasons(run, scenario, own, others)
 
 
-def _with_reasons(run: StoredRun, config: Config, own: OfLead, others: Sequence[OfLead]) -> Analysis:
-    from cmacexp.loop.scenario import make_scenario
-
+def _with_reasons(run: StoredRun, scenario: Scenario, own: OfLead, others: Sequence[OfLead]) -> Analysis:
     assert own.growth is not None
-    support = make_scenario(config).setup.plan.support
+    config, support = scenario.setup.config, scenario.setup.plan.support
     predicted = own.growth.changes(own.place.last - own.place.calm)[-1, 1]
     measured = _shape(run, own.place.last, own.growth.shape)
     period = config.sampling_period

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from cmacexp.config import Config
-from cmacexp.loop.scenario import Scenario
+from cmacexp.loop.scenario import Scenario, resolve_lead
 
 MANY = 100
 """Cycles of learning from which on a run is checked; the check takes the time of some 110."""
@@ -34,12 +34,13 @@ def _growth(config: Config, scenario: Scenario | None = None) -> float:
         return float("nan")
 
 
-def _cure(config: Config) -> str:
+def _cure(config: Config, scenario: Scenario) -> str:
     """A lead that is predicted to hold, in words."""
     from cmacexp.stability.growth import with_lead
 
-    automatic = replace(config, learning=replace(config.learning, lead="auto")).lead
-    tried = [lead for lead in dict.fromkeys((automatic, config.lead + 1, config.lead - 1)) if lead != config.lead]
+    own = scenario.setup.lead
+    automatic = resolve_lead(replace(config, learning=replace(config.learning, lead="auto")), scenario.sensors)
+    tried = [lead for lead in dict.fromkeys((automatic, own + 1, own - 1)) if lead != own]
     for lead in tried:
         growth = _growth(with_lead(config, lead))
         if growth < 1.0:
@@ -61,5 +62,5 @@ def growth_warning(config: Config, scenario: Scenario) -> str | None:
         return None
     return (
         f"warning: learning is predicted to come apart, what it changes grows by a factor of {growth:.3f} per cycle; "
-        f"{_cure(config)} (warn=false leaves this check out)"
+        f"{_cure(config, scenario)} (warn=false leaves this check out)"
     )

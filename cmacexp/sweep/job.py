@@ -98,7 +98,7 @@ def run_job(composed: DictConfig) -> float | None:
     from cmacexp.sweep.objective import check_metric, value_of
 
     try:
-        config = to_config(composed)
+        config = to_config(composed, hydra.runtime.choices)
         check_metric(config.optimize)
         _run(config, folder, name)
     except Exception as error:

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from cmacexp.config.check import OUTPUTS
-from cmacexp.config.cmac import WORD_BYTES
+from cmacexp.config.cmac import OUTPUTS, WORD_BYTES
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.weights import WEIGHTS
 

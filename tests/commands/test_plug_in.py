@@ -9,6 +9,7 @@ import pytest
 from support.command import cmacexp
 
 import cmacexp as package
+from cmacexp.config.compose import compose_config
 from cmacexp.control import Action, CmacFeedforward, HybridController
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.loop import roll_out
@@ -123,8 +124,6 @@ def test_a_class_in_the_current_folder_gets_the_fields_it_takes(here):
 
 
 def compose(*overrides):
-    from cmacexp.config.compose import compose_config
-
     return compose_config(overrides)
 
 
@@ -149,7 +148,7 @@ BAD = {
     "{}.Missing": "has no Missing; it has Breaks, BreaksAtOnce, CannotBeMade, Flat, Needs, Stiff, Still",
     "{}.Stil": "did you mean Still?",
     "{}x.Still": "there is no module {}x, neither in",
-    "{}.number": "is no class but a int",
+    "{}.number": "is not a class but of type int",
     "Still": "must name a class as module.Class",
     "{}.Needs": "controller.stiffness=(not set): {}.Needs takes stiffness: give it one with +controller.stiffness=",
     "{}.Still +controller.gian=3": "controller.gian=3: {}.Still takes gain; did you mean gain?",

@@ -1,0 +1,58 @@
+"""Gaits: which legs touch down when, and the fields that shape the motion of a foot."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from cmacexp.config.fields import choice, number
+
+
+class GaitPattern(NamedTuple):
+    """When the feet of a gait touch down, and what the gait needs."""
+
+    touch_downs: tuple[tuple[float, float], ...]
+    """(a, b) for each leg: it touches down at a + b x duty factor of the cycle, modulo 1."""
+    lifts: bool = True
+    """False: the feet support all the time."""
+    least_duty_factor: float = 0.0
+    """Below it the gait is not statically stable."""
+    divisor: int = 1
+    """The number of steps of a cycle must be a multiple of this."""
+
+    @property
+    def legs(self) -> int:
+        """Number of legs."""
+        return len(self.touch_downs)
+
+
+PATTERNS = {
+    "transfer_first": GaitPattern(((1.0, -1.0),)),
+    "standing": GaitPattern(((0.0, 0.0),), lifts=False),
+    "wave": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.0, 1.0), (0.5, 1.0)), least_duty_factor=0.75, divisor=2),
+}
+"""``transfer_first``: one leg, a cycle begins with lift-off. ``standing``: one leg. ``wave``: four legs; those of one
+side follow those of the other by half a cycle, and a rear foot touches down when the front foot of its side lifts
+(Lin & Song 1997, Fig. 14; the start of the cycle is assumed)."""
+
+
+@dataclass
+class GaitConfig:
+    """When and along which path the feet move."""
+
+    pattern: str = choice(*PATTERNS)
+    """transfer_first: one leg, a cycle begins with lift-off; standing: one leg, no transfer; wave: four legs."""
+    touch_down: list[float] | None = number("cycles", at_least=0, below=1)
+    """Touch-down of each leg within the cycle; null: given by the pattern."""
+    cycle_time: float = number("s", at_least=1e-3, at_most=1e5)
+    """T."""
+    duty_factor: float = number("", above=0, at_most=1)
+    """Fraction of the cycle in which a foot supports."""
+    stroke: float = number("m", at_least=0)
+    """Travel of the foot on the ground during support (assumed)."""
+    lift: float = number("m", at_least=0)
+    """Apex of the transfer above the take-off point (assumed)."""
+    vertical: str = choice("cubic", "two_cubics")
+    """cubic: one through both ends and the apex, its speed jumps (assumed); two_cubics: at rest at ends and apex."""
+    load_ramp: float = number("s", at_least=0)
+    """Time after touch-down over which a foot takes its desired force; 0: a step, as in the paper."""
+    allow_unstable: bool = field(kw_only=True)
+    """Run a gait of four legs that is not statically stable."""

@@ -1,0 +1,148 @@
+"""The config of real sensors: what alters each signal, with its checks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+from cmacexp.config import ComponentConfig, Config, choice, number
+from cmacexp.errors import BadInput
+
+UNIT = "unit of the signal"
+STUCK = ("zero", "last", "value")
+"""Faults after which a sensor no longer follows its signal."""
+
+
+@dataclass
+class FaultConfig:
+    """A permanent fault of a sensor."""
+
+    kind: str = choice("none", "zero", "last", "value", "bias", "noise")
+    """Stuck at zero, at its last reading, at ``value``; or ``value`` is added, or is the deviation of white noise."""
+    start: float = number("s", at_least=0)
+    value: float = number(UNIT)
+
+    def check(self, key: str) -> None:
+        """Check ``value`` against the kind of the fault."""
+        if self.kind in ("none", "zero", "last") and self.value != 0.0:
+            raise BadInput(
+                f"{key}.value", self.value, f"must be 0 with {key}.kind={self.kind}; value, bias, noise take one"
+            )
+        if self.kind == "bias" and self.value == 0.0:
+            raise BadInput(f"{key}.value", self.value, f"must not be 0 with {key}.kind=bias, or nothing breaks")
+        if self.kind == "noise" and self.value <= 0.0:
+            raise BadInput(f"{key}.value", self.value, f"must be above 0 with {key}.kind=noise, a standard deviation")
+
+
+@dataclass
+class LegFaultConfig(FaultConfig):
+    """A fault in some legs."""
+
+    legs: list[int] | None = number("leg", at_least=1)
+    """null: all."""
+
+
+@dataclass
+class SignalConfig:
+    """What alters one signal, in this order: delay, noise, bias, quantisation, drop-out, fault."""
+
+    fault: FaultConfig
+    start: float = number("s", at_least=0)
+    """From when; a fault has a start of its own."""
+    noise: float = number(UNIT, at_least=0, at_most=1e9)
+    """Standard deviation of white noise."""
+    noise_relative: float = number("", at_least=0, at_most=1e3)
+    """Standard deviation of white noise over the value."""
+    bias: float = number(UNIT, at_least=-1e9, at_most=1e9)
+    quantum: float = number(UNIT, at_least=0, at_most=1e9)
+    """Readings are multiples of this; 0: not quantised."""
+    delay: int = number("samples", at_least=0)
+    dropout: float = number("", at_least=0, below=1)
+    """Probability that a sample is lost."""
+    dropout_reads: str = choice("last", "zero")
+    """What a lost sample reads: the last good one, or 0."""
+
+    @property
+    def alters(self) -> bool:
+        """Whether anything alters the signal."""
+        own = (self.noise, self.noise_relative, self.bias, self.quantum, self.delay, self.dropout)
+        return any(own) or self.fault.kind != "none"
+
+    def check(self, key: str, config: Config) -> None:
+        """Check delay, starts and fault against the run."""
+        longest, end = config.steps_per_cycle - 1, config.cycles * config.gait.cycle_time
+        if self.delay > longest:
+            raise BadInput(f"{key}.delay", self.delay, f"must be at most {longest} samples, less than a cycle")
+        for place, start in ((key, self.start), (f"{key}.fault", self.fault.start)):
+            if start >= end:
+                raise BadInput(f"{place}.start", start, f"must be below {end:g} s, the end of the run")
+        self.fault.check(f"{key}.fault")
+        if self.dropout and self.fault.kind in STUCK and self.breaks_where_it_drops(config.legs):
+            raise BadInput(
+                f"{key}.dropout",
+                self.dropout,
+                f"must be 0 with {key}.fault.kind={self.fault.kind}: a stuck sensor loses no samples; "
+                "give them different legs",
+            )
+
+    def breaks_where_it_drops(self, legs: int) -> bool:
+        """Whether drop-outs and fault concern the same sensor, in a machine of ``legs``."""
+        return True
+
+
+@dataclass
+class LegSignalConfig(SignalConfig):
+    """What alters a signal of some legs."""
+
+    fault: LegFaultConfig
+    legs: list[int] | None = number("leg", at_least=1)
+    """null: all."""
+
+    def check(self, key: str, config: Config) -> None:
+        """Check the legs too."""
+        for place, chosen in ((key, self.legs), (f"{key}.fault", self.fault.legs)):
+            _check_legs(place, chosen, config.legs)
+        super().check(key, config)
+
+    def breaks_where_it_drops(self, legs: int) -> bool:
+        """Whether drop-outs and fault share a leg."""
+        everyone = range(1, legs + 1)
+        return bool(set(self.legs or everyone) & set(self.fault.legs or everyone))
+
+
+def _check_legs(key: str, chosen: Sequence[int] | None, legs: int) -> None:
+    if chosen is None:
+        return
+    for leg in chosen:
+        if leg > legs:
+            raise BadInput(f"{key}.legs", leg, f"must be at most {legs}, the legs of the machine")
+    if not chosen or len(set(chosen)) != len(chosen):
+        raise BadInput(f"{key}.legs", list(chosen), "must name at least one leg, each once; or null for all")
+
+
+@dataclass
+class RealSensorsConfig(ComponentConfig):
+    """What alters each signal; the measured foot follows from the measured joints."""
+
+    force: LegSignalConfig
+    """Contact force, N."""
+    position: LegSignalConfig
+    """Joint angles, rad; of a point mass its position, m."""
+    velocity: LegSignalConfig
+    """Joint velocities, rad/s; of a point mass m/s."""
+    height: SignalConfig
+    """Of a body, m."""
+    tilt: SignalConfig
+    """Pitch and roll of a body, rad."""
+    height_rate: SignalConfig
+    """m/s."""
+    tilt_rate: SignalConfig
+    """rad/s."""
+
+    def check(self, config: Config) -> None:
+        """Check each signal against the machine and the run."""
+        for each in fields(self)[1:]:
+            key, signal = f"sensors.{each.name}", getattr(self, each.name)
+            if signal.alters and not config.has_body and not isinstance(signal, LegSignalConfig):
+                raise BadInput(
+                    key, "altered", f"must do nothing with machine.kind={config.machine.kind}: it has no body"
+                )
+            signal.check(key, config)

@@ -1,0 +1,142 @@
+"""The fields that a component takes: of the replaced option, typed by a config class, under an old target."""
+
+import pytest
+from omegaconf import OmegaConf
+
+from cmacexp.config import to_config, to_plain
+from cmacexp.config.compose import compose_config
+from cmacexp.config.difference import flat
+from cmacexp.config.targets import NEW_NAMES, find_class, say_new_name
+from cmacexp.errors import BadInput
+from cmacexp.loop.scenario import make_scenario
+
+STILL = """
+class Still:
+    def __init__(self, gain=1.0):
+        self.gain = gain
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """The current folder, with a class in it that no other test has imported."""
+    monkeypatch.chdir(tmp_path)
+    name = f"fields_{abs(hash(tmp_path))}"
+    (tmp_path / f"{name}.py").write_text(STILL)
+    return name
+
+
+def compose(*overrides):
+    return compose_config(overrides)
+
+
+UNUSED = {
+    "controller._target_={}.Still +controller.friction=1": "controller.friction=1: {}.Still takes gain",
+    "plant._target_={}.Still +plant.friction=1": "plant.friction=1: {}.Still takes gain",
+    "feedforward._target_={}.Still +feedforward.cutoff=3": "feedforward.cutoff=3: {}.Still takes gain",
+    "plant=mujoco_leg plant._target_={}.Still +plant.gravity=1": "plant.gravity=1: {}.Still takes gain",
+    "+controller.gian=3": "controller.gian=3: cmacexp.control.HybridController takes position_gain, velocity_gain,",
+    "+feedforward.cutoff=3": "feedforward.cutoff=3: cmacexp.feedforward.CmacFeedforward takes no fields",
+}
+"""Fields that another option or another group has, but not the option that is replaced."""
+
+
+@pytest.mark.parametrize("overrides", UNUSED)
+def test_a_field_that_no_one_takes_is_an_error_unless_the_replaced_option_has_it(here, overrides):
+    with pytest.raises(BadInput) as caught:
+        compose(*overrides.format(here).split())
+    assert UNUSED[overrides].format(here) in str(caught.value)
+
+
+def test_fields_of_the_replaced_option_and_of_the_scenario_are_dropped(here, tmp_path):
+    (tmp_path / "controller").mkdir()
+    (tmp_path / "controller" / "mine.yaml").write_text(f"_target_: {here}.Still\ngain: 2\n")
+    for name in ("quadruped", "quadruped_lasting"):  # they set gains of whatever controller there is
+        config = compose_config([f"scenario={name}", "controller=mine"], tmp_path)
+        assert config.controller == {"_target_": f"{here}.Still", "gain": 2}
+    left = compose("plant=mujoco_quadruped", "scenario=quadruped", f"plant._target_={here}.Still")
+    assert left.plant == {"_target_": f"{here}.Still"}
+
+
+TYPED = """
+from dataclasses import dataclass
+from cmacexp.config import ComponentConfig, number
+from cmacexp.control import HybridController
+
+
+class Typed:
+    @dataclass
+    class Config(ComponentConfig):
+        gain: float = number("N m/rad", above=0, default=2.0)
+        legs: list[int] | None = number("leg", at_least=1, default=None)
+
+        def check(self, config):
+            if self.legs and max(self.legs) > config.legs:
+                raise ValueError("no such leg")
+
+    def __init__(self, gain, legs):
+        self.gain, self.legs = gain, legs
+
+    def reset(self, setup, feedforward):
+        pass
+
+    def act(self, reference, measurement):
+        pass
+
+
+class Heir(HybridController):
+    def __init__(self, stiffness=1.0, **rest):
+        super().__init__(**rest)
+        self.stiffness = stiffness
+"""
+
+
+@pytest.fixture
+def typed(here, tmp_path):
+    (tmp_path / f"{here}_typed.py").write_text(TYPED)
+    return f"controller._target_={here}_typed.Typed"
+
+
+def test_a_class_with_a_config_gets_typed_and_checked_fields(typed):
+    config = compose(typed, "+controller.gain=3")
+    assert isinstance(config.controller.gain, float)
+    assert make_scenario(config).controller.gain == 3.0
+    assert make_scenario(compose(typed)).controller.gain == 2.0
+    for wrong, told in {
+        "gain=-1": "controller.gain=-1.0: must be above 0 (N m/rad)",
+        "gain=much": "controller.gain=much: value 'much' of type 'str' could not be converted to Float",
+        "legs=[0]": "controller.legs=0: must be at least 1 (leg)",
+        "gian=1": "takes gain, legs; did you mean gain?",
+    }.items():
+        with pytest.raises(BadInput) as caught:
+            compose(typed, f"+controller.{wrong}")
+        assert told in str(caught.value)
+    with pytest.raises(ValueError, match="no such leg"):
+        compose(typed, "+controller.legs=[2]")
+
+
+def test_a_class_does_not_inherit_the_config_of_a_shipped_one(typed):
+    heir = make_scenario(compose(typed.replace("Typed", "Heir"), "+controller.stiffness=3")).controller
+    assert (heir.stiffness, heir.position_gain) == (3, 100.0)
+
+
+def test_a_target_that_has_moved_keeps_working_and_says_its_new_name(capsys):
+    say_new_name.cache_clear()
+    for old, new in NEW_NAMES.items():
+        assert find_class("feedforward._target_", old) is find_class("feedforward._target_", new)
+    for _ in range(2):
+        config = compose("feedforward._target_=cmacexp.control.CmacFeedforward")
+    assert config == compose()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == "cmacexp.control.CmacFeedforward is now cmacexp.feedforward.CmacFeedforward"
+
+
+def test_the_manifest_of_an_old_run_still_loads(here, capsys):
+    plain = to_plain(compose("feedforward=ilc"))
+    plain["feedforward"]["_target_"] = "cmacexp.control.IterativeLearning"
+    plain["controller"]["_target_"] = f"{here}.Still"  # with the fields of the option that it replaced
+    config = to_config(OmegaConf.create(plain))
+    assert config.feedforward == compose("feedforward=ilc").feedforward
+    assert config.controller == {"_target_": f"{here}.Still"}
+    assert flat(plain)["feedforward"] == "ilc"
+    assert not capsys.readouterr().err
