@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from cmacexp.config.fields import listed
-from cmacexp.errors import BadInput, BadComponent, format_install_command
+from cmacexp.errors import BadComponent, BadInput, format_install_command
 
 _FEEDFORWARDS = (
     "CmacFeedforward",

@@ -8,7 +8,7 @@ from hydra.utils import instantiate
 
 from cmacexp.config.targets import current_folder_importable
 from cmacexp.control.protocol import Controller
-from cmacexp.errors import BadInput, BadComponent, format_install_command
+from cmacexp.errors import BadComponent, BadInput, format_install_command
 from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.plants import Plant
 from cmacexp.sensors import Sensors
