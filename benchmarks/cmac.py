@@ -11,7 +11,7 @@ from cmacexp.cmac.addressing import Address, address
 from cmacexp.cmac.memory import read, train
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange, spanning
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import program
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.typing import Array, Cells
 
@@ -24,7 +24,7 @@ PASSES = 50
 RATE = 0.2
 
 
-@kernel
+@program
 def planned_loop(weights: Array, cells: Cells, error: Array, rate: float, output: Array, passes: int) -> None:
     """Predict and update along a path whose cells (N, C) are known."""
     for _ in range(passes):
@@ -33,7 +33,7 @@ def planned_loop(weights: Array, cells: Cells, error: Array, rate: float, output
             train(weights, cells[k], error[k], rate)
 
 
-@kernel
+@program
 def hashed_loop(
     params: Address, inputs: Array, row: Cells, weights: Array, error: Array, rate: float, output: Array, passes: int
 ) -> None:

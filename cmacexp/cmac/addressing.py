@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.cmac.quantiser import InputRange, quantise
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import kernel, program
 from cmacexp.models.mix import mix
 from cmacexp.typing import Array, Cells
 
@@ -58,7 +58,7 @@ def address(params: Address, inputs: Array, cells: Cells) -> int:
     return clipped
 
 
-@kernel
+@program
 def address_batch(params: Address, inputs: Array, cells: Cells) -> int:
     """Rows that a batch of inputs (samples, n) activates; fills ``cells`` (samples, C); see :func:`address`."""
     clipped = 0

@@ -1,6 +1,6 @@
 """Reading and training the rows of a CMAC."""
 
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import Array, Cells
 
 
@@ -49,7 +49,7 @@ def read_weighted(weights: Array, cells: Cells, activation: Array, output: Array
         output[o] = total
 
 
-@kernel
+@program
 def read_batch(weights: Array, cells: Cells, activation: Array, output: Array) -> None:
     """:func:`read_weighted` for a batch: ``cells`` and ``activation`` (samples, C), ``output`` (samples, outputs)."""
     for k in range(cells.shape[0]):

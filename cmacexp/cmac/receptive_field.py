@@ -3,7 +3,7 @@
 import math
 
 from cmacexp.cmac.addressing import Address
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import Array
 
 RECTANGULAR, LINEAR, CUBIC = range(3)
@@ -55,7 +55,7 @@ def activate(params: Address, kind: int, inputs: Array, activation: Array) -> No
         activation[j] = activation[j] * layers / total if total > 0.0 else 1.0
 
 
-@kernel
+@program
 def activate_batch(params: Address, kind: int, inputs: Array, activation: Array) -> None:
     """:func:`activate` for a batch of inputs (samples, n); fills ``activation`` (samples, C)."""
     for k in range(inputs.shape[0]):

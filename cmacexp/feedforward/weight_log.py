@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.data.signals import FEEDFORWARD, MEMORY_SIGNALS
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import Array, Cells, Counts
 
 LOGGED = tuple(signal.name for signal in MEMORY_SIGNALS if signal.owner == FEEDFORWARD)
@@ -60,6 +60,9 @@ def log_cycle(log: WeightLog, weights: Array) -> None:
     log.begun[0] += 1
 
 
+weigh_now = program(weigh)
+
+
 def take(log: WeightLog, weights: Array, cycles: int) -> Array:
     """Take the log of the last ``cycles`` cycles, at most MOST_CYCLES; the last of them may be short.
 
@@ -75,6 +78,6 @@ def take(log: WeightLog, weights: Array, cycles: int) -> Array:
     begun = int(log.begun[0])
     if begun and cycles:  # a run may end before the first step of a cycle is kept
         told[cycles - begun : cycles - 1] = log.values[1:begun]
-        weigh(log, weights, told[-1])
+        weigh_now(log, weights, told[-1])
     log.begun[0] = 0
     return told

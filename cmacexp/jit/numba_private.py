@@ -1,26 +1,108 @@
-"""What a short run need not wait for: work that libraries do at their start, and that no run uses."""
+"""How kernels become machine code; all private names of numba stand here.
+
+They are used with the versions of numba that ``pyproject.toml`` allows, which a test holds. Another version takes the
+public way, which is slower and gives the same bits. Beside each name stands the row of ``docs/performance.md`` that
+shows its gain.
+"""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import ModuleType
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+import numba
+from numba.core import event
+from numba.extending import typeof_impl
+
+from cmacexp.jit.kernels import inlined_kernels
+
+TESTED = ((0, 62), (0, 70))
+"""First version of numba that these names were tested with, and first that they were not."""
+KNOWN = TESTED[0] <= tuple(numba.version_info[:2]) < TESTED[1]
+
+njit: Any = numba.njit
+typeof: Any = numba.typeof
+config: Any = numba.config
+register: Any = event.register
 
 BLAS = ("scipy.linalg", "scipy.linalg.cython_blas")
+PUBLIC_SETTINGS: dict[str, object] = {"error_model": "numpy"}
+# "The loop, a step": counting references to the arrays inside tuples takes longer than the arithmetic; a kernel
+# cannot make an array, so that none has to be counted. "Compiling": nothing calls programs from C.
+SETTINGS = PUBLIC_SETTINGS | ({"_nrt": False, "no_cfunc_wrapper": True} if KNOWN else {})
+
+
+def _import_without_blas() -> None:
+    """Import what numba needs for arrays, but not scipy.linalg, which it imports only to know that it is installed.
+
+    "Whole command": the import takes longer than most runs. Functions that use BLAS import it when they are compiled.
+    """
+    absent = [name for name in BLAS if name not in sys.modules] if KNOWN else []
+    sys.modules.update({name: ModuleType(name) for name in absent})
+    import_module("numba.np.arraymath")
+    for name in absent:
+        del sys.modules[name]
+
+
+_import_without_blas()
 
 
 @contextmanager
-def blas_left_for_later() -> Iterator[None]:
-    """Keep numba from importing scipy.linalg, a tenth of a run, only to know that it is there.
-
-    Kernels that call BLAS, which ours do not, import it when they are compiled.
-    """
-    if any(name in sys.modules for name in BLAS):
-        yield
-        return
-    for name in BLAS:
-        sys.modules[name] = ModuleType(name)
+def quick_compilation() -> Iterator[None]:
+    """Let LLVM optimise little; "Compiling": it takes two thirds of the time, and the loop runs as fast."""
+    before = config.OPT
+    config.OPT = type(before)(1) if KNOWN else before
     try:
         yield
     finally:
-        for name in BLAS:
-            del sys.modules[name]
+        config.OPT = before
+
+
+@cache
+def _inner(function: Callable[..., object]) -> Any:
+    """A kernel as programs call it: not kept, since the programs that contain it are; without an entry for Python."""
+    apart = {"no_cpython_wrapper": True, "forceinline": inlined_kernels[function]} if KNOWN else {}
+    return njit(**SETTINGS, **apart)(function)
+
+
+@typeof_impl.register(FunctionType)
+def _type_of_kernel(function: FunctionType, context: object) -> Any:
+    """numba's type of a global function that compiled code calls; None of what is no kernel."""
+    return typeof(_inner(function)) if function in inlined_kernels else None
+
+
+def compiled_program(function: Callable[..., object], folder: Path) -> Callable[..., object]:
+    """``function`` with an entry for Python, kept in ``folder``; as it is if compiling is switched off."""
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(folder)
+    try:
+        compiled: Callable[..., object] = njit(**SETTINGS, cache=True)(function)
+    finally:
+        config.CACHE_DIR = before
+    return compiled
+
+
+class Announcement(event.Listener):
+    """Calls back once, when the first function of this process is compiled because none is in the cache."""
+
+    def __init__(self, call: Callable[[], None]):
+        self.call: Callable[[], None] | None = call
+
+    def on_start(self, event: event.Event) -> None:
+        """A function is about to be compiled."""
+        if self.call is not None:
+            self.call()
+            self.call = None
+
+    def on_end(self, event: event.Event) -> None:
+        """A function has been compiled."""
+
+
+def announce(call: Callable[[], None]) -> None:
+    """Have ``call`` called before something is compiled; never with a numba that is not known."""
+    if KNOWN:
+        register("numba:compile", Announcement(call))

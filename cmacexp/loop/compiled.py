@@ -5,7 +5,7 @@ from typing import NamedTuple
 from cmacexp.control.actuator import Actuator, actuate
 from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import program
 from cmacexp.loop.samples import write_samples
 from cmacexp.loop.stop import RUNNING, Guard, stop_reason
 from cmacexp.planning.columns import ACTING, BEFORE
@@ -42,7 +42,7 @@ class FusedLoop(NamedTuple):
     guard: Guard
 
 
-@kernel
+@program
 def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array) -> tuple[int, int]:
     """Run as many steps as ``samples`` (steps, L, columns) has room for, from step ``start``.
 

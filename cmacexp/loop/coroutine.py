@@ -11,7 +11,7 @@ from typing import NamedTuple
 from cmacexp.control.actuator import Actuator, actuate
 from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
-from cmacexp.jit.compiler import kernel, kernel_apart, kernel_within
+from cmacexp.jit.compiler import kernel, kernel_apart, program
 from cmacexp.loop.compiled import Torques
 from cmacexp.loop.samples import write_samples
 from cmacexp.loop.stop import DIVERGED, RUNNING, Guard, stop_reason
@@ -58,7 +58,7 @@ class Row(NamedTuple):
     body_samples: Array
 
 
-@kernel_within
+@kernel_apart
 def is_finite(values: Array) -> bool:
     """Whether all of ``values`` (L, 2) are."""
     for i in range(values.shape[0]):
@@ -68,7 +68,7 @@ def is_finite(values: Array) -> bool:
     return True
 
 
-@kernel_within
+@kernel_apart
 def sees_finite(seen: Seen) -> bool:
     """Whether all that is seen is finite."""
     for i in range(seen.force.shape[0]):
@@ -89,7 +89,7 @@ def moves_finitely(machine: PlantState) -> bool:
     return is_finite(machine.velocity)
 
 
-@kernel_within
+@kernel_apart
 def hand(rows: Array, k: int, values: Array) -> None:
     """Copy ``values`` (L, 2) into ``rows[k]``."""
     for i in range(values.shape[0]):
@@ -97,14 +97,14 @@ def hand(rows: Array, k: int, values: Array) -> None:
             rows[k, i, j] = values[i, j]
 
 
-@kernel_within
+@kernel_apart
 def hand_flat(rows: Array, k: int, values: Array) -> None:
     """Copy ``values`` (n,) into ``rows[k]``."""
     for i in range(values.shape[0]):
         rows[k, i] = values[i]
 
 
-@kernel_within
+@kernel_apart
 def hand_true(true: PlantState, rows: Measurement, k: int) -> None:
     """Fill row ``k`` of ``rows`` (K, ...) with what sensors are given."""
     hand(rows.q, k, true.q)
@@ -116,7 +116,7 @@ def hand_true(true: PlantState, rows: Measurement, k: int) -> None:
     hand_flat(rows.body_rate, k, true.body_rate)
 
 
-@kernel_within
+@kernel_apart
 def hand_seen(seen: Seen, rows: Measurement, k: int) -> None:
     """Fill row ``k`` of ``rows`` (K, ...) with what a controller is given."""
     hand(rows.q, k, seen.q)
@@ -128,7 +128,7 @@ def hand_seen(seen: Seen, rows: Measurement, k: int) -> None:
     hand_flat(rows.body_rate, k, seen.body_rate)
 
 
-@kernel_within
+@kernel_apart
 def control(
     external: External, params: HybridParams, state: HybridState, support: Mask, reference: Array, seen: Seen
 ) -> None:
@@ -141,7 +141,7 @@ def control(
     )  # fmt: skip
 
 
-@kernel_within
+@kernel_apart
 def commit(
     actuator: Actuator, state: HybridState, torques: Torques, machine: PlantState, seen: Seen, step: int, row: Row
 ) -> None:
@@ -150,7 +150,7 @@ def commit(
     write_samples(row.samples, row.body_samples, row.k, machine, seen, state, torques.feedforward)
 
 
-@kernel_within
+@kernel_apart
 def watch(guard: Guard, machine: PlantState, sample: int, external_plant: bool) -> int:
     """RUNNING, or why the run stops at the start of a step."""
     status = stop_reason(guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
@@ -159,25 +159,25 @@ def watch(guard: Guard, machine: PlantState, sample: int, external_plant: bool) 
     return status
 
 
-@kernel_within
+@kernel_apart
 def move(params: PlantParams, machine: PlantState, torque: Array) -> None:
     """The built-in plant."""
     advance(params, machine, torque)
 
 
-@kernel_within
+@kernel_apart
 def feel(sensing: Sensing, mechanism: Mechanism, step: int, machine: PlantState, seen: Seen) -> None:
     """The built-in sensors."""
     sense(sensing, mechanism, step, machine, seen)
 
 
-@kernel_within
+@kernel_apart
 def foresee(params: FeedforwardParams, step: int, sample: int, learning_error: Array, torque: Array) -> None:
     """The built-in feedforward."""
     feedforward_step(params, step, sample, learning_error, torque)
 
 
-@kernel_apart
+@program
 def relay(
     support: Mask,
     reference: Array,

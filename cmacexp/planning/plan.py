@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.errors import BadInput
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import program
 from cmacexp.models.ground import NEVER, depression_for
 from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of
@@ -67,7 +67,7 @@ class Plan(NamedTuple):
     """First step at which the feedforward learns and acts; beyond any run if there is none."""
 
 
-@kernel
+@program
 def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
     """Joint angles, velocities and accelerations along ``desired`` (N, L, 6); fills ``joints`` (N, L, 6)."""
     for k in range(desired.shape[0]):

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from cmacexp.jit.compiler import kernel, kernel_apart
+from cmacexp.jit.compiler import kernel, program
 from cmacexp.models.ground import Ground, damped_force, grade_at, height_at
 from cmacexp.typing import Array
 
@@ -150,7 +150,7 @@ def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen
         seen.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)
 
 
-@kernel_apart
+@program
 def pressing(
     touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Array, anchor: Array
 ) -> Iterator[int]:
@@ -160,7 +160,7 @@ def pressing(
         yield 0
 
 
-@kernel_apart
+@program
 def sticking(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Array) -> Iterator[int]:
     """:func:`stick` whenever it is resumed."""
     while True:
@@ -168,7 +168,7 @@ def sticking(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Ar
         yield 0
 
 
-@kernel_apart
+@program
 def observing_stand(bodies: Bodies, hip_height: float, seen: Measured) -> Iterator[int]:
     """:func:`observe_stand` whenever it is resumed."""
     while True:
@@ -176,7 +176,7 @@ def observing_stand(bodies: Bodies, hip_height: float, seen: Measured) -> Iterat
         yield 0
 
 
-@kernel_apart
+@program
 def observing_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> Iterator[int]:
     """:func:`observe_body` whenever it is resumed."""
     while True:

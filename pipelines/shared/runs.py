@@ -66,10 +66,10 @@ def _run(folder: Path, config: Config) -> None:
 
 
 def _announce_compiling() -> None:
-    from cmacexp.jit.compiler import CACHE_FOLDER
+    from cmacexp.jit.compiler import cache_folder
     from cmacexp.report.terminal import COMPILING
 
-    if not any(CACHE_FOLDER.rglob("*.nbi")):
+    if not any(cache_folder().rglob("*.nbi")):
         print(COMPILING, file=sys.stderr)
 
 

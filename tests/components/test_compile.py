@@ -6,11 +6,11 @@ import pytest
 from support.command import ROOT, python
 
 SCRIPT = """
-from cmacexp.jit.compiler import call_before_compiling
+from cmacexp.jit.compiler import call_before_compiling, program
 from cmacexp.models.ground import ALL_LEGS, NEVER, Ground, stiffness_at
 
 call_before_compiling(lambda: print("compiles"))
-print(stiffness_at(Ground(1e4, 0.1, 0.5, 7, 0.0, NEVER, 1.0, ALL_LEGS, 0.0, 0.0), 0.25, -0.35))
+print(program(stiffness_at)(Ground(1e4, 0.1, 0.5, 7, 0.0, NEVER, 1.0, ALL_LEGS, 0.0, 0.0), 0.25, -0.35))
 """
 
 

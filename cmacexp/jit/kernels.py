@@ -1,0 +1,24 @@
+"""Kernels: plain Python functions that compiled programs take in."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+inlined_kernels: dict[Callable[..., object], bool] = {}
+"""Every kernel, and whether programs inline it."""
+
+
+def kernel(function: Function) -> Function:
+    """A function that programs inline: passing tuples of arrays costs more than most kernels do.
+
+    It works on arrays that its caller holds, and cannot make any.
+    """
+    inlined_kernels[function] = True
+    return function
+
+
+def kernel_apart(function: Function) -> Function:
+    """:func:`kernel` for a long function that many runs never call, and that would crowd its callers."""
+    inlined_kernels[function] = False
+    return function
