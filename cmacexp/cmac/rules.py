@@ -11,7 +11,7 @@ import numpy as np
 
 from cmacexp.config.schema import LearningConfig
 from cmacexp.errors import BadInput
-from cmacexp.jit.compiler import kernel, kernel_apart
+from cmacexp.jit.compiler import kernel, kernel_apart, program
 from cmacexp.typing import Array, Cells
 
 ERROR, OUTSIDE_DEAD_ZONE, NEIGHBOURS = range(3)
@@ -158,7 +158,7 @@ def train_by_rule(
                 weights[cells[j], o] = weight + step * activation[j] + drawn * activation[j] * (goal - weight)
 
 
-@kernel
+@program
 def train_batch(rule: RuleParams, weights: Array, cells: Cells, activation: Array, error: Array, rate: float) -> None:
     """:func:`train_by_rule` for a batch, one sample after the other; every array has a first axis of samples."""
     for k in range(cells.shape[0]):
