@@ -13,7 +13,7 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.experiment import run_scenario
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.metrics.summary import table_of_cycles
+from cmacexp.metrics.summary import format_cycles
 
 RUN_FOLDER = "hydra.run.dir="
 
@@ -25,7 +25,7 @@ class Run(StoredRun):
     def _summary(self) -> tuple[str, list[str], list[list[str]]]:
         """How it ended in a line, titles and rows of its main metrics."""
         manifest = self.manifest
-        titles, rows = table_of_cycles(self.scores)
+        titles, rows = format_cycles(self.scores)
         cause = f" {manifest['cause']}" if manifest.get("cause") else ""
         line = f"{self.folder}: {self.config.get('scenario')}, {self.status}{cause}, {manifest['steps']} steps"
         return line, [f"{title} {unit}".rstrip() for title, unit in titles], rows

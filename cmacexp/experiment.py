@@ -40,7 +40,7 @@ from cmacexp.loop import End, Samples, stream
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import assemble, assemble_body, assemble_memory
 from cmacexp.metrics import BodyScorer, Scorer
-from cmacexp.metrics.drift import Drift, drift_entry
+from cmacexp.metrics.drift import Drift, make_drift_entry
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.sensors.protocol import altered_by
 
@@ -136,7 +136,7 @@ def run_scenario(
         folder: is made if missing; files of an earlier run in it are replaced.
         watch: is called with the cycles done so far, see :func:`cmacexp.loop.stream`.
         prepared: the scenario of ``config`` if it is already made.
-        warn: is called when learning is seen to drift, while the run goes on; see :mod:`cmacexp.metrics.drift`.
+        warn: is called when a drift of learning is detected, while the run goes on; see :mod:`cmacexp.metrics.drift`.
 
     Returns:
         The result; a run that diverged, failed or was interrupted keeps what it has, and says so in ``status``.
@@ -161,7 +161,7 @@ def run_scenario(
         "git_commit": manifests.git_commit(),
         "steps": end.steps,
         "start_weights": start_hash(config),
-        "drift": drift_entry(scores.legs),
+        "drift": make_drift_entry(scores.legs),
         "learning_lead": scenario.setup.lead,
         **_told_by_parts(scenario),
         "rollout_seconds": end.seconds,
@@ -205,7 +205,7 @@ class RunWriter:
 
     @property
     def drift(self) -> Drift | None:
-        """The first drift seen so far."""
+        """The first drift so far."""
         return self.legs.drift
 
     @property

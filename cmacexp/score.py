@@ -1,4 +1,4 @@
-"""``python -m cmacexp.score DIR``: metrics again from the trace, without simulating."""
+"""``python -m cmacexp.score DIR``: computes the metrics again from the trace, without simulating."""
 
 import argparse
 import sys
@@ -8,11 +8,12 @@ from cmacexp.cli.command import command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.files import sha256
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, write_scores
 from cmacexp.errors import BadRun
-from cmacexp.metrics.drift import drift_entry
+from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import score_traces
-from cmacexp.report.terminal import scores_table
+from cmacexp.report.terminal import print_scores
 
 
 def score(folder: Path) -> Scores:
@@ -21,24 +22,22 @@ def score(folder: Path) -> Scores:
     Raises:
         BadRun: it has no readable trace or manifest.
     """
-    manifest = manifests.read(folder)
-    config = manifest["config"]
+    run = StoredRun(folder)
+    manifest, record = run.manifest, run.config["record"]
     for name in (TRACE, BODY, MEMORY):
         if name in manifest["files"] and sha256(folder / name) != manifest["files"][name]:
-            raise BadRun(f"{folder / name}: changed since it was written; its metrics would not be those of the run")
+            raise BadRun(f"{folder / name}: changed since it was written; run it again to score it")
     for key in ("every_nth_step", "cycles"):
-        if config["record"].get(key) not in (None, 1):
-            raise BadRun(
-                f"{folder}: its trace lacks steps (record.{key}={config['record'][key]}): metrics need them all"
-            )
-    scores = score_traces(folder, round(config["gait"]["cycle_time"] / config["sampling_period"]))
-    manifests.update_files(folder, write_scores(folder, scores), drift=drift_entry(scores.legs))
+        if record.get(key) not in (None, 1):
+            raise BadRun(f"{folder}: its trace lacks steps (record.{key}={record[key]}): metrics need all steps")
+    scores = score_traces(folder, run.steps_per_cycle)
+    manifests.update_files(folder, write_scores(folder, scores), drift=make_drift_entry(scores.legs))
     return scores
 
 
 def _score(arguments: argparse.Namespace) -> int:
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
-        scores_table(score(folder))
+        print_scores(score(folder))
         print(folder)
     return 0
 

@@ -49,7 +49,7 @@ def _run(composed: DictConfig, session: _Session) -> None:
         raise BadInput("sweep.resume", True, "resumes a sweep: add -m and hydra.sweep.dir=DIR")
     from cmacexp.experiment import run_scenario
     from cmacexp.loop.scenario import make_scenario
-    from cmacexp.report.terminal import announce_compiling, progress, summary, warn_of_drift
+    from cmacexp.report.terminal import announce_compiling, print_summary, progress, warn_of_drift
     from cmacexp.sweep.objective import check_metric
 
     announce_compiling()
@@ -59,7 +59,7 @@ def _run(composed: DictConfig, session: _Session) -> None:
     with progress(config) as watch:
         result = run_scenario(config, Path(HydraConfig.get().runtime.output_dir), watch, scenario, warn_of_drift)
     session.outcome = result.status
-    summary(result)
+    print_summary(result)
     if result.status == "failed":
         print(result.manifest.get("traceback", ""), file=sys.stderr, end="")
         print(f"error: {result.manifest['cause']}", file=sys.stderr)

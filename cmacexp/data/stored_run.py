@@ -43,6 +43,21 @@ class StoredRun:
         """``completed``, ``fell``, ``diverged``, ``failed`` or ``interrupted``."""
         return str(self.manifest["status"])
 
+    @property
+    def steps_per_cycle(self) -> int:
+        """Samples of one cycle."""
+        return round(self.config["gait"]["cycle_time"] / self.config["sampling_period"])
+
+    @property
+    def whole_cycles(self) -> int:
+        """Number of cycles that the run completed."""
+        return int(self.manifest["steps"]) // self.steps_per_cycle
+
+    @property
+    def last_cycle(self) -> int:
+        """Number of the cycle in which the run ended."""
+        return -(-int(self.manifest["steps"]) // self.steps_per_cycle)
+
     def _table(self, name: str) -> "pd.DataFrame":
         try:
             return read_table(self.folder / name).to_pandas()

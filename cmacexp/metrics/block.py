@@ -1,4 +1,4 @@
-"""A trace cut into cycles, and what of it is which phase."""
+"""A trace cut into cycles, with the masks of its phases."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,17 +11,17 @@ from cmacexp.typing import Array, Mask
 
 
 class Rhythm(NamedTuple):
-    """What is the same in all cycles of a run; told from its first cycles."""
+    """What all cycles of a run have in common, from its first cycles."""
 
     step: float
     """Sampling period, s, from the first two samples of the run; NaN if there is one only."""
     support_samples: float
-    """Samples of a whole support, told from its first advance in progress; very many if there was none."""
+    """Samples of a whole support, from its first advance in progress; very many if there was none."""
     transfer_samples: float
     """Likewise of a transfer."""
 
 
-def rhythm_of(time: Array, progress: Array, valid: Mask, support: Mask) -> Rhythm:
+def read_rhythm(time: Array, progress: Array, valid: Mask, support: Mask) -> Rhythm:
     """The rhythm of a run from its first cycles; arrays (cycles, L, N)."""
     times = time[:, 0].flat[:2]
 
@@ -71,7 +71,7 @@ class Block:
 
     @cached_property
     def feedback_change(self) -> Array:
-        """(cycles, L, N, 2): what the feedback changed from the cycle before, N m; NaN where there was none."""
+        """(cycles, L, N, 2): change of the feedback from the cycle before, N m; NaN where there was none."""
         first = np.full_like(self.feedback[:1], np.nan) if self.before is None else self.before[None]
         return np.diff(np.concatenate([first, self.feedback]), axis=0)
 
@@ -94,7 +94,7 @@ class Block:
 def three_feet(block: Block) -> Mask:
     """Middle half of each planned interval in which the same three feet support, for all legs.
 
-    How long an interval is follows from the progress of the legs, also where it straddles cycles or the run stops.
+    The length of an interval follows from the progress of the legs, even if it straddles cycles or the run stops.
     """
     samples = np.where(block.support, block.rhythm.support_samples, block.rhythm.transfer_samples)
     progress = np.where(block.valid, block.progress, 0.0)

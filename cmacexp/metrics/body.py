@@ -8,7 +8,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from cmacexp.data.parquet import as_array
-from cmacexp.metrics.metric import CONTRACT, CYCLE, MCGHEE_FRANK, Metric, to_table
+from cmacexp.metrics.metric import BODY, CONTRACT, CYCLE, LARGE, MCGHEE_FRANK, NEITHER, SMALL, Metric, Shown, to_table
 from cmacexp.typing import Array
 
 
@@ -43,29 +43,73 @@ def _least(name: str) -> Callable[[BodyBlock], Array]:
 _TWO_FEET = "never three feet down"
 
 BODY_METRICS: dict[str, Metric[BodyBlock]] = {
-    "height_mean": Metric("m", "mean height of the body", "never", CONTRACT, _mean_height),
-    "height_min": Metric("m", "least height of the body", "never", CONTRACT, _height(np.minimum)),
-    "height_max": Metric("m", "largest height of the body", "never", CONTRACT, _height(np.maximum)),
-    "tilt_max": Metric("rad", "largest of abs(pitch) and abs(roll)", "never", CONTRACT, _tilt),
+    "height_mean": Metric(
+        "m", "mean height of the body", "never", CONTRACT, _mean_height, BODY, NEITHER, Shown("height", "mm", 1e3)
+    ),
+    "height_min": Metric(
+        "m",
+        "least height of the body",
+        "never",
+        CONTRACT,
+        _height(np.minimum),
+        BODY,
+        NEITHER,
+        Shown("least height", "mm", 1e3, main=False),
+    ),
+    "height_max": Metric(
+        "m",
+        "largest height of the body",
+        "never",
+        CONTRACT,
+        _height(np.maximum),
+        BODY,
+        NEITHER,
+        Shown("largest height", "mm", 1e3, main=False),
+    ),
+    "tilt_max": Metric(
+        "rad",
+        "largest of abs(pitch) and abs(roll)",
+        "never",
+        CONTRACT,
+        _tilt,
+        BODY,
+        SMALL,
+        Shown("tilt", "mrad", 1e3),
+    ),
     "stability_margin_min": Metric(
         "m",
         "least margin to the nearest edge of the planned support polygon",
         _TWO_FEET,
         MCGHEE_FRANK,
         _least("stability_margin"),
+        BODY,
+        LARGE,
     ),
     "margin_front_min": Metric(
-        "m", "least margin to the front of the planned support polygon", _TWO_FEET, CONTRACT, _least("margin_front")
+        "m",
+        "least margin to the front of the planned support polygon",
+        _TWO_FEET,
+        CONTRACT,
+        _least("margin_front"),
+        BODY,
+        LARGE,
     ),
     "margin_rear_min": Metric(
-        "m", "least margin to the rear of the planned support polygon", _TWO_FEET, CONTRACT, _least("margin_rear")
+        "m",
+        "least margin to the rear of the planned support polygon",
+        _TWO_FEET,
+        CONTRACT,
+        _least("margin_rear"),
+        BODY,
+        LARGE,
+        Shown("rear margin", "mm", 1e3),
     ),
 }
 """All columns of ``body_metrics.parquet`` but ``cycle``, in their order."""
 
 
 class BodyScorer:
-    """The metrics of a body whose trace comes part by part.
+    """The metrics of a body whose trace arrives in parts.
 
     Args:
         steps_per_cycle: N.
@@ -78,7 +122,7 @@ class BodyScorer:
     def add(self, body: pa.Table) -> None:
         """Score the next cycles; only the last of the run may be short."""
         block = BodyBlock(body, np.arange(0, body.num_rows, self.steps_per_cycle))
-        self.parts.append({name: metric.of(block) for name, metric in BODY_METRICS.items()})
+        self.parts.append({name: metric.compute(block) for name, metric in BODY_METRICS.items()})
 
     def table(self) -> pa.Table:
         """One row per cycle."""

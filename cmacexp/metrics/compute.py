@@ -4,10 +4,10 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.data.parquet import as_array, is_support
-from cmacexp.metrics.block import Block, rhythm_of
-from cmacexp.metrics.drift import Drift, DriftWatch
+from cmacexp.metrics.block import Block, read_rhythm
+from cmacexp.metrics.drift import Drift, DriftDetector
 from cmacexp.metrics.learning import LEARNING
-from cmacexp.metrics.memory import MEMORY, values_of
+from cmacexp.metrics.memory import MEMORY, split_columns
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
 from cmacexp.metrics.registry import METRICS, OF_A_CYCLE
 from cmacexp.typing import Array
@@ -17,9 +17,9 @@ def cut(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> B
     """Cut a trace into cycles; the last may be short.
 
     Args:
-        trace: of a run, or of a part of it.
+        trace: of a run, or a part of it.
         steps_per_cycle: N.
-        before: the part before it, which tells the rhythm of the run; None: this one begins the run.
+        before: the part before it, which has the rhythm of the run; None: this is the first part.
     """
     legs = int(as_array(trace, "leg").max(initial=1))
     rows = trace.num_rows
@@ -36,7 +36,7 @@ def cut(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> B
     time, progress = columns("time"), columns("progress")
     valid, support = ~np.isnan(time), block(is_support(trace).astype(float)) == 1.0
     return Block(
-        before.rhythm if before else rhythm_of(time, progress, valid, support),
+        before.rhythm if before else read_rhythm(time, progress, valid, support),
         valid,
         support,
         progress,
@@ -52,7 +52,7 @@ def cut(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> B
 
 
 class Scorer:
-    """The metrics of a run whose trace comes part by part.
+    """The metrics of a run whose trace arrives in parts.
 
     Args:
         steps_per_cycle: N.
@@ -63,38 +63,33 @@ class Scorer:
         self.block: Block | None = None
         self.parts: list[dict[str, Array]] = []
         self.memory: list[pa.Table] = []
-        self.watch: DriftWatch | None = None
-        self.drift: Drift | None = None
-        """The first drift seen so far, as known when it was named."""
+        self.detector: DriftDetector | None = None
+
+    @property
+    def drift(self) -> Drift | None:
+        """The first drift so far, as known when it was detected."""
+        return self.detector.first if self.detector else None
 
     def add_memory(self, memory: pa.Table) -> None:
-        """Take what the weights were at the end of the next cycles (:func:`cmacexp.loop.trace.assemble_memory`)."""
+        """Add the weights at the end of the next cycles (:func:`cmacexp.loop.trace.assemble_memory`)."""
         self.memory.append(memory)
 
     def add(self, trace: pa.Table) -> None:
         """Score the next cycles; only the last of the run may be short."""
         self.block = block = cut(trace, self.steps_per_cycle, self.block)
-        part = {name: metric.of(block) for name, metric in OF_A_CYCLE.items()}
+        part = {name: metric.compute(block) for name, metric in OF_A_CYCLE.items()}
         self.parts.append(part)
-        self._watch(part["feedback_rms"])
-
-    def _watch(self, feedback: Array) -> None:
-        """Look for a drift in the RMS feedback (cycles, L) of the next cycles."""
-        self.watch = self.watch or DriftWatch(feedback.shape[1])
-        done = self.watch.done
-        growth, started = self.watch.add(feedback)
-        if self.drift is None and len(seen := np.argwhere(~np.isnan(started))):
-            cycle, leg = seen[0]
-            told = int(started[cycle, leg]), int(leg) + 1, int(done + cycle) + 1
-            self.drift = Drift(*told, float(growth[cycle, leg]))
+        feedback = part["feedback_rms"]
+        self.detector = self.detector or DriftDetector(feedback.shape[1])
+        self.detector.add(feedback)
 
     def table(self) -> pa.Table:
         """One row per cycle and leg; undefined is NaN."""
         values = {name: np.concatenate([part[name] for part in self.parts]) for name in OF_A_CYCLE}
         cycles, legs = next(iter(values.values())).shape
-        values |= {name: metric.of(values) for name, metric in LEARNING.items()}
-        kept = values_of(pa.concat_tables(self.memory) if self.memory else None, cycles, legs)
-        values |= {name: metric.of(kept) for name, metric in MEMORY.items()}
+        values |= {name: metric.compute(values) for name, metric in LEARNING.items()}
+        memory = split_columns(pa.concat_tables(self.memory) if self.memory else None, cycles, legs)
+        values |= {name: metric.compute(memory) for name, metric in MEMORY.items()}
         index = {
             "cycle": (CYCLE, np.repeat(np.arange(1, cycles + 1), legs)),
             "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),

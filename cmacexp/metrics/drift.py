@@ -1,8 +1,8 @@
 """Whether learning drifts: the feedback, which learning is to make small, grows again from cycle to cycle.
 
-A drift is named when the level of the feedback, its median over WINDOW cycles, has risen to RISE times its lowest
-so far and the last WINDOW cycles rise with significance (test of trend: Mann 1945; growth: Sen 1968). A change of the
-ground that learning takes back, and the noise of sensors, do not rise in so many pairs of cycles.
+A drift is detected in the first cycle in which both tests hold: the last WINDOW cycles rise significantly
+(:class:`TrendTest`), and their level has risen to RISE times its lowest so far (:class:`LevelTest`). A change of the
+ground that learning compensates, and the noise of sensors, do not rise in so many pairs of cycles.
 """
 
 from typing import NamedTuple
@@ -12,14 +12,14 @@ import pyarrow as pa
 from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.data.parquet import as_array
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 
 WINDOW = 10
-"""Cycles over which level and growth are told."""
+"""Cycles over which level and growth are measured."""
 RISE = 1.5
-"""Part of its lowest level to which the feedback must have risen."""
+"""Ratio to its lowest level to which the feedback must have risen."""
 LEAST = 0.01
-"""Part of its highest level below which the feedback counts as so small that its rise harms nobody."""
+"""Ratio to its highest level below which the feedback is so small that its rise does no harm."""
 SIGNIFICANT = 35
 """Least excess of rising over falling pairs among the 45 of a window: 3 standard deviations of chance."""
 
@@ -27,93 +27,143 @@ _EARLIER, _LATER = np.triu_indices(WINDOW, 1)
 
 
 class Drift(NamedTuple):
-    """A drift, as known when it was told."""
+    """A drift, as known when it was reported; its fields stand in the manifest."""
 
     cycle: int
     """In which the trend started: the middle of the window in which the feedback was lowest."""
     leg: int
-    """That drifts first."""
+    """The first leg that drifts."""
     named: int
-    """Cycle in which the drift was named."""
+    """Cycle in which the drift was detected."""
     growth: float
-    """Factor by which the feedback of that leg grows per cycle, now."""
+    """Factor by which the feedback of that leg grows per cycle, at the time of the report."""
 
 
-def in_words(drift: Drift) -> str:
+def format_drift(drift: Drift) -> str:
     """A drift in one line."""
-    return (
-        f"drift since cycle {drift.cycle}, named in cycle {drift.named}: feedback of leg {drift.leg} "
-        f"{drift.growth - 1.0:+.1%} a cycle"
-    )
+    grows = "grows" if drift.growth >= 1.0 else "falls"
+    rate = f"feedback of leg {drift.leg} {grows} {100.0 * abs(drift.growth - 1.0):.1f} % per cycle"
+    return f"drift detected in cycle {drift.named}, started in cycle {drift.cycle} ({rate})"
 
 
-class DriftWatch:
-    """Watches the feedback of L legs while a run goes on, some cycles at a time.
+class TrendTest:
+    """Growth of the last WINDOW cycles (Sen 1968), and whether they rise significantly (Mann 1945).
 
     Args:
         legs: L.
     """
 
     def __init__(self, legs: int):
-        self.done = 0
-        self.logs = np.full((WINDOW - 1, legs), np.nan)
+        self.last_logs = np.full((WINDOW - 1, legs), np.nan)
+        """Logarithms of the feedback in the last WINDOW - 1 cycles."""
+
+    def add(self, feedback: Array) -> tuple[Array, Mask, Array]:
+        """Test the next cycles of RMS feedback torques (cycles, L).
+
+        Returns:
+            Factor of growth per cycle, whether it is significant, and the logarithm of the level; (cycles, L).
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logs = np.concatenate([self.last_logs, np.log(feedback)])
+            windows = sliding_window_view(logs, WINDOW, axis=0)
+            differences = windows[..., _LATER] - windows[..., _EARLIER]
+            growth = np.exp(np.median(differences / (_LATER - _EARLIER), axis=-1))
+            rises = np.sign(differences).sum(axis=-1) >= SIGNIFICANT
+        self.last_logs = logs[1 - WINDOW :]
+        return growth, rises, np.median(windows, axis=-1)
+
+
+class LevelTest:
+    """Whether the level of the feedback has risen far above its lowest so far, and where it was lowest.
+
+    Args:
+        legs: L.
+    """
+
+    def __init__(self, legs: int):
+        self.cycles = 0
+        """Cycles tested so far."""
         self.lowest, self.highest = np.full((1, legs), np.inf), np.full((1, legs), -np.inf)
-        self.lowest_at, self.started = np.zeros((1, legs)), np.full((1, legs), np.nan)
+        """Logarithms of the lowest and highest level so far."""
+        self.lowest_cycle = np.zeros((1, legs))
+        """Middle of the window in which the level was lowest."""
+
+    def add(self, level: Array) -> tuple[Mask, Array]:
+        """Test the logarithms of the level (cycles, L) in the next cycles.
+
+        Returns:
+            Whether it has risen, and the cycle in which it was lowest; (cycles, L).
+        """
+        cycles = np.arange(self.cycles + 1, self.cycles + len(level) + 1)[:, None]
+        lowest, highest = _accumulate(np.fmin, self.lowest, level), _accumulate(np.fmax, self.highest, level)
+        at_lowest = np.where(level == lowest, cycles - WINDOW // 2, 0.0)
+        lowest_cycle = _accumulate(np.fmax, self.lowest_cycle, at_lowest)
+        self.cycles += len(level)
+        self.lowest, self.highest, self.lowest_cycle = lowest[-1:], highest[-1:], lowest_cycle[-1:]
+        return level > np.maximum(lowest, highest + np.log(LEAST)) + np.log(RISE), lowest_cycle
+
+
+class DriftDetector:
+    """Applies both tests to the feedback of L legs while a run goes on, some cycles at a time.
+
+    Args:
+        legs: L.
+    """
+
+    def __init__(self, legs: int):
+        self.trend, self.level = TrendTest(legs), LevelTest(legs)
+        self.started = np.full((1, legs), np.nan)
+        """Cycle in which the drift of each leg started; NaN before one is detected."""
+        self.first: Drift | None = None
+        """The first drift of all legs."""
 
     def add(self, feedback: Array) -> tuple[Array, Array]:
-        """Take RMS feedback torques (cycles, L) of the next cycles.
+        """Test the next cycles of RMS feedback torques (cycles, L).
 
         Returns:
             Growth at each of these cycles, and the cycle in which a drift started; (cycles, L), undefined NaN.
         """
         if not len(feedback):  # of a run that took no step
             return feedback, feedback
-        with np.errstate(divide="ignore", invalid="ignore"):
-            logs = np.concatenate([self.logs, np.log(feedback)])
-            windows = sliding_window_view(logs, WINDOW, axis=0)
-            differences = windows[..., _LATER] - windows[..., _EARLIER]
-            growth = np.exp(np.median(differences / (_LATER - _EARLIER), axis=-1))
-            rises = np.sign(differences).sum(axis=-1) >= SIGNIFICANT
-            level = np.median(windows, axis=-1)
-        numbers = np.arange(self.done + 1, self.done + len(feedback) + 1)[:, None]
-        lowest, highest = _so_far(np.fmin, self.lowest, level), _so_far(np.fmax, self.highest, level)
-        lowest_at = _so_far(np.fmax, self.lowest_at, np.where(level == lowest, numbers - WINDOW // 2, 0.0))
-        drifts = rises & (level > np.maximum(lowest, highest + np.log(LEAST)) + np.log(RISE))
-        started = _so_far(np.fmin, self.started, np.where(drifts, lowest_at, np.nan))
-        self.done += len(feedback)
-        self.logs, self.lowest, self.highest = logs[1 - WINDOW :], lowest[-1:], highest[-1:]
-        self.lowest_at, self.started = lowest_at[-1:], started[-1:]
+        before = self.level.cycles
+        growth, rises, level = self.trend.add(feedback)
+        risen, lowest_cycle = self.level.add(level)
+        started = _accumulate(np.fmin, self.started, np.where(rises & risen, lowest_cycle, np.nan))
+        self.started = started[-1:]
+        if self.first is None and len(detected := np.argwhere(~np.isnan(started))):
+            cycle, leg = map(int, detected[0])
+            self.first = Drift(int(started[cycle, leg]), leg + 1, before + cycle + 1, float(growth[cycle, leg]))
         return growth, started
 
 
-def _so_far(by: np.ufunc, before: Array, values: Array) -> Array:
-    """``values`` (cycles, L) and what was ``before`` (1, L) them, accumulated."""
-    accumulated: Array = by.accumulate(np.concatenate([before, values]))[1:]
+def _accumulate(function: np.ufunc, before: Array, values: Array) -> Array:
+    """Accumulate ``values`` (cycles, L), starting from what was ``before`` (1, L) them."""
+    accumulated: Array = function.accumulate(np.concatenate([before, values]))[1:]
     return accumulated
 
 
-def feedback_growth(feedback: Array) -> Array:
+def measure_growth(feedback: Array) -> Array:
     """Factor by which RMS feedback torques (cycles, L) grow per cycle: Theil-Sen slope of their logarithms."""
-    return DriftWatch(feedback.shape[1]).add(feedback)[0]
+    return DriftDetector(feedback.shape[1]).add(feedback)[0]
 
 
-def drift_cycle(feedback: Array) -> Array:
-    """Cycle in which a drift of RMS feedback torques (cycles, L) started, from the cycle on that it is named in."""
-    return DriftWatch(feedback.shape[1]).add(feedback)[1]
+def find_drift_cycles(feedback: Array) -> Array:
+    """Cycle in which a drift of RMS feedback torques (cycles, L) started; NaN before it is detected."""
+    return DriftDetector(feedback.shape[1]).add(feedback)[1]
 
 
-def drift_of(metrics: pa.Table) -> Drift | None:
-    """The first drift of a run from its metrics; None if it does not drift."""
+def find_drift(metrics: pa.Table) -> Drift | None:
+    """The first drift of a run from its metrics, with the growth in its last cycle; None if it does not drift."""
     cycle, leg, started, growth = (as_array(metrics, n) for n in ("cycle", "leg", "drift_cycle", "feedback_growth"))
-    named = np.flatnonzero(~np.isnan(started))
-    if not len(named):
+    detected = np.flatnonzero(~np.isnan(started))
+    if not len(detected):
         return None
-    first = named[0]
+    first = detected[0]
     own = growth[leg == leg[first]]
     return Drift(int(started[first]), int(leg[first]), int(cycle[first]), float(own[-1]))
 
 
-def drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
-    """What the manifest of a run says of its drift: the fields of :class:`Drift`, or nothing."""
-    found = drift_of(metrics)
-    return None if found is None else found._asdict()
+def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
+    """The entry ``drift`` of a run's manifest: the fields of :class:`Drift`, or nothing."""
+    drift = find_drift(metrics)
+    return None if drift is None else drift._asdict()

@@ -1,11 +1,24 @@
-"""How the foot presses; a support is the response to a step from no force to the desired one."""
+"""Contact force; a support is the response to a step from no force to the desired one."""
 
 import numpy as np
 
 from cmacexp.metrics import measures
 from cmacexp.metrics.block import Block, three_feet
 from cmacexp.metrics.measures import iae, ise, largest, mean, rms
-from cmacexp.metrics.metric import BRISTOW, CONTRACT, GRAHAM_LATHROP, OGATA, Metric
+from cmacexp.metrics.metric import (
+    BRISTOW,
+    CONTRACT,
+    GRAHAM_LATHROP,
+    MEAN,
+    NEAR_ZERO,
+    NEITHER,
+    OGATA,
+    Metric,
+    Shown,
+    integral,
+    rms_error,
+    worst,
+)
 from cmacexp.typing import Array
 
 IN_THE_AIR = 0.0
@@ -63,21 +76,34 @@ _NO_PERIOD = f"{_NO_SUPPORT}, or one sample in all"
 _NOT_WHOLE = "support does not begin and end in the cycle"
 
 FORCE: dict[str, Metric[Block]] = {
-    "force_rmse": Metric(
-        "N", "RMS force error in support", _NO_SUPPORT, BRISTOW, lambda b: rms(b.force_error, b.support)
+    "force_rmse": rms_error(
+        "N",
+        "RMS force error in support",
+        _NO_SUPPORT,
+        BRISTOW,
+        lambda b: rms(b.force_error, b.support),
+        shown=Shown("force rmse", "N"),
     ),
-    "force_rmse_cycle": Metric(
+    "force_rmse_cycle": rms_error(
         "N", "RMS force error, all samples", "never", BRISTOW, lambda b: rms(b.force_error, b.valid)
     ),
-    "force_rmse_three_feet": Metric(
+    "force_rmse_three_feet": rms_error(
         "N",
         "RMS force error over the middle half of each planned three-foot interval",
         "never three feet down (one leg)",
         CONTRACT,
         lambda b: rms(b.force_error, three_feet(b)),
+        shown=Shown("three feet", "N"),
     ),
     "force_settled": Metric(
-        "N", "mean force over the second half of support", _NO_SECOND_HALF, CONTRACT, force_settled
+        "N",
+        "mean force over the second half of support",
+        _NO_SECOND_HALF,
+        CONTRACT,
+        force_settled,
+        MEAN,
+        NEITHER,
+        Shown("settled force", "N", over_legs=False),
     ),
     "force_steady_state_error": Metric(
         "",
@@ -85,55 +111,62 @@ FORCE: dict[str, Metric[Block]] = {
         f"{_NO_SECOND_HALF}, or desired force 0",
         CONTRACT,
         force_steady_state_error,
+        MEAN,
+        NEAR_ZERO,
+        Shown("error", "%", 100.0, over_legs=False),
     ),
-    "force_overshoot": Metric(
+    "force_overshoot": worst(
         "",
         "max force/desired - 1 over support",
         "desired force not constant over the second half of support, or 0",
         f"{OGATA}, of the desired force",
         force_overshoot,
+        shown=Shown("overshoot", "%", 100.0, over_legs=False),
     ),
-    "force_ripple": Metric(
+    "force_ripple": rms_error(
         "N",
         "standard deviation of force over the second half of support",
         _NO_SECOND_HALF,
         CONTRACT,
         lambda b: measures.ripple(b.force, b.second_half),
+        shown=Shown("ripple", "N", main=False),
     ),
-    "force_rise_time": Metric(
+    "force_rise_time": worst(
         "s",
         "from 10 % to 90 % of force_settled in support",
         "force_settling_time is, or beyond 10 % at touch-down already",
         OGATA,
         force_rise_time,
     ),
-    "force_settling_time": Metric(
+    "force_settling_time": worst(
         "s",
         "from touch-down to within 2 % of force_settled",
         f"never settles, settles at 0, or {_NOT_WHOLE}",
         OGATA,
         force_settling_time,
+        shown=Shown("settling", "s", over_legs=False),
     ),
-    "force_iae": Metric(
+    "force_iae": integral(
         "N s",
         "integral of the absolute force error over support",
         _NO_PERIOD,
         GRAHAM_LATHROP,
         lambda b: iae(b.force_error, b.support, b.rhythm.step),
     ),
-    "force_ise": Metric(
+    "force_ise": integral(
         "N^2 s",
         "integral of the squared force error over support",
         _NO_PERIOD,
         GRAHAM_LATHROP,
         lambda b: ise(b.force_error, b.support, b.rhythm.step),
     ),
-    "force_itae": Metric(
+    "force_itae": integral(
         "N s^2",
         "integral of time since touch-down times absolute force error over support",
         _NOT_WHOLE,
         GRAHAM_LATHROP,
         force_itae,
+        shown=Shown("ITAE", "N s²", over_legs=False),
     ),
 }
 """Columns about force, by name."""

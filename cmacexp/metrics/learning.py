@@ -1,17 +1,17 @@
-"""How fast the cycles get better, each against the first, and whether they get worse again.
+"""How fast the cycles improve, each against the first, and whether they get worse again.
 
-Row after row: none depends on later ones.
+No row depends on later ones.
 """
 
 from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from cmacexp.metrics.drift import RISE, WINDOW, drift_cycle, feedback_growth
-from cmacexp.metrics.metric import BRISTOW, MANN, SEN, Metric
+from cmacexp.metrics.drift import RISE, WINDOW, find_drift_cycles, measure_growth
+from cmacexp.metrics.metric import BRISTOW, MANN, MEAN, NEITHER, SEN, SMALL, SMALLEST, Metric, worst
 from cmacexp.typing import Array
 
-LEARNT = (
+LEARNED = (
     "transfer_rmse_x",
     "transfer_rmse_y",
     "support_rmse_x",
@@ -32,55 +32,60 @@ def ratio_to_first(value: Array) -> Array:
 def cycles_to_1_e(value: Array) -> Array:
     """Cycles after the first until ``value`` (cycles, L) is at most 1/e of the first, as known in each cycle.
 
-    NaN before, then the count for good. Of an error that decays as exp(-n/c) it is c rounded up: its time constant.
+    NaN before that cycle, then constant. For an error that decays as exp(-n/c) it is c rounded up: its time constant.
     """
     cycles = np.arange(len(value), dtype=float)[:, None]
     reached = np.where(ratio_to_first(value) <= np.exp(-1.0), cycles, np.nan)
     return np.fmin.accumulate(reached, axis=0)
 
 
-def _of(function: Callable[[Array], Array], name: str) -> Callable[[Mapping[str, Array]], Array]:
+def _apply(function: Callable[[Array], Array], name: str) -> Callable[[Mapping[str, Array]], Array]:
     return lambda known: function(known[name])
 
 
-def _columns(name: str) -> dict[str, Metric[Mapping[str, Array]]]:
+def _make_columns(name: str) -> dict[str, Metric[Mapping[str, Array]]]:
+    """Both columns of one metric: of ratios the mean, as each leg has its own scale; of cycles the slowest leg's."""
     return {
         f"{name}_ratio": Metric(
             "",
             f"abs({name}) over that of cycle 1, same leg",
             "either is, or that of cycle 1 is 0",
             BRISTOW,
-            _of(ratio_to_first, name),
+            _apply(ratio_to_first, name),
+            MEAN,
+            SMALL,
         ),
-        f"{name}_cycles_to_1_e": Metric(
+        f"{name}_cycles_to_1_e": worst(
             "",
             f"cycles after the first until {name}_ratio is first at most 1/e",
             "not reached up to this cycle",
             "time constant: Ogata 2010, section 5-2",
-            _of(cycles_to_1_e, name),
+            _apply(cycles_to_1_e, name),
         ),
     }
 
 
 _DRIFT: dict[str, Metric[Mapping[str, Array]]] = {
-    "feedback_growth": Metric(
+    "feedback_growth": worst(
         "",
         f"factor by which feedback_rms grows per cycle, over the last {WINDOW} cycles",
         f"the first {WINDOW - 1} cycles",
         SEN,
-        _of(feedback_growth, "feedback_rms"),
+        _apply(measure_growth, "feedback_rms"),
     ),
     "drift_cycle": Metric(
         "",
         f"cycle since which feedback_rms drifts: it rises, and has risen to {RISE:g} times its lowest level",
         "no drift named up to this cycle",
         f"rise: {MANN}",
-        _of(drift_cycle, "feedback_rms"),
+        _apply(find_drift_cycles, "feedback_rms"),
+        SMALLEST,
+        NEITHER,
     ),
 }
 
 LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
-    **{k: m for name in LEARNT for k, m in _columns(name).items()},
+    **{column: metric for name in LEARNED for column, metric in _make_columns(name).items()},
     **_DRIFT,
 }
 """Columns that follow from those of all cycles, by name."""

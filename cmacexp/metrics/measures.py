@@ -1,7 +1,7 @@
 """Measures of responses over the samples of a mask; what is undefined is NaN, never 0.
 
 Samples run along the last axis: (..., N) gives (...). A run is (cycles, L, N), one response (N,).
-Times are told in whole samples, without interpolation.
+Times are whole samples, without interpolation.
 """
 
 import numpy as np
@@ -9,9 +9,9 @@ import numpy as np
 from cmacexp.typing import Array, Mask
 
 BAND = 0.02
-"""A response has settled within this part of its way from start to settled value (Ogata 2010, section 5-3)."""
+"""A response has settled within this fraction of its way from start to settled value (Ogata 2010, section 5-3)."""
 RISE = (0.1, 0.9)
-"""Parts of that way between which a response rises (Ogata 2010, section 5-3)."""
+"""Fractions of that way between which a response rises (Ogata 2010, section 5-3)."""
 
 
 def _or_nan(value: Array, mask: Mask) -> Array:
@@ -66,15 +66,15 @@ def _span(start: float, end: Array) -> Array:
 
 
 def overshoot(value: Array, start: float, target: Array, mask: Mask) -> Array:
-    """How far the response goes beyond ``target`` (...), as a part of the way there from ``start``.
+    """How far the response goes beyond ``target`` (...), as a fraction of the way there from ``start``.
 
-    Negative where it never gets there: what is missing.
+    Negative where it never gets there: the missing fraction.
     """
     return largest((value - start) / _span(start, target)[..., None], mask) - 1.0
 
 
 def steady_state_error(settled: Array, start: float, target: Array) -> Array:
-    """``settled`` - ``target`` as a part of the way from ``start`` to ``target``; negative if it stops short."""
+    """``settled`` - ``target`` as a fraction of the way from ``start`` to ``target``; negative if it stops short."""
     return (settled - target) / _span(start, target)
 
 
@@ -92,7 +92,7 @@ def settling_time(elapsed: Array, value: Array, start: float, settled: Array, ma
 def rise_time(elapsed: Array, value: Array, start: float, settled: Array, mask: Mask, step: float) -> Array:
     """Time between the first samples at 10 % and at 90 % of the way from ``start`` to ``settled`` (...), s.
 
-    NaN where the response does not settle, or if its first sample is already beyond 10 %: the rise was not seen.
+    NaN where the response does not settle, or if its first sample is beyond 10 %: the data begin too late.
     """
     way = (value - start) / _span(start, settled)[..., None]
     low, high = (np.where(mask & (way >= part), elapsed, np.inf).min(axis=-1) for part in RISE)

@@ -1,4 +1,4 @@
-"""What learning leaves in memory: metrics of the weights at the end of each cycle, from ``memory.parquet``."""
+"""Metrics of the weights at the end of each cycle, from ``memory.parquet``."""
 
 from collections.abc import Mapping
 
@@ -7,14 +7,14 @@ import pyarrow as pa
 
 from cmacexp.data.parquet import as_array
 from cmacexp.data.signals import CLOCK, MEMORY_SIGNALS
-from cmacexp.metrics.metric import ALBUS, CONTRACT, Metric
+from cmacexp.metrics.metric import ALBUS, CONTRACT, LARGEST, MEAN, NEITHER, RMS, Metric
 from cmacexp.typing import Array
 
 COLUMNS = [signal.name for signal in MEMORY_SIGNALS if signal.owner != CLOCK]
 """Columns of ``memory.parquet`` that the metrics are computed from."""
 
 
-def values_of(memory: pa.Table | None, cycles: int, legs: int) -> dict[str, Array]:
+def split_columns(memory: pa.Table | None, cycles: int, legs: int) -> dict[str, Array]:
     """The columns of ``memory.parquet``, (cycles, legs) by name; NaN throughout without memory."""
     if memory is None:
         return {name: np.full((cycles, legs), np.nan) for name in COLUMNS}
@@ -30,9 +30,17 @@ MEMORY: dict[str, Metric[Mapping[str, Array]]] = {
         _NO_WEIGHTS,
         CONTRACT,
         lambda m: m["weight_norm"],
+        RMS,
+        NEITHER,
     ),
     "weight_largest": Metric(
-        "N m", "largest absolute weight at the end of the cycle", _NO_WEIGHTS, CONTRACT, lambda m: m["weight_largest"]
+        "N m",
+        "largest absolute weight at the end of the cycle",
+        _NO_WEIGHTS,
+        CONTRACT,
+        lambda m: m["weight_largest"],
+        LARGEST,
+        NEITHER,
     ),
     "memory_used": Metric(
         "",
@@ -40,6 +48,8 @@ MEMORY: dict[str, Metric[Mapping[str, Array]]] = {
         _NO_WEIGHTS,
         CONTRACT,
         lambda m: m["rows_used"] / m["rows"],
+        MEAN,
+        NEITHER,
     ),
     "cells_colliding": Metric(
         "",
@@ -47,6 +57,8 @@ MEMORY: dict[str, Metric[Mapping[str, Array]]] = {
         f"{_NO_WEIGHTS}, not a CMAC, or more cells than 64 bits count",
         ALBUS,
         lambda m: m["cells_colliding"],
+        MEAN,
+        NEITHER,
     ),
 }
 """Columns about memory, by name."""

@@ -1,6 +1,7 @@
-"""What a column of metrics is: unit, definition, where it is NaN, who defined it, and how it is computed."""
+"""What a metric is: unit, definition, source; how legs are pooled, which direction is better, how it is shown."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -8,7 +9,8 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from cmacexp.data.parquet import arrow
-from cmacexp.typing import Array
+from cmacexp.metrics import measures
+from cmacexp.typing import Array, Mask
 
 CONTRACT = "cmacexp's contract"
 GRAHAM_LATHROP = "Graham & Lathrop 1953"
@@ -19,11 +21,52 @@ ALBUS = "Albus 1975"
 MANN = "Mann 1945"
 SEN = "Sen 1968"
 
+
+class Pooling(NamedTuple):
+    """How the values of several legs become one."""
+
+    name: str
+    reduce: Callable[[Array, Mask], Array]
+    """Of values (..., L) and a mask of those that are defined; NaN where none is."""
+
+    def pool(self, values: Array) -> Array:
+        """One value for the legs in the last axis of ``values``; a leg for which it is undefined does not count."""
+        return self.reduce(values, ~np.isnan(values))
+
+
+MEAN = Pooling("mean", measures.mean)
+"""For amounts and shares that each leg has of its own, and for signed errors: opposite ones cancel."""
+RMS = Pooling("RMS", measures.rms)
+"""For RMS values, standard deviations and norms: legs have equally many samples, so it is that of all samples."""
+LARGEST = Pooling("largest", measures.largest)
+"""For peaks, times and growth: the machine is as good as its worst leg."""
+SMALLEST = Pooling("smallest", lambda values, mask: -measures.largest(-values, mask))
+"""For the number of a cycle in which something starts: it starts with the first leg."""
+BODY = Pooling("", measures.mean)
+"""For metrics of the body: there is one."""
+
+SMALL, NEAR_ZERO, LARGE, NEITHER = "small", "near 0", "large", ""
+"""What is better; NEITHER where it depends."""
+
+
+class Shown(NamedTuple):
+    """How a metric appears in tables and figures."""
+
+    title: str
+    unit: str
+    factor: float = 1.0
+    """From the unit of the file to ``unit``."""
+    main: bool = True
+    """Whether it is a column of the tables of main metrics; else it appears in figures alone."""
+    over_legs: bool = True
+    """Whether these tables show it for several legs as well; not where legs are to press differently."""
+
+
 Of = TypeVar("Of")
 
 
 class Metric(NamedTuple, Generic[Of]):
-    """A column of ``metrics.parquet`` or ``body_metrics.parquet``."""
+    """A column of ``metrics.parquet`` or ``body_metrics.parquet``; the first four stand in the file's metadata."""
 
     unit: str
     meaning: str
@@ -31,11 +74,30 @@ class Metric(NamedTuple, Generic[Of]):
     """Where it is NaN."""
     source: str
     """Where the definition comes from; :data:`CONTRACT` only where nothing else applies."""
-    of: Callable[[Of], Array]
+    compute: Callable[[Of], Array]
+    pooling: Pooling
+    better: str
+    """:data:`SMALL`, :data:`NEAR_ZERO`, :data:`LARGE` or :data:`NEITHER`."""
+    shown: Shown | None = None
+    """None: shown only where all metrics are, under its name and in its unit."""
+
+    def find_best(self, values: Array) -> float:
+        """The best of some values; NaN if none is defined or neither direction is better."""
+        values = values[~np.isnan(values)]
+        if not values.size or self.better == NEITHER:
+            return float("nan")
+        if self.better == NEAR_ZERO:
+            return float(values[np.abs(values).argmin()])
+        return float(values.max() if self.better == LARGE else values.min())
+
+
+rms_error = partial(Metric, pooling=RMS, better=SMALL)
+integral = partial(Metric, pooling=MEAN, better=SMALL)
+worst = partial(Metric, pooling=LARGEST, better=SMALL)
 
 
 class Index(NamedTuple):
-    """A column that tells which row it is."""
+    """A column that identifies the row."""
 
     unit: str
     meaning: str
@@ -48,7 +110,7 @@ LEG = Index("", "as in the trace", "never", CONTRACT)
 
 
 def describe(column: Metric[Any] | Index) -> dict[str, str]:
-    """What stands in the metadata of a column's field."""
+    """The metadata of a column's field."""
     return {
         "unit": column.unit,
         "meaning": column.meaning,
@@ -65,9 +127,9 @@ def to_table(
     """A table of metrics, with their description in the metadata of each field.
 
     Args:
-        index: the first columns, with whole numbers.
+        index: the first columns, whole numbers.
         values: a value per row, by name.
-        metrics: their description, by the same names.
+        metrics: their definitions, by the same names.
     """
     fields = [pa.field(name, pa.int32(), metadata=describe(column)) for name, (column, _) in index.items()]
     arrays = [arrow(numbers, pa.int32()) for _, numbers in index.values()]

@@ -1,16 +1,25 @@
-"""All columns of ``metrics.parquet`` but ``cycle`` and ``leg``, in their order."""
+"""All metrics in the order of their columns; terminal, reports, sweep tables, `optimize` and docs read this alone."""
 
 from typing import Any
 
 from cmacexp.metrics.block import Block
+from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.force import FORCE
 from cmacexp.metrics.learning import LEARNING
 from cmacexp.metrics.memory import MEMORY
-from cmacexp.metrics.metric import Metric
+from cmacexp.metrics.metric import NEITHER, Metric, Shown
 from cmacexp.metrics.torque import TORQUE
 from cmacexp.metrics.tracking import TRACKING
 
 OF_A_CYCLE: dict[str, Metric[Block]] = {**TRACKING, **FORCE, **TORQUE}
-"""What a cycle tells alone."""
+"""Those that follow from the trace of one cycle."""
 METRICS: dict[str, Metric[Any]] = {**OF_A_CYCLE, **LEARNING, **MEMORY}
-"""All, by name."""
+"""Columns of ``metrics.parquet`` after ``cycle`` and ``leg``."""
+ALL_METRICS: dict[str, Metric[Any]] = {**METRICS, **BODY_METRICS}
+"""With those of ``body_metrics.parquet``."""
+SHOWN: dict[str, Shown] = {name: metric.shown for name, metric in ALL_METRICS.items() if metric.shown}
+"""How metrics appear in tables and figures."""
+MAIN: dict[str, Shown] = {name: shown for name, shown in SHOWN.items() if shown.main}
+"""The columns of tables of main metrics."""
+JUDGED: dict[str, Shown] = {name: shown for name, shown in MAIN.items() if ALL_METRICS[name].better != NEITHER}
+"""The main metrics of which one direction is better."""

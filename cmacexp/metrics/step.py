@@ -16,16 +16,16 @@ from cmacexp.typing import Array
 class StepInfo(NamedTuple):
     """Metrics of one response in the unit U of its values; what is undefined is NaN, never 0.
 
-    The way is what it is to go, from start to target. Times are whole samples, from the first one.
+    The way is that from start to target. Times are whole samples, from the first one.
     """
 
     settled: float
     """U: mean over the second half of the samples."""
     steady_state_error: float
-    """1: settled - target as a part of the way; negative if it stops short."""
+    """1: settled - target as a fraction of the way; negative if it stops short."""
     overshoot: float
-    """1: largest value beyond the target as a part of the way; negative if it never gets there. Of the target, not of
-    the settled value: what presses too hard, or hits something, does so by that much."""
+    """1: largest value beyond the target as a fraction of the way; negative if it never gets there. Not beyond the
+    settled value: the target is what must not be exceeded."""
     ripple: float
     """U: standard deviation over the second half of the samples."""
     rise_time: float
@@ -48,9 +48,9 @@ def step_info(time: ArrayLike, value: ArrayLike, target: float, start: float | N
 
     Args:
         time: (N,) evenly spaced and increasing, s.
-        value: (N,) in any unit. Of a single sample only the RMSE is defined; of one that is not finite, nothing.
-        target: where it should go, same unit; may be 0.
-        start: where it comes from; its first value unless given.
+        value: (N,) in any unit. For a single sample only the RMSE is defined; with one that is not finite, nothing.
+        target: desired value, same unit; may be 0.
+        start: initial value; the first of ``value`` unless given.
 
     Raises:
         ValueError: no samples, times and values that do not match, or times that are not evenly spaced.

@@ -1,10 +1,22 @@
-"""Who does the work, and how hard."""
+"""Torques: how large they are, and the share of the feedforward."""
 
 import numpy as np
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import largest, mean
-from cmacexp.metrics.metric import BRISTOW, CONTRACT, Metric
+from cmacexp.metrics.metric import (
+    BRISTOW,
+    CONTRACT,
+    LARGE,
+    LARGEST,
+    MEAN,
+    NEITHER,
+    RMS,
+    Metric,
+    Shown,
+    rms_error,
+    worst,
+)
 from cmacexp.typing import Array, Mask
 
 
@@ -32,10 +44,15 @@ def feedforward_share(block: Block) -> Array:
 
 
 TORQUE: dict[str, Metric[Block]] = {
-    "feedback_rms": Metric(
-        "N m", "RMS feedback torque, both joints", "never", CONTRACT, lambda b: _torque_rms(b.feedback, b.valid)
+    "feedback_rms": rms_error(
+        "N m",
+        "RMS feedback torque, both joints",
+        "never",
+        CONTRACT,
+        lambda b: _torque_rms(b.feedback, b.valid),
+        shown=Shown("feedback", "N m", main=False),
     ),
-    "feedback_change": Metric(
+    "feedback_change": rms_error(
         "N m",
         "RMS change of the feedback torque from the cycle before, both joints",
         "the first cycle",
@@ -43,15 +60,26 @@ TORQUE: dict[str, Metric[Block]] = {
         lambda b: _torque_rms(b.feedback_change, b.valid),
     ),
     "feedforward_rms": Metric(
-        "N m", "RMS feedforward torque, both joints", "never", CONTRACT, lambda b: _torque_rms(b.feedforward, b.valid)
+        "N m",
+        "RMS feedforward torque, both joints",
+        "never",
+        CONTRACT,
+        lambda b: _torque_rms(b.feedforward, b.valid),
+        RMS,
+        NEITHER,
+        Shown("feedforward", "N m", main=False),
     ),
-    "torque_peak": Metric("N m", "largest absolute joint torque", "never", CONTRACT, torque_peak),
+    "torque_peak": worst(
+        "N m", "largest absolute joint torque", "never", CONTRACT, torque_peak, shown=Shown("peak", "N m", main=False)
+    ),
     "feedforward_peak": Metric(
         "N m",
         "largest absolute feedforward torque",
         "never",
         CONTRACT,
         lambda b: largest(_joints(np.maximum, np.abs(b.feedforward)), b.valid),
+        LARGEST,
+        NEITHER,
     ),
     "feedforward_share": Metric(
         "",
@@ -59,6 +87,9 @@ TORQUE: dict[str, Metric[Block]] = {
         "no torque in the whole cycle",
         CONTRACT,
         feedforward_share,
+        MEAN,
+        LARGE,
+        Shown("feedforward", "%", 100.0),
     ),
 }
 """Columns about torque, by name."""

@@ -1,4 +1,4 @@
-"""``python -m cmacexp.report DIR...``: figures and tables of a run, or of several beside each other."""
+"""``python -m cmacexp.report DIR...``: figures and tables of a run, or a comparison of several."""
 
 import argparse
 import hashlib
@@ -10,24 +10,26 @@ from cmacexp.cli.command import command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.report.comparison import find_swept, in_order, job_of, table_of_jobs
+from cmacexp.report.comparison import format_runs
 from cmacexp.report.page import Report, write_report
-from cmacexp.report.run_report import run_report
-from cmacexp.report.sweep_report import sweep_report
+from cmacexp.report.run_report import make_run_report
+from cmacexp.report.run_summary import read_summary, sort_folders
+from cmacexp.report.sweep_report import make_sweep_report
+from cmacexp.report.swept import find_swept
 from cmacexp.report.terminal import print_table
 
 REPORTS = Path("outputs/reports")
-"""Where a report over several folders goes, in a folder of its own."""
+"""Reports over several folders are written to a folder in here."""
 
 
-def _cycles(text: str) -> list[int]:
+def _parse_cycles(text: str) -> list[int]:
     try:
         return [int(part) for part in text.split(",")]
     except ValueError:
-        raise BadInput("--cycles", text, "must be whole numbers with commas between them, such as 1,2,5") from None
+        raise BadInput("--cycles", text, "must be whole numbers separated by commas, such as 1,2,5") from None
 
 
-def _destination(given: Sequence[Path], out: str | None) -> Path:
+def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     if out is not None:
         return require_place("--out", Path(out))
     return given[0] / "report" if len(given) == 1 else REPORTS / "-".join(path.resolve().name for path in given[:4])
@@ -38,28 +40,28 @@ def _key(report: Report) -> str:
 
 
 def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
-    report = run_report(StoredRun(folder), _cycles(cycles) if cycles else [])
+    report = make_run_report(StoredRun(folder), _parse_cycles(cycles) if cycles else [])
     return write_report(report, out, _key(report))
 
 
 def _report_of_several(folders: Sequence[Path], title: str, cycles: str | None, out: Path) -> Path:
     if cycles:
-        raise BadInput("--cycles", cycles, f"is for the report of one run, and these are {len(folders)}")
-    jobs = [job_of(folder) for folder in folders]
-    if not any(job.is_result for job in jobs):
-        raise BadRun(f"{title}: none of its {len(jobs)} runs can be read ({jobs[0].folder.name}: {jobs[0].cause})")
-    swept = find_swept(jobs)
-    titles, rows = table_of_jobs(jobs, [*swept.keys, *swept.repeats])
-    report = sweep_report(jobs, title)
+        raise BadInput("--cycles", cycles, f"is for the report of one run, but {len(folders)} runs were given")
+    runs = [read_summary(folder) for folder in folders]
+    if not any(run.is_result for run in runs):
+        raise BadRun(f"{title}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
+    swept = find_swept(runs)
+    titles, rows = format_runs(runs, [*swept.keys, *swept.seeds])
+    report = make_sweep_report(runs, title)
     path = write_report(report, out, _key(report))
-    print_table(titles, rows, left=1 + len(swept.keys) + len(swept.repeats) + 1)
+    print_table(titles, rows, left=1 + len(swept.keys) + len(swept.seeds) + 1)
     return path
 
 
 def _report(arguments: argparse.Namespace) -> int:
     given: list[Path] = arguments.folders
-    folders = list(dict.fromkeys(run for folder in given for run in in_order(runs_below(folder))))
-    out = _destination(given, arguments.out)
+    folders = list(dict.fromkeys(run for folder in given for run in sort_folders(runs_below(folder))))
+    out = _find_destination(given, arguments.out)
     if len(folders) == 1:
         print(_report_of_one(folders[0], arguments.cycles, out))
     else:
@@ -69,10 +71,10 @@ def _report(arguments: argparse.Namespace) -> int:
 
 def main() -> int:
     """Run the command."""
-    description = "Figures and tables of a run, or of a sweep or several runs beside each other, as one HTML page."
+    description = "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page."
     values = [
-        ("--cycles", "1,2,5", "cycles of one run to show; unless given, a choice"),
-        ("--out", "FOLDER", f"where the page goes; unless given, report in DIR, {REPORTS}/NAMES for several"),
+        ("--cycles", "1,2,5", "cycles of one run to show (default: a selection)"),
+        ("--out", "FOLDER", f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)"),
     ]
     return command("cmacexp.report", description, _report, (), values)
 

@@ -1,4 +1,4 @@
-"""What drawings of one run share: the cycles to look at, and the marks of their lines."""
+"""Data of some cycles of a run for figures, and the marks, axes and legends that figures share."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_CYCLES = 6
-"""Cycles that can be told apart in one figure."""
+"""Cycles that are distinguishable in one figure."""
 SUPPORT = "#F1F1F1"
 """Shade behind the planned support."""
 DECADES = 20.0
@@ -26,10 +26,10 @@ DECADES = 20.0
 
 
 @dataclass(frozen=True)
-class Look:
-    """Some cycles of a run."""
+class FigureData:
+    """Some cycles of a run, for figures."""
 
-    numbers: Sequence[int]
+    cycles: Sequence[int]
     trace: "pd.DataFrame"
     body: "pd.DataFrame | None"
     cycle_time: float
@@ -38,36 +38,36 @@ class Look:
     legs: int
     has_joints: bool
 
-    def of(self, number: int, leg: int) -> "pd.DataFrame":
+    def select(self, cycle: int, leg: int) -> "pd.DataFrame":
         """The trace of one leg in one cycle."""
-        return self.trace[(self.trace["cycle"] == number) & (self.trace["leg"] == leg)]
+        return self.trace[(self.trace["cycle"] == cycle) & (self.trace["leg"] == leg)]
 
-    def of_body(self, number: int) -> "pd.DataFrame":
+    def select_body(self, cycle: int) -> "pd.DataFrame":
         """The trace of the body in one cycle."""
         assert self.body is not None
-        return self.body[self.body["cycle"] == number]
+        return self.body[self.body["cycle"] == cycle]
 
-    def clock(self, rows: "pd.DataFrame") -> Array:
+    def time_in_cycle(self, rows: "pd.DataFrame") -> Array:
         """Time since the cycle began, s."""
         return np.asarray(rows["time"] - (rows["cycle"] - 1) * self.cycle_time)
 
     @property
-    def span(self) -> float:
-        """Time that the longest of the cycles lasted, s; less than a cycle if the run stopped in its first."""
-        return float(self.clock(self.trace).max()) + self.period
+    def duration(self) -> float:
+        """Duration of the longest of the cycles, s; less than a cycle if the run stopped in its first."""
+        return float(self.time_in_cycle(self.trace).max()) + self.period
 
-    def name(self, leg: int) -> str:
+    def leg_name(self, leg: int) -> str:
         """E.g. ``leg 1, left front``; empty if there is one leg only."""
         return f"leg {leg}, {LEG_NAMES[leg - 1]}" if self.legs > 1 else ""
 
 
-def look_at(run: StoredRun, numbers: Sequence[int]) -> Look:
+def read_figure_data(run: StoredRun, cycles: Sequence[int]) -> FigureData:
     """Read some cycles of a run."""
-    trace = run.cycles(numbers)
-    body = run.cycles(numbers, BODY) if run.walks else None
+    trace = run.cycles(cycles)
+    body = run.cycles(cycles, BODY) if run.walks else None
     has_joints = bool(trace["q1"].notna().any())
     times = run.config["gait"]["cycle_time"], run.config["sampling_period"]
-    return Look(numbers, trace, body, *times, int(trace["leg"].max()), has_joints)
+    return FigureData(cycles, trace, body, *times, int(trace["leg"].max()), has_joints)
 
 
 def mark(index: int) -> dict[str, Any]:
@@ -79,7 +79,7 @@ DESIRED_LINE: dict[str, Any] = {"color": DESIRED, "linewidth": 2.6, "alpha": 0.6
 
 
 def spans_decades(values: Sequence[float] | Array) -> bool:
-    """Whether values are seen better on a logarithmic axis: none is negative, and those above 0 lie far apart."""
+    """Whether values need a logarithmic axis: none is negative, and those above 0 span more than :data:`DECADES`."""
     known = np.asarray(values, dtype=float)
     known = known[np.isfinite(known)]
     above = known[known > 0]
@@ -92,7 +92,7 @@ def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> No
     Args:
         axes: to change.
         which: ``x`` or ``y``.
-        values: that stand on it; what is not above 0 is not drawn.
+        values: on this axis; those not above 0 are not drawn.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -107,7 +107,7 @@ def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> No
 
 
 def legend_below(figure: "Figure", axes: "Axes", columns: int = 6, title: str = "") -> None:
-    """One legend for all axes of a figure, clear of the data; every name stands once, and a single one not at all."""
+    """One legend for all axes of a figure, clear of the data; each name appears once, a single one not."""
     handles, names = axes.get_legend_handles_labels()
     once = dict(zip(names, handles, strict=True))
     if len(once) > 1 or title:
@@ -117,7 +117,7 @@ def legend_below(figure: "Figure", axes: "Axes", columns: int = 6, title: str = 
 
 
 def legend_above(axes: "Axes") -> None:
-    """A legend between title and axes, clear of the data; a single line has none, but leaves the place for it."""
+    """A legend between title and axes, clear of the data; a single line has none, but its place stays free."""
     handles, _ = axes.get_legend_handles_labels()
     axes.set_title(axes.get_title(loc="left"), pad=18)
     if len(handles) > 1:

@@ -1,75 +1,80 @@
-"""The report of several runs: what differs between them, how each ended, and what became of the metrics."""
+"""The report of several runs: what differs between them, how each ended, and their metrics."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cmacexp.report.comparison import TABLES, Job, Swept, find_swept, names_of, table_of_jobs, text_of
+from cmacexp.report.comparison import format_runs, make_names
+from cmacexp.report.learning_curves import draw_learning_curves
+from cmacexp.report.over_key import draw_over_key
 from cmacexp.report.page import Report, Section, Table, Text
-from cmacexp.report.side_by_side import side_by_side
-from cmacexp.report.sweep_plots import learning_curves, over_key
+from cmacexp.report.run_summary import TABLES, RunSummary, format_value
+from cmacexp.report.side_by_side import draw_side_by_side
+from cmacexp.report.swept import Swept, find_swept
 
 MOST_KEYS = 4
 """Swept keys that metrics are drawn over."""
 
 
-def _html_table(jobs: Sequence[Job], swept: Swept, prefix: str, caption: str) -> Table:
-    titles, rows = table_of_jobs(jobs, [*swept.keys, *swept.repeats], prefix)
+def _html_table(runs: Sequence[RunSummary], swept: Swept, prefix: str, caption: str) -> Table:
+    titles, rows = format_runs(runs, [*swept.keys, *swept.seeds], prefix)
     return Table([title.replace("\n", ", ") for title in titles], rows, caption)
 
 
-def _not_shown(jobs: Sequence[Job]) -> list[Any]:
+def _list_stopped(runs: Sequence[RunSummary]) -> list[Any]:
     """Runs that stopped or are broken, each with its reason."""
-    told = [job for job in jobs if job.status != "completed"]
-    if not told:
+    stopped = [run for run in runs if run.status != "completed"]
+    if not stopped:
         return []
-    names = dict(zip((job.folder for job in jobs), names_of([job.folder for job in jobs]), strict=True))
-    rows = [[names[job.folder], job.status, job.cause] for job in told]
-    caption = "Runs that did not come to their end; those that failed or are not whole are in no figure"
+    names = dict(zip((run.folder for run in runs), make_names(runs), strict=True))
+    rows = [[names[run.folder], run.status, run.cause] for run in stopped]
+    caption = "Runs that stopped early; those that failed or are not whole are in no figure"
     return [Table(["run", "status", "reason"], rows, caption, 3)]
 
 
-def _what_differs(jobs: Sequence[Job], swept: Swept) -> list[Any]:
+def _list_differences(runs: Sequence[RunSummary], swept: Swept) -> list[Any]:
     rows = []
-    for key in [*swept.keys, *swept.repeats]:
-        values = list(dict.fromkeys(text_of(job.config.get(key)) for job in jobs if job.config))
+    for key in [*swept.keys, *swept.seeds]:
+        values = list(dict.fromkeys(format_value(run.config.get(key)) for run in runs if run.config))
         listed = ", ".join(values[:12]) + (f", ... ({len(values)} values)" if len(values) > 12 else "")
-        rows.append([key, listed, ", ".join(swept.along.get(key, []))])
+        rows.append([key, listed, ", ".join(swept.linked.get(key, []))])
     if not rows:
-        return [Text("The configs of these runs are the same: they differ in nothing that changes the results.")]
-    return [Table(["key", "values", "differs together with it"], rows, "What differs between the runs", 3)]
+        return [Text("These runs have the same config, apart from settings that do not change the results.")]
+    return [Table(["key", "values", "keys that vary with it"], rows, "What differs between the runs", 3)]
 
 
-def _line_names(jobs: Sequence[Job], keys: Sequence[str]) -> list[str]:
-    """What legends call the runs: the values of what was swept, or else their folders."""
-    named = [", ".join(f"{key.rpartition('.')[2]} {text_of(job.config.get(key))}" for key in keys) for job in jobs]
-    return (
-        named if keys and len(keys) <= 3 and len(set(named)) == len(jobs) else names_of([job.folder for job in jobs])
-    )
+def _make_line_names(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[str]:
+    """Names of the runs in legends: the values of the swept keys, or else their folders."""
+    named = [
+        ", ".join(f"{key.rpartition('.')[2]} {format_value(run.config.get(key))}" for key in keys) for run in runs
+    ]
+    return named if keys and len(keys) <= 3 and len(set(named)) == len(runs) else make_names(runs)
 
 
-def sweep_report(jobs: Sequence[Job], title: str) -> Report:
-    """All that is worth seeing of several runs.
+def make_sweep_report(runs: Sequence[RunSummary], title: str) -> Report:
+    """The report of several runs.
 
     Args:
-        jobs: two or more.
+        runs: two or more.
         title: of the page.
     """
-    swept = find_swept(jobs)
-    results = [job for job in jobs if job.is_result]
-    keys = [*swept.keys, *swept.repeats]
-    names = _line_names(results, keys)
-    curves = learning_curves(results, names, keys or ["scenario"])
-    beside = side_by_side(results, names)
-    over = [drawing for key in swept.keys[:MOST_KEYS] for drawing in over_key(results, key, swept.keys)]
-    final = _html_table(jobs, swept, "final_", "Metrics of the last whole cycle, pooled over the legs")
-    best = _html_table(jobs, swept, "best_", "Best value over all whole cycles: least error, largest share")
-    sections = [Section("The runs", [*_what_differs(jobs, swept), final, best, *_not_shown(jobs)])]
-    sections += [Section("Over what was swept", over)] if over else []
+    swept = find_swept(runs)
+    results = [run for run in runs if run.is_result]
+    keys = [*swept.keys, *swept.seeds]
+    names = _make_line_names(results, keys)
+    curves = draw_learning_curves(results, names, keys or ["scenario"])
+    beside = draw_side_by_side(results, names)
+    over = [drawing for key in swept.keys[:MOST_KEYS] for drawing in draw_over_key(results, key, swept.keys)]
+    final = _html_table(runs, swept, "final_", "Metrics of the last whole cycle, pooled over the legs")
+    best = _html_table(runs, swept, "best_", "Best values over all whole cycles: smallest error, largest share")
+    sections = [Section("The runs", [*_list_differences(runs, swept), final, best, *_list_stopped(runs)])]
+    sections += [Section("Metrics over the swept keys", over)] if over else []
     sections += [Section("Learning curves", curves)] if curves else []
     sections += [Section("Side by side", beside)] if beside else []
-    ended = {status: sum(job.status == status for job in jobs) for status in dict.fromkeys(j.status for j in jobs)}
+    ended = {
+        status: sum(run.status == status for run in runs) for status in dict.fromkeys(run.status for run in runs)
+    }
     ends = ", ".join(f"{count} {status}" for status, count in ended.items())
-    summary = f"{len(jobs)} runs: {ends}. What differs between them: {', '.join(keys) or 'nothing'}."
-    inputs = [job.folder / name for job in results for name in TABLES if (job.folder / name).exists()]
-    return Report(title, summary, sections, inputs, {"runs": [str(Path(job.folder).resolve()) for job in jobs]})
+    summary = f"{len(runs)} runs: {ends}. What differs between them: {', '.join(keys) or 'nothing'}."
+    inputs = [run.folder / name for run in results for name in TABLES if (run.folder / name).exists()]
+    return Report(title, summary, sections, inputs, {"runs": [str(Path(run.folder).resolve()) for run in runs]})

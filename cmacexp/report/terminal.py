@@ -1,4 +1,4 @@
-"""What a person sees in the terminal: that something is compiled, how far a run is, a table when it ends."""
+"""Printing in the terminal: that compiling takes place, the progress of a run, tables, and its summary."""
 
 import os
 import sys
@@ -10,14 +10,14 @@ from cmacexp.config import Config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING, Scores
 from cmacexp.jit.compiler import call_before_compiling
-from cmacexp.metrics.drift import Drift, in_words
-from cmacexp.metrics.summary import table_of_cycles
+from cmacexp.metrics.drift import Drift, format_drift
+from cmacexp.metrics.summary import format_cycles
 
 COMPILING = "first run: compiling the control loop, once for all later runs (up to half a minute) ..."
 
 
 def say(text: str, error: bool = False) -> None:
-    """Print a line at once; a reader who has gone away does not harm what is on disk."""
+    """Print a line at once; a closed pipe does no harm to the run."""
     stream = sys.stderr if error else sys.stdout
     try:
         print(text, file=stream, flush=True)
@@ -27,13 +27,13 @@ def say(text: str, error: bool = False) -> None:
 
 @cache
 def announce_compiling() -> None:
-    """Say so, once, if this process has to compile."""
+    """Print :data:`COMPILING`, once, if this process has to compile."""
     call_before_compiling(lambda: say(COMPILING, error=True))
 
 
 @contextmanager
 def progress(config: Config, shown: bool = True) -> Iterator[Callable[[int], None]]:
-    """A progress bar over the cycles of a run, when a person watches and it is to be shown; else nothing."""
+    """A progress bar over the cycles of a run, if ``shown`` and the output is a terminal."""
     if not (shown and sys.stderr.isatty()):
         yield lambda cycle: None
         return
@@ -47,38 +47,38 @@ def progress(config: Config, shown: bool = True) -> Iterator[Callable[[int], Non
 
 
 def warn_of_drift(drift: Drift) -> None:
-    """Say at once that learning drifts, though the run goes on."""
-    say(f"warning: {in_words(drift)}", error=True)
+    """Warn that learning drifts, while the run goes on."""
+    say(f"warning: {format_drift(drift)}", error=True)
 
 
-def scores_table(scores: Scores) -> None:
+def print_scores(scores: Scores) -> None:
     """Print the metrics per cycle, pooled over the legs, without columns that are undefined throughout."""
-    titles, rows = table_of_cycles(scores)
+    titles, rows = format_cycles(scores)
     print_table([f"{title}\n{unit}".rstrip() for title, unit in titles], rows)
 
 
-def outcome(result: StoredRun) -> str:
+def format_outcome(result: StoredRun) -> str:
     """How a run ended, in one line."""
     manifest = result.manifest
     steps, seconds = manifest["steps"], manifest["rollout_seconds"]
     per_step = f", loop {seconds / steps * 1e6:.2f} us a step" if steps else ""
     cause = f" {manifest['cause']}" if manifest["cause"] else ""
-    drift = f"; {in_words(Drift(**manifest['drift']))}" if manifest["drift"] else ""
+    drift = f"; {format_drift(Drift(**manifest['drift']))}" if manifest["drift"] else ""
     return f"{result.status}{cause}: {steps} steps in {manifest['wall_seconds']:.2f} s{per_step}{drift}"
 
 
-def summary(result: StoredRun) -> None:
-    """Print what a run gave and where it is kept."""
+def print_summary(result: StoredRun) -> None:
+    """Print the metrics of a run, how it ended and its folder."""
     manifest = result.manifest
     if result.scores.legs.num_rows:
-        scores_table(result.scores)
-    print(outcome(result))
+        print_scores(result.scores)
+    print(format_outcome(result))
     if manifest["config"]["learning"]["lead"] == "auto":
         print(f"learning.lead=auto is {manifest['learning_lead']} here")
     for dropped in manifest["dropped"]:
         time = dropped["step"] * manifest["config"]["sampling_period"]
-        told = f"force sensor of leg {dropped['leg']} dropped at step {dropped['step']} (t = {time:g} s)"
-        print(f"{told}: it told what the ground cannot give")
+        where = f"force sensor of leg {dropped['leg']} rejected at step {dropped['step']} (t = {time:g} s)"
+        print(f"{where}: it reports a force that the ground cannot give")
     if RECORDING in manifest["files"]:
         from cmacexp.recording import every_of
 
@@ -88,14 +88,14 @@ def summary(result: StoredRun) -> None:
 
 
 WIDTH = 400
-"""Most characters in a line where no person watches; a table takes what it needs."""
+"""Most characters in a line if the output is not a terminal."""
 
 
 def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]], left: int = 0) -> None:
     """Print rows under their titles.
 
     Args:
-        titles: of the columns; what follows a line break is the unit.
+        titles: of the columns; the unit follows a line break.
         rows: cells as text.
         left: so many columns hold text and stand to the left.
     """

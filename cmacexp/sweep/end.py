@@ -16,8 +16,9 @@ import yaml
 
 from cmacexp.data.files import write_atomically
 from cmacexp.data.parquet import arrow, arrow_strings, write_table
-from cmacexp.metrics.summary import Row, shorten
-from cmacexp.report.comparison import Job, in_order, job_of, sweep_rows, table_of_jobs
+from cmacexp.metrics.summary import shorten
+from cmacexp.report.comparison import Row, format_runs, make_rows
+from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
 from cmacexp.report.terminal import WIDTH, print_table
 from cmacexp.sweep.start import Sweep, without_sweep
 
@@ -47,15 +48,15 @@ def overrides_of(folder: Path) -> list[str]:
     return [str(text) for text in found] if isinstance(found, list) else []
 
 
-def jobs_of(sweep: Sweep) -> list[tuple[Job, list[str]]]:
+def jobs_of(sweep: Sweep) -> list[tuple[RunSummary, list[str]]]:
     """The jobs of a sweep that were begun, with their overrides; not what an earlier sweep left in its folder."""
     left: Counter[tuple[str, ...]] = Counter(sweep.planned)
     jobs = []
-    for folder in in_order({path.parent for path in sweep.folder.rglob(".hydra")}):
+    for folder in sort_folders({path.parent for path in sweep.folder.rglob(".hydra")}):
         given = without_sweep(overrides_of(folder))
         if left[tuple(given)] > 0 or not sweep.planned:  # a sweeper that searches need not tell what it plans
             left[tuple(given)] -= 1
-            jobs.append((job_of(folder), given))
+            jobs.append((read_summary(folder), given))
     return jobs
 
 
@@ -77,13 +78,13 @@ def table_of(rows: Sequence[Row]) -> pa.Table:
     return pa.table({name: _column([row.get(name, math.nan) for row in rows]) for name in names})
 
 
-def _rows(jobs: Sequence[tuple[Job, list[str]]]) -> tuple[list[Job], list[str], list[Row]]:
+def _rows(jobs: Sequence[tuple[RunSummary, list[str]]]) -> tuple[list[RunSummary], list[str], list[Row]]:
     """The jobs with what they were given for their config, all keys of that, and their rows."""
     given = [dict(text.lstrip("+").partition("=")[::2] for text in overrides) for _, overrides in jobs]
     keys = list(dict.fromkeys(key for each in given for key in each))
     values = [{key: value_of_text(each[key]) if key in each else None for key in keys} for each in given]
     swept = [replace(job, config=each) for (job, _), each in zip(jobs, values, strict=True)]
-    rows = sweep_rows(swept, keys)
+    rows = make_rows(swept, keys)
     told = [" ".join(overrides) for _, overrides in jobs]
     return swept, keys, [{"run": row["run"], "overrides": text, **row} for row, text in zip(rows, told, strict=True)]
 
@@ -96,9 +97,9 @@ def _fitting(titles: Sequence[str], rows: Sequence[Sequence[str]], least: int) -
     return max(least, int(np.sum(ends <= line)))
 
 
-def _print(jobs: Sequence[Job], keys: Sequence[str], missing: int) -> None:
+def _print(jobs: Sequence[RunSummary], keys: Sequence[str], missing: int) -> None:
     swept = [key for key in keys if len({str(job.config[key]) for job in jobs}) > 1]
-    titles, rows = table_of_jobs(jobs, swept)
+    titles, rows = format_runs(jobs, swept)
     rows, left = shorten(rows), len(swept) + 2
     shown = _fitting(titles, rows, left)
     print_table(titles[:shown], [row[:shown] for row in rows], left)
@@ -106,7 +107,7 @@ def _print(jobs: Sequence[Job], keys: Sequence[str], missing: int) -> None:
     print(f"{ends.total()} jobs: {', '.join(f'{count} {status}' for status, count in ends.items())}")
 
 
-def _tell_failures(jobs: Sequence[Job]) -> None:
+def _tell_failures(jobs: Sequence[RunSummary]) -> None:
     failed = [job for job in jobs if not job.is_result]
     for job in failed[:MOST_FAILURES]:
         print(f"  {job.folder.name} {job.status}: {job.cause}", file=sys.stderr)

@@ -67,7 +67,7 @@ def _run(config: Config, folder: Path, name: str) -> None:
     from cmacexp.data.integrity import is_finished
     from cmacexp.experiment import run_scenario
     from cmacexp.loop.scenario import make_scenario
-    from cmacexp.report.terminal import announce_compiling, outcome, progress, say
+    from cmacexp.report.terminal import announce_compiling, format_outcome, progress, say
 
     announce_compiling()
     if config.sweep.resume and is_finished(folder, config):
@@ -79,7 +79,7 @@ def _run(config: Config, folder: Path, name: str) -> None:
     if result.status == "failed":
         say(f"error: {name}: {result.manifest['cause']}", error=True)
     else:
-        say(f"{name}: {outcome(result)}")
+        say(f"{name}: {format_outcome(result)}")
     if result.status == "interrupted":
         raise KeyboardInterrupt
 
@@ -88,14 +88,14 @@ def run_job(composed: DictConfig) -> float | None:
     """Run one job of a sweep; a failure is left on disk and does not take the sweep down.
 
     Returns:
-        What the sweeper asked for by ``optimize``, as :func:`cmacexp.sweep.objective.value_of` gives it.
+        What the sweeper asked for by ``optimize``, as :func:`cmacexp.sweep.objective.read_objective` gives it.
     """
     hydra = HydraConfig.get()
     folder, metric = Path(hydra.runtime.output_dir), composed.get("optimize")
     name = f"#{hydra.job.num} {' '.join(without_sweep(hydra.overrides.task))}"
-    from cmacexp.report.comparison import job_of
+    from cmacexp.report.run_summary import read_summary
     from cmacexp.report.terminal import say
-    from cmacexp.sweep.objective import check_metric, value_of
+    from cmacexp.sweep.objective import check_metric, read_objective
 
     try:
         config = to_config(composed, hydra.runtime.choices)
@@ -105,4 +105,4 @@ def run_job(composed: DictConfig) -> float | None:
         cause = _cause(error)
         _leave_failure(folder, composed, error, cause)
         say(f"error: #{hydra.job.num}: {cause}", error=True)
-    return None if metric is None else value_of(metric, job_of(folder))
+    return None if metric is None else read_objective(metric, read_summary(folder))

@@ -7,7 +7,6 @@ import numpy as np
 
 from cmacexp.config.compose import compose_config
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.report.comparison import steps_per_cycle
 from cmacexp.stability import predicted_growth
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.measured import growth_over, stretch
@@ -120,7 +119,7 @@ def overrides_of(config: dict[str, Any]) -> list[str]:
 def read(run: StoredRun) -> Long:
     """What one run gave."""
     config, table = run.config, run.metrics
-    whole = int(run.manifest["steps"]) // steps_per_cycle(config)
+    whole = run.whole_cycles
     table = table[table["cycle"] <= whole]
     groups = table["cycle"]
 

@@ -1,4 +1,4 @@
-"""The documentation of the metrics tells every column as the code defines it.
+"""The documentation of the metrics describes every column as the code defines it.
 
 After a change of a definition, renew its tables with ``python tests/commands/test_metrics_doc.py`` and read the diff.
 """
@@ -11,7 +11,7 @@ from support.made_traces import make_trace
 
 from cmacexp.metrics import compute
 from cmacexp.metrics.body import BODY_METRICS
-from cmacexp.metrics.metric import CONTRACT, CYCLE, LEG
+from cmacexp.metrics.metric import CONTRACT, CYCLE, LEG, Metric
 from cmacexp.metrics.registry import METRICS
 from cmacexp.metrics.step import StepInfo
 
@@ -20,16 +20,23 @@ COLUMNS = {
     "metrics.parquet": {"cycle": CYCLE, "leg": LEG, **METRICS},
     "body_metrics.parquet": {"cycle": CYCLE, **BODY_METRICS},
 }
-HEAD = ["column", "unit", "definition", "NaN where", "source"]
+HEAD = ["column", "unit", "definition", "over legs", "better", "NaN where", "source"]
 
 
 def line(cells):
     return "| " + " | ".join(cells) + " |\n"
 
 
+def judgement(column):
+    """How a column is pooled over the legs and which direction is better; neither for an index."""
+    return (column.pooling.name or "-", column.better or "-") if isinstance(column, Metric) else ("-", "-")
+
+
 def table_of(columns):
     """The table that is to stand in the page."""
-    rows = [[f"`{name}`", c.unit or "1", c.meaning, c.undefined, c.source] for name, c in columns.items()]
+    rows = [
+        [f"`{name}`", c.unit or "1", c.meaning, *judgement(c), c.undefined, c.source] for name, c in columns.items()
+    ]
     return line(HEAD) + "|---" * len(HEAD) + "|\n" + "".join(map(line, rows))
 
 

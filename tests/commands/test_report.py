@@ -9,9 +9,11 @@ import pytest
 from support.command import cmacexp, python
 
 from cmacexp.config.difference import flat
-from cmacexp.metrics.summary import LARGE, NEAR_ZERO, SMALL, best, shorten
-from cmacexp.report.comparison import Job, find_swept, in_order, job_of, sweep_rows
+from cmacexp.metrics.summary import shorten
+from cmacexp.report.comparison import make_rows
 from cmacexp.report.figure_data import mark, spans_decades
+from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
+from cmacexp.report.swept import find_swept
 
 
 def run(folder, *overrides):
@@ -118,7 +120,7 @@ def test_a_thinned_run_shows_the_cycles_that_its_trace_kept(tmp_path):
     assert "Cycles shown: 2, 4." in (page(report(thin)) and text_of(thin))
     done = report(thin, "--cycles", "2,3")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "error: --cycles=3: is not in the trace, of which record.cycles kept others\n"
+    assert done.stderr == "error: --cycles=3: is not in the trace, which holds only the cycles of record.cycles\n"
 
 
 def test_a_page_cannot_go_where_a_file_stands(leg, tmp_path):
@@ -194,24 +196,24 @@ def test_a_report_is_no_run_to_the_other_commands(sweep):
 
 
 def test_final_and_best_are_of_whole_cycles(leg):
-    job = job_of(leg)
-    (row,) = sweep_rows([job], ["cycles"])
+    summary = read_summary(leg)
+    (row,) = make_rows([summary], ["cycles"])
     assert (row["run"], row["status"], row["cycles_done"]) == ("leg", "completed", 3)
-    errors = [cycle["force_rmse"] for cycle in job.cycles]
+    errors = summary.metrics["force_rmse"]
     assert row["final_force_rmse"] == errors[2]
     assert row["best_force_rmse"] == min(errors)
-    assert row["best_feedforward_share"] == max(cycle["feedforward_share"] for cycle in job.cycles)
+    assert row["best_feedforward_share"] == max(summary.metrics["feedforward_share"])
     assert math.isnan(row["final_tilt_max"])
 
 
 def test_a_cycle_that_the_run_did_not_end_is_no_final_one(tmp_path):
-    job = job_of(run(tmp_path / "fell", "scenario=quadruped", "posture.gain=0"))
-    assert (job.status, job.cycles) == ("fell", [])
-    assert math.isnan(job.final("force_rmse"))
+    summary = read_summary(run(tmp_path / "fell", "scenario=quadruped", "posture.gain=0"))
+    assert (summary.status, summary.cycles) == ("fell", 0)
+    assert math.isnan(summary.final("force_rmse"))
 
 
-def jobs(tmp_path, *configs):
-    return [Job(tmp_path / str(i), "completed", "", flat(config)) for i, config in enumerate(configs)]
+def summaries(tmp_path, *configs):
+    return [RunSummary(tmp_path / str(i), "completed", "", flat(config)) for i, config in enumerate(configs)]
 
 
 def test_keys_that_differ_between_the_same_runs_are_one(tmp_path):
@@ -228,35 +230,26 @@ def test_keys_that_differ_between_the_same_runs_are_one(tmp_path):
         "record": {"r": 2},
     }
     c = {**b, "seed": 3}
-    swept = find_swept(jobs(tmp_path, a, b, c))
+    swept = find_swept(summaries(tmp_path, a, b, c))
     assert swept.keys == ["machine.leg.mass"]
-    assert swept.along == {"machine.leg.mass": ["machine.legs.left.mass"]}
-    assert swept.repeats == ["seed"]
-    assert find_swept(jobs(tmp_path, b, c)).keys == ["seed"]
-    assert find_swept(jobs(tmp_path, a, a)).keys == []
+    assert swept.linked == {"machine.leg.mass": ["machine.legs.left.mass"]}
+    assert swept.seeds == ["seed"]
+    assert find_swept(summaries(tmp_path, b, c)).keys == ["seed"]
+    assert find_swept(summaries(tmp_path, a, a)).keys == []
 
 
 def test_what_the_scenario_decides_goes_with_it(tmp_path):
     configs = [
         {"scenario": s, "knee": k, "rate": r} for s, k, r in (("a", 1, 1), ("b", 0, 1), ("c", 0, 1), ("c", 0, 2))
     ]
-    swept = find_swept(jobs(tmp_path, *configs))
+    swept = find_swept(summaries(tmp_path, *configs))
     assert swept.keys == ["scenario", "rate"]
-    assert swept.along == {"scenario": ["knee"]}
-
-
-def test_best_follows_what_is_good():
-    values = [math.nan, -3.0, 2.0, 5.0]
-    assert best(values, SMALL) == -3.0
-    assert best(values, NEAR_ZERO) == 2.0
-    assert best(values, LARGE) == 5.0
-    assert math.isnan(best(values, ""))
-    assert math.isnan(best([math.nan], SMALL))
+    assert swept.linked == {"scenario": ["knee"]}
 
 
 def test_jobs_come_in_the_order_of_their_numbers(tmp_path):
     folders = [tmp_path / name for name in ("10", "2", "a", "1")]
-    assert [path.name for path in in_order(folders)] == ["1", "2", "10", "a"]
+    assert [path.name for path in sort_folders(folders)] == ["1", "2", "10", "a"]
 
 
 def test_a_long_table_keeps_its_ends():

@@ -5,6 +5,7 @@ import os
 import signal
 import time
 
+import numpy as np
 import pandas as pd
 import pytest
 from support.command import ROOT, cmacexp, python, started
@@ -182,17 +183,19 @@ def test_a_sweeper_can_search_over_a_metric(tmp_path):
     assert table["final_transfer_rmse_y"][1:].tolist() == found[1:]
 
 
-def test_what_a_job_gives_counts_a_fall_as_the_worst(tmp_path):
-    from cmacexp.report.comparison import Job
-    from cmacexp.sweep.objective import value_of
+def test_the_objective_counts_a_fall_as_the_worst(tmp_path):
+    from cmacexp.report.run_summary import RunSummary
+    from cmacexp.sweep.objective import read_objective
 
-    last = {"force_rmse": 0.5, "force_steady_state_error": -0.2, "feedforward_share": 0.7}
-    done, fell = Job(tmp_path, "completed", "", last=last), Job(tmp_path, "fell", "", last=last)
-    assert value_of("force_rmse", done) == 0.5
-    assert value_of("force_steady_state_error", done) == 0.2
-    assert value_of("feedforward_share", done) == 0.7
-    assert value_of("force_rmse", fell) == value_of("tilt_max", done) == float("inf")
-    assert value_of("feedforward_share", fell) == float("-inf")
+    values = {"force_rmse": 0.5, "force_steady_state_error": -0.2, "feedforward_share": 0.7, "margin_front_min": 0.01}
+    metrics = {name: np.array([9.0, value]) for name, value in values.items()}
+    done, fell = (RunSummary(tmp_path, status, "", cycles=2, metrics=metrics) for status in ("completed", "fell"))
+    assert read_objective("force_rmse", done) == 0.5
+    assert read_objective("force_steady_state_error", done) == 0.2
+    assert read_objective("feedforward_share", done) == 0.7
+    assert read_objective("margin_front_min", done) == 0.01
+    assert read_objective("force_rmse", fell) == read_objective("tilt_max", done) == float("inf")
+    assert read_objective("feedforward_share", fell) == read_objective("margin_front_min", fell) == float("-inf")
 
 
 def test_a_metric_that_there_is_not_is_bad_input(tmp_path):

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support.command import cmacexp
 from support.made_traces import measure
 
-from cmacexp.metrics.drift import WINDOW, Drift, DriftWatch, drift_cycle, drift_of, feedback_growth
+from cmacexp.metrics.drift import WINDOW, Drift, DriftDetector, find_drift, find_drift_cycles, measure_growth
 from cmacexp.score import score
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -16,15 +16,15 @@ pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 FALLING = 0.9 ** np.arange(20.0)
 
 
-def first_named(feedback):
+def first_detected(feedback):
     """Cycle in which a drift of one leg was named, and that in which it started; None if there is none."""
-    started = drift_cycle(np.asarray(feedback)[:, None])[:, 0]
+    started = find_drift_cycles(np.asarray(feedback)[:, None])[:, 0]
     named = np.flatnonzero(~np.isnan(started))
     return (int(named[0]) + 1, int(started[named[0]])) if len(named) else None
 
 
 def test_growth_of_a_geometric_series_is_its_factor():
-    growth = feedback_growth(2.0 * 1.03 ** np.arange(15.0)[:, None])[:, 0]
+    growth = measure_growth(2.0 * 1.03 ** np.arange(15.0)[:, None])[:, 0]
     assert np.isnan(growth[: WINDOW - 1]).all()
     assert_allclose(growth[WINDOW - 1 :], 1.03)
 
@@ -32,18 +32,18 @@ def test_growth_of_a_geometric_series_is_its_factor():
 def test_growth_is_not_moved_by_a_cycle_that_is_out_of_line():
     feedback = 1.02 ** np.arange(12.0)
     feedback[-1] = 50.0
-    assert feedback_growth(feedback[:, None])[-1, 0] == pytest.approx(1.02, abs=0.005)
+    assert measure_growth(feedback[:, None])[-1, 0] == pytest.approx(1.02, abs=0.005)
 
 
 def test_a_trend_that_starts_after_learning_is_named_with_its_cycle():
-    named, started = first_named([*FALLING, *(FALLING[-1] * 1.03 ** np.arange(1, 60.0))])
+    named, started = first_detected([*FALLING, *(FALLING[-1] * 1.03 ** np.arange(1, 60.0))])
     assert abs(started - 20) <= 3
     # 1.03^n reaches 1.5 after 14 cycles; the level is the median of ten.
     assert 34 <= named <= 42
 
 
 def test_a_slow_trend_is_named_too_though_its_window_hardly_rises():
-    named, started = first_named(1.001 ** np.arange(500.0))
+    named, started = first_detected(1.001 ** np.arange(500.0))
     assert started == WINDOW // 2
     assert named == pytest.approx(5 + np.log(1.5) / np.log(1.001), abs=6)
 
@@ -63,19 +63,19 @@ def test_a_slow_trend_is_named_too_though_its_window_hardly_rises():
     ids=["decay", "standing", "transient", "relearning", "below the rise", "as good as nothing", "zero", "last inf"],
 )
 def test_what_lasts_is_never_named(feedback):
-    assert first_named(feedback) is None
+    assert first_detected(feedback) is None
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_noise_is_no_trend(seed):
     noise = np.random.default_rng(seed).normal(1.0, 0.1, 3000)
-    assert first_named(noise) is None
+    assert first_detected(noise) is None
 
 
 def test_a_drift_stays_named_also_if_learning_recovers():
     feedback = [*FALLING, *(FALLING[-1] * 1.05 ** np.arange(20.0)), *FALLING]
-    started = drift_cycle(np.array(feedback)[:, None])[:, 0]
-    named = first_named(feedback)[0]
+    started = find_drift_cycles(np.array(feedback)[:, None])[:, 0]
+    named = first_detected(feedback)[0]
     assert len(set(started[named - 1 :])) == 1
 
 
@@ -83,9 +83,9 @@ def test_a_drift_stays_named_also_if_learning_recovers():
 def test_a_run_watched_in_parts_is_told_as_one_watched_at_once(size):
     n = np.arange(150.0)[:, None] + np.arange(3)
     feedback = np.abs(np.sin(0.01 * n)) + 0.1 * 1.02**n
-    watch = DriftWatch(3)
-    parts = [watch.add(feedback[n : n + size]) for n in range(0, len(feedback), size)]
-    for part, at_once in zip(zip(*parts, strict=True), DriftWatch(3).add(feedback), strict=True):
+    detector = DriftDetector(3)
+    parts = [detector.add(feedback[n : n + size]) for n in range(0, len(feedback), size)]
+    for part, at_once in zip(zip(*parts, strict=True), DriftDetector(3).add(feedback), strict=True):
         assert_array_equal(np.concatenate(part), at_once)
 
 
@@ -106,7 +106,7 @@ def test_the_paper_s_law_is_seen_to_drift_before_cycle_100(drifting):
     drift = json.loads((folder / "manifest.json").read_text())["drift"]
     assert (drift["leg"], drift["cycle"] < 20, drift["named"] < 100) == (1, True, True)
     assert 1.01 < drift["growth"] < 1.05
-    said = f"drift since cycle {drift['cycle']}, named in cycle {drift['named']}"
+    said = f"drift detected in cycle {drift['named']}, started in cycle {drift['cycle']} (feedback of leg 1 grows "
     assert f"warning: {said}" in done.stderr
     assert said in done.stdout.splitlines()[-2]
 
@@ -115,7 +115,7 @@ def test_the_drift_is_known_from_the_trace_alone(drifting):
     folder, _ = drifting
     manifest = json.loads((folder / "manifest.json").read_text())
     (folder / "manifest.json").write_text(json.dumps({**manifest, "drift": None}))
-    assert drift_of(score(folder).legs) == Drift(**manifest["drift"])
+    assert find_drift(score(folder).legs) == Drift(**manifest["drift"])
     assert json.loads((folder / "manifest.json").read_text())["drift"] == manifest["drift"]
 
 

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support.made_traces import NOTHING, make_trace, measure
 
 from cmacexp.metrics import compute
-from cmacexp.metrics.learning import LEARNT, cycles_to_1_e, ratio_to_first
+from cmacexp.metrics.learning import LEARNED, cycles_to_1_e, ratio_to_first
 from cmacexp.metrics.registry import METRICS
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -70,7 +70,7 @@ def test_each_leg_is_measured_against_its_own_first_cycle():
     assert_allclose(metrics["transfer_rmse_x_cycles_to_1_e"], [NOTHING, NOTHING, NOTHING, 1.0, 2.0, 1.0])
 
 
-@pytest.mark.parametrize("name", LEARNT)
+@pytest.mark.parametrize("name", LEARNED)
 def test_the_columns_follow_from_the_metric_beside_them(name):
     metrics = measure("TSSS", **learning(8), force_desired=1.0)
     assert_array_equal(metrics[f"{name}_ratio"][:, None], ratio_to_first(metrics[name][:, None]))

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from support.made_traces import NOTHING, PERIOD, make_trace, measure
 
 from cmacexp.metrics import compute
-from cmacexp.metrics.learning import LEARNT
+from cmacexp.metrics.learning import LEARNED
 from cmacexp.metrics.registry import METRICS
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -58,7 +58,7 @@ BY_HAND = {
 }
 OF_MEMORY = ("weight_norm", "weight_largest", "memory_used", "cells_colliding")
 BY_HAND |= dict.fromkeys(("feedback_change", "feedback_growth", "drift_cycle", *OF_MEMORY), NOTHING)
-BY_HAND |= {f"{name}_ratio": 1.0 for name in LEARNT} | {f"{name}_cycles_to_1_e": NOTHING for name in LEARNT}
+BY_HAND |= {f"{name}_ratio": 1.0 for name in LEARNED} | {f"{name}_cycles_to_1_e": NOTHING for name in LEARNED}
 BY_HAND |= {"force_rmse_three_feet_ratio": NOTHING, "force_steady_state_error_ratio": NOTHING}  # of NaN and of 0
 
 

@@ -1,0 +1,36 @@
+"""Metrics of a run with one value per cycle: those of several legs pooled, as the registry says."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cmacexp.data.parquet import as_array
+from cmacexp.data.tables import Scores
+from cmacexp.metrics.metric import Shown
+from cmacexp.metrics.registry import ALL_METRICS, MAIN
+from cmacexp.typing import Array
+
+
+def count_legs(scores: Scores) -> int:
+    """Number of legs that were scored."""
+    return int(as_array(scores.legs, "leg").max(initial=1))
+
+
+def pool_legs(scores: Scores) -> dict[str, Array]:
+    """Every metric of legs and body by name, one value per cycle, in SI units; NaN where no leg defines it."""
+    legs = count_legs(scores)
+    pooled = {}
+    for table, columns in ((scores.legs, legs), (scores.body, 1)):
+        for name in table.column_names if table is not None else ():
+            if name in ALL_METRICS:
+                pooled[name] = ALL_METRICS[name].pooling.pool(as_array(table, name).reshape(-1, columns))
+    return pooled
+
+
+def select_main(values: Mapping[str, Array], legs: int) -> dict[str, Shown]:
+    """The main metrics that at least one cycle defines, for a run of so many legs."""
+    return {
+        name: shown
+        for name, shown in MAIN.items()
+        if (legs == 1 or shown.over_legs) and not np.isnan(values.get(name, np.nan)).all()
+    }

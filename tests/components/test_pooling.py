@@ -1,0 +1,167 @@
+"""Every value that is shown for several legs is pooled as the registry says, wherever it is shown."""
+
+import math
+import statistics
+
+import numpy as np
+import pytest
+from support.command import cmacexp
+
+from cmacexp.api import load
+from cmacexp.data import manifest as manifests
+from cmacexp.data.parquet import as_array
+from cmacexp.data.tables import Scores, write_scores
+from cmacexp.metrics.body import BODY_METRICS
+from cmacexp.metrics.metric import (
+    CYCLE,
+    LARGE,
+    LARGEST,
+    LEG,
+    MEAN,
+    NEAR_ZERO,
+    NEITHER,
+    RMS,
+    SMALL,
+    SMALLEST,
+    to_table,
+)
+from cmacexp.metrics.pooling import pool_legs
+from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, SHOWN
+from cmacexp.metrics.summary import format_cycles, format_number
+from cmacexp.report.comparison import format_runs, make_rows
+from cmacexp.report.per_cycle import PANELS, draw_metrics
+from cmacexp.report.run_report import make_run_report
+from cmacexp.report.run_summary import read_summary
+from cmacexp.sweep.objective import read_objective
+
+BY_NAME = {
+    "mean": statistics.fmean,
+    "RMS": lambda values: math.sqrt(statistics.fmean(value**2 for value in values)),
+    "largest": max,
+    "smallest": min,
+    "": statistics.fmean,
+}
+
+
+def expected(scores):
+    """Pooled by the names in the registry, worked out without its functions."""
+    found = {}
+    for name, metric in ALL_METRICS.items():
+        table = scores.body if name in BODY_METRICS else scores.legs
+        rows = as_array(table, name).reshape(2, -1).tolist()
+        known = [[value for value in row if not math.isnan(value)] for row in rows]
+        found[name] = [BY_NAME[metric.pooling.name](row) if row else math.nan for row in known]
+    return found
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory):
+    """A walk of two cycles whose metrics are replaced by ones that tell every pooling from every other."""
+    folder = tmp_path_factory.mktemp("pooling") / "walk"
+    cmacexp("scenario=quadruped", "cycles=2", "record=trace", f"hydra.run.dir={folder}", folder=folder.parent)
+    rng = np.random.default_rng(3)
+    legs = {name: rng.normal(0.5, 2.0, (2, 4)) for name in METRICS}
+    for index, values in enumerate(legs.values()):
+        values[index % 2, index % 4] = math.nan
+    legs["force_iae"][:] = math.nan
+    cycle, leg = np.repeat([1, 2], 4), np.tile([1, 2, 3, 4], 2)
+    body = {name: rng.normal(0.5, 2.0, 2) for name in BODY_METRICS}
+    scores = Scores(
+        to_table({"cycle": (CYCLE, cycle), "leg": (LEG, leg)}, legs, METRICS),
+        to_table({"cycle": (CYCLE, np.array([1, 2]))}, body, BODY_METRICS),
+    )
+    manifests.update_files(folder, write_scores(folder, scores))
+    return load(folder), expected(scores)
+
+
+def test_the_pools_follow_their_names(walk):
+    run, values = walk
+    pooled = pool_legs(run.scores)
+    assert list(pooled) == list(ALL_METRICS)
+    for name in ALL_METRICS:
+        np.testing.assert_allclose(pooled[name], values[name], rtol=1e-14, err_msg=name)
+    assert np.isnan(pooled["force_iae"]).all()
+
+
+def test_terminal_and_notebook_show_the_pooled_values(walk):
+    run, values = walk
+    titles, rows = format_cycles(run.scores)
+    main = {name: shown for name, shown in MAIN.items() if shown.over_legs}
+    assert titles == [("cycle", ""), *((shown.title, shown.unit) for shown in main.values())]
+    for cycle, row in enumerate(rows):
+        numbers = [format_number(values[name][cycle] * shown.factor) for name, shown in main.items()]
+        assert row == [str(cycle + 1), *numbers]
+        assert "  ".join(row[1:2]) in repr(run)
+
+
+def test_the_report_of_a_run_shows_the_pooled_values(walk):
+    run, values = walk
+    report = make_run_report(run, [1, 2])
+    (section,) = (section for section in report.sections if section.title == "Metrics per cycle")
+    table = section.parts[-1]
+    rows = {name: rest for name, *rest in table.rows}
+    assert set(rows) == set(ALL_METRICS) - {"force_iae"}
+    for name, (_, pooling, _, *numbers) in rows.items():
+        assert pooling == ALL_METRICS[name].pooling.name
+        assert numbers == [f"{value:.4g}" if value == value else "-" for value in values[name]], name
+
+
+def test_the_figure_of_a_run_draws_the_pooled_values(walk):
+    run, values = walk
+    drawing = draw_metrics(run, "N m")
+    drawn = [line.get_ydata() for axes in drawing.figure.axes for line in axes.lines]
+    names = [name for names in PANELS.values() for name in names if SHOWN[name].over_legs]
+    assert len(drawn) == len(names)
+    for line, name in zip(drawn, names, strict=True):
+        np.testing.assert_allclose(line, SHOWN[name].factor * np.array(values[name]), err_msg=name)
+        assert ALL_METRICS[name].pooling.name in drawing.caption
+
+
+def test_the_lines_of_a_panel_share_their_unit():
+    for names in PANELS.values():
+        assert len({SHOWN[name][1:3] for name in names}) == 1
+
+
+def test_sweep_table_and_objective_take_the_pooled_values(walk):
+    run, values = walk
+    summary = read_summary(run.folder)
+    (row,) = make_rows([summary], [])
+    for name, metric in ALL_METRICS.items():
+        np.testing.assert_allclose(row[f"final_{name}"], values[name][1], rtol=1e-14, err_msg=name)
+        final = values[name][1]
+        sought = abs(final) if metric.better == NEAR_ZERO else final
+        if not math.isnan(sought):
+            assert read_objective(name, summary) == pytest.approx(sought, rel=1e-14)
+    sought = {SMALL: min, LARGE: max, NEAR_ZERO: lambda values: min(values, key=abs)}
+    for name in JUDGED:
+        known = [value for value in values[name] if value == value]
+        assert row[f"best_{name}"] == pytest.approx(sought[ALL_METRICS[name].better](known), rel=1e-14)
+    titles, ((*_, status, cycles, first, _, _, _, share, _, _, _),) = format_runs([summary], [])
+    assert titles[3:8] == ["transfer x\nmm", "transfer y\nmm", "force rmse\nN", "three feet\nN", "feedforward\n%"]
+    assert (status, cycles, first) == ("completed", "2", format_number(1e3 * values["transfer_rmse_x"][1]))
+    assert share == format_number(100.0 * values["feedforward_share"][1])
+
+
+def test_poolings_and_directions_of_families():
+    for name, metric in METRICS.items():
+        if name.endswith("_ratio"):
+            assert (metric.pooling, metric.better) == (MEAN, SMALL)
+        elif name.endswith(("_cycles_to_1_e", "_time")):
+            assert (metric.pooling, metric.better) == (LARGEST, SMALL)
+        elif "_rmse" in name or name.endswith(("_rms", "_ripple", "_change")):
+            assert metric.pooling == RMS
+        elif name.endswith(("_iae_x", "_iae_y", "_ise_x", "_ise_y", "_iae", "_ise", "_itae")):
+            assert (metric.pooling, metric.better) == (MEAN, SMALL)
+        elif name.endswith("_peak"):
+            assert metric.pooling == LARGEST
+    assert METRICS["drift_cycle"].pooling == SMALLEST
+    assert {name for name, metric in BODY_METRICS.items() if "margin" in name} == {
+        name for name, metric in BODY_METRICS.items() if metric.better == LARGE
+    }
+
+
+@pytest.mark.parametrize(("better", "best"), [(SMALL, -3.0), (NEAR_ZERO, 2.0), (LARGE, 5.0), (NEITHER, math.nan)])
+def test_the_best_value_follows_the_direction(better, best):
+    metric = ALL_METRICS["force_rmse"]._replace(better=better)
+    assert metric.find_best(np.array([math.nan, -3.0, 2.0, 5.0])) == pytest.approx(best, nan_ok=True)
+    assert math.isnan(metric.find_best(np.array([math.nan])))
