@@ -1,4 +1,4 @@
-"""What sets runs apart: the keys in which their configs differ, as they are typed on the command line."""
+"""How runs differ: the keys in which their configs differ, as they are typed on the command line."""
 
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -11,7 +11,7 @@ from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.config.targets import NEW_NAMES
 
 MOST_KEYS = 3
-"""Runs that differ in more keys than that are better told by the names of their folders."""
+"""Runs that differ in more keys are labelled by the names of their folders."""
 
 
 @cache
@@ -47,7 +47,7 @@ def flat(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 
 def differences(configs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Of each config, the keys with values in which not all of them agree; a key that it has not is left out."""
+    """For each config, the keys in which not all of them agree, with its values; without keys that it lacks."""
     flats = [flat({k: v for k, v in config.items() if k not in WITHOUT_EFFECT}) for config in configs]
     keys = list(dict.fromkeys(key for each in flats for key in each))
     apart = [key for key in keys if any(key not in each or each[key] != flats[0].get(key) for each in flats)]
@@ -61,7 +61,7 @@ def _text(value: Any) -> str:
 
 
 def labels(configs: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[str]:
-    """A name for each of several runs: what it was given that others were not, else the name of its folder.
+    """A name for each of several runs: the values in which they differ, else the name of its folder.
 
     Args:
         configs: as they stand in the manifests.

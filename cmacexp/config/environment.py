@@ -1,4 +1,4 @@
-"""What the machine stands on and carries, as a config says it: fields of :mod:`cmacexp.config.schema`."""
+"""Fields of the ground under the machine and of the payload on its body."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,12 @@ from cmacexp.config.fields import number
 
 @dataclass
 class TerrainConfig:
-    """Elastic ground (Lin & Song 1997, eq. 1). Planner and controller know of its stiffness alone."""
+    """Elastic ground (Lin & Song 1997, eq. 1). Planner and controller know only its stiffness."""
 
     stiffness: float = number("N/m", at_least=1e-3, at_most=1e9)
     """K_n, the stiffness that the plant feels."""
     assumed_stiffness: float | None = number("N/m", at_least=1e-3, at_most=1e9)
-    """The K_n that planner and controller believe in; null: the true one, before any step of it."""
+    """The K_n that planner and controller assume; null: the true one, before any step of it."""
     patch_size: float = number("m", at_least=1e-3)
     """Side of the square patches of the ground."""
     patch_spread: float = number("", at_least=0, below=1)
@@ -28,14 +28,14 @@ class TerrainConfig:
     step_legs: list[int] | None = number("", at_least=1, at_most=4)
     """Legs under which it steps, by their numbers; null: all."""
     slope: float = number("", above=-1, below=1)
-    """Height that the ground gains over the way, m/m; 0: flat. It is as stiff along the vertical as flat ground."""
+    """Rise of the ground over distance, m/m; 0: flat. Its vertical stiffness is that of flat ground."""
     slope_start: float = number("m")
     """Where the slope begins, x in the world; flat before. The body's centre starts at 0."""
 
 
 @dataclass
 class PayloadConfig:
-    """What is put on the body during a run; planner and controller do not know of it."""
+    """A weight that is put on the body during a run; planner and controller do not know of it."""
 
     weight: float = number("N", at_least=0)
     """0: none."""
@@ -44,4 +44,4 @@ class PayloadConfig:
     y: float = number("m")
     """Where it lies on the body, to the left."""
     time: float = number("s", at_least=0)
-    """From when on it lies there."""
+    """When it is put there."""

@@ -1,4 +1,4 @@
-"""What walks: geometry and masses of the machines."""
+"""Geometry and masses of the machines."""
 
 from dataclasses import dataclass, fields
 
@@ -73,7 +73,7 @@ class QuadrupedMachine:
     """Four legs under a body whose height, pitch and roll balance weight and moments (Lin & Song 1997, section 6)."""
 
     leg: LinksConfig
-    """Links of all legs that ``legs`` does not set otherwise."""
+    """Links of all legs, unless ``legs`` sets those of one leg."""
     legs: FourLegs
     kind: str = choice("quadruped")
     hip_height: float = number("m", above=0.25)
@@ -81,7 +81,7 @@ class QuadrupedMachine:
     body_mass: float = number("kg", above=0)
     """Mass of the body without its legs, for plants and plans in which it moves; 1 kg in the paper."""
     weight: float | None = number("N", above=0)
-    """What the feet carry together where leg masses do not load the body; 40 N in the paper; null: of all masses."""
+    """Load of all feet where leg masses do not load the body; 40 N in the paper; null: weight of all masses."""
 
     @property
     def hips(self) -> list[tuple[float, float]]:

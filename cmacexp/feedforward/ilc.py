@@ -42,7 +42,6 @@ class IterativeLearning(BuiltInFeedforward):
         """Frequency at which the gain of Q is 1/sqrt(2); null: Q = 1."""
 
     def __init__(self, cutoff: float | None):
-        super().__init__()
         self.cutoff = cutoff
 
     def reset(self, setup: Setup) -> None:

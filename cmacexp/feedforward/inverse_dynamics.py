@@ -28,7 +28,6 @@ class InverseDynamics(BuiltInFeedforward):
         """Lengths of the model's links over the true ones; joint angles are planned with the true ones."""
 
     def __init__(self, mass_factor: float = 1.0, length_factor: float = 1.0):
-        super().__init__()
         self.mass_factor = mass_factor
         self.length_factor = length_factor
 

@@ -1,5 +1,6 @@
-"""The built-in feedforwards as parts that a config can name."""
+"""The base class of the feedforwards that the compiled loop knows, and the params that they set."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,29 +26,23 @@ from cmacexp.typing import Array, Cells
 NO_SMOOTHING = Smoothing(np.zeros(0), np.zeros(1))
 
 
-class BuiltInFeedforward:
-    """A feedforward that the fused loop knows; ``law`` says all that it does.
+class BuiltInFeedforward(ABC):
+    """A feedforward that the compiled loop knows; ``params`` define all that it does.
 
-    A subclass gives its law in :meth:`reset`, with :func:`known_torque` or :func:`network`.
+    A subclass sets them in :meth:`reset`, by :func:`known_torque` or :func:`network`.
     """
 
     acts = True
     params: FeedforwardParams
-    memory: list[MemoryUse]
-    """Of the memory of each leg; empty for a feedforward without memory."""
+    memory: Sequence[MemoryUse] = ()
+    """How the memory of each leg is used; empty without memory."""
 
+    @abstractmethod
     def reset(self, setup: Setup) -> None:
-        """Work out everything that the plan fixes."""
-        raise TypeError(f"{type(self).__name__} is a base class; choose one of its subclasses")
-
-    def __init__(self) -> None:
-        self.memory = []
+        """Compute everything that the plan determines."""
 
     def take_log(self, cycles: int) -> Array | None:
-        """What the weights were at the end of each of the last ``cycles`` cycles, see :func:`weight_log.take`.
-
-        None of a feedforward without weights.
-        """
+        """Log of the weights over the last ``cycles`` cycles, see :func:`weight_log.take`; None without weights."""
         return take(self.params.log, self.params.weights, cycles) if self.params.kind in (CMAC, WEIGHTED) else None
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
@@ -75,14 +70,10 @@ def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningParams:
 
 
 def known_torque(setup: Setup, torque: Array | None) -> FeedforwardParams:
-    """A law that gives ``torque`` (N, L, 2), N m, known in advance; None gives none."""
+    """Params of a feedforward whose ``torque`` (N, L, 2), N m, is known in advance; None: no torque."""
     legs = setup.mechanism.legs.shape[0]
-    # One compiled loop fits all laws: what one does not use is empty.
-    cells, activation, weights = (
-        np.zeros((1, legs, 1), dtype=np.uint32),
-        np.zeros((1, legs, 1)),
-        np.zeros((legs, 1, 2)),
-    )
+    # One compiled loop serves all feedforwards: arrays that one does not use are minimal.
+    cells, activation, weights = np.zeros((1, legs, 1), np.uint32), np.zeros((1, legs, 1)), np.zeros((legs, 1, 2))
     kind, table = (NONE, np.zeros((1, legs, 2))) if torque is None else (TABLE, torque)
     learning, log = LearningParams(0.0, 0), new_log(cells)
     return FeedforwardParams(
@@ -93,14 +84,14 @@ def known_torque(setup: Setup, torque: Array | None) -> FeedforwardParams:
 def network(
     setup: Setup, cells: Cells, rows: int, activation: Array | None = None, taps: Array | None = None
 ) -> FeedforwardParams:
-    """A law of one network per leg, linear in its weights, which are zero at first.
+    """Params of one network per leg, linear in its weights, which are zero at first.
 
     Args:
         setup: of the run.
         cells: (N, L, C): rows of the weights that are active at each sample of the cycle.
-        rows: weights of one leg for each of its two outputs.
-        activation: (N, L, C): how much each of them counts, 0 or more; None: all fully, as in a CMAC.
-        taps: (K,): of a symmetric filter along the rows, from the middle outwards; None: the weights stay as learnt.
+        rows: number of weights of one leg for each of its two outputs.
+        activation: (N, L, C): activation of each of them, 0 or more; None: all 1, as in a CMAC.
+        taps: (K,): of a symmetric filter along the rows, once a cycle, from the middle outwards; None: no filter.
 
     Raises:
         BadInput: the learning rule does not fit the network.

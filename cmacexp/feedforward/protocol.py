@@ -1,4 +1,4 @@
-"""What a feedforward is to controller and loop."""
+"""The interface of a feedforward."""
 
 from typing import Protocol, runtime_checkable
 
@@ -7,24 +7,24 @@ from cmacexp.typing import Array, Weights
 
 
 class Feedforward(Protocol):
-    """Torque known from the plan, and improved by what the feedback had to add."""
+    """Torque known from the plan, and improved by the feedback that is still needed."""
 
     acts: bool
-    """False if it never gives a torque, so that references need not make room for it."""
+    """False if its torque is always zero, so that references need not allow for it."""
 
     def reset(self, setup: Setup) -> None:
-        """Forget everything; look at the plan."""
+        """Start a run: forget everything, prepare for the plan."""
         ...
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Learn from the last step's feedback (L, 2), N m, then give this step's torque (L, 2), N m."""
+        """Learn from the last step's feedback (L, 2), N m, then return this step's torque (L, 2), N m."""
         ...
 
 
 @runtime_checkable
 class Learns(Protocol):
-    """A feedforward whose weights can be kept, and started from: ``reset`` finds them in ``Setup.learnt``."""
+    """A feedforward whose weights can be saved, and started from: ``reset`` finds them in ``Setup.learnt``."""
 
     def learnt(self) -> Weights:
-        """What it has learnt, and all that tells which inputs the weights belong to; a copy."""
+        """A copy of its weights, with all that defines which inputs they belong to."""
         ...

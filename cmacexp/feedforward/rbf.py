@@ -79,7 +79,6 @@ class RadialBasis(BuiltInFeedforward):
                 )
 
     def __init__(self, inputs: Sequence[str], centres: int, active: int, width: float):
-        super().__init__()
         self.inputs = list(inputs)
         self.centres = centres
         self.active = active

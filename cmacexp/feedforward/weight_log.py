@@ -1,4 +1,4 @@
-"""What the weights of networks are at the end of each cycle, written down while the compiled loop runs."""
+"""A log of the weights of networks at the end of each cycle, filled by the compiled loop."""
 
 import math
 from typing import NamedTuple
@@ -13,20 +13,20 @@ LOGGED = tuple(signal.name for signal in MEMORY_SIGNALS if signal.owner == FEEDF
 """Columns of a log."""
 NORM, LARGEST, ROWS_USED = (LOGGED.index(name) for name in ("weight_norm", "weight_largest", "rows_used"))
 MOST_CYCLES = 64
-"""Cycles that a log has room for until it is taken."""
+"""Cycles that a log can hold until it is taken."""
 
 
 class WeightLog(NamedTuple):
-    """The log of L networks over the cycles that the loop has begun since it was last taken."""
+    """The log of L networks over the cycles that the loop has begun since the log was last taken."""
 
     rows: Cells
-    """(L, M): the rows that the plan uses, each once; the rest is room."""
+    """(L, M): the rows that the plan uses, each once; padded."""
     used: Counts
-    """(L,): how many those are."""
+    """(L,): number of these rows."""
     values: Array
     """(MOST_CYCLES, L, 3): as LOGGED, at the start of each of these cycles."""
     begun: Counts
-    """(1,): how many those are."""
+    """(1,): number of these cycles."""
 
 
 def new_log(cells: Cells) -> WeightLog:
@@ -40,8 +40,8 @@ def new_log(cells: Cells) -> WeightLog:
 
 
 @kernel
-def weigh(log: WeightLog, weights: Array, told: Array) -> None:
-    """Fill ``told`` (L, 3) with what LOGGED says of ``weights`` (L, rows, 2) now."""
+def weigh(log: WeightLog, weights: Array, entry: Array) -> None:
+    """Fill ``entry`` (L, 3) with the columns LOGGED of ``weights`` (L, rows, 2) now."""
     for i in range(weights.shape[0]):
         power, largest, count = 0.0, 0.0, 0
         for k in range(log.used[i]):
@@ -49,12 +49,12 @@ def weigh(log: WeightLog, weights: Array, told: Array) -> None:
             power += first * first + second * second
             largest = max(largest, abs(first), abs(second))
             count += 1 if first != 0.0 or second != 0.0 else 0
-        told[i, NORM], told[i, LARGEST], told[i, ROWS_USED] = math.sqrt(power), largest, count
+        entry[i, NORM], entry[i, LARGEST], entry[i, ROWS_USED] = math.sqrt(power), largest, count
 
 
 @kernel
 def log_cycle(log: WeightLog, weights: Array) -> None:
-    """Write down how a cycle finds the weights (L, rows, 2)."""
+    """Log the weights (L, rows, 2) at the start of a cycle."""
     if log.begun[0] < log.values.shape[0]:
         weigh(log, weights, log.values[log.begun[0]])
     log.begun[0] += 1
@@ -74,10 +74,10 @@ def take(log: WeightLog, weights: Array, cycles: int) -> Array:
     Returns:
         (cycles, L, 3): as LOGGED, at the end of each; 0 before the networks learn.
     """
-    told = np.zeros((cycles, *log.values.shape[1:]))
+    entries = np.zeros((cycles, *log.values.shape[1:]))
     begun = int(log.begun[0])
     if begun and cycles:  # a run may end before the first step of a cycle is kept
-        told[cycles - begun : cycles - 1] = log.values[1:begun]
-        weigh_now(log, weights, told[-1])
+        entries[cycles - begun : cycles - 1] = log.values[1:begun]
+        weigh_now(log, weights, entries[-1])
     log.begun[0] = 0
-    return told
+    return entries

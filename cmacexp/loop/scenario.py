@@ -109,6 +109,7 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     """
     find_rule(config.learning.rule)
     check_load_sharing(config)
+    find_rule(config.learning.rule)  # whatever feedforward uses it
     mechanism, plain = make_mechanism(config.machine), to_plain(config)
     for group, component in given.items():
         require_members(group, plain[group].get("_target_"), component)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 
 from cmacexp.config import ComponentConfig, Config, choice, number
 from cmacexp.errors import BadInput
+from cmacexp.sensors.channel import FAULTS
 
 UNIT = "unit of the signal"
 STUCK = ("zero", "last", "value")
@@ -15,7 +16,7 @@ STUCK = ("zero", "last", "value")
 class FaultConfig:
     """A permanent fault of a sensor."""
 
-    kind: str = choice("none", "zero", "last", "value", "bias", "noise")
+    kind: str = choice(*FAULTS)
     """Stuck at zero, at its last reading, at ``value``; or ``value`` is added, or is the deviation of white noise."""
     start: float = number("s", at_least=0)
     value: float = number(UNIT)

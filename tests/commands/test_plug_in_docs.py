@@ -23,8 +23,8 @@ def run_commands(page, folder):
 def controllers(tmp_path_factory):
     """A folder in which everything of the page on controllers has been written and run."""
     folder = tmp_path_factory.mktemp("controller")
-    controller, _, parts = blocks("add-a-controller.md", "python")
-    (folder / "my_controller.py").write_text(controller)
+    controller, checked, _, parts = blocks("add-a-controller.md", "python")
+    (folder / "my_controller.py").write_text(f"{controller}\n\n{checked}")
     (folder / "my_parts.py").write_text(parts)
     (folder / "my_configs" / "controller").mkdir(parents=True)
     (folder / "my_configs" / "controller" / "computed.yaml").write_text(blocks("add-a-controller.md", "yaml")[0])
@@ -47,7 +47,7 @@ def test_it_walks_by_command_line_and_by_config_folder(controllers):
 
 
 def test_the_notebook_lines_run(controllers):
-    _, notebook, _ = blocks("add-a-controller.md", "python")
+    *_, notebook, _ = blocks("add-a-controller.md", "python")
     done = python("-c", notebook, folder=controllers)
     assert done.returncode == 0, done.stderr
     assert "completed, 1200 steps" in done.stdout

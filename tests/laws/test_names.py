@@ -1,0 +1,50 @@
+"""Names that a config can choose and the tables of what they stand for agree."""
+
+from dataclasses import fields
+
+import pytest
+from omegaconf import OmegaConf
+
+from cmacexp.cmac.displacement import DISPLACEMENTS
+from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS
+from cmacexp.config import config_folder
+from cmacexp.config.cmac import INPUTS, CmacConfig
+from cmacexp.config.gait import PATTERNS, GaitConfig
+from cmacexp.config.schema import ForceControlConfig
+from cmacexp.control.hybrid_kernels import METHODS
+from cmacexp.feedforward import Perceptron, RadialBasis
+from cmacexp.planning.columns import JOINT_COLUMNS
+from cmacexp.planning.gait import touch_downs
+from cmacexp.planning.reference import SUPPORT_REFERENCES
+from cmacexp.sensors.channel import FAULTS
+from cmacexp.sensors.config import FaultConfig
+
+CHOICES = [
+    (ForceControlConfig, "method", METHODS),
+    (ForceControlConfig, "method", SUPPORT_REFERENCES),
+    (CmacConfig, "displacement", DISPLACEMENTS),
+    (CmacConfig, "receptive_field", RECEPTIVE_FIELDS),
+    (CmacConfig, "inputs", JOINT_COLUMNS),
+    (Perceptron.Config, "inputs", INPUTS),
+    (RadialBasis.Config, "inputs", INPUTS),
+    (FaultConfig, "kind", FAULTS),
+    (GaitConfig, "pattern", PATTERNS),
+]
+
+
+@pytest.mark.parametrize(("config", "name", "table"), CHOICES)
+def test_a_field_and_the_table_of_its_choices_have_the_same_names(config, name, table):
+    (field,) = [each for each in fields(config) if each.name == name]
+    assert list(field.metadata["choices"]) == list(table)
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_a_gait_has_an_option_with_which_it_is_valid(name, make_config):
+    options = {path.stem: OmegaConf.load(path) for path in (config_folder() / "gait").glob("*.yaml")}
+    (option,) = [stem for stem, values in options.items() if values.pattern == name]
+    pattern = PATTERNS[name]
+    scenario = "scenario=quadruped" if pattern.legs == 4 else "scenario=force_step"
+    assert make_config(scenario, f"gait={option}").legs == pattern.legs
+    phases = touch_downs(name, options[option].duty_factor)
+    assert len(phases) == pattern.legs
+    assert all(0.0 <= phase < 1.0 for phase in phases)
