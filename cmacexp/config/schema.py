@@ -127,6 +127,11 @@ class SweepConfig:
     """Do not run jobs again whose results are in the folder of the sweep."""
 
 
+def count_steps(cycle_time: float, sampling_period: float) -> int:
+    """Samples of one cycle, N = T / T_s."""
+    return round(cycle_time / sampling_period)
+
+
 @dataclass
 class Config:
     """All fields of a run."""
@@ -164,7 +169,7 @@ class Config:
     @property
     def steps_per_cycle(self) -> int:
         """Samples of one cycle, N = T / T_s."""
-        return round(self.gait.cycle_time / self.sampling_period)
+        return count_steps(self.gait.cycle_time, self.sampling_period)
 
     @property
     def legs(self) -> int:

@@ -1,6 +1,7 @@
 """The hybrid position/force controller."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -78,6 +79,10 @@ class HybridController:
         """Legs whose force sensor was found implausible, and the step at which it was."""
         trust = self.state.plausible
         return {i + 1: int(trust.steps[i]) for i in np.flatnonzero(trust.trusted == 0.0).tolist()}
+
+    def manifest_entries(self) -> dict[str, Any]:
+        """The force sensors that were dropped: leg, and the step at which it happened."""
+        return {"dropped": [{"leg": leg, "step": step} for leg, step in self.dropped.items()]}
 
     def act(self, reference: Reference, measurement: Measurement) -> Action:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""

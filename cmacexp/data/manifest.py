@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from cmacexp.config import config_hash
 from cmacexp.data.files import sha256, write_atomically
 from cmacexp.errors import BadRun
 from cmacexp.version import __version__
@@ -45,6 +46,24 @@ def git_commit() -> str | None:
     except (OSError, subprocess.TimeoutExpired):
         return None
     return answer.stdout.strip() if answer.returncode == 0 else None
+
+
+def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: Any) -> Manifest:
+    """The manifest of a run of a plain ``config``; without further entries of one that took no step."""
+    return {
+        "status": status,
+        "cause": cause,
+        "seed": config.get("seed"),
+        "config": config,
+        "config_hash": config_hash(config),
+        "versions": versions(),
+        "git_commit": git_commit(),
+        "steps": 0,
+        "rollout_seconds": 0.0,
+        "wall_seconds": 0.0,
+        "files": {},
+        **entries,
+    }
 
 
 def write(folder: Path, manifest: Manifest) -> None:

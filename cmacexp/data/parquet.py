@@ -50,7 +50,7 @@ def write_table(table: pa.Table, path: Path) -> None:
         writer.write_table(table)
 
 
-def parts_of(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
+def read_groups(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
     """The table that :func:`table_writer` wrote, or some columns of it, part by part."""
     with pq.ParquetFile(path) as file:
         for group in range(file.num_row_groups):

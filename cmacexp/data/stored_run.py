@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from cmacexp.config.schema import count_steps
 from cmacexp.data import manifest as manifests
 from cmacexp.data.parquet import read_table
 from cmacexp.data.tables import BODY, BODY_METRICS, METRICS, TRACE, Scores
@@ -46,7 +47,7 @@ class StoredRun:
     @property
     def steps_per_cycle(self) -> int:
         """Samples of one cycle."""
-        return round(self.config["gait"]["cycle_time"] / self.config["sampling_period"])
+        return count_steps(self.config["gait"]["cycle_time"], self.config["sampling_period"])
 
     @property
     def whole_cycles(self) -> int:

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from cmacexp.data.files import write_atomically
-from cmacexp.data.parquet import as_array, parts_of, rows_of, write_table
+from cmacexp.data.parquet import as_array, read_groups, rows_of, write_table
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, make_schema, select_signals
 from cmacexp.errors import BadRun
 
@@ -38,9 +38,14 @@ class Scores(NamedTuple):
     """One row per cycle; None without a body."""
 
 
-def _parts(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
+def read_parts(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
+    """A table of a run part by part, or some columns of it.
+
+    Raises:
+        BadRun: it is missing or cannot be read.
+    """
     try:
-        yield from parts_of(path, columns)
+        yield from read_groups(path, columns)
     except (OSError, pa.ArrowException) as error:
         raise BadRun(f"{path}: cannot be read as a trace ({str(error).splitlines()[0]})") from None
 
@@ -52,7 +57,7 @@ def steps_by_cycle(folder: Path) -> dict[int, int]:
         BadRun: it is missing or cannot be read.
     """
     steps: dict[int, int] = {}
-    for part in _parts(folder / TRACE, ["cycle", "leg"]):
+    for part in read_parts(folder / TRACE, ["cycle", "leg"]):
         cycles, counts = np.unique(as_array(part, "cycle")[as_array(part, "leg") == 1], return_counts=True)
         for cycle, count in zip(cycles.tolist(), counts.tolist(), strict=True):
             steps[cycle] = steps.get(cycle, 0) + count
@@ -63,7 +68,7 @@ def _read(path: Path, columns: Sequence[Signal], cycles: tuple[int, int], every:
     """A window of a trace, of which one step in ``every``; read part by part, so that no more than it is held."""
     kept: list[pa.Table] = []
     seen = 0
-    for part in _parts(path):
+    for part in read_parts(path):
         missing = {column.name for column in columns if not column.added} - set(part.column_names)
         if missing:
             raise BadRun(f"{path}: not a trace: it has no {', '.join(sorted(missing))}")

@@ -1,7 +1,9 @@
 """The base class of the feedforwards that the compiled loop knows, and the params that they set."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +20,7 @@ from cmacexp.feedforward.kernels import (
     Smoothing,
     feedforward_step,
 )
-from cmacexp.feedforward.weight_log import new_log, take
+from cmacexp.feedforward.weight_log import LOGGED, new_log, take
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Cells
@@ -41,9 +43,22 @@ class BuiltInFeedforward(ABC):
     def reset(self, setup: Setup) -> None:
         """Compute everything that the plan determines."""
 
-    def take_log(self, cycles: int) -> Array | None:
-        """Log of the weights over the last ``cycles`` cycles, see :func:`weight_log.take`; None without weights."""
-        return take(self.params.log, self.params.weights, cycles) if self.params.kind in (CMAC, WEIGHTED) else None
+    def take_memory(self, cycles: int) -> dict[str, Array] | None:
+        """Columns of ``memory.parquet`` for the last ``cycles`` cycles, (cycles, L) by name; None without weights."""
+        if self.params.kind not in (CMAC, WEIGHTED):
+            return None
+        log = take(self.params.log, self.params.weights, cycles)
+        counted = [use.cells_colliding for use in self.memory] or [None]
+        colliding = np.array([math.nan if count is None else count for count in counted])
+        return {
+            **{name: log[:, :, column] for column, name in enumerate(LOGGED)},
+            "rows": np.full(log.shape[:2], float(self.params.weights.shape[1])),
+            "cells_colliding": np.broadcast_to(colliding, log.shape[:2]),
+        }
+
+    def manifest_entries(self) -> dict[str, Any]:
+        """How each leg uses its memory."""
+        return {"memory": [use._asdict() for use in self.memory]}
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
         """Learn from the last step's feedback (L, 2), N m, then give this step's torque (L, 2), N m."""

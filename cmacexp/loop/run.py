@@ -45,8 +45,8 @@ class Samples(NamedTuple):
     """(steps, L, columns), in the order of :mod:`cmacexp.loop.samples`."""
     body: Array
     """(steps, columns), likewise."""
-    weights: Array | None
-    """(cycles, L, 3): the weights at the end of each cycle, in the order of LOGGED; None without weights."""
+    memory: dict[str, Array] | None
+    """Columns of ``memory.parquet``, (cycles, L) by name; None without weights."""
 
     def columns(self) -> dict[str, Array]:
         """Of the legs, (steps, L) by column name."""
@@ -100,10 +100,10 @@ class _Ending:
             self.cause = f"after step {self.loop.taken}: {_told(raised)}"
 
 
-def _weights(scenario: Scenario, cycles: int) -> Array | None:
-    """What the weights of a built-in feedforward were at the end of each of the last ``cycles`` cycles."""
+def _memory(scenario: Scenario, cycles: int) -> dict[str, Array] | None:
+    """What a built-in feedforward reports of its memory in the last ``cycles`` cycles."""
     feedforward = scenario.feedforward
-    return feedforward.take_log(cycles) if isinstance(feedforward, BuiltInFeedforward) else None
+    return feedforward.take_memory(cycles) if isinstance(feedforward, BuiltInFeedforward) else None
 
 
 def _go_as_planned(body: Array, start: int, config: Config) -> None:
@@ -167,7 +167,7 @@ def stream(
         if setup.mechanism.kind == POINT_MASS:
             samples[:done, :, joints] = np.nan
         with interrupt_held_back() as interrupted:
-            keep(Samples(start, samples[:done], body[:done], _weights(scenario, -(-done // period))))
+            keep(Samples(start, samples[:done], body[:done], _memory(scenario, -(-done // period))))
         if ending.status == "completed":
             with ending.caught():
                 if interrupted():

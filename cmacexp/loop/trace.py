@@ -15,7 +15,6 @@ from cmacexp.data.signals import (
     make_schema,
     select_signals,
 )
-from cmacexp.feedforward.weight_log import LOGGED
 from cmacexp.planning.columns import X, Y
 from cmacexp.planning.plan import Plan
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
@@ -95,22 +94,18 @@ def assemble_body(
     return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=make_schema(columns))
 
 
-def assemble_memory(weights: Array, rows: int, colliding: Sequence[float], first_cycle: int) -> pa.Table:
+def assemble_memory(memory: dict[str, Array], first_cycle: int) -> pa.Table:
     """The memory of the networks of L legs over a run, or a part of it, one row per cycle and leg.
 
     Args:
-        weights: (cycles, L, 3): as :data:`cmacexp.feedforward.weight_log.LOGGED`.
-        rows: of the memory of one network.
-        colliding: (L,): cells that share their row with another; NaN if not counted.
+        memory: (cycles, L) by column name.
         first_cycle: number of the first of these cycles.
     """
-    cycles, legs = weights.shape[:2]
+    cycles, legs = next(iter(memory.values())).shape
     columns = {
+        **memory,
         "cycle": np.repeat(np.arange(first_cycle, first_cycle + cycles), legs),
         "leg": np.tile(np.arange(1, legs + 1), cycles),
-        **{name: weights[:, :, k].ravel() for k, name in enumerate(LOGGED)},
-        "rows": np.full(cycles * legs, float(rows)),
-        "cells_colliding": np.tile(np.asarray(colliding, dtype=float), cycles),
     }
-    arrays = [arrow(columns[c.name], c.type) for c in MEMORY_SIGNALS]
+    arrays = [arrow(columns[signal.name].ravel(), signal.type) for signal in MEMORY_SIGNALS]
     return pa.Table.from_arrays(arrays, schema=make_schema(MEMORY_SIGNALS))

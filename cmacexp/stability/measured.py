@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.data.parquet import as_array, parts_of
+from cmacexp.data.parquet import as_array, read_groups
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import TRACE
 from cmacexp.errors import BadRun
@@ -52,7 +52,7 @@ def _cycles(run: StoredRun) -> Iterator[tuple[int, Array]]:
     """Every cycle in the trace with its feedback torques, (rows, 2)."""
     rest: list[Array] = []
     current = None
-    for part in parts_of(run.folder / TRACE, ["cycle", *FEEDBACK]):
+    for part in read_groups(run.folder / TRACE, ["cycle", *FEEDBACK]):
         cycle = as_array(part, "cycle")
         torques = np.stack([as_array(part, name) for name in FEEDBACK], axis=1)
         starts = [0, *(np.flatnonzero(np.diff(cycle)) + 1).tolist(), len(cycle)]

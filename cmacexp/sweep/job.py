@@ -7,7 +7,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from cmacexp.config import Config, config_hash, to_config
+from cmacexp.config import Config, to_config
 from cmacexp.data import manifest as manifests
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.sweep.start import without_sweep
@@ -38,21 +38,7 @@ def _leave_failure(folder: Path, composed: DictConfig, error: Exception, cause: 
     """Leave a manifest that says why there is no result, and nothing else; as far as the disk takes it."""
     from cmacexp.experiment import clear
 
-    plain = _plain(composed)
-    manifest: manifests.Manifest = {
-        "status": "failed",
-        "cause": cause,
-        "bad_input": isinstance(error, BadInput),
-        "seed": plain.get("seed"),
-        "config": plain,
-        "config_hash": config_hash(plain),
-        "versions": manifests.versions(),
-        "git_commit": manifests.git_commit(),
-        "steps": 0,
-        "rollout_seconds": 0.0,
-        "wall_seconds": 0.0,
-        "files": {},
-    }
+    manifest = manifests.make_manifest(_plain(composed), "failed", cause, bad_input=isinstance(error, BadInput))
     if isinstance(error, BadComponent) or not isinstance(error, CmacexpError | OSError | MemoryError):
         manifest["traceback"] = format_user_traceback(error.raised if isinstance(error, BadComponent) else error)
     try:

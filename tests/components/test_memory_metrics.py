@@ -6,7 +6,7 @@ import pytest
 
 from cmacexp.data.tables import MEMORY, METRICS, METRICS_CSV
 from cmacexp.experiment import run_scenario
-from cmacexp.feedforward.weight_log import MOST_CYCLES
+from cmacexp.feedforward.weight_log import LOGGED, MOST_CYCLES
 from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.score import score
@@ -19,7 +19,11 @@ def weights_after(config, *, fused=True):
     """What is told of the weights cycle by cycle, (cycles, L, 3), and the weights at the end."""
     scenario = make_scenario(config)
     told = []
-    stream(scenario, lambda samples: told.append(samples.weights.copy()), fused=fused)
+    stream(
+        scenario,
+        lambda samples: told.append(np.stack([samples.memory[name] for name in LOGGED], axis=2)),
+        fused=fused,
+    )
     return np.concatenate(told), scenario.feedforward.params.weights
 
 
