@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 
 import pytest
-from support.made_traces import make_trace
 
 from cmacexp.metrics import compute
 from cmacexp.metrics.body import BODY_METRICS
@@ -58,6 +57,8 @@ def test_the_page_has_every_column_with_unit_definition_and_source(heading):
 
 
 def test_the_page_speaks_of_the_columns_that_are_written():
+    from support.made_traces import make_trace  # not where this file runs as a script
+
     table = compute(make_trace("TTSS"), 4)
     assert table.column_names == list(COLUMNS["metrics.parquet"])
     for name, column in COLUMNS["metrics.parquet"].items():
