@@ -26,8 +26,7 @@ class Run(StoredRun):
         """How it ended in a line, titles and rows of its main metrics."""
         manifest = self.manifest
         titles, rows = format_cycles(self.scores)
-        cause = f" {manifest['cause']}" if manifest.get("cause") else ""
-        line = f"{self.folder}: {self.config.get('scenario')}, {self.status}{cause}, {manifest['steps']} steps"
+        line = f"{self.folder}: {self.config.get('scenario')}, {self.ending}, {manifest['steps']} steps"
         return line, [f"{title} {unit}".rstrip() for title, unit in titles], rows
 
     def __repr__(self) -> str:

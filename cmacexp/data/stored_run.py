@@ -45,6 +45,11 @@ class StoredRun:
         return str(self.manifest["status"])
 
     @property
+    def ending(self) -> str:
+        """Status and cause in one line."""
+        return f"{self.status} {self.manifest.get('cause') or ''}".rstrip()
+
+    @property
     def steps_per_cycle(self) -> int:
         """Samples of one cycle."""
         return count_steps(self.config["gait"]["cycle_time"], self.config["sampling_period"])

@@ -1,22 +1,20 @@
-"""Figures of one run over the time of a cycle: foot path, errors, force, torques, body, and how it ended."""
+"""Figures of one run over the time of a cycle: foot path, errors, force, torques and body."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cmacexp.report.figure_data import DESIRED_LINE, SUPPORT, FigureData, legend_above, legend_below, mark
+from cmacexp.report.figure_data import DESIRED_LINE, SUPPORT, FigureData, legend_below, mark
 from cmacexp.report.page import Drawing
-from cmacexp.report.style import FEEDBACK, FEEDFORWARD, SERIES, label, new_figure
+from cmacexp.report.style import FEEDBACK, FEEDFORWARD, label, new_figure
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 CLOCK = "time in the cycle, s"
-LAST_STEPS = 100
-"""Steps shown before a run stopped."""
 SHADED = "The planned support is shaded."
 
 
@@ -30,7 +28,7 @@ def _shade_support(axes: "Axes", data: FigureData, leg: int) -> None:
             axes.axvspan(clock[start], clock[end], color=SUPPORT, zorder=0, linewidth=0)
 
 
-def _cycles(axes: "Axes", data: FigureData, leg: int, value: Callable[["pd.DataFrame"], "pd.Series[float]"]) -> None:
+def _plot(axes: "Axes", data: FigureData, leg: int, value: Callable[["pd.DataFrame"], "pd.Series[float]"]) -> None:
     for index, cycle in enumerate(data.cycles):
         rows = data.select(cycle, leg)
         axes.plot(data.time_in_cycle(rows), value(rows), label=f"cycle {cycle}", **mark(index))
@@ -51,28 +49,22 @@ def _force(axes: "Axes", data: FigureData, leg: int) -> None:
     _shade_support(axes, data, leg)
     first = data.select(data.cycles[0], leg)
     axes.plot(data.time_in_cycle(first), first["force_desired"], label="desired", **DESIRED_LINE)
-    _cycles(axes, data, leg, lambda rows: rows["force"])
+    _plot(axes, data, leg, lambda rows: rows["force"])
     label(axes, data.leg_name(leg) or "contact force", CLOCK, "force, N")
 
 
-def _error_x(axes: "Axes", data: FigureData, leg: int) -> None:
+def _error(axes: "Axes", data: FigureData, leg: int, axis: str) -> None:
     _shade_support(axes, data, leg)
-    _cycles(axes, data, leg, lambda rows: 1e3 * (rows["x"] - rows["x_desired"]))
-    label(axes, data.leg_name(leg) or "error along x", CLOCK, "x - desired, mm")
-
-
-def _error_y(axes: "Axes", data: FigureData, leg: int) -> None:
-    _shade_support(axes, data, leg)
-    _cycles(axes, data, leg, lambda rows: 1e3 * (rows["y"] - rows["y_desired"]))
-    label(axes, data.leg_name(leg) or "error along y", CLOCK, "y - desired, mm")
+    _plot(axes, data, leg, lambda rows: 1e3 * (rows[axis] - rows[f"{axis}_desired"]))
+    label(axes, data.leg_name(leg) or f"error along {axis}", CLOCK, f"{axis} - desired, mm")
 
 
 PANELS: dict[str, tuple[Callable[["Axes", FigureData, int], None], str]] = {
     "foot": (_foot, "Paths of the feet in the frames of their hips, y down"),
     "force": (_force, "Contact force"),
-    "error_x": (_error_x, "Error of the foot along x, forward"),
+    "error_x": (partial(_error, axis="x"), "Error of the foot along x, forward"),
     "error_y": (
-        _error_y,
+        partial(_error, axis="y"),
         "Error of the foot along y, down; in support relative to the depression at the desired force",
     ),
 }
@@ -164,50 +156,3 @@ def draw_body(data: FigureData) -> Drawing:
     legend_below(figure, axes[0])
     caption = "The body over the chosen cycles; the margin is to the planned support polygon."
     return Drawing("body", figure, caption)
-
-
-def _draw_end_of_body(data: FigureData) -> "Figure":
-    assert data.body is not None
-    rows = data.body.tail(LAST_STEPS)
-    figure, axes = new_figure(2, 2, 2.4, sharex=True)
-    for index, name in enumerate(("pitch", "roll")):
-        axes[0].plot(rows["time"], 1e3 * rows[name], label=name, **mark(index))
-    axes[1].plot(rows["time"], 1e3 * rows["height"], color=SERIES[1])
-    for leg in range(1, data.legs + 1):
-        own = data.trace[data.trace["leg"] == leg].tail(LAST_STEPS)
-        axes[2].plot(own["time"], own["force"], label=f"leg {leg}", **mark(leg - 1))
-    axes[3].plot(rows["time"], 1e3 * rows["stability_margin"], color=SERIES[1])
-    label(axes[0], "tilt of the body", "", "angle, mrad")
-    label(axes[1], "height of the body", "", "height, mm")
-    label(axes[2], "contact forces", "time, s", "force, N")
-    label(axes[3], "stability margin, nearest edge", "time, s", "margin, mm")
-    legend_above(axes[0])
-    legend_above(axes[2])
-    return figure
-
-
-def _draw_end_of_legs(data: FigureData) -> "Figure":
-    figure, axes = new_figure(1, 2, 2.6)
-    speeds, unit = (("dq1", "dq2"), "joint speed, rad/s") if data.has_joints else (("vx", "vy"), "speed, m/s")
-    for leg in range(1, data.legs + 1):
-        own = data.trace[data.trace["leg"] == leg].tail(LAST_STEPS)
-        whose = f"leg {leg} " if data.legs > 1 else ""
-        for index, name in enumerate(speeds):
-            part = f"joint {index + 1}" if data.has_joints else "along " + "xy"[index]
-            axes[0].plot(own["time"], own[name], label=whose + part, **mark(2 * (leg - 1) + index))
-        axes[1].plot(own["time"], own["force"], label=whose + "force", **mark(leg - 1))
-    label(axes[0], "speed", "time, s", unit)
-    label(axes[1], "contact force", "time, s", "force, N")
-    for ax in axes:
-        if data.legs == 1:
-            legend_above(ax)
-        else:
-            ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.25), ncols=2)
-    return figure
-
-
-def draw_end(data: FigureData, status: str) -> Drawing:
-    """The last steps of a run that fell or diverged."""
-    figure = _draw_end_of_body(data) if data.body is not None and status == "fell" else _draw_end_of_legs(data)
-    steps = min(LAST_STEPS, len(data.trace) // data.legs)
-    return Drawing("end", figure, f"The last {steps} recorded steps before the run stopped.")

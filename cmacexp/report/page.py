@@ -1,4 +1,4 @@
-"""A report: sections of text, tables, claims and figures as one HTML file that needs nothing else."""
+"""A report: sections of text, tables, claims and figures as one self-contained HTML file."""
 
 import base64
 import csv
@@ -29,14 +29,14 @@ class Text:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under named columns; numbers come formatted, with their units in the names."""
+    """Rows under named columns; numbers are formatted, with units in the names of their columns."""
 
     kind: ClassVar = "table"
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
     text_columns: int = 1
-    """So many columns hold text and stand to the left."""
+    """Number of columns, from the left, that hold text and are left-aligned."""
 
 
 @dataclass(frozen=True)
@@ -66,16 +66,16 @@ Part = Text | Table | Drawing | Image
 
 
 class Link(NamedTuple):
-    """Something that a claim rests on."""
+    """A link to a run behind a claim."""
 
     name: str
     address: str
-    """As seen from the report."""
+    """Relative to the report."""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """What the paper says, and what came out."""
+    """A claim of the paper, and the measured result."""
 
     claim: str
     where: str
@@ -93,23 +93,23 @@ class Claim:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a report."""
+    """A section of a report."""
 
     title: str
     parts: Sequence[Part]
     claims: Sequence[Claim] = ()
     beyond: bool = False
-    """Tells what the paper did not see, and so comes after what it says."""
+    """Goes beyond the paper, and so comes after its claims."""
 
     @property
     def anchor(self) -> str:
-        """Where a link to it leads."""
+        """Its anchor in the page."""
         return "".join(c if c.isalnum() else "-" for c in self.title.lower())
 
 
 @dataclass(frozen=True)
 class Report:
-    """All that goes into one page."""
+    """The content of one page."""
 
     title: str
     summary: str
@@ -117,9 +117,9 @@ class Report:
     inputs: Sequence[Path]
     """Every file that its numbers are computed from."""
     config: dict[str, Any] = field(default_factory=dict)
-    """What was asked for; stands in the manifest."""
+    """The request; stored in the manifest."""
     runs: Mapping[Path, str] = field(default_factory=dict)
-    """The hash of the config of every run that it tells of, by folder."""
+    """The hash of the config of every run in it, by folder."""
 
     @property
     def claims(self) -> list[Claim]:
@@ -146,7 +146,7 @@ def _image(drawing: Drawing, folder: Path) -> tuple[Image, list[Path]]:
         name = folder / f"{drawing.name}.{kind}"
         with write_atomically(name) as temporary:
             drawing.figure.savefig(temporary, format=kind, metadata=metadata)
-        drawing.figure.set_layout_engine("none")  # found for the first format, it holds for the second
+        drawing.figure.set_layout_engine("none")  # computed for the first format, kept for the second
         files.append(name)
     source = "data:image/svg+xml;base64," + base64.b64encode(files[-1].read_bytes()).decode()
     return Image(drawing.name, source, drawing.caption, drawing.title), files
@@ -169,17 +169,17 @@ def _write_text(path: Path, text: str) -> Path:
 
 
 def relative(path: Path, folder: Path) -> str:
-    """``path`` as seen from ``folder``."""
+    """``path`` relative to ``folder``."""
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
 def write_report(report: Report, folder: Path, key: str) -> Path:
-    """Write a report and its figures; the manifest last, with the hash of every file and of all that it rests on.
+    """Write a report and its figures; the manifest last, with the hash of every file and of its inputs.
 
     Args:
         report: what to write.
-        folder: is made if missing.
-        key: of the code and the inputs that made it, to know later whether it is still up to date.
+        folder: created if missing.
+        key: of the code and the inputs behind it, which shows later whether it is up to date.
 
     Returns:
         The HTML file.

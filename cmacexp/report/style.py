@@ -1,4 +1,4 @@
-"""One look for all figures: legible in print and by colour-blind readers (Okabe & Ito 2008)."""
+"""Style of all figures: legible in print and for colour-blind readers (Okabe & Ito 2008)."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -36,20 +36,20 @@ STYLE: dict[Any, Any] = {
 
 
 def colour(rgb: tuple[int, ...]) -> str:
-    """A colour of the palette as matplotlib takes it."""
+    """A colour of the palette in the notation of matplotlib."""
     return "#" + "".join(f"{part:02X}" for part in rgb)
 
 
 DESIRED, GROUND = colour(palette.DESIRED), colour(palette.GROUND)
 FEEDBACK, FEEDFORWARD = colour(palette.FEEDBACK), colour(palette.FEEDFORWARD)
 SERIES = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Colours of lines that stand beside each other; each also gets a dash or a marker of its own."""
+"""Colours of lines in one figure; each line also has its own dash or marker."""
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (7, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 
 def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: Any) -> tuple["Figure", list["Axes"]]:
-    """A figure of the house's look, and its axes row by row.
+    """A figure in this style, and its axes row by row.
 
     Args:
         rows: of axes.

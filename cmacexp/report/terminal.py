@@ -62,9 +62,8 @@ def format_outcome(result: StoredRun) -> str:
     manifest = result.manifest
     steps, seconds = manifest["steps"], manifest["rollout_seconds"]
     per_step = f", loop {seconds / steps * 1e6:.2f} us a step" if steps else ""
-    cause = f" {manifest['cause']}" if manifest["cause"] else ""
     drift = f"; {format_drift(Drift(**manifest['drift']))}" if manifest["drift"] else ""
-    return f"{result.status}{cause}: {steps} steps in {manifest['wall_seconds']:.2f} s{per_step}{drift}"
+    return f"{result.ending}: {steps} steps in {manifest['wall_seconds']:.2f} s{per_step}{drift}"
 
 
 def print_summary(result: StoredRun) -> None:

@@ -1,0 +1,98 @@
+"""Tables of the report of one run: its properties, metrics, memory and settings."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cmacexp.config.cmac import OUTPUTS, WORD_BYTES
+from cmacexp.config.difference import flat
+from cmacexp.config.machine import LEG_NAMES
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.metrics.drift import Drift, format_drift
+from cmacexp.metrics.pooling import pool_legs
+from cmacexp.metrics.registry import ALL_METRICS, MAIN
+from cmacexp.metrics.summary import format_number
+from cmacexp.report.page import Section, Table, Text
+
+
+def list_facts(run: StoredRun) -> Table:
+    """How the run ended, its size, components, cost and versions."""
+    manifest, config = run.manifest, run.config
+    per_step = 1e6 * manifest["rollout_seconds"] / manifest["steps"]
+    facts = {
+        "folder": str(run.folder),
+        "ended": run.ending,
+        "drift": format_drift(Drift(**manifest["drift"])) if manifest.get("drift") else "not detected",
+        "cycles": f"{run.whole_cycles} of {config['cycles']} requested, {config['gait']['cycle_time']:g} s each",
+        "steps": f"{manifest['steps']} of {1e3 * config['sampling_period']:g} ms",
+        "machine": str(config["machine"]["kind"]),
+        "feedforward": str(config["feedforward"]["_target_"]).rpartition(".")[2],
+        "force control": f"{config['force_control']['method']}, reference {config['reference']}",
+        "closed loop": f"{per_step:.2f} us a step, the whole run {manifest['wall_seconds']:.2f} s",
+        "seed": str(manifest["seed"]),
+        "config hash": str(manifest["config_hash"])[:16],
+        "commit": str(manifest["git_commit"] or "unknown")[:16],
+        "versions": ", ".join(f"{name} {version}" for name, version in manifest["versions"].items()),
+    }
+    return Table(["property", "value"], [[key, value] for key, value in facts.items()], text_columns=2)
+
+
+def _exact(value: float) -> str:
+    return "-" if value != value else f"{value:.4g}"
+
+
+def list_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
+    """Every metric of the chosen cycles, in the units of the files, with its meaning."""
+    rows = []
+    for name, values in pool_legs(run.scores).items():
+        metric = ALL_METRICS[name]
+        if not np.isnan(values).all():
+            meaning = [name, metric.meaning, metric.pooling.name] if run.walks else [name, metric.meaning]
+            rows.append([*meaning, metric.unit or "1", *(_exact(values[cycle - 1]) for cycle in cycles)])
+    titles = ["metric", "meaning", *(["over the legs"] if run.walks else []), "unit"]
+    titles += [f"cycle {cycle}" for cycle in cycles]
+    return Table(titles, rows, "All metrics that are defined in some cycle of the run.", len(titles) - len(cycles))
+
+
+def list_shares(run: StoredRun, cycles: Sequence[int]) -> Table:
+    """Share of the feedforward in the absolute torque, by leg and cycle."""
+    metrics = run.metrics.set_index(["leg", "cycle"])["feedforward_share"]
+    legs, shown = sorted(run.metrics["leg"].unique()), MAIN["feedforward_share"]
+    rows = [
+        [_leg_name(leg, len(legs)), *(format_number(shown.factor * float(metrics[(leg, cycle)])) for cycle in cycles)]
+        for leg in legs
+    ]
+    caption = "Share of the feedforward in feedforward plus feedback, absolute torques over the cycle, " + shown.unit
+    return Table(["leg", *(f"cycle {cycle}" for cycle in cycles)], rows, caption)
+
+
+def _leg_name(leg: int, legs: int) -> str:
+    return f"{leg}, {LEG_NAMES[leg - 1]}" if legs > 1 else str(leg)
+
+
+def list_memory(run: StoredRun) -> list[Section]:
+    """How the networks use their memory; nothing for a run without them."""
+    uses = run.manifest["memory"]
+    if not uses:
+        return []
+    rows = []
+    for leg, use in enumerate(uses, 1):
+        cells, shared = use["cells_visited"], use["cells_colliding"]
+        colliding = "not counted" if cells is None else f"{shared} ({shared / cells:.1%})" if cells else "0"
+        used = f"{use['rows_used']} ({use['rows_used'] / use['rows']:.1%})"
+        visited = "not counted" if cells is None else cells
+        size = use["rows"] * OUTPUTS * WORD_BYTES
+        row = (_leg_name(leg, len(uses)), size, use["rows"], used, visited, colliding, use["clipped"])
+        rows.append([str(cell) for cell in row])
+    titles = ["network of leg", "memory, B", "rows", "rows used", "cells visited", "cells that share a row"]
+    text = (
+        "Along the planned path of one cycle. Cells are those of a CMAC before hashing; cells that share a row of "
+        "memory by hashing train each other. Clipped inputs lie outside the range of the CMAC."
+    )
+    return [Section("Memory of the feedforward", [Text(text), Table([*titles, "clipped inputs"], rows)])]
+
+
+def list_settings(run: StoredRun) -> Section:
+    """The config of the run."""
+    rows = [[key, "null" if value is None else str(value)] for key, value in flat(run.config).items()]
+    return Section("Settings", [Table(["key", "value"], rows, text_columns=2)])
