@@ -1,15 +1,35 @@
-"""What the tests share: configs composed as the command line composes them."""
+"""What the tests share: configs composed as the command line composes them, and code that is compiled once."""
+
+from functools import cache
+from tempfile import TemporaryDirectory
 
 import pytest
 from hypothesis import settings
+from support.command import python
+from support.walks import walk_in
 
 from cmacexp.config.compose import compose_config
+from cmacexp.jit.compiler import cache_folder
 
 settings.register_profile("laws", deadline=None, derandomize=True, max_examples=100)
 settings.load_profile("laws")
+
+
+def pytest_sessionstart(session):
+    """Compile the loop before several processes start: each of them would do so for itself."""
+    several = session.config.getoption("numprocesses", None) and not hasattr(session.config, "workerinput")
+    if several and not session.config.option.collectonly and not any(cache_folder().rglob("*.nbi")):
+        with TemporaryDirectory() as folder:
+            python("-m", "cmacexp", "record=trace", "hydra.run.dir=run", folder=folder)
 
 
 @pytest.fixture(scope="session")
 def make_config():
     """``make_config("scenario=one_leg", "cycles=2")`` gives a Config."""
     return lambda *overrides: compose_config(overrides)
+
+
+@pytest.fixture(scope="session")
+def walk(tmp_path_factory):
+    """``walk("cycles=20")`` gives the walk of that command line; each is run once."""
+    return cache(lambda *overrides: walk_in(tmp_path_factory.mktemp("walk"), *overrides))

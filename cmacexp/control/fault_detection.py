@@ -50,7 +50,7 @@ def new_trust(legs: int) -> Trust:
 
 @kernel
 def expected_force(params: Plausibility, mechanism: Mechanism, i: int, foot: Array, body: Array) -> float:
-    """Contact force that flat ground gives foot ``i`` at its measured depth, N (Lin & Song 1997, eq. 1).
+    """Contact force that flat ground gives foot ``i`` at its measured depth, N (eq. 1).
 
     ``foot`` (L, 2) is in the frames of the hips, ``body`` (3,) is height, pitch and roll.
     """

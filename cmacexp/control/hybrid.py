@@ -22,7 +22,7 @@ class HybridController:
 
     @dataclass
     class Config(ComponentConfig):
-        """Position control and the LEAD compensator (Lin & Song 1997, eq. 5-7, 21)."""
+        """Position control and the LEAD compensator (eq. 5-7, 21)."""
 
         position_gain: float = number("N/m", above=0, at_most=1e9)
         """K_ap."""

@@ -14,7 +14,7 @@ class Lead(NamedTuple):
 
 
 def discretise(omega: float, alpha: float, sampling_period: float) -> Lead:
-    """Bilinear transform of (1 + s/omega)/(1 + s/(alpha omega)) (Lin & Song 1997, eq. 5-7, with K_c = 1).
+    """Bilinear transform of (1 + s/omega)/(1 + s/(alpha omega)) (Lin & Song 1997, eq. 5, 6, with K_c = 1).
 
     Args:
         omega: lower corner frequency, rad/s.

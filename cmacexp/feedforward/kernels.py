@@ -82,7 +82,7 @@ def smooth(weights: Array, smoothing: Smoothing) -> None:
 
 @kernel
 def learn(params: FeedforwardParams, i: int, step: int, sample: int, learning_error: Array) -> None:
-    """Train the network of leg ``i`` at ``sample`` with ``learning_error`` (2,), N m (Lin & Song 1997, eq. 20, 21).
+    """Train the network of leg ``i`` at ``sample`` with ``learning_error`` (2,), N m (eq. 20, 21).
 
     ``step`` counts from 0 over the whole run.
     """
@@ -99,7 +99,7 @@ def learn(params: FeedforwardParams, i: int, step: int, sample: int, learning_er
 
 @kernel
 def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning_error: Array, output: Array) -> None:
-    """Learn from the last step's feedback, then predict this step's torque (Lin & Song 1997, eq. 18, 20, 21).
+    """Learn from the last step's feedback, then predict this step's torque (eq. 18, 20, 21).
 
     Args:
         params: the feedforward; the weights of a network change in place.

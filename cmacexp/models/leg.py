@@ -101,7 +101,7 @@ def forward_dynamics(leg: Leg, trig: Trig, dq1: float, dq2: float, tau_1: float,
 
 @kernel
 def inverse_dynamics(leg: Leg, trig: Trig, dq1: float, dq2: float, ddq1: float, ddq2: float, force: float) -> Pair:
-    """Joint torques, N m, that give the accelerations (rad/s^2) against a contact force (N) (eq. 16, 17)."""
+    """Joint torques, N m, that give accelerations (rad/s^2) against a contact force (N) (Lin & Song 1997, eq. 16)."""
     m11, m12, m22 = inertia(leg, trig)
     bias_1, bias_2 = bias_torque(leg, trig, dq1, dq2)
     contact_1, contact_2 = joint_torque(leg, trig, 0.0, force)

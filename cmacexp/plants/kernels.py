@@ -157,7 +157,7 @@ def contact(params: PlantParams, q: Array, dq: Array, state: PlantState, time: f
 
 @kernel
 def accelerate(params: PlantParams, state: PlantState, dq: Array, tau: Array, ddq: Array) -> None:
-    """Joint accelerations under ``tau`` at the feet and forces in ``state``; fills ``ddq`` (eq. 2, 17)."""
+    """Joint accelerations under ``tau`` and the forces in ``state``; fills ``ddq`` (Lin & Song 1997, eq. 2)."""
     for i in range(dq.shape[0]):
         leg = leg_of(params.mechanism, i)
         if params.mechanism.kind == POINT_MASS:
