@@ -4,13 +4,13 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, fields
-from typing import Any
+from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from cmacexp.config.check import check
-from cmacexp.config.component import COMPONENTS, config_class, fit_fields
+from cmacexp.config.component import COMPONENTS, ComponentConfig, config_class, fit_fields
 from cmacexp.config.fields import listed
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.schema import Config
@@ -37,31 +37,30 @@ def _machine_schema(kind: object) -> DictConfig:
 
 def _component(
     group: str, node: Mapping[str, Any], choices: Mapping[str, str] | None
-) -> tuple[dict[str, Any], DictConfig | None]:
-    """The fields that a component takes, and their schema; None if its class carries no config class."""
+) -> tuple[dict[str, Any], type[ComponentConfig] | None]:
+    """The fields that a component takes, and the config class that it carries, if any."""
     target = node.get("_target_")
     if target in NEW_NAMES:
         if choices is not None:
             say_new_name(str(target))
         node = {**node, "_target_": NEW_NAMES[str(target)]}
     component = find_class(f"{group}._target_", node.get("_target_"))
-    schema = config_class(component)
-    return fit_fields(group, node, component, choices), None if schema is None else OmegaConf.structured(schema)
+    return fit_fields(group, node, component, choices), config_class(component)
 
 
-def _with_schema(plain: dict[str, Any], choices: Mapping[str, str] | None) -> DictConfig:
-    """A plain config with the types of Config, of its machine and of its components."""
-    schema = OmegaConf.structured(Config)
+def _with_schema(composed: DictConfig, choices: Mapping[str, str] | None) -> DictConfig:
+    """A config with the types of Config, of its machine and of its components."""
+    schema, plain = OmegaConf.structured(Config), cast(dict[str, Any], OmegaConf.to_container(composed, resolve=True))
     _require_groups(plain)
     schema.machine = _machine_schema(plain["machine"].get("kind"))
+    fitted: dict[str, Any] = {}
     with current_folder_importable():
         for group in COMPONENTS:
-            plain[group], own = _component(group, plain[group], choices)
+            fitted[group], own = _component(group, plain[group], choices)
             if own is not None:
-                schema[group] = own
-        merged = OmegaConf.merge(schema, plain)
-    assert isinstance(merged, DictConfig)
-    return merged
+                schema[group] = OmegaConf.structured(own)
+    given: Any = composed if all(fitted[group] == plain[group] for group in COMPONENTS) else plain | fitted
+    return cast(DictConfig, OmegaConf.merge(schema, given))
 
 
 def to_config(composed: DictConfig, choices: Mapping[str, str] | None = None) -> Config:
@@ -78,8 +77,7 @@ def to_config(composed: DictConfig, choices: Mapping[str, str] | None = None) ->
         BadInput: names the first key that is wrong.
     """
     try:
-        plain: Any = OmegaConf.to_container(composed, resolve=True)
-        config = OmegaConf.to_object(_with_schema(plain, choices))
+        config = OmegaConf.to_object(_with_schema(composed, choices))
     except OmegaConfBaseException as error:
         raise _explain(error, composed) from error
     assert isinstance(config, Config)
