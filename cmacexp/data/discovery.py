@@ -1,4 +1,4 @@
-"""Runs on disk: finding them, and what the commands that read them share."""
+"""Finding the runs below a folder."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from cmacexp.errors import BadInput, BadRun
 
 
 def is_run(folder: Path) -> bool:
-    """Whether ``folder`` is, or was to become, the folder of a run."""
+    """Whether ``folder`` is the folder of a run, complete or not."""
     named = any((folder / name).exists() for name in (manifests.NAME, "trace.parquet", ".hydra"))
     return named and not manifests.is_report(folder)
 
@@ -17,7 +17,7 @@ def runs_below(folder: Path, reports: bool = False) -> list[Path]:
 
     Args:
         folder: where to look.
-        reports: take folders of reports as well.
+        reports: include folders of reports.
 
     Raises:
         BadRun: the folder does not exist or holds no run.
@@ -34,10 +34,10 @@ def runs_below(folder: Path, reports: bool = False) -> list[Path]:
 
 
 def require_place(key: str, folder: Path) -> Path:
-    """``folder`` if it is one or can become one.
+    """``folder`` if it is a folder or can be created.
 
     Raises:
-        BadInput: a file stands there or above it.
+        BadInput: a file has this path, or that of a parent.
     """
     for path in (folder, *folder.parents):
         if path.exists():

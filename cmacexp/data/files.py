@@ -1,4 +1,4 @@
-"""Files that appear under their final name only when they are whole."""
+"""Writing files atomically, and hashing them."""
 
 import errno
 import hashlib
@@ -8,15 +8,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 REFUSED = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}
-"""What a disk says that is full, or not ours to write on."""
+"""Errors of a disk that is full or not writable."""
 
 
 @contextmanager
 def write_atomically(path: Path) -> Iterator[Path]:
-    """Give a temporary path beside ``path``; rename it to ``path`` when the block ends well, else remove it.
+    """Yield a temporary path beside ``path``; rename it to ``path`` when the block succeeds, else remove it.
 
     Raises:
-        OSError: the disk does not take it; says which file.
+        OSError: the file cannot be written; the message names it.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -35,7 +35,7 @@ def write_atomically(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Wait until no other process holds ``folder`` by this, and hold it; an ended process holds nothing."""
+    """Lock ``folder`` against other processes that lock it; the lock ends with the process."""
     import fcntl
 
     handle = os.open(folder, os.O_RDONLY)
@@ -53,7 +53,7 @@ def sha256(path: Path) -> str:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove what processes that were killed left of files in ``folder``; not what a living one is writing."""
+    """Remove temporary files of ended processes in ``folder``; not those that a running process writes."""
     for part in folder.glob(".*.part"):
         process = part.suffixes[-2].removeprefix(".") if len(part.suffixes) > 1 else ""
         if process == str(os.getpid()) or not (process.isdecimal() and is_alive(int(process))):
@@ -61,7 +61,7 @@ def remove_leftovers(folder: Path) -> None:
 
 
 def is_alive(process: int) -> bool:
-    """Whether a process of this number runs."""
+    """Whether a process with this number runs."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:

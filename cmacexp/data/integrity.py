@@ -1,4 +1,4 @@
-"""Which runs need not be run again: one look-up, for studies and for sweeps that are taken up again."""
+"""Whether a run on disk is complete, unchanged, and the result of a given config."""
 
 from pathlib import Path
 
@@ -10,15 +10,15 @@ from cmacexp.errors import BadRun
 from cmacexp.jit.sources import code_hash
 
 RESULTS = ("completed", "fell", "diverged")
-"""Ends of a run that are a result."""
+"""Status values of a run that has a result."""
 
 
 def is_finished(folder: Path, config: Config) -> bool:
     """Whether ``folder`` holds the whole result of ``config``, made by the code as it is now.
 
-    A run is taken for finished if its manifest says how it ended, names the same hash of the config and of the code,
-    every file that it lists is there unchanged, its traces are as thin as asked for, its weights are kept if asked
-    for, and those that it started from have not changed. Parts of one's own are told apart by their config alone.
+    A run is finished if its manifest has the status of a result and the same hashes of config and code, every file
+    that it lists exists unchanged, its traces have the requested rows, its weights are stored if requested, and the
+    weights that it started from have not changed. The code of custom components is not compared.
     """
     try:
         manifest = manifests.read(folder)
@@ -41,7 +41,7 @@ def _config_hash(folder: Path) -> str | None:
 
 
 def faults(folder: Path) -> list[str]:
-    """What keeps a run or a report from being whole; empty if it is."""
+    """Reasons why a run or a report is not whole; empty if it is."""
     try:
         manifest = manifests.read(folder)
     except BadRun as error:

@@ -1,4 +1,4 @@
-"""The manifest of a run: what ran, how it ended, and which files it left; written last."""
+"""The manifest of a run: config, versions, how it ended, and hashes of its files; written last."""
 
 import json
 import platform
@@ -15,7 +15,7 @@ from cmacexp.version import __version__
 
 NAME = "manifest.json"
 REPORT = "report"
-"""Kind of a manifest that lists a report and all that its numbers are computed from, not a run."""
+"""Kind of a manifest that lists a report and the runs of its numbers, not a run."""
 PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk")
 
 Manifest = dict[str, Any]
@@ -23,7 +23,7 @@ Manifest = dict[str, Any]
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of all that results can depend on."""
+    """Versions of everything that results can depend on."""
     found = {"cmacexp": __version__, "python": platform.python_version()}
     for package in PACKAGES:
         try:
@@ -49,7 +49,7 @@ def git_commit() -> str | None:
 
 
 def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: Any) -> Manifest:
-    """The manifest of a run of a plain ``config``; without further entries of one that took no step."""
+    """The manifest of a run of a plain ``config``; the defaults are those of a run that took no step."""
     return {
         "status": status,
         "cause": cause,

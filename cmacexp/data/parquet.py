@@ -15,7 +15,7 @@ from cmacexp.typing import Array, Mask
 
 
 def arrow(values: NDArray[Any], kind: pa.DataType) -> pa.Array:
-    """An Arrow array of ``values``; unlike ``pa.array`` it does not import pandas, which takes longer than a run."""
+    """An Arrow array of ``values``; unlike ``pa.array`` without importing pandas, which takes longer than a run."""
     data = np.ascontiguousarray(values, dtype=kind.to_pandas_dtype())
     return pa.Array.from_buffers(kind, len(data), [None, pa.py_buffer(data)])
 

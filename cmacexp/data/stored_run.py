@@ -1,4 +1,4 @@
-"""A run as it stands on disk, for those who look at it: manifest, and tables as DataFrames."""
+"""A run on disk: its manifest, and its tables as DataFrames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class StoredRun:
     """A finished run; tables are read when they are asked for.
 
     Raises:
-        BadRun: on first use of something that is missing or cannot be read.
+        BadRun: on first use of a file that is missing or cannot be read.
     """
 
     folder: Path

@@ -1,4 +1,4 @@
-"""The tables of a run on disk: its traces, and the metrics that are computed from them alone."""
+"""The tables of a run on disk: names, reading, writing."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ RECORDING = "recording.rrd"
 
 
 class Traces(NamedTuple):
-    """What a run left of every step."""
+    """Tables of the steps of a run, or of some cycles."""
 
     legs: pa.Table
     """One row per step and leg."""
@@ -30,7 +30,7 @@ class Traces(NamedTuple):
 
 
 class Scores(NamedTuple):
-    """What was measured of every cycle."""
+    """Metrics of every cycle."""
 
     legs: pa.Table
     """One row per cycle and leg."""
@@ -51,7 +51,7 @@ def read_parts(path: Path, columns: list[str] | None = None) -> Iterator[pa.Tabl
 
 
 def steps_by_cycle(folder: Path) -> dict[int, int]:
-    """How many steps of each cycle stand in the trace of a run.
+    """Number of steps of each cycle in the trace of a run.
 
     Raises:
         BadRun: it is missing or cannot be read.
@@ -65,7 +65,7 @@ def steps_by_cycle(folder: Path) -> dict[int, int]:
 
 
 def _read(path: Path, columns: Sequence[Signal], cycles: tuple[int, int], every: int) -> pa.Table:
-    """A window of a trace, of which one step in ``every``; read part by part, so that no more than it is held."""
+    """A window of a trace, one step in ``every``; read part by part, to hold no more than the window in memory."""
     kept: list[pa.Table] = []
     seen = 0
     for part in read_parts(path):
@@ -88,8 +88,8 @@ def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int =
 
     Args:
         folder: of the run.
-        cycles: the first and the last that are wanted.
-        every: one step in so many of those.
+        cycles: the first and the last to read.
+        every: read one step in so many.
 
     Raises:
         BadRun: one is missing or cannot be read.
@@ -101,7 +101,7 @@ def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int =
 
 
 def write_memory(folder: Path, memory: Sequence[pa.Table]) -> list[str]:
-    """Write what the weights of a run were at the end of each cycle; the name of the file, if there are any."""
+    """Write the memory of a run at the end of each cycle; the name of the file, if the run has weights."""
     if not memory:
         return []
     write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)

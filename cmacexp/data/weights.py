@@ -1,4 +1,4 @@
-"""What a feedforward has learnt, as a file that another run can start from."""
+"""The weights that a feedforward learnt, as a file that another run can start from."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,13 +18,13 @@ WEIGHTS = "weights.npz"
 
 
 def write_weights(folder: Path, weights: Weights) -> None:
-    """Keep ``weights`` in the folder of a run; equal arrays give equal bytes."""
+    """Write ``weights`` to the folder of a run; equal arrays give equal bytes."""
     with write_atomically(folder / WEIGHTS) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **weights)
 
 
 def _network(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The part of a plain config that must be the same where weights are to mean the same."""
+    """The part of a plain config on which the meaning of weights depends."""
     return {
         "machine": {"kind": config["machine"]["kind"]},
         "feedforward": config["feedforward"],
@@ -33,10 +33,10 @@ def _network(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_weights(config: Config) -> Weights | None:
-    """What the feedforward of a run starts from; None if from nothing.
+    """The weights that the feedforward of a run starts from; None without ``learning.start_from``.
 
     Raises:
-        BadInput: ``learning.start_from`` is no run of the same feedforward that kept its weights.
+        BadInput: ``learning.start_from`` is no run of the same feedforward with stored weights.
     """
     if config.learning.start_from is None:
         return None

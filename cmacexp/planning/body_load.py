@@ -1,7 +1,7 @@
-"""What the feet have to carry together: a weight through the body's centre, or that and the inertia of the legs.
+"""The load that the feet carry together: a weight at the body's centre, or also the inertia of the legs.
 
-The force of the ground on all feet is known by its size and by where it goes through the ground, its centre of
-pressure; there it has no moment about a horizontal axis (Vukobratovic & Borovac 2004, the zero-moment point).
+The force of the ground on all feet is given by its magnitude and its centre of pressure, the point of the ground
+where it has no moment about a horizontal axis (Vukobratovic & Borovac 2004, the zero-moment point).
 """
 
 from typing import NamedTuple
@@ -31,8 +31,8 @@ def static_load(weight: float, samples: int) -> BodyLoad:
 def dynamic_load(mechanism: Mechanism, body_mass: float, desired: Array, joints: Array) -> BodyLoad:
     """Gravity and inertia of a body and of the point masses of its legs, moving as planned.
 
-    The body stays level and goes at constant speed. What accelerates the legs along x is friction at the feet, whose
-    lever arm is the height of the hips. Jumps in velocity, as at both ends of one cubic, have no force here.
+    The body stays level and moves at constant speed. What accelerates the legs along x is friction at the feet, whose
+    lever arm is the height of the hips. Jumps in velocity, as at both ends of one cubic, cause no force here.
 
     Args:
         mechanism: the machine; its body's centre of gravity is in the plane of the hips.

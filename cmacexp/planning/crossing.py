@@ -1,4 +1,4 @@
-"""Whether two legs of one side would run into each other."""
+"""Whether two legs of one side would collide."""
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def _links_cross(a: Array, b: Array, c: Array, d: Array) -> Mask:
 
 
 def check_crossing(config: Config, mechanism: Mechanism, joints: Array) -> None:
-    """Refuse a plan (N, L, 6) in which legs of one side touch.
+    """Check that no legs of one side touch in a plan (N, L, 6).
 
     Raises:
         BadInput: names the legs and the instant.

@@ -1,6 +1,6 @@
 """When each foot is in transfer and when it supports, by integer sample counters.
 
-Counting samples, not seconds, keeps events from moving by one sample in some cycles.
+Counting samples instead of seconds keeps an event at the same sample in every cycle.
 """
 
 from typing import NamedTuple
@@ -29,7 +29,7 @@ class Timing(NamedTuple):
         return self.sample / length
 
 
-def touch_downs(pattern: str, duty_factor: float) -> list[float]:
+def compute_touch_downs(pattern: str, duty_factor: float) -> list[float]:
     """Touch-down of each leg within the cycle, 0 to 1, as :data:`cmacexp.config.gait.PATTERNS` gives it."""
     return [(start + slope * duty_factor) % 1.0 for start, slope in PATTERNS[pattern].touch_downs]
 
@@ -37,7 +37,7 @@ def touch_downs(pattern: str, duty_factor: float) -> list[float]:
 def make_timing(gait: GaitConfig, samples: int) -> Timing:
     """Phases of every leg over one cycle of ``samples`` samples."""
     support_samples = round(samples * gait.duty_factor)
-    phases = gait.touch_down if gait.touch_down is not None else touch_downs(gait.pattern, gait.duty_factor)
+    phases = gait.touch_down if gait.touch_down is not None else compute_touch_downs(gait.pattern, gait.duty_factor)
     since = (np.arange(samples)[:, None] - np.rint(np.array(phases) * samples).astype(np.int64)) % samples
     support = since < support_samples
     return Timing(

@@ -1,11 +1,11 @@
-"""Which part of the weight each supporting foot should carry."""
+"""The share of the weight that each supporting foot should carry."""
 
 import numpy as np
 
 from cmacexp.typing import Array, Mask
 
 LEAST_WILLING = 1e-9
-"""A foot that is not willing counts as so willing where the others cannot do without it."""
+"""Least willingness of a foot that the others cannot balance the load without."""
 ROUNDING = 1e-9
 """A force this much of the weight below zero is rounding."""
 
@@ -21,10 +21,10 @@ def _solve(weight: Array, feet: Array, willing: Array) -> Array:
     return force
 
 
-def _without_one(weight: Array, feet: Array, support: Mask, willing: Array) -> tuple[Array, Array]:
-    """The best forces (N, L) that leave one foot out and pull with none, and what they cost (N,): F^2 / willing.
+def _solve_without_one(weight: Array, feet: Array, support: Mask, willing: Array) -> tuple[Array, Array]:
+    """The best forces (N, L) that leave one foot out and pull with none, and their cost (N,): F^2 / willing.
 
-    Three feet leave no choice, however willing they are. The cost is infinite where every choice pulls.
+    Three feet have one solution, whatever their willingness. The cost is infinite where every choice pulls.
     """
     best, least = np.zeros_like(willing), np.full(len(willing), np.inf)
     for left_out in range(willing.shape[1]):
@@ -40,18 +40,18 @@ def share_load(weight: float | Array, feet: Array, support: Mask, willing: Array
     """Forces that balance the weight and both of its moments, with the least sum of squares.
 
     With three feet there is one solution. With four the sum of F^2/willing is least: the less willing a foot is, the
-    less it takes, down to nothing if the others can do without it.
-    Feet cannot pull: where the solution has some pull, the best one that leaves a foot out is taken.
+    less it carries, down to zero where three feet suffice.
+    Feet cannot pull: where the solution pulls, the best one that leaves a foot out replaces it.
 
     Args:
         weight: N, one or (N,).
         feet: (N, L, 2): feet in the horizontal plane, relative to where the weight goes through it, m.
         support: (N, L): whether a foot is down.
-        willing: (N, L): how willing a foot that is down is to carry, 0 to 1.
+        willing: (N, L): willingness of a foot that is down to carry load, 0 to 1.
 
     Returns:
-        (N, L): N. With fewer than three feet down, or the weight outside them, the moments are balanced
-        as nearly as can be, and feet may pull.
+        (N, L): N. With fewer than three feet down, or the weight outside them, the moments balance as closely as
+        possible, and feet may pull.
     """
     weight = np.broadcast_to(np.asarray(weight, dtype=float), len(feet))
     few = support.sum(axis=1, keepdims=True) <= 3
@@ -59,15 +59,15 @@ def share_load(weight: float | Array, feet: Array, support: Mask, willing: Array
     force = _solve(weight, feet, np.where(support, willing, 0.0))
     pulls = (force < -ROUNDING * weight[:, None]).any(axis=1)
     if pulls.any():
-        others, cost = _without_one(weight[pulls], feet[pulls], support[pulls], willing[pulls])
+        others, cost = _solve_without_one(weight[pulls], feet[pulls], support[pulls], willing[pulls])
         force[pulls] = np.where(np.isfinite(cost)[:, None], others, force[pulls])
     return force
 
 
-def without_pull(force: Array) -> Array:
-    """Forces (N, L) of which none is below zero, of the same sum: a foot that would pull is asked for nothing.
+def remove_pull(force: Array) -> Array:
+    """Forces (N, L) of the same sum without any below zero: a foot that would pull gets none.
 
-    The moments are then out of balance by what it would have pulled, for as long as the load lies outside the feet.
+    The moments are then out of balance by the force that is left out, while the load lies outside the feet.
     """
     pressing = np.maximum(force, 0.0)
     scaled: Array = pressing * (force.sum(axis=1) / pressing.sum(axis=1))[:, None]

@@ -9,14 +9,14 @@ from cmacexp.models.leg import Leg
 from cmacexp.models.mechanism import Mechanism, legs_on_stand, legs_under_body, point_mass
 
 
-def weight_of_masses(machine: QuadrupedMachine) -> float:
+def compute_weight_of_masses(machine: QuadrupedMachine) -> float:
     """Weight of the body and all its legs, N."""
     return GRAVITY * (machine.body_mass + sum(leg.mass_1 + leg.mass_2 for leg in machine.legs.in_order))
 
 
-def total_weight(machine: QuadrupedMachine) -> float:
+def compute_total_weight(machine: QuadrupedMachine) -> float:
     """What the feet carry together, N."""
-    return weight_of_masses(machine) if machine.weight is None else machine.weight
+    return compute_weight_of_masses(machine) if machine.weight is None else machine.weight
 
 
 def make_leg(config: LegConfig) -> Leg:
@@ -31,12 +31,16 @@ def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine) ->
         return point_mass(machine.mass, machine.hip_height)
     if isinstance(machine, QuadrupedMachine):
         legs = [make_leg(leg) for leg in machine.legs.in_order]
-        return legs_under_body(legs, machine.hip_height, machine.hips, total_weight(machine))
+        return legs_under_body(legs, machine.hip_height, machine.hips, compute_total_weight(machine))
     return legs_on_stand([make_leg(machine.leg)], machine.hip_height)
 
 
 def check_load_sharing(config: Config) -> None:
-    """Hold dynamic load sharing to a body whose weight is that of its masses."""
+    """Check that dynamic load sharing has a body whose weight is that of its masses.
+
+    Raises:
+        BadInput: the machine has no body, or another weight.
+    """
     machine = config.machine
     if config.force_control.load_sharing == "static":
         return
@@ -46,8 +50,8 @@ def check_load_sharing(config: Config) -> None:
             config.force_control.load_sharing,
             f"must be static with machine.kind={machine.kind}, whose force is force_control.desired_force",
         )
-    of_masses = weight_of_masses(machine)
-    if abs(total_weight(machine) - of_masses) > TOLERANCE * of_masses:
+    of_masses = compute_weight_of_masses(machine)
+    if abs(compute_total_weight(machine) - of_masses) > TOLERANCE * of_masses:
         raise BadInput(
             "machine.weight",
             machine.weight,

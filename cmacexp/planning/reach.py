@@ -16,14 +16,14 @@ FOLDED = 1e-3
 """Least distance of the foot from where the links lie on each other, and from the height of the hip, m."""
 
 
-def _down(value: float) -> str:
-    """``value`` to four digits, rounded towards minus infinity, so that it is within the limit that it names."""
+def _round_down(value: float) -> str:
+    """``value`` to four digits, rounded towards minus infinity, so that the printed limit is valid itself."""
     scale = 10.0 ** (3 - math.floor(math.log10(abs(value)))) if value else 1.0
     return f"{math.floor(value * scale) / scale:.10g}"
 
 
 def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array) -> None:
-    """Hold the path (N,) of leg ``i`` to its full length."""
+    """Check that the path (N,) of leg ``i`` is within its full length."""
     reach = (mechanism.legs[i, 0] + mechanism.legs[i, 1]) * STRAIGHT
     distance = np.hypot(x, y)
     k = int(np.argmax(distance))
@@ -48,16 +48,16 @@ def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array)
             "machine.hip_height",
             mechanism.hip_height,
             f"{where}, and the ground gives way by {depression:.3g} m under the desired force; "
-            f"must be below {_down(height - 1e-9)} m",
+            f"must be below {_round_down(height - 1e-9)} m",
         )
     # Every x is proportional to the stroke.
     room = np.sqrt(reach**2 - y**2) / np.maximum(np.abs(x), 1e-12)
     widest = config.gait.stroke * float(room.min())
-    raise BadInput("gait.stroke", config.gait.stroke, f"{where}; must be at most {_down(widest)} m")
+    raise BadInput("gait.stroke", config.gait.stroke, f"{where}; must be at most {_round_down(widest)} m")
 
 
 def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array) -> None:
-    """Hold the path (N,) of leg ``i`` below its hip, and outside the circle that a folded leg draws."""
+    """Check that the path (N,) of leg ``i`` is below its hip, and outside the circle of the folded leg."""
     nearest = float(abs(mechanism.legs[i, 0] - mechanism.legs[i, 1])) + FOLDED
     ground = float(y.max())
     if ground <= nearest:
@@ -72,15 +72,15 @@ def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array
             "gait.lift",
             config.gait.lift,
             f"leg {i + 1} cannot lift its foot to {y[k]:.3f} m below the hip, as at sample {k}; "
-            f"must be below {_down(ground - nearest)} m",
+            f"must be below {_round_down(ground - nearest)} m",
         )
 
 
 def check_reach(config: Config, mechanism: Mechanism, desired: Array) -> None:
-    """Hold the desired foot path (N, L, 6) to the reach of every leg.
+    """Check that the desired foot path (N, L, 6) is within the reach of every leg.
 
     Raises:
-        BadInput: names stroke, lift or hip height, whichever is to blame, and what would be in reach.
+        BadInput: names the cause, stroke, lift or hip height, and a value that is within reach.
     """
     for i in range(mechanism.legs.shape[0]):
         x, y = desired[:, i, X], desired[:, i, Y]

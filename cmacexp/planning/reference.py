@@ -1,14 +1,32 @@
 """What the controller is fed in support, so that the foot presses with the desired force (eq. 9, 11, 13, 15).
 
-Each law carries a term in 1/K_a: the error that feedback needs to hold a static load. Once a feedforward holds the
-load the term makes the force too high by its share (4.88 % in the paper's one leg): ``static_load=False`` drops it.
+Each law has a term in 1/K_a: the error that feedback needs to hold a static load. Once a feedforward holds the load,
+the term makes the force too high (by 4.88 % in the paper's one leg); ``static_load=False`` omits it.
 """
 
+import math
 from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.config import Config
+from cmacexp.planning.columns import (
+    ACTING,
+    BEFORE,
+    FORCE_ADDED,
+    FORCE_DESIRED,
+    FORCE_REFERENCE,
+    REFERENCE_COLUMNS,
+    VX,
+    VY,
+    X,
+    Y,
+)  # fmt: skip
+from cmacexp.typing import Array, Mask
 
 
 class Gains(NamedTuple):
-    """Gains that the reference laws know."""
+    """Gains in the reference laws."""
 
     position_gain: float
     """K_ap, N/m."""
@@ -21,7 +39,7 @@ class Gains(NamedTuple):
     admittance: float
     """V_fn, m/(N s)."""
     stiffness: float
-    """K_n as the controller believes it, N/m."""
+    """K_n that the controller assumes, N/m."""
 
 
 class SupportReference(NamedTuple):
@@ -72,5 +90,32 @@ SUPPORT_REFERENCES = {
 
 
 def keeps_static_load(reference: str, feedforward_acts: bool) -> bool:
-    """Whether the 1/K_a term stands: ``literal`` always, ``aware`` until a feedforward acts, else never."""
+    """Whether the laws have the 1/K_a term: ``literal`` always, ``aware`` until a feedforward acts, else never."""
     return reference == "literal" or (reference == "aware" and not feedforward_acts)
+
+
+def plan_reference(config: Config, support: Mask, hip_height: float, desired: Array, force: Array) -> Array:
+    """What the controller is fed, (2, N, L, 7): the desired motion in transfer, the force laws in support.
+
+    For a controller without K_ap and K_av the laws omit their terms in 1/K_a and K_av/K_ap.
+    """
+    method = config.force_control
+    gains = Gains(
+        *(config.gains or (math.inf, 0.0)),
+        method.force_gain,
+        method.elasticity,
+        method.admittance,
+        config.assumed_stiffness,
+    )
+    reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS))
+    copied = [X, Y, VX, VY]
+    reference[..., copied], reference[..., FORCE_DESIRED] = desired[..., copied], force
+    for stage in (BEFORE, ACTING):
+        keeps = config.gains is not None and keeps_static_load(config.reference, stage == ACTING)
+        law = SUPPORT_REFERENCES[method.method](gains, keeps)
+        reference[stage, support, Y] = hip_height + law.depression * force[support]
+        reference[stage, support, VY] = law.velocity * force[support]
+        reference[stage, support, FORCE_REFERENCE] = law.force * force[support]
+        if config.reference == "force_feedforward":
+            reference[stage, support, FORCE_ADDED] = force[support]
+    return reference

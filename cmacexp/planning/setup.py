@@ -1,4 +1,4 @@
-"""What every part of a run may know before it starts."""
+"""What every component may know before a run starts, and what the plan prescribes for one step."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -25,7 +25,7 @@ class Setup:
 
 
 class Reference(NamedTuple):
-    """What the plan says of one step; L is the number of legs."""
+    """What the plan prescribes for one step; L is the number of legs."""
 
     step: int
     """Counts from 0 over the whole run."""

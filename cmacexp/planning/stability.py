@@ -27,7 +27,7 @@ def _half_hull(feet: list[Array]) -> list[Array]:
 
 
 def polygon(feet: Array) -> Array:
-    """Convex hull of feet (n, 2), counterclockwise (Andrew 1979); a foot inside the others is no corner."""
+    """Convex hull of feet (n, 2), counterclockwise (Andrew 1979); a foot inside the hull is no corner."""
     ordered = [feet[i] for i in np.lexsort((feet[:, 1], feet[:, 0]))]
     return np.array(_half_hull(ordered) + _half_hull(ordered[::-1]))
 
@@ -63,7 +63,7 @@ def plan_margins(mechanism: Mechanism, feet: Array, support: Mask) -> Array:
 
 
 def check_stability(config: Config, support: Mask, planned: Array) -> None:
-    """Refuse a gait that is not statically stable throughout.
+    """Check that a gait is statically stable throughout.
 
     Raises:
         BadInput: names the instant, and the feet that are down or the margin.

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from cmacexp.errors import BadInput
 from cmacexp.planning import make_plan
 from cmacexp.planning.body_load import dynamic_load
-from cmacexp.planning.load_sharing import without_pull
+from cmacexp.planning.load_sharing import remove_pull
 from cmacexp.planning.machine import make_mechanism
 
 SMOOTH = ("gait.vertical=two_cubics",)
@@ -94,7 +94,7 @@ def test_feet_are_asked_to_press_only_and_in_support_only(planned, overrides):
 
 def test_a_foot_that_would_pull_is_asked_for_nothing_and_the_sum_stays():
     forces = np.array([[20.0, 10.0, -5.0, 15.0], [10.0, 10.0, 10.0, 10.0]])
-    assert_allclose(without_pull(forces), [[20.0 * 8.0 / 9.0, 10.0 * 8.0 / 9.0, 0.0, 15.0 * 8.0 / 9.0], [10.0] * 4])
+    assert_allclose(remove_pull(forces), [[20.0 * 8.0 / 9.0, 10.0 * 8.0 / 9.0, 0.0, 15.0 * 8.0 / 9.0], [10.0] * 4])
 
 
 def test_a_ramp_takes_a_foot_from_nothing_and_the_depression_follows_the_force(planned):

@@ -14,7 +14,7 @@ from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.leg import Leg, foot_position, foot_velocity, forward_dynamics, trigonometry
 from cmacexp.models.mechanism import legs_on_stand, legs_under_body
-from cmacexp.planning.machine import weight_of_masses
+from cmacexp.planning.machine import compute_weight_of_masses
 from cmacexp.plants import Measurement
 from cmacexp.plants.mujoco_engine import MujocoEngine
 from cmacexp.plants.mujoco_kernels import Bodies, Touch, stick
@@ -161,7 +161,7 @@ def test_a_dynamic_body_walks_as_it_was_planned(make_config):
     assert run.status == "completed"
     n = config.steps_per_cycle
     force = run.columns()["force"][-n:].sum(axis=1).mean()
-    assert force == pytest.approx(weight_of_masses(config.machine), rel=0.01)
+    assert force == pytest.approx(compute_weight_of_masses(config.machine), rel=0.01)
     body = run.body_columns()
     advance = body["cog_x"][-1] - body["cog_x"][-n]
     assert advance == pytest.approx(config.body_speed * config.gait.cycle_time, rel=0.1)

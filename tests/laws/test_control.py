@@ -17,9 +17,10 @@ from cmacexp.control.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_b
 from cmacexp.errors import BadInput
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.models.ground import NEVER
 from cmacexp.models.leg import Leg, joint_torque, trigonometry
 from cmacexp.models.mechanism import legs_on_stand, point_mass
-from cmacexp.planning.plan import ACTING, BEFORE, NEVER
+from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains, keeps_static_load
 
 corners = st.floats(0.5, 50.0)

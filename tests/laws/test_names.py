@@ -14,7 +14,7 @@ from cmacexp.config.schema import ForceControlConfig
 from cmacexp.control.hybrid_kernels import METHODS
 from cmacexp.feedforward import Perceptron, RadialBasis
 from cmacexp.planning.columns import JOINT_COLUMNS
-from cmacexp.planning.gait import touch_downs
+from cmacexp.planning.gait import compute_touch_downs
 from cmacexp.planning.reference import SUPPORT_REFERENCES
 from cmacexp.sensors.channel import FAULTS
 from cmacexp.sensors.config import FaultConfig
@@ -45,6 +45,6 @@ def test_a_gait_has_an_option_with_which_it_is_valid(name, make_config):
     pattern = PATTERNS[name]
     scenario = "scenario=quadruped" if pattern.legs == 4 else "scenario=force_step"
     assert make_config(scenario, f"gait={option}").legs == pattern.legs
-    phases = touch_downs(name, options[option].duty_factor)
+    phases = compute_touch_downs(name, options[option].duty_factor)
     assert len(phases) == pattern.legs
     assert all(0.0 <= phase < 1.0 for phase in phases)

@@ -1,0 +1,109 @@
+"""Where the feet should be and with which force, over one cycle."""
+
+import numpy as np
+
+from cmacexp.config import Config
+from cmacexp.errors import BadInput
+from cmacexp.jit.compiler import program
+from cmacexp.models.ground import depression_for
+from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
+from cmacexp.models.mechanism import POINT_MASS, Mechanism, leg_of
+from cmacexp.planning.body_load import BodyLoad
+from cmacexp.planning.columns import AX, AY, DDQ1, DDQ2, DQ1, DQ2, Q1, Q2, VX, VY, X, Y
+from cmacexp.planning.foot_path import VERTICAL, line, quintic
+from cmacexp.planning.gait import Timing
+from cmacexp.planning.load_sharing import remove_pull, share_load
+from cmacexp.typing import Array
+
+
+def plan_horizontal(config: Config, timing: Timing) -> Array:
+    """Desired x, vx, ax (N, L, 3) of every foot in the frame of its hip."""
+    support_time = timing.support_samples * config.sampling_period
+    transfer_time = timing.transfer_samples * config.sampling_period
+    front, rear = config.gait.stroke / 2.0, -config.gait.stroke / 2.0
+    motion = np.zeros((*timing.support.shape, 3))
+    support, progress = timing.support, timing.progress
+    motion[support] = np.stack(line(front, rear, progress[support], support_time), axis=1)
+    if timing.transfer_samples:
+        path = quintic(rear, front, (rear - front) / support_time, progress[~support], transfer_time)
+        motion[~support] = np.stack(path, axis=1)
+    return motion
+
+
+def plan_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> tuple[Array, Array]:
+    """Desired force (N, L), N, and its rate, N/s; it rises along a ramp if the gait has one.
+
+    One leg presses with F_d; under a body the feet (N, L, 2) share the load.
+    """
+    elapsed, ramp = timing.sample * config.sampling_period, config.gait.load_ramp
+    rising = timing.support & (elapsed < ramp)
+    willing = np.where(timing.support, np.where(rising, elapsed / ramp if ramp else 1.0, 1.0), 0.0)
+    force = config.force_control.desired_force
+    if force is None:
+        # The rate matters for the path of a soft foot only: the depression of a quadruped's is a few mm.
+        shared = share_load(load.force, feet - load.centre[:, None, :], timing.support, willing)
+        if config.force_control.load_sharing == "dynamic":
+            # A swinging leg may briefly move the load slightly outside the three feet that are down.
+            shared = remove_pull(shared)
+        return shared, np.zeros_like(willing)
+    return force * willing, np.where(rising, force / ramp if ramp else 0.0, 0.0)
+
+
+def plan_motion(config: Config, timing: Timing, hip_height: float, force: Array, rate: Array) -> Array:
+    """Desired motion (N, L, 6) of every foot; in support at the depression that gives the desired force."""
+    gait, stiffness = config.gait, config.assumed_stiffness
+    transfer_time = timing.transfer_samples * config.sampling_period
+    desired = np.zeros((*timing.support.shape, 6))
+    desired[..., [X, VX, AX]] = plan_horizontal(config, timing)
+    for i in range(timing.support.shape[1]):
+        support, s = timing.support[:, i], timing.progress[:, i]
+        desired[support, i, Y] = hip_height + depression_for(stiffness, force[support, i])
+        desired[support, i, VY] = depression_for(stiffness, rate[support, i])
+        if timing.transfer_samples:
+            s = s[~support]
+            first, last = timing.sample[:, i] == 0, timing.sample[:, i] == timing.support_samples - 1
+            take_off, touch_down = desired[support & last, i, Y][0], desired[support & first, i, Y][0]
+            check_apex(config, touch_down - take_off)
+            vertical = VERTICAL[gait.vertical](take_off, touch_down, gait.lift, s, transfer_time)
+            for column, values in zip((Y, VY, AY), vertical, strict=True):
+                desired[~support, i, column] = values
+    return desired
+
+
+def check_apex(config: Config, gap: float) -> None:
+    """Check that a single cubic has its only extreme at mid transfer.
+
+    Args:
+        config: of the run.
+        gap: of the touch-down below the take-off point, m; not 0 where the foot presses differently at both.
+
+    Raises:
+        BadInput: the cubic would go through the ground instead.
+    """
+    gait = config.gait
+    if gait.vertical == "cubic" and abs(gap) > 1e-12 and gait.lift < 1.25 * abs(gap):
+        raise BadInput(
+            "gait.lift",
+            gait.lift,
+            f"must be at least {1.25 * abs(gap):.6g} m for one cubic between ends {abs(gap):.3g} m apart in height; "
+            "or take gait.vertical=two_cubics",
+        )
+
+
+@program
+def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
+    """Joint angles, velocities and accelerations along ``desired`` (N, L, 6); fills ``joints`` (N, L, 6)."""
+    for k in range(desired.shape[0]):
+        for i in range(desired.shape[1]):
+            x, y, vx, vy, ax, ay = desired[k, i]
+            if mechanism.kind == POINT_MASS:
+                q1, q2, dq1, dq2, ddq1, ddq2 = x, y, vx, vy, ax, ay
+            else:
+                leg = leg_of(mechanism, i)
+                q1, q2 = inverse_kinematics(leg, x, y)
+                trig = trigonometry(q1, q2)
+                dq1, dq2 = joint_velocity(leg, trig, vx, vy)
+                ddq1, ddq2 = joint_acceleration(leg, trig, dq1, dq2, ax, ay)
+            joints[k, i, Q1], joints[k, i, Q2] = q1, q2
+            joints[k, i, DQ1], joints[k, i, DQ2] = dq1, dq2
+            joints[k, i, DDQ1], joints[k, i, DDQ2] = ddq1, ddq2
