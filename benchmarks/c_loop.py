@@ -10,13 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from cmacexp.control import CmacFeedforward, HybridController
-from cmacexp.loop.samples import SAMPLES
 from cmacexp.loop.scenario import Scenario
 from cmacexp.models.mechanism import LEGS_ON_STAND
 from cmacexp.planning.columns import FORCE_DESIRED, JOINT_COLUMNS
 from cmacexp.plants import AnalyticPlant
 from cmacexp.typing import Array
 
+COLUMNS = (
+    "x_reference", "y_reference", "x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2", "force", "force_measured",
+    "tau_feedback_1", "tau_feedback_2", "tau_feedforward_1", "tau_feedforward_2",
+)  # fmt: skip
+"""Signals that ``one_leg.c`` writes in every step."""
 SOURCE = Path(__file__).with_name("one_leg.c")
 FLAGS = ["-O2", "-ffp-contract=off", "-shared", "-fPIC"]
 """Contraction is off everywhere but on x86-64 anyway; with it a fused multiply-add would change the last bits."""
@@ -103,7 +107,7 @@ def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
     """Run a fresh ``scenario=one_leg`` from its first step to its last in C.
 
     Returns:
-        Samples (steps, columns) in the order of :data:`SAMPLES`, and seconds in the loop.
+        Samples (steps, columns) in the order of COLUMNS, and seconds in the loop.
     """
     config, plant = scenario.setup.config, scenario.plant
     assert isinstance(plant, AnalyticPlant)
@@ -118,7 +122,7 @@ def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
     state = CState(force=first.force[0])
     for name in ("q", "dq", "foot", "velocity"):
         setattr(state, name, tuple(getattr(first, name)[0]))
-    samples = np.full((config.cycles * config.steps_per_cycle, len(SAMPLES)), np.nan)
+    samples = np.full((config.cycles * config.steps_per_cycle, len(COLUMNS)), np.nan)
     count, room = ctypes.c_int64(len(samples)), ctypes.c_void_p(samples.ctypes.data)
     began = time.perf_counter()
     taken = library.one_leg(ctypes.byref(params), ctypes.byref(state), count, room)

@@ -28,7 +28,7 @@ def assemble(
     start: int = 0,
     columns: Sequence[Signal] = select_signals(LEG_SIGNALS),
 ) -> pa.Table:
-    """The trace of a run, or of a part of it, from what was planned and what the loop wrote down.
+    """The trace of a run, or of a part of it, from the plan and the samples.
 
     Args:
         plan: the cycle that repeats.

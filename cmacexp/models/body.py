@@ -36,7 +36,7 @@ STEEPEST = 1.4
 
 
 class Load(NamedTuple):
-    """A weight, N, and where it goes through the plane of the hips, forward and left of the body's centre, m."""
+    """A weight, N, and the point of the plane of the hips where it acts, forward and left of the body's centre, m."""
 
     weight: float
     x: float
@@ -53,7 +53,7 @@ def depth(body: Array, x: float, y: float, down: float) -> float:
 
 @kernel
 def depth_rate(body: Array, rate: Array, x: float, y: float) -> float:
-    """Speed, m/s, at which the point (x, y, 0) of a body goes down that moves with ``rate`` (3,), m/s and rad/s."""
+    """Speed, m/s, at which the point (x, y, 0) of a body moves down, for a body with ``rate`` (3,), m/s and rad/s."""
     sp, cp = sine_cosine(body[1])
     sr, cr = sine_cosine(body[2])
     return -rate[0] + (x * cp + y * sr * sp) * rate[1] - y * cr * cp * rate[2]

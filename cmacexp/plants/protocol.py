@@ -1,4 +1,4 @@
-"""What a plant is to the loop: something that takes torques over a sampling period and can be measured."""
+"""The protocol of plants, and the measurement that they give."""
 
 from typing import NamedTuple, Protocol
 
@@ -26,12 +26,12 @@ class Measurement(NamedTuple):
     body_rate: Array
     """(3,): rates of height, m/s, of pitch and roll, rad/s; zero without a body."""
     travel: Array | None = None
-    """(3,): where a body that really moves is in the world, x and y, m, and its yaw, rad, positive to the left;
-    None of one that goes as planned."""
+    """(3,): position in the world of a body that the plant moves, x and y, m, and its yaw, rad, positive to the left;
+    None if the body moves as planned."""
 
 
 STATE = Measurement._fields[:-1]
-"""What every machine measures; only a body that really moves has a travel."""
+"""What every machine measures; only a plant that moves the body measures its travel."""
 
 
 def state_of(measurement: Measurement) -> tuple[Array, ...]:
