@@ -17,7 +17,7 @@ class FaultConfig:
     """A permanent fault of a sensor."""
 
     kind: str = choice(*FAULTS)
-    """Stuck at zero, at its last reading, at ``value``; or ``value`` is added, or is the deviation of white noise."""
+    """One of the faults in cmacexp/sensors/channel.py, which docs/sensors.md describes."""
     start: float = number("s", at_least=0)
     value: float = number(UNIT)
 
