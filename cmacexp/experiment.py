@@ -36,7 +36,7 @@ from cmacexp.loop.trace import assemble, assemble_body, assemble_memory
 from cmacexp.metrics.drift import Drift, make_drift_entry
 from cmacexp.metrics.score import RunScorer
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
-from cmacexp.sensors.protocol import altered_by
+from cmacexp.sensors.protocol import find_altered
 
 
 class Columns(NamedTuple):
@@ -57,7 +57,7 @@ def clear(folder: Path) -> None:
 
 def _columns(scenario: Scenario) -> Columns:
     """Columns of the traces; sensors that alter a signal, or are supervised, add some."""
-    altered, watched = altered_by(scenario.sensors), scenario.setup.config.plausibility.enabled
+    altered, watched = find_altered(scenario.sensors), scenario.setup.config.plausibility.enabled
     walks = scenario.setup.mechanism.kind == LEGS_UNDER_BODY
     legs = select_signals(LEG_SIGNALS, altered, watched)
     return Columns(legs, select_signals(BODY_SIGNALS, altered) if walks else None)

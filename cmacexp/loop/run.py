@@ -22,7 +22,7 @@ from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_guard
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.planning.stability import STABILITY
-from cmacexp.sensors.protocol import altered_by
+from cmacexp.sensors.protocol import find_altered
 from cmacexp.typing import Array
 
 MOST_ROWS = 1 << 15
@@ -147,7 +147,7 @@ def stream(
     legs = setup.mechanism.legs.shape[0]
     fits = min(max(1, MOST_ROWS // (period * legs)), MOST_CYCLES)
     together = min(cycles, fits if isinstance(loop, FusedRun) else 1)
-    wide = config.plausibility.enabled or bool(altered_by(scenario.sensors) - {"force"})
+    wide = config.plausibility.enabled or bool(find_altered(scenario.sensors) - {"force"})
     samples, body = make_samples(together * period, legs, wide)
     names = WIDE_SAMPLES[: samples.shape[2]]
     joints = [column for column, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]

@@ -9,8 +9,8 @@ from cmacexp.models.leg import foot_position, foot_velocity
 from cmacexp.models.mechanism import POINT_MASS, Mechanism, leg_of, trig_of, trigonometries
 from cmacexp.plants.kernels import PlantState
 from cmacexp.plants.protocol import Measurement
-from cmacexp.sensors.channel import Channel, Sensing, reading
-from cmacexp.typing import Array
+from cmacexp.sensors.channel import CHANNEL, Sensing, read_channel
+from cmacexp.typing import Scratch
 
 OF_A_LEG = 5
 """Channels of each leg: contact force, two joint angles, two joint velocities."""
@@ -21,14 +21,14 @@ OF_A_BODY = 6
 class Seen(NamedTuple):
     """What the controller sees, in the fields of :class:`Measurement`; then what follows from the joint angles."""
 
-    q: Array
-    dq: Array
-    foot: Array
-    velocity: Array
-    force: Array
-    body: Array
-    body_rate: Array
-    trig: Array
+    q: Scratch
+    dq: Scratch
+    foot: Scratch
+    velocity: Scratch
+    force: Scratch
+    body: Scratch
+    body_rate: Scratch
+    trig: Scratch
     """(L, 4): sines and cosines of the joint angles."""
 
 
@@ -43,7 +43,7 @@ def no_sensing() -> Sensing:
     return Sensing(
         False,
         (False, False),
-        np.zeros((0, len(Channel._fields))),
+        np.zeros(0, CHANNEL),
         np.zeros((0, 3), dtype=np.int64),
         np.zeros((0, 1)),
         np.zeros((0, 2)),
@@ -74,11 +74,11 @@ def sense(sensing: Sensing, mechanism: Mechanism, step: int, true: Measurement |
     legs = seen.force.shape[0]
     for i in range(legs):
         c = OF_A_LEG * i
-        seen.force[i] = reading(sensing, c, step, true.force[i])
+        seen.force[i] = read_channel(sensing, c, step, true.force[i])
         for j in range(2):
-            seen.q[i, j] = reading(sensing, c + 1 + j, step, true.q[i, j])
-            seen.dq[i, j] = reading(sensing, c + 3 + j, step, true.dq[i, j])
+            seen.q[i, j] = read_channel(sensing, c + 1 + j, step, true.q[i, j])
+            seen.dq[i, j] = read_channel(sensing, c + 3 + j, step, true.dq[i, j])
     for j in range(3):
-        seen.body[j] = reading(sensing, OF_A_LEG * legs + j, step, true.body[j])
-        seen.body_rate[j] = reading(sensing, OF_A_LEG * legs + 3 + j, step, true.body_rate[j])
+        seen.body[j] = read_channel(sensing, OF_A_LEG * legs + j, step, true.body[j])
+        seen.body_rate[j] = read_channel(sensing, OF_A_LEG * legs + 3 + j, step, true.body_rate[j])
     see_feet(sensing, mechanism, true, seen)

@@ -41,6 +41,6 @@ class PerfectSensors:
         return true
 
 
-def altered_by(sensors: Sensors) -> frozenset[str]:
+def find_altered(sensors: Sensors) -> frozenset[str]:
     """The :data:`SIGNALS` that ``sensors`` may change."""
     return frozenset(getattr(sensors, "alters", SIGNALS))
