@@ -1,7 +1,7 @@
 """Array types that the whole project shares."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,22 @@ Counts = NDArray[np.int64]
 Cells = NDArray[np.unsignedinteger[Any]]
 """Rows of CMAC memory; without a sign, so that compiled code need not look for rows that count from the end."""
 
+
+class Role(NamedTuple):
+    """What an array that the loop changes means for the steps that follow; declared where the array is."""
+
+    name: str
+    ring_axis: int | None = None
+    """Of a ring buffer the axis of its samples: that of step k is at k % length."""
+
+
+STATE, CLOCK, SCRATCH = Role("state"), Role("clock"), Role("scratch")
+State = Annotated[Array, STATE]
+"""Carried from step to step; learning can amplify it."""
+Clock = Annotated[Array, CLOCK]
+"""Carried from step to step, but the same for all states: time, distance, flags, logs."""
+Scratch = Annotated[Array, SCRATCH]
+"""Computed in each step before it is read."""
 
 Weights = Mapping[str, NDArray[Any]]
 """What a feedforward has learnt, and the law by which it is addressed: arrays by name."""

@@ -1,12 +1,12 @@
 """What becomes of the commanded torque on its way to the joints."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from cmacexp.config.schema import ActuatorConfig
 from cmacexp.jit.compiler import kernel
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Role, State
 
 
 class Actuator(NamedTuple):
@@ -18,9 +18,9 @@ class Actuator(NamedTuple):
     """Largest change of a torque from one step to the next, N m; infinite for none."""
     delay: int
     """Samples from command to action."""
-    line: Array
+    line: Annotated[Array, Role("state", ring_axis=0)]
     """(delay + 1, 2, L, 2): commanded feedback and feedforward of the last steps, N m; empty without a delay."""
-    last: Array
+    last: State
     """(L, 2): torque of the last step, N m."""
 
 

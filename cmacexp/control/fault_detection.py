@@ -12,7 +12,7 @@ from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import depth
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Clock, State
 
 MOST_DOUBT = 1.0
 """What one sample can add to the doubt, however wrong it is."""
@@ -35,11 +35,11 @@ class Plausibility(NamedTuple):
 class Trust(NamedTuple):
     """What is known of the force sensors so far; L is the number of legs."""
 
-    doubt: Array
+    doubt: State
     """(L,): sum of the doubts, at least 0."""
-    trusted: Array
+    trusted: Clock
     """(L,): 1, and 0 since the sensor was dropped, for good."""
-    steps: Array
+    steps: Clock
     """(L,): steps for which it was trusted."""
 
 

@@ -15,7 +15,7 @@ from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import depth, depth_rate
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism, torque_for
 from cmacexp.planning.columns import FORCE_ADDED, FORCE_DESIRED, FORCE_REFERENCE, VX, VY, X, Y
-from cmacexp.typing import Array, Mask
+from cmacexp.typing import Array, Mask, Scratch, State
 
 STIFFNESS, DAMPING, COMBINED, EXPLICIT = range(4)
 METHODS = {"stiffness": STIFFNESS, "damping": DAMPING, "combined": COMBINED, "explicit": EXPLICIT}
@@ -48,15 +48,15 @@ class HybridParams(NamedTuple):
 class HybridState(NamedTuple):
     """LEAD states, and what the last step gave; L is the number of legs."""
 
-    error: Array
+    error: State
     """(L, 2): weighted error of the last step, N."""
-    output: Array
+    output: State
     """(L, 2): LEAD output of the last step, U without the desired force, N."""
-    feedback: Array
+    feedback: Scratch
     """(L, 2): feedback torque J^T (U + F_d), N m."""
-    learning_error: Array
+    learning_error: State
     """(L, 2): what a feedforward learns from, J^T U, N m."""
-    reference: Array
+    reference: Scratch
     """(L, 2): x and y that the last step was fed, posture control included, m."""
     plausible: Trust
 

@@ -9,7 +9,7 @@ from cmacexp.cmac.rules import NEIGHBOURS, PAPER, RuleParams, rate_after, train_
 from cmacexp.cmac.spread import train_spread
 from cmacexp.feedforward.weight_log import WeightLog, log_cycle
 from cmacexp.jit.compiler import kernel
-from cmacexp.typing import Array, Cells
+from cmacexp.typing import Array, Cells, Scratch, State
 
 NONE, TABLE, CMAC, WEIGHTED = range(4)
 
@@ -40,7 +40,7 @@ class Smoothing(NamedTuple):
 
     taps: Array
     """(K,): from the middle outwards; empty: none."""
-    room: Array
+    room: Scratch
     """(rows,): to work in."""
 
 
@@ -58,7 +58,7 @@ class FeedforwardParams(NamedTuple):
     """(N, L, C): active rows of the networks at the planned inputs."""
     activation: Array
     """(N, L, C): how much each of them counts; of WEIGHTED, and of a CMAC whose rule is not the paper's."""
-    weights: Array
+    weights: State
     """(L, rows, 2): weights of the networks, one per leg."""
     learning: LearningParams
     smoothing: Smoothing

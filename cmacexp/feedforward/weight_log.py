@@ -1,13 +1,13 @@
 """A log of the weights of networks at the end of each cycle, filled by the compiled loop."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from cmacexp.data.signals import FEEDFORWARD, MEMORY_SIGNALS
 from cmacexp.jit.compiler import kernel, program
-from cmacexp.typing import Array, Cells, Counts
+from cmacexp.typing import CLOCK, Array, Cells, Clock, Counts
 
 LOGGED = tuple(signal.name for signal in MEMORY_SIGNALS if signal.owner == FEEDFORWARD)
 """Columns of a log."""
@@ -23,9 +23,9 @@ class WeightLog(NamedTuple):
     """(L, M): the rows that the plan uses, each once; padded."""
     used: Counts
     """(L,): number of these rows."""
-    values: Array
+    values: Clock
     """(MOST_CYCLES, L, 3): as LOGGED, at the start of each of these cycles."""
-    begun: Counts
+    begun: Annotated[Counts, CLOCK]
     """(1,): number of these cycles."""
 
 

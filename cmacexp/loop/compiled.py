@@ -12,14 +12,14 @@ from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.sensors.channel import Sensing
 from cmacexp.sensors.kernels import Seen, sense
-from cmacexp.typing import Array, Mask
+from cmacexp.typing import Array, Mask, Scratch
 
 
 class Torques(NamedTuple):
     """Room for the torques of one step, (L, 2) each, N m."""
 
-    feedforward: Array
-    total: Array
+    feedforward: Scratch
+    total: Scratch
 
 
 class FusedLoop(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import depth
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Clock
 
 RUNNING, DIVERGED, FELL = range(3)
 STATUSES = {DIVERGED: "diverged", FELL: "fell"}
@@ -31,7 +31,7 @@ class Guard(NamedTuple):
     """(N,): planned stability margin over a cycle, m; NaN where there is none."""
     longest_tumble: int
     """Steps of LONGEST_TUMBLE."""
-    tumble: Array
+    tumble: Clock
     """(1,): steps for which the margin has been negative."""
 
 

@@ -18,7 +18,7 @@ from cmacexp.models.ground import (
 )
 from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of, trig_of, trigonometries
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Clock, Scratch, State
 
 
 class Payload(NamedTuple):
@@ -46,35 +46,35 @@ class PlantParams(NamedTuple):
 class PlantState(NamedTuple):
     """What changes: the state, what can be measured of it, and room for the integration."""
 
-    q: Array
+    q: State
     """(L, 2): joint angles, rad; of a point mass its position, m."""
-    dq: Array
+    dq: State
     """(L, 2): joint velocities."""
-    foot: Array
+    foot: State
     """(L, 2): foot in the frame of its hip, m."""
-    velocity: Array
+    velocity: State
     """(L, 2): of the foot, m/s."""
-    force: Array
+    force: State
     """(L,): contact force, N."""
-    body: Array
+    body: State
     """(3,): height of the hips above the undepressed ground, m; pitch and roll, rad."""
-    body_rate: Array
+    body_rate: State
     """(3,): their change over the last sampling period, m/s and rad/s: a quasi-static body has no other velocity."""
-    stiffness: Array
+    stiffness: State
     """(L,): K_n under each foot, N/m."""
-    level: Array
+    level: State
     """(L,): depth below the undepressed ground at which the ground begins to press each foot, m."""
-    spring: Array
+    spring: Scratch
     """(2, L): stiffness and level that a quasi-static body feels within a step where the ground has damping."""
-    pressed: Array
+    pressed: State
     """(L,): depression under each foot at the start of a Runge-Kutta step, m; kept where the ground has damping."""
-    travel: Array
+    travel: Clock
     """(1,): way that the body has gone, m."""
-    clock: Array
+    clock: Clock
     """(1,): sampling periods that have passed."""
-    trig: Array
+    trig: State
     """(L, 4): sines and cosines of the joint angles."""
-    stages: Array
+    stages: Scratch
     """(6, L, 2): room for the integration: joint angles and velocities of a stage, accelerations of all four."""
 
 

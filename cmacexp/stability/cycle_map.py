@@ -1,91 +1,86 @@
-"""One cycle of a run as a map from state to state, and its derivative; the loop is the run's own, not restated.
+"""One cycle of a run as a map from state to state, and its derivative; the map uses the run's own loop.
 
-The state is all that the loop changes: weights in use, joints, what the controller and every other part carries over.
-Which numbers those are is seen, not listed, so that a new rule, sensor or actuator is covered as it comes.
+The state is every array that a component declares as such (:mod:`cmacexp.typing`); of weights, those in use. Clocks
+return with the state, but are not part of it.
 """
 
 import copy
-import math
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.errors import CmacexpError
-from cmacexp.feedforward.kernels import TABLE
+from cmacexp.feedforward.kernels import CMAC, TABLE, WEIGHTED
 from cmacexp.loop.builtin import FusedRun, external_components, fused_parts
 from cmacexp.loop.samples import SAMPLES, make_samples
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.stop import RUNNING, new_guard
-from cmacexp.typing import Array
+from cmacexp.typing import CLOCK, STATE, Array, Role
 
-CLOCKS = ("plant_state.travel", "guard.tumble", "feedforward.log.values")
-"""Arrays that only tell how far a run is: way walked, steps without balance, log. Learning cannot amplify them."""
-RINGS = {"actuator.line": 0, "sensing.line": 1}
-"""Delay lines that are written round and round, each with the axis of its samples: step k stands at k % length."""
 NUDGE = 1e-6
-"""Length of the steps that differences are taken over; the loop is smooth but where feet touch and leave ground."""
+"""Length of the steps of finite differences; the loop is smooth except where feet touch and leave the ground."""
 
 
 class NotPredictable(CmacexpError):
-    """The loop cannot be linearised: parts of another's making, nothing that learns, or a run that ends at once."""
+    """The loop cannot be linearised: external components, nothing that learns, or a run that ends at once."""
 
 
-def _arrays_below(node: Any, path: str) -> Iterator[tuple[str, Any]]:
-    if isinstance(node, np.ndarray):
-        yield path, node
-    elif isinstance(node, tuple):
-        names = getattr(node, "_fields", None) or [str(index) for index in range(len(node))]
-        for inner, part in zip(names, node, strict=True):
-            yield from _arrays_below(part, f"{path}.{inner}" if path else inner)
-
-
-def arrays_of(node: Any) -> list[tuple[str, Any]]:
-    """All arrays below a tuple of tuples, each once, with the names of the fields on the way to it."""
-    found = {id(array): (path, array) for path, array in reversed(list(_arrays_below(node, "")))}
-    return list(reversed(found.values()))
-
-
-def _changed(now: Any, before: Any) -> Any:
-    return (now != before) & ~((now != now) & (before != before))
-
-
-class Place(NamedTuple):
-    """Numbers of one array that belong to the state."""
+class Declared(NamedTuple):
+    """An array of the loop as its component declares it."""
 
     name: str
-    """Fields on the way to it."""
-    flat: Array
-    """The array, flat, as a view."""
-    index: Any
-    """Of the numbers."""
-    ring: tuple[int, int] | None
-    """Samples of a delay line and how many numbers lie from one to the next; None for what is no such line."""
+    """Fields on the path to it."""
+    array: Any
+    role: Role | None
+    """None: the loop does not change it."""
 
-    def at(self, step: int) -> Any:
-        """Index of the numbers at the start of ``step``: the samples of a delay line go by their age."""
-        if self.ring is None:
-            return self.index
-        length, apart = self.ring
-        slot = self.index // apart % length
-        return self.index + apart * ((slot + step) % length - slot)
+
+def _arrays_below(node: Any, path: str, role: Role | None) -> Iterator[Declared]:
+    if isinstance(node, np.ndarray):
+        yield Declared(path, node, role)
+    elif hasattr(node, "_fields"):
+        hints = get_type_hints(type(node), include_extras=True)
+        for name, inner in zip(node._fields, node, strict=True):
+            declared = getattr(hints[name], "__metadata__", (None,))[0]
+            yield from _arrays_below(inner, f"{path}.{name}" if path else name, declared)
+
+
+def list_arrays(loop: Any) -> list[Declared]:
+    """All arrays of a loop, each once: components may share them, and the first one declares the role."""
+    found: dict[int, Declared] = {}
+    for each in _arrays_below(loop, "", None):
+        found.setdefault(id(each.array), each)
+    return list(found.values())
+
+
+def _read(part: Declared, step: int) -> Array:
+    """The values of a state array, (n,); samples of a ring buffer are sorted by age."""
+    axis = part.role.ring_axis if part.role else None
+    return np.ravel(part.array if axis is None else np.roll(part.array, -step, axis))
+
+
+def _write(part: Declared, step: int, values: Array) -> None:
+    axis = part.role.ring_axis if part.role else None
+    shaped = values.reshape(part.array.shape)
+    part.array[...] = shaped if axis is None else np.roll(shaped, step, axis)
 
 
 class Loop:
-    """A scenario in the fused loop that can be put back to where it was.
+    """A scenario in the compiled loop whose state can be read and set.
 
     Args:
-        scenario: fresh; of parts that the fused loop knows.
+        scenario: fresh; of built-in components.
 
     Raises:
-        NotPredictable: it has other parts.
+        NotPredictable: it has external components.
     """
 
     def __init__(self, scenario: Scenario):
         external = external_components(scenario)
         if any(external) or scenario.fault is not None:
-            raise NotPredictable("parts that the compiled loop does not know cannot be linearised")
+            raise NotPredictable("external components cannot be linearised")
         setup = scenario.setup
         config, legs = setup.config, setup.mechanism.legs.shape[0]
         guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
@@ -94,18 +89,26 @@ class Loop:
         self.config = config
         self.period = config.steps_per_cycle
         self.samples, self.body = make_samples(self.period, legs, False)
-        self.places: list[Place] = []
-        self._first = [(array, array.copy()) for _, array in arrays_of(self.run.loop)]
-        self._others: list[tuple[Any, Any]] = []
-        self._taken = 0
+        self._list_state()
+
+    def _list_state(self) -> None:
+        feedforward = self.run.loop.feedforward
+        arrays = list_arrays(self.run.loop)
+        learns = feedforward.kind in (CMAC, WEIGHTED)
+        self._weights, log = feedforward.weights, feedforward.log
+        states = [each for each in arrays if each.role is not None and each.role.name == STATE.name]
+        self._parts = [each for each in states if each.array is not self._weights]
+        self._in_use = [rows[:used] for rows, used in zip(log.rows, log.used, strict=True)] if learns else []
+        self._clocks = [(each.array, each.array.copy()) for each in arrays if each.role == CLOCK]
+        self._held = self.run.taken
 
     @property
     def cycles(self) -> int:
-        """Whole cycles done so far."""
+        """Completed cycles."""
         return self.run.taken // self.period
 
     def advance(self, steps: int) -> bool:
-        """Run some steps, a cycle at the most; whether none of them ended the run."""
+        """Run some steps, at most a cycle; False if the run ended in them."""
         return self.run.run(self.samples[:steps], self.body[:steps]) == RUNNING
 
     def column(self, name: str) -> Array:
@@ -114,78 +117,56 @@ class Loop:
         return self.samples[:, :, first : first + 2].copy()
 
     def play(self, torque: Array) -> None:
-        """From now on the feedforward is ``torque`` (N, L, 2), N m, changed in place or not, and learns no more."""
+        """From now on the feedforward is ``torque`` (N, L, 2), N m, which may change in place; it learns no more."""
         params = self.run.loop.feedforward
         self.run.loop = self.run.loop._replace(feedforward=params._replace(kind=TABLE, torque=torque))
-        self._first = [(array, array.copy()) for _, array in arrays_of(self.run.loop)]
+        self._list_state()
 
-    def hold(self, steps: int) -> Array:
-        """Take the state as it is now for that about which the loop is looked at, over so many steps.
-
-        Returns:
-            The state after those steps, in the order of :meth:`state`.
-
-        Raises:
-            NotPredictable: the run ends in them.
-        """
-        named = arrays_of(self.run.loop)
-        before = [array.copy() for _, array in named]
-        self._taken = self.run.taken
-        if not self.advance(steps):
-            raise NotPredictable(f"the run ends in cycle {self._taken // self.period + 1}")
-        self.places, self._others = [], []
-        for (name, array), old, (_, first) in zip(named, before, self._first, strict=True):
-            moved = _changed(array, old) | _changed(old, first)
-            if not moved.any():
-                continue
-            if array.dtype != np.float64 or name in CLOCKS:
-                self._others.append((array, old))
-                continue
-            axis = RINGS.get(name)
-            ring = None if axis is None else (array.shape[axis], math.prod(array.shape[axis + 1 :]))
-            index = np.flatnonzero(moved if ring is None else np.ones_like(moved))
-            self.places.append(Place(name, array.reshape(-1), index, ring))
-        after = self.state()
-        for (_, array), old in zip(named, before, strict=True):
-            array[...] = old
-        self.run.taken = self._taken
-        return after
+    def hold(self) -> Array:
+        """Remember this step as the one that :meth:`put` returns to; its state, (n,)."""
+        self._clocks = [(array, array.copy()) for array, _ in self._clocks]
+        self._held = self.run.taken
+        return self.state()
 
     def state(self) -> Array:
-        """The numbers that change, (n,)."""
-        return np.concatenate([place.flat[place.at(self.run.taken)] for place in self.places])
+        """The state, (n,)."""
+        weights = [self._weights[i, rows].ravel() for i, rows in enumerate(self._in_use)]
+        return np.concatenate([*(_read(part, self.run.taken) for part in self._parts), *weights])
 
     def put(self, state: Array) -> None:
-        """Go back to where :meth:`hold` was called, with another state."""
+        """Return to the step of :meth:`hold`, with this state (n,)."""
         done = 0
-        for place in self.places:
-            place.flat[place.at(self._taken)] = state[done : done + len(place.index)]
-            done += len(place.index)
-        for array, old in self._others:
-            array[...] = old
-        self.run.taken = self._taken
+        for part in self._parts:
+            _write(part, self._held, state[done : done + part.array.size])
+            done += part.array.size
+        for i, rows in enumerate(self._in_use):
+            self._weights[i, rows] = state[done : done + 2 * len(rows)].reshape(-1, 2)
+            done += 2 * len(rows)
+        for array, held in self._clocks:
+            array[...] = held
+        self.run.taken = self._held
 
-    def derivative(self, about: Array, along: Array, look: Callable[[], Array], steps: int) -> tuple[Array, Array]:
-        """How the state after some steps, and something seen of them, change along a direction.
+    def derivative(self, about: Array, along: Array, observe: Callable[[], Array], steps: int) -> tuple[Array, Array]:
+        """Directional derivative of the state after some steps, and of an observation of them.
 
         Args:
             about: (n,): the state to linearise about.
             along: (n,): direction, not zero.
-            look: gives what is to be seen, after the steps.
+            observe: returns the observation after the steps.
             steps: how many.
 
         Raises:
-            NotPredictable: a run from nearby ends in those steps.
+            NotPredictable: a run from a nearby state ends in those steps.
         """
         size = NUDGE / float(np.linalg.norm(along))
         ends = []
         for sign in (1.0, -1.0):
             self.put(about + sign * size * along)
             if not self.advance(steps):
-                raise NotPredictable("a run from a state nearby ends within a cycle")
-            ends.append((self.state(), look()))
-        (state, seen), (other, seen_other) = ends
-        return (state - other) / (2.0 * size), (seen - seen_other) / (2.0 * size)
+                raise NotPredictable("a run from a nearby state ends within a cycle")
+            ends.append((self.state(), observe()))
+        (state, observed), (other, observed_other) = ends
+        return (state - other) / (2.0 * size), (observed - observed_other) / (2.0 * size)
 
 
 def open_loop(config: Config, prepared: Scenario | None = None) -> Loop:
@@ -193,7 +174,7 @@ def open_loop(config: Config, prepared: Scenario | None = None) -> Loop:
 
     Args:
         config: a checked config.
-        prepared: its scenario if it is already made and has not run; it is left as it is.
+        prepared: its scenario if it is already made and has not run; it stays unchanged.
     """
     if prepared is None:
         return Loop(make_scenario(config))

@@ -118,14 +118,15 @@ def grow(loop: Loop, dimension: int = DIMENSION) -> Growth:
     Raises:
         NotPredictable: the run, or one from nearby, ends within a cycle.
     """
-    done = loop.cycles
-    after = loop.hold(loop.period)
-    now = loop.state()
+    done, now = loop.cycles, loop.hold()
+    if not loop.advance(loop.period):
+        raise NotPredictable(f"the run ends in cycle {done + 1}")
+    after = loop.state()
 
-    def seen() -> Array:
+    def observe() -> Array:
         return np.concatenate([loop.column("tau_feedback").ravel(), loop.column("tau_feedforward").ravel()])
 
-    found = krylov(lambda along: loop.derivative(now, along, seen, loop.period), after - now, dimension)
+    found = krylov(lambda along: loop.derivative(now, along, observe, loop.period), after - now, dimension)
     loop.put(now)
     return Growth(done, found, (loop.period, loop.samples.shape[1], 2))
 

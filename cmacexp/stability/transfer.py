@@ -62,8 +62,7 @@ def _seen_only(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
 def _local(loop: Loop, table: Array) -> Local:
     """Linearise at the step that comes next; ``table`` (N, L, 2) is what the loop plays."""
     sample = loop.run.taken % loop.period
-    loop.hold(1)
-    now = loop.state()
+    now = loop.hold()
 
     def learning_error() -> Array:
         return loop.run.loop.control_state.learning_error.reshape(-1).copy()

@@ -34,8 +34,7 @@ def test_a_torque_shows_in_the_feedback_of_the_next_step(make_config, places):
     loop.play(torque)
     loop.advance(loop.period)
     loop.advance(MID_TRANSFER)
-    loop.hold(3)
-    state, answers = loop.state(), []
+    state, answers = loop.hold(), []
     for sign in (1.0, -1.0):
         loop.put(state)
         torque[MID_TRANSFER, 0, 0] += sign * 1e-4
