@@ -90,7 +90,7 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     first = new_measurement(setup.mechanism.legs.shape[0])
     measured = plant.reset(_own(setup, plant))
     take_measurement(plant, "reset", measured, first)
-    if not isinstance(plant, AnalyticPlant):  # a body of ours without equilibrium is no mistake: it has fallen
+    if not isinstance(plant, AnalyticPlant):  # its body may have no equilibrium: it has fallen, which is a result
         for name, values in zip(STATE, state_of(first), strict=True):
             require_finite(plant, "reset", name, values)
     return first._replace(travel=measured.travel)

@@ -1,10 +1,10 @@
-"""What MuJoCo is told of the ground, and what is measured of its machine, as compiled kernels.
+"""Contact forces for MuJoCo, and measurements of its machine, as compiled kernels.
 
-What MuJoCo calls in every stage is a compiled generator: resuming it costs a tenth of calling a kernel with as many
-arrays, which its caller keeps alive.
+The function that MuJoCo calls in every stage is a compiled generator: resuming it costs a tenth of a call of a kernel
+with as many arrays, which its caller keeps alive.
 
-MuJoCo gives where its bodies are and how they move. Its body 0 is the world; then comes the body of the machine if
-it floats, and of every leg its thigh and its shank, whose centre of mass is the foot.
+MuJoCo provides positions and velocities of its bodies. Body 0 is the world; then comes the body of the machine if it
+floats, then thigh and shank of every leg; the centre of mass of a shank is the foot.
 """
 
 import math
@@ -17,34 +17,34 @@ from cmacexp.typing import Array
 
 
 class Touch(NamedTuple):
-    """How a foot feels the ground."""
+    """The contact of a foot with the ground."""
 
     ground: Ground
     friction: float
-    """Tangential over normal force at most; 0 for a foot that slides freely."""
+    """Largest tangential over normal force; 0: the foot slides freely."""
     stiffness: float
-    """Of the spring that holds a foot where it sticks, N/m."""
+    """Stiffness of the spring that holds a sticking foot, N/m."""
     damping: float
-    """Of the damper beside that spring, N s/m."""
+    """Damping beside that spring, N s/m."""
 
 
 class Bodies(NamedTuple):
-    """Arrays of MuJoCo, which it fills and reads in place; B is the number of its bodies."""
+    """Arrays that MuJoCo fills and reads in place; B is the number of its bodies."""
 
     place: Array
     """(B, 3): centres of mass in the world, m."""
     motion: Array
     """(B, 6): angular velocity, rad/s, and velocity, m/s, of the point of the body that is at ``centre``."""
     centre: Array
-    """(B, 3): centre of mass of all that hangs on a body, m; velocities go by that of the first of a chain."""
+    """(B, 3): centre of mass of a body and its descendants, m; velocities refer to that of the first of a chain."""
     pull: Array
-    """(B, 6): force (N) and moment from outside."""
+    """(B, 6): external force (N) and moment (N m)."""
     turn: Array
     """(B, 9): rotation matrices, row by row."""
 
 
 class Measured(NamedTuple):
-    """Room for what is measured, as in :class:`cmacexp.plants.Measurement`."""
+    """Arrays for measurements, as in :class:`cmacexp.plants.Measurement`."""
 
     foot: Array
     velocity: Array
@@ -55,7 +55,7 @@ class Measured(NamedTuple):
 
 @kernel
 def speed(bodies: Bodies, body: int, first: int, axis: int) -> float:
-    """Velocity along ``axis`` of the centre of mass of ``body``, of whose chain ``first`` is the first, m/s."""
+    """Velocity along ``axis`` of the centre of mass of ``body``, whose chain begins with ``first``, m/s."""
     a, b = (axis + 1) % 3, (axis + 2) % 3
     at, centre, motion = bodies.place, bodies.centre, bodies.motion
     return (
@@ -67,11 +67,11 @@ def speed(bodies: Bodies, body: int, first: int, axis: int) -> float:
 
 @kernel
 def press(touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Array, anchor: Array) -> None:
-    """The ground on the feet: fills ``force`` (L,), N, and ``bodies.pull``.
+    """Forces of the ground on the feet: fills ``force`` (L,), N, and ``bodies.pull``.
 
     Args:
-        touch: the law of contact.
-        bodies: with places and velocities up to date.
+        touch: parameters of the contact.
+        bodies: with present positions and velocities.
         floats: 1 if the machine has a body, else 0.
         stiffness: (L,): K_n under each foot, N/m.
         force: (L,): is filled with the normal forces.
@@ -98,7 +98,7 @@ def press(touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Ar
 
 @kernel
 def stick(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Array) -> None:
-    """Draw the places where feet stick, ``anchor`` (L, 2), along with feet that slide, or that are in the air."""
+    """Move the points where feet stick, ``anchor`` (L, 2), with feet that slide or are in the air."""
     for i in range(force.shape[0]):
         shank = floats + 2 * i + 2
         dx, dy = bodies.place[shank, 0] - anchor[i, 0], bodies.place[shank, 1] - anchor[i, 1]
@@ -110,7 +110,7 @@ def stick(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Array
 
 @kernel
 def observe_stand(bodies: Bodies, hip_height: float, seen: Measured) -> None:
-    """Feet of legs whose hips do not move; fills ``seen``."""
+    """Measure the feet of legs whose hips do not move; fills ``seen``."""
     for i in range(seen.foot.shape[0]):
         thigh, shank = 2 * i + 1, 2 * i + 2
         seen.foot[i, 0], seen.foot[i, 1] = bodies.place[shank, 0], hip_height - bodies.place[shank, 2]
@@ -119,11 +119,11 @@ def observe_stand(bodies: Bodies, hip_height: float, seen: Measured) -> None:
 
 @kernel
 def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> None:
-    """Body and feet of a machine that floats; fills ``seen``.
+    """Measure body and feet of a machine that floats; fills ``seen``.
 
     Args:
-        ground: below the body, whose height is that above it.
-        bodies: with places and velocities up to date.
+        ground: reference of the height of the body.
+        bodies: with present positions and velocities.
         hips: (L, 2): in the body frame, m.
         torso: (6,): velocity of the body in the world, m/s, and its angular velocity in its own frame, rad/s.
         seen: is filled.
@@ -145,7 +145,7 @@ def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen
         x = turn[0] * dx + turn[3] * dy + turn[6] * dz
         z = turn[2] * dx + turn[5] * dy + turn[8] * dz
         seen.foot[i, 0], seen.foot[i, 1] = x - hips[i, 0], -z
-        # What the foot moves in the world because the body turns is not motion of the leg.
+        # Motion of the foot in the world that stems from the rotation of the body is not motion of the leg.
         seen.velocity[i, 0] = turn[0] * vx + turn[3] * vy + turn[6] * vz - w[1] * z + w[2] * hips[i, 1]
         seen.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)
 
