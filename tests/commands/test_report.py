@@ -61,21 +61,26 @@ def text_of(folder):
     return (folder / "report" / "report.html").read_text()
 
 
-def test_a_run_gets_a_page_that_needs_nothing_else(leg):
+@pytest.fixture(scope="module")
+def reported(leg):
+    """The run with its report."""
     assert page(report(leg)).endswith("leg/report/report.html")
-    sources = Sources(text_of(leg)).found
+    return leg
+
+
+def test_a_run_gets_a_page_that_needs_nothing_else(reported):
+    sources = Sources(text_of(reported)).found
     assert len(sources) >= 3
     assert all(source.startswith("data:image/svg+xml;base64,") for source in sources)
-    names = {path.stem for path in (leg / "report" / "figures").iterdir()}
+    names = {path.stem for path in (reported / "report" / "figures").iterdir()}
     assert {"metrics", "tracking", "torques"} <= names
-    assert not list((leg / "report").rglob(".*.part"))
-    assert "Memory of the feedforward" in text_of(leg)
-    assert "How it ended" not in text_of(leg)
+    assert not list((reported / "report").rglob(".*.part"))
+    assert "Memory of the feedforward" in text_of(reported)
+    assert "How it ended" not in text_of(reported)
 
 
-def test_its_manifest_lists_what_it_rests_on_and_a_changed_trace_is_noticed(leg, tmp_path):
-    copy = shutil.copytree(leg, tmp_path / "leg", ignore=shutil.ignore_patterns("report"))
-    page(report(copy))
+def test_its_manifest_lists_what_it_rests_on_and_a_changed_trace_is_noticed(reported, tmp_path):
+    copy = shutil.copytree(reported, tmp_path / "leg")
     manifest = json.loads((copy / "report" / "manifest.json").read_text())
     assert {"../trace.parquet", "../metrics.parquet", "report.html", "figures/tracking.svg"} <= set(manifest["files"])
     verify = ["-m", "cmacexp.verify", str(copy / "report")]
@@ -185,14 +190,14 @@ def test_a_sweep_is_told_by_what_was_swept_and_broken_runs_are_listed(sweep, tmp
 
 
 def test_a_report_is_no_run_to_the_other_commands(sweep):
-    page(report(sweep))
     page(report(sweep / "0"))
+    done = report(sweep)
+    assert page(done)
+    assert done.stdout.count("completed") == 6
     for command in ("score", "verify"):
         done = python("-m", f"cmacexp.{command}", str(sweep), folder=sweep.parent)
         assert done.returncode == 0, done.stderr
     assert done.stdout.count(": completed") == 8
-    again = report(sweep, "--out", sweep.parent / "again")
-    assert again.stdout.count("completed") == 6
 
 
 def test_final_and_best_are_of_whole_cycles(leg):
