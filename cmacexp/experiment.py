@@ -107,9 +107,10 @@ def _write_extras(scenario: Scenario, folder: Path) -> list[str]:
         write_weights(folder, scenario.feedforward.learnt())
         names.append(WEIGHTS)
     if record.recording and (kept := steps_by_cycle(folder)):
-        from cmacexp.recording import part_of, write_recording
+        from cmacexp.recording.window import make_window
+        from cmacexp.recording.write import write_recording
 
-        write_recording(folder, to_plain(scenario.setup.config), folder / RECORDING, part=part_of(kept))
+        write_recording(folder, to_plain(scenario.setup.config), folder / RECORDING, window=make_window(kept))
         names.append(RECORDING)
     return names
 

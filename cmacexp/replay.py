@@ -20,7 +20,7 @@ LONGEST_NAME = 120
 """Characters of the names of runs in the name of a comparison; more are replaced by a hash."""
 
 
-class Wish(NamedTuple):
+class Options(NamedTuple):
     """What is to be shown; None: as usual."""
 
     cycles: str | None = None
@@ -50,36 +50,37 @@ def _what_was_kept(config: dict[str, Any]) -> str:
     return f"; the trace keeps {', '.join(parts)}" if parts else ""
 
 
-def _check_views(wish: Wish, walking: Sequence[bool]) -> None:
+def _check_views(options: Options, walking: Sequence[bool]) -> None:
     """Each view must be there for one of the runs at least."""
-    from cmacexp.recording import panel_names
+    from cmacexp.recording.panels import panel_names
 
     known = list(dict.fromkeys(name for walks in sorted(walking, reverse=True) for name in panel_names(walks)))
-    for name in wish.views or ():
+    for name in options.views or ():
         if name not in known:
             raise BadInput("--views", name, f"no such view; choose from {', '.join(known)}")
 
 
-def rebuild(folder: Path, path: Path, wish: Wish) -> str:
+def rebuild(folder: Path, path: Path, options: Options) -> str:
     """Write the recording of a run from its trace; what it shows.
 
     Raises:
         BadRun: the run has no readable trace or manifest, or no step.
         BadInput: the run has not what is wished for.
     """
-    from cmacexp.recording import part_of, read_cycles, write_recording
+    from cmacexp.recording.window import make_window, read_cycles
+    from cmacexp.recording.write import write_recording
 
     config, kept = manifests.read(folder)["config"], _kept(folder)
-    _check_views(wish, [(folder / BODY).exists()])
-    cycles = read_cycles(wish.cycles, max(kept)) if wish.cycles is not None else None
-    part = part_of(kept, cycles, wish.every)
-    name = write_recording(folder, config, path, label=folder.resolve().name, part=part, names=wish.views)
+    _check_views(options, [(folder / BODY).exists()])
+    cycles = read_cycles(options.cycles, max(kept)) if options.cycles is not None else None
+    window = make_window(kept, cycles, options.every)
+    name = write_recording(folder, config, path, label=folder.resolve().name, window=window, names=options.views)
     if path == folder / RECORDING:
         manifests.update_files(folder, [RECORDING])
-    return name + part.hint + _what_was_kept(config)
+    return name + window.hint + _what_was_kept(config)
 
 
-def compare(folders: Sequence[Path], path: Path, wish: Wish) -> str:
+def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
     """Write one recording of several runs side by side; what it shows.
 
     Raises:
@@ -87,29 +88,31 @@ def compare(folders: Sequence[Path], path: Path, wish: Wish) -> str:
         BadInput: the runs have not what is wished for.
     """
     from cmacexp.config.difference import labels
-    from cmacexp.recording import MOST_RUNS, part_of, read_cycles, root_of, show, write_comparison
+    from cmacexp.recording.compare import MOST_RUNS, make_root, write_comparison
+    from cmacexp.recording.run_view import make_view
+    from cmacexp.recording.window import make_window, read_cycles
 
     if len(folders) > MOST_RUNS:
         raise BadRun(
             f"{len(folders)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare"
         )
-    _check_views(wish, [(folder / BODY).exists() for folder in folders])
+    _check_views(options, [(folder / BODY).exists() for folder in folders])
     cycles = None
-    if wish.cycles is not None:
-        cycles = read_cycles(wish.cycles, min(max(_kept(folder)) for folder in folders), "all runs")
+    if options.cycles is not None:
+        cycles = read_cycles(options.cycles, min(max(_kept(folder)) for folder in folders), "all runs")
     views = []
     configs = [manifests.read(folder)["config"] for folder in folders]
     names = labels(configs, [folder.resolve().name for folder in folders])
     for number, (folder, config, label) in enumerate(zip(folders, configs, names, strict=True), start=1):
-        part = part_of(_kept(folder), cycles, wish.every, sharing=len(folders))
-        traces = read_traces(folder, part.cycles, part.every)
-        views.append(show(traces, config, label, part, root_of(number, label)))
+        window = make_window(_kept(folder), cycles, options.every, sharing=len(folders))
+        traces = read_traces(folder, window.cycles, window.every)
+        views.append(make_view(traces, config, window, label, make_root(number, label)))
     if max(view.time[0] for view in views) > min(view.time[-1] for view in views):
         raise BadInput(
-            "--cycles", wish.cycles, "these cycles of the runs have no time in common; choose earlier ones"
+            "--cycles", options.cycles, "these cycles of the runs have no time in common; choose earlier ones"
         )
-    name = write_comparison(views, path, wish.views)
-    return name + next((view.part.hint for view in views if view.part.hint), "")
+    name = write_comparison(views, path, options.views)
+    return name + next((view.window.hint for view in views if view.window.hint), "")
 
 
 def _comparison_path(folders: Sequence[Path]) -> Path:
@@ -135,29 +138,29 @@ def open_viewer(recording: Path) -> int:
     return subprocess.call([sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(recording)])
 
 
-def _wish(arguments: argparse.Namespace) -> Wish:
+def _read_options(arguments: argparse.Namespace) -> Options:
     every = arguments.every
     if every is not None and not (every.isdecimal() and int(every) > 0):
         raise BadInput("--every", every, "must be a whole number from 1; 1 shows every step")
     views = None if arguments.views is None else list(dict.fromkeys(arguments.views.split(",")))
-    return Wish(arguments.cycles, views, None if every is None else int(every))
+    return Options(arguments.cycles, views, None if every is None else int(every))
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from cmacexp.recording import name_of
+    from cmacexp.recording.write import read_name
 
-    wish = _wish(arguments)
+    options = _read_options(arguments)
     found = {run.resolve(): run for given in arguments.folders for run in runs_below(given)}
     folders = list(found.values())
     out = _out(arguments.out) if arguments.out is not None else None
     path = out or (_comparison_path(folders) if len(folders) > 1 else folders[0] / RECORDING)
-    kept = len(folders) == 1 and out is None and wish == Wish() and not arguments.rebuild
-    shown = name_of(path) if kept and path.exists() else None
+    kept = len(folders) == 1 and out is None and options == Options() and not arguments.rebuild
+    shown = read_name(path) if kept and path.exists() else None
     if shown is not None:
         shown += " (as it was built; --rebuild builds it anew)"
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
-        shown = compare(folders, path, wish) if len(folders) > 1 else rebuild(folders[0], path, wish)
+        shown = compare(folders, path, options) if len(folders) > 1 else rebuild(folders[0], path, options)
     print(f"{path}: {shown}", flush=True)
     return 0 if arguments.no_viewer else open_viewer(path)
 

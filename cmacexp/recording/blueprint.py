@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from cmacexp.recording.panels import SPACE, Panel, Panels, colours_of, depression_of
-from cmacexp.recording.shown_run import ShownRun
+from cmacexp.recording.panels import SPACE, Panel, Panels, describe_colours, describe_depression
+from cmacexp.recording.run_view import RunView
 
 
 def stack(panels: Panels, names: Sequence[str]) -> Panel:
@@ -13,7 +13,7 @@ def stack(panels: Panels, names: Sequence[str]) -> Panel:
     return rrb.Vertical(*map(panels.make, names), row_shares=[panels.share(name) for name in names])
 
 
-def _walk(panels: Panels, view: ShownRun) -> rrb.Container:
+def _walk(panels: Panels, view: RunView) -> rrb.Container:
     """The walk in space and from front, side and top, beside its gait, forces, posture and stability."""
     names = ("gait", "force", "posture", "margins")
     walk = rrb.Vertical(*map(panels.make, names), row_shares=[panels.share(name) for name in names], name="walk")
@@ -35,7 +35,7 @@ def _chosen(panels: Panels, names: Sequence[str], width: float) -> Panel:
     return rrb.Horizontal(*columns, column_shares=[width, 1.0][: len(columns)])
 
 
-def laid_out(content: Panel) -> rrb.Blueprint:
+def make_blueprint(content: Panel) -> rrb.Blueprint:
     """A blueprint with the side panels out of the way."""
     return rrb.Blueprint(
         content,
@@ -45,14 +45,16 @@ def laid_out(content: Panel) -> rrb.Blueprint:
     )
 
 
-def layout(view: ShownRun, names: Sequence[str] | None = None) -> rrb.Blueprint:
+def layout(view: RunView, names: Sequence[str] | None = None) -> rrb.Blueprint:
     """The blueprint of the recording of one run.
 
     Args:
         view: the run.
         names: of the panels to show, from top to bottom; None: the usual ones.
     """
-    panels = Panels(view, colours_of(view) + depression_of(view))
+    panels = Panels(view, describe_colours(view) + describe_depression(view))
     if names is None and view.walks:
-        return laid_out(_walk(panels, view))
-    return laid_out(_chosen(panels, names or ("scene", "force", "error", "torque"), 1.15 if view.walks else 0.77))
+        return make_blueprint(_walk(panels, view))
+    return make_blueprint(
+        _chosen(panels, names or ("scene", "force", "error", "torque"), 1.15 if view.walks else 0.77)
+    )

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import rerun.blueprint as rrb
 
-from cmacexp.recording.blueprint import laid_out, stack
-from cmacexp.recording.panels import COLOURS, SPACE, Panel, Panels, colours_of, depression_of, panel_names
-from cmacexp.recording.series import series_of
-from cmacexp.recording.shown_run import ShownRun
+from cmacexp.recording.blueprint import make_blueprint, stack
+from cmacexp.recording.panels import COLOURS, SPACE, Panel, Panels, describe_colours, describe_depression, panel_names
+from cmacexp.recording.run_view import RunView
+from cmacexp.recording.series import collect_series
 from cmacexp.recording.write import write_views
 
 MOST_RUNS = 6
@@ -25,11 +25,11 @@ ALIKE = 10.0
 """Plots share their vertical axis unless one spans so many times what another does."""
 
 
-def shared_ranges(views: Sequence[ShownRun]) -> dict[str, tuple[float, float]]:
+def shared_ranges(views: Sequence[RunView]) -> dict[str, tuple[float, float]]:
     """Lowest and highest value of the plots that several runs have, by the name of the plot."""
     found: dict[str, list[tuple[float, float]]] = {}
     for view in views:
-        for path, lines in series_of(view).items():
+        for path, lines in collect_series(view).items():
             values = np.concatenate([line[1] for line in lines])
             values = values[np.isfinite(values)]
             if values.size:
@@ -43,24 +43,24 @@ def shared_ranges(views: Sequence[ShownRun]) -> dict[str, tuple[float, float]]:
     return shared
 
 
-def _key(views: Sequence[ShownRun]) -> str:
+def _key(views: Sequence[RunView]) -> str:
     """What colours and depressions of the scenes mean."""
-    meanings = {colours_of(view) for view in views}
+    meanings = {describe_colours(view) for view in views}
     meaning = meanings.pop() if len(meanings) == 1 else COLOURS.format("first cycle orange, last cycle green")
-    return meaning + (depression_of(views[0]) if _one_depression(views) else "")
+    return meaning + (describe_depression(views[0]) if _one_depression(views) else "")
 
 
-def _one_depression(views: Sequence[ShownRun]) -> bool:
-    return len({depression_of(view) for view in views}) == 1
+def _one_depression(views: Sequence[RunView]) -> bool:
+    return len({describe_depression(view) for view in views}) == 1
 
 
-def _usual(view: ShownRun, runs: int) -> tuple[str, ...]:
+def _usual(view: RunView, runs: int) -> tuple[str, ...]:
     if not view.walks:
         return ("scene", "force", "error")
     return ("scene", "force", "posture") if runs <= FEW else ("scene", "posture", "margins")
 
 
-def _column(view: ShownRun, panels: Panels, names: Sequence[str]) -> Panel:
+def _column(view: RunView, panels: Panels, names: Sequence[str]) -> Panel:
     """Panels above each other under the label of the run, which stands in the title of a scene or else above all."""
     if names[:1] == ["scene"]:
         return stack(panels, names)
@@ -68,28 +68,30 @@ def _column(view: ShownRun, panels: Panels, names: Sequence[str]) -> Panel:
     return rrb.Vertical(title, *([stack(panels, names)] if names else []), row_shares=[1.0, 20.0][: 1 + bool(names)])
 
 
-def _layout(views: Sequence[ShownRun], names: Sequence[str] | None) -> rrb.Blueprint:
+def _layout(views: Sequence[RunView], names: Sequence[str] | None) -> rrb.Blueprint:
     """One column for each run, of those of the panels ``names`` that it has; None: the usual ones."""
     ranges = shared_ranges(views)
     times = min(float(view.time[0]) for view in views), max(float(view.time[-1]) for view in views)
     columns = []
     for number, view in enumerate(views):
         first = view.walks not in [earlier.walks for earlier in views[:number]]
-        title = view.label if _one_depression(views) else view.label + depression_of(view)
+        title = view.label if _one_depression(views) else view.label + describe_depression(view)
         shown = [name for name in names or _usual(view, len(views)) if name in panel_names(view.walks)]
         columns.append(_column(view, Panels(view, title, ranges, times, max(1.0, len(views) / WIDE), first), shown))
     content = rrb.Horizontal(*columns)
     if names is not None and not set(names) & set(SPACE):
-        return laid_out(content)
-    return laid_out(rrb.Vertical(rrb.TextDocumentView(origin=KEY, titlebar=False), content, row_shares=[1.0, 20.0]))
+        return make_blueprint(content)
+    return make_blueprint(
+        rrb.Vertical(rrb.TextDocumentView(origin=KEY, titlebar=False), content, row_shares=[1.0, 20.0])
+    )
 
 
-def root_of(number: int, label: str) -> str:
+def make_root(number: int, label: str) -> str:
     """What the paths of the entities of a run begin with; ``1_feedforward_cmac/``."""
     return f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
 
 
-def write_comparison(views: Sequence[ShownRun], path: Path, names: Sequence[str] | None = None) -> str:
+def write_comparison(views: Sequence[RunView], path: Path, names: Sequence[str] | None = None) -> str:
     """Write several runs into one recording, whole or not at all.
 
     Args:
@@ -100,10 +102,10 @@ def write_comparison(views: Sequence[ShownRun], path: Path, names: Sequence[str]
     Returns:
         The name of the recording: what it shows.
     """
-    if len({view.part for view in views}) == 1:
-        name = f"{' | '.join(view.label for view in views)}, {views[0].part}"
+    if len({view.window for view in views}) == 1:
+        name = f"{' | '.join(view.label for view in views)}, {views[0].window}"
     else:
-        name = " | ".join(f"{view.label}, {view.part}" for view in views)
+        name = " | ".join(f"{view.label}, {view.window}" for view in views)
     texts = {KEY: _key(views), **{view.root + LABEL: f"**{view.label}**" for view in views}}
     write_views(views, _layout(views, names), name, path, texts)
     return name

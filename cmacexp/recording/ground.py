@@ -5,8 +5,7 @@ import rerun as rr
 
 from cmacexp.recording import palette
 from cmacexp.recording.entities import Entities
-from cmacexp.recording.run_view import LegView
-from cmacexp.recording.shown_run import ShownRun
+from cmacexp.recording.run_view import LegView, RunView
 from cmacexp.typing import Array, Mask
 
 FORCE_LENGTH = 0.15
@@ -23,14 +22,14 @@ DENT = 0.06
 """Half the length of the dent that a foot presses, m."""
 
 
-def depression_scale(view: ShownRun) -> int:
+def depression_scale(view: RunView) -> int:
     """How many times deeper than they are depressions are drawn."""
     force = max(float(leg["force_desired"].max()) for leg in view.legs)
     depth = force / view.config["terrain"]["stiffness"]
     return round(SEEN_DEPRESSION / depth / 10.0) * 10 if 0.0 < depth < SEEN_DEPRESSION / 5.0 else 1
 
 
-def _log_dent(entities: Entities, view: ShownRun, leg: LegView, foot: Array, path: str) -> None:
+def _log_dent(entities: Entities, view: RunView, leg: LegView, foot: Array, path: str) -> None:
     """The surface of the ground in the plane of a leg, pressed down by its foot."""
     x, y, z = foot.T
     # The plant takes the height of a slope where the foot of a level body would be: some mm off on a steep one.
@@ -43,14 +42,14 @@ def _log_dent(entities: Entities, view: ShownRun, leg: LegView, foot: Array, pat
     up = view.ground_height(along) - np.stack([zero, zero, depth / 2.0, depth, depth / 2.0, zero, zero], axis=1)
     strips = np.stack([along, np.repeat(y[:, None], 7, axis=1), up], axis=2)
     entities.log(path, rr.LineStrips3D.from_fields(radii=[0.005], colors=[palette.GROUND]))
-    entities.send_columns(path, view.indexes, rr.LineStrips3D.columns(strips=strips))
+    entities.send_columns(path, rr.LineStrips3D.columns(strips=strips))
 
 
-def _log_foot(entities: Entities, view: ShownRun, leg: LegView, foot: Array, path: str) -> None:
+def _log_foot(entities: Entities, view: RunView, leg: LegView, foot: Array, path: str) -> None:
     """The foot, coloured by planned phase, with desired and actual contact force as arrows side by side."""
     colours = np.where(leg.support[:, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
     entities.log(f"{path}/foot", rr.Points3D.from_fields(radii=[0.018]))
-    entities.send_columns(f"{path}/foot", view.indexes, rr.Points3D.columns(positions=foot, colors=colours))
+    entities.send_columns(f"{path}/foot", rr.Points3D.columns(positions=foot, colors=colours))
     scale = FORCE_LENGTH / max(1e-9, *(float(each["force_desired"].max()) for each in view.legs))
     for name, aside, colour in (("force", 0.0, palette.FORCE), ("force_desired", 0.025, palette.DESIRED)):
         # Arrows stand on the foot and point the way the ground pushes it.
@@ -58,7 +57,7 @@ def _log_foot(entities: Entities, view: ShownRun, leg: LegView, foot: Array, pat
         up[:, 2] = np.clip(leg[name] * scale, 0.0, LONGEST_ARROW * FORCE_LENGTH)
         entities.log(f"{path}/{name}", rr.Arrows3D.from_fields(radii=[0.006], colors=[colour]))
         origins = foot + np.array([aside, 0.0, 0.0])
-        entities.send_columns(f"{path}/{name}", view.indexes, rr.Arrows3D.columns(vectors=up, origins=origins))
+        entities.send_columns(f"{path}/{name}", rr.Arrows3D.columns(vectors=up, origins=origins))
 
 
 def _around(feet: Array, support: Mask) -> Array:
@@ -77,23 +76,23 @@ def _around(feet: Array, support: Mask) -> Array:
     return corners
 
 
-def _log_stability(entities: Entities, view: ShownRun, feet: Array) -> None:
+def _log_stability(entities: Entities, view: RunView, feet: Array) -> None:
     """Polygon of the feet planned to support, and the centre of gravity projected on the ground."""
     support = np.stack([leg.support for leg in view.legs], axis=1)
     corners = _around(feet, support)
     corners[..., 2] = view.ground_height(corners[..., 0]) + ABOVE_GROUND
     entities.log("world/support", rr.LineStrips3D.from_fields(radii=[0.004], colors=[palette.POLYGON]))
-    entities.send_columns("world/support", view.indexes, rr.LineStrips3D.columns(strips=corners.astype(np.float32)))
+    entities.send_columns("world/support", rr.LineStrips3D.columns(strips=corners.astype(np.float32)))
     point = view.way()
     point[:, 2] = view.ground_height(point[:, 0]) + ABOVE_GROUND
     entities.log("world/centre_of_gravity", rr.Points3D.from_fields(radii=[0.012], colors=[palette.COG]))
-    entities.send_columns("world/centre_of_gravity", view.indexes, rr.Points3D.columns(positions=point))
+    entities.send_columns("world/centre_of_gravity", rr.Points3D.columns(positions=point))
     plumb = np.stack([point, view.way() + np.array([0.0, 0.0, ABOVE_GROUND])], axis=1)
     entities.log("world/plumb", rr.LineStrips3D.from_fields(radii=[0.0015], colors=[palette.COG]))
-    entities.send_columns("world/plumb", view.indexes, rr.LineStrips3D.columns(strips=plumb.astype(np.float32)))
+    entities.send_columns("world/plumb", rr.LineStrips3D.columns(strips=plumb.astype(np.float32)))
 
 
-def _log_slope(entities: Entities, view: ShownRun, feet: list[Array]) -> None:
+def _log_slope(entities: Entities, view: RunView, feet: list[Array]) -> None:
     """The surface of sloping ground to the left and right of the way."""
     x = np.concatenate([foot[:, 0] for foot in feet])
     bends = [x.min() - DENT, *(b for b in [view.config["terrain"]["slope_start"]] if x.min() < b < x.max()), x.max()]
@@ -103,7 +102,7 @@ def _log_slope(entities: Entities, view: ShownRun, feet: list[Array]) -> None:
     entities.log("world/ground/slope", rr.LineStrips3D(strips, radii=0.004, colors=palette.GROUND))
 
 
-def log_ground(entities: Entities, view: ShownRun) -> None:
+def log_ground(entities: Entities, view: RunView) -> None:
     """Everything between feet and ground."""
     feet = [view.in_world(leg.in_body(leg["x"], leg["y"])) for leg in view.legs]
     for leg, foot in zip(view.legs, feet, strict=True):

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import rerun.blueprint as rrb
 
 from cmacexp.recording.ground import depression_scale
-from cmacexp.recording.shown_run import ShownRun
+from cmacexp.recording.run_view import RunView
 
 Point = tuple[float, float, float]
 Panel = rrb.Container | rrb.View
@@ -27,14 +27,14 @@ def panel_names(walks: bool) -> tuple[str, ...]:
     return WALK if walks else ONE_LEG
 
 
-def colours_of(view: ShownRun) -> str:
+def describe_colours(view: RunView) -> str:
     """What the colours of its scene mean."""
     first, last = view.whole_cycles()
     cycles = f"cycle {first} orange, cycle {last} green" if first < last else f"cycle {last} green"
     return COLOURS.format(cycles)
 
 
-def depression_of(view: ShownRun) -> str:
+def describe_depression(view: RunView) -> str:
     """How much deeper than they are depressions are drawn, if they are."""
     times = depression_scale(view)
     return f"; depression x {times}" if times > 1 else ""
@@ -54,7 +54,7 @@ class Panels:
 
     def __init__(
         self,
-        view: ShownRun,
+        view: RunView,
         title: str,
         ranges: Mapping[str, tuple[float, float]] | None = None,
         times: tuple[float, float] | None = None,

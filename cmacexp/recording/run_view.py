@@ -1,4 +1,4 @@
-"""A run to be drawn: its traces leg by leg, and the geometry to draw them with.
+"""A run as it is drawn: its traces leg by leg, and the geometry to draw them with.
 
 World: x forward, y left, z up, metres; the undepressed ground is z = 0 up to where a slope begins. Body frame as in
 ``cmacexp/models/body.py``.
@@ -15,6 +15,7 @@ from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.parquet import as_array, is_support
 from cmacexp.data.tables import Traces
 from cmacexp.models.ground_height import rise
+from cmacexp.recording.window import Window
 from cmacexp.typing import Array, Mask
 
 
@@ -50,6 +51,12 @@ class RunView:
     body: dict[str, Array]
     """Columns of ``body.parquet``; of a stand only where it is and how it is turned, which does not change."""
     config: dict[str, Any]
+    window: Window
+    """Which of its steps these are."""
+    label: str
+    """The name of the run, or what distinguishes it from those beside it."""
+    root: str
+    """Prefix of the paths of its entities in a recording."""
 
     @property
     def walks(self) -> bool:
@@ -107,12 +114,17 @@ def _leg(trace: pa.Table, rows: NDArray[np.intp], number: int, built: dict[str, 
     )
 
 
-def view_of(traces: Traces, config: dict[str, Any]) -> RunView:
-    """Cut traces into legs.
+def make_view(
+    traces: Traces, config: dict[str, Any], window: Window | None = None, label: str = "", root: str = ""
+) -> RunView:
+    """The view of a run from its traces.
 
     Args:
         traces: the steps that are drawn.
-        config: as it stands in the manifest.
+        config: as in the manifest.
+        window: which steps these are; None: all there are.
+        label: name of the run.
+        root: prefix of the paths of its entities in a recording.
     """
     trace = traces.legs
     number = as_array(trace, "leg")
@@ -126,4 +138,5 @@ def view_of(traces: Traces, config: dict[str, Any]) -> RunView:
         still = np.zeros_like(time)
         body = dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll"), still)
         body["height"] = still + config["machine"]["hip_height"]
-    return RunView(legs, time, step, cycle, body, config)
+    all_steps = Window(int(cycle[0]), int(cycle[-1]), 1, len(cycle))
+    return RunView(legs, time, step, cycle, body, config, window or all_steps, label, root)

@@ -5,8 +5,7 @@ import rerun as rr
 
 from cmacexp.recording import palette
 from cmacexp.recording.entities import Entities
-from cmacexp.recording.run_view import LegView
-from cmacexp.recording.shown_run import ShownRun
+from cmacexp.recording.run_view import LegView, RunView
 from cmacexp.typing import Array
 
 Line = tuple[str, Array, tuple[int, ...]]
@@ -52,7 +51,7 @@ def _body_lines(body: dict[str, Array]) -> dict[str, list[Line]]:
     }
 
 
-def series_of(view: ShownRun) -> dict[str, list[Line]]:
+def collect_series(view: RunView) -> dict[str, list[Line]]:
     """All time series by the name of their plot, ``leg_1/force`` or ``body/tilt``; N, mm, N m, mrad."""
     found = {f"leg_{leg.number}/{name}": lines for leg in view.legs for name, lines in _leg_lines(leg).items()}
     if view.walks:
@@ -60,7 +59,7 @@ def series_of(view: ShownRun) -> dict[str, list[Line]]:
     return found
 
 
-def _log_gait(entities: Entities, view: ShownRun, leg: LegView) -> None:
+def _log_gait(entities: Entities, view: RunView, leg: LegView) -> None:
     """Support and transfer phases as a lane of the gait diagram (Fig. 14); only changes are written."""
     path = f"gait/{leg.number}_{leg.name.replace(' ', '_')}"
     style = rr.StateConfiguration(
@@ -68,18 +67,17 @@ def _log_gait(entities: Entities, view: ShownRun, leg: LegView) -> None:
     )
     entities.log(path, style)
     changes = np.flatnonzero(np.diff(leg.support, prepend=~leg.support[:1]))
-    indexes = [rr.TimeColumn("time", duration=view.time[changes]), rr.TimeColumn("step", sequence=view.step[changes])]
     states = np.where(leg.support[changes], "support", "transfer").tolist()
-    entities.send_columns(path, indexes, rr.StateChange.columns(state=states))
+    entities.send_columns(path, rr.StateChange.columns(state=states), changes)
 
 
-def log_series(entities: Entities, view: ShownRun) -> None:
+def log_series(entities: Entities, view: RunView) -> None:
     """All time series, several lines in one entity, and the gait diagram."""
-    for path, lines in series_of(view).items():
+    for path, lines in collect_series(view).items():
         names, values, colours = zip(*lines, strict=True)
         style = rr.SeriesLines(names=list(names), colors=list(colours), widths=[1.5] * len(lines))
         entities.log(f"series/{path}", style)
         columns = rr.Scalars.columns(scalars=np.stack(values, axis=1))
-        entities.send_columns(f"series/{path}", view.indexes, columns)
+        entities.send_columns(f"series/{path}", columns)
     for leg in view.legs:
         _log_gait(entities, view, leg)

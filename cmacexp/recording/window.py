@@ -11,8 +11,8 @@ MOST_STEPS = 20_000
 CYCLES = re.compile(r"(?P<first>\d+)(?:-(?P<last>\d+))?|last(?P<number>\d*)")
 
 
-class Part(NamedTuple):
-    """Steps of a run."""
+class Window(NamedTuple):
+    """The steps of a run that a recording shows."""
 
     first: int
     """First cycle shown, from 1."""
@@ -38,7 +38,7 @@ class Part(NamedTuple):
         return "; --every 1 shows all" if self.every > 1 else ""
 
 
-def every_of(steps: int, sharing: int = 1) -> int:
+def choose_every(steps: int, sharing: int = 1) -> int:
     """One step in how many is shown of a run of so many steps, of which so many share a recording."""
     return -(-steps * sharing // MOST_STEPS)
 
@@ -66,10 +66,10 @@ def read_cycles(text: str, cycles: int, who: str = "the run") -> tuple[int, int]
     return first, last
 
 
-def part_of(
+def make_window(
     kept: Mapping[int, int], cycles: tuple[int, int] | None = None, every: int | None = None, sharing: int = 1
-) -> Part:
-    """The part of a run that is shown.
+) -> Window:
+    """The window of a run.
 
     Args:
         kept: steps of each cycle that stand in the trace, at least one.
@@ -87,4 +87,4 @@ def part_of(
         raise BadInput("--cycles", asked, "not in the trace, of which record.cycles kept others")
     if every is not None and every > steps:
         raise BadInput("--every", every, f"must be at most the {steps} steps that are to be shown")
-    return Part(first, last, every or every_of(steps, sharing), steps)
+    return Window(first, last, every or choose_every(steps, sharing), steps)

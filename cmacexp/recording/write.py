@@ -16,10 +16,10 @@ from cmacexp.data.tables import read_traces, steps_by_cycle
 from cmacexp.recording.blueprint import layout
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.ground import log_ground
+from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
-from cmacexp.recording.shown_run import ShownRun, show
-from cmacexp.recording.window import Part, part_of
+from cmacexp.recording.window import Window, make_window
 
 
 class _NoPandas(MetaPathFinder):
@@ -54,7 +54,7 @@ def _as_os_error(path: Path) -> Iterator[None]:
 
 
 def write_views(
-    views: Sequence[ShownRun], blueprint: rrb.Blueprint, name: str, path: Path, texts: Mapping[str, str] | None = None
+    views: Sequence[RunView], blueprint: rrb.Blueprint, name: str, path: Path, texts: Mapping[str, str] | None = None
 ) -> None:
     """Write runs into one recording, whole or not at all.
 
@@ -72,7 +72,7 @@ def write_views(
         for entity, text in (texts or {}).items():
             recording.log(entity, rr.TextDocument(text, media_type="text/markdown"), static=True)
         for view in views:
-            entities = Entities(recording, view.root)
+            entities = Entities(recording, view)
             log_machine(entities, view)
             log_ground(entities, view)
             log_series(entities, view)
@@ -86,7 +86,7 @@ def write_recording(
     path: Path,
     *,
     label: str | None = None,
-    part: Part | None = None,
+    window: Window | None = None,
     names: Sequence[str] | None = None,
 ) -> str:
     """Write the Rerun view of a run, whole or not at all.
@@ -96,21 +96,22 @@ def write_recording(
         config: as it stands in the manifest.
         path: of the ``.rrd`` file.
         label: what the run is called; None: as the folder of ``path``.
-        part: the steps that are shown; None: all cycles, thinned if the run is long.
+        window: the steps that are shown; None: all cycles, thinned if the run is long.
         names: of the panels that are laid out; None: the usual ones.
 
     Returns:
         The name of the recording: what it shows.
     """
     with _pandas_left_out():
-        part = part or part_of(steps_by_cycle(folder))
-        view = show(read_traces(folder, part.cycles, part.every), config, label or path.parent.name, part)
-        name = f"{config['scenario']} {view.label}, {view.part}"
+        window = window or make_window(steps_by_cycle(folder))
+        traces = read_traces(folder, window.cycles, window.every)
+        view = make_view(traces, config, window, label or path.parent.name)
+        name = f"{config['scenario']} {view.label}, {window}"
         write_views([view], layout(view, names), name, path)
     return name
 
 
-def name_of(path: Path) -> str | None:
+def read_name(path: Path) -> str | None:
     """The name that a recording was given; None if it cannot be read."""
     try:
         chunks = RrdReader(path).stream().filter(content="/__properties").to_chunks()

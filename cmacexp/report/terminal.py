@@ -79,9 +79,9 @@ def print_summary(result: StoredRun) -> None:
         where = f"force sensor of leg {dropped['leg']} rejected at step {dropped['step']} (t = {time:g} s)"
         print(f"{where}: it reports a force that the ground cannot give")
     if RECORDING in manifest["files"]:
-        from cmacexp.recording import every_of
+        from cmacexp.recording.window import choose_every
 
-        if (every := every_of(steps := manifest["steps"])) > 1:
+        if (every := choose_every(steps := manifest["steps"])) > 1:
             print(f"{RECORDING}: one step in {every} of {steps}; python -m cmacexp.replay DIR --every 1 shows all")
     print(result.folder)
 

@@ -13,7 +13,7 @@ import numpy as np
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import read_traces
 from cmacexp.planning.stability import FRONT, REAR, STABILITY, margins
-from cmacexp.recording.run_view import RunView, view_of
+from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.typing import Array, Mask
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class Walk:
 
 def walk_of(run: StoredRun) -> Walk:
     """The walk of a stored run."""
-    return Walk(view_of(read_traces(run.folder), run.config))
+    return Walk(make_view(read_traces(run.folder), run.config))
 
 
 def _per_cycle(walk: Walk, rows: list[dict[str, float]], starts: Array) -> "pd.DataFrame":

@@ -13,9 +13,9 @@ from support.command import cmacexp, python
 from cmacexp.config import to_plain
 from cmacexp.config.difference import labels
 from cmacexp.data.tables import read_traces, steps_by_cycle
-from cmacexp.recording import part_of, read_cycles, show
 from cmacexp.recording.compare import shared_ranges
-from cmacexp.recording.window import MOST_STEPS
+from cmacexp.recording.run_view import make_view
+from cmacexp.recording.window import MOST_STEPS, make_window, read_cycles
 
 
 @pytest.fixture(scope="module")
@@ -244,9 +244,9 @@ def test_a_run_without_a_step_is_one_line(copy, tmp_path):
 def test_the_usual_thinning_keeps_within_the_most_steps(runs):
     kept = steps_by_cycle(runs / "leg_none")
     sharing = 3 * MOST_STEPS // 2400
-    assert part_of(kept).every == 1
-    assert part_of(kept, sharing=sharing).every == 3
-    assert part_of(kept, sharing=sharing + 1).every == 4
+    assert make_window(kept).every == 1
+    assert make_window(kept, sharing=sharing).every == 3
+    assert make_window(kept, sharing=sharing + 1).every == 4
 
 
 @pytest.mark.parametrize(("text", "cycles"), [("3-5", (3, 5)), ("7", (7, 7)), ("last", (9, 9)), ("last9", (1, 9))])
@@ -276,7 +276,7 @@ def test_names_of_runs_side_by_side(first, second, expected, make_config):
 def test_plots_share_an_axis_unless_one_dwarfs_the_other(runs):
     trace = read_traces(runs / "leg_none")
     config = json.loads((runs / "leg_none" / "manifest.json").read_text())["config"]
-    view = show(trace, config, "leg", part_of(steps_by_cycle(runs / "leg_none")))
+    view = make_view(trace, config, make_window(steps_by_cycle(runs / "leg_none")), "leg")
     force = view.legs[0]["force"]
     larger, dwarfing = (replace_force(view, factor * force) for factor in (2.0, 50.0))
     low, high = shared_ranges([view, larger])["leg_1/force"]
