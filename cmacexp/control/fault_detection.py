@@ -1,7 +1,7 @@
-"""Whether a force sensor can be believed: what it tells beside what the ground gives at the depth of the foot.
+"""Fault detection of force sensors: each reading against the force expected at the measured depth of the foot.
 
-The doubt of every sample adds up, and belief takes it away again: a cumulative sum (Page 1954, Continuous inspection
-schemes, Biometrika 41), so that neither a spike nor noise drops a sound sensor.
+Normalised deviations are summed from 0 upwards (a cumulative sum: Page 1954, Continuous inspection schemes,
+Biometrika 41), so that neither a spike nor noise excludes a healthy sensor.
 """
 
 from typing import NamedTuple
@@ -14,42 +14,42 @@ from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism
 from cmacexp.typing import Array, Clock, State
 
-MOST_DOUBT = 1.0
-"""What one sample can add to the doubt, however wrong it is."""
+LARGEST_INCREMENT = 1.0
+"""Largest increment of the statistic by one sample."""
 
 
-class Plausibility(NamedTuple):
-    """What is believed of a force sensor."""
+class FaultDetection(NamedTuple):
+    """Parameters of fault detection."""
 
     enabled: bool
     stiffness: float
-    """K_n of the ground as the controller believes it, N/m."""
+    """K_n of the ground as the controller assumes it, N/m."""
     tolerance: float
-    """Difference from the expected force that is not doubted, N."""
+    """Allowed difference from the expected force, N."""
     relative_tolerance: float
     """Likewise over the expected force."""
     patience: float
-    """Doubt at which a sensor is dropped: samples that are wrong by twice what is allowed."""
+    """Statistic above which a sensor is excluded: samples with twice the allowed difference."""
 
 
-class Trust(NamedTuple):
-    """What is known of the force sensors so far; L is the number of legs."""
+class FaultStatus(NamedTuple):
+    """Status of the force sensors; L is the number of legs."""
 
-    doubt: State
-    """(L,): sum of the doubts, at least 0."""
+    statistic: State
+    """(L,): cumulative sum, at least 0."""
     trusted: Clock
-    """(L,): 1, and 0 since the sensor was dropped, for good."""
+    """(L,): 1, or 0 since the sensor was excluded."""
     steps: Clock
     """(L,): steps for which it was trusted."""
 
 
-def new_trust(legs: int) -> Trust:
+def new_fault_status(legs: int) -> FaultStatus:
     """All sensors are trusted."""
-    return Trust(np.zeros(legs), np.ones(legs), np.zeros(legs))
+    return FaultStatus(np.zeros(legs), np.ones(legs), np.zeros(legs))
 
 
 @kernel
-def expected_force(params: Plausibility, mechanism: Mechanism, i: int, foot: Array, body: Array) -> float:
+def expected_force(params: FaultDetection, mechanism: Mechanism, i: int, foot: Array, body: Array) -> float:
     """Contact force that flat ground gives foot ``i`` at its measured depth, N (eq. 1).
 
     ``foot`` (L, 2) is in the frames of the hips, ``body`` (3,) is height, pitch and roll.
@@ -61,15 +61,15 @@ def expected_force(params: Plausibility, mechanism: Mechanism, i: int, foot: Arr
 
 
 @kernel
-def judge(params: Plausibility, trust: Trust, i: int, measured: float, expected: float) -> bool:
-    """Look at one sample of leg ``i``, N; whether its sensor is still trusted."""
-    if trust.trusted[i] == 0.0:
+def update_status(params: FaultDetection, status: FaultStatus, i: int, measured: float, expected: float) -> bool:
+    """Update the status by one sample of leg ``i``, N; True while its sensor is trusted."""
+    if status.trusted[i] == 0.0:
         return False
     allowed = params.tolerance + params.relative_tolerance * expected
-    doubt = min(abs(measured - expected) / allowed - 1.0, MOST_DOUBT)
-    trust.doubt[i] = max(0.0, trust.doubt[i] + doubt)
-    if trust.doubt[i] > params.patience:
-        trust.trusted[i] = 0.0
+    increment = min(abs(measured - expected) / allowed - 1.0, LARGEST_INCREMENT)
+    status.statistic[i] = max(0.0, status.statistic[i] + increment)
+    if status.statistic[i] > params.patience:
+        status.trusted[i] = 0.0
         return False
-    trust.steps[i] += 1.0
+    status.steps[i] += 1.0
     return True

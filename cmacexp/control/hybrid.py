@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.config import ComponentConfig, number
-from cmacexp.control.fault_detection import Plausibility
+from cmacexp.control.fault_detection import FaultDetection
 from cmacexp.control.hybrid_kernels import METHODS, HybridParams, HybridState, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise
 from cmacexp.control.protocol import Action
@@ -57,7 +57,7 @@ class HybridController:
             discretise(self.lead_omega, self.lead_alpha, setup.config.sampling_period),
             setup.config.posture.gain,
             setup.config.posture.rate_gain,
-            Plausibility(
+            FaultDetection(
                 check.enabled,
                 setup.config.assumed_stiffness,
                 check.tolerance,
@@ -72,13 +72,13 @@ class HybridController:
     @property
     def force_trusted(self) -> Array:
         """(L,): 1, or 0 from the step on at which the force sensor of the leg was found implausible."""
-        return self.state.plausible.trusted
+        return self.state.fault_status.trusted
 
     @property
     def dropped(self) -> dict[int, int]:
         """Legs whose force sensor was found implausible, and the step at which it was."""
-        trust = self.state.plausible
-        return {i + 1: int(trust.steps[i]) for i in np.flatnonzero(trust.trusted == 0.0).tolist()}
+        status = self.state.fault_status
+        return {i + 1: int(status.steps[i]) for i in np.flatnonzero(status.trusted == 0.0).tolist()}
 
     def manifest_entries(self) -> dict[str, Any]:
         """The force sensors that were dropped: leg, and the step at which it happened."""

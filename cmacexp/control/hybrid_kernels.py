@@ -9,7 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.control.fault_detection import Plausibility, Trust, expected_force, judge, new_trust
+from cmacexp.control.fault_detection import (
+    FaultDetection,
+    FaultStatus,
+    expected_force,
+    new_fault_status,
+    update_status,
+)
 from cmacexp.control.lead import Lead, lead_step
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import depth, depth_rate
@@ -42,7 +48,7 @@ class HybridParams(NamedTuple):
     """Of the posture control of a body; 0 switches it off."""
     posture_rate_gain: float
     """Of what posture control adds to the velocity reference; 0 as in the paper."""
-    plausibility: Plausibility
+    fault_detection: FaultDetection
 
 
 class HybridState(NamedTuple):
@@ -58,13 +64,13 @@ class HybridState(NamedTuple):
     """(L, 2): what a feedforward learns from, J^T U, N m."""
     reference: Scratch
     """(L, 2): x and y that the last step was fed, posture control included, m."""
-    plausible: Trust
+    fault_status: FaultStatus
 
 
 def new_hybrid_state(legs: int) -> HybridState:
     """LEAD states of zero."""
     error, output, feedback, learning_error, reference = (np.zeros((legs, 2)) for _ in range(5))
-    return HybridState(error, output, feedback, learning_error, reference, new_trust(legs))
+    return HybridState(error, output, feedback, learning_error, reference, new_fault_status(legs))
 
 
 @kernel
@@ -126,19 +132,19 @@ def force_error(
 
 
 @kernel
-def believed_force(
-    params: HybridParams, trust: Trust, i: int, measured: float, desired: float, foot: Array, body: Array
+def control_force(
+    params: HybridParams, status: FaultStatus, i: int, measured: float, desired: float, foot: Array, body: Array
 ) -> float:
-    """The force that control goes by, N: the ``measured`` one unless the sensor of leg ``i`` is implausible.
+    """The force that control uses, N: the ``measured`` one unless the sensor of leg ``i`` is implausible.
 
     The ``desired`` force in its place takes the terms of P_fn and V_fn out of the error, together with those that the
     reference has for them (eq. 9, 13, 24). Damping and explicit control know nothing of the ground but its force:
     they go by the one expected at the measured depth.
     """
-    if not params.plausibility.enabled:
+    if not params.fault_detection.enabled:
         return measured
-    expected = expected_force(params.plausibility, params.mechanism, i, foot, body)
-    if judge(params.plausibility, trust, i, measured, expected):
+    expected = expected_force(params.fault_detection, params.mechanism, i, foot, body)
+    if update_status(params.fault_detection, status, i, measured, expected):
         return measured
     return desired if params.method == STIFFNESS or params.method == COMBINED else expected
 
@@ -173,7 +179,7 @@ def hybrid_feedback(
     for i in range(support.shape[0]):
         x_error = position_error(params, reference[i, X], reference[i, VX], foot[i, 0], velocity[i, 0])
         y_reference = reference[i, Y]
-        pressed = believed_force(params, state.plausible, i, force[i], reference[i, FORCE_DESIRED], foot, body)
+        pressed = control_force(params, state.fault_status, i, force[i], reference[i, FORCE_DESIRED], foot, body)
         if support[i]:
             y_reference += posture_term(params, i, body)
             vy_reference = reference[i, VY] + posture_rate_term(params, i, body, body_rate)

@@ -152,7 +152,7 @@ class SteppedLoop:
         reference, state = self.references[row], self.loop.control_state
         action = self.controller.act(reference, self.seen[row])
         if self.trusts:
-            state.plausible.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
+            state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
         if not take_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
             state.reference[...] = reference.values[:, : Y + 1]
 

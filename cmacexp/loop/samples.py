@@ -99,7 +99,7 @@ def write_measured(
         row[VX_MEASURED], row[VY_MEASURED] = seen.velocity[i, 0], seen.velocity[i, 1]
         row[Q1_MEASURED], row[Q2_MEASURED] = seen.q[i, 0], seen.q[i, 1]
         row[DQ1_MEASURED], row[DQ2_MEASURED] = seen.dq[i, 0], seen.dq[i, 1]
-        row[FORCE_TRUSTED] = control.plausible.trusted[i]
+        row[FORCE_TRUSTED] = control.fault_status.trusted[i]
     row, true, body, rate = body_samples[k], machine.body_rate, seen.body, seen.body_rate
     row[HEIGHT_RATE], row[PITCH_RATE], row[ROLL_RATE] = true[0], true[1], true[2]
     row[HEIGHT_MEASURED], row[PITCH_MEASURED], row[ROLL_MEASURED] = body[0], body[1], body[2]

@@ -49,8 +49,8 @@ def _analyse(arguments: argparse.Namespace) -> int:
 def main() -> int:
     """Run the command."""
     description = (
-        "Linearise the loop of runs, predict how their learning grows from cycle to cycle with each lead, set that "
-        "beside what was measured, and tell why; as one HTML page with figures."
+        "Linearise the loop of runs, predict how their learning grows from cycle to cycle with each lead, compare "
+        "the prediction with the measurement, and explain it; as one HTML page with figures."
     )
     values = [
         ("--cycle", "N", "linearise after so many cycles; unless given, where the feedback changed least"),

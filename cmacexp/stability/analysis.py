@@ -1,4 +1,4 @@
-"""All that is told of the stability of one run: its growth, that of other leads, and why."""
+"""The stability analysis of one run: its growth, that of other leads, and the reasons."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

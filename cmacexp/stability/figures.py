@@ -20,7 +20,7 @@ DEEPEST = -0.6
 """Real parts below this are cut off: they are wrong enough."""
 
 
-def name_of(lead: int) -> str:
+def format_lead(lead: int) -> str:
     """E.g. ``lead 1``."""
     return f"lead {lead}"
 
@@ -46,9 +46,9 @@ def growth(found: Analysis) -> Drawing:
     label(right, "growth per cycle", "learning.lead, samples", "factor from cycle to cycle")
     legend_above(right)
     caption = (
-        f"Left: what the feedback changes from each cycle to the next, and what the loop says that is linearised "
-        f"after cycle {place.calm}; growth is read over the shaded cycles. Right: growth per cycle with each lead, "
-        "each over cycles of its own; above 1 learning comes apart."
+        "Left: change of the feedback from each cycle to the next, measured and predicted by the loop linearised "
+        f"after cycle {place.calm}; the growth is that over the shaded cycles. Right: growth per cycle with each "
+        "lead, each over cycles of its own; above 1 learning diverges."
     )
     return Drawing("growth", figure, caption)
 
@@ -102,7 +102,7 @@ def eigenvalues(found: Analysis) -> Drawing:
         ax.plot(values[outside].real, values[outside].imag, MARKERS[1], ms=3.5, color=SERIES[0])
         ax.set_aspect("equal")
         first = index % 3 == 0
-        label(ax, f"{name_of(of.lead)}: {outside.sum()} outside", "real part", "imaginary part" if first else "")
+        label(ax, f"{format_lead(of.lead)}: {outside.sum()} outside", "real part", "imaginary part" if first else "")
     for ax in axes[len(known) :]:
         ax.remove()
     caption = (
@@ -115,13 +115,13 @@ def eigenvalues(found: Analysis) -> Drawing:
 def _real_parts(axes: "Axes", of: Spectrum) -> None:
     axes.axhline(0.0, color=DESIRED, linewidth=1.0)
     for index, lead in enumerate(LEADS):
-        axes.plot(of.frequencies, of.least_real(lead), label=name_of(lead), **mark(index))
+        axes.plot(of.frequencies, of.least_real(lead), label=format_lead(lead), **mark(index))
     axes.set_ylim(DEEPEST, 1.3)
 
 
 def _right(found: Analysis) -> str:
     """Leads with which Re T is nowhere negative in the places that are looked at."""
-    return " and ".join(name_of(lead) for lead in LEADS if found.least_real(lead) > 0.0) or "none of the leads"
+    return " and ".join(format_lead(lead) for lead in LEADS if found.least_real(lead) > 0.0) or "none of the leads"
 
 
 def real_parts(found: Analysis) -> Drawing:
@@ -160,13 +160,14 @@ def along(found: Analysis) -> Drawing:
     axes.axhline(0.0, color=DESIRED, linewidth=1.0)
     for index, lead in enumerate(LEADS):
         least = [of.least(lead) for of in found.along.values()]
-        axes.plot(clock, least, label=name_of(lead), marker=MARKERS[index], ms=3, **mark(index))
+        axes.plot(clock, least, label=format_lead(lead), marker=MARKERS[index], ms=3, **mark(index))
     axes.set_ylim(2 * DEEPEST, 0.4)
     label(axes, "least Re T of all frequencies", "time in the cycle, s", "Re T")
     legend_below(figure, axes)
     best = max(LEADS, key=lambda lead: min(of.least(lead) for of in found.along.values()))
     wrong = [f"{time:.2f}" for time, of in zip(clock, found.along.values(), strict=True) if of.least(best) < 0]
-    caption = f"The least real part over all frequencies, at {len(found.along)} samples. With {name_of(best)} it " + (
-        f"is negative at {', '.join(wrong)} s." if wrong else "is positive at all of them."
+    caption = (
+        f"The least real part over all frequencies, at {len(found.along)} samples. With {format_lead(best)} it "
+        + (f"is negative at {', '.join(wrong)} s." if wrong else "is positive at all of them.")
     )
     return Drawing("along", figure, caption)

@@ -85,15 +85,15 @@ def _delays(found: Analysis) -> Table:
 
 
 HOW = (
-    "A cycle of the run is a map: from the weights in use and the state of plant and controller at its start to "
-    "those at its end. It is the run's own compiled loop, so every learning rule, sensor and actuator that the "
-    "loop knows is in it. It is run to the cycle whose feedback changed least, and differentiated there by "
-    "central differences. Repeated from the change that the run made in that cycle, it predicts the changes of "
-    "the cycles that follow. The map is far from normal: what grows wanders through the cycle, and over a hundred "
-    "cycles it grows faster than the largest eigenvalue says, so growth is read from the repeated map, over the "
-    "same cycles as it is measured. Other leads are run in memory, each linearised at its own calmest cycle. A "
-    "rule that only bounds what is large (e_modification, dead_zone), or whose rate decays, is seen as it is at "
-    "that cycle."
+    "A cycle of the run is a map from the state at its start (weights in use, plant, controller) to the state "
+    "at its end. The map is the run's own compiled loop, so it includes every built-in learning rule, sensor "
+    "and actuator. The run is repeated up to the cycle whose feedback changed least, and differentiated there "
+    "by central differences. Repeated from the change that the run made in that cycle, the map predicts the "
+    "changes of the cycles that follow. The map is far from normal: what grows moves through the cycle, and "
+    "over a hundred cycles it grows faster than the largest eigenvalue. The growth is therefore that of the "
+    "repeated map, over the same cycles as it is measured. Other leads are run in memory, each linearised at "
+    "its own calmest cycle. A rule that only bounds large values (e_modification, dead_zone), or whose rate "
+    "decays, is linearised as it acts in that cycle."
 )
 
 

@@ -1,4 +1,4 @@
-"""From feedforward torque to what the feedforward is learning_error, around single samples of the cycle.
+"""From feedforward torque to what the feedforward learns from, around single samples of the cycle.
 
 T is the transfer from a feedforward torque to -J^T U, the torque that it spares the feedback. Learning from cycle to
 cycle takes u to u - beta T u, so it settles at frequencies where every eigenvalue of T has a positive real part. A
@@ -26,7 +26,7 @@ class Local(NamedTuple):
     b: Array
     """B, (n, 2 L): from torque."""
     c: Array
-    """C, (2 L, n): to the feedback torque that a feedforward is learning_error."""
+    """C, (2 L, n): to the feedback torque that a feedforward learns from."""
 
 
 def _advanced(loop: Loop) -> None:
@@ -112,7 +112,7 @@ def transfer(local: Local, frequencies: Array, period: float, delay: int = 0) ->
         delay: further samples from every torque to the joints.
 
     Returns:
-        (f, 2 L, 2 L); [f, i, j] from feedforward torque j to the torque i that is learning_error, sign turned.
+        (f, 2 L, 2 L); [f, i, j] from feedforward torque j to the torque i that teaches, with opposite sign.
     """
     z = np.exp(2j * np.pi * np.asarray(frequencies, dtype=float) * period)[:, None, None]
     path = local.c @ np.linalg.solve(z * np.eye(len(local.a)) - local.a, local.b.astype(complex)[None]) * z**-delay

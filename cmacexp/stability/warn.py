@@ -1,4 +1,4 @@
-"""A warning before a long run whose learning will come apart."""
+"""A warning before a long run whose learning will diverge."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def _is_checked(config: Config, scenario: Scenario) -> bool:
 
 
 def _growth(config: Config, scenario: Scenario | None = None) -> float:
-    """Predicted growth per cycle; NaN where it cannot be told."""
+    """Predicted growth per cycle; NaN where it cannot be predicted."""
     from cmacexp.stability.cycle_map import NotPredictable
     from cmacexp.stability.growth import predicted_growth
 
@@ -35,7 +35,7 @@ def _growth(config: Config, scenario: Scenario | None = None) -> float:
 
 
 def _cure(config: Config, scenario: Scenario) -> str:
-    """A lead that is predicted to hold, in words."""
+    """A sentence that names a lead that is predicted to hold."""
     from cmacexp.stability.growth import with_lead
 
     own = scenario.setup.lead
@@ -49,11 +49,11 @@ def _cure(config: Config, scenario: Scenario) -> str:
 
 
 def growth_warning(config: Config, scenario: Scenario) -> str | None:
-    """What is to be said before a run; None if its learning holds, it is short, or nothing can be told.
+    """The warning before a run; None if its learning holds, the run is short, or nothing can be predicted.
 
     Args:
         config: of the run.
-        scenario: its parts, which are left as they are.
+        scenario: its components, which stay unchanged.
     """
     if not _is_checked(config, scenario):
         return None
@@ -61,6 +61,6 @@ def growth_warning(config: Config, scenario: Scenario) -> str | None:
     if not growth > 1.0 or growth ** (config.cycles - config.learning.start_cycle) < FACTOR:
         return None
     return (
-        f"warning: learning is predicted to come apart, what it changes grows by a factor of {growth:.3f} per cycle; "
-        f"{_cure(config, scenario)} (warn=false leaves this check out)"
+        f"warning: learning is predicted to diverge: its changes grow by a factor of {growth:.3f} per cycle; "
+        f"{_cure(config, scenario)} (warn=false skips this check)"
     )

@@ -1,4 +1,4 @@
-"""The warning before a long run: only where learning comes apart, and without effect on the run."""
+"""The warning before a long run: only where learning diverges, and without effect on the run."""
 
 import hashlib
 
@@ -50,7 +50,7 @@ def test_the_check_changes_nothing(tmp_path, make_config):
         folder = tmp_path / warn
         done = cmacexp("cycles=120", f"warn={warn}", "record=trace", f"hydra.run.dir={folder}", folder=tmp_path)
         assert done.returncode == 0
-        assert ("predicted to come apart" in done.stderr) == (warn == "true")
+        assert ("predicted to diverge" in done.stderr) == (warn == "true")
         hashes.append(hashlib.sha256((folder / "trace.parquet").read_bytes()).hexdigest())
     assert hashes[0] == hashes[1]
     assert len({config_hash(to_plain(make_config(f"warn={warn}"))) for warn in ("true", "false")}) == 1

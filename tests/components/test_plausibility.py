@@ -6,25 +6,25 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from cmacexp.control.fault_detection import Plausibility, expected_force, judge, new_trust
+from cmacexp.control.fault_detection import FaultDetection, expected_force, new_fault_status, update_status
 from cmacexp.errors import BadInput
 from cmacexp.experiment import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
-LAW = Plausibility(True, 10.0, 1.0, 0.5, 3.0)
+LAW = FaultDetection(True, 10.0, 1.0, 0.5, 3.0)
 
 
 def look(told, expected):
     """Whether the sensor is trusted after each sample."""
-    trust = new_trust(1)
-    return [judge(LAW, trust, 0, a, b) for a, b in zip(told, expected, strict=True)], trust
+    status = new_fault_status(1)
+    return [update_status(LAW, status, 0, a, b) for a, b in zip(told, expected, strict=True)], status
 
 
 def test_what_is_wrong_by_twice_the_tolerance_adds_a_sample_of_doubt():
-    trusted, trust = look([12.0] * 5, [0.0] * 5)
+    trusted, status = look([12.0] * 5, [0.0] * 5)
     assert trusted == [True, True, True, False, False]
-    assert (trust.trusted[0], trust.steps[0]) == (0.0, 3.0)
+    assert (status.trusted[0], status.steps[0]) == (0.0, 3.0)
 
 
 def test_the_tolerance_grows_with_the_expected_force():

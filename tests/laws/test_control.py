@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy import signal
 
 from cmacexp.control.actuator import saturate
-from cmacexp.control.fault_detection import Plausibility
+from cmacexp.control.fault_detection import FaultDetection
 from cmacexp.control.hybrid_kernels import METHODS, HybridParams, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise, lead_step
 from cmacexp.control.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth
@@ -99,14 +99,14 @@ def feedback(params, support, reference, foot, velocity, force, q=(0.0, 0.0)):
     return np.array(us), np.array(torques)
 
 
-BELIEVED = Plausibility(False, 10.0, 0.0, 0.0, 1.0)
+NO_DETECTION = FaultDetection(False, 10.0, 0.0, 0.0, 1.0)
 """Force sensors that are believed, whatever they tell."""
 
 
 def make_law(method="combined", mechanism=None, period=0.005):
     lead = discretise(5.0, 10.0, period)
     mechanism = mechanism or point_mass(0.5, 0.5)
-    return HybridParams(mechanism, METHODS[method], 90.0, 4.0, 70.0, 0.05, 0.02, lead, 0.0, 0.0, BELIEVED)
+    return HybridParams(mechanism, METHODS[method], 90.0, 4.0, 70.0, 0.05, 0.02, lead, 0.0, 0.0, NO_DETECTION)
 
 
 def noise(columns, seed):
