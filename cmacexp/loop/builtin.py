@@ -1,26 +1,26 @@
-"""Which parts of a scenario the compiled loops know, and the states of those for them to work on."""
+"""Which components of a scenario are built in, and the loop that is made of them."""
 
 import numpy as np
 
-from cmacexp.control import HybridController, NoFeedforward
+from cmacexp.control import HybridController
 from cmacexp.control.actuator import new_actuator
+from cmacexp.control.hybrid_kernels import new_hybrid_state
 from cmacexp.feedforward.network import BuiltInFeedforward
-from cmacexp.loop.compiled import FusedLoop, Torques, fused_loop
-from cmacexp.loop.coroutine import External
-from cmacexp.loop.external import measurable
-from cmacexp.loop.samples import make_samples
+from cmacexp.loop.external import External
 from cmacexp.loop.scenario import Scenario
+from cmacexp.loop.step import Loop, Torques
 from cmacexp.loop.stop import Guard
 from cmacexp.plants import AnalyticPlant
-from cmacexp.plants.kernels import PlantState
+from cmacexp.plants.kernels import PlantState, new_state
 from cmacexp.sensors import PerfectSensors, RealSensors
 from cmacexp.sensors.channel import Sensing
-from cmacexp.sensors.kernels import Seen, new_seen, no_sensing
-from cmacexp.typing import Array
+from cmacexp.sensors.kernels import Seen, new_seen
+
+ALL_EXTERNAL = External(plant=True, sensors=True, controller=True, feedforward=False)
 
 
-def external_components(scenario: Scenario) -> External:
-    """Which parts the compiled loops do not know; a class made from a built-in one is external."""
+def find_external(scenario: Scenario) -> External:
+    """The components that are not built in; an object of a subclass of a built-in class is external."""
     controller, feedforward = type(scenario.controller) is not HybridController, scenario.feedforward
     known = isinstance(feedforward, BuiltInFeedforward) and type(feedforward).predict is BuiltInFeedforward.predict
     return External(
@@ -31,67 +31,38 @@ def external_components(scenario: Scenario) -> External:
     )
 
 
-ALL_EXTERNAL = External(plant=True, sensors=True, controller=True, feedforward=False)
-
-
-def _sensing(scenario: Scenario, external: External, state: PlantState) -> tuple[Sensing, Seen]:
-    """Sensors as the loops take them; perfect ones show the arrays of the plant."""
+def _make_observation(scenario: Scenario, external: External, machine: PlantState) -> tuple[Sensing | None, Seen]:
+    """Channels of the sensors, and the input of the controller; perfect sensors show the arrays of the plant."""
     sensors = scenario.sensors
     if external.sensors:
-        return no_sensing(), new_seen(len(state.force))
+        return None, new_seen(len(machine.force))
     if isinstance(sensors, RealSensors) and sensors.sensing.active:
         return sensors.sensing, sensors.seen
-    return no_sensing(), Seen(*(getattr(state, name) for name in Seen._fields))
+    return None, Seen(*(getattr(machine, name) for name in Seen._fields))
 
 
-def fused_parts(scenario: Scenario, external: External, guard: Guard) -> FusedLoop:
-    """The states of all built-in parts; with stand-ins for the others, of which only the room for results is used."""
-    setup = scenario.setup
-    plant, controller, feedforward = AnalyticPlant(), HybridController(1.0, 0.0, 1.0, 1.0), scenario.feedforward
-    if external.plant:
-        plant.reset(setup)
-    else:
-        assert isinstance(scenario.plant, AnalyticPlant)
-        plant = scenario.plant
-    if external.controller:
-        controller.reset(setup, feedforward)
-    else:
-        assert isinstance(scenario.controller, HybridController)
-        controller = scenario.controller
-    if not isinstance(feedforward, BuiltInFeedforward) or external.controller or external.feedforward:
-        feedforward = NoFeedforward()
-        feedforward.reset(setup)
+def make_loop(scenario: Scenario, external: External, guard: Guard) -> Loop:
+    """The loop of a scenario: states of built-in components; of external ones only new states for their output."""
+    setup, plant, controller, feedforward = (
+        scenario.setup,
+        None if external.plant else scenario.plant,
+        None if external.controller else scenario.controller,
+        None if external.controller or external.feedforward else scenario.feedforward,
+    )
     legs = setup.mechanism.legs.shape[0]
-    return FusedLoop(
+    machine = plant.state if isinstance(plant, AnalyticPlant) else new_state(legs)
+    return Loop(
         setup.plan.support,
         setup.plan.reference,
         setup.plan.start_step,
-        plant.params,
-        plant.state,
-        *_sensing(scenario, external, plant.state),
-        controller.params,
-        controller.state,
-        feedforward.params,
+        setup.mechanism,
+        plant.params if isinstance(plant, AnalyticPlant) else None,
+        machine,
+        *_make_observation(scenario, external, machine),
+        controller.params if isinstance(controller, HybridController) else None,
+        controller.state if isinstance(controller, HybridController) else new_hybrid_state(legs),
+        feedforward.params if isinstance(feedforward, BuiltInFeedforward) else None,
         new_actuator(setup.config.actuator, setup.config.sampling_period, legs),
-        Torques(*(np.zeros((legs, 2)) for _ in range(2))),
+        Torques(np.zeros((legs, 2)), np.zeros((legs, 2))),
         guard,
     )
-
-
-class FusedRun:
-    """The fused loop over the states of built-in parts, compiled by running no step of it.
-
-    ``loop`` holds all that changes, ``taken`` counts the steps taken so far.
-    """
-
-    def __init__(self, loop: FusedLoop):
-        self.loop = loop
-        self.taken = 0
-        self.state = measurable(loop.plant_state)
-        self.run(*make_samples(0, loop.support.shape[1], False))
-
-    def run(self, samples: Array, body_samples: Array) -> int:
-        """As :meth:`SteppedLoop.run`."""
-        steps, stop = fused_loop(self.loop, self.taken, samples, body_samples)
-        self.taken += steps
-        return stop

@@ -1,82 +1,61 @@
-"""The closed loop of built-in parts, fused into one compiled kernel."""
+"""The driver for built-in components: all steps in one compiled program."""
 
-from typing import NamedTuple
+import numpy as np
 
-from cmacexp.control.actuator import Actuator, actuate
-from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
-from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
+from cmacexp.control.actuator import actuate
 from cmacexp.jit.compiler import program
-from cmacexp.loop.samples import write_samples
-from cmacexp.loop.stop import RUNNING, Guard, stop_reason
+from cmacexp.loop.samples import make_samples
+from cmacexp.loop.samples import write_samples as commit
+from cmacexp.loop.step import STOP, TAKEN, Loop, advance_plant, check, control, observe, predict
+from cmacexp.loop.stop import RUNNING
 from cmacexp.planning.columns import ACTING, BEFORE
-from cmacexp.plants.kernels import PlantParams, PlantState, advance
-from cmacexp.sensors.channel import Sensing
-from cmacexp.sensors.kernels import Seen, sense
-from cmacexp.typing import Array, Mask, Scratch
-
-
-class Torques(NamedTuple):
-    """Room for the torques of one step, (L, 2) each, N m."""
-
-    feedforward: Scratch
-    total: Scratch
-
-
-class FusedLoop(NamedTuple):
-    """All that the fused loop works on, and no more: every array costs time whenever the loop is entered."""
-
-    support: Mask
-    """As in the plan; so are the next two."""
-    reference: Array
-    start_step: int
-    plant: PlantParams
-    plant_state: PlantState
-    sensing: Sensing
-    seen: Seen
-    """What the controller goes by: the arrays of the plant itself where no sensor alters anything."""
-    control: HybridParams
-    control_state: HybridState
-    feedforward: FeedforwardParams
-    actuator: Actuator
-    torques: Torques
-    guard: Guard
+from cmacexp.plants.protocol import Measurement
+from cmacexp.typing import Array, Counts
 
 
 @program
-def fused_loop(loop: FusedLoop, start: int, samples: Array, body_samples: Array) -> tuple[int, int]:
-    """Run as many steps as ``samples`` (steps, L, columns) has room for, from step ``start``.
-
-    ``body_samples`` is (steps, columns); columns in the order of :mod:`cmacexp.loop.samples`.
-
-    Returns:
-        Steps written, and RUNNING or why it stopped after them.
-    """
-    plant, machine, seen, state = loop.plant, loop.plant_state, loop.seen, loop.control_state
+def fused_loop(loop: Loop, progress: Counts, start: int, samples: Array, body_samples: Array) -> None:
+    """:func:`cmacexp.loop.external.coroutine_loop` for built-in components, without pauses."""
+    machine, observation, state = loop.plant_state, loop.observation, loop.control_state
     feedforward, total = loop.torques
-    steps = samples.shape[0]
     period = loop.support.shape[0]
-    if start == 0 and steps > 0:
-        status = stop_reason(loop.guard, 0, machine.q, machine.dq, machine.foot, machine.force, machine.body)
-        if status != RUNNING:
-            return 0, status
-    sample = start % period
-    for k in range(steps):
-        acting = start + k >= loop.start_step
-        reference = loop.reference[ACTING if acting else BEFORE, sample]
-        if loop.sensing.active:
-            sense(loop.sensing, plant.mechanism, start + k, machine, seen)
+    sample, status, taken = start % period, RUNNING, 0
+    if start == 0 and samples.shape[0] > 0:
+        status = check(loop.guard, 0, machine)
+    while status == RUNNING and taken < samples.shape[0]:
+        step = start + taken
+        acting = step >= loop.start_step
+        observe(loop.sensing, loop.mechanism, step, machine, observation)
         if acting:
-            # Before the feedback, so that the learning error is still that of the last step.
-            feedforward_step(loop.feedforward, start + k, sample, state.learning_error, feedforward)
-        hybrid_feedback(
-            loop.control, state, loop.support[sample], reference,
-            seen.trig, seen.foot, seen.velocity, seen.force, seen.body, seen.body_rate,
-        )  # fmt: skip
-        actuate(loop.actuator, start + k, state.feedback, feedforward, total)
-        write_samples(samples, body_samples, k, machine, seen, state, feedforward)
-        advance(plant, machine, total)
+            predict(loop.feedforward, step, sample, state.learning_error, feedforward)
+        reference = loop.reference[ACTING if acting else BEFORE, sample]
+        control(loop.control, state, loop.support[sample], reference, observation)
+        actuate(loop.actuator, step, state.feedback, feedforward, total)
+        commit(samples, body_samples, taken, machine, observation, state, feedforward)
+        advance_plant(loop.plant, machine, total)
+        taken += 1
         sample = sample + 1 if sample + 1 < period else 0
-        status = stop_reason(loop.guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
-        if status != RUNNING:
-            return k + 1, status
-    return steps, RUNNING
+        status = check(loop.guard, sample, machine)
+    progress[TAKEN], progress[STOP] = taken, status
+
+
+class CompiledDriver:
+    """Runs built-in components; taking no step compiles the program.
+
+    Args:
+        loop: all components.
+    """
+
+    def __init__(self, loop: Loop):
+        self.loop = loop
+        self.taken = 0
+        """Steps taken so far."""
+        self.state = Measurement(*loop.plant_state[:7])
+        self.progress = np.zeros(3, dtype=np.int64)
+        self.run(*make_samples(0, loop.support.shape[1], False))
+
+    def run(self, samples: Array, body_samples: Array) -> int:
+        """As :meth:`ExternalDriver.run`."""
+        fused_loop(self.loop, self.progress, self.taken, samples, body_samples)
+        self.taken += int(self.progress[TAKEN])
+        return int(self.progress[STOP])

@@ -1,21 +1,22 @@
-"""The closed loop with parts of any kind; for built-in parts it gives the bits of the fused loop.
+"""The driver for external components: it gives the bits of the compiled driver where it calls built-in ones.
 
-External parts are called from here, once a step each; between the calls :func:`relay` runs the rest. What a part is
-given is its own: it may keep it, and nothing that it writes into it reaches the loop.
+External components are called from here, once a step each; the rest of the step runs in a compiled generator.
+Resuming that costs a tenth of a microsecond, calling a program some 10: numba unpacks every array of its arguments.
+A component owns its inputs: it may keep them, and nothing that it writes into them reaches the loop.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import repeat
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.loop.compiled import FusedLoop
-from cmacexp.loop.coroutine import STEP, External, Inputs, relay
+from cmacexp.jit.compiler import program
 from cmacexp.loop.samples import TRAVEL, make_samples
 from cmacexp.loop.scenario import Scenario
+from cmacexp.loop.step import NO_METHOD, NOT_FINITE, STEP, STOP, TAKEN, Inputs, Loop, take_steps
 from cmacexp.loop.stop import RUNNING
 from cmacexp.loop.validation import require_finite, take, take_action, take_measurement
 from cmacexp.planning.columns import Y
@@ -23,135 +24,154 @@ from cmacexp.planning.setup import Reference
 from cmacexp.plants.protocol import STATE, Measurement, state_of
 from cmacexp.typing import Array
 
+MOST_TOGETHER = 512
+"""Steps whose inputs are allocated together."""
+MOST_REMEMBERED = 64
+"""Sections of a cycle whose rows of the plan are kept."""
 
-def read_only(values: NDArray[Any]) -> NDArray[Any]:
-    """A view that cannot be written through."""
+coroutine_loop = program(take_steps)
+
+_make_reference: Callable[[tuple[object, ...]], Reference] = partial(tuple.__new__, Reference)
+_make_measurement: Callable[[tuple[object, ...]], Measurement] = partial(tuple.__new__, Measurement)
+
+
+class External(NamedTuple):
+    """Which components are external."""
+
+    plant: bool
+    sensors: bool
+    controller: bool
+    feedforward: bool
+    """Of a built-in controller; an external controller calls its feedforward itself."""
+
+
+def _read_only(values: NDArray[Any]) -> NDArray[Any]:
     view = values.view()
     view.flags.writeable = False
     return view
 
 
-MOST_TOGETHER = 512
-"""Steps that are prepared at a time."""
-MOST_REMEMBERED = 64
-"""Parts of a cycle whose rows of the plan are remembered."""
-
-_reference: Callable[[tuple[object, ...]], Reference] = partial(tuple.__new__, Reference)
-_measurement: Callable[[tuple[object, ...]], Measurement] = partial(tuple.__new__, Measurement)
-
-
-def measurable(state: Sequence[Array]) -> Measurement:
-    """The first arrays of the state of a plant, or of sensors, which are what can be measured."""
-    return Measurement(*state[: len(STATE)])
-
-
-def named(measurement: Measurement) -> Iterable[tuple[str, Array]]:
-    """The arrays of a measurement with their names."""
+def _name(measurement: Measurement) -> Iterable[tuple[str, Array]]:
     return zip(STATE, state_of(measurement), strict=True)
 
 
-def _measurements(blocks: Measurement) -> list[Measurement]:
-    """A measurement for every row of ``blocks`` (K, ...)."""
-    return list(map(_measurement, zip(*map(list, state_of(blocks)), repeat(None))))
+def _split(rows: Measurement | None) -> list[Measurement]:
+    """One measurement for each row of a measurement (K, ...)."""
+    return [] if rows is None else list(map(_make_measurement, zip(*map(list, state_of(rows)), repeat(None))))
 
 
-class SteppedLoop:
-    """Plan, sensors, controller and plant in turn, one sampling period at a time.
+class ReferenceRows:
+    """References of the steps of a run, made of the rows of its plan.
 
     Args:
-        scenario: the parts, reset.
-        loop: its built-in parts, with stand-ins for the others.
-        external: those others.
+        plan: the cycle that repeats.
     """
 
-    def __init__(self, scenario: Scenario, loop: FusedLoop, external: External):
+    def __init__(self, plan: Any):
+        self.plan = plan
+        self.sections: dict[tuple[int, int, bool], tuple[list[NDArray[Any]], ...]] = {}
+
+    def make(self, start: int, steps: int) -> list[Reference]:
+        """References of some steps of one cycle."""
+        plan, sample, acting = self.plan, start % len(self.plan.support), start >= self.plan.start_step
+        rows = self.sections.get((sample, steps, acting))
+        if rows is None:
+            tables = (plan.support, plan.reference[int(acting)], plan.desired, plan.joints, plan.force_desired)
+            rows = tuple(list(_read_only(table[sample : sample + steps])) for table in tables)
+            if len(self.sections) < MOST_REMEMBERED:
+                self.sections[sample, steps, acting] = rows
+        counts = range(start, start + steps), range(sample, sample + steps)
+        return list(map(_make_reference, zip(*counts, repeat(acting, steps), *rows, strict=True)))
+
+
+class ExternalDriver:
+    """Runs external components, and built-in ones between them; taking no step compiles the program.
+
+    Args:
+        scenario: all components, reset.
+        loop: those that are built in.
+        external: those that are not.
+    """
+
+    def __init__(self, scenario: Scenario, loop: Loop, external: External):
         self.loop, self.external = loop, external
         self.plant, self.sensors = scenario.plant, scenario.sensors
         self.controller, self.feedforward = scenario.controller, scenario.feedforward
-        self.plan = scenario.setup.plan
-        self.rows: dict[tuple[int, int, bool], tuple[list[NDArray[Any]], ...]] = {}
-        self.state = measurable(loop.plant_state)
+        self.period = len(scenario.setup.plan.support)
+        self.plan_rows = ReferenceRows(scenario.setup.plan)
+        self.state, self.observation = Measurement(*loop.plant_state[:7]), Measurement(*loop.observation[:7])
         if external.plant:
             for own, first in zip(state_of(self.state), state_of(scenario.first), strict=True):
                 own[...] = first
         self.travel = scenario.first.travel
-        self.given = measurable(loop.seen)
         self.progress = np.zeros(3, dtype=np.int64)
-        self.calls: tuple[Callable[[int], None], ...] = (self._measure, self._act, self._predict, self._step)
-        self.trusts = external.controller and hasattr(scenario.controller, "force_trusted")
-        self.begun = 0
-        self._run(*make_samples(0, self.state.q.shape[0], False))
+        self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
+        self.start = 0
+        self._run(*make_samples(0, len(self.state.q), False))
 
     @property
     def taken(self) -> int:
-        """Steps whose torque the plant has taken, also when a part raised."""
-        return self.begun + int(self.progress[0])
+        """Steps whose torque the plant has taken, also when a component raised."""
+        return self.start + int(self.progress[TAKEN])
 
     def run(self, samples: Array, body_samples: Array) -> int:
-        """Run as many steps as ``samples`` (steps, L, columns) and ``body_samples`` (steps, columns) have room for.
+        """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows.
 
         Returns:
             RUNNING, or why it stopped.
 
         Raises:
-            BadOutput: a part gave back what the loop cannot use; ``taken`` tells when.
+            BadOutput: a component returned what the loop cannot use; ``taken`` is the number of steps before it.
         """
-        period, done, stop = self.plan.support.shape[0], 0, RUNNING
+        done, stop = 0, RUNNING
         while stop == RUNNING and done < len(samples):
-            steps = min(MOST_TOGETHER, period - self.taken % period, len(samples) - done)
+            steps = min(MOST_TOGETHER, self.period - self.taken % self.period, len(samples) - done)
             stop = self._run(samples[done : done + steps], body_samples[done : done + steps])
             done += steps
         return stop
 
     def _run(self, samples: Array, body_samples: Array) -> int:
         """:meth:`run` for some steps of one cycle."""
-        progress, calls, self.body_samples = self.progress, self.calls, body_samples
-        self.begun = self.taken
-        progress[0] = 0
-        inputs = self._prepare(len(samples))
-        for pause in relay(*self.loop, self.external, self.progress, inputs, self.begun, samples, body_samples):
-            calls[pause & 3](pause >> 2)
-        self._require_finite(int(progress[2]) - 1)
-        return int(progress[1])
+        self.start = self.taken
+        self.progress[TAKEN], self.body_samples = 0, body_samples
+        inputs, progress = self._make_inputs(len(samples)), self.progress
+        calls = (self._measure, self._act, self._predict, self._step)
+        for method, row in coroutine_loop(self.loop, inputs, progress, self.start, samples, body_samples):
+            calls[method](row)
+        if progress[NOT_FINITE] != NO_METHOD:
+            self._require_finite(int(progress[NOT_FINITE]))
+        return int(progress[STOP])
 
-    def _prepare(self, steps: int) -> Inputs:
-        """Room for what external parts are given in the next steps, and the views of it that they get."""
+    def _make_inputs(self, steps: int) -> Inputs:
+        """Arrays for the inputs of external components in the next steps, and one view of them per step."""
         external = self.external
 
-        def room(like: Array, needed: bool) -> Array:
-            return np.empty((steps if needed else 0, *like.shape))
+        def make_rows(like: Array) -> Array:
+            return np.empty((steps, *like.shape))
 
-        true, seen = (
-            Measurement(*(room(part, needed) for part in state_of(self.state)))
-            for needed in (external.sensors, external.controller)
+        def make_measurement() -> Measurement:
+            return Measurement(*map(make_rows, state_of(self.state)))
+
+        inputs = Inputs(
+            make_measurement() if external.sensors else None,
+            make_measurement() if external.controller else None,
+            make_rows(self.state.q) if external.feedforward else None,
+            make_rows(self.state.q) if external.plant else None,
         )
-        inputs = Inputs(true, seen, room(self.state.q, external.feedforward), room(self.state.q, external.plant))
-        self.true, self.seen = _measurements(true), _measurements(seen)
-        self.learning_error, self.torque = list(inputs.learning_error), list(inputs.torque)
+        self.true, self.observed = _split(inputs.sensors), _split(inputs.controller)
+        self.learning_error = [] if inputs.feedforward is None else list(inputs.feedforward)
+        self.torque = [] if inputs.plant is None else list(inputs.plant)
         if external.controller or external.feedforward:
-            self.references = self._references(steps)
+            self.references = self.plan_rows.make(self.start, steps)
         return inputs
 
-    def _references(self, steps: int) -> list[Reference]:
-        """What the plan says of the next steps."""
-        sample, acting = self.begun % self.plan.support.shape[0], self.begun >= self.plan.start_step
-        rows = self.rows.get((sample, steps, acting))
-        if rows is None:
-            plan, part = self.plan, slice(sample, sample + steps)
-            tables = (plan.support, plan.reference[int(acting)], plan.desired, plan.joints, plan.force_desired)
-            rows = tuple(list(read_only(table[part])) for table in tables)
-            if len(self.rows) < MOST_REMEMBERED:
-                self.rows[sample, steps, acting] = rows
-        counts = range(self.begun, self.begun + steps), range(sample, sample + steps)
-        return list(map(_reference, zip(*counts, repeat(acting, steps), *rows, strict=True)))
-
     def _measure(self, row: int) -> None:
-        take_measurement(self.sensors, "measure", self.sensors.measure(self.true[row]), self.given)
+        take_measurement(self.sensors, "measure", self.sensors.measure(self.true[row]), self.observation)
 
     def _act(self, row: int) -> None:
         reference, state = self.references[row], self.loop.control_state
-        action = self.controller.act(reference, self.seen[row])
-        if self.trusts:
+        action = self.controller.act(reference, self.observed[row])
+        if self.has_fault_status:
             state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
         if not take_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
             state.reference[...] = reference.values[:, : Y + 1]
@@ -166,20 +186,17 @@ class SteppedLoop:
         measured = self.plant.step(self.torque[row])
         take_measurement(self.plant, "step", measured, self.state)
         self.travel = measured.travel
-        if row + self.begun == 0:
+        if row + self.start == 0:
             self._require_finite(STEP)
 
-    def _require_finite(self, what: int) -> None:
-        """Say which value is not finite of what a part gave when the loop had paused for ``what``; -1 for none."""
-        if what < 0:
-            return
-        state = self.loop.control_state
-        feedback, feedforward = ("feedback", state.feedback), ("feedforward", self.loop.torques.feedforward)
-        part, method, given = (
-            (self.sensors, "measure", named(self.given)),
-            (self.controller, "act", (feedback, feedforward)),
-            (self.feedforward, "predict", (("torque", feedforward[1]),)),
-            (self.plant, "step", named(self.state)),
-        )[what]
-        for name, values in given:
-            require_finite(part, method, name, values)
+    def _require_finite(self, method: int) -> None:
+        """Refuse output of the component with this method that is not finite."""
+        feedback, feedforward = self.loop.control_state.feedback, self.loop.torques.feedforward
+        component, name, output = (
+            (self.sensors, "measure", _name(self.observation)),
+            (self.controller, "act", (("feedback", feedback), ("feedforward", feedforward))),
+            (self.feedforward, "predict", (("torque", feedforward),)),
+            (self.plant, "step", _name(self.state)),
+        )[method]
+        for field, values in output:
+            require_finite(component, name, field, values)

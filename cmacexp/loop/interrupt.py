@@ -1,4 +1,4 @@
-"""Ctrl-C that waits until what must not be torn apart is done."""
+"""Ctrl-C that waits until what must be done as a whole is done."""
 
 import signal
 import threading
@@ -8,9 +8,9 @@ from contextlib import contextmanager
 
 @contextmanager
 def interrupt_held_back() -> Iterator[Callable[[], bool]]:
-    """Hold back an interrupt from the keyboard; gives a function that tells whether there was one.
+    """Hold back an interrupt from the keyboard; yields a function that returns whether there was one.
 
-    Outside the main thread, which alone is interrupted, it does nothing.
+    It does nothing outside the main thread, which alone is interrupted.
     """
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False

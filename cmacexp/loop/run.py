@@ -1,4 +1,4 @@
-"""Run a scenario from its first step to its last, or to where it stops by itself."""
+"""Run a scenario from its first step to its last, or until it stops."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -13,8 +13,9 @@ from cmacexp.data.signals import ARRAYS
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
-from cmacexp.loop.builtin import ALL_EXTERNAL, FusedRun, external_components, fused_parts
-from cmacexp.loop.external import SteppedLoop
+from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_loop
+from cmacexp.loop.compiled import CompiledDriver
+from cmacexp.loop.external import ExternalDriver
 from cmacexp.loop.interrupt import interrupt_held_back
 from cmacexp.loop.samples import TRAVEL, WIDE_SAMPLES, make_samples, name_body_samples, name_samples
 from cmacexp.loop.scenario import Scenario
@@ -26,18 +27,16 @@ from cmacexp.sensors.protocol import find_altered
 from cmacexp.typing import Array
 
 MOST_ROWS = 1 << 15
-"""Rows of leg samples that are worked on at a time: a long run needs no more memory than a short one.
+"""Rows of leg samples in memory: a long run needs no more than a short one.
 
-Entering the fused loop costs some 12 us, as much as dozens of steps.
+Entering the compiled program costs some 12 us, as much as dozens of steps.
 """
-
-
 JOINTS = (*ARRAYS["q"], *ARRAYS["dq"])
 """Signals that are undefined for a point mass, measured or not."""
 
 
 class Samples(NamedTuple):
-    """What some steps of a closed loop gave, whole cycles unless the run ends in them."""
+    """Samples of some steps of a closed loop, whole cycles unless the run ends in them."""
 
     start: int
     """First step."""
@@ -66,51 +65,99 @@ class End:
     status: str
     """``completed``, ``diverged``, ``fell``, ``interrupted`` or ``failed``."""
     cause: str
-    """Why it is not completed: step, time and cause; empty if it is."""
+    """Why it did not complete: step, time and cause; empty if it did."""
     seconds: float
-    """Wall time of the closed loop alone, compiling not counted."""
+    """Wall time of the closed loop alone, without compiling."""
     error: Exception | None
-    """What a part raised in the middle."""
+    """What a component raised."""
 
 
-def _told(raised: Exception) -> str:
-    """What a part raised, in a line; ours say all themselves."""
-    return " ".join(
-        (str(raised) if isinstance(raised, CmacexpError) else f"{type(raised).__name__}: {raised}").split()
-    )
+def _format_error(raised: Exception) -> str:
+    """One line for what a component raised; errors of this project need no class name."""
+    message = str(raised) if isinstance(raised, CmacexpError) else f"{type(raised).__name__}: {raised}"
+    return " ".join(message.split())
 
 
-class _Ending:
-    """How a loop ends, as far as is known; what is raised in :meth:`caught` ends it."""
-
-    def __init__(self, loop: "FusedRun | SteppedLoop"):
-        self.loop = loop
-        self.status, self.cause = "completed", ""
-        self.error: Exception | None = None
-
-    @contextmanager
-    def caught(self) -> Iterator[None]:
-        """Make an interrupt, or the mistake of a part, the end of the run instead of its loss."""
-        try:
-            yield
-        except KeyboardInterrupt:
-            self.status, self.cause = "interrupted", f"after step {self.loop.taken}"
-        except Exception as raised:
-            self.status, self.error = "failed", raised
-            self.cause = f"after step {self.loop.taken}: {_told(raised)}"
+def _fill_planned_travel(body: Array, start: int, config: Config) -> None:
+    """Fill the position in the world of a body that goes straight ahead, as planned."""
+    step = np.arange(start, start + len(body))
+    body[:, TRAVEL] = 0.0
+    body[:, TRAVEL[0]] = step * config.sampling_period * config.body_speed
 
 
-def _memory(scenario: Scenario, cycles: int) -> dict[str, Array] | None:
-    """What a built-in feedforward reports of its memory in the last ``cycles`` cycles."""
+def _take_memory(scenario: Scenario, cycles: int) -> dict[str, Array] | None:
+    """Columns of the memory of a built-in feedforward in the last ``cycles`` cycles."""
     feedforward = scenario.feedforward
     return feedforward.take_memory(cycles) if isinstance(feedforward, BuiltInFeedforward) else None
 
 
-def _go_as_planned(body: Array, start: int, config: Config) -> None:
-    """Where a body that goes straight ahead as planned is in the world; fills its columns of ``body``."""
-    step = np.arange(start, start + len(body))
-    body[:, TRAVEL] = 0.0
-    body[:, TRAVEL[0]] = step * config.sampling_period * config.body_speed
+class _Stream:
+    """A scenario under way, with arrays for the samples of some cycles.
+
+    Args:
+        scenario: its components, reset.
+        fused: False treats every component as external.
+    """
+
+    def __init__(self, scenario: Scenario, fused: bool):
+        setup = scenario.setup
+        config, mechanism = setup.config, setup.mechanism
+        self.scenario, self.config, self.point_mass = scenario, config, mechanism.kind == POINT_MASS
+        self.guard = new_guard(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
+        external = find_external(scenario) if fused else ALL_EXTERNAL
+        loop, legs = make_loop(scenario, external, self.guard), len(mechanism.legs)
+        self.driver: CompiledDriver | ExternalDriver
+        if any(external):
+            self.driver, cycles = ExternalDriver(scenario, loop, external), 1
+        else:
+            self.driver = CompiledDriver(loop)
+            cycles = min(config.cycles, max(1, MOST_ROWS // (config.steps_per_cycle * legs)), MOST_CYCLES)
+        wide = config.plausibility.enabled or bool(find_altered(scenario.sensors) - {"force"})
+        self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide)
+        names = WIDE_SAMPLES[: self.samples.shape[2]]
+        self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
+        self.status, self.cause, self.seconds = "completed", "", 0.0
+        self.error: Exception | None = None
+
+    @property
+    def runs(self) -> bool:
+        """Whether steps are left and nothing has ended the run."""
+        return self.status == "completed" and self.driver.taken < self.config.cycles * self.config.steps_per_cycle
+
+    @contextmanager
+    def catch(self) -> Iterator[None]:
+        """End the run, and keep its samples, at an interrupt or an error of a component."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            self.status, self.cause = "interrupted", f"after step {self.driver.taken}"
+        except Exception as raised:
+            self.status, self.error = "failed", raised
+            self.cause = f"after step {self.driver.taken}: {_format_error(raised)}"
+
+    def advance(self) -> int:
+        """Run until the arrays are full or the run ends; returns the first step."""
+        config, driver, start = self.config, self.driver, self.driver.taken
+        steps = min(len(self.samples), config.cycles * config.steps_per_cycle - start)
+        samples, body = self.samples[:steps], self.body[:steps]
+        _fill_planned_travel(body, start, config)
+        began = time.perf_counter()
+        with self.catch():
+            stop = driver.run(samples, body)
+            if stop != RUNNING:
+                q, dq, pose = driver.state.q, driver.state.dq, driver.state.body
+                self.status = STATUSES[stop]
+                self.cause = describe_stop(self.guard, stop, driver.taken, config.sampling_period, q, dq, pose)
+        self.seconds += time.perf_counter() - began
+        return start
+
+    def collect(self, start: int) -> Samples:
+        """The samples since step ``start``."""
+        samples, done = self.samples, self.driver.taken - start
+        if self.point_mass:
+            samples[:done, :, self.joints] = np.nan
+        memory = _take_memory(self.scenario, -(-done // self.config.steps_per_cycle))
+        return Samples(start, samples[:done], self.body[:done], memory)
 
 
 def stream(
@@ -123,57 +170,32 @@ def stream(
     """Run a scenario, some cycles at a time.
 
     Args:
-        scenario: the parts.
-        keep: takes the samples of these cycles; their arrays are used again for the next ones.
-        watch: is called after them with the cycles done so far; after every cycle of the step-by-step loop.
-        fused: False calls every part step by step, as if none were built in.
+        scenario: its components, reset.
+        keep: called with the samples of these cycles; their arrays are used again for the next ones.
+        watch: called after it with the number of completed cycles; after every cycle with external components.
+        fused: False treats every component as external.
 
     Raises:
         CmacexpError: the scenario has run before.
 
     Returns:
-        How it ended; a run that diverges, that a part fails in or that is interrupted has kept what it has.
+        How it ended. Samples are kept up to there, whether it diverged, failed or was interrupted.
     """
     scenario.begin()
-    setup = scenario.setup
-    config, period, cycles = setup.config, setup.config.steps_per_cycle, setup.config.cycles
-    guard = new_guard(setup.mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
     if scenario.fault is not None:
-        keep(Samples(0, *make_samples(0, setup.mechanism.legs.shape[0], False), None))
-        return End(0, "failed", f"before the first step: {_told(scenario.fault)}", 0.0, scenario.fault)
-    external = external_components(scenario) if fused else ALL_EXTERNAL
-    parts = fused_parts(scenario, external, guard)
-    loop = SteppedLoop(scenario, parts, external) if any(external) else FusedRun(parts)
-    legs = setup.mechanism.legs.shape[0]
-    fits = min(max(1, MOST_ROWS // (period * legs)), MOST_CYCLES)
-    together = min(cycles, fits if isinstance(loop, FusedRun) else 1)
-    wide = config.plausibility.enabled or bool(find_altered(scenario.sensors) - {"force"})
-    samples, body = make_samples(together * period, legs, wide)
-    names = WIDE_SAMPLES[: samples.shape[2]]
-    joints = [column for column, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
-    ending, seconds = _Ending(loop), 0.0
-    while ending.status == "completed" and loop.taken < cycles * period:
-        start, steps = loop.taken, min(len(samples), cycles * period - loop.taken)
-        _go_as_planned(body[:steps], start, config)
-        began = time.perf_counter()
-        with ending.caught():
-            stop = loop.run(samples[:steps], body[:steps])
-            if stop != RUNNING:
-                q, dq, pose = loop.state.q, loop.state.dq, loop.state.body
-                ending.status = STATUSES[stop]
-                ending.cause = describe_stop(guard, stop, loop.taken, config.sampling_period, q, dq, pose)
-        seconds += time.perf_counter() - began
-        done = loop.taken - start
-        if setup.mechanism.kind == POINT_MASS:
-            samples[:done, :, joints] = np.nan
+        keep(Samples(0, *make_samples(0, len(scenario.setup.mechanism.legs), False), None))
+        return End(0, "failed", f"before the first step: {_format_error(scenario.fault)}", 0.0, scenario.fault)
+    run = _Stream(scenario, fused)
+    while run.runs:
+        start = run.advance()
         with interrupt_held_back() as interrupted:
-            keep(Samples(start, samples[:done], body[:done], _memory(scenario, -(-done // period))))
-        if ending.status == "completed":
-            with ending.caught():
+            keep(run.collect(start))
+        if run.status == "completed":
+            with run.catch():
                 if interrupted():
                     raise KeyboardInterrupt
-                watch(loop.taken // period)
-    return End(loop.taken, ending.status, ending.cause, seconds, ending.error)
+                watch(run.driver.taken // run.config.steps_per_cycle)
+    return End(run.driver.taken, run.status, run.cause, run.seconds, run.error)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Why a run stops before its end: it diverges, or its machine falls."""
+"""When a run stops before its end: it diverges, or its machine falls."""
 
 import math
 from typing import NamedTuple
@@ -19,25 +19,25 @@ STEEPEST = 0.5
 """A body pitched or rolled further has fallen, rad."""
 LOWEST_HIP = 0.25
 """A hip below this has fallen, m above the undepressed ground."""
-LONGEST_TUMBLE = 0.25
+LONGEST_UNSTABLE = 0.25
 """A body whose stability margin is negative for longer has fallen, s."""
 
 
 class Guard(NamedTuple):
-    """What tells the loop when to stop."""
+    """Limits, and what the loop counts for them."""
 
     mechanism: Mechanism
     margin: Array
     """(N,): planned stability margin over a cycle, m; NaN where there is none."""
-    longest_tumble: int
-    """Steps of LONGEST_TUMBLE."""
-    tumble: Clock
+    longest_unstable: int
+    """Steps of LONGEST_UNSTABLE."""
+    unstable: Clock
     """(1,): steps for which the margin has been negative."""
 
 
 def new_guard(mechanism: Mechanism, margin: Array, sampling_period: float) -> Guard:
     """A guard at the start of a run."""
-    return Guard(mechanism, np.ascontiguousarray(margin), round(LONGEST_TUMBLE / sampling_period), np.zeros(1))
+    return Guard(mechanism, np.ascontiguousarray(margin), round(LONGEST_UNSTABLE / sampling_period), np.zeros(1))
 
 
 @kernel
@@ -52,14 +52,14 @@ def has_diverged(q: Array, dq: Array, foot: Array) -> bool:
 
 @kernel
 def has_fallen(guard: Guard, body: Array) -> bool:
-    """Whether the body has no balance, is too steep or too low, or has been tumbling for too long."""
+    """Whether the body has no static equilibrium, is too steep or low, or its margin is negative for too long."""
     if not (math.isfinite(body[0]) and abs(body[1]) <= STEEPEST and abs(body[2]) <= STEEPEST):
         return True
     hips = guard.mechanism.hips
     for i in range(hips.shape[0]):
         if -depth(body, hips[i, 0], hips[i, 1], 0.0) < LOWEST_HIP:
             return True
-    return guard.tumble[0] > guard.longest_tumble
+    return guard.unstable[0] > guard.longest_unstable
 
 
 @kernel
@@ -68,7 +68,7 @@ def stop_reason(guard: Guard, sample: int, q: Array, dq: Array, foot: Array, for
     if has_diverged(q, dq, foot):
         return DIVERGED
     if guard.mechanism.kind == LEGS_UNDER_BODY:
-        guard.tumble[0] = guard.tumble[0] + 1 if guard.margin[sample] < 0.0 else 0
+        guard.unstable[0] = guard.unstable[0] + 1 if guard.margin[sample] < 0.0 else 0
         if has_fallen(guard, body):
             return FELL
     for i in range(force.shape[0]):
@@ -77,7 +77,7 @@ def stop_reason(guard: Guard, sample: int, q: Array, dq: Array, foot: Array, for
     return RUNNING
 
 
-def _why_diverged(guard: Guard, q: Array, dq: Array) -> str:
+def _explain_divergence(guard: Guard, q: Array, dq: Array) -> str:
     bad = np.argwhere(~np.isfinite(q) | ~np.isfinite(dq))
     if len(bad):
         return f"joint {bad[0][1] + 1} of leg {bad[0][0] + 1} is not finite"
@@ -90,9 +90,9 @@ def _why_diverged(guard: Guard, q: Array, dq: Array) -> str:
     return f"joint {joint + 1} of leg {leg + 1} moves at {speed:.3g} rad/s, above {FASTEST_JOINT:g} rad/s"
 
 
-def _why_fell(guard: Guard, body: Array) -> str:
+def _explain_fall(guard: Guard, body: Array) -> str:
     if not np.isfinite(body[0]):
-        return "no height, pitch and roll balance the body"
+        return "the body has no static equilibrium"
     for name, angle in (("pitch", body[1]), ("roll", body[2])):
         if abs(angle) > STEEPEST:
             return f"{name} {angle:.3f} rad, beyond {STEEPEST:g} rad"
@@ -100,12 +100,12 @@ def _why_fell(guard: Guard, body: Array) -> str:
     lowest = int(np.argmin(heights))
     if heights[lowest] < LOWEST_HIP:
         return f"hip of leg {lowest + 1} at {heights[lowest]:.3f} m, below {LOWEST_HIP:g} m"
-    return f"stability margin negative for more than {LONGEST_TUMBLE:g} s"
+    return f"stability margin negative for more than {LONGEST_UNSTABLE:g} s"
 
 
 def describe_stop(
     guard: Guard, status: int, step: int, sampling_period: float, q: Array, dq: Array, body: Array
 ) -> str:
-    """Step, time and cause of a stop, in words; ``q``, ``dq`` (L, 2) and ``body`` are the state it was seen in."""
-    why = _why_diverged(guard, q, dq) if status == DIVERGED else _why_fell(guard, body)
+    """Step, time and cause of a stop; ``q``, ``dq`` (L, 2) and ``body`` (3,) are the state at that step."""
+    why = _explain_divergence(guard, q, dq) if status == DIVERGED else _explain_fall(guard, body)
     return f"at step {step} (t = {step * sampling_period:.3f} s): {why}"

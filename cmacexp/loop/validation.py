@@ -1,4 +1,4 @@
-"""What parts give back to the loop, held to shape and kind: a mistake is told where it is made."""
+"""Checks of what external components return: the component that made a mistake is named in the step it is made."""
 
 from typing import Any
 
@@ -16,8 +16,8 @@ UNITS["torque"] = UNITS["feedback"]
 FLOAT = np.dtype(np.float64)
 
 
-def _method(part: object, name: str) -> str:
-    return f"{type(part).__name__}.{name}"
+def _method(component: object, name: str) -> str:
+    return f"{type(component).__name__}.{name}"
 
 
 def _expected(name: str, shape: tuple[int, ...], unit: str) -> str:
@@ -26,33 +26,33 @@ def _expected(name: str, shape: tuple[int, ...], unit: str) -> str:
     return f"expected {sides}{size} float64, {unit}"
 
 
-def take(part: object, method: str, name: str, given: Any, room: Array) -> None:
-    """Copy an array that a part gave into ``room``, of the shape that it must have.
+def take(component: object, method: str, name: str, output: Any, target: Array) -> None:
+    """Copy an array that a component returned into ``target``, which has the shape that it must have.
 
     Raises:
-        BadOutput: it is no array of numbers of that shape.
+        BadOutput: it is not an array of numbers of that shape.
     """
     try:
-        if given.dtype is FLOAT and given.shape == room.shape:
-            room[...] = given
+        if output.dtype is FLOAT and output.shape == target.shape:
+            target[...] = output
             return
     except AttributeError:
         pass
-    expected = _expected(name, room.shape, UNITS[name])
+    expected = _expected(name, target.shape, UNITS[name])
     try:
-        values = np.asarray(given)
+        values = np.asarray(output)
         kind = values.dtype.kind
     except (TypeError, ValueError):
         kind, values = "O", np.empty(0)
-    if given is None or kind not in "fiub":
-        raise BadOutput(f"{_method(part, method)} gave {name} of type {type(given).__name__}: {expected}")
-    if values.shape != room.shape:
-        raise BadOutput(f"{_method(part, method)} gave {name} of shape {values.shape}: {expected}")
-    room[...] = values
+    if output is None or kind not in "fiub":
+        raise BadOutput(f"{_method(component, method)} returned {name} of type {type(output).__name__}: {expected}")
+    if values.shape != target.shape:
+        raise BadOutput(f"{_method(component, method)} returned {name} of shape {values.shape}: {expected}")
+    target[...] = values
 
 
-def require_finite(part: object, method: str, name: str, values: Array) -> None:
-    """Refuse values of which one is NaN or infinite.
+def require_finite(component: object, method: str, name: str, values: Array) -> None:
+    """Check that all values are finite.
 
     Raises:
         BadOutput: names the first of them.
@@ -61,62 +61,64 @@ def require_finite(part: object, method: str, name: str, values: Array) -> None:
     if len(bad):
         where = ", ".join(map(str, bad[0]))
         value = values[tuple(bad[0])]
-        raise BadOutput(f"{_method(part, method)} gave {name}[{where}] = {value}: expected finite {UNITS[name]}")
+        raise BadOutput(
+            f"{_method(component, method)} returned {name}[{where}] = {value}: expected finite {UNITS[name]}"
+        )
 
 
-def take_measurement(part: object, method: str, given: Any, room: Measurement) -> None:
-    """Copy a measurement that plant or sensors gave into ``room``, the arrays of one.
+def take_measurement(component: object, method: str, output: Any, target: Measurement) -> None:
+    """Copy a measurement that a plant or sensors returned into the arrays of ``target``.
 
     Raises:
-        BadOutput: it is no :class:`Measurement`, or one of its arrays is not as it must be.
+        BadOutput: it is not a :class:`Measurement`, or one of its arrays has the wrong type or shape.
     """
-    if not isinstance(given, Measurement):
+    if not isinstance(output, Measurement):
         raise BadOutput(
-            f"{_method(part, method)} gave {_told(given)}: "
+            f"{_method(component, method)} returned {_describe(output)}: "
             f"expected cmacexp.plants.Measurement({', '.join(Measurement._fields)})"
         )
     try:
-        for values, own in zip(state_of(given), state_of(room), strict=True):
+        for values, own in zip(state_of(output), state_of(target), strict=True):
             if values.dtype is not FLOAT or values.shape != own.shape:
                 break
             own[...] = values
         else:
-            if given.travel is None:
+            if output.travel is None:
                 return
     except AttributeError:
         pass
-    for name, values, own in zip(STATE, state_of(given), state_of(room), strict=True):
-        take(part, method, name, values, own)
-    if given.travel is not None:
+    for name, values, own in zip(STATE, state_of(output), state_of(target), strict=True):
+        take(component, method, name, values, own)
+    if output.travel is not None:
         travel = np.empty(3)
-        take(part, method, "travel", given.travel, travel)
-        require_finite(part, method, "travel", travel)
+        take(component, method, "travel", output.travel, travel)
+        require_finite(component, method, "travel", travel)
 
 
-def take_action(part: object, given: Any, feedback: Array, feedforward: Array, reference: Array) -> bool:
-    """Copy what a controller gave into the loop's own arrays.
+def take_action(component: object, output: Any, feedback: Array, feedforward: Array, reference: Array) -> bool:
+    """Copy the action of a controller into the arrays of the loop.
 
     Returns:
-        Whether it said which reference it went by.
+        Whether it contains the reference that the controller followed.
 
     Raises:
-        BadOutput: it is no :class:`Action`, or one of its arrays is not as it must be.
+        BadOutput: it is not an :class:`Action`, or one of its arrays has the wrong type or shape.
     """
-    if not isinstance(given, Action):
+    if not isinstance(output, Action):
         raise BadOutput(
-            f"{_method(part, 'act')} gave {_told(given)}: "
+            f"{_method(component, 'act')} returned {_describe(output)}: "
             "expected cmacexp.control.Action(feedback, feedforward[, reference])"
         )
-    take(part, "act", "feedback", given[0], feedback)
-    take(part, "act", "feedforward", given[1], feedforward)
-    if given[2] is None:
+    take(component, "act", "feedback", output[0], feedback)
+    take(component, "act", "feedforward", output[1], feedforward)
+    if output[2] is None:
         return False
-    take(part, "act", "reference", given[2], reference)
+    take(component, "act", "reference", output[2], reference)
     return True
 
 
-def _told(given: Any) -> str:
-    """What came instead, shortly."""
-    if isinstance(given, np.ndarray):
-        return f"an array of shape {given.shape}"
-    return "None" if given is None else f"a {type(given).__name__}"
+def _describe(output: Any) -> str:
+    """The kind of a value, in a few words."""
+    if isinstance(output, np.ndarray):
+        return f"an array of shape {output.shape}"
+    return "None" if output is None else f"a {type(output).__name__}"

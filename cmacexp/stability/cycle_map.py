@@ -13,7 +13,8 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.kernels import CMAC, TABLE, WEIGHTED
-from cmacexp.loop.builtin import FusedRun, external_components, fused_parts
+from cmacexp.loop.builtin import find_external, make_loop
+from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.samples import SAMPLES, make_samples
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.stop import RUNNING, new_guard
@@ -78,13 +79,13 @@ class Loop:
     """
 
     def __init__(self, scenario: Scenario):
-        external = external_components(scenario)
+        external = find_external(scenario)
         if any(external) or scenario.fault is not None:
             raise NotPredictable("external components cannot be linearised")
         setup = scenario.setup
         config, legs = setup.config, setup.mechanism.legs.shape[0]
         guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
-        self.run = FusedRun(fused_parts(scenario, external, guard))
+        self.run = CompiledDriver(make_loop(scenario, external, guard))
         self.plan = setup.plan
         self.config = config
         self.period = config.steps_per_cycle
@@ -93,6 +94,7 @@ class Loop:
 
     def _list_state(self) -> None:
         feedforward = self.run.loop.feedforward
+        assert feedforward is not None
         arrays = list_arrays(self.run.loop)
         learns = feedforward.kind in (CMAC, WEIGHTED)
         self._weights, log = feedforward.weights, feedforward.log
@@ -119,6 +121,7 @@ class Loop:
     def play(self, torque: Array) -> None:
         """From now on the feedforward is ``torque`` (N, L, 2), N m, which may change in place; it learns no more."""
         params = self.run.loop.feedforward
+        assert params is not None
         self.run.loop = self.run.loop._replace(feedforward=params._replace(kind=TABLE, torque=torque))
         self._list_state()
 
@@ -178,4 +181,4 @@ def open_loop(config: Config, prepared: Scenario | None = None) -> Loop:
     """
     if prepared is None:
         return Loop(make_scenario(config))
-    return Loop(copy.deepcopy(prepared) if not any(external_components(prepared)) else prepared)
+    return Loop(copy.deepcopy(prepared) if not any(find_external(prepared)) else prepared)

@@ -157,6 +157,7 @@ def predicted_growth(
     while loop.cycles < cycle:
         if not loop.advance(loop.period):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
-    if loop.run.taken < loop.plan.start_step or loop.run.loop.feedforward.kind in (NONE, TABLE):
+    params = loop.run.loop.feedforward
+    if loop.run.taken < loop.plan.start_step or params is None or params.kind in (NONE, TABLE):
         raise NotPredictable("nothing learns from cycle to cycle")
     return grow(loop, dimension)

@@ -13,7 +13,7 @@ from cmacexp.config.compose import compose_config
 from cmacexp.control import Action, CmacFeedforward, HybridController
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.loop import roll_out
-from cmacexp.loop.run import external_components
+from cmacexp.loop.builtin import find_external
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
 from cmacexp.sensors import PerfectSensors
@@ -81,7 +81,7 @@ def test_a_run_is_the_same_to_the_bit_whichever_parts_are_external(make_config, 
     scenario = make_scenario(config)
     for key in keys:
         external(getattr(scenario, key))
-    found = external_components(scenario)._asdict()
+    found = find_external(scenario)._asdict()
     expected = {key for key in keys if key != "feedforward" or "controller" not in keys}
     assert {key for key, is_external in found.items() if is_external} == expected
     one, other = roll_out(make_scenario(config)), roll_out(scenario)
@@ -202,18 +202,21 @@ def test_a_missing_extra_is_told_with_the_command_that_installs_it(here, tmp_pat
 
 
 ANSWERS = {
-    "None": (lambda a: None, "act gave None: expected cmacexp.control.Action(feedback, feedforward[, reference])"),
-    "array": (lambda a: a.feedback, "act gave an array of shape (1, 2): expected"),
+    "None": (
+        lambda a: None,
+        "act returned None: expected cmacexp.control.Action(feedback, feedforward[, reference])",
+    ),
+    "array": (lambda a: a.feedback, "act returned an array of shape (1, 2): expected"),
     "flat": (
         lambda a: a._replace(feedback=np.zeros(2)),
-        "gave feedback of shape (2,): expected (L, 2) = (1, 2) float64",
+        "returned feedback of shape (2,): expected (L, 2) = (1, 2) float64",
     ),
-    "text": (lambda a: a._replace(feedforward="much"), "gave feedforward of type str: expected (L, 2) = (1, 2)"),
-    "ragged": (lambda a: a._replace(feedback=[[1.0], [1.0, 2.0]]), "gave feedback of type list: expected (L, 2)"),
-    "complex": (lambda a: a._replace(feedback=np.zeros((1, 2), complex)), "gave feedback of type ndarray"),
+    "text": (lambda a: a._replace(feedforward="much"), "returned feedforward of type str: expected (L, 2) = (1, 2)"),
+    "ragged": (lambda a: a._replace(feedback=[[1.0], [1.0, 2.0]]), "returned feedback of type list: expected (L, 2)"),
+    "complex": (lambda a: a._replace(feedback=np.zeros((1, 2), complex)), "returned feedback of type ndarray"),
     "NaN": (
         lambda a: a._replace(feedback=np.array([[0.0, np.nan]])),
-        "gave feedback[0, 1] = nan: expected finite N m",
+        "returned feedback[0, 1] = nan: expected finite N m",
     ),
 }
 
@@ -252,10 +255,10 @@ def test_numbers_of_any_kind_are_taken(make_config, values):
 @pytest.mark.parametrize(
     ("key", "method", "told"),
     [
-        ("plant", "step", "Odd.step gave q of shape (2, 2): expected (L, 2) = (1, 2) float64, rad"),
-        ("sensors", "measure", "Odd.measure gave q of shape (2, 2)"),
-        ("plant", "reset", "before the first step: Odd.reset gave q of shape (2, 2)"),
-        ("feedforward", "predict", "Odd.predict gave torque of shape (2, 2)"),
+        ("plant", "step", "Odd.step returned q of shape (2, 2): expected (L, 2) = (1, 2) float64, rad"),
+        ("sensors", "measure", "Odd.measure returned q of shape (2, 2)"),
+        ("plant", "reset", "before the first step: Odd.reset returned q of shape (2, 2)"),
+        ("feedforward", "predict", "Odd.predict returned torque of shape (2, 2)"),
     ],
 )
 def test_every_part_is_held_to_its_shapes(make_config, key, method, told):
@@ -293,7 +296,7 @@ def test_a_controller_that_raises_in_the_middle_keeps_its_traceback_and_the_trac
 
 
 @pytest.mark.parametrize(
-    ("name", "told"), [("Flat", "Flat.act gave feedback of shape (2,)"), ("BreaksAtOnce", "no such leg")]
+    ("name", "told"), [("Flat", "Flat.act returned feedback of shape (2,)"), ("BreaksAtOnce", "no such leg")]
 )
 def test_what_fails_at_once_leaves_a_manifest_that_says_so(here, tmp_path, name, told):
     done = cmacexp(f"controller._target_={here}.{name}", "cycles=1", "hydra.run.dir=r", folder=tmp_path)

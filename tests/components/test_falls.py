@@ -9,7 +9,7 @@ from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stop import (
     DIVERGED,
     FELL,
-    LONGEST_TUMBLE,
+    LONGEST_UNSTABLE,
     LOWEST_HIP,
     RUNNING,
     STEEPEST,
@@ -38,7 +38,7 @@ def stop_at(guard, body, sample=300, q=AT_REST, dq=AT_REST, force=None):
 
 
 FALLS = {
-    "no height, pitch and roll balance the body": (np.nan, 0.0, 0.0),
+    "the body has no static equilibrium": (np.nan, 0.0, 0.0),
     "pitch 0.510 rad, beyond 0.5 rad": (0.5, 0.51, 0.0),
     "pitch -0.510 rad, beyond 0.5 rad": (0.5, -0.51, 0.3),
     "roll 0.510 rad, beyond 0.5 rad": (0.5, 0.3, 0.51),
@@ -63,7 +63,7 @@ def test_up_to_its_limits_a_body_has_not_fallen(guard, body):
 
 
 def test_a_negative_margin_is_a_fall_when_it_lasts_longer_than_a_quarter_of_a_second(guard):
-    longest = round(LONGEST_TUMBLE / PERIOD)
+    longest = round(LONGEST_UNSTABLE / PERIOD)
     reasons = [stop_at(guard, (0.5, 0.0, 0.0), sample=k) for k in range(longest + 1)]
     assert reasons[:-1] == [(RUNNING, "")] * longest
     assert reasons[-1] == (FELL, "at step 200 (t = 1.000 s): stability margin negative for more than 0.25 s")
@@ -92,7 +92,7 @@ def test_a_machine_that_finds_no_balance_at_its_start_has_fallen(make_config):
     for fused in (True, False):
         rollout = roll_out(make_scenario(config), fused=fused)
         assert rollout.status == "fell"
-        assert rollout.cause.endswith("no height, pitch and roll balance the body")
+        assert rollout.cause.endswith("the body has no static equilibrium")
         assert np.isfinite(rollout.samples).all()
 
 

@@ -1,0 +1,248 @@
+"""The steps of the closed loop: observe, predict, control, actuate, commit, advance, check, in this order.
+
+The order stands here once. A driver runs :func:`take_steps`, a generator: built-in components act within it, and it
+pauses wherever an external component has to act.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from cmacexp.control.actuator import Actuator, actuate
+from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
+from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
+from cmacexp.jit.compiler import kernel
+from cmacexp.loop.samples import write_samples
+from cmacexp.loop.stop import DIVERGED, RUNNING, Guard, stop_reason
+from cmacexp.models.mechanism import Mechanism, trigonometries
+from cmacexp.planning.columns import ACTING, BEFORE
+from cmacexp.plants.kernels import PlantParams, PlantState, advance
+from cmacexp.plants.protocol import Measurement
+from cmacexp.sensors.channel import Sensing
+from cmacexp.sensors.kernels import Seen, sense
+from cmacexp.typing import Array, Counts, Mask, Scratch
+
+MEASURE, ACT, PREDICT, STEP = range(4)
+"""Methods of external components: of sensors, controller, feedforward and plant."""
+NO_METHOD = -1
+TAKEN, STOP, NOT_FINITE = range(3)
+"""Entries of ``progress``: steps whose torque the plant has taken; RUNNING or why the loop stopped; the method that
+returned a value that is not finite, or NO_METHOD."""
+
+
+class Torques(NamedTuple):
+    """Torques of one step, (L, 2) each, N m."""
+
+    feedforward: Scratch
+    total: Scratch
+
+
+class Loop(NamedTuple):
+    """Parameters and states of the components of a loop; parameters of external ones are None."""
+
+    support: Mask
+    """Of the plan, as the next two."""
+    reference: Array
+    start_step: int
+    mechanism: Mechanism
+    plant: PlantParams | None
+    plant_state: PlantState
+    sensing: Sensing | None
+    """None also of sensors that alter nothing."""
+    observation: Seen
+    """Input of the controller: the arrays of the plant itself where no sensor alters anything."""
+    control: HybridParams | None
+    control_state: HybridState
+    feedforward: FeedforwardParams | None
+    actuator: Actuator
+    torques: Torques
+    guard: Guard
+
+
+class Inputs(NamedTuple):
+    """Inputs of external components in K steps, one row each, so that they may keep them; None of built-in ones."""
+
+    sensors: Measurement | None
+    controller: Measurement | None
+    feedforward: Array | None
+    """(K, L, 2): learning error, N m; an external controller calls its feedforward itself."""
+    plant: Array | None
+    """(K, L, 2): torque, N m."""
+
+
+@kernel
+def copy_vector(values: Array, rows: Array, k: int) -> None:
+    """Copy ``values`` (n,) into row ``k``."""
+    for i in range(values.shape[0]):
+        rows[k, i] = values[i]
+
+
+@kernel
+def copy_matrix(values: Array, rows: Array | None, k: int) -> None:
+    """Copy ``values`` (L, 2) into row ``k``."""
+    if rows is not None:
+        for i in range(values.shape[0]):
+            rows[k, i, 0], rows[k, i, 1] = values[i, 0], values[i, 1]
+
+
+@kernel
+def copy_measurement(source: PlantState | Seen, rows: Measurement | None, k: int) -> None:
+    """Copy the true state, or its observation, into row ``k``."""
+    if rows is not None:
+        copy_matrix(source.q, rows.q, k)
+        copy_matrix(source.dq, rows.dq, k)
+        copy_matrix(source.foot, rows.foot, k)
+        copy_matrix(source.velocity, rows.velocity, k)
+        copy_vector(source.force, rows.force, k)
+        copy_vector(source.body, rows.body, k)
+        copy_vector(source.body_rate, rows.body_rate, k)
+
+
+@kernel
+def is_finite(values: Array) -> bool:
+    """Whether all of ``values`` (L, 2) are finite."""
+    for i in range(values.shape[0]):
+        for j in range(2):
+            if not math.isfinite(values[i, j]):
+                return False
+    return True
+
+
+@kernel
+def observes_finite(observation: Seen) -> bool:
+    """Whether all values of an observation are finite."""
+    for i in range(observation.force.shape[0]):
+        if not math.isfinite(observation.force[i]):
+            return False
+    for n in range(3):
+        if not (math.isfinite(observation.body[n]) and math.isfinite(observation.body_rate[n])):
+            return False
+    return (
+        is_finite(observation.q)
+        and is_finite(observation.dq)
+        and is_finite(observation.foot)
+        and is_finite(observation.velocity)
+    )
+
+
+@kernel
+def observe(sensing: Sensing | None, mechanism: Mechanism, step: int, machine: PlantState, observation: Seen) -> None:
+    """The built-in sensors."""
+    if sensing is not None:
+        sense(sensing, mechanism, step, machine, observation)
+
+
+@kernel
+def predict(params: FeedforwardParams | None, step: int, sample: int, error: Array, torque: Array) -> None:
+    """The built-in feedforward, before the feedback: ``error`` (L, 2) is the learning error of the last step."""
+    if params is not None:
+        feedforward_step(params, step, sample, error, torque)
+
+
+@kernel
+def control(
+    params: HybridParams | None, state: HybridState, support: Mask, reference: Array, observation: Seen
+) -> None:
+    """The built-in controller, with rows of the plan."""
+    if params is not None:
+        hybrid_feedback(
+            params, state, support, reference,
+            observation.trig, observation.foot, observation.velocity, observation.force,
+            observation.body, observation.body_rate,
+        )  # fmt: skip
+
+
+@kernel
+def advance_plant(params: PlantParams | None, machine: PlantState, torque: Array) -> None:
+    """The built-in plant."""
+    if params is not None:
+        advance(params, machine, torque)
+
+
+@kernel
+def check(guard: Guard, sample: int, machine: PlantState) -> int:
+    """RUNNING, or why the run stops at the start of a step, the ``sample`` of its cycle."""
+    return stop_reason(guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
+
+
+@kernel
+def check_measured(guard: Guard, sample: int, machine: PlantState) -> int:
+    """:func:`check` for an external plant, whose velocities may be wrong too."""
+    status = check(guard, sample, machine)
+    if status == RUNNING:
+        for n in range(3):
+            if not math.isfinite(machine.body_rate[n]):
+                return DIVERGED
+        if not is_finite(machine.velocity):
+            return DIVERGED
+    return status
+
+
+@kernel
+def take_steps(
+    loop: Loop, inputs: Inputs, progress: Counts, start: int, samples: Array, body_samples: Array
+) -> Iterator[tuple[int, int]]:
+    """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows, from ``start``.
+
+    Args:
+        loop: components; its states change.
+        inputs: filled row by row, before the component acts.
+        progress: (3,): filled.
+        start: number of the first step.
+        samples: filled, as ``body_samples``; columns as in :mod:`cmacexp.loop.samples`.
+
+    Yields:
+        Method of an external component that has to act before the generator resumes, and the row of its input.
+    """
+    guard, machine, observation, state = loop.guard, loop.plant_state, loop.observation, loop.control_state
+    feedforward, total = loop.torques
+    period, measured = loop.support.shape[0], inputs.plant is not None
+    new_joints = measured or inputs.sensors is not None
+    progress[TAKEN], progress[STOP], progress[NOT_FINITE] = 0, RUNNING, NO_METHOD
+    if start == 0 and samples.shape[0] > 0:
+        progress[STOP] = check(guard, 0, machine)
+        if progress[STOP] != RUNNING:
+            return
+    sample = start % period
+    for k in range(samples.shape[0]):
+        step = start + k
+        acting = step >= loop.start_step
+        if inputs.sensors is not None:
+            copy_measurement(machine, inputs.sensors, k)
+            yield MEASURE, k
+            if not observes_finite(observation):
+                progress[NOT_FINITE] = MEASURE
+                return
+        else:
+            observe(loop.sensing, loop.mechanism, step, machine, observation)
+        if inputs.controller is not None:
+            copy_measurement(observation, inputs.controller, k)
+            yield ACT, k
+            if not (is_finite(state.feedback) and is_finite(feedforward)):
+                progress[NOT_FINITE] = ACT
+                return
+        else:
+            if acting and inputs.feedforward is not None:
+                copy_matrix(state.learning_error, inputs.feedforward, k)
+                yield PREDICT, k
+                if not is_finite(feedforward):
+                    progress[NOT_FINITE] = PREDICT
+                    return
+            elif acting:
+                predict(loop.feedforward, step, sample, state.learning_error, feedforward)
+            if new_joints:
+                trigonometries(loop.mechanism, observation.q, observation.trig)
+            reference = loop.reference[ACTING if acting else BEFORE, sample]
+            control(loop.control, state, loop.support[sample], reference, observation)
+        actuate(loop.actuator, step, state.feedback, feedforward, total)
+        write_samples(samples, body_samples, k, machine, observation, state, feedforward)
+        if inputs.plant is not None:
+            copy_matrix(total, inputs.plant, k)
+            yield STEP, k
+        else:
+            advance_plant(loop.plant, machine, total)
+        progress[TAKEN] = k + 1
+        sample = sample + 1 if sample + 1 < period else 0
+        progress[STOP] = check_measured(guard, sample, machine) if measured else check(guard, sample, machine)
+        if progress[STOP] != RUNNING:
+            return
