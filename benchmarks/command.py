@@ -4,7 +4,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from benchmarks.timing import ROOT, Table, compared, in_turn, python, stopwatch
+from benchmarks.timing import ROOT, WITHOUT_PRIVATE_NAMES, Table, compared, in_turn, python, stopwatch
 
 FLOOR = ["-c", "import hydra, numpy, numba, pyarrow.parquet, rerun"]
 
@@ -23,9 +23,13 @@ def tables(quick: bool) -> list[Table]:
         for scenario in targets:
             command = ["-m", "cmacexp", f"scenario={scenario}", f"hydra.run.dir={folder}/{scenario}"]
             workers[scenario] = stopwatch(lambda command=command: start(*command))
+        public = [*WITHOUT_PRIVATE_NAMES, "scenario=one_leg", f"hydra.run.dir={folder}/public"]
+        workers["public"] = stopwatch(lambda: start(*public))
         times = in_turn(workers, 5 if quick else 9)
     rows = [
         compared(times, f"`python -m cmacexp scenario={scenario}`", scenario, "floor", "imports alone", target)
         for scenario, target in targets.items()
     ]
+    what = "`python -m cmacexp scenario=one_leg` without Hydra's private names"
+    rows.append(compared(times, what, "public", "one_leg", "with them"))
     return [Table("Whole command, everything written", rows, f"Imports: `{FLOOR[1]}`.")]

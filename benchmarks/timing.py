@@ -17,6 +17,12 @@ from hydra.core.global_hydra import GlobalHydra
 from cmacexp.config import Config, config_folder, to_config
 
 ROOT = Path(__file__).parents[1]
+WITHOUT_PRIVATE_NAMES = [
+    "-c",
+    "import sys; from cmacexp.config import hydra_private; hydra_private.KNOWN = 'none'; "
+    "from cmacexp.cli.main import main; sys.exit(main())",
+]
+"""``-m cmacexp`` as with a version of Hydra whose private names are not known."""
 Times = dict[str, list[float]]
 """Seconds of every round by name."""
 

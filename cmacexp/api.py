@@ -20,10 +20,10 @@ RUN_FOLDER = "hydra.run.dir="
 
 @dataclass(frozen=True, repr=False)
 class Run(StoredRun):
-    """A finished run that prints its main metrics per cycle; tables are read on first use."""
+    """A completed or stopped run, which prints its main metrics per cycle; tables are read on first use."""
 
     def _summary(self) -> tuple[str, list[str], list[list[str]]]:
-        """How it ended in a line, titles and rows of its main metrics."""
+        """How it ended, in one line; titles and rows of its main metrics."""
         manifest = self.manifest
         titles, rows = format_cycles(self.scores)
         line = f"{self.folder}: {self.config.get('scenario')}, {self.ending}, {manifest['steps']} steps"
@@ -48,13 +48,13 @@ class Run(StoredRun):
 
 
 def _split(overrides: Sequence[str]) -> tuple[list[str], Path | None]:
-    """Overrides of the config, and the folder that they name."""
+    """Overrides of the config, and the folder that ``hydra.run.dir`` names."""
     folder = None
     for text in overrides:
         if text.startswith(RUN_FOLDER):
             folder = Path(text.removeprefix(RUN_FOLDER))
         elif text.startswith(("-", "hydra.", "hydra/")):
-            raise BadInput("overrides", text, "is of the command line alone; here give config overrides")
+            raise BadInput("overrides", text, "is an option of the command line; give config overrides only")
     return [text for text in overrides if not text.startswith("hydra.")], folder
 
 
@@ -63,43 +63,44 @@ def run(
     folder: str | Path | None = None,
     *,
     config_dir: str | Path | None = None,
-    **parts: object,
+    **components: object,
 ) -> Run:
     """The same run as ``python -m cmacexp`` with these overrides.
 
     Args:
         overrides: as typed on the command line, e.g. ``["scenario=one_leg", "cycles=3"]``.
-        folder: where the run is kept; None: ``outputs/<scenario>/<date and time>``, as on the command line.
-        config_dir: a folder of one's own configs, as ``--config-dir``.
-        parts: objects that take the place of ``plant``, ``sensors``, ``controller`` or ``feedforward``.
+        folder: of the run; None: ``outputs/<scenario>/<date and time>``, as on the command line.
+        config_dir: a folder of custom configs, as ``--config-dir``.
+        components: objects to use as ``plant``, ``sensors``, ``controller`` or ``feedforward``.
 
     Returns:
-        The run, however it ended: see its ``status``.
+        The run; its ``status`` says how it ended.
 
     Raises:
-        CmacexpError: it cannot be run; a :class:`BadInput` names key, value and what is allowed.
+        CmacexpError: it cannot be run; a :class:`BadInput` names the key, the value and what is allowed.
         OSError: the folder cannot be written.
     """
-    chosen, named = _split(overrides)
-    unknown = set(parts) - set(COMPONENTS)
+    config_overrides, named = _split(overrides)
+    unknown = set(components) - set(COMPONENTS)
     if unknown:
-        raise BadInput("run", ", ".join(sorted(unknown)), f"takes objects for {', '.join(COMPONENTS)}")
-    config = compose_config(chosen, config_dir)
+        raise BadInput("run", ", ".join(sorted(unknown)), f"no such component; choose from {', '.join(COMPONENTS)}")
+    config = compose_config(config_overrides, config_dir)
     targets: dict[str, Any] = {
-        key: {"_target_": f"{type(part).__module__}.{type(part).__qualname__}"} for key, part in parts.items()
+        key: {"_target_": f"{type(component).__module__}.{type(component).__qualname__}"}
+        for key, component in components.items()
     }
     config = replace(config, **targets)
     place = Path(folder) if folder is not None else named
     if place is None:
         place = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))
-    return Run(run_scenario(config, place, prepared=make_scenario(config, **parts)).folder)
+    return Run(run_scenario(config, place, prepared=make_scenario(config, **components)).folder)
 
 
 def load(folder: str | Path) -> Run:
-    """A run of before, by its folder.
+    """An earlier run, by its folder.
 
     Raises:
-        BadRun: it is not the folder of a run that came to its end.
+        BadRun: it is not the folder of a run that has ended.
     """
     stored = Run(Path(folder))
     _ = stored.manifest

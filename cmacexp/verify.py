@@ -25,7 +25,7 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 def main() -> int:
     """Run the command; exit code 0 if all runs are whole, 4 if one is not, 2 if there is none."""
-    return command("cmacexp.verify", "Tell which runs are whole.", _verify)
+    return command("cmacexp.verify", "Check which runs are whole: every file present and unchanged.", _verify)
 
 
 if __name__ == "__main__":

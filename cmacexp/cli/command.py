@@ -12,24 +12,27 @@ def command(
     name: str,
     description: str,
     work: Callable[[argparse.Namespace], int],
-    options: Sequence[tuple[str, str]] = (),
+    flags: Sequence[tuple[str, str]] = (),
     values: Sequence[tuple[str, str, str]] = (),
 ) -> int:
     """Run a command over folders of runs.
 
     Args:
-        name: the module, ``cmacexp.score``.
+        name: of the module, ``cmacexp.score``.
         description: what it does, for ``--help``.
-        work: takes the parsed arguments (``folders``, and each flag) and gives the exit code.
-        options: flags, each with its help.
-        values: options that take a value, each with what stands for it and its help; text, None if not given.
+        work: takes the parsed arguments (``folders``, each flag, each value) and returns the exit code.
+        flags: options without a value, each with its help.
+        values: options with a value (text, None by default), each with the value's placeholder and its help.
+
+    Returns:
+        The exit code: that of ``work``, 2 after an error that it raised, 130 if interrupted.
     """
     parser = argparse.ArgumentParser(prog=f"python -m {name}", description=description)
     parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
-    for flag, text in options:
+    for flag, text in flags:
         parser.add_argument(flag, action="store_true", help=text)
-    for flag, metavar, text in values:
-        parser.add_argument(flag, metavar=metavar, help=text)
+    for option, placeholder, text in values:
+        parser.add_argument(option, metavar=placeholder, help=text)
     try:
         return work(parser.parse_args())
     except KeyboardInterrupt:

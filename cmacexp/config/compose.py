@@ -2,73 +2,48 @@
 
 import copy
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 from omegaconf import DictConfig, OmegaConf, open_dict
-from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config.folder import config_folder
 from cmacexp.config.load import to_config
 from cmacexp.config.schema import Config
 from cmacexp.errors import CmacexpError
 
-MISSING = object()
+_MISSING = object()
+_composed: dict[tuple[str, ...], tuple[DictConfig, dict[str, str]]] = {}
+"""Results of :func:`_compose` by the options chosen: Hydra takes longer to read some 30 files than most runs take."""
 
 
-@cache
-def _parser() -> Any:
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
-    return OverridesParser.create()
-
-
-@cache
-def _groups() -> set[str]:
-    return {folder.name for folder in config_folder().iterdir() if folder.is_dir()}
-
-
-@cache
-def _composed(overrides: tuple[str, ...], config_dir: str | None = None) -> tuple[DictConfig, dict[str, str]]:
-    """What Hydra composes, and the option of each group: reading some 30 files takes it longer than most runs."""
+def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
+    """What Hydra composes, and the option that it chose in each group."""
     from hydra import compose, initialize_config_dir
 
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
-        places = [f"hydra.searchpath=[file://{config_dir}]"] if config_dir else []
-        composed = compose("config", [*overrides, *places], return_hydra_config=True)
-    choices = dict(composed.hydra.runtime.choices)
-    with open_dict(composed):
-        del composed["hydra"]
-    return composed, choices
+        config = compose("config", list(overrides), return_hydra_config=True)
+    choices = dict(config.hydra.runtime.choices)
+    with open_dict(config):
+        del config["hydra"]
+    return config, choices
 
 
-def _values(overrides: Sequence[str]) -> list[tuple[str, Any]] | None:
-    """Keys and values of overrides that set plain values of existing keys; None if one does something else."""
-    found = []
-    for override in _parser().parse_overrides(list(overrides)):
-        if override.type is None or override.type.name != "CHANGE" or override.is_sweep_override():
-            return None
-        found.append((override.key_or_group, override.value()))
-    return found
+def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
+    """The same from a cached result: Hydra, too, chooses options before it sets values, whatever their order."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.core.override_parser.types import OverrideType
 
-
-def _quick(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]] | None:
-    """The same config as Hydra composes of ``overrides``, from one that it has composed before; None if it cannot be.
-
-    Groups are chosen first and values set then, in Hydra as well, whatever their order.
-    """
-    choices = tuple(text for text in overrides if text.partition("=")[0] in _groups())
-    values = _values([text for text in overrides if text not in choices])
-    if values is None:
-        return None
-    composed, options = _composed(choices)
-    config = copy.deepcopy(composed)
-    for key, value in values:
-        if OmegaConf.select(config, key, default=MISSING) is MISSING:
-            return None
-        OmegaConf.update(config, key, value, merge=True)
-    return config, options
+    options = tuple(text for text in overrides if (config_folder() / text.partition("=")[0]).is_dir())
+    if options not in _composed:
+        _composed[options] = _compose(options)
+    config, choices = copy.deepcopy(_composed[options])
+    for override in OverridesParser.create().parse_overrides([text for text in overrides if text not in options]):
+        key = override.key_or_group
+        exists = OmegaConf.select(config, key, default=_MISSING) is not _MISSING
+        if override.type != OverrideType.CHANGE or override.is_sweep_override() or not exists:
+            return _compose(overrides)  # it adds or removes a key, or is a mistake
+        OmegaConf.update(config, key, override.value(), merge=True)
+    return config, choices
 
 
 def compose_config(overrides: Sequence[str], config_dir: str | Path | None = None) -> Config:
@@ -76,19 +51,16 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
 
     Args:
         overrides: as on the command line, e.g. ``["scenario=one_leg", "cycles=3"]``.
-        config_dir: a folder of one's own configs, as ``--config-dir``.
+        config_dir: a folder of custom configs, as ``--config-dir``; its files are read anew by each call.
 
     Raises:
-        CmacexpError: a name or a value that cannot be; the message is that of the command line.
+        CmacexpError: a name or a value is not valid; the message is that of the command line.
     """
-    from hydra.errors import HydraException
-
-    from cmacexp.config.explain import explain_composition
+    from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 
     try:
-        own = None if config_dir is None else str(Path(config_dir).resolve())
-        if own is not None:  # its files may have changed since
-            return to_config(*_composed.__wrapped__(tuple(overrides), own))
-        return to_config(*(_quick(overrides) or _composed.__wrapped__(tuple(overrides))))
-    except (HydraException, OmegaConfBaseException) as error:
-        raise CmacexpError(explain_composition(error, list(overrides))) from error
+        if config_dir is None:
+            return to_config(*_compose_cached(overrides))
+        return to_config(*_compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"]))
+    except COMPOSITION_ERRORS as error:
+        raise CmacexpError(explain_composition(error, overrides)) from error

@@ -337,7 +337,7 @@ def test_run_takes_a_folder_in_its_overrides_and_own_configs(here, tmp_path):
     ("overrides", "told"),
     [
         (["cmac.layers=0"], "cmac.layers=0"),
-        (["-m"], "command line alone"),
+        (["-m"], "is an option of the command line"),
         (["cmac.layrs=3"], "did you mean cmac.layers"),
     ],
 )
@@ -352,5 +352,5 @@ def test_load_refuses_what_is_no_run(tmp_path):
 
 
 def test_objects_stand_for_parts_only(tmp_path):
-    with pytest.raises(BadInput, match="takes objects for plant, sensors, controller, feedforward"):
+    with pytest.raises(BadInput, match="choose from plant, sensors, controller, feedforward"):
         package.run([], tmp_path, motor=object())

@@ -198,13 +198,6 @@ def test_the_objective_counts_a_fall_as_the_worst(tmp_path):
     assert read_objective("feedforward_share", fell) == read_objective("margin_front_min", fell) == float("-inf")
 
 
-def test_a_metric_that_there_is_not_is_bad_input(tmp_path):
-    done = cmacexp("optimize=transfer_rmse", folder=tmp_path)
-    assert done.returncode == 2
-    assert "optimize=transfer_rmse: choose from transfer_rmse_x, transfer_rmse_y" in done.stderr
-    assert "did you mean transfer_rmse_" in done.stderr
-
-
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
 def test_other_launchers_leave_the_same_table(launcher, tmp_path):
     swept = ["-m", "cmac.layers=8,0,32", "cycles=1"]

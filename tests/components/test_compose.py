@@ -50,3 +50,8 @@ def test_mistakes_are_told_as_on_the_command_line(overrides, message):
         compose_config(overrides)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_what_hydra_raises_as_a_value_error_is_a_message_too():
+    with pytest.raises(CmacexpError, match="a group takes the name of an option"):
+        compose_config(["cmac=null"])
