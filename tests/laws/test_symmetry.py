@@ -4,12 +4,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cmacexp.loop import roll_out
+from cmacexp.loop.samples import BODY_SAMPLES
 from cmacexp.loop.scenario import make_scenario
 
 MIRRORED = "gait.touch_down=[0.5, 0.0, 0.3, 0.8]"
 OTHER_SIDE = [1, 0, 3, 2]
-MIRROR = [1.0, 1.0, -1.0, 1.0, -1.0, -1.0]
-"""Of the columns of a body."""
+MIRROR = [-1.0 if name in ("roll", "yaw", "cog_y") else 1.0 for name in BODY_SAMPLES]
 
 
 @pytest.mark.parametrize(
