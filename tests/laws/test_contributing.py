@@ -33,7 +33,7 @@ def rows(text: str) -> list[list[str]]:
 def files(text: str) -> list[str]:
     """Paths of files and folders in ``text``, as they stand in code spans."""
     spans = re.findall(r"`([^`\n]+)`", text)
-    return [span for span in spans if re.fullmatch(r"[\w.-]+(/[\w.-]+)+|\w[\w-]*\.(md|py|toml)", span)]
+    return [span for span in spans if re.fullmatch(r"[\w.-]+(/[\w.-]+)+|\w[\w-]*\.(md|py|txt|toml)", span)]
 
 
 QUESTIONS = rows(section("Where is ...?"))
