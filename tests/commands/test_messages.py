@@ -177,7 +177,7 @@ LINES = [block for block in read_page() if not block.startswith("#")]
 def test_message(block, folder, monkeypatch):
     monkeypatch.chdir(folder)
     line, _, expected = block.partition("\n")
-    assert answer(line) == expected + "\n"
+    assert answer(line) == expected + "\n", f"if this is meant, renew the page: python {Path(__file__).name}"
 
 
 def test_every_message_is_one_short_line_without_a_stack_trace():
