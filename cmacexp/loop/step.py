@@ -1,7 +1,8 @@
 """The steps of the closed loop: observe, predict, control, actuate, commit, advance, check, in this order.
 
-The order stands here once. A driver runs :func:`take_steps`, a generator: built-in components act within it, and it
-pauses wherever an external component has to act.
+Each of them is a kernel that both drivers call. :func:`cmacexp.loop.compiled.fused_loop` runs built-in components
+without a pause; the generator :func:`take_steps` pauses wherever an external component has to act. It would do for
+both, but a generator keeps its state in memory: a step of built-in components would take three times as long.
 """
 
 import math
@@ -12,7 +13,7 @@ from cmacexp.control.actuator import Actuator, actuate
 from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.jit.compiler import kernel
-from cmacexp.loop.samples import write_samples
+from cmacexp.loop.samples import write_samples as commit
 from cmacexp.loop.stop import DIVERGED, RUNNING, Guard, stop_reason
 from cmacexp.models.mechanism import Mechanism, trigonometries
 from cmacexp.planning.columns import ACTING, BEFORE
@@ -194,13 +195,12 @@ def take_steps(
     Yields:
         Method of an external component that has to act before the generator resumes, and the row of its input.
     """
-    guard, machine, observation, state = loop.guard, loop.plant_state, loop.observation, loop.control_state
-    feedforward, total = loop.torques
+    # No local variable holds arrays: each pause would save them, which doubles the time of compiling.
     period, measured = loop.support.shape[0], inputs.plant is not None
     new_joints = measured or inputs.sensors is not None
     progress[TAKEN], progress[STOP], progress[NOT_FINITE] = 0, RUNNING, NO_METHOD
     if start == 0 and samples.shape[0] > 0:
-        progress[STOP] = check(guard, 0, machine)
+        progress[STOP] = check(loop.guard, 0, loop.plant_state)
         if progress[STOP] != RUNNING:
             return
     sample = start % period
@@ -208,41 +208,52 @@ def take_steps(
         step = start + k
         acting = step >= loop.start_step
         if inputs.sensors is not None:
-            copy_measurement(machine, inputs.sensors, k)
+            copy_measurement(loop.plant_state, inputs.sensors, k)
             yield MEASURE, k
-            if not observes_finite(observation):
+            if not observes_finite(loop.observation):
                 progress[NOT_FINITE] = MEASURE
                 return
         else:
-            observe(loop.sensing, loop.mechanism, step, machine, observation)
+            observe(loop.sensing, loop.mechanism, step, loop.plant_state, loop.observation)
         if inputs.controller is not None:
-            copy_measurement(observation, inputs.controller, k)
+            copy_measurement(loop.observation, inputs.controller, k)
             yield ACT, k
-            if not (is_finite(state.feedback) and is_finite(feedforward)):
+            if not (is_finite(loop.control_state.feedback) and is_finite(loop.torques.feedforward)):
                 progress[NOT_FINITE] = ACT
                 return
         else:
             if acting and inputs.feedforward is not None:
-                copy_matrix(state.learning_error, inputs.feedforward, k)
+                copy_matrix(loop.control_state.learning_error, inputs.feedforward, k)
                 yield PREDICT, k
-                if not is_finite(feedforward):
+                if not is_finite(loop.torques.feedforward):
                     progress[NOT_FINITE] = PREDICT
                     return
             elif acting:
-                predict(loop.feedforward, step, sample, state.learning_error, feedforward)
+                predict(loop.feedforward, step, sample, loop.control_state.learning_error, loop.torques.feedforward)
             if new_joints:
-                trigonometries(loop.mechanism, observation.q, observation.trig)
-            reference = loop.reference[ACTING if acting else BEFORE, sample]
-            control(loop.control, state, loop.support[sample], reference, observation)
-        actuate(loop.actuator, step, state.feedback, feedforward, total)
-        write_samples(samples, body_samples, k, machine, observation, state, feedforward)
+                trigonometries(loop.mechanism, loop.observation.q, loop.observation.trig)
+            stage = ACTING if acting else BEFORE
+            control(
+                loop.control,
+                loop.control_state,
+                loop.support[sample],
+                loop.reference[stage, sample],
+                loop.observation,
+            )
+        actuate(loop.actuator, step, loop.control_state.feedback, loop.torques.feedforward, loop.torques.total)
+        commit(
+            samples, body_samples, k, loop.plant_state, loop.observation, loop.control_state, loop.torques.feedforward
+        )
         if inputs.plant is not None:
-            copy_matrix(total, inputs.plant, k)
+            copy_matrix(loop.torques.total, inputs.plant, k)
             yield STEP, k
         else:
-            advance_plant(loop.plant, machine, total)
+            advance_plant(loop.plant, loop.plant_state, loop.torques.total)
         progress[TAKEN] = k + 1
         sample = sample + 1 if sample + 1 < period else 0
-        progress[STOP] = check_measured(guard, sample, machine) if measured else check(guard, sample, machine)
+        if measured:
+            progress[STOP] = check_measured(loop.guard, sample, loop.plant_state)
+        else:
+            progress[STOP] = check(loop.guard, sample, loop.plant_state)
         if progress[STOP] != RUNNING:
             return

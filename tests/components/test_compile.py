@@ -1,9 +1,15 @@
 """Compiled code lasts from process to process wherever it can be kept, and is never older than its sources."""
 
+import re
 import shutil
+from types import FunctionType
 
 import pytest
 from support.command import ROOT, python
+
+from cmacexp.jit.compiler import program
+from cmacexp.jit.numba_private import TESTED
+from cmacexp.models.mix import mix
 
 SCRIPT = """
 from cmacexp.jit.compiler import call_before_compiling, program
@@ -71,3 +77,13 @@ def test_an_edit_of_what_a_kernel_calls_is_never_missed(install, tmp_path):
     assert second != first
     callee.write_text(text)
     assert stiffness(install, **kept) == (first, False)
+
+
+def test_private_names_of_numba_are_used_with_the_versions_that_the_package_allows():
+    first, limit = re.search(r'"numba>=([\d.]+),<([\d.]+)"', (ROOT / "pyproject.toml").read_text()).groups()
+    assert tuple(tuple(map(int, version.split("."))) for version in (first, limit)) == TESTED
+
+
+def test_a_kernel_is_a_plain_function_and_a_program_gives_its_bits():
+    assert isinstance(mix, FunctionType)
+    assert program(mix)(7, 12345) == mix(7, 12345)
