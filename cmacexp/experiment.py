@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 
 from cmacexp.config import Config, to_plain
-from cmacexp.control import Learns
+from cmacexp.control import HybridController, Learns
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import remove_leftovers, sha256
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, select_signals
@@ -29,6 +29,7 @@ from cmacexp.data.tables import (
 from cmacexp.data.trace_writer import trace_writer
 from cmacexp.data.weights import WEIGHTS, start_hash, write_weights
 from cmacexp.errors import BadOutput, format_user_traceback
+from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.sources import code_hash
 from cmacexp.loop import End, Samples, stream
 from cmacexp.loop.scenario import Scenario, make_scenario
@@ -116,13 +117,14 @@ def _write_extras(scenario: Scenario, folder: Path) -> list[str]:
 
 
 def _component_entries(scenario: Scenario) -> dict[str, Any]:
-    """What components report for the manifest by a method ``manifest_entries``."""
-    entries: dict[str, Any] = {"dropped": [], "memory": []}
-    if scenario.fault is None:  # else some component is not reset
-        for component in (scenario.controller, scenario.feedforward):
-            if hasattr(component, "manifest_entries"):
-                entries |= component.manifest_entries()
-    return entries
+    """Excluded force sensors and use of memory; external components may use these names for something else."""
+    controller, feedforward = scenario.controller, scenario.feedforward
+    dropped = controller.dropped if isinstance(controller, HybridController) else {}
+    memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
+    return {
+        "dropped": [{"leg": leg, "step": step} for leg, step in dropped.items()],
+        "memory": [use._asdict() for use in memory],
+    }
 
 
 def run_scenario(

@@ -76,7 +76,7 @@ class Cmac:
         if self.visited is not None:
             positions = np.empty(shape, dtype=np.uint64)
             self.clipped += address_batch(self.address, batch, positions)
-            return self.visited.rows_of(positions)
+            return self.visited.assign_rows(positions)
         cells = np.empty(shape, dtype=np.uint32)
         self.clipped += address_batch(self.address, batch, cells)
         return cells

@@ -25,7 +25,7 @@ class Visited:
     row_bytes: int
     positions: Positions = field(default_factory=lambda: np.zeros(0, dtype=np.uint64))
 
-    def rows_of(self, positions: Positions) -> Cells:
+    def assign_rows(self, positions: Positions) -> Cells:
         """Rows of cells of any shape; cells without one get the next ones, in their order here.
 
         Raises:

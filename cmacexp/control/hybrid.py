@@ -1,7 +1,6 @@
 """The hybrid position/force controller."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -34,7 +33,8 @@ class HybridController:
         """Upper over lower corner frequency, alpha (assumed)."""
 
     params: HybridParams
-    state: HybridState
+    state: HybridState = new_hybrid_state(0)
+    """Of no legs until the controller is reset."""
     feedforward: Feedforward
 
     def __init__(self, position_gain: float, velocity_gain: float, lead_omega: float, lead_alpha: float):
@@ -71,18 +71,14 @@ class HybridController:
 
     @property
     def force_trusted(self) -> Array:
-        """(L,): 1, or 0 from the step on at which the force sensor of the leg was found implausible."""
+        """(L,): 1, or 0 since the force sensor of the leg was excluded."""
         return self.state.fault_status.trusted
 
     @property
     def dropped(self) -> dict[int, int]:
-        """Legs whose force sensor was found implausible, and the step at which it was."""
+        """Legs whose force sensor was excluded, and the step in which it was."""
         status = self.state.fault_status
         return {i + 1: int(status.steps[i]) for i in np.flatnonzero(status.trusted == 0.0).tolist()}
-
-    def manifest_entries(self) -> dict[str, Any]:
-        """The force sensors that were dropped: leg, and the step at which it happened."""
-        return {"dropped": [{"leg": leg, "step": step} for leg, step in self.dropped.items()]}
 
     def act(self, reference: Reference, measurement: Measurement) -> Action:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""

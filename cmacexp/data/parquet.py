@@ -57,7 +57,7 @@ def read_groups(path: Path, columns: list[str] | None = None) -> Iterator[pa.Tab
             yield file.read_row_group(group, columns)
 
 
-def rows_of(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
+def select_rows(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
     """Some rows of a table, by their numbers or by a mask."""
     numbers = np.flatnonzero(rows) if rows.dtype == bool else rows
     return table if len(numbers) == table.num_rows else table.take(arrow(numbers, pa.int64()))

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from cmacexp.data.files import write_atomically
-from cmacexp.data.parquet import as_array, read_groups, rows_of, write_table
+from cmacexp.data.parquet import as_array, read_groups, select_rows, write_table
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, make_schema, select_signals
 from cmacexp.errors import BadRun
 
@@ -67,16 +67,16 @@ def steps_by_cycle(folder: Path) -> dict[int, int]:
 def _read(path: Path, columns: Sequence[Signal], cycles: tuple[int, int], every: int) -> pa.Table:
     """A window of a trace, one step in ``every``; read part by part, to hold no more than the window in memory."""
     kept: list[pa.Table] = []
-    seen = 0
+    steps = 0
     for part in read_parts(path):
         missing = {column.name for column in columns if not column.added} - set(part.column_names)
         if missing:
             raise BadRun(f"{path}: not a trace: it has no {', '.join(sorted(missing))}")
         cycle = as_array(part, "cycle")
-        part = rows_of(part, (cycle >= cycles[0]) & (cycle <= cycles[1]))
+        part = select_rows(part, (cycle >= cycles[0]) & (cycle <= cycles[1]))
         legs = int(as_array(part, "leg").max(initial=1)) if "leg" in part.column_names else 1
-        kept.append(rows_of(part, (np.arange(part.num_rows) // legs + seen) % every == 0))
-        seen += part.num_rows // legs
+        kept.append(select_rows(part, (np.arange(part.num_rows) // legs + steps) % every == 0))
+        steps += part.num_rows // legs
     return pa.concat_tables(kept).combine_chunks() if kept else make_schema(columns).empty_table()
 
 

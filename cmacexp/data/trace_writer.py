@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.config.schema import RecordConfig
-from cmacexp.data.parquet import as_array, rows_of, table_writer
+from cmacexp.data.parquet import as_array, select_rows, table_writer
 from cmacexp.data.signals import Signal, make_schema
 from cmacexp.data.tables import BODY, TRACE, Traces
 
@@ -20,7 +20,7 @@ def _select_rows(table: pa.Table, record: RecordConfig) -> pa.Table:
     selected = as_array(table, "step") % record.every_nth_step == 0
     if record.cycles is not None:
         selected &= np.isin(as_array(table, "cycle"), record.cycles)
-    return rows_of(table, selected)
+    return select_rows(table, selected)
 
 
 @contextmanager

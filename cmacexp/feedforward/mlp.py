@@ -82,7 +82,7 @@ class Perceptron:
         self.paths = (paths - self.middle) / self.spread
         self.torque = np.zeros((samples, legs, 2))
         self.learning_error = np.zeros((samples, legs, 2))
-        self.seen, self.scale = 0, np.zeros(legs)
+        self.steps, self.scale = 0, np.zeros(legs)
         self.networks = [self._network(make, setup.config.seed + i, min(self.batch, samples)) for i in range(legs)]
         for i, one in enumerate(self.networks):
             one.partial_fit(self.paths[i], self.torque[:, i])  # makes its arrays
@@ -118,10 +118,10 @@ class Perceptron:
         """Store the last step's feedback (L, 2), N m; return this step's torque (L, 2), N m."""
         samples = len(self.torque)
         self.learning_error[(reference.sample - 1 - self.lead) % samples] = learning_error
-        if reference.sample == 0 and self.seen >= samples:
+        if reference.sample == 0 and self.steps >= samples:
             for leg in range(len(self.networks)):
                 self._learn(leg)
-        self.seen += 1
+        self.steps += 1
         return self.torque[reference.sample]
 
     def _learn(self, leg: int) -> None:

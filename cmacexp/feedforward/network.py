@@ -3,7 +3,6 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -55,10 +54,6 @@ class BuiltInFeedforward(ABC):
             "rows": np.full(log.shape[:2], float(self.params.weights.shape[1])),
             "cells_colliding": np.broadcast_to(colliding, log.shape[:2]),
         }
-
-    def manifest_entries(self) -> dict[str, Any]:
-        """How each leg uses its memory."""
-        return {"memory": [use._asdict() for use in self.memory]}
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
         """Learn from the last step's feedback (L, 2), N m, then give this step's torque (L, 2), N m."""

@@ -14,7 +14,7 @@ from cmacexp.plants import AnalyticPlant
 from cmacexp.plants.kernels import PlantState, new_state
 from cmacexp.sensors import PerfectSensors, RealSensors
 from cmacexp.sensors.channel import Sensing
-from cmacexp.sensors.kernels import Seen, new_seen
+from cmacexp.sensors.kernels import Observation, new_observation
 
 ALL_EXTERNAL = External(plant=True, sensors=True, controller=True, feedforward=False)
 
@@ -31,14 +31,16 @@ def find_external(scenario: Scenario) -> External:
     )
 
 
-def _make_observation(scenario: Scenario, external: External, machine: PlantState) -> tuple[Sensing | None, Seen]:
-    """Channels of the sensors, and the input of the controller; perfect sensors show the arrays of the plant."""
+def _make_observation(
+    scenario: Scenario, external: External, machine: PlantState
+) -> tuple[Sensing | None, Observation]:
+    """Channels of the sensors, and the input of the controller: with perfect sensors the arrays of the plant."""
     sensors = scenario.sensors
     if external.sensors:
-        return None, new_seen(len(machine.force))
-    if isinstance(sensors, RealSensors) and sensors.sensing.active:
-        return sensors.sensing, sensors.seen
-    return None, Seen(*(getattr(machine, name) for name in Seen._fields))
+        return None, new_observation(len(machine.force))
+    if isinstance(sensors, RealSensors) and sensors.sensing is not None:
+        return sensors.sensing, sensors.observation
+    return None, Observation(*(getattr(machine, name) for name in Observation._fields))
 
 
 def make_loop(scenario: Scenario, external: External, guard: Guard) -> Loop:

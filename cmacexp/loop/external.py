@@ -21,7 +21,7 @@ from cmacexp.loop.stop import RUNNING
 from cmacexp.loop.validation import require_finite, take, take_action, take_measurement
 from cmacexp.planning.columns import Y
 from cmacexp.planning.setup import Reference
-from cmacexp.plants.protocol import STATE, Measurement, state_of
+from cmacexp.plants.protocol import STATE, Measurement, get_state
 from cmacexp.typing import Array
 
 MOST_TOGETHER = 512
@@ -52,12 +52,12 @@ def _read_only(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _name(measurement: Measurement) -> Iterable[tuple[str, Array]]:
-    return zip(STATE, state_of(measurement), strict=True)
+    return zip(STATE, get_state(measurement), strict=True)
 
 
 def _split(rows: Measurement | None) -> list[Measurement]:
     """One measurement for each row of a measurement (K, ...)."""
-    return [] if rows is None else list(map(_make_measurement, zip(*map(list, state_of(rows)), repeat(None))))
+    return [] if rows is None else list(map(_make_measurement, zip(*map(list, get_state(rows)), repeat(None))))
 
 
 class ReferenceRows:
@@ -101,7 +101,7 @@ class ExternalDriver:
         self.plan_rows = ReferenceRows(scenario.setup.plan)
         self.state, self.observation = Measurement(*loop.plant_state[:7]), Measurement(*loop.observation[:7])
         if external.plant:
-            for own, first in zip(state_of(self.state), state_of(scenario.first), strict=True):
+            for own, first in zip(get_state(self.state), get_state(scenario.first), strict=True):
                 own[...] = first
         self.travel = scenario.first.travel
         self.progress = np.zeros(3, dtype=np.int64)
@@ -150,7 +150,7 @@ class ExternalDriver:
             return np.empty((steps, *like.shape))
 
         def make_measurement() -> Measurement:
-            return Measurement(*map(make_rows, state_of(self.state)))
+            return Measurement(*map(make_rows, get_state(self.state)))
 
         inputs = Inputs(
             make_measurement() if external.sensors else None,

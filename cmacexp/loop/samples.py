@@ -6,7 +6,7 @@ from cmacexp.control.hybrid_kernels import HybridState
 from cmacexp.data.signals import ARRAYS, BODY_SIGNALS, LEG_SIGNALS, list_samples
 from cmacexp.jit.compiler import kernel
 from cmacexp.plants.kernels import PlantState
-from cmacexp.sensors.kernels import Seen
+from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array
 
 SAMPLES, BODY_SAMPLES = (list_samples(table, wide=False) for table in (LEG_SIGNALS, BODY_SIGNALS))
@@ -64,7 +64,7 @@ def write_samples(
     body_samples: Array,
     k: int,
     machine: PlantState,
-    seen: Seen,
+    observation: Observation,
     control: HybridState,
     feedforward: Array,
 ) -> None:
@@ -80,27 +80,27 @@ def write_samples(
         row[VX], row[VY] = machine.velocity[i, 0], machine.velocity[i, 1]
         row[Q1], row[Q2] = machine.q[i, 0], machine.q[i, 1]
         row[DQ1], row[DQ2] = machine.dq[i, 0], machine.dq[i, 1]
-        row[FORCE], row[FORCE_MEASURED] = machine.force[i], seen.force[i]
+        row[FORCE], row[FORCE_MEASURED] = machine.force[i], observation.force[i]
         row[X_REFERENCE], row[Y_REFERENCE] = control.reference[i, 0], control.reference[i, 1]
         row[TAU_FEEDBACK_1], row[TAU_FEEDBACK_2] = control.feedback[i, 0], control.feedback[i, 1]
         row[TAU_FEEDFORWARD_1], row[TAU_FEEDFORWARD_2] = feedforward[i, 0], feedforward[i, 1]
     if samples.shape[2] > len(SAMPLES):
-        write_measured(samples, body_samples, k, machine, seen, control)
+        write_measured(samples, body_samples, k, machine, observation, control)
 
 
 @kernel
 def write_measured(
-    samples: Array, body_samples: Array, k: int, machine: PlantState, seen: Seen, control: HybridState
+    samples: Array, body_samples: Array, k: int, machine: PlantState, observation: Observation, control: HybridState
 ) -> None:
     """Write the columns of row ``k`` that sensors and their supervision add."""
     for i in range(samples.shape[1]):
         row = samples[k, i]
-        row[X_MEASURED], row[Y_MEASURED] = seen.foot[i, 0], seen.foot[i, 1]
-        row[VX_MEASURED], row[VY_MEASURED] = seen.velocity[i, 0], seen.velocity[i, 1]
-        row[Q1_MEASURED], row[Q2_MEASURED] = seen.q[i, 0], seen.q[i, 1]
-        row[DQ1_MEASURED], row[DQ2_MEASURED] = seen.dq[i, 0], seen.dq[i, 1]
+        row[X_MEASURED], row[Y_MEASURED] = observation.foot[i, 0], observation.foot[i, 1]
+        row[VX_MEASURED], row[VY_MEASURED] = observation.velocity[i, 0], observation.velocity[i, 1]
+        row[Q1_MEASURED], row[Q2_MEASURED] = observation.q[i, 0], observation.q[i, 1]
+        row[DQ1_MEASURED], row[DQ2_MEASURED] = observation.dq[i, 0], observation.dq[i, 1]
         row[FORCE_TRUSTED] = control.fault_status.trusted[i]
-    row, true, body, rate = body_samples[k], machine.body_rate, seen.body, seen.body_rate
+    row, true, body, rate = body_samples[k], machine.body_rate, observation.body, observation.body_rate
     row[HEIGHT_RATE], row[PITCH_RATE], row[ROLL_RATE] = true[0], true[1], true[2]
     row[HEIGHT_MEASURED], row[PITCH_MEASURED], row[ROLL_MEASURED] = body[0], body[1], body[2]
     row[HEIGHT_RATE_MEASURED], row[PITCH_RATE_MEASURED], row[ROLL_RATE_MEASURED] = rate[0], rate[1], rate[2]

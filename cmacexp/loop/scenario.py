@@ -18,7 +18,7 @@ from cmacexp.loop.validation import require_finite, take_measurement
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
 from cmacexp.plants import AnalyticPlant, Measurement, Plant
-from cmacexp.plants.protocol import STATE, new_measurement, state_of
+from cmacexp.plants.protocol import STATE, get_state, new_measurement
 from cmacexp.sensors import Sensors
 from cmacexp.typing import Array
 
@@ -91,7 +91,7 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     measured = plant.reset(_own(setup, plant))
     take_measurement(plant, "reset", measured, first)
     if not isinstance(plant, AnalyticPlant):  # its body may have no equilibrium: it has fallen, which is a result
-        for name, values in zip(STATE, state_of(first), strict=True):
+        for name, values in zip(STATE, get_state(first), strict=True):
             require_finite(plant, "reset", name, values)
     return first._replace(travel=measured.travel)
 
@@ -107,9 +107,8 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
         BadInput: a component cannot be made, there are no weights to start from, or the plan asks for what the
             machine cannot do.
     """
-    find_rule(config.learning.rule)
+    find_rule(config.learning.rule)  # also if no feedforward uses it
     check_load_sharing(config)
-    find_rule(config.learning.rule)  # whatever feedforward uses it
     mechanism, plain = make_mechanism(config.machine), to_plain(config)
     for group, component in given.items():
         require_members(group, plain[group].get("_target_"), component)

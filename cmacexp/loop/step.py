@@ -20,7 +20,7 @@ from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.channel import Sensing
-from cmacexp.sensors.kernels import Seen, sense
+from cmacexp.sensors.kernels import Observation, read_sensors
 from cmacexp.typing import Array, Counts, Mask, Scratch
 
 MEASURE, ACT, PREDICT, STEP = range(4)
@@ -50,7 +50,7 @@ class Loop(NamedTuple):
     plant_state: PlantState
     sensing: Sensing | None
     """None also of sensors that alter nothing."""
-    observation: Seen
+    observation: Observation
     """Input of the controller: the arrays of the plant itself where no sensor alters anything."""
     control: HybridParams | None
     control_state: HybridState
@@ -87,7 +87,7 @@ def copy_matrix(values: Array, rows: Array | None, k: int) -> None:
 
 
 @kernel
-def copy_measurement(source: PlantState | Seen, rows: Measurement | None, k: int) -> None:
+def copy_measurement(source: PlantState | Observation, rows: Measurement | None, k: int) -> None:
     """Copy the true state, or its observation, into row ``k``."""
     if rows is not None:
         copy_matrix(source.q, rows.q, k)
@@ -110,7 +110,7 @@ def is_finite(values: Array) -> bool:
 
 
 @kernel
-def observes_finite(observation: Seen) -> bool:
+def observes_finite(observation: Observation) -> bool:
     """Whether all values of an observation are finite."""
     for i in range(observation.force.shape[0]):
         if not math.isfinite(observation.force[i]):
@@ -127,10 +127,12 @@ def observes_finite(observation: Seen) -> bool:
 
 
 @kernel
-def observe(sensing: Sensing | None, mechanism: Mechanism, step: int, machine: PlantState, observation: Seen) -> None:
+def observe(
+    sensing: Sensing | None, mechanism: Mechanism, step: int, machine: PlantState, observation: Observation
+) -> None:
     """The built-in sensors."""
     if sensing is not None:
-        sense(sensing, mechanism, step, machine, observation)
+        read_sensors(sensing, mechanism, step, machine, observation)
 
 
 @kernel
@@ -142,7 +144,7 @@ def predict(params: FeedforwardParams | None, step: int, sample: int, error: Arr
 
 @kernel
 def control(
-    params: HybridParams | None, state: HybridState, support: Mask, reference: Array, observation: Seen
+    params: HybridParams | None, state: HybridState, support: Mask, reference: Array, observation: Observation
 ) -> None:
     """The built-in controller, with rows of the plan."""
     if params is not None:

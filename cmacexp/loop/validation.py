@@ -7,7 +7,7 @@ import numpy as np
 from cmacexp.control.protocol import Action
 from cmacexp.data.signals import list_units
 from cmacexp.errors import BadOutput
-from cmacexp.plants.protocol import STATE, Measurement, state_of
+from cmacexp.plants.protocol import STATE, Measurement, get_state
 from cmacexp.typing import Array
 
 UNITS = list_units()
@@ -78,7 +78,7 @@ def take_measurement(component: object, method: str, output: Any, target: Measur
             f"expected cmacexp.plants.Measurement({', '.join(Measurement._fields)})"
         )
     try:
-        for values, own in zip(state_of(output), state_of(target), strict=True):
+        for values, own in zip(get_state(output), get_state(target), strict=True):
             if values.dtype is not FLOAT or values.shape != own.shape:
                 break
             own[...] = values
@@ -87,7 +87,7 @@ def take_measurement(component: object, method: str, output: Any, target: Measur
                 return
     except AttributeError:
         pass
-    for name, values, own in zip(STATE, state_of(output), state_of(target), strict=True):
+    for name, values, own in zip(STATE, get_state(output), get_state(target), strict=True):
         take(component, method, name, values, own)
     if output.travel is not None:
         travel = np.empty(3)

@@ -1,12 +1,15 @@
 """Elastic ground, with damping or without."""
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+import numpy as np
 
 from cmacexp.jit.compiler import kernel
-from cmacexp.models.ground_height import rise
 from cmacexp.models.mix import MASK, mix
 from cmacexp.typing import Array
+
+Places = TypeVar("Places", float, Array)
 
 NEVER = 2**62
 """A step that no run reaches."""
@@ -40,7 +43,11 @@ class Ground(NamedTuple):
     slope_start: float
 
 
-height_at = kernel(rise)
+@kernel
+def height_at(slope: float, start: float, x: Places) -> Places:
+    """Height at ``x`` in the world of ground that begins to slope (m/m) at ``start``, above its flat part, m."""
+    height: Places = slope * np.maximum(x - start, 0.0)
+    return height
 
 
 @kernel

@@ -33,14 +33,14 @@ class Mechanism(NamedTuple):
 
 
 @kernel
-def leg_of(mechanism: Mechanism, i: int) -> Leg:
+def get_leg(mechanism: Mechanism, i: int) -> Leg:
     """Leg ``i`` of the machine."""
     legs = mechanism.legs
     return Leg(legs[i, 0], legs[i, 1], legs[i, 2], legs[i, 3], legs[i, 4])
 
 
 @kernel
-def trig_of(trig: Array, i: int) -> Trig:
+def get_trig(trig: Array, i: int) -> Trig:
     """Row ``i`` of ``trig`` (L, 4), as :func:`trigonometries` fills it."""
     return trig[i, 0], trig[i, 1], trig[i, 2], trig[i, 3]
 
@@ -61,7 +61,7 @@ def torque_for(mechanism: Mechanism, i: int, trig: Array, fx: float, fy: float) 
     """
     if mechanism.kind == POINT_MASS:
         return fx, fy
-    return joint_torque(leg_of(mechanism, i), trig_of(trig, i), fx, fy)
+    return joint_torque(get_leg(mechanism, i), get_trig(trig, i), fx, fy)
 
 
 @kernel
@@ -69,7 +69,7 @@ def planned_torque(
     mechanism: Mechanism, i: int, q: Array, dq: Array, ddq: Array, force: float
 ) -> tuple[float, float]:
     """Torque (N m) that gives leg ``i`` ``ddq`` at ``q``, ``dq``, each (2,), against ``force`` N (eq. 2, 16, 17)."""
-    leg = leg_of(mechanism, i)
+    leg = get_leg(mechanism, i)
     if mechanism.kind == POINT_MASS:
         return leg.mass_2 * ddq[0], leg.mass_2 * ddq[1] + force
     return inverse_dynamics(leg, trigonometry(q[0], q[1]), dq[0], dq[1], ddq[0], ddq[1], force)

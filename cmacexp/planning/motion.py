@@ -7,7 +7,7 @@ from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import program
 from cmacexp.models.ground import depression_for
 from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
-from cmacexp.models.mechanism import POINT_MASS, Mechanism, leg_of
+from cmacexp.models.mechanism import POINT_MASS, Mechanism, get_leg
 from cmacexp.planning.body_load import BodyLoad
 from cmacexp.planning.columns import AX, AY, DDQ1, DDQ2, DQ1, DQ2, Q1, Q2, VX, VY, X, Y
 from cmacexp.planning.foot_path import VERTICAL, line, quintic
@@ -99,7 +99,7 @@ def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
             if mechanism.kind == POINT_MASS:
                 q1, q2, dq1, dq2, ddq1, ddq2 = x, y, vx, vy, ax, ay
             else:
-                leg = leg_of(mechanism, i)
+                leg = get_leg(mechanism, i)
                 q1, q2 = inverse_kinematics(leg, x, y)
                 trig = trigonometry(q1, q2)
                 dq1, dq2 = joint_velocity(leg, trig, vx, vy)

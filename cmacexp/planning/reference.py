@@ -1,7 +1,7 @@
 """What the controller is fed in support, so that the foot presses with the desired force (eq. 9, 11, 13, 15).
 
-Each law has a term in 1/K_a: the error that feedback needs to hold a static load. Once a feedforward holds the load,
-the term makes the force too high (by 4.88 % in the paper's one leg); ``static_load=False`` omits it.
+Each equation has a term in 1/K_a: the error that feedback needs to hold a static load. Once a feedforward holds the
+load, the term makes the force too high (by 4.88 % in the paper's one leg); ``static_load=False`` omits it.
 """
 
 import math
@@ -26,7 +26,7 @@ from cmacexp.typing import Array, Mask
 
 
 class Gains(NamedTuple):
-    """Gains in the reference laws."""
+    """Gains in the equations of the reference."""
 
     position_gain: float
     """K_ap, N/m."""
@@ -90,14 +90,14 @@ SUPPORT_REFERENCES = {
 
 
 def keeps_static_load(reference: str, feedforward_acts: bool) -> bool:
-    """Whether the laws have the 1/K_a term: ``literal`` always, ``aware`` until a feedforward acts, else never."""
+    """Whether equations have the 1/K_a term: ``literal`` always, ``aware`` until a feedforward acts, else never."""
     return reference == "literal" or (reference == "aware" and not feedforward_acts)
 
 
 def plan_reference(config: Config, support: Mask, hip_height: float, desired: Array, force: Array) -> Array:
-    """What the controller is fed, (2, N, L, 7): the desired motion in transfer, the force laws in support.
+    """Input of the controller, (2, N, L, 7): the desired motion in transfer, the equations above in support.
 
-    For a controller without K_ap and K_av the laws omit their terms in 1/K_a and K_av/K_ap.
+    For a controller without K_ap and K_av they omit their terms in 1/K_a and K_av/K_ap.
     """
     method = config.force_control
     gains = Gains(
@@ -112,10 +112,10 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
     reference[..., copied], reference[..., FORCE_DESIRED] = desired[..., copied], force
     for stage in (BEFORE, ACTING):
         keeps = config.gains is not None and keeps_static_load(config.reference, stage == ACTING)
-        law = SUPPORT_REFERENCES[method.method](gains, keeps)
-        reference[stage, support, Y] = hip_height + law.depression * force[support]
-        reference[stage, support, VY] = law.velocity * force[support]
-        reference[stage, support, FORCE_REFERENCE] = law.force * force[support]
+        per_newton = SUPPORT_REFERENCES[method.method](gains, keeps)
+        reference[stage, support, Y] = hip_height + per_newton.depression * force[support]
+        reference[stage, support, VY] = per_newton.velocity * force[support]
+        reference[stage, support, FORCE_REFERENCE] = per_newton.force * force[support]
         if config.reference == "force_feedforward":
             reference[stage, support, FORCE_ADDED] = force[support]
     return reference

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from cmacexp.config import ComponentConfig, number
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
-from cmacexp.plants.kernels import PlantParams, PlantState, advance, feel_ground, new_state, observe
+from cmacexp.plants.kernels import PlantParams, PlantState, advance, new_state, observe, update_stiffness
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array
 
@@ -39,7 +39,7 @@ class AnalyticPlant:
         self.state.body[0] = mechanism.hip_height
         self.state.stiffness[:] = config.terrain.stiffness
         observe(self.params, self.state, math.inf)
-        feel_ground(self.params, self.state)
+        update_stiffness(self.params, self.state)
         observe(self.params, self.state, math.inf)
         return self.measure()
 

@@ -17,7 +17,7 @@ from cmacexp.models.ground import (
     stiffness_under,
 )
 from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, leg_of, trig_of, trigonometries
+from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, get_leg, get_trig, trigonometries
 from cmacexp.typing import Array, Clock, Scratch, State
 
 
@@ -97,13 +97,13 @@ def stand_force(params: PlantParams, i: int, dq: Array, state: PlantState) -> fl
         return contact_force(state.stiffness[i], depression)
     along, rate = dq[i, 0], dq[i, 1]
     if params.mechanism.kind != POINT_MASS:
-        along, rate = foot_velocity(leg_of(params.mechanism, i), trig_of(state.trig, i), dq[i, 0], dq[i, 1])
+        along, rate = foot_velocity(get_leg(params.mechanism, i), get_trig(state.trig, i), dq[i, 0], dq[i, 1])
     rate += grade_at(params.ground, state.foot[i, 0]) * along
     return damped_force(state.stiffness[i], params.ground.damping, depression, rate)
 
 
 @kernel
-def load_on(params: PlantParams, step: float) -> Load:
+def compute_load(params: PlantParams, step: float) -> Load:
     """What the feet carry after ``step`` sampling periods: the body, and the payload once it is there."""
     weight, payload = params.mechanism.weight, params.payload.load
     if step < params.payload.start:
@@ -113,7 +113,7 @@ def load_on(params: PlantParams, step: float) -> Load:
 
 
 @kernel_apart
-def feel_slope(ground: Ground, hips: Array, foot: Array, x: float, level: Array) -> None:
+def update_level(ground: Ground, hips: Array, foot: Array, x: float, level: Array) -> None:
     """Depth, m, at which each foot meets the ground, below the ground under a body at ``x``; fills ``level`` (L,)."""
     below = height_at(ground.slope, ground.slope_start, x)
     for i in range(hips.shape[0]):
@@ -129,7 +129,7 @@ def balance_body(params: PlantParams, state: PlantState, time: float) -> bool:
         for i in range(stiffness.shape[0]):
             stiffness[i], rest = damped_spring(state.stiffness[i], params.ground.damping, state.pressed[i], time)
             level[i] = state.level[i] + rest
-    load = load_on(params, state.clock[0])
+    load = compute_load(params, state.clock[0])
     return balance(mechanism.hips, state.foot, stiffness, level, load, state.body, state.force)
 
 
@@ -145,9 +145,9 @@ def contact(params: PlantParams, q: Array, dq: Array, state: PlantState, time: f
         if mechanism.kind == POINT_MASS:
             state.foot[i, 0], state.foot[i, 1] = q[i, 0], q[i, 1]
         else:
-            state.foot[i, 0], state.foot[i, 1] = foot_position(leg_of(mechanism, i), trig_of(state.trig, i))
+            state.foot[i, 0], state.foot[i, 1] = foot_position(get_leg(mechanism, i), get_trig(state.trig, i))
     if params.ground.slope != 0.0:
-        feel_slope(params.ground, mechanism.hips, state.foot, x, state.level)
+        update_level(params.ground, mechanism.hips, state.foot, x, state.level)
     if mechanism.kind != LEGS_UNDER_BODY:
         for i in range(q.shape[0]):
             state.force[i] = stand_force(params, i, dq, state)
@@ -159,18 +159,18 @@ def contact(params: PlantParams, q: Array, dq: Array, state: PlantState, time: f
 def accelerate(params: PlantParams, state: PlantState, dq: Array, tau: Array, ddq: Array) -> None:
     """Joint accelerations under ``tau`` and the forces in ``state``; fills ``ddq`` (Lin & Song 1997, eq. 2)."""
     for i in range(dq.shape[0]):
-        leg = leg_of(params.mechanism, i)
+        leg = get_leg(params.mechanism, i)
         if params.mechanism.kind == POINT_MASS:
             ddq[i, 0] = tau[i, 0] / leg.mass_2
             ddq[i, 1] = (tau[i, 1] - state.force[i]) / leg.mass_2
         else:
             ddq[i, 0], ddq[i, 1] = forward_dynamics(
-                leg, trig_of(state.trig, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
+                leg, get_trig(state.trig, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
             )
 
 
 @kernel
-def feel_ground(params: PlantParams, state: PlantState) -> None:
+def update_stiffness(params: PlantParams, state: PlantState) -> None:
     """Bring the stiffness under each foot up to where the foot is."""
     hips = params.mechanism.hips
     for i in range(hips.shape[0]):
@@ -179,7 +179,7 @@ def feel_ground(params: PlantParams, state: PlantState) -> None:
 
 
 @kernel
-def feel_depression(params: PlantParams, state: PlantState) -> None:
+def update_depression(params: PlantParams, state: PlantState) -> None:
     """Keep how far each foot of a body presses the ground in, for the damping of the next step."""
     hips = params.mechanism.hips
     for i in range(hips.shape[0]):
@@ -192,13 +192,13 @@ def observe(params: PlantParams, state: PlantState, time: float) -> None:
     """Bring feet, forces and velocities of ``state`` up to its joints, some time after they were so last."""
     contact(params, state.q, state.dq, state, time, state.travel[0])
     if params.ground.damping != 0.0 and params.mechanism.kind == LEGS_UNDER_BODY:
-        feel_depression(params, state)
+        update_depression(params, state)
     for i in range(state.q.shape[0]):
         if params.mechanism.kind == POINT_MASS:
             state.velocity[i, 0], state.velocity[i, 1] = state.dq[i, 0], state.dq[i, 1]
         else:
             state.velocity[i, 0], state.velocity[i, 1] = foot_velocity(
-                leg_of(params.mechanism, i), trig_of(state.trig, i), state.dq[i, 0], state.dq[i, 1]
+                get_leg(params.mechanism, i), get_trig(state.trig, i), state.dq[i, 0], state.dq[i, 1]
             )
 
 
@@ -247,7 +247,7 @@ def advance(params: PlantParams, state: PlantState, tau: Array) -> None:
         state.travel[0] += params.speed * params.step
         if substep + 1 == params.substeps:
             state.clock[0] += 1
-        feel_ground(params, state)
+        update_stiffness(params, state)
         observe(params, state, params.step)
     period = params.substeps * params.step
     state.body_rate[0] = (state.body[0] - height) / period

@@ -70,12 +70,12 @@ class MujocoEngine:
     def start(self, q: Array) -> None:
         """Set the joint angles to ``q`` (L, 2), rad, at rest; every foot sticks where it is."""
         self.q[:] = q
-        self._look()
+        self._update_bodies()
         self.anchor[:] = self.bodies.place[1 + self.floats :][1::2, :2]
-        self.feel_ground()
-        self._look()
+        self.update_stiffness()
+        self._update_bodies()
 
-    def feel_ground(self) -> None:
+    def update_stiffness(self) -> None:
         """Set the stiffness under each foot to that of its place, now."""
         ground = self.touch.ground
         if ground.patch_spread > 0.0 or self.clock >= ground.step_at:
@@ -94,10 +94,10 @@ class MujocoEngine:
             finally:
                 self.mujoco.set_mjcb_passive(None)
             self.clock += step + 1 == steps
-            self._look()
+            self._update_bodies()
             if self.touch.friction > 0.0:
                 next(self._sticking)
-            self.feel_ground()
+            self.update_stiffness()
 
     def _press(self, model: Any = None, data: Any = None) -> None:
         next(self._pressing)
@@ -106,7 +106,7 @@ class MujocoEngine:
             pull[2] = -weight
             pull[3], pull[4] = -weight * (turn[3] * x + turn[4] * y), weight * (turn[0] * x + turn[1] * y)
 
-    def _look(self) -> None:
+    def _update_bodies(self) -> None:
         """Update positions, velocities and contact forces; a step leaves those of its last stage."""
         mujoco, model, data = self.mujoco, self.model, self.data
         mujoco.mj_kinematics(model, data)

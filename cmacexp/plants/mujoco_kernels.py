@@ -109,33 +109,36 @@ def stick(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Array
 
 
 @kernel
-def observe_stand(bodies: Bodies, hip_height: float, seen: Measured) -> None:
-    """Measure the feet of legs whose hips do not move; fills ``seen``."""
-    for i in range(seen.foot.shape[0]):
+def observe_stand(bodies: Bodies, hip_height: float, measured: Measured) -> None:
+    """Measure the feet of legs whose hips do not move; fills ``measured``."""
+    for i in range(measured.foot.shape[0]):
         thigh, shank = 2 * i + 1, 2 * i + 2
-        seen.foot[i, 0], seen.foot[i, 1] = bodies.place[shank, 0], hip_height - bodies.place[shank, 2]
-        seen.velocity[i, 0], seen.velocity[i, 1] = speed(bodies, shank, thigh, 0), -speed(bodies, shank, thigh, 2)
+        measured.foot[i, 0], measured.foot[i, 1] = bodies.place[shank, 0], hip_height - bodies.place[shank, 2]
+        measured.velocity[i, 0], measured.velocity[i, 1] = (
+            speed(bodies, shank, thigh, 0),
+            -speed(bodies, shank, thigh, 2),
+        )
 
 
 @kernel
-def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> None:
-    """Measure body and feet of a machine that floats; fills ``seen``.
+def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, measured: Measured) -> None:
+    """Measure body and feet of a machine that floats; fills ``measured``.
 
     Args:
         ground: reference of the height of the body.
         bodies: with present positions and velocities.
         hips: (L, 2): in the body frame, m.
         torso: (6,): velocity of the body in the world, m/s, and its angular velocity in its own frame, rad/s.
-        seen: is filled.
+        measured: is filled.
     """
     turn, at, w = bodies.turn[1], bodies.place[1], torso[3:]
     pitch, roll = -math.asin(turn[6]), math.atan2(turn[7], turn[8])
-    seen.pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
-    seen.pose[1], seen.pose[2] = pitch, roll
-    seen.pose_rate[0] = torso[2] - grade_at(ground, at[0]) * torso[0]
-    seen.pose_rate[1] = w[1] * math.cos(roll) - w[2] * math.sin(roll)
-    seen.pose_rate[2] = w[0] + (w[1] * math.sin(roll) + w[2] * math.cos(roll)) * math.tan(pitch)
-    seen.travel[0], seen.travel[1], seen.travel[2] = at[0], at[1], math.atan2(turn[3], turn[0])
+    measured.pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
+    measured.pose[1], measured.pose[2] = pitch, roll
+    measured.pose_rate[0] = torso[2] - grade_at(ground, at[0]) * torso[0]
+    measured.pose_rate[1] = w[1] * math.cos(roll) - w[2] * math.sin(roll)
+    measured.pose_rate[2] = w[0] + (w[1] * math.sin(roll) + w[2] * math.cos(roll)) * math.tan(pitch)
+    measured.travel[0], measured.travel[1], measured.travel[2] = at[0], at[1], math.atan2(turn[3], turn[0])
     for i in range(hips.shape[0]):
         shank = 2 * i + 3
         dx, dy, dz = bodies.place[shank, 0] - at[0], bodies.place[shank, 1] - at[1], bodies.place[shank, 2] - at[2]
@@ -144,10 +147,10 @@ def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen
         vz = speed(bodies, shank, 1, 2) - torso[2]
         x = turn[0] * dx + turn[3] * dy + turn[6] * dz
         z = turn[2] * dx + turn[5] * dy + turn[8] * dz
-        seen.foot[i, 0], seen.foot[i, 1] = x - hips[i, 0], -z
+        measured.foot[i, 0], measured.foot[i, 1] = x - hips[i, 0], -z
         # Motion of the foot in the world that stems from the rotation of the body is not motion of the leg.
-        seen.velocity[i, 0] = turn[0] * vx + turn[3] * vy + turn[6] * vz - w[1] * z + w[2] * hips[i, 1]
-        seen.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)
+        measured.velocity[i, 0] = turn[0] * vx + turn[3] * vy + turn[6] * vz - w[1] * z + w[2] * hips[i, 1]
+        measured.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)
 
 
 @program
@@ -169,16 +172,16 @@ def sticking(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Ar
 
 
 @program
-def observing_stand(bodies: Bodies, hip_height: float, seen: Measured) -> Iterator[int]:
+def observing_stand(bodies: Bodies, hip_height: float, measured: Measured) -> Iterator[int]:
     """:func:`observe_stand` whenever it is resumed."""
     while True:
-        observe_stand(bodies, hip_height, seen)
+        observe_stand(bodies, hip_height, measured)
         yield 0
 
 
 @program
-def observing_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, seen: Measured) -> Iterator[int]:
+def observing_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, measured: Measured) -> Iterator[int]:
     """:func:`observe_body` whenever it is resumed."""
     while True:
-        observe_body(ground, bodies, hips, torso, seen)
+        observe_body(ground, bodies, hips, torso, measured)
         yield 0

@@ -41,8 +41,8 @@ class MujocoLeg:
         self.hip_height = setup.mechanism.hip_height
         self.engine = MujocoEngine(setup.mechanism, touch, step)
         legs, body = self.engine.legs, np.array([self.hip_height, 0.0, 0.0])
-        self.seen = Measured(np.empty((legs, 2)), np.empty((legs, 2)), body, np.zeros(3), np.zeros(3))
-        self.observing = observing_stand(self.engine.bodies, self.hip_height, self.seen)
+        self.measured = Measured(np.empty((legs, 2)), np.empty((legs, 2)), body, np.zeros(3), np.zeros(3))
+        self.observing = observing_stand(self.engine.bodies, self.hip_height, self.measured)
         self.engine.start(setup.start)
         return self.measure()
 
@@ -54,6 +54,6 @@ class MujocoLeg:
     def measure(self) -> Measurement:
         """A copy of the present state."""
         next(self.observing)
-        foot, velocity, pose, rate, _ = (part.copy() for part in self.seen)
+        foot, velocity, pose, rate, _ = (part.copy() for part in self.measured)
         engine = self.engine
         return Measurement(engine.q.copy(), engine.dq.copy(), foot, velocity, engine.force.copy(), pose, rate)

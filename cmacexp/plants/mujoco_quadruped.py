@@ -81,16 +81,16 @@ class MujocoQuadruped:
         torso = Torso(machine.body_mass, self.body_inertia)
         payload = make_payload(setup.config.payload, setup.config.sampling_period)
         self.engine = MujocoEngine(setup.mechanism, touch, step, torso, payload)
-        self.look(setup.mechanism.hips)
+        self.start_observing(setup.mechanism.hips)
         draw = np.random.default_rng(self.start_seed)
         self.engine.start(setup.start + draw.uniform(-self.start_spread, self.start_spread, setup.start.shape))
         return self.measure()
 
-    def look(self, hips: Array) -> None:
+    def start_observing(self, hips: Array) -> None:
         """Begin to observe the machine in the engine; its hips are at ``hips`` (4, 2) in the body frame, m."""
-        self.seen = Measured(np.empty((4, 2)), np.empty((4, 2)), np.empty(3), np.empty(3), np.empty(3))
+        self.measured = Measured(np.empty((4, 2)), np.empty((4, 2)), np.empty(3), np.empty(3), np.empty(3))
         self.hips, self.torso = hips, self.engine.data.qvel[:6]
-        self.observing = observing_body(self.engine.touch.ground, self.engine.bodies, hips, self.torso, self.seen)
+        self.observing = observing_body(self.engine.touch.ground, self.engine.bodies, hips, self.torso, self.measured)
 
     def step(self, torque: Array) -> Measurement:
         """Hold ``torque`` (4, 2), N m, over one sampling period."""
@@ -100,6 +100,6 @@ class MujocoQuadruped:
     def measure(self) -> Measurement:
         """A copy of the present state."""
         next(self.observing)
-        foot, velocity, pose, rate, travel = (part.copy() for part in self.seen)
+        foot, velocity, pose, rate, travel = (part.copy() for part in self.measured)
         engine = self.engine
         return Measurement(engine.q.copy(), engine.dq.copy(), foot, velocity, engine.force.copy(), pose, rate, travel)

@@ -34,7 +34,7 @@ STATE = Measurement._fields[:-1]
 """What every machine measures; only a plant that moves the body measures its travel."""
 
 
-def state_of(measurement: Measurement) -> tuple[Array, ...]:
+def get_state(measurement: Measurement) -> tuple[Array, ...]:
     """The arrays of a measurement in the order of STATE."""
     return tuple(measurement[: len(STATE)])  # type: ignore[arg-type]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.parquet import as_array, is_support
 from cmacexp.data.tables import Traces
-from cmacexp.models.ground_height import rise
+from cmacexp.models.ground import height_at
 from cmacexp.recording.window import Window
 from cmacexp.typing import Array, Mask
 
@@ -80,7 +80,7 @@ class RunView:
     def ground_height(self, x: Array) -> Array:
         """z of the undepressed ground at ``x`` in the world, m; flat where a config has no slope."""
         terrain = self.config.get("terrain", {})
-        return rise(terrain.get("slope", 0.0), terrain.get("slope_start", 0.0), x)
+        return height_at(terrain.get("slope", 0.0), terrain.get("slope_start", 0.0), x)
 
     def in_world(self, points: Array) -> Array:
         """Points (steps, 3) of the body frame in the world."""

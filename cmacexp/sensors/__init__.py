@@ -1,4 +1,4 @@
-"""What lies between the plant and the controller's knowledge of it."""
+"""Sensors between plant and controller: perfect, or noisy, delayed and faulty."""
 
 from cmacexp.sensors.protocol import PerfectSensors, Sensors
 from cmacexp.sensors.real import RealSensors

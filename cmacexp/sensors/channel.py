@@ -1,4 +1,4 @@
-"""One measured number of one sensor, from its true value to its reading, as compiled kernels."""
+"""One channel of a sensor, from the true value to its reading, as kernels."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -38,10 +38,8 @@ Channels = NDArray[np.void]
 class Sensing(NamedTuple):
     """All channels of the sensors of a machine, and their memory; C is their number."""
 
-    active: bool
-    """False for sensors that alter nothing; all arrays are empty then."""
     kinematics: tuple[bool, bool]
-    """Whether joint angles, and whether joint velocities are altered: the foot is computed from them then."""
+    """Whether joint angles, and whether joint velocities are altered: the foot is then computed from them."""
     channels: Channels
     keys: Counts
     """(C, 3): seeds of noise, drop-out and fault of a channel."""
@@ -55,7 +53,7 @@ class Sensing(NamedTuple):
 def imperfect_reading(sensing: Sensing, c: int, step: int) -> float:
     """The reading of a channel without fault: delayed, noisy, biased, quantised, sometimes lost, in this order."""
     channel = sensing.channels[c]
-    delayed = max(step - channel["delay"], 0)  # before the start nothing moved
+    delayed = max(step - channel["delay"], 0)  # before the first step nothing moved
     value = sensing.line[c, delayed % sensing.line.shape[1]]
     if channel["noise"] != 0.0 or channel["noise_relative"] != 0.0:
         scale = channel["noise"] + channel["noise_relative"] * abs(value)
@@ -75,8 +73,8 @@ def faulty_reading(kind: int, amount: float, value: float, last: float, key: int
     Args:
         kind: one of FAULTS.
         amount: the value of the fault.
-        value: what the channel would read without it.
-        last: what it read at the start of the fault.
+        value: reading without the fault.
+        last: reading at the start of the fault.
         key: seed of its noise.
         step: counts from 0 over the run.
     """

@@ -1,4 +1,4 @@
-"""What sensors are to the loop, and those that alter nothing."""
+"""The protocol of sensors, and perfect sensors."""
 
 from collections.abc import Collection
 from typing import Protocol
@@ -12,10 +12,10 @@ SIGNALS = ("force", "position", "velocity", "height", "tilt", "height_rate", "ti
 
 
 class Sensors(Protocol):
-    """From the true state to what the controller sees.
+    """Measure the true state; the measurement is the input of the controller.
 
-    A part may also have ``alters``, the names of the :data:`SIGNALS` that it can change, which get columns of their
-    own in the trace; without it all do.
+    Sensors may also have ``alters``, the names of the :data:`SIGNALS` that they can change; these get ``*_measured``
+    columns in the trace. Without it all signals do.
     """
 
     def reset(self, setup: Setup) -> None:
@@ -23,12 +23,12 @@ class Sensors(Protocol):
         ...
 
     def measure(self, true: Measurement) -> Measurement:
-        """What the controller sees of ``true``."""
+        """The measurement of the state ``true``."""
         ...
 
 
 class PerfectSensors:
-    """The controller sees the true state."""
+    """Sensors that measure the true state."""
 
     Config = ComponentConfig
     alters: Collection[str] = ()

@@ -10,7 +10,7 @@ from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.channel import CHANNEL, FAULTS, NO_FAULT, Channels, Sensing
 from cmacexp.sensors.config import RealSensorsConfig
-from cmacexp.sensors.kernels import OF_A_BODY, OF_A_LEG, new_seen, no_sensing, sense
+from cmacexp.sensors.kernels import OF_A_BODY, OF_A_LEG, new_observation, read_sensors
 from cmacexp.sensors.protocol import SIGNALS
 from cmacexp.typing import Counts
 
@@ -81,17 +81,18 @@ class RealSensors:
     """
 
     Config = RealSensorsConfig
-    sensing: Sensing
+    sensing: Sensing | None
+    """None if no signal is altered."""
 
     def __init__(self, **signals: Signal):
         self.signals = signals
         self.alters: tuple[str, ...] = ()
 
     def feedback_delay(self, uses_velocity: bool) -> int:
-        """Samples by which the joint signals that feedback rests on come late.
+        """Delay, in samples, of the joint signals that dominate the feedback.
 
-        Late positions do not count where there is velocity feedback, which outweighs them at the frequencies that a
-        wrong lead makes grow.
+        With velocity feedback the delay of positions does not count: velocities outweigh them at the frequencies that
+        a wrong lead amplifies.
         """
         return int(self.signals["velocity" if uses_velocity else "position"]["delay"])
 
@@ -100,20 +101,19 @@ class RealSensors:
         legs = setup.mechanism.legs.shape[0]
         channels = _channels(self.signals, legs, setup.config.sampling_period)
         self.alters = tuple(name for name in SIGNALS if channels["alters"][_places(name, legs)].any())
-        self.mechanism, self.step, self.seen = setup.mechanism, 0, new_seen(legs)
+        self.mechanism, self.step, self.observation = setup.mechanism, 0, new_observation(legs)
         self.sensing = Sensing(
-            True,
             ("position" in self.alters, "velocity" in self.alters),
             channels,
             _keys(len(channels), setup.config.seed),
             np.zeros((len(channels), int(channels["delay"].max()) + 1)),
             np.zeros((len(channels), 2)),
-        ) if self.alters else no_sensing()  # fmt: skip
+        ) if self.alters else None  # fmt: skip
 
     def measure(self, true: Measurement) -> Measurement:
         """The readings for the state ``true``."""
-        if not self.sensing.active:
+        if self.sensing is None:
             return true
-        sense(self.sensing, self.mechanism, self.step, true, self.seen)
+        read_sensors(self.sensing, self.mechanism, self.step, true, self.observation)
         self.step += 1
-        return Measurement(*(part.copy() for part in self.seen[:7]))
+        return Measurement(*(values.copy() for values in self.observation[:7]))

@@ -12,6 +12,7 @@ import cmacexp as package
 from cmacexp.config.compose import compose_config
 from cmacexp.control import Action, CmacFeedforward, HybridController
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
+from cmacexp.experiment import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.builtin import find_external
 from cmacexp.loop.scenario import make_scenario
@@ -50,10 +51,21 @@ class Breaks(Still):
 class BreaksAtOnce(Still):
     def reset(self, setup, feedforward): raise KeyError("no such leg")
 
+class Reports(Still):
+    memory = dropped = "own"
+    def manifest_entries(self): raise KeyError("own")
+
 class CannotBeMade(Still):
     def __init__(self): raise ValueError("no licence")
 
 number = 3
+"""
+
+PREDICTS = """
+class Predicts(Reports):
+    acts = True
+    def reset(self, setup): pass
+    def predict(self, reference, learning_error): return np.zeros_like(learning_error)
 """
 
 
@@ -145,7 +157,7 @@ def test_every_force_control_method_plans_for_a_controller_without_gains(here, m
 
 
 BAD = {
-    "{}.Missing": "has no Missing; it has Breaks, BreaksAtOnce, CannotBeMade, Flat, Needs, Stiff, Still",
+    "{}.Missing": "has no Missing; it has Breaks, BreaksAtOnce, CannotBeMade, Flat, Needs, Reports, Stiff, Still",
     "{}.Stil": "did you mean Still?",
     "{}x.Still": "there is no module {}x, neither in",
     "{}.number": "is not a class but of type int",
@@ -305,6 +317,17 @@ def test_what_fails_at_once_leaves_a_manifest_that_says_so(here, tmp_path, name,
     manifest = json.loads((tmp_path / "r" / "manifest.json").read_text())
     assert (manifest["status"], manifest["steps"]) == ("failed", 0)
     assert ("traceback" in manifest) == (name == "BreaksAtOnce")
+    assert [use["rows"] for use in manifest["memory"]] == [65536]
+    assert manifest["dropped"] == []
+
+
+@pytest.mark.parametrize("overrides", [[], ["feedforward._target_={here}.Predicts"]], ids=["controller", "both"])
+def test_only_components_of_the_package_add_to_the_manifest(here, tmp_path, overrides):
+    (tmp_path / f"{here}.py").write_text(OWN + PREDICTS)
+    targets = [f"controller._target_={here}.Reports", *(override.format(here=here) for override in overrides)]
+    run = run_scenario(compose(*targets, "cycles=1", "record=trace"), tmp_path / "r")
+    assert (run.status, run.manifest["dropped"]) == ("completed", [])
+    assert len(run.manifest["memory"]) == (0 if overrides else 1)
 
 
 # From Python

@@ -13,7 +13,7 @@ from cmacexp.models.body import depth
 from cmacexp.models.ground import contact_force, damped_force, damped_spring
 from cmacexp.models.mechanism import legs_under_body, point_mass
 from cmacexp.planning.machine import make_leg
-from cmacexp.plants.kernels import PlantParams, advance, balance_body, feel_depression, new_state, observe
+from cmacexp.plants.kernels import PlantParams, advance, balance_body, new_state, observe, update_depression
 
 STIFFNESS = 1e4
 HIPS = [(0.225, 0.225), (0.225, -0.225), (-0.225, 0.225), (-0.225, -0.225)]
@@ -113,7 +113,7 @@ def standing(make_config):
         state = new_state(4)
         state.foot[:], state.stiffness[:], state.body[:] = (0.0, 0.5), STIFFNESS, (0.5, 0.0, 0.0)
         assert balance_body(params, state, np.inf)
-        feel_depression(params, state)
+        update_depression(params, state)
         return params, state
 
     return stand
@@ -124,7 +124,7 @@ def settle(params, state, steps):
     sunk = []
     for _ in range(steps):
         assert balance_body(params, state, params.step)
-        feel_depression(params, state)
+        update_depression(params, state)
         sunk.append(0.5 - state.body[0])
         assert_allclose(state.force.sum(), params.mechanism.weight, rtol=1e-9)
     return np.array(sunk)

@@ -113,7 +113,7 @@ def measured(q, dq, pose, pose_rate):
 
     plant = MujocoQuadruped(1, 0.6, 1e4, 50.0, [0.05, 0.06, 0.1], 0.0, 0)
     plant.engine = engine
-    plant.look(mechanism.hips)
+    plant.start_observing(mechanism.hips)
     return plant.measure()
 
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.errors import BadInput
 from cmacexp.models.leg import foot_position, foot_velocity, trigonometry
-from cmacexp.models.mechanism import leg_of
+from cmacexp.models.mechanism import get_leg
 from cmacexp.planning import make_plan
 from cmacexp.planning.foot_path import VERTICAL, cubic, line, quintic, two_cubics
 from cmacexp.planning.gait import make_timing
@@ -179,7 +179,7 @@ def test_planned_joints_move_the_foot_along_the_desired_path(make_config, overri
     legs = f"machine.leg.knee={knee}", "machine.leg.length_1=0.4"
     config = make_config("scenario=one_leg", "sampling_period=0.001", *legs, *overrides)
     mechanism = make_mechanism(config.machine)
-    plan, leg = make_plan(config, mechanism, True), leg_of(mechanism, 0)
+    plan, leg = make_plan(config, mechanism, True), get_leg(mechanism, 0)
     joints, desired = plan.joints[:, 0], plan.desired[:, 0]
     assert (np.sign(joints[:, 1]) == (-1.0 if knee == "back" else 1.0)).all()
     for q, foot in zip(joints, desired, strict=True):

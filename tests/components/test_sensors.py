@@ -18,7 +18,7 @@ from cmacexp.experiment import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.leg import foot_position, foot_velocity, trigonometry
-from cmacexp.models.mechanism import leg_of
+from cmacexp.models.mechanism import get_leg
 from cmacexp.plants import Measurement
 from cmacexp.score import score
 from cmacexp.sensors.channel import FAULTS
@@ -162,7 +162,7 @@ def test_the_foot_follows_from_the_joints_that_are_measured(make_config):
     seen = made.sensors.measure(true)
     for i in range(4):
         q, dq = true.q[i] + (0.02 if i == 1 else 0.0), true.dq[i] - 0.3
-        leg, trig = leg_of(made.setup.mechanism, i), trigonometry(*q)
+        leg, trig = get_leg(made.setup.mechanism, i), trigonometry(*q)
         assert seen.q[i].tolist() == q.tolist()
         assert tuple(seen.foot[i]) == foot_position(leg, trig)
         assert tuple(seen.velocity[i]) == foot_velocity(leg, trig, *dq)

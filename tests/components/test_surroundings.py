@@ -10,8 +10,7 @@ from cmacexp.errors import BadInput
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import Load, energy, slope
-from cmacexp.models.ground import first_sample
-from cmacexp.models.ground_height import rise
+from cmacexp.models.ground import first_sample, height_at
 
 HIPS = np.array([(0.225, 0.225), (0.225, -0.225), (-0.225, 0.225), (-0.225, -0.225)])
 WALK = ("scenario=quadruped", "cycles=2")
@@ -141,7 +140,7 @@ def test_slope_of_the_energy_is_its_derivative_off_centre_and_on_uneven_ground(w
 
 
 def test_ground_is_flat_up_to_its_slope():
-    assert_allclose(rise(0.1, 2.0, np.array([-1.0, 2.0, 3.0])), [0.0, 0.0, 0.1])
+    assert_allclose(height_at(0.1, 2.0, np.array([-1.0, 2.0, 3.0])), [0.0, 0.0, 0.1])
 
 
 @pytest.mark.parametrize("damping", [0.0, 2.0])
@@ -160,7 +159,7 @@ def test_feet_of_a_body_press_sloping_ground_where_they_are(run):
     speed, uneven = 0.3 / (0.8 * 3.0), 0.0
     for k in range(0, 1200, 7):
         x, foot = speed * k * 0.005, feet(rollout, k)
-        higher = rise(0.05, 0.3, x + HIPS[:, 0] + foot[:, 0]) - rise(0.05, 0.3, np.array(x))
+        higher = height_at(0.05, 0.3, x + HIPS[:, 0] + foot[:, 0]) - height_at(0.05, 0.3, np.array(x))
         sunk = np.maximum(0.0, higher - in_world(rollout.body_samples[k], foot)[:, 2])
         assert_allclose(rollout.columns()["force"][k], 1e4 * sunk, rtol=1e-6, atol=1e-6)
         uneven = max(uneven, np.ptp(higher))

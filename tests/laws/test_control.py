@@ -13,7 +13,6 @@ from cmacexp.control.actuator import saturate
 from cmacexp.control.fault_detection import FaultDetection
 from cmacexp.control.hybrid_kernels import METHODS, HybridParams, hybrid_feedback, new_hybrid_state
 from cmacexp.control.lead import discretise, lead_step
-from cmacexp.control.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth
 from cmacexp.errors import BadInput
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
@@ -22,6 +21,7 @@ from cmacexp.models.leg import Leg, joint_torque, trigonometry
 from cmacexp.models.mechanism import legs_on_stand, point_mass
 from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains, keeps_static_load
+from pipelines.analysis.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth
 
 corners = st.floats(0.5, 50.0)
 ratios = st.floats(1.0, 30.0)

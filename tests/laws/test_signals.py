@@ -4,7 +4,8 @@ import numpy as np
 
 from cmacexp.data.signals import ARRAYS, BODY_SIGNALS, LEG_SIGNALS, MEMORY_SIGNALS, select_signals
 from cmacexp.loop.samples import BODY_SAMPLES, SAMPLES, WIDE_BODY_SAMPLES, WIDE_SAMPLES
-from cmacexp.plants.protocol import Measurement, new_measurement
+from cmacexp.plants.protocol import STATE, Measurement, get_state, new_measurement
+from cmacexp.sensors.kernels import Observation, new_observation
 from cmacexp.sensors.protocol import SIGNALS
 
 
@@ -22,6 +23,12 @@ def test_a_measurement_has_the_arrays_of_the_table():
     assert fields == list(Measurement._fields)
     for name, values in new_measurement(4)._asdict().items():
         assert values is None or np.shape(values)[-1] == len(ARRAYS[name]) or name == "force"
+
+
+def test_an_observation_has_the_arrays_of_a_measurement_and_the_trigonometry_of_its_joints():
+    assert Observation._fields == (*STATE, "trig")
+    shapes = [values.shape for values in get_state(new_measurement(4))]
+    assert [values.shape for values in new_observation(4)] == [*shapes, (4, 4)]
 
 
 def test_the_arrays_hold_signals_that_the_loop_samples():

@@ -51,10 +51,3 @@ def closed_loop(position_gain: float, velocity_gain: float, mass: float, omega: 
     above = np.flatnonzero(magnitude >= np.sqrt(0.5))
     bandwidth = float(FREQUENCIES[above[-1]]) if len(above) else float("nan")
     return Loop(float(magnitude.max()), bandwidth, bool(np.roots(closed).real.max() < 0.0))
-
-
-def scan(
-    position_gain: float, velocity_gain: float, mass: float, omegas: Array, alphas: Array
-) -> dict[tuple[float, float], Loop]:
-    """:func:`closed_loop` for every pair of corner frequency and ratio."""
-    return {(o, a): closed_loop(position_gain, velocity_gain, mass, o, a) for o in omegas for a in alphas}
