@@ -1,24 +1,27 @@
 """A trace cut into cycles, with the masks of its phases."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import pyarrow as pa
 
+from cmacexp.data.parquet import as_array, is_support
 from cmacexp.metrics.measures import largest
 from cmacexp.typing import Array, Mask
 
 
 class Rhythm(NamedTuple):
-    """What all cycles of a run have in common, from its first cycles."""
+    """Durations that all cycles of a run share, from its first cycles."""
 
     step: float
     """Sampling period, s, from the first two samples of the run; NaN if there is one only."""
     support_samples: float
     """Samples of a whole support, from its first advance in progress; very many if there was none."""
     transfer_samples: float
-    """Likewise of a transfer."""
+    """Samples of a whole transfer, from its first advance in progress; very many if there was none."""
 
 
 def read_rhythm(time: Array, progress: Array, valid: Mask, support: Mask) -> Rhythm:
@@ -43,9 +46,8 @@ class Block:
     """Valid and planned to support."""
     progress: Array
     time: Array
-    error_x: Array
-    """x - x_desired, m."""
-    error_y: Array
+    error: Mapping[str, Array]
+    """x - x_desired and y - y_desired, m, by axis."""
     force: Array
     force_desired: Array
     feedback: Array
@@ -89,6 +91,43 @@ class Block:
         began = np.isfinite(largest(self.since_touch_down, self.support))
         whole = self.support.sum(axis=2) == self.rhythm.support_samples
         return np.where(began & whole, 1.0, np.nan)
+
+
+def cut(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> Block:
+    """Cut a trace into cycles; the last may be short.
+
+    Args:
+        trace: of a run, or a part of it.
+        steps_per_cycle: N.
+        before: the part before it, which has the rhythm of the run; None: this is the first part.
+    """
+    legs = int(as_array(trace, "leg").max(initial=1))
+    rows = trace.num_rows
+    cycles = -(-rows // (steps_per_cycle * legs))
+
+    def block(values: Array) -> Array:
+        padded = np.full(cycles * steps_per_cycle * legs, np.nan)
+        padded[:rows] = values
+        return np.ascontiguousarray(padded.reshape(cycles, steps_per_cycle, legs).swapaxes(1, 2))
+
+    def columns(name: str) -> Array:
+        return block(as_array(trace, name))
+
+    time, progress = columns("time"), columns("progress")
+    valid, support = ~np.isnan(time), block(is_support(trace).astype(float)) == 1.0
+    return Block(
+        before.rhythm if before else read_rhythm(time, progress, valid, support),
+        valid,
+        support,
+        progress,
+        time,
+        {axis: columns(axis) - columns(f"{axis}_desired") for axis in "xy"},
+        columns("force"),
+        columns("force_desired"),
+        np.stack([columns(f"tau_feedback_{joint}") for joint in (1, 2)], axis=3),
+        np.stack([columns(f"tau_feedforward_{joint}") for joint in (1, 2)], axis=3),
+        before.feedback[-1] if before else None,
+    )
 
 
 def three_feet(block: Block) -> Mask:

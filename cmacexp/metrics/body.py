@@ -22,122 +22,60 @@ class BodyBlock(NamedTuple):
         """One value per cycle."""
         return np.asarray(by.reduceat(values, self.starts))
 
-
-def _height(by: np.ufunc) -> Callable[[BodyBlock], Array]:
-    return lambda b: b.reduce(by, as_array(b.table, "height"))
+    def reduce_height(self, by: np.ufunc) -> Array:
+        """One value per cycle from the heights of the body, m."""
+        return self.reduce(by, as_array(self.table, "height"))
 
 
 def _mean_height(block: BodyBlock) -> Array:
-    return _height(np.add)(block) / np.diff([*block.starts, block.table.num_rows])
+    return block.reduce_height(np.add) / np.diff([*block.starts, block.table.num_rows])
 
 
-def _tilt(block: BodyBlock) -> Array:
+def _largest_tilt(block: BodyBlock) -> Array:
     pitch, roll = (np.abs(as_array(block.table, name)) for name in ("pitch", "roll"))
     return block.reduce(np.maximum, np.maximum(pitch, roll))
 
 
-def _least(name: str) -> Callable[[BodyBlock], Array]:
-    return lambda b: b.reduce(np.fmin, as_array(b.table, name))
+def _height(which: str, compute: Callable[[BodyBlock], Array], shown: Shown) -> Metric[BodyBlock]:
+    return Metric("m", f"{which} height of the body", "never", CONTRACT, compute, BODY, NEITHER, shown)
 
 
-_TWO_FEET = "never three feet down"
+def _margin(column: str, to: str, source: str, shown: Shown | None = None) -> Metric[BodyBlock]:
+    meaning = f"least margin to the {to} of the planned support polygon"
+
+    def least(block: BodyBlock) -> Array:
+        return block.reduce(np.fmin, as_array(block.table, column))
+
+    return Metric("m", meaning, "never three feet down", source, least, BODY, LARGE, shown)
+
+
+_TILT = "largest of abs(pitch) and abs(roll)"
 
 BODY_METRICS: dict[str, Metric[BodyBlock]] = {
-    "height_mean": Metric(
-        "m", "mean height of the body", "never", CONTRACT, _mean_height, BODY, NEITHER, Shown("height", "mm", 1e3)
+    "height_mean": _height("mean", _mean_height, Shown("height", "mm", 1e3)),
+    "height_min": _height(
+        "least", lambda b: b.reduce_height(np.minimum), Shown("least height", "mm", 1e3, main=False)
     ),
-    "height_min": Metric(
-        "m",
-        "least height of the body",
-        "never",
-        CONTRACT,
-        _height(np.minimum),
-        BODY,
-        NEITHER,
-        Shown("least height", "mm", 1e3, main=False),
+    "height_max": _height(
+        "largest", lambda b: b.reduce_height(np.maximum), Shown("largest height", "mm", 1e3, main=False)
     ),
-    "height_max": Metric(
-        "m",
-        "largest height of the body",
-        "never",
-        CONTRACT,
-        _height(np.maximum),
-        BODY,
-        NEITHER,
-        Shown("largest height", "mm", 1e3, main=False),
-    ),
-    "tilt_max": Metric(
-        "rad",
-        "largest of abs(pitch) and abs(roll)",
-        "never",
-        CONTRACT,
-        _tilt,
-        BODY,
-        SMALL,
-        Shown("tilt", "mrad", 1e3),
-    ),
-    "stability_margin_min": Metric(
-        "m",
-        "least margin to the nearest edge of the planned support polygon",
-        _TWO_FEET,
-        MCGHEE_FRANK,
-        _least("stability_margin"),
-        BODY,
-        LARGE,
-    ),
-    "margin_front_min": Metric(
-        "m",
-        "least margin to the front of the planned support polygon",
-        _TWO_FEET,
-        CONTRACT,
-        _least("margin_front"),
-        BODY,
-        LARGE,
-    ),
-    "margin_rear_min": Metric(
-        "m",
-        "least margin to the rear of the planned support polygon",
-        _TWO_FEET,
-        CONTRACT,
-        _least("margin_rear"),
-        BODY,
-        LARGE,
-        Shown("rear margin", "mm", 1e3),
-    ),
+    "tilt_max": Metric("rad", _TILT, "never", CONTRACT, _largest_tilt, BODY, SMALL, Shown("tilt", "mrad", 1e3)),
+    "stability_margin_min": _margin("stability_margin", "nearest edge", MCGHEE_FRANK),
+    "margin_front_min": _margin("margin_front", "front", CONTRACT),
+    "margin_rear_min": _margin("margin_rear", "rear", CONTRACT, Shown("rear margin", "mm", 1e3)),
 }
 """All columns of ``body_metrics.parquet`` but ``cycle``, in their order."""
 
 
-class BodyScorer:
-    """The metrics of a body whose trace arrives in parts.
-
-    Args:
-        steps_per_cycle: N.
-    """
-
-    def __init__(self, steps_per_cycle: int):
-        self.steps_per_cycle = steps_per_cycle
-        self.parts: list[dict[str, Array]] = []
-
-    def add(self, body: pa.Table) -> None:
-        """Score the next cycles; only the last of the run may be short."""
-        block = BodyBlock(body, np.arange(0, body.num_rows, self.steps_per_cycle))
-        self.parts.append({name: metric.compute(block) for name, metric in BODY_METRICS.items()})
-
-    def table(self) -> pa.Table:
-        """One row per cycle."""
-        values = {name: np.concatenate([part[name] for part in self.parts]) for name in BODY_METRICS}
-        cycles = len(values["height_mean"])
-        return to_table({"cycle": (CYCLE, np.arange(1, cycles + 1))}, values, BODY_METRICS)
-
-
-def compute_body(body: pa.Table, steps_per_cycle: int) -> pa.Table:
+def compute_body(body: pa.Table, steps_per_cycle: int, first_cycle: int = 1) -> pa.Table:
     """One row per cycle: mean, least and largest height, largest tilt, least of each margin.
 
     Args:
         body: as :func:`cmacexp.loop.trace.assemble_body` makes it; the last cycle may be short.
         steps_per_cycle: N.
+        first_cycle: number of the cycle with which ``body`` begins.
     """
-    scorer = BodyScorer(steps_per_cycle)
-    scorer.add(body)
-    return scorer.table()
+    block = BodyBlock(body, np.arange(0, body.num_rows, steps_per_cycle))
+    values = {name: metric.compute(block) for name, metric in BODY_METRICS.items()}
+    cycles = np.arange(first_cycle, first_cycle + len(block.starts))
+    return to_table({"cycle": (CYCLE, cycles)}, values, BODY_METRICS)

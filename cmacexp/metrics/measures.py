@@ -97,5 +97,5 @@ def rise_time(elapsed: Array, value: Array, start: float, settled: Array, mask: 
     way = (value - start) / _span(start, settled)[..., None]
     low, high = (np.where(mask & (way >= part), elapsed, np.inf).min(axis=-1) for part in RISE)
     settles = np.isfinite(settling_time(elapsed, value, start, settled, mask, step))
-    seen = settles & (low > 0.0) & np.isfinite(high)
-    return np.where(seen, high, np.nan) - np.where(seen, low, np.nan)
+    defined = settles & (low > 0.0) & np.isfinite(high)
+    return np.where(defined, high, np.nan) - np.where(defined, low, np.nan)

@@ -1,6 +1,7 @@
 """Metrics of the weights at the end of each cycle, from ``memory.parquet``."""
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -22,34 +23,26 @@ def split_columns(memory: pa.Table | None, cycles: int, legs: int) -> dict[str, 
 
 
 _NO_WEIGHTS = "no weights that a built-in feedforward keeps"
+_of_weights = partial(Metric, undefined=_NO_WEIGHTS, source=CONTRACT, better=NEITHER)
 
 MEMORY: dict[str, Metric[Mapping[str, Array]]] = {
-    "weight_norm": Metric(
+    "weight_norm": _of_weights(
         "N m",
         "Euclidean norm of all weights at the end of the cycle",
-        _NO_WEIGHTS,
-        CONTRACT,
-        lambda m: m["weight_norm"],
-        RMS,
-        NEITHER,
+        compute=lambda m: m["weight_norm"],
+        pooling=RMS,
     ),
-    "weight_largest": Metric(
+    "weight_largest": _of_weights(
         "N m",
         "largest absolute weight at the end of the cycle",
-        _NO_WEIGHTS,
-        CONTRACT,
-        lambda m: m["weight_largest"],
-        LARGEST,
-        NEITHER,
+        compute=lambda m: m["weight_largest"],
+        pooling=LARGEST,
     ),
-    "memory_used": Metric(
+    "memory_used": _of_weights(
         "",
         "rows of memory with a weight other than 0 at the end of the cycle, over all rows",
-        _NO_WEIGHTS,
-        CONTRACT,
-        lambda m: m["rows_used"] / m["rows"],
-        MEAN,
-        NEITHER,
+        compute=lambda m: m["rows_used"] / m["rows"],
+        pooling=MEAN,
     ),
     "cells_colliding": Metric(
         "",

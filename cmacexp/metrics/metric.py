@@ -1,4 +1,4 @@
-"""What a metric is: unit, definition, source; how legs are pooled, which direction is better, how it is shown."""
+"""The definition of a metric: unit, meaning, source, pooling over legs, better direction, and appearance."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -46,7 +46,7 @@ BODY = Pooling("", measures.mean)
 """For metrics of the body: there is one."""
 
 SMALL, NEAR_ZERO, LARGE, NEITHER = "small", "near 0", "large", ""
-"""What is better; NEITHER where it depends."""
+"""Which values are better; NEITHER where it depends."""
 
 
 class Shown(NamedTuple):
@@ -111,12 +111,7 @@ LEG = Index("", "as in the trace", "never", CONTRACT)
 
 def describe(column: Metric[Any] | Index) -> dict[str, str]:
     """The metadata of a column's field."""
-    return {
-        "unit": column.unit,
-        "meaning": column.meaning,
-        "undefined": column.undefined,
-        "source": column.source,
-    }
+    return {name: getattr(column, name) for name in Index._fields}
 
 
 def to_table(

@@ -1,40 +1,94 @@
-"""The metrics of a run from its tables, which may come in parts."""
+"""The metrics of a run, one row per cycle and leg, from its tables, which may come in parts."""
 
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+
 from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, Traces, read_parts
-from cmacexp.metrics.body import BodyScorer
-from cmacexp.metrics.compute import Scorer
-from cmacexp.metrics.drift import Drift
+from cmacexp.metrics.block import Block, cut
+from cmacexp.metrics.body import compute_body
+from cmacexp.metrics.drift import Drift, DriftDetector
+from cmacexp.metrics.learning import LEARNING
+from cmacexp.metrics.memory import MEMORY as MEMORY_METRICS
+from cmacexp.metrics.memory import split_columns
+from cmacexp.metrics.metric import CYCLE, LEG, to_table
+from cmacexp.metrics.registry import METRICS, OF_A_CYCLE
+from cmacexp.typing import Array
 
 
 class RunScorer:
-    """The metrics of a run whose tables come part by part.
+    """The metrics of a run whose tables come in parts: of some cycles each, the last of the run may be short.
 
     Args:
         steps_per_cycle: N.
     """
 
     def __init__(self, steps_per_cycle: int):
-        self.legs, self.body = Scorer(steps_per_cycle), BodyScorer(steps_per_cycle)
-
-    def add(self, traces: Traces) -> None:
-        """Score the next cycles; only the last of the run may be short."""
-        self.legs.add(traces.legs)
-        if traces.body is not None:
-            self.body.add(traces.body)
-        if traces.memory is not None:
-            self.legs.add_memory(traces.memory)
+        self.steps_per_cycle = steps_per_cycle
+        self._block: Block | None = None
+        self._parts: list[dict[str, Array]] = []
+        self._memory: list[pa.Table] = []
+        self._body: list[pa.Table] = []
+        self._detector: DriftDetector | None = None
 
     @property
     def drift(self) -> Drift | None:
-        """The first drift detected so far."""
-        return self.legs.drift
+        """The first drift so far, as known when it was detected."""
+        return self._detector.first if self._detector else None
+
+    def add(self, traces: Traces) -> None:
+        """Score the next cycles."""
+        self.add_legs(traces.legs)
+        if traces.body is not None:
+            self.add_body(traces.body)
+        if traces.memory is not None:
+            self.add_memory(traces.memory)
+
+    def add_legs(self, trace: pa.Table) -> None:
+        """Score the legs in the next cycles (:func:`cmacexp.loop.trace.assemble`)."""
+        self._block = block = cut(trace, self.steps_per_cycle, self._block)
+        part = {name: metric.compute(block) for name, metric in OF_A_CYCLE.items()}
+        self._parts.append(part)
+        feedback = part["feedback_rms"]
+        self._detector = self._detector or DriftDetector(feedback.shape[1])
+        self._detector.add(feedback)
+
+    def add_memory(self, memory: pa.Table) -> None:
+        """Add the weights at the end of the next cycles (:func:`cmacexp.loop.trace.assemble_memory`)."""
+        self._memory.append(memory)
+
+    def add_body(self, body: pa.Table) -> None:
+        """Score the body in the next cycles (:func:`cmacexp.loop.trace.assemble_body`)."""
+        done = sum(table.num_rows for table in self._body)
+        self._body.append(compute_body(body, self.steps_per_cycle, done + 1))
 
     @property
     def scores(self) -> Scores:
-        """The metrics of all cycles so far."""
-        return Scores(self.legs.table(), self.body.table() if self.body.parts else None)
+        """The metrics of all cycles so far; undefined is NaN."""
+        values = {name: np.concatenate([part[name] for part in self._parts]) for name in OF_A_CYCLE}
+        cycles, legs = next(iter(values.values())).shape
+        values |= {name: metric.compute(values) for name, metric in LEARNING.items()}
+        memory = split_columns(pa.concat_tables(self._memory) if self._memory else None, cycles, legs)
+        values |= {name: metric.compute(memory) for name, metric in MEMORY_METRICS.items()}
+        index = {
+            "cycle": (CYCLE, np.repeat(np.arange(1, cycles + 1), legs)),
+            "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),
+        }
+        body = pa.concat_tables(self._body).combine_chunks() if self._body else None
+        return Scores(to_table(index, values, METRICS), body)
+
+
+def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:
+    """Metrics of a trace, one row per cycle and leg; undefined is NaN.
+
+    Args:
+        trace: as :func:`cmacexp.loop.trace.assemble` makes it; the last cycle may be short.
+        steps_per_cycle: N.
+    """
+    scorer = RunScorer(steps_per_cycle)
+    scorer.add_legs(trace)
+    return scorer.scores.legs
 
 
 def score_traces(folder: Path, steps_per_cycle: int) -> Scores:
@@ -44,9 +98,9 @@ def score_traces(folder: Path, steps_per_cycle: int) -> Scores:
         BadRun: a trace is missing or cannot be read.
     """
     scorer = RunScorer(steps_per_cycle)
-    takes = {TRACE: scorer.legs.add, MEMORY: scorer.legs.add_memory, BODY: scorer.body.add}
-    for name, take in takes.items():
+    adders = {TRACE: scorer.add_legs, MEMORY: scorer.add_memory, BODY: scorer.add_body}
+    for name, add in adders.items():
         if name == TRACE or (folder / name).exists():
             for part in read_parts(folder / name):
-                take(part)
+                add(part)
     return scorer.scores

@@ -1,4 +1,4 @@
-"""How far the foot is from where it should be."""
+"""Position errors of the foot."""
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import iae, ise, rms
@@ -7,58 +7,40 @@ from cmacexp.metrics.metric import BRISTOW, GRAHAM_LATHROP, Metric, Shown, integ
 _NO_TRANSFER, _NO_SUPPORT = "no sample of transfer", "no sample of support"
 _NO_PERIOD = f"{_NO_TRANSFER}, or one sample in all"
 
+
+def _transfer_rmse(axis: str) -> Metric[Block]:
+    meaning, shown = f"RMS of {axis} - {axis}_desired in transfer", Shown(f"transfer {axis}", "mm", 1e3)
+    return rms_error("m", meaning, _NO_TRANSFER, BRISTOW, lambda b: rms(b.error[axis], b.transfer), shown=shown)
+
+
+def _transfer_iae(axis: str) -> Metric[Block]:
+    meaning = f"integral of abs({axis} - {axis}_desired) over transfer"
+    return integral(
+        "m s", meaning, _NO_PERIOD, GRAHAM_LATHROP, lambda b: iae(b.error[axis], b.transfer, b.rhythm.step)
+    )
+
+
+def _transfer_ise(axis: str) -> Metric[Block]:
+    meaning = f"integral of ({axis} - {axis}_desired)^2 over transfer"
+    return integral(
+        "m^2 s", meaning, _NO_PERIOD, GRAHAM_LATHROP, lambda b: ise(b.error[axis], b.transfer, b.rhythm.step)
+    )
+
+
 TRACKING: dict[str, Metric[Block]] = {
-    "transfer_rmse_x": rms_error(
-        "m",
-        "RMS of x - x_desired in transfer",
-        _NO_TRANSFER,
-        BRISTOW,
-        lambda b: rms(b.error_x, b.transfer),
-        shown=Shown("transfer x", "mm", 1e3),
-    ),
-    "transfer_rmse_y": rms_error(
-        "m",
-        "RMS of y - y_desired in transfer",
-        _NO_TRANSFER,
-        BRISTOW,
-        lambda b: rms(b.error_y, b.transfer),
-        shown=Shown("transfer y", "mm", 1e3),
-    ),
+    "transfer_rmse_x": _transfer_rmse("x"),
+    "transfer_rmse_y": _transfer_rmse("y"),
     "support_rmse_x": rms_error(
         "m",
         "RMS of x - x_desired in support",
         _NO_SUPPORT,
         BRISTOW,
-        lambda b: rms(b.error_x, b.support),
+        lambda b: rms(b.error["x"], b.support),
         shown=Shown("support x", "mm", 1e3, main=False),
     ),
-    "transfer_iae_x": integral(
-        "m s",
-        "integral of abs(x - x_desired) over transfer",
-        _NO_PERIOD,
-        GRAHAM_LATHROP,
-        lambda b: iae(b.error_x, b.transfer, b.rhythm.step),
-    ),
-    "transfer_iae_y": integral(
-        "m s",
-        "integral of abs(y - y_desired) over transfer",
-        _NO_PERIOD,
-        GRAHAM_LATHROP,
-        lambda b: iae(b.error_y, b.transfer, b.rhythm.step),
-    ),
-    "transfer_ise_x": integral(
-        "m^2 s",
-        "integral of (x - x_desired)^2 over transfer",
-        _NO_PERIOD,
-        GRAHAM_LATHROP,
-        lambda b: ise(b.error_x, b.transfer, b.rhythm.step),
-    ),
-    "transfer_ise_y": integral(
-        "m^2 s",
-        "integral of (y - y_desired)^2 over transfer",
-        _NO_PERIOD,
-        GRAHAM_LATHROP,
-        lambda b: ise(b.error_y, b.transfer, b.rhythm.step),
-    ),
+    "transfer_iae_x": _transfer_iae("x"),
+    "transfer_iae_y": _transfer_iae("y"),
+    "transfer_ise_x": _transfer_ise("x"),
+    "transfer_ise_y": _transfer_ise("y"),
 }
 """Columns about position, by name."""
