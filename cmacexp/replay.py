@@ -1,4 +1,4 @@
-"""``python -m cmacexp.replay DIR...``: look at a run, or at several side by side, in the Rerun viewer."""
+"""``python -m cmacexp.replay DIR...``: show a run, or several side by side, in the Rerun viewer."""
 
 import argparse
 import hashlib
@@ -15,13 +15,13 @@ from cmacexp.data.tables import BODY, RECORDING, read_traces, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
 
 COMPARISONS = Path("outputs", "comparisons")
-"""Where comparisons are kept unless told."""
+"""Default folder of comparisons."""
 LONGEST_NAME = 120
 """Characters of the names of runs in the name of a comparison; more are replaced by a hash."""
 
 
 class Options(NamedTuple):
-    """What is to be shown; None: as usual."""
+    """What the recording shows; None: the default."""
 
     cycles: str | None = None
     """As typed."""
@@ -41,8 +41,8 @@ def _kept(folder: Path) -> dict[int, int]:
     return kept
 
 
-def _what_was_kept(config: dict[str, Any]) -> str:
-    """Of what "every step" is said, where the trace itself is thinned."""
+def _describe_thinning(config: dict[str, Any]) -> str:
+    """The steps that a thinned trace keeps, as an addition to the name of a recording."""
     record = config.get("record", {})
     every, cycles = record.get("every_nth_step", 1), record.get("cycles")
     parts = [f"one step in {every}"] if every > 1 else []
@@ -51,7 +51,7 @@ def _what_was_kept(config: dict[str, Any]) -> str:
 
 
 def _check_views(options: Options, walking: Sequence[bool]) -> None:
-    """Each view must be there for one of the runs at least."""
+    """Each view must exist for at least one of the runs."""
     from cmacexp.recording.panels import panel_names
 
     known = list(dict.fromkeys(name for walks in sorted(walking, reverse=True) for name in panel_names(walks)))
@@ -61,11 +61,11 @@ def _check_views(options: Options, walking: Sequence[bool]) -> None:
 
 
 def rebuild(folder: Path, path: Path, options: Options) -> str:
-    """Write the recording of a run from its trace; what it shows.
+    """Write the recording of a run from its trace; returns a description of its content.
 
     Raises:
         BadRun: the run has no readable trace or manifest, or no step.
-        BadInput: the run has not what is wished for.
+        BadInput: the run does not have the requested cycles, views or steps.
     """
     from cmacexp.recording.window import make_window, read_cycles
     from cmacexp.recording.write import write_recording
@@ -77,15 +77,15 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     name = write_recording(folder, config, path, label=folder.resolve().name, window=window, names=options.views)
     if path == folder / RECORDING:
         manifests.update_files(folder, [RECORDING])
-    return name + window.hint + _what_was_kept(config)
+    return name + window.hint + _describe_thinning(config)
 
 
 def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
-    """Write one recording of several runs side by side; what it shows.
+    """Write one recording of several runs side by side; returns a description of its content.
 
     Raises:
         BadRun: a run has no readable trace or manifest, or no step; there are too many.
-        BadInput: the runs have not what is wished for.
+        BadInput: the runs do not have the requested cycles, views or steps.
     """
     from cmacexp.config.difference import labels
     from cmacexp.recording.compare import MOST_RUNS, make_root, write_comparison
@@ -116,7 +116,7 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
 
 
 def _comparison_path(folders: Sequence[Path]) -> Path:
-    """Where a comparison is kept unless told; a job of a sweep goes by the name of the sweep too."""
+    """Default path of a comparison; the name of a job of a sweep includes that of the sweep."""
     full = [folder.resolve() for folder in folders]
     names = "-".join(f"{path.parent.name}_{path.name}" if path.name.isdecimal() else path.name for path in full)
     if len(names) > LONGEST_NAME:
@@ -168,8 +168,8 @@ def _replay(arguments: argparse.Namespace) -> int:
 def main() -> int:
     """Run the command."""
     options = [
-        ("--no-viewer", "only build what is missing or asked for"),
-        ("--rebuild", "build the recording of a run even if it is there, with all cycles and the usual views"),
+        ("--no-viewer", "only build the recording"),
+        ("--rebuild", "build the recording of a run even if it exists, with all cycles and the default views"),
     ]
     values = [
         (
@@ -177,7 +177,7 @@ def main() -> int:
             "CYCLES",
             "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)",
         ),
-        ("--views", "NAME,...", "what is laid out: scene, sides, gait, force, posture, margins, error, torque"),
+        ("--views", "NAME,...", "panels to show: scene, sides, gait, force, posture, margins, error, torque"),
         ("--every", "N", "show one step in N; unless given, all of a short run, fewer of a long one"),
         (
             "--out",
@@ -186,7 +186,7 @@ def main() -> int:
             f"{COMPARISONS}/NAMES.rrd for several",
         ),
     ]
-    description = "Look at a run in the Rerun viewer, or at several side by side. A missing recording is built from "
+    description = "Show a run in the Rerun viewer, or several side by side. A missing recording is built from "
     description += "the trace; --cycles, --views and --every build it anew."
     return command("cmacexp.replay", description, _replay, options, values)
 

@@ -1,4 +1,4 @@
-"""Whether learning drifts: the feedback, which learning is to make small, grows again from cycle to cycle.
+"""Whether learning drifts: the feedback, which learning should reduce, grows again from cycle to cycle.
 
 A drift is detected in the first cycle in which both tests hold: the last WINDOW cycles rise significantly
 (:class:`TrendTest`), and their level has risen to RISE times its lowest so far (:class:`LevelTest`). A change of the
@@ -137,7 +137,7 @@ class DriftDetector:
 
 
 def _accumulate(function: np.ufunc, before: Array, values: Array) -> Array:
-    """Accumulate ``values`` (cycles, L), starting from what was ``before`` (1, L) them."""
+    """Accumulate ``values`` (cycles, L), starting from the accumulated value ``before`` (1, L) them."""
     accumulated: Array = function.accumulate(np.concatenate([before, values]))[1:]
     return accumulated
 

@@ -20,7 +20,7 @@ LEARNED = (
     "force_steady_state_error",
     "feedback_rms",
 )
-"""Metrics that learning is to make small."""
+"""Metrics that learning should reduce."""
 
 
 def ratio_to_first(value: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Measures of responses over the samples of a mask; what is undefined is NaN, never 0.
+"""Measures of responses over the samples of a mask; undefined values are NaN, never 0.
 
 Samples run along the last axis: (..., N) gives (...). A run is (cycles, L, N), one response (N,).
 Times are whole samples, without interpolation.

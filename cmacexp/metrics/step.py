@@ -14,7 +14,7 @@ from cmacexp.typing import Array
 
 
 class StepInfo(NamedTuple):
-    """Metrics of one response in the unit U of its values; what is undefined is NaN, never 0.
+    """Metrics of one response in the unit U of its values; undefined ones are NaN, never 0.
 
     The way is that from start to target. Times are whole samples, from the first one.
     """
@@ -25,7 +25,7 @@ class StepInfo(NamedTuple):
     """1: settled - target as a fraction of the way; negative if it stops short."""
     overshoot: float
     """1: largest value beyond the target as a fraction of the way; negative if it never gets there. Not beyond the
-    settled value: the target is what must not be exceeded."""
+    settled value: the response must not exceed the target."""
     ripple: float
     """U: standard deviation over the second half of the samples."""
     rise_time: float

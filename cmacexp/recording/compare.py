@@ -18,11 +18,11 @@ MOST_RUNS = 6
 FEW = 3
 """Of more walks side by side each column is too narrow for a plot for each leg."""
 WIDE = 4
-"""Of more runs side by side each column is too narrow for a machine seen from as near as usual."""
+"""Of more runs side by side each column is too narrow for the usual distance of the eye."""
 KEY, LABEL = "key", "label"
-"""Entities of the texts that say what colours mean, and which run stands in a column."""
+"""Entities of the texts that explain the colours and name the run of a column."""
 ALIKE = 10.0
-"""Plots share their vertical axis unless one spans so many times what another does."""
+"""Plots share their vertical axis unless the range of one is so many times that of another."""
 
 
 def shared_ranges(views: Sequence[RunView]) -> dict[str, tuple[float, float]]:
@@ -44,7 +44,7 @@ def shared_ranges(views: Sequence[RunView]) -> dict[str, tuple[float, float]]:
 
 
 def _key(views: Sequence[RunView]) -> str:
-    """What colours and depressions of the scenes mean."""
+    """The meaning of the colours and depressions of the scenes."""
     meanings = {describe_colours(view) for view in views}
     meaning = meanings.pop() if len(meanings) == 1 else COLOURS.format("first cycle orange, last cycle green")
     return meaning + (describe_depression(views[0]) if _one_depression(views) else "")
@@ -87,7 +87,7 @@ def _layout(views: Sequence[RunView], names: Sequence[str] | None) -> rrb.Bluepr
 
 
 def make_root(number: int, label: str) -> str:
-    """What the paths of the entities of a run begin with; ``1_feedforward_cmac/``."""
+    """Prefix of the paths of the entities of a run; ``1_feedforward_cmac/``."""
     return f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
 
 
@@ -95,12 +95,12 @@ def write_comparison(views: Sequence[RunView], path: Path, names: Sequence[str] 
     """Write several runs into one recording, whole or not at all.
 
     Args:
-        views: at least two, each with a label and a root of its own.
+        views: at least two, each with its own label and root.
         path: of the ``.rrd`` file.
         names: of the panels that are laid out; None: the usual ones.
 
     Returns:
-        The name of the recording: what it shows.
+        The name of the recording, which describes its content.
     """
     if len({view.window for view in views}) == 1:
         name = f"{' | '.join(view.label for view in views)}, {views[0].window}"

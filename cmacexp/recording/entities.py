@@ -1,4 +1,4 @@
-"""Where the entities of a run go in a recording."""
+"""The entities of a run in a recording."""
 
 from typing import Any
 
@@ -15,12 +15,12 @@ class Entities:
         self._root = view.root
         self._time, self._step = view.time, view.step
 
-    def log(self, path: str, what: rr.AsComponents) -> None:
-        """Log what does not change."""
-        self._recording.log(self._root + path, what, static=True)
+    def log(self, path: str, entity: rr.AsComponents) -> None:
+        """Log a constant entity."""
+        self._recording.log(self._root + path, entity, static=True)
 
     def send_columns(self, path: str, columns: Any, rows: Any = slice(None)) -> None:
-        """Log what changes: columns for all steps at once, or for those at ``rows`` of the view."""
+        """Log columns for all steps at once, or for those at ``rows`` of the view."""
         timelines = [
             rr.TimeColumn("time", duration=self._time[rows]),
             rr.TimeColumn("step", sequence=self._step[rows]),

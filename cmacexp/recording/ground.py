@@ -11,13 +11,13 @@ from cmacexp.typing import Array, Mask
 FORCE_LENGTH = 0.15
 """Length of an arrow for the largest desired force, m."""
 LONGEST_ARROW = 4.0
-"""An arrow is cut at so many times that length."""
-SEEN_DEPRESSION = 0.04
+"""An arrow is at most so many times that length."""
+VISIBLE_DEPRESSION = 0.04
 """A smaller largest depression is drawn deeper than it is, m."""
 GROUND_LENGTH = 0.7
 """Length of the ground that is drawn under one leg, m."""
 ABOVE_GROUND = 0.002
-"""Height at which what lies on the ground is drawn, m, so that it is seen."""
+"""Height at which marks on the ground are drawn, m, so that they are visible."""
 DENT = 0.06
 """Half the length of the dent that a foot presses, m."""
 
@@ -26,7 +26,7 @@ def depression_scale(view: RunView) -> int:
     """How many times deeper than they are depressions are drawn."""
     force = max(float(leg["force_desired"].max()) for leg in view.legs)
     depth = force / view.config["terrain"]["stiffness"]
-    return round(SEEN_DEPRESSION / depth / 10.0) * 10 if 0.0 < depth < SEEN_DEPRESSION / 5.0 else 1
+    return round(VISIBLE_DEPRESSION / depth / 10.0) * 10 if 0.0 < depth < VISIBLE_DEPRESSION / 5.0 else 1
 
 
 def _log_dent(entities: Entities, view: RunView, leg: LegView, foot: Array, path: str) -> None:

@@ -1,4 +1,4 @@
-"""What a run is shown by, under the names that ``--views`` takes."""
+"""The panels that show a run, under the names that ``--views`` takes."""
 
 from collections.abc import Mapping
 
@@ -23,12 +23,12 @@ MIDDLE = (0.0, 0.0, 0.25)
 
 
 def panel_names(walks: bool) -> tuple[str, ...]:
-    """The panels that a run can be shown by, a walk or one leg."""
+    """The panels of a run, of a walk or of one leg."""
     return WALK if walks else ONE_LEG
 
 
 def describe_colours(view: RunView) -> str:
-    """What the colours of its scene mean."""
+    """The meaning of the colours of its scene."""
     first, last = view.whole_cycles()
     cycles = f"cycle {first} orange, cycle {last} green" if first < last else f"cycle {last} green"
     return COLOURS.format(cycles)

@@ -49,12 +49,12 @@ class RunView:
     step: Array
     cycle: Array
     body: dict[str, Array]
-    """Columns of ``body.parquet``; of a stand only where it is and how it is turned, which does not change."""
+    """Columns of ``body.parquet``; of a stand only its constant position and orientation."""
     config: dict[str, Any]
     window: Window
     """Which of its steps these are."""
     label: str
-    """The name of the run, or what distinguishes it from those beside it."""
+    """The name of the run, or the settings that distinguish it from those beside it."""
     root: str
     """Prefix of the paths of its entities in a recording."""
 
@@ -122,7 +122,7 @@ def make_view(
     Args:
         traces: the steps that are drawn.
         config: as in the manifest.
-        window: which steps these are; None: all there are.
+        window: which steps these are; None: all of them.
         label: name of the run.
         root: prefix of the paths of its entities in a recording.
     """

@@ -60,7 +60,7 @@ def _log_links(entities: Entities, view: RunView, leg: LegView, path: str) -> No
 
 
 def _log_paths(entities: Entities, view: RunView, leg: LegView, path: str) -> None:
-    """The desired path, and the actual one in the first and in the last whole cycle, as the hip sees them."""
+    """The desired path, and the actual one in the first and in the last whole cycle, in the frame of the hip."""
     first, last = view.whole_cycles()
     shown = {
         "desired": (first, "x_desired", "y_desired", palette.DESIRED),

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from cmacexp.errors import BadInput
 
 MOST_STEPS = 20_000
-"""Steps that a recording shows at the most unless told; of a longer run it shows one step in so many."""
+"""Steps that a recording shows at most by default; of a longer run it shows one step in so many."""
 CYCLES = re.compile(r"(?P<first>\d+)(?:-(?P<last>\d+))?|last(?P<number>\d*)")
 
 
@@ -48,11 +48,11 @@ def read_cycles(text: str, cycles: int, who: str = "the run") -> tuple[int, int]
 
     Args:
         text: as typed.
-        cycles: that there are.
-        who: took them.
+        cycles: number of cycles.
+        who: completed them.
 
     Raises:
-        BadInput: the text means none, or cycles that the run has not.
+        BadInput: the text cannot be read, or the run does not have these cycles.
     """
     found = CYCLES.fullmatch(text)
     if not found:
@@ -72,10 +72,10 @@ def make_window(
     """The window of a run.
 
     Args:
-        kept: steps of each cycle that stand in the trace, at least one.
+        kept: steps of each cycle in the trace, at least one.
         cycles: first and last cycle; None: all.
         every: one step in so many; None: so many that a recording is not too large for the viewer.
-        sharing: runs that stand in one recording.
+        sharing: number of runs in one recording.
 
     Raises:
         BadInput: the trace has none of these cycles, or fewer steps than ``every``.

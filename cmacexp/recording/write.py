@@ -23,7 +23,7 @@ from cmacexp.recording.window import Window, make_window
 
 
 class _NoPandas(MetaPathFinder):
-    """Says that there is no pandas, to whoever has not imported it yet."""
+    """Reports pandas as missing while it is not imported yet."""
 
     def find_spec(self, fullname: str, path: object, target: object = None) -> None:
         if fullname == "pandas":
@@ -62,7 +62,7 @@ def write_views(
     Args:
         views: the runs, each below its own root.
         blueprint: how the viewer lays them out.
-        name: what the viewer calls the recording.
+        name: of the recording in the viewer.
         path: of the ``.rrd`` file.
         texts: Markdown by the path of its entity.
     """
@@ -96,12 +96,12 @@ def write_recording(
         folder: of the run, whose trace has at least one step.
         config: as it stands in the manifest.
         path: of the ``.rrd`` file.
-        label: what the run is called; None: as the folder of ``path``.
+        label: name of the run; None: that of the folder of ``path``.
         window: the steps that are shown; None: all cycles, thinned if the run is long.
         names: of the panels that are laid out; None: the usual ones.
 
     Returns:
-        The name of the recording: what it shows.
+        The name of the recording, which describes its content.
     """
     with _pandas_left_out():
         window = window or make_window(steps_by_cycle(folder))

@@ -1,1 +1,1 @@
-"""Figures and tables over one run, a sweep or a study; they read what runs left, and never simulate."""
+"""Figures and tables over one run, a sweep or a study; they read the files of runs, and never simulate."""

@@ -1,7 +1,6 @@
 """``python -m cmacexp.report DIR...``: figures and tables of a run, or a comparison of several."""
 
 import argparse
-import hashlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +10,7 @@ from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.comparison import format_runs
-from cmacexp.report.page import Report, write_report
+from cmacexp.report.page import write_report
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import read_summary, sort_folders
 from cmacexp.report.sweep_report import make_sweep_report
@@ -35,13 +34,9 @@ def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     return given[0] / "report" if len(given) == 1 else REPORTS / "-".join(path.resolve().name for path in given[:4])
 
 
-def _key(report: Report) -> str:
-    return hashlib.sha256(repr((report.title, report.config)).encode()).hexdigest()
-
-
 def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
     report = make_run_report(StoredRun(folder), _parse_cycles(cycles) if cycles else [])
-    return write_report(report, out, _key(report))
+    return write_report(report, out)
 
 
 def _report_of_several(folders: Sequence[Path], title: str, cycles: str | None, out: Path) -> Path:
@@ -53,7 +48,7 @@ def _report_of_several(folders: Sequence[Path], title: str, cycles: str | None, 
     swept = find_swept(runs)
     titles, rows = format_runs(runs, [*swept.keys, *swept.seeds])
     report = make_sweep_report(runs, title)
-    path = write_report(report, out, _key(report))
+    path = write_report(report, out)
     print_table(titles, rows, left=1 + len(swept.keys) + len(swept.seeds) + 1)
     return path
 

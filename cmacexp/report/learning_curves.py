@@ -10,7 +10,7 @@ from cmacexp.report.figure_data import legend_below, mark, spans_decades
 from cmacexp.report.page import Drawing
 from cmacexp.report.per_cycle import MOST_MARKED, scale
 from cmacexp.report.run_summary import RunSummary, format_value
-from cmacexp.report.style import DASHES, SERIES, label, new_figure
+from cmacexp.report.style import DASHES, SERIES, label, new_grid
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
@@ -88,13 +88,11 @@ def _learning_figure(
     runs: Sequence[RunSummary], styles: Sequence[Style], names: Sequence[str], title: str = "", mappable: Any = None
 ) -> "Figure":
     metrics = [name for name in JUDGED if any(run.shows(name) and np.isfinite(run.final(name)) for run in runs)]
-    figure, axes = new_figure(-(-len(metrics) // 2), 2, 2.4)
-    for ax, name in zip(axes, metrics, strict=False):
+    figure, axes = new_grid(len(metrics), 2, 2.4)
+    for ax, name in zip(axes, metrics, strict=True):
         _curves(ax, runs, name, [{**style, "label": text} for style, text in zip(styles, names, strict=True)])
-    for ax in axes[len(metrics) :]:
-        ax.remove()
     if mappable is not None:
-        figure.colorbar(mappable, ax=axes[: len(metrics)], label=title, location="bottom", aspect=50, shrink=0.6)
+        figure.colorbar(mappable, ax=axes, label=title, location="bottom", aspect=50, shrink=0.6)
     else:
         legend_below(figure, axes[0], title=title)
     return figure

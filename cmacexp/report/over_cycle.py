@@ -28,6 +28,10 @@ def _shade_support(axes: "Axes", data: FigureData, leg: int) -> None:
             axes.axvspan(clock[start], clock[end], color=SUPPORT, zorder=0, linewidth=0)
 
 
+def _describe_shade(data: FigureData) -> str:
+    return "" if bool((data.trace["phase"] == "support").all()) else f" {SHADED}"
+
+
 def _plot(axes: "Axes", data: FigureData, leg: int, value: Callable[["pd.DataFrame"], "pd.Series[float]"]) -> None:
     for index, cycle in enumerate(data.cycles):
         rows = data.select(cycle, leg)
@@ -90,8 +94,7 @@ def draw_tracking(data: FigureData) -> list[Drawing]:
         if "foot" in names:
             _flip_foot(axes[0])
         legend_below(figure, axes[names.index("force")])
-        shaded = "" if bool((data.trace["phase"] == "support").all()) else f" {SHADED}"
-        return [Drawing("tracking", figure, f"Force and errors over the chosen cycles.{shaded}")]
+        return [Drawing("tracking", figure, f"Force and errors over the chosen cycles.{_describe_shade(data)}")]
     return [_draw_legs(data, name) for name in names]
 
 
@@ -121,21 +124,14 @@ def draw_torques(data: FigureData) -> Drawing:
         time = data.time_in_cycle(rows)
         ax.plot(time, rows[f"tau_feedback_{joint}"], color=FEEDBACK, label="feedback")
         if learns:
-            ax.plot(
-                data.time_in_cycle(rows),
-                rows[f"tau_feedforward_{joint}"],
-                "--",
-                color=FEEDFORWARD,
-                label="feedforward",
-            )
-        name = data.leg_name(leg)
-        title = f"{name}: {names[joint - 1]}" if name else names[joint - 1]
-        label(ax, title, CLOCK if leg == data.legs else "", unit)
+            ax.plot(time, rows[f"tau_feedforward_{joint}"], "--", color=FEEDFORWARD, label="feedforward")
+        name = f"{data.leg_name(leg)}: " if data.legs > 1 else ""
+        label(ax, name + names[joint - 1], CLOCK if leg == data.legs else "", unit)
         ax.set_xlim(0, data.duration)
     legend_below(figure, axes[0])
-    shaded = "" if bool((data.trace["phase"] == "support").all()) else f" {SHADED}"
-    what = "Feedback and feedforward" if learns else "Feedback"
-    return Drawing("torques", figure, f"{what} in cycle {cycle}; the plant receives their sum.{shaded}")
+    torques = "Feedback and feedforward" if learns else "Feedback"
+    caption = f"{torques} in cycle {cycle}; the plant receives their sum.{_describe_shade(data)}"
+    return Drawing("torques", figure, caption)
 
 
 def draw_body(data: FigureData) -> Drawing:

@@ -10,7 +10,7 @@ from cmacexp.report.figure_data import legend_below, logarithmic, mark, spans_de
 from cmacexp.report.learning_curves import STOPPED, is_numeric, make_file_name
 from cmacexp.report.page import Drawing
 from cmacexp.report.run_summary import RunSummary, format_value
-from cmacexp.report.style import MARKERS, label, new_figure
+from cmacexp.report.style import MARKERS, label, new_grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -116,9 +116,9 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
     places, kinds = _positions([run.config.get(key) for run in runs])
     at = dict(zip((run.folder for run in runs), places, strict=True))
     second = _find_second_key(ended, key, keys)
-    figure, axes = new_figure(-(-len(names) // 2), 2, 2.4)
-    for ax, name in zip(axes, names, strict=False):
-        own = [at[run.folder] for run in ended]
+    own = [at[run.folder] for run in ended]
+    figure, axes = new_grid(len(names), 2, 2.4)
+    for ax, name in zip(axes, names, strict=True):
         drawn = (
             _by_second(ax, ended, own, name, second, not kinds)
             if second
@@ -129,13 +129,11 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
         label(ax, f"{MAIN[name].title} ({name})", "", MAIN[name].unit)
         _x_axis(ax, key, places, kinds)
         _mark_stopped(ax, [at[run.folder] for run in runs if run.status != "completed"])
-    for ax in axes[len(names) :]:
-        ax.remove()
     legend_below(figure, axes[0], 7, second)
-    what = f"Metrics of the last cycle over {key}, a line for each {second}" if second else f"Metrics over {key}"
+    caption = f"Metrics of the last cycle over {key}, a line for each {second}" if second else f"Metrics over {key}"
     others = [other for other in keys if other not in (key, second)]
     rest = f"; {', '.join(others)} also varies: lines join the means" if others else ""
-    return [Drawing(f"over-{make_file_name(key)}", figure, f"{what}{rest}.")]
+    return [Drawing(f"over-{make_file_name(key)}", figure, f"{caption}{rest}.")]
 
 
 def _find_second_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> str:

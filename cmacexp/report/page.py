@@ -2,6 +2,7 @@
 
 import base64
 import csv
+import hashlib
 import io
 import os
 from collections.abc import Mapping, Sequence
@@ -41,7 +42,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure, the name of its files, and what it shows."""
+    """A figure, the name of its files, and its caption."""
 
     name: str
     figure: "Figure"
@@ -162,24 +163,18 @@ def _claims_csv(claims: Sequence[Claim]) -> str:
     return text.getvalue()
 
 
-def _write_text(path: Path, text: str) -> Path:
-    with write_atomically(path) as temporary:
-        temporary.write_text(text)
-    return path
-
-
 def relative(path: Path, folder: Path) -> str:
     """``path`` relative to ``folder``."""
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
-def write_report(report: Report, folder: Path, key: str) -> Path:
+def write_report(report: Report, folder: Path, key: str | None = None) -> Path:
     """Write a report and its figures; the manifest last, with the hash of every file and of its inputs.
 
     Args:
-        report: what to write.
+        report: its content.
         folder: created if missing.
-        key: of the code and the inputs behind it, which shows later whether it is up to date.
+        key: of the code and the inputs behind it, which shows later whether it is up to date; None: of the request.
 
     Returns:
         The HTML file.
@@ -192,16 +187,18 @@ def write_report(report: Report, folder: Path, key: str) -> Path:
     written = [file for _, files in drawn for file in files]
     environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True)
     page = environment.get_template("page.html").render(report=report, sections=[section for section, _ in drawn])
-    written.append(_write_text(folder / HTML, page))
-    if report.claims:
-        written.append(_write_text(folder / CLAIMS_CSV, _claims_csv(report.claims)))
+    texts = {HTML: page} | ({CLAIMS_CSV: _claims_csv(report.claims)} if report.claims else {})
+    for name, text in texts.items():
+        with write_atomically(folder / name) as temporary:
+            temporary.write_text(text)
+        written.append(folder / name)
     manifests.write(
         folder,
         {
             "kind": manifests.REPORT,
             "status": "completed",
             "config": report.config,
-            "key": key,
+            "key": key or hashlib.sha256(repr((report.title, report.config)).encode()).hexdigest(),
             "versions": manifests.versions(),
             "runs": {relative(path, folder): of_config for path, of_config in report.runs.items()},
             "files": {relative(path, folder): sha256(path) for path in [*written, *report.inputs]},

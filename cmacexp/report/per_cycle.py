@@ -12,7 +12,7 @@ from cmacexp.metrics.pooling import pool_legs
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN
 from cmacexp.report.figure_data import legend_above, legend_below, logarithmic, mark, spans_decades
 from cmacexp.report.page import Drawing
-from cmacexp.report.style import MARKERS, label, new_figure
+from cmacexp.report.style import MARKERS, label, new_figure, new_grid
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
@@ -65,8 +65,8 @@ def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
     }
     panels = {title: [name for name in names if name in values] for title, names in PANELS.items()}
     panels = {title: names for title, names in panels.items() if names}
-    figure, axes = new_figure(-(-len(panels) // 2), 2, 2.4)
-    for ax, (title, names) in zip(axes, panels.items(), strict=False):
+    figure, axes = new_grid(len(panels), 2, 2.4)
+    for ax, (title, names) in zip(axes, panels.items(), strict=True):
         for index, name in enumerate(names):
             cycles = range(1, len(values[name]) + 1)
             marker = MARKERS[index] if len(cycles) <= MOST_MARKED else None
@@ -75,8 +75,6 @@ def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
         unit = SHOWN[names[0]].unit
         label(ax, title, "cycle", torque_unit if unit == "N m" else unit)
         legend_above(ax)
-    for ax in axes[len(panels) :]:
-        ax.remove()
     drawn = [name for names in panels.values() for name in names]
     pooling = f" Over the legs: {describe_pooling(drawn)}." if run.walks else ""
     return Drawing("metrics", figure, f"Metrics of each cycle.{pooling}")

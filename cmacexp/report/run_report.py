@@ -23,9 +23,9 @@ def require_whole(run: StoredRun) -> None:
         BadRun: names the first table that is missing or changed, or says that the run took no step.
     """
     for fault in faults(run.folder):
-        name, _, what = fault.partition(": ")
+        name, _, problem = fault.partition(": ")
         if name in TABLES:
-            raise BadRun(f"{run.folder / name}: {what}; run it again to report it")
+            raise BadRun(f"{run.folder / name}: {problem}; run it again to report it")
     if not run.manifest["steps"]:
         raise BadRun(f"{run.folder}: the run took no step")
 

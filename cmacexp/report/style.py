@@ -66,6 +66,14 @@ def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: 
     return figure, list(np.ravel(axes))
 
 
+def new_grid(count: int, columns: int, height: float, **options: Any) -> tuple["Figure", list["Axes"]]:
+    """A figure with ``count`` axes in so many columns; see :func:`new_figure`."""
+    figure, axes = new_figure(-(-count // columns), columns, height, **options)
+    for ax in axes[count:]:
+        ax.remove()
+    return figure, axes[:count]
+
+
 def label(axes: "Axes", title: str, x: str, y: str) -> None:
     """Title and named axes with their units, e.g. ``label(axes, "foot", "x forward, mm", "y down, mm")``."""
     axes.set_title(title)

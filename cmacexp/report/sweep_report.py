@@ -1,4 +1,4 @@
-"""The report of several runs: what differs between them, how each ended, and their metrics."""
+"""The report of several runs: their differences, how each ended, and their metrics."""
 
 from collections.abc import Sequence
 from pathlib import Path

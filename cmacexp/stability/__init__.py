@@ -1,4 +1,4 @@
-"""Whether learning from cycle to cycle holds: the loop linearised along the plan, and what it does cycle by cycle."""
+"""The stability of learning from cycle to cycle: the loop linearised along the plan, and its growth per cycle."""
 
 from cmacexp.stability.growth import Growth, predicted_growth
 

@@ -1,7 +1,6 @@
 """``python -m cmacexp.stability DIR...``: whether the learning of a run holds, why, and with which lead it would."""
 
 import argparse
-import hashlib
 import sys
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from cmacexp.report.page import write_report
 from cmacexp.report.terminal import print_table
 
 FOLDER = "stability"
-"""Where the page goes in the folder of a run."""
+"""Folder of the page, in that of the run."""
 
 
 def _cycle(text: str | None) -> int | None:
@@ -36,12 +35,10 @@ def _analyse(arguments: argparse.Namespace) -> int:
     out = None if arguments.out is None else require_place("--out", Path(arguments.out))
     cycle = _cycle(arguments.cycle)
     for folder in folders:
-        found = analyse(StoredRun(folder), cycle)
-        page = report(found)
-        key = hashlib.sha256(repr((page.title, page.config)).encode()).hexdigest()
-        path = write_report(page, out or folder / FOLDER, key)
-        print_table(TITLES, rows(found), left=1)
-        print(verdict(found))
+        analysis = analyse(StoredRun(folder), cycle)
+        path = write_report(report(analysis), out or folder / FOLDER)
+        print_table(TITLES, rows(analysis), left=1)
+        print(verdict(analysis))
         print(path)
     return 0
 

@@ -25,7 +25,7 @@ NUDGE = 1e-6
 
 
 class NotPredictable(CmacexpError):
-    """The loop cannot be linearised: external components, nothing that learns, or a run that ends at once."""
+    """The loop cannot be linearised: external components, no learning, or a run that ends at once."""
 
 
 class Declared(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 
 from cmacexp.report.figure_data import SUPPORT, legend_above, legend_below, logarithmic, mark
 from cmacexp.report.page import Drawing
-from cmacexp.report.style import DESIRED, MARKERS, SERIES, label, new_figure
+from cmacexp.report.style import DESIRED, MARKERS, SERIES, label, new_figure, new_grid
 from cmacexp.stability.analysis import DELAYS, LEADS, Analysis
 from cmacexp.stability.mode import spectrum
 from cmacexp.stability.transfer import Spectrum
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SHOWN = 80
-"""Samples that are shown of what grows."""
+"""Samples of the growing change that are shown."""
 DEEPEST = -0.6
-"""Real parts below this are cut off: they are wrong enough."""
+"""Real parts below this are cut off."""
 
 
 def format_lead(lead: int) -> str:
@@ -25,9 +25,9 @@ def format_lead(lead: int) -> str:
     return f"lead {lead}"
 
 
-def growth(found: Analysis) -> Drawing:
+def growth(analysis: Analysis) -> Drawing:
     """Change of the feedback from cycle to cycle, measured and predicted; growth of every lead."""
-    own, place = found.own, found.own.place
+    own, place = analysis.own, analysis.own.place
     assert own.growth is not None
     figure, (left, right) = new_figure(1, 2, 3.0)
     left.plot(np.arange(1, len(own.sizes) + 1), own.sizes, color=SERIES[1], label="measured")
@@ -38,11 +38,11 @@ def growth(found: Analysis) -> Drawing:
     left.axvspan(place.first, place.last, color=SUPPORT, zorder=0, linewidth=0)
     label(left, "change of U to the next cycle", "cycle", "root of summed squares, N m")
     legend_above(left)
-    known = [of for of in found.leads if of.growth is not None]
-    numbers = [str(of.lead) for of in known]
+    known = [each for each in analysis.leads if each.growth is not None]
+    numbers = [str(each.lead) for each in known]
     right.axhline(1.0, color=DESIRED, linewidth=1.0)
-    right.plot(numbers, [of.measured for of in known], "s", ms=8, mfc="none", color=SERIES[1], label="measured")
-    right.plot(numbers, [of.predicted for of in known], "o", ms=4, color=SERIES[0], label="predicted")
+    right.plot(numbers, [each.measured for each in known], "s", ms=8, mfc="none", color=SERIES[1], label="measured")
+    right.plot(numbers, [each.predicted for each in known], "o", ms=4, color=SERIES[0], label="predicted")
     label(right, "growth per cycle", "learning.lead, samples", "factor from cycle to cycle")
     legend_above(right)
     caption = (
@@ -53,10 +53,10 @@ def growth(found: Analysis) -> Drawing:
     return Drawing("growth", figure, caption)
 
 
-def _torques(axes: "Axes", found: Analysis, leg: int) -> None:
-    clock = found.config.sampling_period * np.arange(len(found.measured_mode.change))
+def _torques(axes: "Axes", analysis: Analysis, leg: int) -> None:
+    clock = analysis.config.sampling_period * np.arange(len(analysis.measured_mode.change))
     for index, joint in enumerate(("hip", "knee")):
-        measured, predicted = found.measured_mode.change, found.predicted_mode.change
+        measured, predicted = analysis.measured_mode.change, analysis.predicted_mode.change
         scale = np.abs(measured).max()
         axes.plot(clock, measured[:, leg, index] / scale, color=SERIES[1 + index], label=f"{joint}, measured")
         axes.plot(
@@ -64,47 +64,47 @@ def _torques(axes: "Axes", found: Analysis, leg: int) -> None:
         )
 
 
-def mode(found: Analysis) -> Drawing:
-    """What grows, over the cycle, and its spectrum."""
+def mode(analysis: Analysis) -> Drawing:
+    """The growing change of the feedforward over the cycle, and its spectrum."""
     figure, (left, right) = new_figure(1, 2, 2.8)
-    change, period = found.measured_mode.change, found.config.sampling_period
+    change, period = analysis.measured_mode.change, analysis.config.sampling_period
     leg = int(np.argmax((change**2).sum(axis=(0, 2))))
-    _torques(left, found, leg)
+    _torques(left, analysis, leg)
     begin = max(0, int(np.argmax((change[:, leg] ** 2).sum(axis=1))) - SHOWN // 4) * period
     left.set_xlim(begin, begin + SHOWN * period)
     whose = f" of leg {leg + 1}" if change.shape[1] > 1 else ""
     label(left, f"change of the feedforward{whose}", "time in the cycle, s", "of its largest")
     legend_below(figure, left, 4)
-    for index, (name, shape) in enumerate((("measured", change), ("predicted", found.predicted_mode.change))):
+    for index, (name, shape) in enumerate((("measured", change), ("predicted", analysis.predicted_mode.change))):
         hertz, power = spectrum(shape, period)
         colour, line = ("black", ":") if index else (SERIES[1], "-")
         right.plot(hertz, power / power.max(), color=colour, linestyle=line, label=name)
     label(right, "its spectrum", "frequency, Hz", "power, of its largest")
-    last = found.own.place.last
+    last = analysis.own.place.last
     caption = (
         f"What the feedforward changes from cycle {last} to the next, where in the cycle it is largest, measured and "
-        f"predicted {last - found.own.place.calm} cycles ahead, each over its own largest."
+        f"predicted {last - analysis.own.place.calm} cycles ahead, each over its own largest."
     )
     return Drawing("mode", figure, caption)
 
 
-def eigenvalues(found: Analysis) -> Drawing:
+def eigenvalues(analysis: Analysis) -> Drawing:
     """Leading eigenvalues of the map from cycle to cycle for every lead."""
-    known = [of for of in found.leads if of.growth is not None]
-    figure, axes = new_figure(-(-len(known) // 3), min(3, len(known)), 2.3, sharex=True, sharey=True)
+    known = [each for each in analysis.leads if each.growth is not None]
+    figure, axes = new_grid(len(known), min(3, len(known)), 2.3, sharex=True, sharey=True)
     angle = np.linspace(0.0, 2.0 * np.pi, 200)
-    for index, (ax, of) in enumerate(zip(axes, known, strict=False)):
-        assert of.growth is not None
-        values = of.growth.eigenvalues()
+    for index, (ax, each) in enumerate(zip(axes, known, strict=True)):
+        assert each.growth is not None
+        values = each.growth.eigenvalues()
         outside = np.abs(values) > 1.0
         ax.plot(np.cos(angle), np.sin(angle), color=DESIRED, linewidth=1.0)
         ax.plot(values[~outside].real, values[~outside].imag, "o", ms=3, mfc="none", color=SERIES[1])
         ax.plot(values[outside].real, values[outside].imag, MARKERS[1], ms=3.5, color=SERIES[0])
         ax.set_aspect("equal")
         first = index % 3 == 0
-        label(ax, f"{format_lead(of.lead)}: {outside.sum()} outside", "real part", "imaginary part" if first else "")
-    for ax in axes[len(known) :]:
-        ax.remove()
+        label(
+            ax, f"{format_lead(each.lead)}: {outside.sum()} outside", "real part", "imaginary part" if first else ""
+        )
     caption = (
         "Eigenvalues of the map from cycle to cycle, as far as they show from the change that the run itself makes; "
         "squares lie outside the unit circle. Most of the map's thousands lie near 1: cells that hardly matter."
@@ -112,22 +112,22 @@ def eigenvalues(found: Analysis) -> Drawing:
     return Drawing("eigenvalues", figure, caption)
 
 
-def _real_parts(axes: "Axes", of: Spectrum) -> None:
+def _real_parts(axes: "Axes", each: Spectrum) -> None:
     axes.axhline(0.0, color=DESIRED, linewidth=1.0)
     for index, lead in enumerate(LEADS):
-        axes.plot(of.frequencies, of.least_real(lead), label=format_lead(lead), **mark(index))
+        axes.plot(each.frequencies, each.least_real(lead), label=format_lead(lead), **mark(index))
     axes.set_ylim(DEEPEST, 1.3)
 
 
-def _right(found: Analysis) -> str:
-    """Leads with which Re T is nowhere negative in the places that are looked at."""
-    return " and ".join(format_lead(lead) for lead in LEADS if found.least_real(lead) > 0.0) or "none of the leads"
+def _list_holding(analysis: Analysis) -> str:
+    """Leads with which Re T is positive at all of the places."""
+    return " and ".join(format_lead(lead) for lead in LEADS if analysis.least_real(lead) > 0.0) or "none of the leads"
 
 
-def real_parts(found: Analysis) -> Drawing:
+def real_parts(analysis: Analysis) -> Drawing:
     """Re T over frequency for each lead, at a few places of the cycle."""
-    figure, axes = new_figure(1, len(found.places), 2.8, sharey=True)
-    for ax, (name, spectra) in zip(axes, found.places.items(), strict=True):
+    figure, axes = new_figure(1, len(analysis.places), 2.8, sharey=True)
+    for ax, (name, spectra) in zip(axes, analysis.places.items(), strict=True):
         _real_parts(ax, spectra[0])
         label(ax, name, "frequency, Hz", "Re T, least eigenvalue" if ax is axes[0] else "")
     legend_below(figure, axes[0])
@@ -135,17 +135,17 @@ def real_parts(found: Analysis) -> Drawing:
         "T: from feedforward torque to the torque that it spares the feedback. Where Re T is negative, learning from "
         "cycle to cycle goes the wrong way. A torque at one step shows in U at the next, which turns the phase of "
         "fast changes too far for any but the right lead. Here Re T is positive at every frequency with "
-        f"{_right(found)}."
+        f"{_list_holding(analysis)}."
     )
     return Drawing("real_parts", figure, caption)
 
 
-def delays(found: Analysis) -> Drawing:
+def delays(analysis: Analysis) -> Drawing:
     """Re T in mid transfer if torques reached the joints later."""
     figure, axes = new_figure(1, len(DELAYS), 2.8, sharey=True)
-    name, spectra = list(found.places.items())[min(1, len(found.places) - 1)]
-    for ax, delay, of in zip(axes, DELAYS, spectra, strict=True):
-        _real_parts(ax, of)
+    name, spectra = list(analysis.places.items())[min(1, len(analysis.places) - 1)]
+    for ax, delay, each in zip(axes, DELAYS, spectra, strict=True):
+        _real_parts(ax, each)
         title = f"{delay} more samples" if delay != 1 else "1 more sample"
         label(ax, title, "frequency, Hz", "Re T, least eigenvalue" if ax is axes[0] else "")
     legend_below(figure, axes[0])
@@ -153,21 +153,21 @@ def delays(found: Analysis) -> Drawing:
     return Drawing("delays", figure, caption)
 
 
-def along(found: Analysis) -> Drawing:
+def along(analysis: Analysis) -> Drawing:
     """The least Re T over all frequencies, over the cycle."""
     figure, (axes,) = new_figure(1, 1, 2.6)
-    clock = [sample * found.config.sampling_period for sample in found.along]
+    clock = [sample * analysis.config.sampling_period for sample in analysis.along]
     axes.axhline(0.0, color=DESIRED, linewidth=1.0)
     for index, lead in enumerate(LEADS):
-        least = [of.least(lead) for of in found.along.values()]
+        least = [each.least(lead) for each in analysis.along.values()]
         axes.plot(clock, least, label=format_lead(lead), marker=MARKERS[index], ms=3, **mark(index))
     axes.set_ylim(2 * DEEPEST, 0.4)
     label(axes, "least Re T of all frequencies", "time in the cycle, s", "Re T")
     legend_below(figure, axes)
-    best = max(LEADS, key=lambda lead: min(of.least(lead) for of in found.along.values()))
-    wrong = [f"{time:.2f}" for time, of in zip(clock, found.along.values(), strict=True) if of.least(best) < 0]
+    best = max(LEADS, key=lambda lead: min(each.least(lead) for each in analysis.along.values()))
+    wrong = [f"{time:.2f}" for time, each in zip(clock, analysis.along.values(), strict=True) if each.least(best) < 0]
     caption = (
-        f"The least real part over all frequencies, at {len(found.along)} samples. With {format_lead(best)} it "
+        f"The least real part over all frequencies, at {len(analysis.along)} samples. With {format_lead(best)} it "
         + (f"is negative at {', '.join(wrong)} s." if wrong else "is positive at all of them.")
     )
     return Drawing("along", figure, caption)

@@ -1,8 +1,8 @@
 """How much the feedback grows from cycle to cycle: predicted by the loop linearised at one cycle.
 
-Learning is a map from cycle to cycle. Linearised at a cycle and repeated, it says how the change from one cycle to
-the next goes on. The map is far from normal: over the hundred cycles that matter, what grows moves through the cycle
-and grows faster than the largest eigenvalue tells, so the growth per cycle is read from the repeated map.
+Learning is a map from cycle to cycle. Linearised at a cycle and repeated, it predicts the changes from cycle to
+cycle that follow. The map is far from normal: over the hundred cycles that matter, a growing change moves through the
+cycle and grows faster than the largest eigenvalue indicates, so the growth is computed from the repeated map.
 """
 
 from collections.abc import Sequence
@@ -19,11 +19,11 @@ from cmacexp.stability.krylov import Krylov, krylov
 from cmacexp.typing import Array
 
 EARLY = 25
-"""Cycles that are looked at unless told; the calmest of them is linearised."""
+"""Cycles that are run by default; the calmest of them is linearised."""
 DIMENSION = 60
-"""Directions that the map is looked at along: 40 to 120 give the same growth to three decimals."""
+"""Dimension of the Krylov space: 40 to 120 give the same growth to three decimals."""
 AFTER, OVER = 5, 100
-"""Growth is that over OVER cycles, from AFTER cycles after the linearised one on: what decays fast has gone then."""
+"""Growth is that over OVER cycles, from AFTER cycles after the linearised one: by then fast modes have decayed."""
 
 
 def fitted_growth(changes: Array | Sequence[float]) -> float:
@@ -44,12 +44,12 @@ def fitted_growth(changes: Array | Sequence[float]) -> float:
 
 @dataclass(frozen=True)
 class Growth:
-    """What the loop, linearised at one cycle, does from then on."""
+    """The loop linearised at one cycle, and its changes from then on."""
 
     cycle: int
     """Cycles done where it was linearised."""
     krylov: Krylov
-    """The map from cycle to cycle; seen are feedback and feedforward torques (2, N, L, 2) over a cycle, N m."""
+    """The map from cycle to cycle; its observation: feedback and feedforward torques (2, N, L, 2) of a cycle, N m."""
     shape: tuple[int, int, int]
     """N, L, 2."""
 
@@ -67,7 +67,7 @@ class Growth:
     def over(self, first: int, last: int) -> float:
         """Growth per cycle of the change of the feedback, from that of cycle ``first`` to that of ``last``.
 
-        That of a cycle is what it changes to the next one.
+        The change of a cycle is that from it to the next one.
         """
         start = self.cycle + 1
         return fitted_growth(self.sizes(last - start + 1)[max(0, first - start) :])
@@ -88,18 +88,18 @@ def with_lead(config: Config, lead: int) -> Config:
 
 
 def change_sizes(config: Config, cycles: int, prepared: Scenario | None = None) -> list[float]:
-    """Run in memory: root of the summed squares of what the feedback torque changes from each cycle to the next, N m.
+    """Run in memory; root of the summed squares of each change of the feedback torque from cycle to cycle, N m.
 
     Entry j is from cycle j + 1 to j + 2; the list ends where the run does.
     """
     loop, before = open_loop(config, prepared), None
-    found: list[float] = []
+    sizes: list[float] = []
     while loop.cycles < cycles and loop.advance(loop.period):
         feedback = loop.column("tau_feedback")
         if before is not None:
-            found.append(float(np.linalg.norm(feedback - before)))
+            sizes.append(float(np.linalg.norm(feedback - before)))
         before = feedback
-    return found
+    return sizes
 
 
 def calmest(sizes: Sequence[float] | Array, first: int) -> int:
@@ -126,25 +126,25 @@ def grow(loop: Loop, dimension: int = DIMENSION) -> Growth:
     def observe() -> Array:
         return np.concatenate([loop.column("tau_feedback").ravel(), loop.column("tau_feedforward").ravel()])
 
-    found = krylov(lambda along: loop.derivative(now, along, observe, loop.period), after - now, dimension)
+    space = krylov(lambda along: loop.derivative(now, along, observe, loop.period), after - now, dimension)
     loop.put(now)
-    return Growth(done, found, (loop.period, loop.samples.shape[1], 2))
+    return Growth(done, space, (loop.period, loop.samples.shape[1], 2))
 
 
 def predicted_growth(
     config: Config, cycle: int | None = None, dimension: int = DIMENSION, prepared: Scenario | None = None
 ) -> Growth:
-    """Predict how learning goes on, by running a few cycles in memory and linearising the loop there.
+    """Predict the growth of learning, by running a few cycles in memory and linearising the loop there.
 
     Args:
         config: a checked config.
         cycle: where to linearise, in cycles done; None: at the calmest of the first EARLY.
-        dimension: directions to look along, each the price of two cycles.
-        prepared: the scenario of ``config`` if it is already made; it does not run.
+        dimension: of the Krylov space; each direction costs two cycles.
+        prepared: the scenario of ``config`` if it is already made; it stays unchanged.
 
     Raises:
-        NotPredictable: the loop has parts that cannot be linearised, nothing learns in it, or it ends before.
-        BadInput: the plan asks for what the machine cannot do.
+        NotPredictable: the loop has components that cannot be linearised, does not learn, or ends before.
+        BadInput: the machine cannot follow the plan.
     """
     first = config.learning.start_cycle
     scenario = make_scenario(config) if prepared is None else prepared

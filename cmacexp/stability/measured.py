@@ -15,7 +15,7 @@ from cmacexp.typing import Array
 
 FEEDBACK = ("tau_feedback_1", "tau_feedback_2")
 GROWN = 2.0
-"""A change this many times the least one has grown."""
+"""A change at least this many times the least one counts as growth."""
 LAST = 0.05
 """Share of the cycles that are left out at the end of a run that did not complete: nothing is small there."""
 
@@ -66,8 +66,8 @@ def _cycles(run: StoredRun) -> Iterator[tuple[int, Array]]:
         yield current, np.concatenate(rest)
 
 
-def changes_of(run: StoredRun) -> Array:
-    """Root of the summed squares of what the feedback torque changes from each cycle to the next, (n,), N m.
+def read_changes(run: StoredRun) -> Array:
+    """Root of the summed squares of the change of the feedback torque from each cycle to the next, (n,), N m.
 
     Entry j is from cycle j + 1 to j + 2.
 
@@ -76,7 +76,9 @@ def changes_of(run: StoredRun) -> Array:
     """
     record: dict[str, Any] = run.config["record"]
     if record.get("every_nth_step", 1) > 1 or record.get("cycles") is not None:
-        raise BadRun(f"{run.folder}: its trace lacks steps, growth is read from whole ones; run it with record=trace")
+        raise BadRun(
+            f"{run.folder}: its trace lacks steps, growth is computed from every step; run it with record=trace"
+        )
     before: Array | None = None
     sizes = []
     try:

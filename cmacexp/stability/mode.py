@@ -1,4 +1,4 @@
-"""What grows: where in the cycle it sits, and how fast it swings."""
+"""The growing change of torque: its place in the cycle, and its frequency."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ import numpy as np
 from cmacexp.typing import Array, Mask
 
 AFTER_LIFT_OFF = 20
-"""Steps after lift-off that are looked at."""
+"""Steps after lift-off that are summed."""
 
 
 class Mode(NamedTuple):
@@ -39,7 +39,7 @@ def spectrum(change: Array, period: float) -> tuple[Array, Array]:
 
 
 def describe(change: Array, support: Mask, period: float) -> Mode:
-    """Where a change (N, L, 2) of torque sits, and how fast it swings; ``period`` is between samples, s."""
+    """Place and frequency of a change (N, L, 2) of torque; ``period`` is between samples, s."""
     squares = (change**2).sum(axis=2)
     near = after_lift_off(support)
     share = float(squares[near].sum() / squares.sum()) if near.any() and squares.any() else float("nan")

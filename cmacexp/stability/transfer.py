@@ -1,4 +1,4 @@
-"""From feedforward torque to what the feedforward learns from, around single samples of the cycle.
+"""The transfer from feedforward torque to the learning error, around single samples of the cycle.
 
 T is the transfer from a feedforward torque to -J^T U, the torque that it spares the feedback. Learning from cycle to
 cycle takes u to u - beta T u, so it settles at frequencies where every eigenvalue of T has a positive real part. A
@@ -29,28 +29,28 @@ class Local(NamedTuple):
     """C, (2 L, n): to the feedback torque that a feedforward learns from."""
 
 
-def _advanced(loop: Loop) -> None:
+def _advance_one(loop: Loop) -> None:
     if not loop.advance(1):
         raise NotPredictable(f"a run from nearby ends at sample {loop.run.taken % loop.period}")
 
 
 def _from_torque(loop: Loop, now: Array, torque: Array) -> Array:
-    """B at the step where the loop is held; ``torque`` (L, 2) is what it plays then."""
+    """B at the step where the loop is held; ``torque`` (L, 2) is the torque of that step."""
     own, columns = torque.copy(), []
     for j in range(own.size):
         ends = []
         for sign in (1.0, -1.0):
             loop.put(now)
             torque[np.unravel_index(j, own.shape)] += sign * NUDGE
-            _advanced(loop)
+            _advance_one(loop)
             torque[...] = own
             ends.append(loop.state())
         columns.append((ends[0] - ends[1]) / (2.0 * NUDGE))
     return np.stack(columns, axis=1)
 
 
-def _seen_only(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
-    """Without numbers that nothing depends on: what the loop works out anew in every step."""
+def _drop_unused(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Drop the state that nothing depends on: the loop computes it anew in every step."""
     kept = np.ones(len(a), dtype=bool)
     while True:
         matters = kept & ((a[kept] != 0.0).any(axis=0) | (c != 0.0).any(axis=0))
@@ -60,7 +60,7 @@ def _seen_only(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
 
 
 def _local(loop: Loop, table: Array) -> Local:
-    """Linearise at the step that comes next; ``table`` (N, L, 2) is what the loop plays."""
+    """Linearise at the step that comes next; ``table`` (N, L, 2) holds the torques of the loop."""
     sample = loop.run.taken % loop.period
     now = loop.hold()
 
@@ -72,23 +72,23 @@ def _local(loop: Loop, table: Array) -> Local:
     loop.put(now)
     closed = np.stack([state for state, _ in columns], axis=1)
     c = np.stack([torque for _, torque in columns], axis=1)
-    a, b, c = _seen_only(closed, b, c)
+    a, b, c = _drop_unused(closed, b, c)
     return Local(sample, a - b @ c, b, c)
 
 
 def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Local]:
     """Linearise the loop without learning at some samples of the cycle that follows ``cycle`` cycles of learning.
 
-    The learned torque of that cycle is played on, while the loop stands at each of the samples.
+    The learned torque of that cycle is repeated.
 
     Raises:
-        NotPredictable: the run ends before, or its parts cannot be linearised.
+        NotPredictable: the run ends before, or its components cannot be linearised.
     """
     loop = open_loop(config)
     while loop.cycles < cycle + 1:
         if not loop.advance(loop.period):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
-    # What acts has been commanded so many samples before.
+    # The torque that acts was commanded so many samples before.
     table = np.roll(loop.column("tau_feedforward"), -config.actuator.delay, axis=0)
     loop.play(table)
     if not loop.advance(loop.period):
@@ -112,7 +112,7 @@ def transfer(local: Local, frequencies: Array, period: float, delay: int = 0) ->
         delay: further samples from every torque to the joints.
 
     Returns:
-        (f, 2 L, 2 L); [f, i, j] from feedforward torque j to the torque i that teaches, with opposite sign.
+        (f, 2 L, 2 L); [f, i, j] from feedforward torque j to torque i of the learning error, with opposite sign.
     """
     z = np.exp(2j * np.pi * np.asarray(frequencies, dtype=float) * period)[:, None, None]
     path = local.c @ np.linalg.solve(z * np.eye(len(local.a)) - local.a, local.b.astype(complex)[None]) * z**-delay
@@ -144,7 +144,7 @@ class Spectrum(NamedTuple):
         return float(self.frequencies[np.argmax(wrong)]) if wrong.any() else float("nan")
 
 
-def spectrum_of(local: Local, frequencies: Array, period: float, delay: int = 0) -> Spectrum:
+def compute_spectrum(local: Local, frequencies: Array, period: float, delay: int = 0) -> Spectrum:
     """Eigenvalues of T at some frequencies; arguments as of :func:`transfer`."""
     values = np.linalg.eigvals(transfer(local, frequencies, period, delay))
     return Spectrum(frequencies, period, values.astype(np.complex128))

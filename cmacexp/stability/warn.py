@@ -8,11 +8,11 @@ from cmacexp.loop.scenario import Scenario, resolve_lead
 MANY = 100
 """Cycles of learning from which on a run is checked; the check takes the time of some 110."""
 DEAREST = 10_000
-"""Steps of one leg in a cycle above which it is left out: it would take a second or more."""
+"""Steps of all legs in a cycle above which the check is skipped: it would take a second or more."""
 QUICK = 40
-"""Directions to look along."""
+"""Dimension of the Krylov space."""
 BOUNDED = ("e_modification",)
-"""Rules that hold the weights within a bound by themselves, which the linearised loop does not see."""
+"""Rules that hold the weights within a bound by themselves, which the linearised loop does not include."""
 FACTOR = 10.0
 """A run whose feedback is predicted to grow by less over all its cycles is not warned of."""
 

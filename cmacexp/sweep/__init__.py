@@ -1,1 +1,1 @@
-"""A sweep: what is set up before its jobs, one job, what is told of them all, and the table of them."""
+"""A sweep: its start, one job, the table of all jobs, and its end."""

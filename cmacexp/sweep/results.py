@@ -18,7 +18,7 @@ from cmacexp.sweep.start import Sweep, select_run_overrides
 
 
 class SweepResults(NamedTuple):
-    """What the jobs of a sweep gave."""
+    """The jobs of a sweep, as they ended."""
 
     jobs: list[RunSummary]
     """Those that were begun; their config holds the overridden keys alone."""

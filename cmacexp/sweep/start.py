@@ -1,4 +1,4 @@
-"""The start of a sweep: its folder and jobs are noted, ``record=trace`` is its default, composing is made quick."""
+"""The start of a sweep: record its folder and jobs, set ``record=trace`` by default, read each config file once."""
 
 import re
 from collections import Counter

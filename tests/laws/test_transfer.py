@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cmacexp.stability.cycle_map import open_loop
-from cmacexp.stability.transfer import Local, locals_along, spectrum_of, transfer
+from cmacexp.stability.transfer import Local, compute_spectrum, locals_along, transfer
 
 PERIOD = 0.005
 FREQUENCIES = np.linspace(1.0, 100.0, 100)
@@ -54,13 +54,13 @@ def test_a_torque_shows_in_the_feedback_of_the_next_step(make_config, places):
 @pytest.mark.parametrize("delay", [0, 1, 2])
 def test_learning_settles_everywhere_with_one_lead_alone(places, delay):
     for local in places:
-        found = spectrum_of(local, FREQUENCIES, PERIOD, delay)
+        found = compute_spectrum(local, FREQUENCIES, PERIOD, delay)
         assert [lead for lead in range(-2, 5) if found.least(lead) > 0.0] == [delay + 1]
 
 
 def test_the_paper_learns_wrongly_above_some_20_hz(places):
     for local in places:
-        found = spectrum_of(local, FREQUENCIES, PERIOD)
+        found = compute_spectrum(local, FREQUENCIES, PERIOD)
         assert 20.0 <= found.wrong_from(0) <= 30.0
         assert np.isnan(found.wrong_from(1))
 
@@ -69,8 +69,8 @@ def test_the_paper_learns_wrongly_above_some_20_hz(places):
 def test_delay_of_the_actuator_is_the_delay_that_was_thought_in(make_config, places, delay):
     config = make_config("scenario=one_leg", "cycles=9", f"actuator.delay={delay}", "learning.lead=auto")
     (local,) = locals_along(config, 4, [MID_TRANSFER])
-    late = spectrum_of(local, FREQUENCIES, PERIOD)
-    thought = spectrum_of(places[0], FREQUENCIES, PERIOD, delay)
+    late = compute_spectrum(local, FREQUENCIES, PERIOD)
+    thought = compute_spectrum(places[0], FREQUENCIES, PERIOD, delay)
     assert late.least(delay + 1) > 0.0 > late.least(delay)
     fast = FREQUENCIES >= 10.0  # below, it matters where the leg is
     np.testing.assert_allclose(late.least_real(delay + 1)[fast], thought.least_real(delay + 1)[fast], atol=0.1)
