@@ -5,11 +5,9 @@ from dataclasses import dataclass, fields
 
 from cmacexp.config import ComponentConfig, Config, choice, number
 from cmacexp.errors import BadInput
-from cmacexp.sensors.channel import FAULTS
+from cmacexp.sensors.channel import FAULTS, STUCK, WITHOUT_VALUE
 
 UNIT = "unit of the signal"
-STUCK = ("zero", "last", "value")
-"""Faults after which a sensor no longer follows its signal."""
 
 
 @dataclass
@@ -23,10 +21,8 @@ class FaultConfig:
 
     def check(self, key: str) -> None:
         """Check ``value`` against the kind of the fault."""
-        if self.kind in ("none", "zero", "last") and self.value != 0.0:
-            raise BadInput(
-                f"{key}.value", self.value, f"must be 0 with {key}.kind={self.kind}; value, bias, noise take one"
-            )
+        if self.kind in WITHOUT_VALUE and self.value != 0.0:
+            raise BadInput(f"{key}.value", self.value, f"must be 0 with {key}.kind={self.kind}, which takes no value")
         if self.kind == "bias" and self.value == 0.0:
             raise BadInput(f"{key}.value", self.value, f"must not be 0 with {key}.kind=bias, or nothing breaks")
         if self.kind == "noise" and self.value <= 0.0:

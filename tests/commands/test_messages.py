@@ -19,10 +19,13 @@ from support.command import python
 
 import cmacexp
 from cmacexp.config.compose import compose_config
+from cmacexp.config.fields import listed
+from cmacexp.config.gait import PATTERNS
 from cmacexp.errors import CmacexpError
 from cmacexp.loop import roll_out, stop
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import Drift, format_drift
+from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.plants.mujoco_model import check_inertia
 from cmacexp.report.terminal import COMPILING
 from cmacexp.sweep.objective import check_metric
@@ -145,8 +148,16 @@ NAMES = {
 """What Python lines of the page can use."""
 
 
+LISTS = {
+    "METRICS": ", ".join(ALL_METRICS),
+    "GAITS OF ONE LEG": listed(name for name, gait in PATTERNS.items() if gait.legs == 1),
+    "GAITS OF FOUR LEGS": listed(name for name, gait in PATTERNS.items() if gait.legs == 4),
+}
+"""Choices that an addition extends, by what stands for them on the page."""
+
+
 def answer(line: str) -> str:
-    """What is answered to a line of the page; times and places that differ from run to run are replaced."""
+    """What is answered to a line of the page; times, places and lists that change are replaced."""
     kind, _, text = line.partition(" ")
     if kind == ">>>":
         found = evaluate(text)
@@ -154,6 +165,8 @@ def answer(line: str) -> str:
         words = shlex.split(text)
         found = run_command(words[1:]) if words[:1] == ["python"] else run_config(words)
     found = found.replace(f"{COMPILING}\n", "").replace(str(Path.cwd()), "FOLDER")
+    for name, choices in LISTS.items():
+        found = found.replace(f"choose from {choices}", f"choose from {name}")
     found = re.sub(r"in [\d.]+ s, loop [\d.]+ us a step", "in TIME s, loop TIME us a step", found)
     return "\n".join(part.rstrip() for part in found.splitlines()).strip() + "\n"
 

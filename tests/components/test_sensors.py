@@ -21,7 +21,7 @@ from cmacexp.models.leg import foot_position, foot_velocity, trigonometry
 from cmacexp.models.mechanism import get_leg
 from cmacexp.plants import Measurement
 from cmacexp.score import score
-from cmacexp.sensors.channel import FAULTS
+from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE
 from cmacexp.sensors.noise import normal, uniform
 from cmacexp.sensors.protocol import SIGNALS
 
@@ -119,7 +119,7 @@ def test_the_documentation_lists_every_fault():
     ("kind", "readings"), [row for row in documented_faults().items() if row[1] != "random"], ids=lambda v: v[:5]
 )
 def test_a_fault_reads_what_the_documentation_says(make_config, kind, readings):
-    value = [] if kind in ("zero", "last") else ["sensors.force.fault.value=40"]
+    value = [] if kind in WITHOUT_VALUE else ["sensors.force.fault.value=40"]
     overrides = [f"sensors.force.fault.kind={kind}", "sensors.force.fault.start=0.01", *value]
     assert tell_one(make_config, [1, 2, 3, 4, 5], *overrides) == [1, 2, *map(float, readings.split())]
 
