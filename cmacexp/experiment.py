@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pyarrow as pa
 
@@ -39,13 +39,8 @@ from cmacexp.metrics.score import RunScorer
 from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.sensors.protocol import find_altered
 
-
-class Columns(NamedTuple):
-    """Columns of the traces of a run."""
-
-    legs: tuple[Signal, ...]
-    body: tuple[Signal, ...] | None
-    """None without a body."""
+Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
+"""Columns of the traces of the legs, and of the body if there is one."""
 
 
 def clear(folder: Path) -> None:
@@ -61,7 +56,7 @@ def _columns(scenario: Scenario) -> Columns:
     altered, watched = find_altered(scenario.sensors), scenario.setup.config.plausibility.enabled
     walks = scenario.setup.mechanism.kind == LEGS_UNDER_BODY
     legs = select_signals(LEG_SIGNALS, altered, watched)
-    return Columns(legs, select_signals(BODY_SIGNALS, altered) if walks else None)
+    return legs, select_signals(BODY_SIGNALS, altered) if walks else None
 
 
 def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
@@ -69,11 +64,11 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
     plan, config, legs = scenario.setup.plan, scenario.setup.config, samples.columns()
     period, start = config.sampling_period, samples.start
     body = memory = None
-    if columns.body is not None:
-        body = assemble_body(plan, samples.body_columns(), legs["force"], period, start, columns.body)
+    if columns[1] is not None:
+        body = assemble_body(plan, samples.body_columns(), legs["force"], period, start, columns[1])
     if samples.memory is not None:
         memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)
-    return Traces(assemble(plan, legs, period, start, columns.legs), body, memory)
+    return Traces(assemble(plan, legs, period, start, columns[0]), body, memory)
 
 
 def _roll_out(
@@ -97,7 +92,7 @@ def _roll_out(
                 warn(scorer.drift)
 
         end = stream(scenario, take, watch)
-    names = [TRACE, BODY] if columns.body else [TRACE]
+    names = [TRACE, BODY] if columns[1] else [TRACE]
     return end, names + write_memory(folder, memory)
 
 

@@ -1,4 +1,4 @@
-"""From quanta to rows of memory: one row per layer."""
+"""Addressing of a CMAC: every input activates one row of memory per layer."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from cmacexp.typing import Array, Cells
 
 
 class Address(NamedTuple):
-    """How a CMAC of C layers finds its rows for n inputs."""
+    """Parameters of the addressing of a CMAC with C layers and n inputs."""
 
     ranges: InputRange
     displacement: NDArray[np.int64]
@@ -30,17 +30,17 @@ def address(params: Address, inputs: Array, cells: Cells) -> int:
     """Rows that one input (n,) activates.
 
     Args:
-        params: the address law of the CMAC.
+        params: addressing of the CMAC.
         inputs: (n,): the input.
-        cells: (C,): is filled with one row per layer.
+        cells: (C,): filled with one row per layer.
 
     Returns:
-        How many of the inputs lay outside their range and were clipped to it.
+        Number of inputs outside their range, which are clipped to it.
     """
     layers, dimensions = params.displacement.shape
     quanta = (params.resolution_elements - 1) * layers
     clipped = 0
-    # Dense: mixed radix over layer and blocks. Hashed: the same numbers stirred into 32 bits.
+    # Dense: mixed radix over layer and blocks. Hashed: the same numbers mixed into 32 bits.
     for j in range(layers):
         cells[j] = mix(mix(params.seed, j), dimensions) if params.hashed else j
     for d in range(dimensions):

@@ -1,4 +1,4 @@
-"""How the layers of a CMAC are shifted against each other.
+"""Displacement of the layers of a CMAC relative to each other.
 
 Layer j is displaced by j times a vector, modulo the number of layers, along each input. Where every component is
 coprime with the number of layers, one quantum along one input changes the cell of exactly one layer.
@@ -15,7 +15,7 @@ from cmacexp.errors import BadInput
 Vector = NDArray[np.int64]
 
 MOST_CANDIDATES = 400_000
-"""Vectors that the search for the best lattice looks at, at the most."""
+"""Largest number of vectors in the search for the best lattice, with 32 layers."""
 
 
 def diagonal(layers: int, inputs: int) -> Vector:
@@ -40,8 +40,8 @@ def least_distance(vectors: Vector, layers: int) -> NDArray[np.int64]:
 def parks_militzer(layers: int, inputs: int) -> Vector:
     """The vector whose lattice has the largest least distance (Parks & Militzer 1991), found by search.
 
-    Mirroring an input and exchanging inputs leave the distance as it is, so it is enough to look at
-    non-decreasing vectors that begin with 1 and hold numbers up to half the layers, coprime with them.
+    Mirroring an input and exchanging inputs do not change the distance, so the search is limited to non-decreasing
+    vectors that begin with 1, of numbers coprime with the number of layers and at most half of it.
 
     Raises:
         BadInput: there are too many of them.

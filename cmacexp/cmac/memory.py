@@ -11,7 +11,7 @@ def read(weights: Array, cells: Cells, output: Array) -> None:
     Args:
         weights: (rows, outputs).
         cells: (C,): active rows.
-        output: (outputs,): is filled.
+        output: (outputs,): filled.
     """
     for o in range(output.shape[0]):
         total = 0.0
@@ -22,7 +22,7 @@ def read(weights: Array, cells: Cells, output: Array) -> None:
 
 @kernel
 def train(weights: Array, cells: Cells, error: Array, rate: float) -> None:
-    """Add beta U / C to every active weight (Lin & Song 1997, eq. 19, 20): the paper's rule where all count fully.
+    """Add beta U / C to every active weight (Lin & Song 1997, eq. 19, 20): the paper's rule with activations of 1.
 
     :func:`cmacexp.cmac.rules.train_by_rule` gives the same bits in 150 ns instead of 50 ns with 32 layers.
 
@@ -41,7 +41,7 @@ def train(weights: Array, cells: Cells, error: Array, rate: float) -> None:
 
 @kernel
 def read_weighted(weights: Array, cells: Cells, activation: Array, output: Array) -> None:
-    """:func:`read` where the active weights count by their ``activation`` (C,)."""
+    """:func:`read` with every active weight times its ``activation`` (C,)."""
     for o in range(output.shape[0]):
         total = 0.0
         for j in range(cells.shape[0]):

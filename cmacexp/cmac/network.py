@@ -1,9 +1,8 @@
-"""The CMAC as an object: address law and weights, for one leg or for any function of your own."""
+"""The CMAC as an object: addressing and weights, for one leg or any other function."""
 
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmacexp.cmac.addressing import Address, address_batch
 from cmacexp.cmac.displacement import displacement
@@ -33,8 +32,8 @@ class Cmac:
 
     Attributes:
         weights: (rows, outputs), float64, zero at first.
-        clipped: inputs that lay outside their range so far, and were clipped to it.
-        visited: the cells that have a row, where cells get theirs as they are visited; else None.
+        clipped: number of inputs so far that were outside their range, and clipped to it.
+        visited: the cells that have a row, with ``addressing=visited``; else None.
     """
 
     def __init__(self, config: CmacConfig, ranges: InputRange, outputs: int = 2, seed: int = 0):
@@ -47,7 +46,7 @@ class Cmac:
         rows = dense_rows if config.addressing == "dense" else fitting
         self.address = Address(
             InputRange(np.ascontiguousarray(ranges.low, dtype=float), np.ascontiguousarray(ranges.high, dtype=float)),
-            # By columns, since all layers of one input are looked at together.
+            # Column-major, since all layers of one input are read together.
             np.asfortranarray(displacement(config.displacement, config.layers, inputs)),
             config.resolution_elements,
             rows,
@@ -65,7 +64,7 @@ class Cmac:
         return int(self.address.displacement.shape[0])
 
     def cells(self, inputs: Array) -> Cells:
-        """Active rows (samples, C) of a batch of inputs (samples, n); counts what was clipped.
+        """Active rows (samples, C) of a batch of inputs (samples, n); counts those that are clipped.
 
         Raises:
             ValueError: an input is not finite, or the shape is not (samples, n).
@@ -82,7 +81,7 @@ class Cmac:
         return cells
 
     def activation(self, inputs: Array) -> Array:
-        """How much the cells of a batch of inputs (samples, n) count, (samples, C).
+        """Activation (samples, C) of the cells of a batch of inputs (samples, n).
 
         Raises:
             ValueError: as :meth:`cells`.
@@ -119,10 +118,10 @@ class Cmac:
         train_batch(PAPER, self.weights, self.cells(inputs), self.activation(inputs), errors, rate)
 
     def save(self, path: Path) -> None:
-        """Keep address law and weights in one ``.npz`` file."""
+        """Save addressing and weights in one ``.npz`` file."""
         a = self.address
         visited = {} if self.visited is None else {"visited": self.visited.positions}
-        law = [a.resolution_elements, a.rows, int(a.hashed), a.seed, self.clipped, self.receptive_field]
+        settings = [a.resolution_elements, a.rows, int(a.hashed), a.seed, self.clipped, self.receptive_field]
         with write_atomically(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(
                 file,
@@ -131,26 +130,19 @@ class Cmac:
                 low=a.ranges.low,
                 high=a.ranges.high,
                 displacement=a.displacement,
-                law=np.array(law),
+                law=np.array(settings),
                 **visited,
             )
 
     @classmethod
     def load(cls, path: Path) -> "Cmac":
-        """The CMAC that :meth:`save` kept, equal to the bit."""
-        with np.load(path) as kept:
-            law: NDArray[np.int64] = kept["law"]
+        """The CMAC of a file of :meth:`save`, bit for bit."""
+        with np.load(path) as saved:
             cmac = cls.__new__(cls)
-            elements, rows, hashed, seed, clipped, cmac.receptive_field = (int(v) for v in law)
-            cmac.address = Address(
-                InputRange(kept["low"], kept["high"]),
-                kept["displacement"],
-                elements,
-                rows,
-                bool(hashed),
-                seed,
-            )
-            cmac.weights, cmac.clipped, cmac.visited = kept["weights"], clipped, None
-            if "visited" in kept:
-                cmac.visited = Visited(rows, WORD_BYTES * cmac.weights.shape[1], kept["visited"])
+            elements, rows, hashed, seed, cmac.clipped, cmac.receptive_field = (int(value) for value in saved["law"])
+            ranges = InputRange(saved["low"], saved["high"])
+            cmac.address = Address(ranges, saved["displacement"], elements, rows, bool(hashed), seed)
+            cmac.weights, cmac.visited = saved["weights"], None
+            if "visited" in saved:
+                cmac.visited = Visited(rows, WORD_BYTES * cmac.weights.shape[1], saved["visited"])
         return cmac

@@ -1,4 +1,4 @@
-"""From a number to the quantum it falls into."""
+"""Quantisation of the inputs of a CMAC."""
 
 import math
 from typing import NamedTuple
@@ -21,7 +21,7 @@ class InputRange(NamedTuple):
 def spanning(values: Array, factor: float) -> InputRange:
     """Ranges of ``factor`` times the span of each column of ``values`` (samples, n), centred on its middle.
 
-    An input that does not move gets a range of width 1: it cannot tell anything apart anyway.
+    An input that does not vary gets a range of width 1, which has no effect on the output.
     """
     lowest, highest = values.min(axis=0), values.max(axis=0)
     span = np.where(highest > lowest, factor * (highest - lowest), 1.0)
@@ -31,7 +31,7 @@ def spanning(values: Array, factor: float) -> InputRange:
 
 @kernel
 def quantise(value: float, low: float, high: float, quanta: int) -> tuple[int, bool]:
-    """Quantum 0 to ``quanta - 1`` of ``value``, and whether it lay outside [low, high] and was clipped."""
+    """Quantum 0 to ``quanta - 1`` of ``value``, and whether it is outside [low, high] and clipped."""
     inside = min(max(value, low), high)  # before the floor: far outside the range it would overflow an integer
     quantum = math.floor((inside - low) / (high - low) * quanta)
     return min(quantum, quanta - 1), value < low or value > high

@@ -1,4 +1,4 @@
-"""How much a cell counts, by where in it the input lies (Lane, Handelman & Gelfand 1992)."""
+"""Receptive fields: activation of a cell, by the place of the input in it (Lane, Handelman & Gelfand 1992)."""
 
 import math
 
@@ -13,7 +13,7 @@ RECEPTIVE_FIELDS = {"rectangular": RECTANGULAR, "linear": LINEAR, "cubic": CUBIC
 
 @kernel
 def spline(kind: int, place: float) -> float:
-    """Height, at most 1, of the B-spline over a block at ``place`` from 0 to 1; 0 at both ends but of RECTANGULAR."""
+    """Height, at most 1, of the B-spline over a block at ``place`` from 0 to 1; 0 at both ends unless RECTANGULAR."""
     if kind == RECTANGULAR:
         return 1.0
     off = abs(2.0 * place - 1.0)
@@ -28,16 +28,16 @@ def spline(kind: int, place: float) -> float:
 
 @kernel
 def activate(params: Address, kind: int, inputs: Array, activation: Array) -> None:
-    """How much the cells of one input (n,) count: over all inputs the product of the splines, over all layers C.
+    """Activations of the cells of one input (n,): products of splines over all inputs, normalised to the sum C.
 
-    The sum is held at C, as in the paper, because a product of many splines is small almost everywhere. As long as
-    it is not 0, the output is continuous: a cell is left where it counts nothing.
+    The sum is C as in the paper, because a product of many splines is small almost everywhere. As long as that sum
+    is not 0 the output is continuous: the input leaves a cell where its activation is 0.
 
     Args:
-        params: the address law of the CMAC.
+        params: addressing of the CMAC.
         kind: of the receptive field.
         inputs: (n,): the input; outside its range it is clipped.
-        activation: (C,): is filled; ones if all products are 0.
+        activation: (C,): filled; ones if all products are 0.
     """
     layers, dimensions = params.displacement.shape
     quanta = (params.resolution_elements - 1) * layers

@@ -140,7 +140,7 @@ def train_by_rule(
         rule: any but one that teaches neighbouring steps, see :func:`cmacexp.cmac.spread.train_spread`.
         weights: (rows, outputs): changed in place.
         cells: (C,): active rows.
-        activation: (C,): how much each of them counts, 0 or more.
+        activation: (C,): activation of each of them, 0 or more.
         error: (outputs,): U, the output of the feedback controller, N m.
         rate: beta.
     """

@@ -1,4 +1,4 @@
-"""An error that teaches the steps around its own too: low-pass filtered over time without a phase, at once."""
+"""Learning from an error at neighbouring steps too, which filters it over time by a low-pass without phase."""
 
 import numpy as np
 
@@ -7,14 +7,14 @@ from cmacexp.jit.compiler import kernel_apart
 from cmacexp.typing import Array, Cells
 
 MOST_ENTRIES = 2**27
-"""Active weights of all steps of a cycle and the steps around them, as looked at by :func:`spread_shares`."""
+"""Largest number of active weights, over all steps of a cycle and their neighbours, in :func:`spread_shares`."""
 
 
 def binomial(window: int) -> Array:
-    """Weights (2 x window + 1,) of the binomial filter; their sum is one.
+    """Taps (2 x window + 1,) of the binomial filter; their sum is 1.
 
-    Over the frequency f it passes cos(pi f T_s)^(2 x window): never negative, without side lobes, so that it turns no
-    error round, and what is fast is hardly learnt.
+    Its gain at frequency f is cos(pi f T_s)^(2 x window), which is never negative and has no side lobes: it reverses
+    no error and attenuates fast ones.
     """
     taps = np.ones(1)
     for _ in range(2 * window):
@@ -23,19 +23,19 @@ def binomial(window: int) -> Array:
 
 
 def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, Array]:
-    """Weights that the error of each sample teaches, and in what part.
+    """Weights that learn from the error of each sample, and their shares.
 
     Args:
         cells: (N, L, C): active weights of each sample of the cycle.
-        activation: (N, L, C): how much each of them counts.
-        window: samples to both sides.
+        activation: (N, L, C): activation of each of them.
+        window: samples on each side.
 
     Returns:
-        Cells and shares (N, L, K): of each weight the sum of g_m a_j / sum a_i^2 over the samples around in which it
-        is active; after the last of them zeros.
+        Cells and shares (N, L, K). The share of a weight is the sum of g_m a_j / sum a_i^2 over the neighbouring
+        samples in which it is active; zeros follow the last one.
 
     Raises:
-        BadInput: the window is wider than the cycle, or too much for the memory of the computer.
+        BadInput: the window is wider than the cycle, or needs too much memory.
     """
     samples, legs, active = cells.shape
     if 2 * window + 1 > samples:
@@ -64,15 +64,15 @@ def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, 
 
 @kernel_apart
 def train_spread(weights: Array, cells: Cells, share: Array, error: Array, rate: float, leakage: float) -> None:
-    """Add beta s_j (U - leakage W_j) to every weight that the error teaches.
+    """Add beta s_j (U - leakage W_j) to every weight that learns from the error.
 
     Args:
         weights: (rows, outputs): changed in place.
         cells: (K,): rows.
-        share: (K,): s_j, of which the first zero is the end.
+        share: (K,): s_j; the first zero marks the end.
         error: (outputs,): U, the output of the feedback controller, N m.
         rate: beta.
-        leakage: of a weight; C times that of an output of C equal ones.
+        leakage: of one weight; C times that of an output that is the sum of C equal weights.
     """
     for j in range(cells.shape[0]):
         if share[j] == 0.0:

@@ -1,4 +1,4 @@
-"""How much of its memory a CMAC uses on a path, and how many of its cells share a word by hashing."""
+"""Use of the memory of a CMAC along a path, and collisions of its cells by hashing."""
 
 from typing import NamedTuple
 
@@ -22,11 +22,11 @@ class MemoryUse(NamedTuple):
     cells_colliding: int | None
     """Visited cells that share their row with another one."""
     clipped: int
-    """Inputs of the path that lay outside their range."""
+    """Inputs of the path outside their range."""
 
 
 def memory_use(cmac: Cmac, inputs: Array) -> MemoryUse:
-    """What a path of inputs (samples, n) uses of the memory of ``cmac``."""
+    """Use of the memory of ``cmac`` by a path of inputs (samples, n)."""
     params, before = cmac.address, cmac.clipped
     used, row_of = np.unique(cmac.cells(inputs), return_inverse=True)
     clipped, cmac.clipped = cmac.clipped - before, before

@@ -1,4 +1,4 @@
-"""Addressing without collisions: a row of its own for every cell, given when it is first visited."""
+"""Addressing without collisions: every cell gets its own row when it is first visited."""
 
 from dataclasses import dataclass, field
 
@@ -16,7 +16,7 @@ class Visited:
     """The cells visited so far; the n-th of them has row n.
 
     Args:
-        rows: of memory, the most cells that there can be.
+        rows: of memory, which limits the number of cells.
         row_bytes: of one row.
         positions: (cells,): the cells that have a row, by their positions in dense memory.
     """
@@ -26,10 +26,10 @@ class Visited:
     positions: Positions = field(default_factory=lambda: np.zeros(0, dtype=np.uint64))
 
     def assign_rows(self, positions: Positions) -> Cells:
-        """Rows of cells of any shape; cells without one get the next ones, in their order here.
+        """Rows of cells, in an array of any shape; new cells get the next rows, in the order of this array.
 
         Raises:
-            BadInput: there are more cells than rows; none was given.
+            BadInput: there are more cells than rows; no row is assigned.
         """
         flat = positions.ravel()
         new, first = np.unique(flat, return_index=True)

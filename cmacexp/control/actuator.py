@@ -1,4 +1,4 @@
-"""What becomes of the commanded torque on its way to the joints."""
+"""The actuators: delay, limit and rate limit of the commanded torques."""
 
 from typing import Annotated, NamedTuple
 
@@ -10,7 +10,7 @@ from cmacexp.typing import Array, Role, State
 
 
 class Actuator(NamedTuple):
-    """Limits and delay of the torques of all joints, and what it remembers."""
+    """Limits and delay of the torques of all joints, and their state."""
 
     limit: float
     """Largest absolute torque, N m; infinite for none."""
@@ -25,7 +25,7 @@ class Actuator(NamedTuple):
 
 
 def new_actuator(config: ActuatorConfig, sampling_period: float, legs: int) -> Actuator:
-    """At rest: no torque acts before the first that is commanded arrives."""
+    """Actuators at rest: until the first command arrives the torque is zero."""
     return Actuator(
         config.limit,
         float("inf") if config.rate_limit is None else config.rate_limit * sampling_period,
@@ -37,13 +37,13 @@ def new_actuator(config: ActuatorConfig, sampling_period: float, legs: int) -> A
 
 @kernel
 def saturate(limit: float, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Hold the torque of every joint to ``limit`` N m; the feedback gives way first.
+    """Limit the torque of every joint to ``limit`` N m; the feedback is reduced first.
 
     Args:
         limit: largest absolute torque; infinite for none.
-        feedback: (L, 2): shortened in place.
-        feedforward: (L, 2): shortened in place where it alone exceeds the limit.
-        torque: (L, 2): is filled with the sum of both, which is what the plant gets.
+        feedback: (L, 2): reduced in place.
+        feedforward: (L, 2): reduced in place where it alone exceeds the limit.
+        torque: (L, 2): filled with the sum of both, the input of the plant.
     """
     for i in range(torque.shape[0]):
         for j in range(2):
@@ -58,7 +58,7 @@ def saturate(limit: float, feedback: Array, feedforward: Array, torque: Array) -
 
 @kernel
 def postpone(actuator: Actuator, step: int, feedback: Array, feedforward: Array) -> None:
-    """Put in place of the torques of ``step`` those of ``delay`` steps ago, zero before the first; all (L, 2)."""
+    """Replace the torques of ``step`` by those of ``delay`` steps ago, zero before the first; all (L, 2)."""
     line = actuator.line
     now, then = step % line.shape[0], (step - actuator.delay) % line.shape[0]
     for i in range(feedback.shape[0]):
@@ -69,7 +69,7 @@ def postpone(actuator: Actuator, step: int, feedback: Array, feedforward: Array)
 
 @kernel
 def slow_down(actuator: Actuator, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Hold the change of every torque to ``change`` N m; what it lacks or has too much counts as feedback."""
+    """Limit the change of every torque to ``change`` N m; the difference is attributed to the feedback."""
     for i in range(torque.shape[0]):
         for j in range(2):
             lowest, highest = actuator.last[i, j] - actuator.change, actuator.last[i, j] + actuator.change
@@ -82,14 +82,14 @@ def slow_down(actuator: Actuator, feedback: Array, feedforward: Array, torque: A
 
 @kernel
 def actuate(actuator: Actuator, step: int, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """From what is commanded in ``step`` to what the plant gets: late, limited, then held to its rate of change.
+    """Compute the torques of the plant from those commanded in ``step``: delayed, limited, then limited in rate.
 
     Args:
         actuator: limits and delay.
-        step: counts from 0; every one must come.
+        step: counts from 0; steps must follow each other.
         feedback: (L, 2), N m: commanded; becomes the part that acts.
         feedforward: (L, 2), N m: likewise.
-        torque: (L, 2): is filled with the sum of both, which is what the plant gets.
+        torque: (L, 2): filled with the sum of both, the input of the plant.
     """
     if actuator.delay > 0:
         postpone(actuator, step, feedback, feedforward)

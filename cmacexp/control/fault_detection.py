@@ -1,7 +1,7 @@
 """Fault detection of force sensors: each reading against the force expected at the measured depth of the foot.
 
 Normalised deviations are summed from 0 upwards (a cumulative sum: Page 1954, Continuous inspection schemes,
-Biometrika 41), so that neither a spike nor noise excludes a healthy sensor.
+Biometrika 41), so that neither spikes nor noise exclude a healthy sensor.
 """
 
 from typing import NamedTuple

@@ -1,8 +1,8 @@
-"""Hybrid position/force control of one step, as compiled kernels.
+"""Hybrid position/force control of one step, as kernels.
 
 Equation 21 adds two LEAD compensators, one over position and one over velocity errors. Both have the same corner
 frequencies, so one LEAD over K_ap E + K_av E' is the same controller, and keeps its state when the planned phase
-changes over between position and force control.
+switches between position and force control.
 """
 
 from typing import NamedTuple
@@ -28,7 +28,7 @@ METHODS = {"stiffness": STIFFNESS, "damping": DAMPING, "combined": COMBINED, "ex
 
 
 class HybridParams(NamedTuple):
-    """What does not change while a controller runs."""
+    """Parameters of the controller."""
 
     mechanism: Mechanism
     method: int
@@ -47,12 +47,12 @@ class HybridParams(NamedTuple):
     posture_gain: float
     """Of the posture control of a body; 0 switches it off."""
     posture_rate_gain: float
-    """Of what posture control adds to the velocity reference; 0 as in the paper."""
+    """Gain of the posture term in the velocity reference; 0 as in the paper."""
     fault_detection: FaultDetection
 
 
 class HybridState(NamedTuple):
-    """LEAD states, and what the last step gave; L is the number of legs."""
+    """LEAD states and results of the last step; L is the number of legs."""
 
     error: State
     """(L, 2): weighted error of the last step, N."""
@@ -61,9 +61,9 @@ class HybridState(NamedTuple):
     feedback: Scratch
     """(L, 2): feedback torque J^T (U + F_d), N m."""
     learning_error: State
-    """(L, 2): what a feedforward learns from, J^T U, N m."""
+    """(L, 2): learning error of a feedforward, J^T U, N m."""
     reference: Scratch
-    """(L, 2): x and y that the last step was fed, posture control included, m."""
+    """(L, 2): x and y of the reference in the last step, with posture control, m."""
     fault_status: FaultStatus
 
 
@@ -81,7 +81,7 @@ def position_error(params: HybridParams, reference: float, reference_rate: float
 
 @kernel
 def posture_term(params: HybridParams, i: int, body: Array) -> float:
-    """What posture control adds to the reference of a supporting foot, gain x (h0 - h_i), m (section 6.2).
+    """Posture term of the reference of a supporting foot, gain x (h0 - h_i), m (section 6.2).
 
     ``body`` (3,) is height, pitch and roll; h_i is the height of hip i.
     """
@@ -93,7 +93,7 @@ def posture_term(params: HybridParams, i: int, body: Array) -> float:
 
 @kernel
 def posture_rate_term(params: HybridParams, i: int, body: Array, rate: Array) -> float:
-    """What posture control adds to the velocity reference of a supporting foot, -gain x dh_i/dt, m/s.
+    """Posture term of the velocity reference of a supporting foot, -gain x dh_i/dt, m/s.
 
     With the gain of :func:`posture_term` it is the derivative of that term, which the paper leaves out: a body with
     inertia rocks without it. ``rate`` (3,) is that of ``body`` (3,).
@@ -135,11 +135,11 @@ def force_error(
 def control_force(
     params: HybridParams, status: FaultStatus, i: int, measured: float, desired: float, foot: Array, body: Array
 ) -> float:
-    """The force that control uses, N: the ``measured`` one unless the sensor of leg ``i`` is implausible.
+    """The force that control uses, N: the ``measured`` one unless the sensor of leg ``i`` is excluded.
 
-    The ``desired`` force in its place takes the terms of P_fn and V_fn out of the error, together with those that the
-    reference has for them (eq. 9, 13, 24). Damping and explicit control know nothing of the ground but its force:
-    they go by the one expected at the measured depth.
+    The ``desired`` force in its place cancels the terms of P_fn and V_fn in the error against those in the reference
+    (eq. 9, 13, 24). Damping and explicit control have no other information about the ground: they use the force
+    expected at the measured depth.
     """
     if not params.fault_detection.enabled:
         return measured

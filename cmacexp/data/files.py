@@ -66,6 +66,6 @@ def is_alive(process: int) -> bool:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except (OSError, OverflowError):  # not ours to signal, so there is one
+    except (OSError, OverflowError):  # it exists, but belongs to another user
         return True
     return True

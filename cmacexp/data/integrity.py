@@ -55,5 +55,5 @@ def faults(folder: Path) -> list[str]:
             found.append(f"{name}: changed since it was written")
     for name, expected in manifest.get("runs", {}).items():
         if _config_hash(folder / name) != expected:
-            found.append(f"{name}: its config is not the one that the report tells of")
+            found.append(f"{name}: its config is not the one of the report")
     return found

@@ -1,11 +1,12 @@
 """A run on disk: its manifest, and its tables as DataFrames."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
@@ -64,9 +65,9 @@ class StoredRun:
         """Number of the cycle in which the run ended."""
         return -(-int(self.manifest["steps"]) // self.steps_per_cycle)
 
-    def _table(self, name: str) -> "pd.DataFrame":
+    def _table(self, name: str, read: Callable[[Path], pa.Table] = read_table) -> "pd.DataFrame":
         try:
-            return read_table(self.folder / name).to_pandas()
+            return read(self.folder / name).to_pandas()
         except (OSError, ValueError) as error:
             raise BadRun(f"{self.folder / name}: cannot be read ({str(error).splitlines()[0]})") from None
 
@@ -103,10 +104,7 @@ class StoredRun:
 
     def cycles(self, numbers: Sequence[int], name: str = TRACE) -> "pd.DataFrame":
         """Rows of some cycles of the trace, or of another table, without holding all of a long run in memory."""
-        try:
-            return pq.read_table(self.folder / name, filters=pc.field("cycle").isin(list(numbers))).to_pandas()
-        except (OSError, ValueError) as error:
-            raise BadRun(f"{self.folder / name}: cannot be read ({str(error).splitlines()[0]})") from None
+        return self._table(name, partial(pq.read_table, filters=pc.field("cycle").isin(list(numbers))))
 
     def cycle(self, number: int, leg: int = 1) -> "pd.DataFrame":
         """Rows of one leg in one cycle; none if the run did not reach it."""

@@ -65,7 +65,7 @@ def steps_by_cycle(folder: Path) -> dict[int, int]:
 
 
 def _read(path: Path, columns: Sequence[Signal], cycles: tuple[int, int], every: int) -> pa.Table:
-    """A window of a trace, one step in ``every``; read part by part, to hold no more than the window in memory."""
+    """A window of a trace, one step in ``every``; read part by part, so that only the window is in memory."""
     kept: list[pa.Table] = []
     steps = 0
     for part in read_parts(path):

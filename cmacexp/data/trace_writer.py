@@ -35,11 +35,10 @@ def trace_writer(
         legs: columns of their trace.
         body: likewise; None for a machine without a body.
     """
+    columns = {TRACE: legs} if body is None else {TRACE: legs, BODY: body}
     with ExitStack() as stack:
-        columns = {TRACE: legs} if body is None else {TRACE: legs, BODY: body}
-        writers = [
-            stack.enter_context(table_writer(folder / name, make_schema(own))) for name, own in columns.items()
-        ]
+        files = [table_writer(folder / name, make_schema(signals)) for name, signals in columns.items()]
+        writers = [stack.enter_context(file) for file in files]
 
         def write(traces: Traces) -> None:
             for writer, table in zip(writers, traces, strict=False):

@@ -1,4 +1,4 @@
-"""The weights that a feedforward learnt, as a file that another run can start from."""
+"""Learnt weights of a feedforward, as a file from which another run can start."""
 
 from collections.abc import Mapping
 from pathlib import Path

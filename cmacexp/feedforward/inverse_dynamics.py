@@ -7,7 +7,7 @@ import numpy as np
 from cmacexp.config import ComponentConfig, number
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
-from cmacexp.models.mechanism import Mechanism, planned_torque
+from cmacexp.models.mechanism import planned_torque
 from cmacexp.planning.columns import Y
 from cmacexp.planning.setup import Setup
 
@@ -31,13 +31,10 @@ class InverseDynamics(BuiltInFeedforward):
         self.mass_factor = mass_factor
         self.length_factor = length_factor
 
-    def _modelled(self, mechanism: Mechanism) -> Mechanism:
-        lengths, masses = [self.length_factor] * 2, [self.mass_factor] * 2
-        return mechanism._replace(legs=mechanism.legs * np.array([*lengths, *masses, 1.0]))
-
     def reset(self, setup: Setup) -> None:
         """Compute the torque of every sample of the cycle."""
-        plan, mechanism = setup.plan, self._modelled(setup.mechanism)
+        plan, factors = setup.plan, [self.length_factor] * 2 + [self.mass_factor] * 2 + [1.0]
+        mechanism = setup.mechanism._replace(legs=setup.mechanism.legs * np.array(factors))
         torque = np.zeros((*plan.joints.shape[:2], 2))
         for k in range(torque.shape[0]):
             for i in range(torque.shape[1]):

@@ -1,4 +1,4 @@
-"""What acts before an error is felt: nothing, a known torque, or a network that learns; as compiled kernels."""
+"""Feedforwards as kernels: a known torque, or a network that learns."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from cmacexp.feedforward.weight_log import WeightLog, log_cycle
 from cmacexp.jit.compiler import kernel
 from cmacexp.typing import Array, Cells, Scratch, State
 
-NONE, TABLE, CMAC, WEIGHTED = range(4)
+TABLE, CMAC, WEIGHTED = range(3)
 
 EMPTY_CELLS: Cells = np.zeros((1, 1, 1), dtype=np.uint32)
 EMPTY: Array = np.zeros((1, 1, 1))
@@ -26,38 +26,38 @@ class LearningParams(NamedTuple):
     """U(k-1) trains the cells of step k-1-lead."""
     rule: RuleParams = PAPER
     plain: bool = False
-    """True for the paper's rule where all active weights count fully, which needs no activations."""
+    """True for the paper's rule where all activations are 1, so that it needs none."""
     start_step: int = 0
     """First step of the run in which the network learns."""
     cells: Cells = EMPTY_CELLS
-    """(N, L, K): rows that the error of each sample teaches; of ``zero_phase`` alone, as the next."""
+    """(N, L, K): rows that learn from the error of each sample; only of ``zero_phase``, as the next."""
     share: Array = EMPTY
-    """(N, L, K): in what part."""
+    """(N, L, K): their shares, see :func:`cmacexp.cmac.spread.spread_shares`."""
 
 
 class Smoothing(NamedTuple):
-    """A symmetric filter that weights, of which there is one a sample, go through at the start of every cycle."""
+    """A symmetric filter of weights, one per sample, applied at the start of every cycle."""
 
     taps: Array
     """(K,): from the middle outwards; empty: none."""
     room: Scratch
-    """(rows,): to work in."""
+    """(rows,): working array."""
 
 
 class FeedforwardParams(NamedTuple):
-    """A built-in feedforward over a cycle of N samples; what it does not use is empty.
+    """Parameters of a built-in feedforward over a cycle of N samples; those that it does not use are empty.
 
-    A network is linear in its weights: at every sample C of them are active, which ones and how much the plan fixes.
+    A network is linear in its weights: at every sample C of them are active, with activations fixed by the plan.
     """
 
     kind: int
-    """NONE, TABLE (torque known in advance), CMAC (active weights count fully) or WEIGHTED (by their activation)."""
+    """TABLE (torque known in advance), CMAC (all activations are 1) or WEIGHTED (by their activations)."""
     torque: Array
     """(N, L, 2): torque of the table, N m."""
     cells: Cells
     """(N, L, C): active rows of the networks at the planned inputs."""
     activation: Array
-    """(N, L, C): how much each of them counts; of WEIGHTED, and of a CMAC whose rule is not the paper's."""
+    """(N, L, C): their activations; of WEIGHTED, and of a CMAC whose rule is not the paper's."""
     weights: State
     """(L, rows, 2): weights of the networks, one per leg."""
     learning: LearningParams
@@ -105,16 +105,14 @@ def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning
         params: the feedforward; the weights of a network change in place.
         step: counts from 0 over the whole run.
         sample: this step's sample of the cycle, 0 to N - 1.
-        learning_error: (L, 2): what the feedback gave in the last step, N m.
-        output: (L, 2): is filled, N m.
+        learning_error: (L, 2): of the last step, N m.
+        output: (L, 2): filled, N m.
     """
     if sample == 0:
         log_cycle(params.log, params.weights)
     for i in range(output.shape[0]):
         if params.kind == TABLE:
             output[i, 0], output[i, 1] = params.torque[sample, i, 0], params.torque[sample, i, 1]
-        elif params.kind == NONE:
-            output[i, 0], output[i, 1] = 0.0, 0.0
         else:
             learn(params, i, step, (sample - 1 - params.learning.lead) % params.cells.shape[0], learning_error[i])
             if sample == 0 and params.smoothing.taps.shape[0] > 0:

@@ -11,7 +11,6 @@ from cmacexp.cmac.spread import spread_shares
 from cmacexp.cmac.use import MemoryUse
 from cmacexp.feedforward.kernels import (
     CMAC,
-    NONE,
     TABLE,
     WEIGHTED,
     FeedforwardParams,
@@ -79,16 +78,13 @@ def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningParams:
     return params._replace(cells=spread_cells, share=share)
 
 
-def known_torque(setup: Setup, torque: Array | None) -> FeedforwardParams:
-    """Params of a feedforward whose ``torque`` (N, L, 2), N m, is known in advance; None: no torque."""
+def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
+    """Params of a feedforward whose ``torque`` (N, L, 2), N m, is known in advance."""
     legs = setup.mechanism.legs.shape[0]
     # One compiled loop serves all feedforwards: arrays that one does not use are minimal.
     cells, activation, weights = np.zeros((1, legs, 1), np.uint32), np.zeros((1, legs, 1)), np.zeros((legs, 1, 2))
-    kind, table = (NONE, np.zeros((1, legs, 2))) if torque is None else (TABLE, torque)
     learning, log = LearningParams(0.0, 0), new_log(cells)
-    return FeedforwardParams(
-        kind, np.ascontiguousarray(table), cells, activation, weights, learning, NO_SMOOTHING, log
-    )
+    return FeedforwardParams(TABLE, torque, cells, activation, weights, learning, NO_SMOOTHING, log)
 
 
 def network(

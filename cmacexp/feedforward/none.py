@@ -1,16 +1,18 @@
 """No feedforward: feedback alone."""
 
+import numpy as np
+
 from cmacexp.config import ComponentConfig
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.planning.setup import Setup
 
 
 class NoFeedforward(BuiltInFeedforward):
-    """No torque at all: feedback alone."""
+    """Zero torque."""
 
     Config = ComponentConfig
     acts = False
 
     def reset(self, setup: Setup) -> None:
-        """Prepare no torque."""
-        self.params = known_torque(setup, None)
+        """Set the torque to zero."""
+        self.params = known_torque(setup, np.zeros((*setup.plan.support.shape, 2)))

@@ -1,4 +1,4 @@
-"""A log of the weights of networks at the end of each cycle, filled by the compiled loop."""
+"""A log of the weights of networks at the end of each cycle, filled by the loop."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -17,7 +17,7 @@ MOST_CYCLES = 64
 
 
 class WeightLog(NamedTuple):
-    """The log of L networks over the cycles that the loop has begun since the log was last taken."""
+    """Log of L networks over the cycles begun since it was last taken."""
 
     rows: Cells
     """(L, M): the rows that the plan uses, each once; padded."""

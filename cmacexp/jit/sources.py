@@ -1,4 +1,4 @@
-"""The state of the sources, told by a hash of their text."""
+"""Hashes of the sources, which identify their state."""
 
 import hashlib
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ KERNEL_ROOMS = (
 )  # fmt: skip
 """Rooms and files with kernels, and with constants that kernels use."""
 RESULT_ROOMS = (*KERNEL_ROOMS, "typing.py", "config", "data", "metrics", "experiment.py")
-"""Rooms whose text can change what a run gives; not those that only look at it."""
+"""Rooms that can change the result of a run; not those that only read it."""
 
 
 def sources_hash(rooms: Sequence[str], package: Path = PACKAGE) -> str:
@@ -26,5 +26,5 @@ def sources_hash(rooms: Sequence[str], package: Path = PACKAGE) -> str:
 
 @cache
 def code_hash() -> str:
-    """Hash of all code that can change what a run of built-in parts gives."""
+    """Hash of all code that can change the result of a run of built-in components."""
     return sources_hash(RESULT_ROOMS)

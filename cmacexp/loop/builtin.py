@@ -1,4 +1,4 @@
-"""Which components of a scenario are built in, and the loop that is made of them."""
+"""The built-in components of a scenario, and the loop made of them."""
 
 import numpy as np
 

@@ -14,7 +14,7 @@ from cmacexp.plants import Plant
 from cmacexp.sensors import Sensors
 
 PROTOCOLS = {"plant": Plant, "sensors": Sensors, "controller": Controller, "feedforward": Feedforward}
-"""What each component must have, by the key of its group."""
+"""Protocol of each component, by the key of its group."""
 
 
 def require_members(group: str, target: object, component: object) -> None:
@@ -51,7 +51,7 @@ def make_component(group: str, node: Mapping[str, Any]) -> Any:
 
 
 def _explain(key: str, target: object, error: InstantiationException) -> BadInput:
-    """What went wrong, in one line."""
+    """The error in one line."""
     cause = error.__cause__
     if isinstance(cause, BadInput):
         return cause

@@ -1,4 +1,4 @@
-"""Ctrl-C that waits until what must be done as a whole is done."""
+"""Holding back Ctrl-C while something must be done as a whole."""
 
 import signal
 import threading

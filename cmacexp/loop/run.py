@@ -85,12 +85,6 @@ def _fill_planned_travel(body: Array, start: int, config: Config) -> None:
     body[:, TRAVEL[0]] = step * config.sampling_period * config.body_speed
 
 
-def _take_memory(scenario: Scenario, cycles: int) -> dict[str, Array] | None:
-    """Columns of the memory of a built-in feedforward in the last ``cycles`` cycles."""
-    feedforward = scenario.feedforward
-    return feedforward.take_memory(cycles) if isinstance(feedforward, BuiltInFeedforward) else None
-
-
 class _Stream:
     """A scenario under way, with arrays for the samples of some cycles.
 
@@ -156,7 +150,9 @@ class _Stream:
         samples, done = self.samples, self.driver.taken - start
         if self.point_mass:
             samples[:done, :, self.joints] = np.nan
-        memory = _take_memory(self.scenario, -(-done // self.config.steps_per_cycle))
+        memory, feedforward = None, self.scenario.feedforward
+        if isinstance(feedforward, BuiltInFeedforward):
+            memory = feedforward.take_memory(-(-done // self.config.steps_per_cycle))
         return Samples(start, samples[:done], self.body[:done], memory)
 
 
@@ -210,11 +206,11 @@ class Rollout(End):
 
     def columns(self) -> dict[str, Array]:
         """Samples (steps, L) by column name."""
-        return Samples(0, self.samples, self.body_samples, None).columns()
+        return name_samples(self.samples)
 
     def body_columns(self) -> dict[str, Array]:
         """Samples of the body (steps,) by column name."""
-        return Samples(0, self.samples, self.body_samples, None).body_columns()
+        return name_body_samples(self.body_samples)
 
 
 def roll_out(scenario: Scenario, watch: Callable[[int], None] = lambda cycle: None, *, fused: bool = True) -> Rollout:

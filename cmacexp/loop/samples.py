@@ -1,4 +1,4 @@
-"""What the loop samples in every step, in columns that the table of signals orders."""
+"""Samples of every step, in the columns of the table of signals."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from cmacexp.typing import Array
 SAMPLES, BODY_SAMPLES = (list_samples(table, wide=False) for table in (LEG_SIGNALS, BODY_SIGNALS))
 """Columns that every run samples of each leg, and of a body."""
 WIDE_SAMPLES, WIDE_BODY_SAMPLES = (list_samples(table, wide=True) for table in (LEG_SIGNALS, BODY_SIGNALS))
-"""The same, followed by what sensors may add."""
+"""The same, followed by those that sensors may add."""
 
 
 def _columns(names: str) -> tuple[int, ...]:

@@ -1,4 +1,4 @@
-"""When a run stops before its end: it diverges, or its machine falls."""
+"""Checks that stop a run before its end: it diverges, or its machine falls."""
 
 import math
 from typing import NamedTuple
@@ -24,7 +24,7 @@ LONGEST_UNSTABLE = 0.25
 
 
 class Guard(NamedTuple):
-    """Limits, and what the loop counts for them."""
+    """Limits, and the counter that one of them needs."""
 
     mechanism: Mechanism
     margin: Array

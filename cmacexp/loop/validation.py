@@ -1,4 +1,4 @@
-"""Checks of what external components return: the component that made a mistake is named in the step it is made."""
+"""Validation of the output of external components; errors name the component, in the step of its mistake."""
 
 from typing import Any
 

@@ -7,8 +7,8 @@ body frame its depth below the undepressed ground is
     depth = -h + X sin(pitch) - Y sin(roll) cos(pitch) + y cos(roll) cos(pitch),
 
 and its lever arms are the derivatives of that: tilt carries the centre of gravity over the feet. Balance is where the
-energy W h + sum K_n depth^2 / 2 (over feet that press) is least. Where the ground begins to press a foot at another
-depth than 0, at its ``level``, depth - level stands for the depth.
+energy W h + sum K_n depth^2 / 2 (over feet that press) is least. Where the ground begins to press a foot at a
+depth ``level`` other than 0, depth - level replaces the depth.
 """
 
 import math
@@ -24,15 +24,15 @@ MOST_HALVINGS = 40
 TOLERANCE = 1e-12
 """Largest force out of balance over the weight; moments likewise, per metre."""
 DEPTH_ROUNDING = 1e-15
-"""Rounding of a depth, m: stiff ground makes a force of it that cannot be balanced."""
+"""Rounding of a depth, m: on stiff ground it causes a force that cannot be balanced."""
 ROUNDING = 1e-13
-"""A rise of the energy by so much of itself is rounding."""
+"""A relative increase of the energy up to this is rounding."""
 LONGEST_STEP = 0.02
 """Largest change of height (m), pitch or roll (rad) in one iteration."""
 CLOSING = 0.5
-"""While every iteration leaves at most so much of the imbalance, steps are taken without a look at the energy."""
+"""While every iteration leaves at most this fraction of the imbalance, steps do not check the energy."""
 STEEPEST = 1.4
-"""A body tilted further has no balance, rad."""
+"""A body tilted further has no equilibrium, rad."""
 
 
 class Load(NamedTuple):
@@ -145,7 +145,7 @@ def descend(
     dp: float,
     dr: float,
 ) -> bool:
-    """Go along a step, shortened until the energy does not rise; False if it always does.
+    """Take a step, shortened until the energy does not increase; False if it always does.
 
     On two feet the energy is almost flat along one tilt: an unbounded step would roll the body over.
     """
@@ -170,12 +170,12 @@ def balance(hips: Array, foot: Array, stiffness: Array, level: Array, load: Load
         foot: (L, 2): feet in the frames of their hips, m.
         stiffness: (L,): K_n under each foot, N/m.
         level: (L,): depth at which the ground begins to press each foot, m.
-        load: what they carry, the body's own weight included.
-        body: (3,): height (m), pitch and roll (rad), from where the search starts; becomes the balance.
-        force: (L,): is filled with the contact forces, N.
+        load: that they carry, with the weight of the body.
+        body: (3,): height (m), pitch and roll (rad), where the search starts; becomes the equilibrium.
+        force: (L,): filled with the contact forces, N.
 
     Returns:
-        False if there is no balance; ``body`` and ``force`` are then of no use.
+        False if there is no equilibrium; ``body`` and ``force`` are then undefined.
     """
     enough = TOLERANCE * load.weight
     for i in range(stiffness.shape[0]):

@@ -12,24 +12,24 @@ from cmacexp.typing import Array
 Places = TypeVar("Places", float, Array)
 
 NEVER = 2**62
-"""A step that no run reaches."""
+"""A step beyond the end of every run."""
 ALL_LEGS = 0b1111
 
 
 def first_sample(time: float, sampling_period: float) -> int:
-    """The first sample that is not before ``time``, s."""
+    """The first sample at or after ``time``, s."""
     return math.ceil(time / sampling_period - 1e-9)
 
 
 class Ground(NamedTuple):
-    """Ground of one stiffness or in square patches of different stiffness, flat or with a slope."""
+    """Ground of uniform stiffness or with square patches of different stiffness, flat or with a slope."""
 
     stiffness: float
     """K_n, N/m."""
     patch_size: float
     """Side of a patch, m."""
     patch_spread: float
-    """A patch has K_n times a factor between 1 - spread and 1 + spread."""
+    """K_n of a patch is multiplied by a factor between 1 - spread and 1 + spread."""
     patch_seed: int
     damping: float
     """N s/m."""
@@ -37,7 +37,7 @@ class Ground(NamedTuple):
     """Sampling periods after which the stiffness steps."""
     step_factor: float
     step_legs: int
-    """Legs under which it steps, a bit each; leg 1 the lowest."""
+    """Legs under which it steps, as a bit mask; leg 1 is the lowest bit."""
     slope: float
     """m/m; the ground is flat up to ``slope_start``, x in the world, m."""
     slope_start: float
@@ -100,16 +100,16 @@ def damped_force(stiffness: float, damping: float, depression: float, rate: floa
 
 @kernel
 def damped_spring(stiffness: float, damping: float, before: float, time: float) -> tuple[float, float]:
-    """The spring that ground with damping is to a foot whose motion over some time is not known yet.
+    """The spring that is equivalent to ground with damping, under a foot whose motion is not known yet.
 
-    The rate is taken as the change of the depression over that time (backward Euler): stable however short the time
-    is against c/K_n.
+    The rate is the change of the depression over ``time`` (backward Euler), which is stable even where that is short
+    against c/K_n.
 
     Args:
         stiffness: K_n, N/m.
         damping: c, N s/m.
-        before: depression at the start of the time, m, at least 0.
-        time: s.
+        before: depression at its start, m, at least 0.
+        time: duration of the motion, s.
 
     Returns:
         Its stiffness, N/m, and the depth at which it begins to press, m.

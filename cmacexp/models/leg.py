@@ -1,16 +1,17 @@
 """A planar two-link leg: kinematics, and dynamics with point masses at knee and foot.
 
 The hip is the origin, x forward, y DOWN; theta1 runs from +x to the thigh, theta2 from the thigh to the shank.
-Scalars in, scalars out, so that loops compile to straight arithmetic. ``trig`` is what :func:`trigonometry` gives.
+Scalars in, scalars out, so that loops compile to straight arithmetic. ``trig`` is the result of :func:`trigonometry`.
 """
 
 import math
 from typing import NamedTuple
 
 from cmacexp.jit.compiler import kernel
-from cmacexp.models.gravity import GRAVITY
 from cmacexp.models.sine import sine_cosine
 
+GRAVITY = 9.81
+"""m/s^2."""
 Trig = tuple[float, float, float, float]
 Pair = tuple[float, float]
 

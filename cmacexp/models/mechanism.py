@@ -1,7 +1,7 @@
-"""The machine as its equations see it: legs or a point mass, each against elastic ground.
+"""The mechanism of a machine: legs or a point mass.
 
-One set of kernels moves every machine: ``kind`` says whether a "joint" is a joint of a leg or a Cartesian axis of
-a point mass. Arrays run over legs first, so that one leg is four legs with three of them missing.
+One set of kernels serves every machine: ``kind`` determines whether a "joint" is a joint of a leg or a Cartesian axis
+of a point mass. The first axis of arrays is that of the legs.
 """
 
 from typing import NamedTuple
@@ -25,11 +25,11 @@ class Mechanism(NamedTuple):
     legs: Array
     """(L, 5): the fields of :class:`Leg`; of a point mass only ``mass_2`` counts."""
     hip_height: float
-    """Height of the hips above the undepressed ground, m; of a body the one that the feet are planned for, h0."""
+    """Height of the hips above the undepressed ground, m; of a body its planned height, h0."""
     hips: Array
     """(L, 2): hips in the body frame, x forward and y left of the centre of gravity, m."""
     weight: float
-    """What the feet carry together, N; 0 without a body."""
+    """Weight that the feet carry together, N; 0 without a body."""
 
 
 @kernel
@@ -57,7 +57,7 @@ def trigonometries(mechanism: Mechanism, q: Array, trig: Array) -> None:
 def torque_for(mechanism: Mechanism, i: int, trig: Array, fx: float, fy: float) -> tuple[float, float]:
     """J^T U of leg ``i``, N m; J is the identity for a point mass (Lin & Song 1997, Fig. 1).
 
-    ``trig`` (L, 4) is what :func:`trigonometries` gives.
+    ``trig`` (L, 4) is filled by :func:`trigonometries`.
     """
     if mechanism.kind == POINT_MASS:
         return fx, fy

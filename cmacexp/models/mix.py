@@ -1,4 +1,4 @@
-"""Stirring integers into 32 bits, for hashing and for chance that is the same in every process."""
+"""Mixing of integers into 32 bits, for hashes and random numbers that are equal in every process."""
 
 from cmacexp.jit.compiler import kernel
 
@@ -9,6 +9,6 @@ MASK = 0xFFFFFFFF
 
 @kernel
 def mix(state: int, value: int) -> int:
-    """Stir ``value`` into a 32-bit ``state``; multiply and shift, in integers that never overflow."""
+    """Mix ``value`` into a 32-bit ``state`` by multiplication and shift, in integers that never overflow."""
     state = ((state ^ value) * MULTIPLIER) & MASK
     return state ^ (state >> 15)

@@ -9,11 +9,11 @@ import math
 from cmacexp.jit.compiler import kernel
 
 FURTHEST = 1e6
-"""A larger angle, rad, has no sine here: quarter turns could no longer be taken off without loss."""
+"""A larger angle, rad, has no sine here: quarter turns could not be subtracted without loss of precision."""
 QUARTERS = 2.0 / math.pi
 """Quarter turns per rad."""
 TO_INTEGER = 1.5 * 2.0**52
-"""Doubles of this size are whole numbers: adding it and taking it off again rounds."""
+"""Doubles of this size are whole numbers: adding and subtracting it rounds."""
 QUARTER_HEAD = 1.57079632673412561417
 """The first 33 bits of a quarter turn, rad: times a whole number below 2^20 it is exact."""
 QUARTER_TAIL = 6.07710050650619224932e-11
@@ -26,8 +26,8 @@ C4, C6, C8, C10, C12, C14, C16 = ((-1) ** (n // 2) / math.factorial(n) for n in 
 def sine_cosine(angle: float) -> tuple[float, float]:
     """Sine and cosine of an angle in rad; NaN beyond :data:`FURTHEST` and where it is not finite.
 
-    What is left of the angle without its quarter turns is at most pi/4: there the power series ends after x^16.
-    Its terms are added in pairs, which need not wait for each other.
+    The rest of the angle after its quarter turns is at most pi/4, where the power series can end after x^16. Its
+    terms are added in pairs, which the processor computes in parallel.
     """
     if not abs(angle) < FURTHEST:
         return math.nan, math.nan

@@ -1,4 +1,4 @@
-"""Where the feet should be, when, and with which force: all that is known before a run."""
+"""The plan: desired motion and force of the feet over a cycle, and all else that is known before a run."""
 
 from cmacexp.planning.plan import Plan, make_plan
 from cmacexp.planning.setup import Setup

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.models.gravity import GRAVITY
+from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism
 from cmacexp.planning.columns import AX, AY, DDQ1, DQ1, Q1, X, Y
 from cmacexp.typing import Array

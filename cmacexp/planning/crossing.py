@@ -1,4 +1,4 @@
-"""Whether two legs of one side would collide."""
+"""Check of a plan for collisions between the legs of one side."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ def joints_in_plane(mechanism: Mechanism, i: int, joints: Array) -> Array:
 
 
 def _side(a: Array, b: Array, point: Array) -> Array:
-    """On which side of the line from ``a`` to ``b`` each point lies; all (N, 2)."""
+    """Side of the line from ``a`` to ``b`` of each point, -1, 0 or 1; all (N, 2)."""
     return np.sign((b[:, 0] - a[:, 0]) * (point[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (point[:, 0] - a[:, 0]))
 
 
@@ -30,7 +30,7 @@ def _links_cross(a: Array, b: Array, c: Array, d: Array) -> Mask:
 
 
 def check_crossing(config: Config, mechanism: Mechanism, joints: Array) -> None:
-    """Check that no legs of one side touch in a plan (N, L, 6).
+    """Check that the legs of each side do not touch in a plan of joint angles (N, L, 6).
 
     Raises:
         BadInput: names the legs and the instant.

@@ -1,6 +1,6 @@
 """Foot paths: a quintic and a cubic in the transfer phase, a straight line in support (Lin & Song 1997, section 5).
 
-A path is sampled at ``s`` in [0, 1), the progress within its phase, and comes back as position, velocity and
+A path is sampled at ``s`` in [0, 1), the progress within its phase, and returned as position, velocity and
 acceleration, each of the shape of ``s``.
 """
 

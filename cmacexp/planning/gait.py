@@ -1,4 +1,4 @@
-"""When each foot is in transfer and when it supports, by integer sample counters.
+"""Transfer and support phases of each foot, by integer sample counters.
 
 Counting samples instead of seconds keeps an event at the same sample in every cycle.
 """

@@ -4,8 +4,7 @@ from cmacexp.config import Config
 from cmacexp.config.check_gait import TOLERANCE
 from cmacexp.config.machine import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine
 from cmacexp.errors import BadInput
-from cmacexp.models.gravity import GRAVITY
-from cmacexp.models.leg import Leg
+from cmacexp.models.leg import GRAVITY, Leg
 from cmacexp.models.mechanism import Mechanism, legs_on_stand, legs_under_body, point_mass
 
 

@@ -1,4 +1,4 @@
-"""Where the feet should be and with which force, over one cycle."""
+"""Desired motion and force of the feet over one cycle."""
 
 import numpy as np
 

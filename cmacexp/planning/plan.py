@@ -1,4 +1,4 @@
-"""The plan of a cycle: phases, desired motion and force of every foot, and what the controller is fed."""
+"""The plan of a cycle: phases, desired motion and force of every foot, and the reference of the controller."""
 
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from cmacexp.planning.stability import check_stability, plan_margins
 from cmacexp.typing import Array, Mask
 
 LOAD_PASSES = 2
-"""Forces press the feet in, which moves the masses that cause them: a pass reduces the error a thousandfold."""
+"""Forces depress the feet, which moves the masses that cause them: one pass reduces the error a thousandfold."""
 
 
 class Plan(NamedTuple):
@@ -30,13 +30,13 @@ class Plan(NamedTuple):
     progress: Array
     """(N, L): 0 to 1 within the phase."""
     desired: Array
-    """(N, L, 6): where the foot should really be; columns of arrays as in :mod:`cmacexp.planning.columns`."""
+    """(N, L, 6): desired motion of the foot; columns of arrays as in :mod:`cmacexp.planning.columns`."""
     joints: Array
     """(N, L, 6): the same motion in joint angles, rad; of a point mass equal to ``desired``."""
     force_desired: Array
     """(N, L): desired contact force, N."""
     reference: Array
-    """(2, N, L, 7): what the controller is fed, per stage."""
+    """(2, N, L, 7): reference of the controller, per stage."""
     margins: Array
     """(N, 3): stability margin, front and rear margin of a body over its planned support polygon, m; else NaN."""
     start_step: int

@@ -1,4 +1,4 @@
-"""Whether the legs can put their feet where the plan wants them."""
+"""Check that the planned foot paths are within the reach of the legs."""
 
 import math
 
@@ -13,7 +13,7 @@ from cmacexp.typing import Array
 STRAIGHT = 1.0 - 1e-6
 """Largest extension over reach: a straight leg cannot move along itself."""
 FOLDED = 1e-3
-"""Least distance of the foot from where the links lie on each other, and from the height of the hip, m."""
+"""Least distance of the foot from its position with folded links, and from the height of the hip, m."""
 
 
 def _round_down(value: float) -> str:

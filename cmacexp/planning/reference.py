@@ -1,4 +1,4 @@
-"""What the controller is fed in support, so that the foot presses with the desired force (eq. 9, 11, 13, 15).
+"""Reference of the controller in support, for which the foot presses with the desired force (eq. 9, 11, 13, 15).
 
 Each equation has a term in 1/K_a: the error that feedback needs to hold a static load. Once a feedforward holds the
 load, the term makes the force too high (by 4.88 % in the paper's one leg); ``static_load=False`` omits it.

@@ -1,4 +1,4 @@
-"""What every component may know before a run starts, and what the plan prescribes for one step."""
+"""Input of the components: the setup of a run at its start, and the reference of each step."""
 
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""What is controlled: machines on their ground."""
+"""Plants: machines on their ground."""
 
 from cmacexp.plants.analytic import AnalyticPlant
 from cmacexp.plants.protocol import Measurement, Plant

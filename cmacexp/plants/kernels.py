@@ -1,4 +1,4 @@
-"""Equations of motion of the built-in machines, integrated by the classical Runge-Kutta method."""
+"""Equations of motion of the built-in machines, and their integration by the classical Runge-Kutta method."""
 
 import math
 from typing import NamedTuple
@@ -22,15 +22,15 @@ from cmacexp.typing import Array, Clock, Scratch, State
 
 
 class Payload(NamedTuple):
-    """What is put on the body during a run."""
+    """A load on the body from some time on."""
 
     load: Load
     start: int
-    """Sampling periods after which it lies there."""
+    """First sampling period in which it is there."""
 
 
 class PlantParams(NamedTuple):
-    """What does not change while a plant runs; L is the number of its legs."""
+    """Parameters of a plant; L is the number of its legs."""
 
     mechanism: Mechanism
     ground: Ground
@@ -44,7 +44,7 @@ class PlantParams(NamedTuple):
 
 
 class PlantState(NamedTuple):
-    """What changes: the state, what can be measured of it, and room for the integration."""
+    """State of a plant, measurable quantities that follow from it, and working arrays of the integration."""
 
     q: State
     """(L, 2): joint angles, rad; of a point mass its position, m."""
@@ -59,23 +59,23 @@ class PlantState(NamedTuple):
     body: State
     """(3,): height of the hips above the undepressed ground, m; pitch and roll, rad."""
     body_rate: State
-    """(3,): their change over the last sampling period, m/s and rad/s: a quasi-static body has no other velocity."""
+    """(3,): mean rate over the last sampling period, m/s and rad/s: a quasi-static body has no other velocity."""
     stiffness: State
     """(L,): K_n under each foot, N/m."""
     level: State
     """(L,): depth below the undepressed ground at which the ground begins to press each foot, m."""
     spring: Scratch
-    """(2, L): stiffness and level that a quasi-static body feels within a step where the ground has damping."""
+    """(2, L): equivalent stiffness and level under a quasi-static body within a step, on ground with damping."""
     pressed: State
-    """(L,): depression under each foot at the start of a Runge-Kutta step, m; kept where the ground has damping."""
+    """(L,): depression under each foot at the start of a Runge-Kutta step, m; only on ground with damping."""
     travel: Clock
-    """(1,): way that the body has gone, m."""
+    """(1,): distance that the body has covered, m."""
     clock: Clock
-    """(1,): sampling periods that have passed."""
+    """(1,): number of sampling periods since the start."""
     trig: State
     """(L, 4): sines and cosines of the joint angles."""
     stages: Scratch
-    """(6, L, 2): room for the integration: joint angles and velocities of a stage, accelerations of all four."""
+    """(6, L, 2): joint angles and velocities of one stage of the integration, accelerations of all four."""
 
 
 def new_state(legs: int) -> PlantState:
@@ -104,7 +104,7 @@ def stand_force(params: PlantParams, i: int, dq: Array, state: PlantState) -> fl
 
 @kernel
 def compute_load(params: PlantParams, step: float) -> Load:
-    """What the feet carry after ``step`` sampling periods: the body, and the payload once it is there."""
+    """Load of the feet after ``step`` sampling periods: the body, and the payload once it is there."""
     weight, payload = params.mechanism.weight, params.payload.load
     if step < params.payload.start:
         return Load(weight, 0.0, 0.0)
@@ -135,9 +135,9 @@ def balance_body(params: PlantParams, state: PlantState, time: float) -> bool:
 
 @kernel
 def contact(params: PlantParams, q: Array, dq: Array, state: PlantState, time: float, x: float) -> None:
-    """Feet and contact forces at joint angles ``q`` and velocities ``dq``, each (L, 2); fills ``state`` with them.
+    """Compute feet and contact forces at joint angles ``q`` and velocities ``dq``, each (L, 2); fills ``state``.
 
-    ``time`` has passed since the step began, s, and the body has come to ``x``, m.
+    ``time``, s, has passed since the step began, and the body is at ``x``, m.
     """
     mechanism = params.mechanism
     trigonometries(mechanism, q, state.trig)
@@ -171,7 +171,7 @@ def accelerate(params: PlantParams, state: PlantState, dq: Array, tau: Array, dd
 
 @kernel
 def update_stiffness(params: PlantParams, state: PlantState) -> None:
-    """Bring the stiffness under each foot up to where the foot is."""
+    """Set the stiffness under each foot to that of its place and time."""
     hips = params.mechanism.hips
     for i in range(hips.shape[0]):
         x = state.travel[0] + hips[i, 0] + state.foot[i, 0]
@@ -180,7 +180,7 @@ def update_stiffness(params: PlantParams, state: PlantState) -> None:
 
 @kernel
 def update_depression(params: PlantParams, state: PlantState) -> None:
-    """Keep how far each foot of a body presses the ground in, for the damping of the next step."""
+    """Store the depression of the ground under each foot of a body, for the damping of the next step."""
     hips = params.mechanism.hips
     for i in range(hips.shape[0]):
         down = depth(state.body, hips[i, 0] + state.foot[i, 0], hips[i, 1], state.foot[i, 1])
@@ -189,7 +189,7 @@ def update_depression(params: PlantParams, state: PlantState) -> None:
 
 @kernel
 def observe(params: PlantParams, state: PlantState, time: float) -> None:
-    """Bring feet, forces and velocities of ``state`` up to its joints, some time after they were so last."""
+    """Update feet, forces and velocities of ``state`` to its joints, ``time`` (s) after their last update."""
     contact(params, state.q, state.dq, state, time, state.travel[0])
     if params.ground.damping != 0.0 and params.mechanism.kind == LEGS_UNDER_BODY:
         update_depression(params, state)
@@ -206,7 +206,7 @@ def observe(params: PlantParams, state: PlantState, time: float) -> None:
 def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None:
     """One classical fourth-order step of ``params.step``; contact forces act inside every stage.
 
-    ``state`` holds feet and forces at its joints before the step; after it they are those of the last stage.
+    Feet and forces in ``state`` must belong to its joints; after the step they are those of the last stage.
     """
     h = params.step
     s = state.stages

@@ -1,4 +1,4 @@
-"""MuJoCo moves a machine on the project's ground: what one leg and four legs have in common."""
+"""A machine in MuJoCo on the project's ground: the common code of one leg and four legs."""
 
 from typing import Any
 
@@ -37,10 +37,10 @@ class MujocoEngine:
 
     Args:
         mechanism: legs on a stand, or under a body that floats.
-        touch: how a foot feels the ground.
+        touch: contact of a foot with the ground.
         step: time of one integration step, s.
         torso: the body, if it floats.
-        payload: what lies on the body; it has weight, but no inertia.
+        payload: load on the body, with weight but without inertia.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class MujocoEngine:
         self._update_bodies()
 
     def update_stiffness(self) -> None:
-        """Set the stiffness under each foot to that of its place, now."""
+        """Set the stiffness under each foot to that of its place and time."""
         ground = self.touch.ground
         if ground.patch_spread > 0.0 or self.clock >= ground.step_at:
             for i, (x, y, _) in enumerate(self.bodies.place[1 + self.floats :][1::2]):
@@ -87,7 +87,7 @@ class MujocoEngine:
         """Integrate ``steps`` steps, a sampling period in all, under the held ``torque`` (L, 2), N m."""
         self.torque[:] = torque
         for step in range(steps):
-            # Only while it is needed: MuJoCo calls it for every model of the process.
+            # Only during the step: MuJoCo calls it for every model of the process.
             self.mujoco.set_mjcb_passive(self._press)
             try:
                 self.mujoco.mj_step(self.model, self.data)

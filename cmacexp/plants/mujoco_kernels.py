@@ -1,7 +1,7 @@
-"""Contact forces for MuJoCo, and measurements of its machine, as compiled kernels.
+"""Contact forces for MuJoCo, and measurements of its machine, as kernels.
 
 The function that MuJoCo calls in every stage is a compiled generator: resuming it costs a tenth of a call of a kernel
-with as many arrays, which its caller keeps alive.
+with as many arrays; its caller keeps these alive.
 
 MuJoCo provides positions and velocities of its bodies. Body 0 is the world; then comes the body of the machine if it
 floats, then thigh and shank of every leg; the centre of mass of a shank is the foot.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from cmacexp.errors import BadInput
-from cmacexp.models.gravity import GRAVITY
+from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism
 from cmacexp.typing import Array
 

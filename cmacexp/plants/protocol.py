@@ -1,4 +1,4 @@
-"""The protocol of plants, and the measurement that they give."""
+"""The protocol of plants, and the measurement that they return."""
 
 from typing import NamedTuple, Protocol
 
@@ -31,7 +31,7 @@ class Measurement(NamedTuple):
 
 
 STATE = Measurement._fields[:-1]
-"""What every machine measures; only a plant that moves the body measures its travel."""
+"""Fields that every plant measures; only a plant that moves the body measures its travel."""
 
 
 def get_state(measurement: Measurement) -> tuple[Array, ...]:

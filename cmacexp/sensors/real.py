@@ -66,9 +66,8 @@ def _channels(signals: Mapping[str, Signal], legs: int, sampling_period: float) 
 
 def _keys(channels: int, seed: int) -> Counts:
     """(C, 3): a seed for each source of randomness of each channel."""
-    return np.array(
-        [[mix(mix(mix(SENSOR_SEED, seed), c), use) for use in range(3)] for c in range(channels)], dtype=np.int64
-    ).reshape(channels, 3)
+    start = mix(SENSOR_SEED, seed)
+    return np.array([[mix(mix(start, c), use) for use in range(3)] for c in range(channels)], dtype=np.int64)
 
 
 class RealSensors:

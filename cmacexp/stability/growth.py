@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.config import Config
-from cmacexp.feedforward.kernels import NONE, TABLE
+from cmacexp.feedforward.kernels import TABLE
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.stability.cycle_map import Loop, NotPredictable, open_loop
 from cmacexp.stability.krylov import Krylov, krylov
@@ -158,6 +158,6 @@ def predicted_growth(
         if not loop.advance(loop.period):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
     params = loop.run.loop.feedforward
-    if loop.run.taken < loop.plan.start_step or params is None or params.kind in (NONE, TABLE):
+    if loop.run.taken < loop.plan.start_step or params is None or params.kind == TABLE:
         raise NotPredictable("nothing learns from cycle to cycle")
     return grow(loop, dimension)

@@ -126,7 +126,7 @@ def test_a_report_notices_a_config_that_was_changed_by_hand(finished, tmp_path):
     assert not faults(folder)
     config = manifests.read(run)["config"]
     change_manifest(run, config={**config, "seed": 1})
-    assert faults(folder) == ["../run: its config is not the one that the report tells of"]
+    assert faults(folder) == ["../run: its config is not the one of the report"]
 
 
 def test_a_report_is_no_run(finished, tmp_path):

@@ -10,8 +10,7 @@ from numpy.testing import assert_allclose
 from support.grounds import NO_PAYLOAD, still_ground
 
 from cmacexp.models import leg as model
-from cmacexp.models.gravity import GRAVITY
-from cmacexp.models.leg import Leg
+from cmacexp.models.leg import GRAVITY, Leg
 from cmacexp.models.mechanism import legs_on_stand
 from cmacexp.plants.kernels import PlantParams, advance, new_state, observe
 
