@@ -27,7 +27,7 @@ _EARLIER, _LATER = np.triu_indices(WINDOW, 1)
 
 
 class Drift(NamedTuple):
-    """A drift, as known when it was reported; its fields stand in the manifest."""
+    """A drift, as known when it was reported; its fields are an entry of the manifest."""
 
     cycle: int
     """In which the trend started: the middle of the window in which the feedback was lowest."""

@@ -3,7 +3,7 @@
 No row depends on later ones.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -39,10 +39,6 @@ def cycles_to_1_e(value: Array) -> Array:
     return np.fmin.accumulate(reached, axis=0)
 
 
-def _apply(function: Callable[[Array], Array], name: str) -> Callable[[Mapping[str, Array]], Array]:
-    return lambda known: function(known[name])
-
-
 def _make_columns(name: str) -> dict[str, Metric[Mapping[str, Array]]]:
     """Both columns of one metric: of ratios the mean, as each leg has its own scale; of cycles the slowest leg's."""
     return {
@@ -51,7 +47,7 @@ def _make_columns(name: str) -> dict[str, Metric[Mapping[str, Array]]]:
             f"abs({name}) over that of cycle 1, same leg",
             "either is, or that of cycle 1 is 0",
             BRISTOW,
-            _apply(ratio_to_first, name),
+            lambda known: ratio_to_first(known[name]),
             MEAN,
             SMALL,
         ),
@@ -60,32 +56,28 @@ def _make_columns(name: str) -> dict[str, Metric[Mapping[str, Array]]]:
             f"cycles after the first until {name}_ratio is first at most 1/e",
             "not reached up to this cycle",
             "time constant: Ogata 2010, section 5-2",
-            _apply(cycles_to_1_e, name),
+            lambda known: cycles_to_1_e(known[name]),
         ),
     }
 
 
-_DRIFT: dict[str, Metric[Mapping[str, Array]]] = {
+LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
+    **{column: metric for name in LEARNED for column, metric in _make_columns(name).items()},
     "feedback_growth": worst(
         "",
         f"factor by which feedback_rms grows per cycle, over the last {WINDOW} cycles",
         f"the first {WINDOW - 1} cycles",
         SEN,
-        _apply(measure_growth, "feedback_rms"),
+        lambda known: measure_growth(known["feedback_rms"]),
     ),
     "drift_cycle": Metric(
         "",
         f"cycle since which feedback_rms drifts: it rises, and has risen to {RISE:g} times its lowest level",
         "no drift named up to this cycle",
         f"rise: {MANN}",
-        _apply(find_drift_cycles, "feedback_rms"),
+        lambda known: find_drift_cycles(known["feedback_rms"]),
         SMALLEST,
         NEITHER,
     ),
-}
-
-LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
-    **{column: metric for name in LEARNED for column, metric in _make_columns(name).items()},
-    **_DRIFT,
 }
 """Columns that follow from those of all cycles, by name."""

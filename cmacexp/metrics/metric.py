@@ -66,7 +66,7 @@ Of = TypeVar("Of")
 
 
 class Metric(NamedTuple, Generic[Of]):
-    """A column of ``metrics.parquet`` or ``body_metrics.parquet``; the first four stand in the file's metadata."""
+    """A column of ``metrics.parquet`` or ``body_metrics.parquet``; the first four fields are in its metadata."""
 
     unit: str
     meaning: str

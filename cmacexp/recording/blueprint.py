@@ -1,4 +1,4 @@
-"""How the viewer is laid out when the recording of a run is opened."""
+"""The layout of the viewer for the recording of a run."""
 
 from collections.abc import Sequence
 

@@ -61,7 +61,7 @@ def _usual(view: RunView, runs: int) -> tuple[str, ...]:
 
 
 def _column(view: RunView, panels: Panels, names: Sequence[str]) -> Panel:
-    """Panels above each other under the label of the run, which stands in the title of a scene or else above all."""
+    """Panels above each other under the label of the run: the title of a scene, or a text above all panels."""
     if names[:1] == ["scene"]:
         return stack(panels, names)
     title = rrb.TextDocumentView(origin=f"{view.root}{LABEL}", titlebar=False)
@@ -97,7 +97,7 @@ def write_comparison(views: Sequence[RunView], path: Path, names: Sequence[str] 
     Args:
         views: at least two, each with its own label and root.
         path: of the ``.rrd`` file.
-        names: of the panels that are laid out; None: the usual ones.
+        names: of the panels to show; None: the default ones.
 
     Returns:
         The name of the recording, which describes its content.

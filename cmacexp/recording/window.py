@@ -86,5 +86,5 @@ def make_window(
         asked = f"{first}-{last}" if last > first else str(first)
         raise BadInput("--cycles", asked, "not in the trace, of which record.cycles kept others")
     if every is not None and every > steps:
-        raise BadInput("--every", every, f"must be at most the {steps} steps that are to be shown")
+        raise BadInput("--every", every, f"must be at most the {steps} steps of these cycles")
     return Window(first, last, every or choose_every(steps, sharing), steps)

@@ -94,11 +94,11 @@ def write_recording(
 
     Args:
         folder: of the run, whose trace has at least one step.
-        config: as it stands in the manifest.
+        config: as in the manifest.
         path: of the ``.rrd`` file.
         label: name of the run; None: that of the folder of ``path``.
         window: the steps that are shown; None: all cycles, thinned if the run is long.
-        names: of the panels that are laid out; None: the usual ones.
+        names: of the panels to show; None: the default ones.
 
     Returns:
         The name of the recording, which describes its content.

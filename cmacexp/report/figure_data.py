@@ -107,7 +107,7 @@ def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> No
 
 
 def legend_below(figure: "Figure", axes: "Axes", columns: int = 6, title: str = "") -> None:
-    """One legend for all axes of a figure, clear of the data; each name appears once, a single one not."""
+    """One legend for all axes of a figure, clear of the data; each name appears once; a single name has none."""
     handles, names = axes.get_legend_handles_labels()
     once = dict(zip(names, handles, strict=True))
     if len(once) > 1 or title:

@@ -103,7 +103,7 @@ def change_sizes(config: Config, cycles: int, prepared: Scenario | None = None) 
 
 
 def calmest(sizes: Sequence[float] | Array, first: int) -> int:
-    """The cycle whose feedback changes least to the next: where the loop is nearest to repeating itself.
+    """The cycle whose feedback changes least to the next: where the loop is nearest to a fixed point.
 
     Args:
         sizes: of changes, see :func:`change_sizes`.

@@ -82,5 +82,5 @@ def _keys(overrides: Sequence[str]) -> set[str]:
 
 
 def select_run_overrides(overrides: Sequence[str]) -> list[str]:
-    """The overrides that define the run itself, without those that define how the sweep is done."""
+    """The overrides of the run, without those of the sweep."""
     return [text for text in overrides if re.split(r"[=./]", text)[0] not in ("sweep", "optimize", "hydra")]
