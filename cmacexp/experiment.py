@@ -44,7 +44,7 @@ Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
 
 
 def clear(folder: Path) -> None:
-    """Make room for a run: remove what an earlier one left under the same names, its manifest first."""
+    """Remove the files of an earlier run, its manifest first."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in (manifests.NAME, TRACE, BODY, MEMORY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING, WEIGHTS):
         (folder / name).unlink(missing_ok=True)
@@ -139,10 +139,10 @@ def run_scenario(
         warn: is called once a drift is detected, while the run goes on; see :mod:`cmacexp.metrics.drift`.
 
     Returns:
-        The result; a run that diverged, failed or was interrupted keeps what it has, and says so in ``status``.
+        The result; a run that diverged, failed or was interrupted keeps its results up to there, see ``status``.
 
     Raises:
-        BadInput: the plan asks for what the machine cannot do; nothing was simulated or written.
+        BadInput: the machine cannot follow the plan; nothing was simulated or written.
         OSError: the folder cannot be written.
     """
     began = time.perf_counter()

@@ -87,7 +87,7 @@ def actuate(actuator: Actuator, step: int, feedback: Array, feedforward: Array, 
     Args:
         actuator: limits and delay.
         step: counts from 0; steps must follow each other.
-        feedback: (L, 2), N m: commanded; becomes the part that acts.
+        feedback: (L, 2), N m: commanded; replaced by the one that acts.
         feedforward: (L, 2), N m: likewise.
         torque: (L, 2): filled with the sum of both, the input of the plant.
     """

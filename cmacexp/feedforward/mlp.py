@@ -83,22 +83,13 @@ class Perceptron:
         self.torque = np.zeros((samples, legs, 2))
         self.learning_error = np.zeros((samples, legs, 2))
         self.steps, self.scale = 0, np.zeros(legs)
-        self.networks = [self._network(make, setup.config.seed + i, min(self.batch, samples)) for i in range(legs)]
+        options = {"activation": "tanh", "solver": "adam", "alpha": 0.0, "batch_size": min(self.batch, samples)}
+        options |= {"hidden_layer_sizes": (self.hidden,), "learning_rate_init": self.step_size}
+        self.networks = [make(**options, random_state=(setup.config.seed + i) % 2**32) for i in range(legs)]
         for i, one in enumerate(self.networks):
             one.partial_fit(self.paths[i], self.torque[:, i])  # makes its arrays
         if setup.learnt is not None:
             self._restore(setup.learnt)
-
-    def _network(self, make: Any, seed: int, batch: int) -> Any:
-        return make(
-            hidden_layer_sizes=(self.hidden,),
-            activation="tanh",
-            solver="adam",
-            alpha=0.0,
-            batch_size=batch,
-            learning_rate_init=self.step_size,
-            random_state=seed % 2**32,
-        )
 
     def _restore(self, learnt: Weights) -> None:
         self.scale[:] = learnt["scale"]

@@ -121,7 +121,7 @@ class ExternalDriver:
             RUNNING, or why it stopped.
 
         Raises:
-            BadOutput: a component returned what the loop cannot use; ``taken`` is the number of steps before it.
+            BadOutput: a component returned invalid output; ``taken`` is the number of steps before it.
         """
         done, stop = 0, RUNNING
         while stop == RUNNING and done < len(samples):

@@ -35,7 +35,7 @@ class Scenario:
     first: Measurement
     """Of the plant at the start."""
     fault: Exception | None = None
-    """What a component raised when it was reset: the run fails before its first step."""
+    """Raised by a component when it was reset: the run fails before its first step."""
     used: bool = field(default=False, init=False)
 
     def begin(self) -> None:
@@ -50,11 +50,11 @@ class Scenario:
 
 
 def resolve_lead(config: Config, sensors: Sensors) -> int:
-    """``learning.lead`` in samples; ``auto`` is the number of them from a torque to the feedback that it causes.
+    """``learning.lead`` in samples; ``auto`` is their number from a torque to the feedback that it causes.
 
     Args:
         config: of the run.
-        sensors: may say by ``feedback_delay(uses_velocity)`` how many samples the feedback comes late through them.
+        sensors: may have ``feedback_delay(uses_velocity)``, the samples by which they delay the feedback.
     """
     if config.learning.lead != "auto":
         return int(config.learning.lead)
@@ -80,7 +80,7 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     """Reset all components; the plant at the start.
 
     Raises:
-        BadOutput: what the plant returned is no measurement of this machine.
+        BadOutput: the plant returned no measurement of this machine.
         Exception: whatever a component raises.
     """
     plant, sensors, controller, feedforward = (components[group] for group in PROTOCOLS)
@@ -132,7 +132,7 @@ def check_weights(config: Config, feedforward: Feedforward) -> None:
     """Check that a feedforward learns if its weights are to be kept, or started from.
 
     Raises:
-        BadInput: ``feedforward`` does not say what it has learnt.
+        BadInput: ``feedforward`` has no learnt weights.
     """
     if isinstance(feedforward, Learns):
         return

@@ -1,4 +1,4 @@
-"""The config of real sensors: what alters each signal, with its checks."""
+"""The config of real sensors: the imperfections and faults of each signal, with their checks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -39,7 +39,7 @@ class LegFaultConfig(FaultConfig):
 
 @dataclass
 class SignalConfig:
-    """What alters one signal, in this order: delay, noise, bias, quantisation, drop-out, fault."""
+    """Imperfections of one signal, in this order: delay, noise, bias, quantisation, drop-out, fault."""
 
     fault: FaultConfig
     start: float = number("s", at_least=0)
@@ -117,7 +117,7 @@ def _check_legs(key: str, chosen: Sequence[int] | None, legs: int) -> None:
 
 @dataclass
 class RealSensorsConfig(ComponentConfig):
-    """What alters each signal; the measured foot follows from the measured joints."""
+    """Imperfections of each signal; the measured foot follows from the measured joints."""
 
     force: LegSignalConfig
     """Contact force, N."""
