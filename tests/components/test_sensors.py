@@ -107,7 +107,7 @@ def test_a_lost_sample_reads_the_last_good_one_or_zero(make_config):
 
 def documented_faults():
     """Kinds of docs/sensors.md, with the readings that stand there from the start of the fault on."""
-    rows = re.findall(r"^\| `(\w+)` \|[^|]+\| ([\d ]+|random) \|$", (ROOT / "docs/sensors.md").read_text(), re.M)
+    rows = re.findall(r"^\| `(\w+)` \|[^|]+\| ([-\d. ]+|random) \|$", (ROOT / "docs/sensors.md").read_text(), re.M)
     return {kind: readings for kind, readings in rows if kind not in SIGNALS}
 
 
