@@ -34,7 +34,7 @@ def engine_at(q, dq, tau, hip_height=10.0):
     engine = MujocoEngine(legs_on_stand([LEG], hip_height), FREE, 1e-3)
     engine.start(np.array([q]))
     engine.dq[:], engine.torque[:] = dq, tau
-    engine._look()
+    engine._update_bodies()
     return engine
 
 
@@ -108,7 +108,7 @@ def measured(q, dq, pose, pose_rate):
     engine.data.qvel[:3] = [0.3, -0.2, pose_rate[0]]
     engine.data.qvel[3:6] = (turn.inv() * later).as_rotvec() / h
     engine.dq[:] = dq
-    engine._look()
+    engine._update_bodies()
     from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
 
     plant = MujocoQuadruped(1, 0.6, 1e4, 50.0, [0.05, 0.06, 0.1], 0.0, 0)
