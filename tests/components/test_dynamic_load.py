@@ -8,7 +8,7 @@ from cmacexp.errors import BadInput
 from cmacexp.planning import make_plan
 from cmacexp.planning.body_load import dynamic_load
 from cmacexp.planning.load_sharing import remove_pull
-from cmacexp.planning.machine import make_mechanism
+from cmacexp.planning.machine import check_load_sharing, make_mechanism
 
 SMOOTH = ("gait.vertical=two_cubics",)
 DYNAMIC = ("scenario=quadruped", "machine.weight=null", "force_control.load_sharing=dynamic", *SMOOTH)
@@ -121,5 +121,5 @@ def test_without_a_weight_of_its_own_a_quadruped_weighs_what_its_masses_do(make_
 )
 def test_dynamic_sharing_is_refused_where_it_contradicts_the_machine(make_config, overrides, message):
     with pytest.raises(BadInput) as caught:
-        make_config(*overrides, "force_control.load_sharing=dynamic")
+        check_load_sharing(make_config(*overrides, "force_control.load_sharing=dynamic"))
     assert str(caught.value).startswith(message)
