@@ -9,6 +9,7 @@ import pytest
 from support.command import python
 
 from cmacexp.recording.run_view import LegView, RunView
+from cmacexp.recording.window import Window
 from pipelines.analysis import walk_claims
 from pipelines.analysis.figures_walk import pooled
 from pipelines.analysis.gait_events import Walk, gait, instants, lift_off_of_3, touch_down_of_2, touch_down_of_3
@@ -50,7 +51,8 @@ def a_walk(force=None, cycles=3) -> Walk:
     body |= {name: np.linspace(0.01, 0.2, n) for name in names}
     time = np.arange(n) * PERIOD
     step = np.arange(n)
-    return Walk(RunView(legs, time, step, step // STEPS + 1, body, {}))
+    window = Window(1, cycles, 1, n)
+    return Walk(RunView(legs, time, step, step // STEPS + 1, body, {}, window, "made", ""))
 
 
 def test_the_gait_is_read_from_the_planned_phases():
