@@ -1,13 +1,16 @@
-"""What a external part costs a step on top of what it takes itself: parts that only give what a fused run gave."""
+"""What an external component costs a step beside its own work: components that only replay a run of built-in ones."""
 
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from benchmarks.timing import Row, Table, compared, in_turn, make_config
 from cmacexp.config import Config
 from cmacexp.control import Action, Reference
+from cmacexp.data.signals import ARRAYS
 from cmacexp.loop import Rollout, roll_out
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.plants import Measurement
@@ -47,12 +50,17 @@ class Plays:
 METHODS = {"plant": "step", "sensors": "measure", "controller": "act", "feedforward": "predict"}
 
 
+def stack_array(columns: dict[str, Array], name: str) -> Array:
+    """An array that components exchange, of its columns."""
+    return np.stack([columns[column] for column in ARRAYS[name]], axis=-1)
+
+
 def measurements(scenario: Scenario, rollout: Rollout) -> list[Measurement]:
     """What plant or sensors gave at the start of every step."""
-    s, body = rollout.samples, rollout.body_samples
-    q, dq, foot, velocity = (s[:, :, i : i + 2].copy() for i in (4, 6, 0, 2))
-    force, rate = s[:, :, 8].copy(), scenario.first.body_rate
-    columns = (q, dq, foot, velocity, force, body.copy(), [rate] * len(s))
+    legs, pose = rollout.columns(), rollout.body_columns()
+    q, dq, foot, velocity = (stack_array(legs, name) for name in ("q", "dq", "foot", "velocity"))
+    rate = [scenario.first.body_rate] * len(q)
+    columns = (q, dq, foot, velocity, legs["force"].copy(), stack_array(pose, "body"), rate)
     return [Measurement(*row) for row in zip(*columns, strict=True)]
 
 
@@ -61,8 +69,9 @@ def answers(config: Config) -> dict[str, list[Any]]:
     scenario = make_scenario(config)
     rollout = roll_out(scenario)
     seen = measurements(scenario, rollout)
-    feedback, feedforward = (rollout.samples[:, :, i : i + 2].copy() for i in (12, 14))
-    reference = rollout.samples[:, :, 10:12].copy()
+    feedback, feedforward, reference = (
+        stack_array(rollout.columns(), name) for name in ("feedback", "feedforward", "reference")
+    )
     return {
         "plant": [*seen[1:], seen[-1]],
         "sensors": seen,

@@ -60,7 +60,9 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
 
     try:
         if config_dir is None:
-            return to_config(*_compose_cached(overrides))
-        return to_config(*_compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"]))
+            composed = _compose_cached(overrides)
+        else:
+            composed = _compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"])
     except COMPOSITION_ERRORS as error:
         raise CmacexpError(explain_composition(error, overrides)) from error
+    return to_config(*composed)

@@ -43,10 +43,12 @@ def test_the_expected_force_is_the_true_one_where_all_else_is_known(make_config,
     made = make_scenario(make_config(f"scenario={scenario}", "cycles=1"))
     params, mechanism = LAW._replace(stiffness=made.setup.config.terrain.stiffness), made.setup.mechanism
     rollout = roll_out(made)
+    columns, pose = rollout.columns(), rollout.body_columns()
     for k in range(0, 600, 7):
-        foot, body = np.ascontiguousarray(rollout.samples[k, :, :2]), rollout.body_samples[k]
-        told = [expected_force(params, mechanism, i, foot, body) for i in range(len(foot))]
-        np.testing.assert_allclose(told, rollout.columns()["force"][k], atol=1e-8)
+        foot = np.stack([columns["x"][k], columns["y"][k]], axis=1)
+        body = np.array([pose[name][k] for name in ("height", "pitch", "roll")])
+        expected = [expected_force(params, mechanism, i, foot, body) for i in range(len(foot))]
+        np.testing.assert_allclose(expected, columns["force"][k], atol=1e-8)
 
 
 WALK = ["scenario=quadruped", "learning.lead=1", "gait.load_ramp=0.12", "plausibility=force"]

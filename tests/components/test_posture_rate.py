@@ -57,7 +57,7 @@ def feedback_of(params, support, body_rate):
     state, two = new_hybrid_state(4), np.zeros((4, 2))
     trig = np.array([trigonometry(0.3, 1.2)] * 4)
     body = np.array([0.5, 0.0, 0.0])
-    hybrid_feedback(params, state, support, np.zeros((4, 6)), trig, two, two, np.zeros(4), body, body_rate)
+    hybrid_feedback(params, state, support, np.zeros((4, 7)), trig, two, two, np.zeros(4), body, body_rate)
     return state.output[:, 1]
 
 
