@@ -22,7 +22,7 @@ def command(
         description: what it does, for ``--help``.
         work: takes the parsed arguments (``folders``, each flag, each value) and returns the exit code.
         flags: options without a value, each with its help.
-        values: options with a value (text, None by default), each with the value's placeholder and its help.
+        values: options with a value (text, None by default), each with its metavar and its help.
 
     Returns:
         The exit code: that of ``work``, 2 after an error that it raised, 130 if interrupted.
@@ -31,8 +31,8 @@ def command(
     parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
     for flag, text in flags:
         parser.add_argument(flag, action="store_true", help=text)
-    for option, placeholder, text in values:
-        parser.add_argument(option, metavar=placeholder, help=text)
+    for option, metavar, text in values:
+        parser.add_argument(option, metavar=metavar, help=text)
     try:
         return work(parser.parse_args())
     except KeyboardInterrupt:
