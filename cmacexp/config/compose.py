@@ -56,6 +56,13 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
     Raises:
         CmacexpError: a name or a value is not valid; the message is that of the command line.
     """
+    return compose_with_choices(overrides, config_dir)[0]
+
+
+def compose_with_choices(
+    overrides: Sequence[str], config_dir: str | Path | None = None
+) -> tuple[Config, dict[str, str]]:
+    """:func:`compose_config`, with the option that is chosen in each group, e.g. ``{"feedforward": "cmac"}``."""
     from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 
     try:
@@ -65,4 +72,4 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
             composed = _compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"])
     except COMPOSITION_ERRORS as error:
         raise CmacexpError(explain_composition(error, overrides)) from error
-    return to_config(*composed)
+    return to_config(*composed), composed[1]

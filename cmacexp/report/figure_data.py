@@ -1,6 +1,6 @@
 """Data of some cycles of a run for figures, and the marks, axes and legends that figures share."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -109,11 +109,15 @@ def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> No
 def legend_below(figure: "Figure", axes: "Axes", columns: int = 6, title: str = "") -> None:
     """One legend for all axes of a figure, clear of the data; each name appears once; a single name has none."""
     handles, names = axes.get_legend_handles_labels()
-    once = dict(zip(names, handles, strict=True))
-    if len(once) > 1 or title:
-        columns = max(1, min(columns, len(once), 112 // (8 + max(map(len, once)))))
+    put_legend_below(figure, dict(zip(names, handles, strict=True)), columns, title)
+
+
+def put_legend_below(figure: "Figure", handles: Mapping[str, Any], columns: int = 6, title: str = "") -> None:
+    """:func:`legend_below` of given handles, by name."""
+    if len(handles) > 1 or title:
+        columns = max(1, min(columns, len(handles), 112 // (8 + max(map(len, handles)))))
         place: dict[str, Any] = {"loc": "outside lower center", "ncols": columns, "handlelength": 3}
-        figure.legend(list(once.values()), list(once), title=title or None, **place)
+        figure.legend(list(handles.values()), list(handles), title=title or None, **place)
 
 
 def legend_above(axes: "Axes") -> None:

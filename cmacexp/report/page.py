@@ -41,6 +41,14 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Html:
+    """Part of a page that is HTML already."""
+
+    kind: ClassVar = "html"
+    html: str
+
+
+@dataclass(frozen=True)
 class Drawing:
     """A figure, the name of its files, and its caption."""
 
@@ -63,7 +71,7 @@ class Image:
     title: str
 
 
-Part = Text | Table | Drawing | Image
+Part = Text | Table | Drawing | Image | Html
 
 
 class Link(NamedTuple):
@@ -134,23 +142,25 @@ def draw(section: Section, folder: Path) -> tuple[Section, list[Path]]:
     files: list[Path] = []
     for part in section.parts:
         if isinstance(part, Drawing):
-            part, saved = _image(part, folder / FIGURES)
+            source, saved = save_figure(part.name, part.figure, folder)
+            part = Image(part.name, source, part.caption, part.title)
             files += saved
         parts.append(part)
     return replace(section, parts=parts), files
 
 
-def _image(drawing: Drawing, folder: Path) -> tuple[Image, list[Path]]:
+def save_figure(name: str, figure: "Figure", report: Path) -> tuple[str, list[Path]]:
+    """Save a figure as PNG and SVG below the folder of a report; its address for the page, and the files."""
+    folder = report / FIGURES
     folder.mkdir(parents=True, exist_ok=True)
     files = []
     for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
-        name = folder / f"{drawing.name}.{kind}"
-        with write_atomically(name) as temporary:
-            drawing.figure.savefig(temporary, format=kind, metadata=metadata)
-        drawing.figure.set_layout_engine("none")  # computed for the first format, kept for the second
-        files.append(name)
-    source = "data:image/svg+xml;base64," + base64.b64encode(files[-1].read_bytes()).decode()
-    return Image(drawing.name, source, drawing.caption, drawing.title), files
+        path = folder / f"{name}.{kind}"
+        with write_atomically(path) as temporary:
+            figure.savefig(temporary, format=kind, metadata=metadata)
+        figure.set_layout_engine("none")  # computed for the first format, kept for the second
+        files.append(path)
+    return "data:image/svg+xml;base64," + base64.b64encode(files[-1].read_bytes()).decode(), files
 
 
 def _claims_csv(claims: Sequence[Claim]) -> str:

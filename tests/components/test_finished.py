@@ -3,6 +3,9 @@
 import json
 
 import pytest
+from pipelines.shared.runs import collect
+from pipelines.shared.state import is_up_to_date
+from pipelines.shared.workers import workers
 
 from cmacexp.config.compose import compose_config
 from cmacexp.data import manifest as manifests
@@ -12,9 +15,6 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import CmacexpError
 from cmacexp.experiment import run_scenario
 from cmacexp.report.page import HTML, Claim, Link, Report, Section, Table, Text, write_report
-from pipelines.shared.runs import collect
-from pipelines.shared.state import is_up_to_date
-from pipelines.shared.workers import workers
 
 JOB = ["scenario=force_step", "gait.cycle_time=1.0", "record=trace"]
 

@@ -31,6 +31,7 @@ LAYERS = (
     {"recording"},
     {"report"},
     {"stability"},
+    {"study"},
     {"experiment"},
     {"api"},
     {"sweep"},
@@ -39,7 +40,7 @@ LAYERS = (
 """Rooms of the package; each imports only from its own layer and those above it in this list."""
 STUDY_LAYERS = ({"shared"}, {"analysis"})
 """Rooms of the studies, below the studies themselves."""
-READERS = {"metrics", "recording", "report"}
+READERS = {"metrics", "recording", "report", "study"}
 """Rooms that read what is on disk and never reach the loop."""
 
 

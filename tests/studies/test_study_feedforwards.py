@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pipelines.shared.runs import Runs
 from support.command import ROOT, python
 
 from cmacexp.data.integrity import faults
@@ -27,7 +28,6 @@ from pipelines.analysis.feedforward_kinds import (
 )
 from pipelines.analysis.feedforward_memory import bytes_of
 from pipelines.analysis.feedforward_words import advice_one_leg, beaten, claims
-from pipelines.shared.runs import Runs
 
 nan, inf = float("nan"), float("inf")
 

@@ -4,12 +4,12 @@ import json
 from math import inf, nan
 
 import pytest
+from pipelines.analysis.hashing_found import Memory, enough, interval, worse
+from pipelines.analysis.hashing_words import advice, claim, table
 from support.command import ROOT, python
 
 from cmacexp.data.integrity import faults
 from pipelines.analysis.cmac_size_verdicts import Size
-from pipelines.analysis.hashing_found import Memory, enough, interval, worse
-from pipelines.analysis.hashing_words import advice, claim, table
 
 CELLS = 1600
 

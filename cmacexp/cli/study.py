@@ -1,0 +1,178 @@
+"""``python -m cmacexp.study FILE.py``: runs what a study asks for, and writes its report."""
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from cmacexp.data import manifest as manifests
+from cmacexp.data.discovery import require_place
+from cmacexp.errors import CmacexpError
+from cmacexp.report.page import HTML
+from cmacexp.study.output import write_page, write_results
+from cmacexp.study.page import Evaluated, evaluate
+from cmacexp.study.requests import Request
+from cmacexp.study.results import Results, read_row
+from cmacexp.study.state import is_up_to_date, state_key
+from cmacexp.study.study import StudyFile, load_study
+from cmacexp.sweep.collect import Collected, collect
+from cmacexp.sweep.workers import workers
+
+FOLDER = Path("outputs/studies")
+SEEDS = 3
+
+
+@dataclass(frozen=True)
+class Written:
+    """A study whose page is written, and what a page over several studies needs of it."""
+
+    evaluated: Evaluated
+    inputs: Sequence[Path]
+    """Files that its numbers are computed from."""
+    runs: Mapping[Path, str]
+    """Hash of the config of each run, by folder."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How studies are to be run."""
+
+    folder: Path = FOLDER
+    """Of the reports and runs of all studies."""
+    quick: bool = False
+    seeds: int = SEEDS
+    """Seeds of each run that depends on its seed; a quick study takes one."""
+
+    def place(self, name: str) -> Path:
+        """Folder of a report."""
+        return self.folder / (f"{name}-quick" if self.quick else name)
+
+    def expand(self, requests: Sequence[Request]) -> list[Request]:
+        """A request for each seed; equal ones once."""
+        numbers = range(1 if self.quick else self.seeds)
+        return [request.with_seed(seed) for request in requests for seed in (numbers if request.seeded else [0])]
+
+
+def _write(path: Path, requests: Sequence[Request], collected: Collected, options: Options) -> Written:
+    """Evaluate one study and write its own page."""
+    file = load_study(path)
+    study, folder = file.study, options.place(file.name)
+    keys = list(
+        dict.fromkeys(text.partition("=")[0].lstrip("+") for request in requests for text in request.overrides)
+    )
+    rows = [read_row(*_found(collected, request), keys, study.measures) for request in requests]
+    results = Results(rows)
+    results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
+    (folder / manifests.NAME).unlink(missing_ok=True)  # what it lists is about to change
+    written = write_results(results, folder)
+    evaluated = evaluate(file, results, folder, options.quick)
+    runs = {run.folder: str(run.manifest["config_hash"]) for run in results.runs}
+    inputs = [*written, *{run.folder / name for run in results.runs for name in run.manifest["files"]}]
+    key = state_key(file, options.quick, options.seeds)
+    write_page(study.title, study.question, [evaluated], inputs, runs, folder, key, options.quick)
+    return Written(evaluated, inputs, runs)
+
+
+def _found(collected: Collected, request: Request) -> tuple[Path, Mapping[str, object], Mapping[str, str]]:
+    folder, choices = collected[request]
+    return folder, request.labels, choices
+
+
+def write_studies(files: Sequence[StudyFile], options: Options) -> list[Written]:
+    """Run studies and write a report of each; complete runs are not run again."""
+    with workers() as each:
+        requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
+        collected = collect(each, [r for own in requests.values() for r in own], options.folder / "runs")
+        items = [
+            (file.path, requests[file.name], {r: collected[r] for r in requests[file.name]}, options)
+            for file in files
+        ]
+        return each("evaluating", _write, items)
+
+
+def write_study(file: StudyFile, options: Options) -> Path:
+    """Run one study unless its report is up to date; returns the page."""
+    page = options.place(file.name) / HTML
+    if is_up_to_date(page.parent, state_key(file, options.quick, options.seeds)):
+        print(f"nothing changed since it was written: {page}")
+        return page
+    print_claims([write_studies([file], options)[0].evaluated])
+    return page
+
+
+def write_collection(name: str, title: str, question: str, files: Sequence[StudyFile], options: Options) -> Path:
+    """Run several studies unless all their reports are up to date, and write a page over all; returns the page."""
+    folder = options.place(name)
+    key = " ".join(state_key(file, options.quick, options.seeds) for file in files)
+    if is_up_to_date(folder, key):
+        print(f"nothing changed since it was written: {folder / HTML}")
+        return folder / HTML
+    written = write_studies(files, options)
+    studies = [each.evaluated for each in written]
+    print_claims(studies)
+    inputs = [path for each in written for path in each.inputs]
+    runs = {path: config_hash for each in written for path, config_hash in each.runs.items()}
+    return write_page(title, question, studies, inputs, runs, folder, key, options.quick)
+
+
+def print_claims(studies: Sequence[Evaluated]) -> None:
+    """Print the verdicts of studies as a table."""
+    from rich.console import Console
+    from rich.table import Table
+
+    claims = [judged for study in studies for judged in study.claims.values()]
+    if not claims:
+        return
+    table = Table("verdict", "the paper says", "measured here", box=None, pad_edge=False, header_style="bold")
+    for judged in claims:
+        measured = "; ".join(f"{each.criterion.quantity}: {each.evidence}" for each in judged.measured)
+        table.add_row(judged.verdict, f"{judged.claim.words} ({judged.claim.where})", measured)
+    Console(highlight=False, width=None if sys.stdout.isatty() else 160).print(table)
+
+
+def study_parser(name: str, description: str) -> argparse.ArgumentParser:
+    """The options of every study."""
+    parser = argparse.ArgumentParser(prog=f"python -m {name}", description=description)
+    parser.add_argument("--quick", action="store_true", help="fewer and shorter runs that only check the machinery")
+    seeds = f"seeds of each run that depends on its seed (default: {SEEDS})"
+    parser.add_argument("--seeds", type=_positive, default=SEEDS, metavar="N", help=seeds)
+    parser.add_argument("--folder", type=Path, default=FOLDER, help=f"reports and runs of all studies ({FOLDER})")
+    return parser
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number from 1")
+    return int(text)
+
+
+def command(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace, Options], Path]) -> NoReturn:
+    """Run studies from the command line, and exit.
+
+    Args:
+        parser: see :func:`study_parser`.
+        work: writes the reports; returns the page to open.
+    """
+    arguments = parser.parse_args()
+    try:
+        options = Options(require_place("--folder", arguments.folder), arguments.quick, arguments.seeds)
+        print(work(arguments, options))
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except (CmacexpError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2 if isinstance(error, CmacexpError) else 1)
+    sys.exit(0)
+
+
+def main(path: str | None = None) -> NoReturn:
+    """``python -m cmacexp.study FILE.py``; with ``path``, the command of the study in that file."""
+    if path is not None:
+        file = load_study(Path(path))
+        parser = study_parser(f"pipelines.{file.name}", file.study.question)
+        command(parser, lambda arguments, options: write_study(file, options))
+    parser = study_parser("cmacexp.study", "Run a study and write its report.")
+    parser.add_argument("file", type=Path, metavar="FILE.py", help="defines STUDY; its page stands beside it")
+    command(parser, lambda arguments, options: write_study(load_study(arguments.file), options))

@@ -1,0 +1,20 @@
+"""Studies: runs, measures, claims, findings and figures, declared in one file, and a page that shows them."""
+
+from cmacexp.study.requests import Request, grid, starting_from
+from cmacexp.study.results import Results
+from cmacexp.study.statements import Claim, Criterion, Finding, at_least, at_most, between
+from cmacexp.study.study import Study
+
+__all__ = [
+    "Claim",
+    "Criterion",
+    "Finding",
+    "Request",
+    "Results",
+    "Study",
+    "at_least",
+    "at_most",
+    "between",
+    "grid",
+    "starting_from",
+]

@@ -1,0 +1,70 @@
+"""Panels of results: a metric over cycles or over a setting, a series for each value of another setting."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cmacexp.metrics.registry import SHOWN
+from cmacexp.report.figures import Panel, Series
+from cmacexp.report.run_summary import format_value
+from cmacexp.study.interval import estimate
+from cmacexp.study.results import Results
+from cmacexp.typing import Array
+
+
+def _appearance(name: str) -> tuple[str, str, float]:
+    """Title, unit and factor of a metric."""
+    shown = SHOWN.get(name)
+    return (shown.title, shown.unit, shown.factor) if shown else (name, "", 1.0)
+
+
+def over_cycles(results: Results, name: str, by: str, log: str = "") -> Panel:
+    """A metric in every cycle: the median over runs with the same value of ``by``, and their range as a band."""
+    title, unit, factor = _appearance(name)
+    series = []
+    for value, own in results.by(by).items():
+        histories = own.history(name)
+        length = max(map(len, histories))
+        padded = np.array([np.pad(h, (0, length - len(h)), constant_values=np.nan) for h in histories]) * factor
+        with np.errstate(all="ignore"):
+            middle, low, high = np.nanmedian(padded, 0), np.nanmin(padded, 0), np.nanmax(padded, 0)
+        band = (low, high) if len(histories) > 1 else (None, None)
+        series.append(Series(format_value(value), np.arange(1, length + 1), middle, *band))
+    return Panel(title, "cycle", f"{title}, {unit}".rstrip(", "), series, log=log)
+
+
+def over_setting(
+    results: Results,
+    key: str,
+    y: str,
+    sample: Callable[[Results], Array],
+    by: str | None = None,
+    *,
+    title: str = "",
+    log: str = "",
+    kind: str = "lines",
+) -> Panel:
+    """An estimate with its interval against a numeric setting.
+
+    Args:
+        results: to draw.
+        key: setting on the x axis.
+        y: name and unit of the y axis.
+        sample: a value for each run.
+        by: a setting with a series for each of its values.
+        title: of the panel.
+        log: logarithmic axes.
+        kind: of the panel.
+    """
+    groups: dict[Any, Results] = results.by(by) if by else {"": results}
+    series = []
+    for name, own in groups.items():
+        parts = {float(value): part for value, part in own.by(key).items()}
+        x = sorted(parts)
+        found = [estimate(sample(parts[value])) for value in x]
+        low, high = ([each.low for each in found], [each.high for each in found])
+        spread = any(each.method != "guard band" for each in found)
+        band = (low, high) if spread else (None, None)
+        series.append(Series(format_value(name), x, [each.value for each in found], *band))
+    return Panel(title, key, y, series, kind=kind, log=log)

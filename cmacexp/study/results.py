@@ -1,0 +1,189 @@
+"""The results of a study: a table with one row a run, selected by config, and the runs themselves."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.metrics.metric import LARGE, NEITHER
+from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.report.run_summary import RunSummary, format_value, read_summary
+from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Measures = Mapping[str, Callable[[StoredRun], float]]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run: what it was asked for, and what it gave."""
+
+    summary: RunSummary
+    settings: Mapping[str, Any]
+    """Labels, chosen options and config fields, by key."""
+    shown: Mapping[str, Any]
+    """Those that the study sets."""
+    measures: Mapping[str, float]
+
+
+class NoSuchRuns(ValueError):
+    """A selection without runs: a sample must never be empty."""
+
+
+def read_row(
+    folder: Path, labels: Mapping[str, Any], options: Mapping[str, str], keys: Sequence[str], measures: Measures
+) -> Row:
+    """Read a run, and measure it."""
+    summary, run = read_summary(folder), StoredRun(folder)
+    settings = {**summary.config, **options, **labels}
+    measured = {name: float(measure(run)) for name, measure in measures.items()}
+    return Row(summary, settings, {key: settings.get(key) for key in keys} | dict(labels), measured)
+
+
+@dataclass(frozen=True)
+class Results:
+    """The runs of a study, or a selection of them."""
+
+    rows: Sequence[Row]
+    computed: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
+    """Tables that the study computes besides its runs."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def folders(self) -> list[Path]:
+        """Of the runs."""
+        return [row.summary.folder for row in self.rows]
+
+    @property
+    def runs(self) -> list[StoredRun]:
+        """The runs, with their traces."""
+        return [StoredRun(folder) for folder in self.folders]
+
+    @property
+    def run(self) -> StoredRun:
+        """The only run, or the one of the first seed."""
+        return self.runs[0]
+
+    def values(self, key: str) -> list[Any]:
+        """The different values of a setting, in the order of the runs."""
+        return list(dict.fromkeys(_hashable(row.settings.get(key)) for row in self.rows))
+
+    def value(self, key: str) -> Any:
+        """The value of a setting that all runs share.
+
+        Raises:
+            ValueError: they do not share it.
+        """
+        found = self.values(key)
+        if len(found) != 1:
+            raise ValueError(f"{key} has {len(found)} values in these runs: {', '.join(map(str, found))}")
+        return found[0]
+
+    def select(self, settings: Mapping[str, Any] | None = None, /, **more: Any) -> "Results":
+        """The runs with these values of labels, options and config fields; a list means any of its values.
+
+        Raises:
+            NoSuchRuns: there is none.
+        """
+        wanted = {**(settings or {}), **more}
+        rows: Sequence[Row] = self.rows
+        for key, value in wanted.items():
+            before, allowed = rows, value if isinstance(value, list | tuple) else [value]
+            rows = [row for row in before if any(_same(row.settings.get(key), each) for each in allowed)]
+            if not rows:
+                present = Results(before).values(key)
+                raise NoSuchRuns(f"no run has {key}={value!r}; they have {', '.join(map(repr, present))}")
+        return Results(rows, self.computed)
+
+    def by(self, key: str) -> "dict[Any, Results]":
+        """The runs by the values of a setting."""
+        return {value: self.select({key: value}) for value in self.values(key)}
+
+    def measure(self, name: str) -> Array:
+        """(runs,): a measure of the study, or a metric in the last whole cycle."""
+        if name in ALL_METRICS:
+            return np.array([row.summary.final(name) for row in self.rows])
+        return np.array([row.measures[name] for row in self.rows])
+
+    def at(self, cycle: int, name: str) -> Array:
+        """(runs,): a metric in one cycle; of a run that ended before, the worst value that there is."""
+        worst = worst_value(name)
+        histories = [row.summary.metrics.get(name, np.empty(0)) for row in self.rows]
+        return np.array([float(h[cycle - 1]) if cycle <= len(h) else worst for h in histories])
+
+    def end(self, name: str, cycles: int = 10) -> Array:
+        """(runs,): median of a metric over the last cycles; of a run that did not complete, the worst value."""
+        worst = worst_value(name)
+        return np.array(
+            [
+                float(np.median(row.summary.metrics[name][-cycles:])) if row.summary.status == "completed" else worst
+                for row in self.rows
+            ]
+        )
+
+    def history(self, name: str) -> list[Array]:
+        """A metric in all whole cycles of each run."""
+        return [row.summary.metrics[name] for row in self.rows if name in row.summary.metrics]
+
+    @property
+    def completed(self) -> list[bool]:
+        """Whether each run reached its end."""
+        return [row.summary.status == "completed" for row in self.rows]
+
+    @property
+    def cycles(self) -> list[int]:
+        """Whole cycles of each run."""
+        return [row.summary.cycles for row in self.rows]
+
+    @cached_property
+    def table(self) -> "pd.DataFrame":
+        """One row a run: what the study sets, how the run ended, its measures, and its metrics in the last cycle."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            {**_plain(row), "cycles": row.summary.cycles, "status": row.summary.status, "cause": row.summary.cause}
+            | dict(row.measures)
+            | {name: row.summary.final(name) for name in row.summary.metrics}
+            for row in self.rows
+        )
+
+    def per_cycle(self, *names: str) -> "pd.DataFrame":
+        """One row a run and cycle, with some metrics."""
+        import pandas as pd
+
+        parts = [
+            pd.DataFrame({**_plain(row), "cycle": np.arange(1, row.summary.cycles + 1)})
+            .assign(**{name: row.summary.metrics[name] for name in names if name in row.summary.metrics})
+            for row in self.rows
+        ]  # fmt: skip
+        return pd.concat(parts, ignore_index=True)
+
+
+def worst_value(name: str) -> float:
+    """What a metric of a run that ended before counts as; NaN if neither direction is better."""
+    better = ALL_METRICS[name].better
+    return float("nan") if better == NEITHER else 0.0 if better == LARGE else float("inf")
+
+
+def _hashable(value: Any) -> Any:
+    return format_value(value) if isinstance(value, list) else value
+
+
+def _same(value: Any, wanted: Any) -> bool:
+    return bool(value == wanted) or format_value(value) == format_value(wanted)
+
+
+def _plain(row: Row) -> dict[str, Any]:
+    """What the study sets, as values of columns."""
+    return {
+        key: value if isinstance(value, int | float | str) else format_value(value)
+        for key, value in row.shown.items()
+    }

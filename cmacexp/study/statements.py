@@ -1,0 +1,202 @@
+"""Claims of a paper and findings of a study: statements that an interval decides, and that can come out otherwise."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from cmacexp.report.numbers import format_number
+from cmacexp.study.interval import Interval, estimate
+from cmacexp.study.results import Results
+from cmacexp.typing import Array
+
+REPRODUCED, IN_PART, NOT_REPRODUCED = "reproduced", "reproduced in part", "not reproduced"
+CONTRADICTED, INCONCLUSIVE = "contradicted", "inconclusive"
+VERDICTS = {
+    REPRODUCED: "every interval lies within the limit at which the claim holds",
+    IN_PART: "some criteria of the claim are reproduced, others are not",
+    NOT_REPRODUCED: "no interval reaches the limit at which the claim holds",
+    CONTRADICTED: "every interval lies within the limit at which the opposite holds",
+    INCONCLUSIVE: "an interval contains the limit at which the claim holds: more seeds or a clearer measure are needed",
+}
+"""What each verdict means."""
+YES, NO, UNCLEAR = "yes", "no", "unclear"
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The values from ``low`` to ``high``."""
+
+    low: float = -math.inf
+    high: float = math.inf
+
+    def contains(self, interval: Interval) -> bool:
+        """Whether the whole interval lies within."""
+        return self.low <= interval.low and interval.high <= self.high
+
+    def touches(self, interval: Interval) -> bool:
+        """Whether a part of the interval lies within."""
+        return self.low <= interval.high and interval.low <= self.high
+
+    def describe(self, scale: float, unit: str) -> str:
+        """E.g. ``at most 5 %``."""
+        low, high = (format_number(scale * bound, unit) for bound in (self.low, self.high))
+        if math.isinf(self.low):
+            return f"at most {high}"
+        return f"at least {low}" if math.isinf(self.high) else f"{low} to {high}"
+
+
+def at_most(value: float) -> Limit:
+    """Values up to ``value``."""
+    return Limit(high=value)
+
+
+def at_least(value: float) -> Limit:
+    """Values from ``value`` on."""
+    return Limit(low=value)
+
+
+def between(low: float, high: float) -> Limit:
+    """Values from ``low`` to ``high``."""
+    return Limit(low, high)
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A measured quantity and the limits that decide what it says."""
+
+    quantity: str
+    """What is measured, as readers see it."""
+    sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array]
+    """A value for each run, pair or case; truth values for a proportion. What a failed run counts as is said here."""
+    holds: Limit
+    """Where the statement holds."""
+    fails: Limit | None = None
+    """Where its opposite holds; None: nowhere, the statement can only not be reproduced."""
+    unit: str = ""
+    scale: float = 1.0
+    """From the sample's unit to ``unit``; limits are in the sample's."""
+    of: Mapping[str, Any] = field(default_factory=dict)
+    """The settings of the runs that the sample is taken from; all runs if empty."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A criterion, and what the runs gave."""
+
+    criterion: Criterion
+    interval: Interval
+    runs: Sequence[str]
+    """Folders of the runs behind it."""
+
+    @property
+    def verdict(self) -> str:
+        """One of :data:`VERDICTS`, but for ``reproduced in part``."""
+        holds, fails = self.criterion.holds, self.criterion.fails
+        if holds.contains(self.interval):
+            return REPRODUCED
+        if fails is not None and fails.contains(self.interval):
+            return CONTRADICTED
+        return INCONCLUSIVE if holds.touches(self.interval) else NOT_REPRODUCED
+
+    def _format(self, value: float) -> str:
+        return format_number(self.criterion.scale * value, self.criterion.unit)
+
+    @property
+    def value(self) -> str:
+        """The estimate with its unit."""
+        return self._format(self.interval.value)
+
+    @property
+    def evidence(self) -> str:
+        """The estimate, its interval, the size of the sample, and the limits."""
+        criterion, interval = self.criterion, self.interval
+        limits = [f"holds: {criterion.holds.describe(criterion.scale, criterion.unit)}"]
+        if criterion.fails is not None:
+            limits.append(f"opposite: {criterion.fails.describe(criterion.scale, criterion.unit)}")
+        low, high = self._format(interval.low), self._format(interval.high)
+        return f"{self.value} ({low} to {high}, n = {interval.count}; {'; '.join(limits)})"
+
+
+def _measure(criterion: Criterion, results: Results) -> Measured:
+    chosen = results.select(criterion.of) if criterion.of else results
+    try:
+        interval = estimate(criterion.sample(chosen))
+    except ValueError as error:
+        raise ValueError(f"{criterion.quantity}: {error}") from error
+    return Measured(criterion, interval, [str(folder) for folder in chosen.folders])
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim of a paper, in its words, and the criteria that decide it."""
+
+    words: str
+    where: str
+    """Section, figure or equation of the paper."""
+    criteria: Sequence[Criterion]
+
+    def judge(self, results: Results) -> "Judged":
+        """Measure every criterion."""
+        return Judged(self, [_measure(criterion, results) for criterion in self.criteria])
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A claim, and what the runs say of it."""
+
+    claim: Claim
+    measured: Sequence[Measured]
+
+    @property
+    def verdict(self) -> str:
+        """That of all criteria together, one of :data:`VERDICTS`."""
+        found = {each.verdict for each in self.measured}
+        if len(found) == 1:
+            return found.pop()
+        if INCONCLUSIVE in found:
+            return INCONCLUSIVE
+        return IN_PART if REPRODUCED in found else NOT_REPRODUCED
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A statement of the study itself, with the sentence for each outcome.
+
+    In the sentences ``{value}`` stands for the first criterion's estimate, ``{values[1]}`` for the second's.
+    """
+
+    criteria: Sequence[Criterion]
+    yes: str
+    """If every interval lies within its limit."""
+    no: str
+    """If some interval lies outside."""
+    unclear: str
+    """Otherwise."""
+
+    def judge(self, results: Results) -> "Found":
+        """Measure every criterion."""
+        return Found(self, [_measure(criterion, results) for criterion in self.criteria])
+
+
+@dataclass(frozen=True)
+class Found:
+    """A finding, and what the runs say of it."""
+
+    finding: Finding
+    measured: Sequence[Measured]
+
+    @property
+    def outcome(self) -> str:
+        """``yes``, ``no`` or ``unclear``."""
+        if all(each.criterion.holds.contains(each.interval) for each in self.measured):
+            return YES
+        outside = any(not each.criterion.holds.touches(each.interval) for each in self.measured)
+        return NO if outside else UNCLEAR
+
+    @property
+    def sentence(self) -> str:
+        """The sentence of the outcome."""
+        values = [each.value for each in self.measured]
+        wording = {YES: self.finding.yes, NO: self.finding.no, UNCLEAR: self.finding.unclear}[self.outcome]
+        return wording.format(value=values[0], values=values)

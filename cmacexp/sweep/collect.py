@@ -1,0 +1,72 @@
+"""The runs of studies: found by the hash of their config if they are complete, else run, on all cores."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.config.compose import compose_with_choices
+from cmacexp.data.files import alone_in
+from cmacexp.data.integrity import is_finished
+from cmacexp.report.terminal import announce_compiling
+from cmacexp.study.requests import Request
+from cmacexp.sweep.workers import Each
+
+HASH_DIGITS = 12
+Collected = Mapping[Request, tuple[Path, Mapping[str, str]]]
+"""Folder of the run of each request, and the option that was chosen in each group."""
+
+
+def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, Mapping[str, str], bool]:
+    """Folder of the run of ``overrides``, its config, its options, and whether it is complete."""
+    config, choices = compose_with_choices([*overrides, "record=trace"])
+    kept = ("-thin" if config.record.thins else "") + ("-weights" if config.record.weights else "")
+    folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{kept}"
+    return folder, config, choices, is_finished(folder, config)
+
+
+def _run(folder: Path, config: Config) -> None:
+    from cmacexp.experiment import run_scenario
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with alone_in(folder):
+        if not is_finished(folder, config):  # another study may have run it while this one waited
+            run_scenario(config, folder)
+
+
+def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before: Collected) -> Collected:
+    """Collect requests whose start weights, if any, are those of runs in ``before``."""
+
+    def overrides(request: Request) -> tuple[str, ...]:
+        if request.starts_from is None:
+            return request.overrides
+        return (*request.overrides, f"learning.start_from='{before[request.starts_from][0]}'")
+
+    wanted = sorted({overrides(request) for request in requests})
+    found = dict(zip(wanted, each("looking for runs", _look_up, [(o, store) for o in wanted]), strict=True))
+    missing = {folder: config for folder, config, _, finished in found.values() if not finished}
+    print(f"{len(found)} runs, {len(missing)} of them to be run", file=sys.stderr)
+    if missing:
+        announce_compiling()
+        each("running", _run, list(missing.items()))
+    return {request: (found[overrides(request)][0], found[overrides(request)][2]) for request in requests}
+
+
+def collect(each: Each, requests: Sequence[Request], store: Path) -> Collected:
+    """The runs of requests; equal ones are run once, complete ones not at all.
+
+    Args:
+        each: runs work on all cores.
+        requests: each of one seed, see :meth:`Request.with_seed`.
+        store: folder of all runs.
+
+    Raises:
+        CmacexpError: overrides that cannot be run.
+    """
+    first = [request for request in requests if request.starts_from is None]
+    later = [request for request in requests if request.starts_from is not None]
+    first = list(dict.fromkeys([*first, *(request.starts_from for request in later if request.starts_from)]))
+    collected = dict(_collect_ready(each, first, store, {}))
+    if later:
+        collected |= _collect_ready(each, later, store, collected)
+    return collected
