@@ -1,5 +1,7 @@
 """Studies: runs, measures, claims, findings and figures, declared in one file, and a page that shows them."""
 
+from cmacexp.report.figures import HeatMap, Panel, Series, draw
+from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.requests import Request, grid, starting_from
 from cmacexp.study.results import Results
 from cmacexp.study.statements import Claim, Criterion, Finding, at_least, at_most, between
@@ -9,12 +11,18 @@ __all__ = [
     "Claim",
     "Criterion",
     "Finding",
+    "HeatMap",
+    "Panel",
     "Request",
     "Results",
+    "Series",
     "Study",
     "at_least",
     "at_most",
     "between",
+    "draw",
     "grid",
+    "over_cycles",
+    "over_setting",
     "starting_from",
 ]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cmacexp.report.numbers import format_number
 from cmacexp.report.page import Html, Section, relative, save_figure
-from cmacexp.study.results import Results
+from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import VERDICTS, Found, Judged
 from cmacexp.study.study import StudyFile
 
@@ -67,7 +67,7 @@ class _Inserts:
         environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_finalize)
         given: dict[str, Any] = {
             "figure": self._figure, "table": self._table, "finding": self._finding, "claim": self._claim,
-            "number": format_number, "runs": len(self.results),
+            "number": format_number, "last_cycles": LAST_CYCLES, "runs": len(self.results),
         }  # fmt: skip
         values = self.file.study.values(self.results)
         return environment.from_string(self.file.page.read_text()).render({**given, **values})

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Measures = Mapping[str, Callable[[StoredRun], float]]
+LAST_CYCLES = 10
+"""Cycles at the end of a run whose median is its final value."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ class Results:
         histories = [row.summary.metrics.get(name, np.empty(0)) for row in self.rows]
         return np.array([float(h[cycle - 1]) if cycle <= len(h) else worst for h in histories])
 
-    def end(self, name: str, cycles: int = 10) -> Array:
+    def end(self, name: str, cycles: int = LAST_CYCLES) -> Array:
         """(runs,): median of a metric over the last cycles; of a run that did not complete, the worst value."""
         worst = worst_value(name)
         return np.array(

@@ -1,0 +1,167 @@
+"""Studies: grids of runs, samples, intervals, and statements that can come out every way."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cmacexp.report.numbers import format_number
+from cmacexp.report.run_summary import RunSummary
+from cmacexp.study import Claim, Criterion, Finding, Results, at_least, at_most, between, grid, starting_from
+from cmacexp.study.interval import estimate
+from cmacexp.study.results import NoSuchRuns, Row
+from cmacexp.study.statements import VERDICTS
+
+
+def made(*errors: float, asked: int = 5, **settings) -> Results:
+    """A run for each final error; one of NaN fell after two cycles."""
+    rows = []
+    for error in errors:
+        fell = math.isnan(error)
+        history = np.linspace(1.0, 0.5 if fell else error, 2 if fell else asked)
+        status = "fell" if fell else "completed"
+        summary = RunSummary(
+            Path("run"), status, "", {}, len(history), {"transfer_rmse_x": history, "feedforward_share": history}
+        )
+        rows.append(Row(summary, settings, settings, {}))
+    return Results(rows)
+
+
+def last_error(results: Results) -> np.ndarray:
+    return results.at(5, "transfer_rmse_x")
+
+
+def test_a_grid_is_every_combination_and_labels_name_bundles():
+    kinds = {"none": ["feedforward=none"], "both": ["feedforward=cmac", "learning.lead=1"]}
+    found = grid("cycles=9", over={"cmac.layers": [8, 16], "kind": kinds}, machine="leg")
+    assert [request.overrides for request in found] == [
+        ("cycles=9", "cmac.layers=8", "feedforward=none"),
+        ("cycles=9", "cmac.layers=8", "feedforward=cmac", "learning.lead=1"),
+        ("cycles=9", "cmac.layers=16", "feedforward=none"),
+        ("cycles=9", "cmac.layers=16", "feedforward=cmac", "learning.lead=1"),
+    ]
+    assert [dict(request.labels) for request in found[:2]] == [
+        {"machine": "leg", "kind": "none"},
+        {"machine": "leg", "kind": "both"},
+    ]
+
+
+def test_a_run_starts_from_the_weights_of_the_run_with_its_labels_and_its_seed():
+    kinds = {"a": ["feedforward=cmac"], "b": ["feedforward=rbf"]}
+    before, after = (grid(text, over={"kind": kinds}, seeded=True) for text in ("cycles=9", "gait.stroke=0.1"))
+    second = starting_from(before, after)[1].with_seed(4)
+    assert second.overrides == ("gait.stroke=0.1", "feedforward=rbf", "seed=4")
+    assert second.starts_from.overrides == ("cycles=9", "feedforward=rbf", "seed=4")
+
+
+def test_wilson_s_interval_of_38_of_40():
+    """Agresti & Coull 1998: (p + z^2/2n -+ z sqrt(pq/n + z^2/4n^2)) / (1 + z^2/n)."""
+    z, p, n = 1.959964, 0.95, 40
+    centre, reach = p + z**2 / (2 * n), z * math.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    found = estimate([True] * 38 + [False] * 2)
+    assert (found.low, found.high) == pytest.approx(
+        [(centre - reach) / (1 + z**2 / n), (centre + reach) / (1 + z**2 / n)]
+    )
+
+
+def test_values_without_a_spread_have_a_guard_band_and_others_a_bootstrap():
+    assert estimate([2.0, 2.0, 2.0]) == estimate([2.0, 2.0, 2.0])
+    assert (estimate([-2.0]).low, estimate([-2.0]).high) == (-2.1, -1.9)
+    three = estimate([1.0, 2.0, 3.0])
+    assert (three.low, three.value, three.high) == (1.0, 2.0, 3.0)
+    many = estimate(np.random.default_rng(0).normal(5.0, 1.0, 100))
+    assert many.low < 5.0 < many.high
+    assert many.high - many.low < 0.6
+
+
+def test_outliers_do_not_move_the_interquartile_mean():
+    assert estimate([1.0, 1.0, 1.1, 1e9]).value == pytest.approx(1.05)
+
+
+def test_a_run_that_fell_counts_as_the_worst_value():
+    sample = last_error(made(0.1, float("nan")))
+    assert sample.tolist() == [0.1, math.inf]
+    assert made(float("nan")).at(5, "feedforward_share").tolist() == [0.0]
+    assert made(0.1, float("nan")).end("transfer_rmse_x").tolist()[1] == math.inf
+    assert estimate(sample).high == math.inf
+
+
+@pytest.mark.parametrize(("sample", "message"), [([], "empty"), ([1.0, float("nan")], "NaN")])
+def test_an_empty_sample_and_an_undefined_value_are_errors(sample, message):
+    criterion = Criterion("error", lambda results: sample, at_most(1.0))
+    with pytest.raises(ValueError, match=f"error: the sample .*{message}"):
+        Claim("it is small", "section 1", [criterion]).judge(made(0.1))
+
+
+def test_a_selection_without_runs_names_what_there_is():
+    results = Results([*made(0.1, machine="leg").rows, *made(0.2, machine="walk").rows])
+    assert len(results.select(machine=["leg", "walk"])) == 2
+    with pytest.raises(NoSuchRuns, match="no run has machine='robot'; they have 'leg', 'walk'"):
+        results.select(machine="robot")
+
+
+OPPOSITE = at_least(2.0)
+
+
+def criterion(value: float, fails=OPPOSITE) -> Criterion:
+    return Criterion("error", lambda results: [value], at_most(1.0), fails)
+
+
+@pytest.mark.parametrize(
+    ("criteria", "verdict"),
+    [
+        ([criterion(0.5)], "reproduced"),
+        ([criterion(0.5), criterion(1.5)], "reproduced in part"),
+        ([criterion(0.5), criterion(3.0)], "reproduced in part"),
+        ([criterion(1.5)], "not reproduced"),
+        ([criterion(2.0)], "not reproduced"),
+        ([criterion(1.5), criterion(3.0)], "not reproduced"),
+        ([criterion(3.0)], "contradicted"),
+        ([criterion(3.0, fails=None)], "not reproduced"),
+        ([criterion(0.99)], "inconclusive"),
+        ([criterion(0.5), criterion(1.01)], "inconclusive"),
+    ],
+)
+def test_each_verdict_from_where_the_intervals_lie(criteria, verdict):
+    assert Claim("it is small", "section 1", criteria).judge(made(0.1)).verdict == verdict
+    assert verdict in VERDICTS
+
+
+@pytest.mark.parametrize(
+    ("value", "sentence"), [(0.5, "It is 0.5 mm."), (1.5, "It is not: 1.5 mm."), (1.0, "Unclear: 1 mm.")]
+)
+def test_a_finding_has_a_sentence_for_each_outcome(value, sentence):
+    measured = Criterion("error", lambda results: [value * 1e-3], at_most(1e-3), unit="mm", scale=1e3)
+    finding = Finding([measured], "It is {value}.", "It is not: {value}.", "Unclear: {value}.")
+    assert finding.judge(made(0.1)).sentence == sentence
+
+
+def test_evidence_shows_value_interval_size_and_limits():
+    measured = Criterion("error", last_error, between(0.05, 0.2), at_least(0.5), unit="%", scale=100.0)
+    found = Claim("it is small", "section 1", [measured]).judge(made(0.1, 0.1)).measured[0]
+    assert found.evidence == "10 % (9.5 % to 10.5 %, n = 2; holds: 5 % to 20 %; opposite: at least 50 %)"
+
+
+def test_the_tables_have_a_row_a_run_and_a_row_a_run_and_cycle():
+    results = made(0.1, float("nan"), machine="leg")
+    assert results.table[["machine", "status", "cycles"]].values.tolist() == [
+        ["leg", "completed", 5],
+        ["leg", "fell", 2],
+    ]
+    assert len(results.per_cycle("transfer_rmse_x")) == 7
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.12345, "0.123"),
+        (12345.6, "12300"),
+        (-1e-7, "-1e-07"),
+        (math.inf, "infinite"),
+        (math.nan, "undefined"),
+        (3, "3"),
+    ],
+)
+def test_numbers_have_three_digits(value, text):
+    assert format_number(value) == text
