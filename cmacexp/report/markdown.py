@@ -54,7 +54,7 @@ class MarkdownPage:
 
     def _figure(self, name: str, title: str = "", caller: Callable[[], str] | None = None) -> str:
         """A figure with its caption, which also describes it to screen readers."""
-        source, files = save_figure(f"{self.template.stem}_{name}", self.figures[name](), self.folder)
+        source, files = save_figure(name, self.figures[name](), self.folder)
         self.files += files
         caption = caller().strip() if caller else ""
         alt = html.escape(re.sub(r"\s+", " ", caption) or title or name)

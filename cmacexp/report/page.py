@@ -1,14 +1,12 @@
-"""A report: sections of text, tables, claims and figures as one self-contained HTML file."""
+"""A report: sections of text, tables and figures as one self-contained HTML file."""
 
 import base64
-import csv
 import hashlib
-import io
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import sha256, write_atomically
@@ -16,8 +14,7 @@ from cmacexp.data.files import sha256, write_atomically
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HTML, CLAIMS_CSV, FIGURES = "report.html", "claims.csv", "figures"
-VERDICTS = ("reproduced", "reproduced in part", "not reproduced", "contradicted")
+HTML, FIGURES = "report.html", "figures"
 
 
 @dataclass(frozen=True)
@@ -74,41 +71,12 @@ class Image:
 Part = Text | Table | Drawing | Image | Html
 
 
-class Link(NamedTuple):
-    """A link to a run behind a claim."""
-
-    name: str
-    address: str
-    """Relative to the report."""
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A claim of the paper, and the measured result."""
-
-    claim: str
-    where: str
-    """Section and figure of the paper."""
-    measured: str
-    verdict: str
-    """One of :data:`VERDICTS`."""
-    runs: Sequence[Link]
-    """The runs behind it."""
-
-    def __post_init__(self) -> None:
-        if self.verdict not in VERDICTS:
-            raise ValueError(f"verdict {self.verdict!r}: choose from {', '.join(VERDICTS)}")
-
-
 @dataclass(frozen=True)
 class Section:
     """A section of a report."""
 
     title: str
     parts: Sequence[Part]
-    claims: Sequence[Claim] = ()
-    beyond: bool = False
-    """Goes beyond the paper, and so comes after its claims."""
 
     @property
     def anchor(self) -> str:
@@ -129,11 +97,6 @@ class Report:
     """The request; stored in the manifest."""
     runs: Mapping[Path, str] = field(default_factory=dict)
     """The hash of the config of every run in it, by folder."""
-
-    @property
-    def claims(self) -> list[Claim]:
-        """Of all sections, in order."""
-        return [claim for section in self.sections for claim in section.claims]
 
 
 def draw(section: Section, folder: Path) -> tuple[Section, list[Path]]:
@@ -163,16 +126,6 @@ def save_figure(name: str, figure: "Figure", report: Path) -> tuple[str, list[Pa
     return "data:image/svg+xml;base64," + base64.b64encode(files[-1].read_bytes()).decode(), files
 
 
-def _claims_csv(claims: Sequence[Claim]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["claim", "where", "measured", "verdict", "runs"])
-    writer.writerows(
-        [c.claim, c.where, c.measured, c.verdict, " ".join(run.address for run in c.runs)] for c in claims
-    )
-    return text.getvalue()
-
-
 def relative(path: Path, folder: Path) -> str:
     """``path`` relative to ``folder``."""
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
@@ -193,15 +146,13 @@ def write_report(report: Report, folder: Path, key: str | None = None) -> Path:
 
     folder.mkdir(parents=True, exist_ok=True)
     (folder / manifests.NAME).unlink(missing_ok=True)
-    drawn = [draw(section, folder) for section in sorted(report.sections, key=lambda section: section.beyond)]
+    drawn = [draw(section, folder) for section in report.sections]
     written = [file for _, files in drawn for file in files]
     environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True)
     page = environment.get_template("page.html").render(report=report, sections=[section for section, _ in drawn])
-    texts = {HTML: page} | ({CLAIMS_CSV: _claims_csv(report.claims)} if report.claims else {})
-    for name, text in texts.items():
-        with write_atomically(folder / name) as temporary:
-            temporary.write_text(text)
-        written.append(folder / name)
+    with write_atomically(folder / HTML) as temporary:
+        temporary.write_text(page)
+    written.append(folder / HTML)
     manifests.write(
         folder,
         {

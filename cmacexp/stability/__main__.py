@@ -8,7 +8,6 @@ from cmacexp.cli.command import command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
-from cmacexp.report.page import write_report
 from cmacexp.report.terminal import print_table
 
 FOLDER = "stability"
@@ -26,7 +25,7 @@ def _cycle(text: str | None) -> int | None:
 def _analyse(arguments: argparse.Namespace) -> int:
     from cmacexp.report.terminal import announce_compiling
     from cmacexp.stability.analysis import analyse
-    from cmacexp.stability.page import TITLES, report, rows, verdict
+    from cmacexp.stability.page import TITLES, rows, verdict, write_stability_report
 
     announce_compiling()
     folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
@@ -36,7 +35,7 @@ def _analyse(arguments: argparse.Namespace) -> int:
     cycle = _cycle(arguments.cycle)
     for folder in folders:
         analysis = analyse(StoredRun(folder), cycle)
-        path = write_report(report(analysis), out or folder / FOLDER)
+        path = write_stability_report(analysis, out or folder / FOLDER)
         print_table(TITLES, rows(analysis), left=1)
         print(verdict(analysis))
         print(path)

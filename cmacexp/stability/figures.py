@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cmacexp.report.figure_data import SUPPORT, legend_above, legend_below, logarithmic, mark
-from cmacexp.report.page import Drawing
 from cmacexp.report.style import DESIRED, MARKERS, SERIES, label, new_figure, new_grid
 from cmacexp.stability.analysis import DELAYS, LEADS, Analysis
 from cmacexp.stability.mode import spectrum
@@ -13,6 +12,7 @@ from cmacexp.stability.transfer import Spectrum
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SHOWN = 80
 """Samples of the growing change that are shown."""
@@ -25,7 +25,7 @@ def format_lead(lead: int) -> str:
     return f"lead {lead}"
 
 
-def growth(analysis: Analysis) -> Drawing:
+def growth(analysis: Analysis) -> "Figure":
     """Change of the feedback from cycle to cycle, measured and predicted; growth of every lead."""
     own, place = analysis.own, analysis.own.place
     assert own.growth is not None
@@ -45,12 +45,7 @@ def growth(analysis: Analysis) -> Drawing:
     right.plot(numbers, [each.predicted for each in known], "o", ms=4, color=SERIES[0], label="predicted")
     label(right, "growth per cycle", "learning.lead, samples", "factor from cycle to cycle")
     legend_above(right)
-    caption = (
-        "Left: change of the feedback from each cycle to the next, measured and predicted by the loop linearised "
-        f"after cycle {place.calm}; the growth is that over the shaded cycles. Right: growth per cycle with each "
-        "lead, each over cycles of its own; above 1 learning diverges."
-    )
-    return Drawing("growth", figure, caption)
+    return figure
 
 
 def _torques(axes: "Axes", analysis: Analysis, leg: int) -> None:
@@ -64,7 +59,7 @@ def _torques(axes: "Axes", analysis: Analysis, leg: int) -> None:
         )
 
 
-def mode(analysis: Analysis) -> Drawing:
+def mode(analysis: Analysis) -> "Figure":
     """The growing change of the feedforward over the cycle, and its spectrum."""
     figure, (left, right) = new_figure(1, 2, 2.8)
     change, period = analysis.measured_mode.change, analysis.config.sampling_period
@@ -80,15 +75,10 @@ def mode(analysis: Analysis) -> Drawing:
         colour, line = ("black", ":") if index else (SERIES[1], "-")
         right.plot(hertz, power / power.max(), color=colour, linestyle=line, label=name)
     label(right, "its spectrum", "frequency, Hz", "power, of its largest")
-    last = analysis.own.place.last
-    caption = (
-        f"What the feedforward changes from cycle {last} to the next, where in the cycle it is largest, measured and "
-        f"predicted {last - analysis.own.place.calm} cycles ahead, each over its own largest."
-    )
-    return Drawing("mode", figure, caption)
+    return figure
 
 
-def eigenvalues(analysis: Analysis) -> Drawing:
+def eigenvalues(analysis: Analysis) -> "Figure":
     """Leading eigenvalues of the map from cycle to cycle for every lead."""
     known = [each for each in analysis.leads if each.growth is not None]
     figure, axes = new_grid(len(known), min(3, len(known)), 2.3, sharex=True, sharey=True)
@@ -105,11 +95,7 @@ def eigenvalues(analysis: Analysis) -> Drawing:
         label(
             ax, f"{format_lead(each.lead)}: {outside.sum()} outside", "real part", "imaginary part" if first else ""
         )
-    caption = (
-        "Eigenvalues of the map from cycle to cycle, as far as they show from the change that the run itself makes; "
-        "squares lie outside the unit circle. Most of the map's thousands lie near 1: cells that hardly matter."
-    )
-    return Drawing("eigenvalues", figure, caption)
+    return figure
 
 
 def _real_parts(axes: "Axes", each: Spectrum) -> None:
@@ -119,41 +105,34 @@ def _real_parts(axes: "Axes", each: Spectrum) -> None:
     axes.set_ylim(DEEPEST, 1.3)
 
 
-def _list_holding(analysis: Analysis) -> str:
-    """Leads with which Re T is positive at all of the places."""
-    return " and ".join(format_lead(lead) for lead in LEADS if analysis.least_real(lead) > 0.0) or "none of the leads"
-
-
-def real_parts(analysis: Analysis) -> Drawing:
+def real_parts(analysis: Analysis) -> "Figure":
     """Re T over frequency for each lead, at a few places of the cycle."""
     figure, axes = new_figure(1, len(analysis.places), 2.8, sharey=True)
     for ax, (name, spectra) in zip(axes, analysis.places.items(), strict=True):
         _real_parts(ax, spectra[0])
         label(ax, name, "frequency, Hz", "Re T, least eigenvalue" if ax is axes[0] else "")
     legend_below(figure, axes[0])
-    caption = (
-        "T: from feedforward torque to the torque that it spares the feedback. Where Re T is negative, learning from "
-        "cycle to cycle goes the wrong way. A torque at one step shows in U at the next, which turns the phase of "
-        "fast changes too far for any but the right lead. Here Re T is positive at every frequency with "
-        f"{_list_holding(analysis)}."
-    )
-    return Drawing("real_parts", figure, caption)
+    return figure
 
 
-def delays(analysis: Analysis) -> Drawing:
+def choose_delayed(analysis: Analysis) -> str:
+    """The place where further delays are tried: mid transfer, if there is one."""
+    return list(analysis.places)[min(1, len(analysis.places) - 1)]
+
+
+def delays(analysis: Analysis) -> "Figure":
     """Re T in mid transfer if torques reached the joints later."""
     figure, axes = new_figure(1, len(DELAYS), 2.8, sharey=True)
-    name, spectra = list(analysis.places.items())[min(1, len(analysis.places) - 1)]
+    spectra = analysis.places[choose_delayed(analysis)]
     for ax, delay, each in zip(axes, DELAYS, spectra, strict=True):
         _real_parts(ax, each)
         title = f"{delay} more samples" if delay != 1 else "1 more sample"
         label(ax, title, "frequency, Hz", "Re T, least eigenvalue" if ax is axes[0] else "")
     legend_below(figure, axes[0])
-    caption = f"Re T in {name} if all torques reached the joints later: every sample of delay needs one more of lead."
-    return Drawing("delays", figure, caption)
+    return figure
 
 
-def along(analysis: Analysis) -> Drawing:
+def along(analysis: Analysis) -> "Figure":
     """The least Re T over all frequencies, over the cycle."""
     figure, (axes,) = new_figure(1, 1, 2.6)
     clock = [sample * analysis.config.sampling_period for sample in analysis.along]
@@ -164,10 +143,4 @@ def along(analysis: Analysis) -> Drawing:
     axes.set_ylim(2 * DEEPEST, 0.4)
     label(axes, "least Re T of all frequencies", "time in the cycle, s", "Re T")
     legend_below(figure, axes)
-    best = max(LEADS, key=lambda lead: min(each.least(lead) for each in analysis.along.values()))
-    wrong = [f"{time:.2f}" for time, each in zip(clock, analysis.along.values(), strict=True) if each.least(best) < 0]
-    caption = (
-        f"The least real part over all frequencies, at {len(analysis.along)} samples. With {format_lead(best)} it "
-        + (f"is negative at {', '.join(wrong)} s." if wrong else "is positive at all of them.")
-    )
-    return Drawing("along", figure, caption)
+    return figure

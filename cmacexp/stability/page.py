@@ -1,12 +1,19 @@
 """The stability of a run as a page, and as a table in the terminal."""
 
 import math
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from cmacexp.data.tables import TRACE
-from cmacexp.report.page import Report, Section, Table, Text
+from cmacexp.report.markdown import MarkdownPage
+from cmacexp.report.page import Report, write_report
 from cmacexp.stability import figures
 from cmacexp.stability.analysis import DELAYS, LEADS, Analysis, LeadGrowth
-from cmacexp.stability.mode import AFTER_LIFT_OFF, Mode, likeness
+from cmacexp.stability.mode import AFTER_LIFT_OFF, likeness
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TITLES = ("lead", "predicted growth", "measured growth", "over cycles", "largest eigenvalue", "least Re T", "ends")
 HOLDS = 1.0
@@ -49,62 +56,90 @@ def verdict(analysis: Analysis) -> str:
     return text
 
 
-def _where(analysis: Analysis) -> Table:
-    def row(name: str, mode: Mode, clock: float) -> list[str]:
-        share = "-" if math.isnan(mode.share_after_lift_off) else f"{mode.share_after_lift_off:.1%}"
-        return [name, share, f"{mode.frequency:.0f}", f"{mode.busiest * clock:.3f}"]
+def _where(analysis: Analysis) -> "pd.DataFrame":
+    """Place and frequency of the growing change, measured and predicted."""
+    import pandas as pd
 
-    period = analysis.config.sampling_period
-    titles = ["change of the feedforward", f"share in the {AFTER_LIFT_OFF} steps after lift-off"]
-    body = [row("measured", analysis.measured_mode, period), row("predicted", analysis.predicted_mode, period)]
-    alike = likeness(analysis.measured_mode.change, analysis.predicted_mode.change)
-    caption = f"From cycle {analysis.own.place.last} to the next; cosine between the two {alike:.4f}."
-    return Table([*titles, "frequency at its peak, Hz", "largest at, s"], body, caption)
-
-
-def _reasons(analysis: Analysis) -> Table:
-    cells = []
-    for name, spectra in analysis.places.items():
-        values = [spectra[0].wrong_from(lead) for lead in LEADS]
-        cells.append([name, *("nowhere" if math.isnan(value) else f"{value:.0f}" for value in values)])
-    titles = ["place in the cycle", *(f"lead {lead}" for lead in LEADS)]
-    return Table(titles, cells, "Lowest frequency at which Re T is negative, Hz.")
-
-
-def _delays(analysis: Analysis) -> Table:
-    cells = [[str(delay), *(f"{analysis.least_real(lead, delay):+.3f}" for lead in LEADS)] for delay in DELAYS]
-    titles = ["further samples of delay", *(f"lead {lead}" for lead in LEADS)]
-    return Table(
-        titles, cells, "Least Re T over all frequencies and the places above; where it is negative learning grows."
+    modes = {"measured": analysis.measured_mode, "predicted": analysis.predicted_mode}
+    return pd.DataFrame(
+        {
+            "change of the feedforward": name,
+            f"share in the {AFTER_LIFT_OFF} steps after lift-off, %": 100.0 * mode.share_after_lift_off,
+            "frequency at its peak, Hz": mode.frequency,
+            "largest at, s": mode.busiest * analysis.config.sampling_period,
+        }
+        for name, mode in modes.items()
     )
 
 
-HOW = (
-    "A cycle of the run is a map from the state at its start (weights in use, plant, controller) to the state "
-    "at its end. The map is the run's own compiled loop, so it includes every built-in learning rule, sensor "
-    "and actuator. The run is repeated up to the cycle whose feedback changed least, and differentiated there "
-    "by central differences. Repeated from the change that the run made in that cycle, the map predicts the "
-    "changes of the cycles that follow. The map is far from normal: a growing change moves through the cycle, and "
-    "over a hundred cycles it grows faster than the largest eigenvalue. The growth is therefore that of the "
-    "repeated map, over the same cycles as it is measured. Other leads are run in memory, each linearised at "
-    "its own calmest cycle. A rule that only bounds large values (e_modification, dead_zone), or whose rate "
-    "decays, is linearised as it acts in that cycle."
-)
+def _reasons(analysis: Analysis) -> "pd.DataFrame":
+    """Lowest frequency, Hz, at which Re T is negative with each lead, by place; NaN: nowhere."""
+    import pandas as pd
+
+    return pd.DataFrame(
+        {"place in the cycle": name} | {figures.format_lead(lead): spectra[0].wrong_from(lead) for lead in LEADS}
+        for name, spectra in analysis.places.items()
+    )
 
 
-def report(analysis: Analysis) -> Report:
-    """The page of an analysis."""
+def _delays(analysis: Analysis) -> "pd.DataFrame":
+    """Least Re T over frequencies and places with each lead, by further samples of delay."""
+    import pandas as pd
+
+    return pd.DataFrame(
+        {"further samples of delay": str(delay)}
+        | {figures.format_lead(lead): analysis.least_real(lead, delay) for lead in LEADS}
+        for delay in DELAYS
+    )
+
+
+def _leads(analysis: Analysis) -> "pd.DataFrame":
+    """What :func:`rows` says of each lead."""
+    import pandas as pd
+
+    return pd.DataFrame(rows(analysis), columns=list(TITLES))
+
+
+FIGURES = {
+    "growth": figures.growth,
+    "mode": figures.mode,
+    "real_parts": figures.real_parts,
+    "along": figures.along,
+    "delays": figures.delays,
+    "eigenvalues": figures.eigenvalues,
+}
+TABLES = {"leads": _leads, "where": _where, "reasons": _reasons, "delays": _delays}
+
+
+def _values(analysis: Analysis) -> dict[str, Any]:
+    """What the page says in numbers."""
+    place = analysis.own.place
+    best = max(LEADS, key=lambda lead: min(each.least(lead) for each in analysis.along.values()))
+    along = {sample * analysis.config.sampling_period: each.least(best) for sample, each in analysis.along.items()}
+    return {
+        "calm": place.calm,
+        "last": place.last,
+        "ahead": place.last - place.calm,
+        "likeness": likeness(analysis.measured_mode.change, analysis.predicted_mode.change),
+        "holding": [figures.format_lead(lead) for lead in LEADS if analysis.least_real(lead) > 0.0],
+        "best": figures.format_lead(best),
+        "samples": len(along),
+        "wrong": [f"{time:.2f}" for time, least in along.items() if least < 0.0],
+        "delayed": figures.choose_delayed(analysis),
+    }
+
+
+def write_stability_report(analysis: Analysis, folder: Path) -> Path:
+    """Write the page of an analysis into ``folder``; returns the HTML file."""
     run = analysis.run
-    table = Table(
-        list(TITLES), rows(analysis), "Growth per cycle of the change of U; least Re T over the places below."
+    page = MarkdownPage(
+        Path(__file__).with_name("page.md"),
+        folder,
+        {name: partial(draw, analysis) for name, draw in FIGURES.items()},
+        {name: partial(tabulate, analysis) for name, tabulate in TABLES.items()},
+        _values(analysis),
     )
-    sections = [
-        Section("Does learning hold", [table, figures.growth(analysis), Text(HOW)]),
-        Section("What grows", [_where(analysis), figures.mode(analysis)]),
-        Section("Why", [figures.real_parts(analysis), _reasons(analysis), figures.along(analysis)]),
-        Section("If torques came later", [figures.delays(analysis), _delays(analysis)]),
-        Section("Eigenvalues", [figures.eigenvalues(analysis)]),
-    ]
     title = f"Stability of learning: {analysis.config.scenario}, {run.folder.resolve().name}"
     asked = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}, "cycle": analysis.own.place.calm}
-    return Report(title, verdict(analysis), sections, [run.folder / TRACE], asked)
+    sections = page.render("Does learning hold")
+    return write_report(Report(title, verdict(analysis), sections, [run.folder / TRACE, *page.files], asked), folder)

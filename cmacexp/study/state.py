@@ -14,7 +14,7 @@ from cmacexp.study.study import StudyFile
 def state_key(file: StudyFile, quick: bool, seeds: int) -> str:
     """Hash of everything besides its runs that the report of a study depends on; other studies are not part of it."""
     digest = hashlib.sha256(repr((file.name, quick, seeds, sorted(manifests.versions().items()))).encode())
-    folders = ((PACKAGE, "*.py"), (PACKAGE, "*.html"), (config_folder(), "*.yaml"))
+    folders = ((PACKAGE, "*.py"), (PACKAGE, "*.html"), (PACKAGE, "*.md"), (config_folder(), "*.yaml"))
     for source in [*file.sources, *(path for folder, pattern in folders for path in sorted(folder.rglob(pattern)))]:
         digest.update(source.read_bytes())
     return digest.hexdigest()
