@@ -10,7 +10,7 @@ import pyarrow as pa
 from cmacexp.data.files import write_atomically
 from cmacexp.data.parquet import write_table
 from cmacexp.report.page import Html, Report, Section, relative, write_report
-from cmacexp.study.page import QUICK, Evaluated
+from cmacexp.study.page import QUICK, Evaluated, make_claims_section
 from cmacexp.study.results import Results
 from cmacexp.study.statements import Found, Judged, Measured
 
@@ -80,8 +80,10 @@ def write_page(
         quick: whether the page says that it concludes nothing.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    banner = [Section("Quick run", [Html(f'<p class="banner">{QUICK}</p>')])] if quick else []
-    sections = [*banner, *(section for study in studies for section in study.sections)]
+    claims = [judged for study in studies for judged in study.claims.values()]
+    sections = [make_claims_section(claims, folder)] if claims else []
+    sections += [Section("Quick run", [Html(f'<p class="banner">{QUICK}</p>')])] if quick else []
+    sections += [section for study in studies for section in study.sections]
     files = [file for study in studies for file in study.files]
     if not quick:
         statements = {study.name: _statements(study.claims, study.findings, folder) for study in studies}

@@ -45,10 +45,7 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
             **study.values(results),
         },
     )
-    sections = page.render(study.title)
-    if claims:
-        sections.insert(0, Section(f"{study.title}: claims", [Html(_claims_table(list(claims.values()), folder))]))
-    return Evaluated(file.name, study.title, claims, findings, sections, page.files)
+    return Evaluated(file.name, study.title, claims, findings, page.render(study.title), page.files)
 
 
 def _format_finding(found: Found) -> str:
@@ -60,13 +57,15 @@ def _format_claim(judged: Judged) -> str:
     return f"“{judged.claim.words}” ({judged.claim.where}): {judged.verdict}."
 
 
-def _claims_table(claims: Sequence[Judged], folder: Path) -> str:
+def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
+    """The section of a report in ``folder`` with all claims, and what their verdicts mean."""
     from jinja2 import Environment, FileSystemLoader
 
     environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True)
     links = [
         sorted({relative(Path(run), folder) for each in judged.measured for run in each.runs}) for judged in claims
     ]
-    return environment.get_template("claims.html").render(
+    table = environment.get_template("claims.html").render(
         claims=list(zip(claims, links, strict=True)), verdicts=VERDICTS
     )
+    return Section("The claims", [Html(table)])
