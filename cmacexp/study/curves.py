@@ -45,7 +45,7 @@ def over_setting(
     log: str = "",
     kind: str = "lines",
 ) -> Panel:
-    """An estimate with its interval against a numeric setting.
+    """An estimate with its interval, if the sample has a spread, against a numeric setting.
 
     Args:
         results: to draw.
@@ -63,8 +63,9 @@ def over_setting(
         parts = {float(value): part for value, part in own.by(key).items()}
         x = sorted(parts)
         found = [estimate(sample(parts[value])) for value in x]
-        low, high = ([each.low for each in found], [each.high for each in found])
-        spread = any(each.method != "guard band" for each in found)
-        band = (low, high) if spread else (None, None)
+        spread = [each.method != "guard band" for each in found]
+        low = [each.low if wide else each.value for each, wide in zip(found, spread, strict=True)]
+        high = [each.high if wide else each.value for each, wide in zip(found, spread, strict=True)]
+        band = (low, high) if any(spread) else (None, None)
         series.append(Series(format_value(name), x, [each.value for each in found], *band))
     return Panel(title, key, y, series, kind=kind, log=log)
