@@ -1,119 +1,235 @@
 """The paper's walk with a body that has mass: the quadruped in MuJoCo, with friction under its feet.
 
-``python -m pipelines.dynamic_body`` (some minutes on two cores; needs the extra ``mujoco``). Lin & Song 1997 balance
-the body in every instant. What this claims of a body that floats: the paper's constants fall; sampled faster, with
-less LEAD and the desired force as feedforward, it learns positions, but its forces get worse; and which changes, only
-together, make force tracking better too.
+``python -m pipelines.dynamic_body`` (needs the extra ``mujoco``). Lin & Song 1997 balance the body in every instant;
+here it floats. The study walks with the paper's constants, then makes the changes of
+``conf/for_plant/mujoco_quadruped.yaml`` one after the other, leaves out one at a time, and walks for long from
+disturbed starts.
 """
 
-from collections.abc import Sequence
+from functools import partial
+from typing import Any
 
-from cmacexp.plants.mujoco_engine import load_mujoco
-from cmacexp.report.page import Section
-from pipelines.analysis.dynamic_body_sections import falls_section, ladder_section, starts_section, walks_section
-from pipelines.analysis.dynamic_body_words import ALL, BASE, LATE, PAPER, START, alone, first, plain, without
-from pipelines.shared.runs import Runs
-from pipelines.shared.study import Jobs, Study, main
+import numpy as np
 
-WALK = ("scenario=quadruped", "plant=mujoco_quadruped")
-CHANGES: dict[str, tuple[str, ...]] = {
-    "posture rate term": ("posture.rate_gain=0",),
-    "force-feedback gain": ("force_control.elasticity=1e-4", "force_control.admittance=1e-4"),
-    "learning rate": ("learning.rate=0.05",),
-    "load sharing": ("force_control.load_sharing=static",),
-    "smooth, low swing": ("gait.vertical=cubic", "gait.lift=0.1"),
-    "load ramp": ("gait.load_ramp=0", "gait.touch_down=null"),
-    "ground damping": ("terrain.damping=0",),
-    "lead": ("learning.lead=0",),
-}
-"""What takes each change back, in the order in which the ladder makes them."""
-PAPERS_RATE, DAMPED = "learning.rate=0.1953125", "terrain.damping=50"
-PAPERS = ("sampling_period=0.005", "controller.lead_alpha=10", PAPERS_RATE)
-VARIANTS: dict[str, tuple[str, ...]] = {
-    "feedback alone": ("feedforward=none",),
-    "feedback alone, but integrated 20 times finer": ("feedforward=none", "plant.substeps=20"),
-    "as published": (),
-    "lead 1": ("learning.lead=1",),
-    "a quarter of the rate": ("learning.rate=0.05",),
-    "exact inverse dynamics": ("feedforward=inverse_dynamics",),
-    "as published, damped ground": (DAMPED,),
-    "but sampled at 2 ms": ("sampling_period=0.002",),
-    "but LEAD 10/3": ("controller.lead_alpha=3",),
-}
-"""Ways to learn, and less than all of what lets it walk, with the constants of the paper."""
-PLAIN: dict[str, tuple[str, ...]] = {
-    "feedback alone": ("feedforward=none",),
-    "a quarter of the paper's rate": (),
-    "the paper's rate": (PAPERS_RATE,),
-    "the paper's rate, damped ground": (PAPERS_RATE, DAMPED),
-}
-"""Ways to learn without the changes."""
-STARTS, LONG = 10, 100
-COMPARED, SETTLED = 20, 3
-"""Cycles of a run that learns, and of feedback alone, which repeats itself from its second cycle on."""
-SPREAD = 0.02
-"""How far joint angles start from the plan, rad: the foot is up to 14 mm off, the ground pressed in by 3 mm."""
-
-
-def _with(chosen: Sequence[str], *more: str) -> list[str]:
-    """Overrides ``chosen``, but for what ``more`` sets."""
-    given = {text.partition("=")[0] for text in more}
-    return [*(text for text in chosen if text.partition("=")[0] not in given), *more]
-
-
-def _run(off: Sequence[str], *more: str, cycles: int, thin: bool = True) -> list[str]:
-    """A walk in which the changes ``off`` are taken back; thinned, its trace keeps the last cycle alone."""
-    kept = [f"record.cycles=[{cycles}]"] if thin else []
-    return [*WALK, *_with([text for name in off for text in CHANGES[name]], *more), f"cycles={cycles}", *kept]
-
-
-def _both(name: str, off: Sequence[str], cycles: int) -> dict[str, list[str]]:
-    """A walk that learns, and feedback alone on the same plan; what changes only the learning is then left out."""
-    felt = [each for each in off if not CHANGES[each][0].startswith("learning.")]
-    return {name: _run(off, cycles=cycles), alone(name): _run(felt, "feedforward=none", cycles=SETTLED)}
-
-
-def _without_changes(names: Sequence[str], cycles: int, quick: bool) -> dict[str, list[str]]:
-    """The paper's constants with every way to learn; then those with which it walks, but no more changes."""
-    runs = {}
-    for reference in ("aware",) if quick else ("literal", "aware"):
-        for variant, more in VARIANTS.items():
-            if not quick or variant in ("feedback alone", "as published"):
-                own = _with(PAPERS, f"reference={reference}", *more)
-                runs[f"{PAPER}, {reference}, {variant}"] = _run(names, *own, cycles=cycles, thin=False)
-    return runs | {plain(name): _run(names, *more, cycles=cycles, thin=False) for name, more in PLAIN.items()}
-
-
-def jobs(quick: bool) -> Jobs:
-    """The paper's constants; the ladder up, and without one rung; the disturbed starts."""
-    load_mujoco()
-    names, cycles = list(CHANGES), 6 if quick else COMPARED
-    runs = _without_changes(names, cycles, quick)
-    runs |= _both(BASE, names, cycles)
-    for count in range(1, len(names)):
-        if not quick or count == 1:
-            runs |= _both(first(names[:count]), names[count:], cycles)
-    runs |= _both(ALL, [], cycles)
-    for name in names[:1] if quick else names:
-        runs |= _both(without(name), [name], cycles)
-    long = 8 if quick else LONG
-    for seed in range(2 if quick else STARTS):
-        start = (f"plant.start_spread={SPREAD}", f"plant.start_seed={seed}")
-        runs[f"{START} {seed}"] = [*WALK, *start, f"cycles={long}", f"record.cycles=[{cycles},{long}]"]
-    runs[LATE] = [*WALK, *CHANGES["lead"], f"cycles={long}", f"record.cycles=[{cycles},{long}]"]
-    return runs
-
-
-def summarise(runs: Runs) -> list[Section]:
-    """That it falls, that it walks, what makes its forces better, and whether that lasts."""
-    return [falls_section(runs), walks_section(runs), ladder_section(runs, list(CHANGES)), starts_section(runs)]
-
-
-PURPOSE = (
-    "The quadruped in MuJoCo with a body of 1 kg that floats: the paper's constants fall; which changes let it walk, "
-    "and which let learning improve its forces as well as its positions."
+from cmacexp.cli.study import main
+from cmacexp.study import Criterion, Finding, Results, Study, at_least, at_most, between
+from cmacexp.typing import Array
+from pipelines import dynamic_body_views as views
+from pipelines.dynamic_body_views import QUANTITIES, last
+from pipelines.dynamic_body_walks import (
+    ALL,
+    CMAC,
+    COMPARED,
+    COMPENSATOR,
+    FEEDBACK,
+    FEEDFORWARD,
+    FINER,
+    LEADLESS,
+    LEADS,
+    NAMES,
+    NONE,
+    SAMPLING,
+    runs,
+    without,
 )
-STUDY = Study("dynamic_body", "A body with mass", PURPOSE, jobs, summarise)
+
+WHOLE = 0.9
+"""Share of the planned time from which a walk counts as walked to the end."""
+BETTER_FORCE, BETTER_SLOW = 0.45, 0.35
+"""Force error over that of feedback alone that counts as much smaller: whole, and slower than CUT_OFF."""
+GOOD = {"transfer_rmse_x": 3e-3, "transfer_rmse_y": 1.5e-3, "tilt_max": 0.01, "off_course": 0.05}
+"""Largest errors of a walk that has learnt, SI units."""
+FELT, ALIKE, LASTS = 1.1, 0.1, 0.7
+"""Factor of the force error by which a difference counts; largest relative difference between starts that counts as
+none; share of walks that has to complete."""
+WITH, WITHOUT = LEADS
+FORCE = "force_rmse_cycle"
+EVERY, LEFT_OUT = {"part": "left out", "walk": ALL}, {"part": "left out", "feedforward": CMAC}
+STARTS = {"part": "starts", "walk": WITH}
+
+
+def _decide(topic: str, yes: str, no: str, *criteria: Criterion) -> Finding:
+    """A finding whether ``topic`` is so."""
+    return Finding(criteria, yes, no, f"The runs do not decide whether {topic} (measured: {{value}}).")
+
+
+def _walks(words: str, **of: Any) -> Finding:
+    """Whether walks last."""
+    share = Criterion(
+        "planned time walked", lambda r: r.measure("walked"), at_least(WHOLE), unit="%", scale=100.0, of=of
+    )
+    return _decide(
+        f"the machine walks to the end {words}",
+        f"The machine walks to the end {words}.",
+        f"The machine does not walk to the end {words}: it lasts {{value}} of the planned time.",
+        share,
+    )
+
+
+def _over_feedback(name: str, holds: Any, **of: Any) -> Criterion:
+    """A metric or measure of the last cycle over that of feedback alone on the same plan."""
+
+    def sample(results: Results) -> Array:
+        kinds = results.by("feedforward")
+        ratio: Array = last(kinds[CMAC], name) / last(kinds[FEEDBACK], name)
+        return ratio
+
+    return Criterion(f"{QUANTITIES[name].title} over that of feedback alone", sample, holds, of=of)
+
+
+def _limited(name: str, limit: float, **of: Any) -> Criterion:
+    """A metric or measure of the last cycle itself."""
+    shown = QUANTITIES[name]
+    sample = partial(last, name=name)
+    return Criterion(shown.title, sample, at_most(limit), unit=shown.unit, scale=shown.factor, of=of)
+
+
+def _ratio(words: str, key: str, one: str, other: str, holds: Any, name: str = FORCE, **of: Any) -> Criterion:
+    """A metric or measure of the last cycle where a setting has one value, over that where it has another."""
+
+    def sample(results: Results) -> Array:
+        ratio: Array = last(results.select({key: one}), name) / last(results.select({key: other}), name)
+        return ratio
+
+    return Criterion(words, sample, holds, of=of)
+
+
+def _felt(name: str) -> Finding:
+    words = f"force error of cycle {COMPARED} without it, over that with all changes"
+    return _decide(
+        f"the {name} lowers the force error so early",
+        f"Without the {name} the force error is {{value}} times as large.",
+        f"The {name} does not lower the force error so early: without it, it is {{value}} times as large.",
+        _ratio(words, "walk", without(name), ALL, at_least(FELT), **LEFT_OUT),
+    )
+
+
+def _growth(results: Results) -> Array:
+    """(starts,): force error of the last cycle over that of the cycle in which the changes are compared."""
+    growth: Array = last(results, FORCE) / results.at(COMPARED, FORCE)
+    return growth
+
+
+def _difference(results: Results) -> list[float]:
+    """The largest difference between the starts' force errors in the last cycle, over their median."""
+    errors = last(results, FORCE)
+    return [float(np.ptp(errors) / np.median(errors)) if np.isfinite(errors).all() else np.inf]
+
+
+FINDINGS = {
+    "published_feedforward": _walks(
+        "with the paper's constants and a feedforward", part="published", variant=FEEDFORWARD
+    ),
+    "published_feedback": _walks("with the paper's constants and feedback alone", part="published", variant=FEEDBACK),
+    "published_finer": _decide(
+        "finer steps of integration change how long feedback alone walks",
+        "Finer steps of integration do not change how long feedback alone walks.",
+        "Finer steps of integration change how long feedback alone walks: {value} times as long.",
+        _ratio(
+            "time walked in finer steps over that in coarse ones", "variant", FINER, FEEDBACK,
+            between(1.0 / FELT, FELT), "walked", part="published",
+        ),
+    ),
+    "sampling": _walks("sampled faster, all other constants as published", part="published", variant=SAMPLING),
+    "compensator": _walks(
+        "with a weaker LEAD compensator, all other constants as published", part="published", variant=COMPENSATOR
+    ),
+    "none_path": _decide(
+        "learning improves foot positions without the changes",
+        "Without the changes learning improves foot positions: {values[0]} times the error of feedback alone in x, "
+        "{values[1]} times in y.",
+        "Without the changes learning does not improve foot positions: {values[0]} times the error of feedback alone "
+        "in x, {values[1]} times in y.",
+        *(_over_feedback(f"transfer_rmse_{axis}", at_most(1.0), part="made", walk=NONE) for axis in "xy"),
+    ),
+    "none_force": _decide(
+        "learning improves contact forces without the changes",
+        "Without the changes learning improves contact forces: {value} times the error of feedback alone.",
+        "Without the changes learning makes contact forces worse: {value} times the error of feedback alone.",
+        _over_feedback(FORCE, at_most(1.0), part="made", walk=NONE),
+    ),
+    "faster": _walks("at the paper's learning rate without the changes", part="faster"),
+    "all_force": _decide(
+        "learning makes contact forces much better with all changes",
+        "With all changes learning makes contact forces much better: {values[0]} times the error of feedback alone, "
+        "{values[1]} times the slow part of it.",
+        "Even with all changes learning does not make contact forces much better: {values[0]} times the error of "
+        "feedback alone, {values[1]} times the slow part of it.",
+        _over_feedback(FORCE, at_most(BETTER_FORCE), **EVERY),
+        _over_feedback("slow_force", at_most(BETTER_SLOW), **EVERY),
+    ),
+    "all_path": _decide(
+        "foot positions, tilt and course are good with all changes",
+        "With all changes foot positions, tilt and course are good: errors of {values[0]} in x and {values[1]} in y, "
+        "tilt {values[2]}, way {values[3]} off the plan.",
+        "Even with all changes foot positions, tilt and course are not all good: errors of {values[0]} in x and "
+        "{values[1]} in y, tilt {values[2]}, way {values[3]} off the plan.",
+        *(_limited(name, limit, **EVERY, feedforward=CMAC) for name, limit in GOOD.items()),
+    ),
+    **{f"felt_{name}": _felt(name) for name in NAMES},
+    "starts_last": _decide(
+        "what is learnt lasts",
+        "What is learnt lasts: {values[0]} of the walks complete, the force error ends at {values[1]} times that "
+        f"of cycle {COMPARED}.",
+        "What is learnt does not last in every respect: {values[0]} of the walks complete, the force error ends at "
+        f"{{values[1]}} times that of cycle {COMPARED}.",
+        Criterion("walks that complete", lambda r: r.completed, at_least(LASTS), unit="%", scale=100.0, of=STARTS),
+        Criterion(f"force error at the end over that of cycle {COMPARED}", _growth, at_most(FELT), of=STARTS),
+        _limited("off_course", GOOD["off_course"], **STARTS),
+    ),
+    "starts_alike": _decide(
+        "the start makes a difference",
+        "The start makes no difference: force errors at the end differ by {value} of their median.",
+        "The start makes a difference: force errors at the end differ by {value} of their median.",
+        Criterion("largest difference", _difference, at_most(ALIKE), unit="%", scale=100.0, of=STARTS),
+    ),
+    "starts_lead": _decide(
+        "lead lowers the force error of a long walk",
+        "Lead lowers the force error of a long walk: without it, it is {value} times as large at the end.",
+        "Lead does not lower the force error of a long walk: without it, it is {value} times as large at the end.",
+        _ratio(
+            "force error without lead over that with it", "walk", WITHOUT, WITH, at_least(FELT), part="starts",
+            start=LEADLESS,
+        ),
+    ),
+}  # fmt: skip
+
+
+def values(results: Results) -> dict[str, Any]:
+    """Settings that the page names."""
+    published, all_changes = results.select(part="published"), results.select(part="left out", walk=ALL)
+    learning, starts = all_changes.select(feedforward=CMAC), results.select(STARTS)
+    return {
+        "cycles": learning.value("cycles"),
+        "mass": learning.value("machine.body_mass"),
+        "paper_period": 1e3 * published.run.config["sampling_period"],
+        "paper_alpha": published.run.config["controller"]["lead_alpha"],
+        "period": 1e3 * learning.value("sampling_period"),
+        "alpha": learning.value("controller.lead_alpha"),
+        "cut_off": views.CUT_OFF,
+        "settled": all_changes.select(feedforward=FEEDBACK).value("cycles"),
+        "starts": len(starts),
+        "leadless": len(results.select(part="starts", walk=WITHOUT)),
+        "long": starts.value("cycles"),
+        "spread": starts.value("plant.start_spread"),
+        "yaw": float(starts.measure("yaw").max()),
+    }
+
+
+STUDY = Study(
+    title="A body with mass",
+    question="Does the quadruped walk when its body floats, and which settings let learning improve contact forces "
+    "as well as positions?",
+    runs=runs,
+    measures=views.MEASURES,
+    findings=FINDINGS,
+    figures={
+        "ladder": views.draw_ladder, "learning": views.draw_learning, "foot": views.draw_foot,
+        "starts": views.draw_starts,
+    },
+    tables={"published": views.table_published, "walks": views.table_walks},
+    values=values,
+)  # fmt: skip
 
 if __name__ == "__main__":
-    main(STUDY)
+    main(__file__)

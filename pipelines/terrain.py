@@ -20,7 +20,7 @@ from pipelines.terrain_views import (
     end_ratio,
     force_metric,
     walked,
-)  # fmt: skip
+)
 
 LEG = ("scenario=one_leg", "reference=aware", "learning.lead=1")
 LASTING = ("learning.lead=1", "gait.load_ramp=0.12", "force_control.elasticity=1e-3", "force_control.admittance=1e-3")
