@@ -1,151 +1,159 @@
 """Which omega and alpha of the LEAD compensator meet the paper's objectives (Lin & Song 1997, section 2, eq. 5).
 
-``python -m pipelines.lead_design`` computes resonance and bandwidth of the closed loop over both, without a run. What
-it claims: the one-leg default meets objective (a), M_p below 110 %, the quadruped's does not; no pair meets (a) and
-(b), an unchanged bandwidth, together.
+``python -m pipelines.lead_design`` computes resonance and bandwidth of the closed loop over both; nothing is run.
 """
 
-import itertools
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa
 
-from cmacexp.config.compose import compose_config
-from cmacexp.report.page import Claim, Drawing, Link, Section, Table
-from pipelines.analysis.figures_lead import design_maps
-from pipelines.analysis.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth
-from pipelines.shared.runs import Runs
-from pipelines.shared.study import Jobs, Study, main
+from cmacexp.cli.study import main
+from cmacexp.study import Claim, Criterion, Results, Study, at_most
+from cmacexp.typing import Array
+from pipelines.lead_design_loop import ALPHAS, EFFECTIVE_MASS, OMEGAS, POINTS, SCENARIOS, compute_loops
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
-SCENARIOS = {"one leg": "one_leg", "the quadruped": "quadruped"}
-POINTS = 30
-"""Of omega and of alpha in a scan."""
-OMEGAS, ALPHAS = (0.2, 200.0), (1.0, 100.0)
-"""rad/s, and without unit."""
-MOST_RESONANCE = 1.10
-WITHIN = 0.10
+MOST_RESONANCE = 0.10
+"""Of the closed loop's magnitude above 1, for M_p below 110 %."""
+SAME = 0.10
 """Relative distance at which two bandwidths count as the same."""
-TABLE = "lead_design.parquet"
-"""Every loop that was computed; stored beside the report."""
-COLUMNS = ("scenario", "default", "omega", "alpha", "resonance", "bandwidth", "open_bandwidth", "stable")
+RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
+"""Of bandwidths, drawn as lines."""
 
 
-def design_table() -> pa.Table:
-    """Closed loops with the gains of each scenario: with its own corner frequencies, and over a grid of them."""
-    rows: list[tuple[str, bool, float, float, float, float, float, bool]] = []
-    for name, scenario in SCENARIOS.items():
-        controller = compose_config([f"scenario={scenario}"]).controller
-        gains = (controller.position_gain, controller.velocity_gain)
-        wanted = open_loop_bandwidth(gains[0], EFFECTIVE_MASS)
-        own = (controller.lead_omega, controller.lead_alpha)
-        loop = closed_loop(*gains, EFFECTIVE_MASS, *own)
-        rows.append((name, True, *own, loop.resonance, loop.bandwidth, wanted, loop.stable))
-        pairs = itertools.product(np.geomspace(*OMEGAS, POINTS), np.geomspace(*ALPHAS, POINTS))
-        grid = {pair: closed_loop(*gains, EFFECTIVE_MASS, *pair) for pair in pairs}
-        rows += [(name, False, *pair, lp.resonance, lp.bandwidth, wanted, lp.stable) for pair, lp in grid.items()]
-    return pa.table(dict(zip(COLUMNS, map(list, zip(*rows, strict=True)), strict=True)))
+def _loops(results: Results, scenario: str, default: bool) -> "pd.DataFrame":
+    loops = results.computed["lead_design"]
+    return loops[(loops["scenario"] == scenario) & (loops["default"] == default)]
 
 
-def objectives(loops: "pd.DataFrame") -> "pd.DataFrame":
-    """Whether each loop meets (a) and (b), and its bandwidth over that of the open loop."""
+def distance(loops: "pd.DataFrame") -> Array:
+    """(loops,): relative distance of the closed loop's bandwidth from the open loop's; infinite if unstable."""
     ratio = loops["bandwidth"] / loops["open_bandwidth"]
-    return loops.assign(
-        a=loops["stable"] & (loops["resonance"] < MOST_RESONANCE),
-        b=loops["stable"] & ((ratio - 1.0).abs() <= WITHIN),
-        ratio=ratio,
-    )
+    return np.where(loops["stable"], np.abs(ratio - 1.0), np.inf)
 
 
-def defaults_claim(defaults: "pd.DataFrame", objective: str, claim: str) -> Claim:
-    """Whether the corner frequencies that are used here meet an objective, ``a`` or ``b``."""
-    met = defaults[objective].tolist()
-    said = "; ".join(
-        f"{row.scenario}: M_p {row.resonance:.2f}"
-        if objective == "a"
-        else f"{row.scenario}: {row.bandwidth:.1f} rad/s, open loop {row.open_bandwidth:.1f} rad/s"
-        for row in defaults.itertuples()
-    )
-    verdict = "reproduced" if all(met) else "reproduced in part" if any(met) else "not reproduced"
-    return Claim(claim, "section 2", f"{said} (omega and alpha assumed)", verdict, [Link(TABLE, TABLE)])
+def resonance(loops: "pd.DataFrame") -> Array:
+    """(loops,): largest magnitude of the closed loop above 1; infinite if unstable."""
+    return np.where(loops["stable"], loops["resonance"] - 1.0, np.inf)
 
 
-def both_claim(loops: "pd.DataFrame") -> Claim:
-    """Whether any corner frequencies meet both objectives."""
-    found, said = [], []
-    for name, own in loops.groupby("scenario", sort=False):
-        good = own[own["a"]]
-        found.append(bool((good["b"]).any()))
-        slowest = f" (the slowest {good['ratio'].min():.1f} times as fast as the open loop)" if len(good) else ""
-        said.append(
-            f"with the gains of {name}: {len(good)} of {len(own)} pairs meet (a){slowest}, "
-            f"{int((good['b']).sum())} both"
-        )
-    return Claim(
-        "both objectives can be achieved through proper placement of the dominant roots",
-        "section 2, eq. 5",
-        "; ".join(said),
-        "reproduced" if all(found) else "reproduced in part" if any(found) else "not reproduced",
-        [Link(TABLE, TABLE)],
-    )
+def nearest(loops: "pd.DataFrame") -> Array:
+    """(1,): the least :func:`distance` of a loop that meets objective (a); infinite if none does."""
+    good = resonance(loops) < MOST_RESONANCE
+    return np.array([np.min(distance(loops), where=good, initial=np.inf)])
 
 
-def summarise(runs: Runs) -> list[Section]:
-    """The defaults, the scan, and what they say of the paper's objectives."""
-    loops = objectives(runs.keep(TABLE, design_table()))
-    defaults, grid = loops[loops["default"]], loops[~loops["default"]]
-    table = Table(
-        ["gains of", "omega, rad/s", "alpha", "M_p", "closed loop, rad/s", "open loop, rad/s", "ratio"],
-        [
-            [
-                row.scenario,
-                f"{row.omega:g}",
-                f"{row.alpha:g}",
-                f"{row.resonance:.3f}",
-                f"{row.bandwidth:.1f}",
-                f"{row.open_bandwidth:.1f}",
-                f"{row.ratio:.2f}",
-            ]
-            for row in defaults.itertuples()
-        ],
-        "The corner frequencies that are used here (assumed), and the bandwidths that they give",
-    )
-    slowest = grid[grid["a"]].groupby("scenario", sort=False)["ratio"].min()
-    caption = (
-        f"Loop of a point mass of {EFFECTIVE_MASS:g} kg in free space. Shaded: resonance below {MOST_RESONANCE:.0%}; "
-        "lines: closed-loop over open-loop bandwidth; diamond: used here. Of the pairs that meet (a) the slowest is "
-        + " and ".join(f"{ratio:.1f} times as fast as the open loop ({name})" for name, ratio in slowest.items())
-        + "."
-    )
+def _criteria(
+    quantity: str, measure: "Callable[[pd.DataFrame], Array]", default: bool, most: float
+) -> list[Criterion]:
+    """For the gains of each scenario. Nothing counts as the opposite: mass and open-loop bandwidth are assumed."""
     return [
-        Section(
-            "The LEAD compensator's objectives",
-            [table, Drawing("lead_design", design_maps(grid, defaults, MOST_RESONANCE), caption)],
-            [
-                defaults_claim(defaults, "a", "(a) the resonant magnitude M_p of the closed loop is less than 110 %"),
-                defaults_claim(defaults, "b", "(b) the bandwidth of the closed loop remains that of the open loop"),
-                both_claim(grid),
-            ],
+        Criterion(
+            f"{quantity}, gains of {name}",
+            lambda results, name=name: measure(_loops(results, name, default)),  # type: ignore[misc]
+            at_most(most),
+            unit="%",
+            scale=100.0,
         )
+        for name in SCENARIOS
     ]
 
 
-def jobs(quick: bool) -> Jobs:
-    """None: all is computed from the loop's polynomials."""
-    return {}
+CLAIMS = {
+    "resonance": Claim(
+        "(a) the resonant magnitude M_p of the closed loop is less than 110 %",
+        "section 2",
+        _criteria("excess of M_p over 100 % with the corner frequencies used here", resonance, True, MOST_RESONANCE),
+    ),
+    "bandwidth": Claim(
+        "(b) the bandwidth of the closed loop remains the same as the open loop",
+        "section 2",
+        _criteria("distance of the bandwidths with the corner frequencies used here", distance, True, SAME),
+    ),
+    "both": Claim(
+        "these objectives can be achieved through the proper placement of the dominant roots of the closed loop",
+        "section 2, eq. 5",
+        _criteria("least distance of the bandwidths over all pairs that meet (a)", nearest, False, SAME),
+    ),
+}
+
+
+def draw_maps(results: Results) -> "Figure":
+    """One map per scenario: where (a) is met, lines of equal ratio of the bandwidths, and the pair used here."""
+    from matplotlib.patches import Patch
+
+    from cmacexp.report.figure_data import logarithmic
+    from cmacexp.report.style import SERIES, label, new_figure
+
+    figure, panels = new_figure(1, len(SCENARIOS), height=3.3, sharey=True)
+    for axes, name in zip(panels, SCENARIOS, strict=True):
+        loops, used = _loops(results, name, False), _loops(results, name, True).iloc[0]
+        loops = loops.assign(ratio=loops["bandwidth"] / loops["open_bandwidth"], above=resonance(loops))
+        above, ratio = (loops.pivot(index="alpha", columns="omega", values=key) for key in ("above", "ratio"))
+        place = (above.columns, above.index)
+        for axis, ends in (("x", OMEGAS), ("y", ALPHAS)):
+            logarithmic(axes, axis, ends)
+        axes.contourf(*place, above, levels=[0.0, MOST_RESONANCE], colors=["#BFDDF0"])
+        lines = axes.contour(*place, ratio, levels=RATIOS, colors="black", linewidths=0.8, linestyles="--")
+        axes.clabel(lines, fmt="%g", fontsize=7.5, inline_spacing=3)
+        axes.plot(used["omega"], used["alpha"], "D", color=SERIES[0], ms=6, mec="white", label="used here (assumed)")
+        axes.grid(visible=False)
+        label(axes, f"gains of {name}", "omega, rad/s", "alpha" if axes is panels[0] else "")
+    handles = [Patch(color="#BFDDF0"), *lines.legend_elements("")[0][:1], *panels[0].get_legend_handles_labels()[0]]
+    names = ["M_p below 110 %", "closed over open bandwidth", "used here (assumed)"]
+    figure.legend(handles, names, loc="outside lower center", ncols=3)
+    return figure
+
+
+def table(results: Results) -> "pd.DataFrame":
+    """The corner frequencies used here, what they give, and how many pairs of the scan meet which objective."""
+    import pandas as pd
+
+    rows = []
+    for name in SCENARIOS:
+        loops, used = _loops(results, name, False), _loops(results, name, True).iloc[0]
+        good, same = resonance(loops) < MOST_RESONANCE, distance(loops) <= SAME
+        rows.append(
+            {
+                "gains of": name,
+                "omega, rad/s": used["omega"],
+                "alpha": used["alpha"],
+                "M_p, %": 100.0 * used["resonance"],
+                "closed loop, rad/s": used["bandwidth"],
+                "open loop, rad/s": used["open_bandwidth"],
+                "pairs that meet (a)": int(good.sum()),
+                "(b)": int(same.sum()),
+                "both": int((good & same).sum()),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def values(results: Results) -> dict[str, Any]:
+    """What the scan covers."""
+    return {
+        "mass": EFFECTIVE_MASS,
+        "pairs": POINTS**2,
+        "omegas": OMEGAS,
+        "alphas": ALPHAS,
+        "same": 100.0 * SAME,
+    }
 
 
 STUDY = Study(
-    "lead_design",
-    "Which LEAD compensator meets the paper's objectives",
-    "Section 2 of Lin & Song 1997 asks for a resonance below 110 % and an unchanged bandwidth, but gives no corner "
-    "frequencies. This study finds those that meet either; none meets both.",
-    jobs,
-    summarise,
+    title="Which LEAD compensator meets the paper's objectives",
+    question="Which corner frequencies give a resonance below 110 % and an unchanged bandwidth?",
+    runs=lambda quick: [],
+    computed={"lead_design": compute_loops},
+    claims=CLAIMS,
+    figures={"maps": draw_maps},
+    tables={"defaults": table},
+    values=values,
 )
 
 if __name__ == "__main__":
-    main(STUDY)
+    main(__file__)

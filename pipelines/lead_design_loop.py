@@ -1,15 +1,24 @@
-"""Which omega and alpha of the LEAD compensator meet the paper's objectives, and where the defaults stand.
+"""The position loop with a LEAD compensator: resonance, bandwidth and stability over its corner frequencies.
 
-Objectives (Lin & Song 1997, section 2): (a) the resonant magnitude M_p of the closed loop is below 110 %; (b) its
-bandwidth is that of the open loop, read as sqrt(K_ap / M). The loop is that of eq. 21 around a point mass in free
-space, L(s) = (K_ap + K_av s) LEAD(s) / (M s^2), in continuous time.
+The loop is that of Lin & Song 1997, eq. 21, around a point mass in free space and in continuous time,
+L(s) = (K_ap + K_av s) LEAD(s) / (M s^2). The bandwidth of the open loop is read as sqrt(K_ap / M).
 """
 
-from typing import NamedTuple
+import itertools
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cmacexp.config.compose import compose_config
+from cmacexp.study import Results
 from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCENARIOS = {"one leg": "one_leg", "the quadruped": "quadruped"}
+OMEGAS, ALPHAS, POINTS = (0.2, 200.0), (1.0, 100.0), 30
+"""Range of omega (rad/s) and of alpha in a scan, and points of each."""
 
 EFFECTIVE_MASS = 0.75
 """Mass that the foot of the paper's leg moves, kg (assumed)."""
@@ -51,3 +60,21 @@ def closed_loop(position_gain: float, velocity_gain: float, mass: float, omega: 
     above = np.flatnonzero(magnitude >= np.sqrt(0.5))
     bandwidth = float(FREQUENCIES[above[-1]]) if len(above) else float("nan")
     return Loop(float(magnitude.max()), bandwidth, bool(np.roots(closed).real.max() < 0.0))
+
+
+def compute_loops(results: Results) -> "pd.DataFrame":
+    """Loops with the gains of each scenario: with its own corner frequencies (``default``), and over a scan."""
+    import pandas as pd
+
+    rows = []
+    for name, scenario in SCENARIOS.items():
+        controller = compose_config([f"scenario={scenario}"]).controller
+        gains = (controller.position_gain, controller.velocity_gain)
+        open_bandwidth = open_loop_bandwidth(gains[0], EFFECTIVE_MASS)
+        own = (controller.lead_omega, controller.lead_alpha)
+        pairs = itertools.product(np.geomspace(*OMEGAS, POINTS), np.geomspace(*ALPHAS, POINTS))
+        for index, (omega, alpha) in enumerate([own, *pairs]):
+            loop = closed_loop(*gains, EFFECTIVE_MASS, omega, alpha)
+            place = {"scenario": name, "default": index == 0, "omega": omega, "alpha": alpha}
+            rows.append({**place, **loop._asdict(), "open_bandwidth": open_bandwidth})
+    return pd.DataFrame(rows)

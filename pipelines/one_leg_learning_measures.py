@@ -1,0 +1,174 @@
+"""What the study of one leg measures in the trace of a run: oscillations, steps and shares of torque, statics."""
+
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.models.leg import Leg, bias_torque, jacobian, trigonometry
+from cmacexp.planning.reference import Gains, combined_reference
+from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Config = Mapping[str, Any]
+LANDED, FORCE_WINDOW = 0.2, 0.2
+"""Time after touch-down from which a force is searched for oscillations, and width of the mean they leave, s."""
+EVENT, TORQUE_WINDOW = 0.3, 0.1
+"""Time from touch-down in which the torque changes abruptly, and width of the mean that oscillations leave, s."""
+SWING_START = 0.1
+"""Time after lift-off in which feedback is looked for, s."""
+POSTURES = 20
+"""Samples between the postures at which the weight of the leg is taken."""
+
+
+def in_cycle(number: int, measure: "Callable[[pd.DataFrame, Config], float]") -> Callable[[StoredRun], float]:
+    """The measure of a cycle's rows as one of a run; NaN for a run that recorded no such cycle."""
+
+    def measure_run(run: StoredRun) -> float:
+        rows = run.cycle(number)
+        return measure(rows, run.config) if len(rows) else float("nan")
+
+    return measure_run
+
+
+def in_last_recorded(measure: "Callable[[pd.DataFrame, Config], float]") -> Callable[[StoredRun], float]:
+    """The measure of the last cycle in the trace as one of a run."""
+    return lambda run: in_cycle(int(run.trace["cycle"].max()), measure)(run)
+
+
+def phases(rows: "pd.DataFrame") -> list[slice]:
+    """The samples of each phase in a cycle, in order."""
+    support = (rows["phase"] == "support").to_numpy()
+    edges = [0, *(np.flatnonzero(np.diff(support)) + 1), len(support)]
+    return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def touch_down(rows: "pd.DataFrame") -> int:
+    """The first sample of support in a cycle."""
+    return int(np.argmax((rows["phase"] == "support").to_numpy()))
+
+
+def differentiate(rows: "pd.DataFrame", values: Array) -> Array:
+    """Differences of ``values`` over time, within each phase by itself, so that a jump between phases stays one."""
+    time, result = rows["time"].to_numpy(), np.empty(len(rows))
+    for part in phases(rows):
+        result[part] = np.gradient(values[part], time[part], edge_order=2)
+    return result
+
+
+def velocity_jumps(rows: "pd.DataFrame", axis: str) -> tuple[float, float]:
+    """By how much the desired velocity jumps at lift-off and at touch-down, m/s."""
+    velocity = differentiate(rows, rows[f"{axis}_desired"].to_numpy())
+    lift_off, landing = (part.start for part in phases(rows))
+    return float(velocity[lift_off] - velocity[-1]), float(velocity[landing] - velocity[landing - 1])
+
+
+def reference_distance(rows: "pd.DataFrame") -> float:
+    """Least distance of the reference in support from the hip, m."""
+    stance = rows[rows["phase"] == "support"]
+    return float(np.hypot(stance["x_reference"], stance["y_reference"]).min())
+
+
+def peak_error(axis: str, extent: str) -> "Callable[[pd.DataFrame, Config], float]":
+    """Largest error of the foot in transfer, over the stroke or lift of the gait."""
+
+    def measure(rows: "pd.DataFrame", config: Config) -> float:
+        swing = rows[rows["phase"] == "transfer"]
+        return float((swing[axis] - swing[f"{axis}_desired"]).abs().max()) / float(config["gait"][extent])
+
+    return measure
+
+
+def force_peak(rows: "pd.DataFrame", config: Config) -> float:
+    """Largest force in support, N."""
+    return float(rows["force"].to_numpy()[touch_down(rows) :].max())
+
+
+def without_trend(values: Array, window: float, period: float) -> Array:
+    """What samples differ by from their moving mean over ``window`` seconds."""
+    half = round(window / period / 2.0)
+    padded = np.pad(np.asarray(values), half, mode="edge")
+    return values - np.convolve(padded, np.ones(2 * half + 1) / (2 * half + 1), "valid")
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def force_oscillation(rows: "pd.DataFrame", config: Config) -> float:
+    """RMS of a cycle's force around its moving mean, from ``LANDED`` after touch-down on, N."""
+    period = config["sampling_period"]
+    force = rows["force"].to_numpy()[touch_down(rows) :]
+    return _rms(without_trend(force, FORCE_WINDOW, period)[round(LANDED / period) :])
+
+
+def torque_oscillation(rows: "pd.DataFrame", config: Config) -> float:
+    """RMS of joint 1's feedforward torque around its moving mean: after touch-down, over that in mid support."""
+    period, landing = config["sampling_period"], touch_down(rows)
+    left = without_trend(rows["tau_feedforward_1"].to_numpy(), TORQUE_WINDOW, period)
+    quarter = (len(rows) - landing) // 4
+    after, middle = left[landing : landing + round(EVENT / period)], left[landing + quarter : landing + 3 * quarter]
+    return _rms(after) / _rms(middle)
+
+
+def torque_step(rows: "pd.DataFrame", config: Config) -> float:
+    """Largest change of joint 1's torque from one sample to the next around touch-down, N m."""
+    landing = touch_down(rows)
+    torque = (rows["tau_feedback_1"] + rows["tau_feedforward_1"]).to_numpy()
+    around = slice(landing - 1, landing + round(EVENT / config["sampling_period"]))
+    return float(np.abs(np.diff(torque[around])).max())
+
+
+def feedback_at_lift_off(rows: "pd.DataFrame", config: Config) -> float:
+    """Part of a cycle's squared feedback torque, both joints, in the first ``SWING_START`` seconds after lift-off."""
+    squared = (rows["tau_feedback_1"] ** 2 + rows["tau_feedback_2"] ** 2).to_numpy()
+    return float(squared[: round(SWING_START / config["sampling_period"])].sum() / squared.sum())
+
+
+def _depression(config: Config, static_load: bool) -> float:
+    """Depth of the reference below the ground per newton of desired force, m/N."""
+    controller, force = config["controller"], config["force_control"]
+    gains = Gains(
+        **{name: controller[name] for name in ("position_gain", "velocity_gain")},
+        **{name: force[name] for name in ("force_gain", "elasticity", "admittance")},
+        stiffness=config["terrain"]["stiffness"],
+    )
+    return combined_reference(gains, static_load).depression
+
+
+def reference_depth(config: Config) -> float:
+    """D_r of eq. 13, m."""
+    return _depression(config, True) * float(config["force_control"]["desired_force"])
+
+
+def learned_error(config: Config) -> float:
+    """Relative force error where the feedback is zero: D_r / (1/K_n + P_fn + K_av/K_ap V_fn) / F_d - 1."""
+    return _depression(config, True) / _depression(config, False) - 1.0
+
+
+def weight_at_foot(rows: "pd.DataFrame", config: Config) -> float:
+    """What the weight of the leg presses the foot down with in the second half of support, N; mean over postures."""
+    links = config["machine"]["leg"]
+    sizes = {name: links[name] for name in ("length_1", "length_2", "mass_1", "mass_2")}
+    leg = Leg(**sizes, knee=-1.0 if links["knee"] == "back" else 1.0)
+    settled = rows[(rows["phase"] == "support") & (rows["progress"] >= 0.5)]
+    pressing = []
+    for q1, q2 in zip(settled["q1"].iloc[::POSTURES], settled["q2"].iloc[::POSTURES], strict=True):
+        trig = trigonometry(q1, q2)
+        j11, j12, j21, j22 = jacobian(leg, trig)
+        lifting = np.linalg.solve([[j11, j21], [j12, j22]], bias_torque(leg, trig, 0.0, 0.0))
+        pressing.append(-lifting[1])
+    return float(np.mean(pressing))
+
+
+def feedback_force(config: Config, weight: float) -> float:
+    """Force at which feedback alone and a weight at the foot balance the ground, N.
+
+    K_ap (D_r - P_fn F - F/K_n) - K_av V_fn F + weight = F.
+    """
+    gain = float(config["controller"]["position_gain"])
+    return (gain * reference_depth(config) + weight) / (1.0 + gain * _depression(config, False))
