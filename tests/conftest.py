@@ -1,5 +1,6 @@
 """What the tests share: configs composed as the command line composes them, and code that is compiled once."""
 
+import math
 from functools import cache
 from tempfile import TemporaryDirectory
 
@@ -9,10 +10,13 @@ from support.command import python
 from support.walks import walk_in
 
 from cmacexp.config.compose import compose_config
-from cmacexp.jit.compiler import cache_folder
+from cmacexp.jit.compiler import cache_folder, expect_runs
 
 settings.register_profile("laws", deadline=None, derandomize=True, max_examples=100)
 settings.load_profile("laws")
+
+LONG = 100
+"""Cycles of one leg that repay compiling."""
 
 
 def pytest_sessionstart(session):
@@ -20,7 +24,15 @@ def pytest_sessionstart(session):
     several = session.config.getoption("numprocesses", None) and not hasattr(session.config, "workerinput")
     if several and not session.config.option.collectonly and not any(cache_folder().rglob("*.nbi")):
         with TemporaryDirectory() as folder:
-            python("-m", "cmacexp", "record=trace", "hydra.run.dir=run", folder=folder)
+            python("-m", "cmacexp", f"cycles={LONG}", "record=trace", "hydra.run.dir=run", folder=folder)
+
+
+@pytest.fixture
+def compiled():
+    """Programs are compiled, however short the run is."""
+    expect_runs(math.inf)
+    yield
+    expect_runs(1)
 
 
 @pytest.fixture(scope="session")

@@ -1,14 +1,17 @@
 """Kernels and programs: kernels are plain Python functions; programs are compiled, with the kernels that they call.
 
-Called from Python a kernel runs as it stands. A program is compiled when it is first called, and read from the cache
-in later processes. With ``NUMBA_DISABLE_JIT=1`` programs run as plain Python too; all give the same bits.
+Called from Python a kernel runs as it stands. A program is compiled when a run is long enough to repay it, and read
+from the cache by later runs of any length; else it runs as plain Python too, as always with ``NUMBA_DISABLE_JIT=1``.
+All give the same bits.
 """
 
 import contextlib
+import math
 import os
 import shutil
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache, cached_property, update_wrapper
 from pathlib import Path
 from typing import cast
@@ -16,7 +19,50 @@ from typing import cast
 from cmacexp.jit.kernels import Function, kernel, kernel_apart
 from cmacexp.jit.sources import KERNEL_ROOMS, sources_hash
 
-__all__ = ["cache_folder", "call_before_compiling", "kernel", "kernel_apart", "program", "remove_compiled"]
+__all__ = [
+    "cache_folder",
+    "call_before_compiling",
+    "expect_runs",
+    "expect_steps",
+    "kernel",
+    "kernel_apart",
+    "program",
+    "remove_compiled",
+]
+
+WORTH_COMPILING = 40_000
+"""Steps, times legs, that take as long in plain Python as compiling does, some 12 s."""
+
+
+@dataclass
+class _Work:
+    """What this process is about to do."""
+
+    runs: float = 1.0
+    leg_steps: float = math.inf
+    """Of one run."""
+    count: int = 0
+    """How often this has been announced."""
+
+    @property
+    def is_long(self) -> bool:
+        """Whether it repays compiling."""
+        return self.runs * self.leg_steps >= WORTH_COMPILING
+
+
+_work = _Work()
+
+
+def expect_steps(leg_steps: float) -> None:
+    """Announce a run of so many steps, times legs: its programs are compiled if it is long, or cached already."""
+    _work.leg_steps = leg_steps
+    _work.count += 1
+
+
+def expect_runs(runs: float) -> None:
+    """Announce that this process, or several together, make so many runs; infinite: many, or much beside them."""
+    _work.runs = runs
+    _work.count += 1
 
 
 def program(function: Function) -> Function:
@@ -25,17 +71,34 @@ def program(function: Function) -> Function:
 
 
 class _Program:
-    """A function whose compiled form is made, or read from the cache, when it is first called."""
+    """A function that runs as plain Python, or in a compiled form that is made or read from the cache when needed."""
 
     def __init__(self, function: Callable[..., object]):
         self.function = function
+        self.decided = -1
+        """The announcement, by its count, for which :attr:`chosen` was chosen."""
         update_wrapper(self, function)
 
     def __call__(self, *arguments: object) -> object:
+        if self.decided != _work.count:
+            self.chosen = self._run_compiled if _work.is_long or self._is_cached(arguments) else self.function
+            self.decided = _work.count
+        return self.chosen(*arguments)
+
+    def _run_compiled(self, *arguments: object) -> object:
         from cmacexp.jit.numba_private import quick_compilation
 
         with quick_compilation():
             return self.compiled(*arguments)
+
+    def _is_cached(self, arguments: tuple[object, ...]) -> bool:
+        """Whether the compiled form for such arguments need not be made; importing numba to tell takes a while."""
+        name = f"{self.function.__module__.rpartition('.')[2]}.{self.function.__qualname__}"
+        if not any(cache_folder().glob(f"*/{name}-*.nbi")):
+            return False
+        from cmacexp.jit.numba_private import is_cached
+
+        return is_cached(self.compiled, arguments)
 
     @cached_property
     def compiled(self) -> Callable[..., object]:

@@ -86,6 +86,18 @@ def compiled_program(function: Callable[..., object], folder: Path) -> Callable[
     return compiled
 
 
+def is_cached(compiled: Any, arguments: tuple[object, ...]) -> bool:
+    """Whether a program needs no compiling for such arguments; with a numba that is not known: unless it has none."""
+    if config.DISABLE_JIT or not KNOWN:
+        return True
+    signature = tuple(map(compiled.typeof_pyval, arguments))
+    if signature in compiled.overloads:
+        return True
+    # "Compiling": numba says publicly whether it has read a program from the cache, but not whether it could.
+    cache = compiled._cache
+    return cache._index_key(signature, compiled.targetctx.codegen()) in cache._cache_file._load_index()
+
+
 class Announcement(event.Listener):
     """Calls back once, when the first function of this process is compiled because none is in the cache."""
 

@@ -13,6 +13,7 @@ from cmacexp.control import Controller
 from cmacexp.data.weights import read_weights
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.feedforward import Feedforward, Learns
+from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
 from cmacexp.loop.validation import require_finite, take_measurement
 from cmacexp.planning import Plan, Setup, make_plan
@@ -110,6 +111,7 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     find_rule(config.learning.rule)  # also if no feedforward uses it
     check_load_sharing(config)
     mechanism, plain = make_mechanism(config.machine), to_plain(config)
+    expect_steps(config.cycles * config.steps_per_cycle * len(mechanism.legs))
     for group, component in given.items():
         require_members(group, plain[group].get("_target_"), component)
     made = {group: make_component(group, plain[group]) for group in PROTOCOLS if group not in given}

@@ -13,7 +13,9 @@ from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.drift import Drift, format_drift
 from cmacexp.metrics.summary import format_cycles
 
-COMPILING = "first run: compiling the control loop, once for all later runs (up to half a minute) ..."
+COMPILING = (
+    "compiling the control loop, which this much work repays: once, for all later runs (up to half a minute) ..."
+)
 
 
 def say(text: str, error: bool = False) -> None:

@@ -9,6 +9,7 @@ from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.compose import compose_with_choices
 from cmacexp.data.files import alone_in
 from cmacexp.data.integrity import is_finished
+from cmacexp.jit.compiler import expect_runs
 from cmacexp.report.terminal import announce_compiling
 from cmacexp.study.requests import Request
 from cmacexp.sweep.workers import Each
@@ -32,9 +33,12 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, Mappi
     return folder, config, choices, is_finished(folder, config)
 
 
-def _run(folder: Path, config: Config) -> None:
+def _run(folder: Path, config: Config, runs: int) -> None:
+    """Run one of so many."""
     from cmacexp.experiment import run_scenario
 
+    announce_compiling()
+    expect_runs(runs)
     folder.mkdir(parents=True, exist_ok=True)
     with alone_in(folder):
         if not is_finished(folder, config):  # another study may have run it while this one waited
@@ -54,8 +58,7 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
     missing = {folder: config for folder, config, _, finished in found.values() if not finished}
     print(f"{len(found)} runs, {len(missing)} of them to be run", file=sys.stderr)
     if missing:
-        announce_compiling()
-        each("running", _run, list(missing.items()))
+        each("running", _run, [(folder, config, len(missing)) for folder, config in missing.items()])
     return {request: (found[overrides(request)][0], found[overrides(request)][2]) for request in requests}
 
 

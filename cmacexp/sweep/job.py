@@ -11,7 +11,8 @@ from cmacexp.config import Config, to_config
 from cmacexp.data import manifest as manifests
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
-from cmacexp.sweep.start import select_run_overrides
+from cmacexp.jit.compiler import expect_runs
+from cmacexp.sweep.start import count_jobs, select_run_overrides
 
 
 def run_job(composed: DictConfig) -> float | None:
@@ -27,6 +28,7 @@ def run_job(composed: DictConfig) -> float | None:
     from cmacexp.sweep.objective import check_metric, read_objective
 
     announce_compiling()
+    expect_runs(count_jobs())
     name = f"#{hydra.job.num} {' '.join(select_run_overrides(hydra.overrides.task))}"
     try:
         config = to_config(composed, hydra.runtime.choices)

@@ -1,5 +1,6 @@
 """The start of a sweep: record its folder and jobs, set ``record=trace`` by default, read each config file once."""
 
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -75,6 +76,11 @@ class SweepStart(Callback):
 
         Sweeper.validate_batch_is_legal = check  # type: ignore[method-assign, assignment]  # called by all sweepers
         read_config_files_once(GlobalHydra.instance().hydra)
+
+
+def count_jobs() -> float:
+    """Jobs of the sweep that this process started; infinite in a process of its launcher, which cannot know."""
+    return SweepStart.sweep.planned.total() if SweepStart.sweep is not None else math.inf
 
 
 def _keys(overrides: Sequence[str]) -> set[str]:

@@ -1,15 +1,17 @@
 """Compiled code lasts from process to process wherever it can be kept, and is never older than its sources."""
 
+import math
 import re
 import shutil
 from types import FunctionType
 
 import pytest
-from support.command import ROOT, python
+from support.command import ROOT, cmacexp, python
 
-from cmacexp.jit.compiler import program
+from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, expect_steps, program
 from cmacexp.jit.numba_private import TESTED
 from cmacexp.models.mix import mix
+from cmacexp.report.terminal import COMPILING
 
 SCRIPT = """
 from cmacexp.jit.compiler import call_before_compiling, program
@@ -84,6 +86,45 @@ def test_private_names_of_numba_are_used_with_the_versions_that_the_package_allo
     assert tuple(tuple(map(int, version.split("."))) for version in (first, limit)) == TESTED
 
 
+def compiles(folder, *overrides, **environment):
+    """Whether a run says that it compiles, and whether it leaves compiled code."""
+    cache = folder / "cache"
+    done = cmacexp(
+        *overrides, "record=trace", "hydra.run.dir=run", folder=folder, NUMBA_CACHE_DIR=str(cache), **environment
+    )
+    assert done.returncode == 0, done.stderr
+    return COMPILING in done.stderr, any(cache.rglob("*.nbi"))
+
+
+def test_a_short_run_is_not_compiled_and_a_long_one_is(tmp_path):
+    assert compiles(tmp_path, "cycles=2") == (False, False)
+    assert compiles(tmp_path, "cycles=1", "gait.cycle_time=600", "gait.stroke=0.1") == (True, True)
+    trace = (tmp_path / "run" / "trace.parquet").read_bytes()
+    assert compiles(tmp_path, "cycles=1", "gait.cycle_time=600", "gait.stroke=0.1") == (False, True)
+    assert (tmp_path / "run" / "trace.parquet").read_bytes() == trace
+
+
+def plans(steps, runs=1.0):
+    """Whether a program is compiled for so many steps and runs."""
+    expect_runs(runs)
+    expect_steps(steps)
+    asked = program(lambda: None)
+    asked._run_compiled = lambda: "compiled"
+    asked._is_cached = lambda arguments: False
+    try:
+        return asked() == "compiled"
+    finally:
+        expect_runs(1)
+
+
+def test_the_length_of_all_runs_together_decides():
+    assert not plans(WORTH_COMPILING - 1)
+    assert plans(WORTH_COMPILING)
+    assert not plans(WORTH_COMPILING / 10, runs=9)
+    assert plans(WORTH_COMPILING / 10, runs=10)
+    assert plans(1, runs=math.inf)
+
+
 def test_a_kernel_is_a_plain_function_and_a_program_gives_its_bits():
     assert isinstance(mix, FunctionType)
-    assert program(mix)(7, 12345) == mix(7, 12345)
+    assert program(mix).compiled(7, 12345) == mix(7, 12345)

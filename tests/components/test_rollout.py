@@ -163,6 +163,7 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process(make_config, tmp_
     assert trace == (tmp_path / "here.parquet").read_bytes()
 
 
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize(
     "overrides",
     [

@@ -226,6 +226,7 @@ np.savez(sys.argv[1], samples=rollout.samples, body=rollout.body_samples)
 """
 
 
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("name", ["one leg", "quadruped"])
 def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, name):
     overrides = [*FAULTY[name], "cycles=1", "sensors.force.fault.start=1"]

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from cmacexp.loop import roll_out
+from cmacexp.loop.compiled import fused_loop
+from cmacexp.loop.external import coroutine_loop
 from cmacexp.loop.scenario import make_scenario
 
 SPREAD = {
@@ -62,6 +64,7 @@ np.savez(sys.argv[1], samples=rollout.samples, body=rollout.body_samples, cause=
 """
 
 
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize(
     "overrides",
     [
@@ -79,3 +82,12 @@ def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, ove
         assert same_bits(plain["samples"], compiled.samples)
         assert same_bits(plain["body"], compiled.body_samples)
         assert str(plain["cause"]) == compiled.cause
+
+
+@pytest.mark.usefixtures("compiled")
+def test_the_compiled_generator_gives_the_bits_of_the_fused_loop(make_config):
+    config = make_config("cycles=2", "learning.lead=1", "cmac.memory_bytes=65536")
+    fused, stepped = roll_out(make_scenario(config)), roll_out(make_scenario(config), fused=False)
+    assert coroutine_loop.chosen == coroutine_loop._run_compiled
+    assert fused_loop.chosen == fused_loop._run_compiled
+    assert same_bits(fused.samples, stepped.samples)

@@ -232,7 +232,14 @@ class Tents(BuiltInFeedforward):
 def test_both_loops_give_the_same_bits(make_config, rule, scenario, feedforward):
     own = [f"feedforward._target_={__name__}.{Tents.__name__}"] if feedforward == "tents" else []
     lead = list(RULES).index(rule) % 3
-    changed = ("cycles=2", "learning.start_cycle=1", f"learning.rule={rule}", f"learning.lead={lead}", *own)
+    changed = (
+        "cycles=2",
+        "gait.cycle_time=1",
+        "learning.start_cycle=1",
+        f"learning.rule={rule}",
+        f"learning.lead={lead}",
+        *own,
+    )
     config = make_config(f"scenario={scenario}", *changed)
     fused, stepped = roll_out(make_scenario(config)), roll_out(make_scenario(config), fused=False)
     assert fused.samples.tobytes() == stepped.samples.tobytes()

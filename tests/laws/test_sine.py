@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from cmacexp.jit.compiler import program
 from cmacexp.models.sine import FURTHEST, sine_cosine
 
-compiled = program(sine_cosine)
+compiled = program(sine_cosine).compiled
 angles = st.one_of(st.floats(-4.0, 4.0), st.floats(-1e5, 1e5), st.integers(-99, 99).map(lambda n: n * math.pi / 4))
 
 
