@@ -3,9 +3,6 @@
 import json
 
 import pytest
-from pipelines.shared.runs import collect
-from pipelines.shared.state import is_up_to_date
-from pipelines.shared.workers import workers
 
 from cmacexp.config.compose import compose_config
 from cmacexp.data import manifest as manifests
@@ -14,7 +11,11 @@ from cmacexp.data.integrity import faults, is_finished
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import CmacexpError
 from cmacexp.experiment import run_scenario
-from cmacexp.report.page import HTML, Claim, Link, Report, Section, Table, Text, write_report
+from cmacexp.report.page import HTML, Report, Section, Table, Text, write_report
+from cmacexp.study import Request
+from cmacexp.study.state import is_up_to_date
+from cmacexp.sweep.collect import collect
+from cmacexp.sweep.workers import workers
 
 JOB = ["scenario=force_step", "gait.cycle_time=1.0", "record=trace"]
 
@@ -75,16 +76,20 @@ def test_overrides_that_cannot_be_are_answered_in_one_line():
 
 
 def test_runs_are_reused_and_equal_ones_run_once(tmp_path, capfd):
-    jobs = {"one": {"a": JOB, "same": JOB}, "other": {"b": JOB, "c": [*JOB, "machine.mass=0.7"]}}
+    one, same, other = (
+        Request((*JOB,), {"name": "a"}),
+        Request((*JOB,), {"name": "b"}),
+        Request((*JOB, "machine.mass=0.7")),
+    )
     with workers() as each:
-        first = collect(each, jobs, tmp_path)
+        first = collect(each, [one, same, other], tmp_path)
     assert "2 runs, 2 of them to be run" in capfd.readouterr().err
-    assert first["one"]["a"].folder == first["one"]["same"].folder == first["other"]["b"].folder
-    times = {run.folder: (run.folder / "trace.parquet").stat().st_mtime_ns for run in first["other"].values()}
+    assert first[one] == first[same] != first[other]
+    times = {folder: (folder / "trace.parquet").stat().st_mtime_ns for folder, _ in first.values()}
     with workers() as each:
-        again = collect(each, jobs, tmp_path)
+        again = collect(each, [one, other], tmp_path)
     assert "2 runs, 0 of them to be run" in capfd.readouterr().err
-    assert {r.folder: (r.folder / "trace.parquet").stat().st_mtime_ns for r in again["other"].values()} == times
+    assert {folder: (folder / "trace.parquet").stat().st_mtime_ns for folder, _ in again.values()} == times
 
 
 def test_a_stored_run_gives_its_tables(finished):
@@ -96,9 +101,8 @@ def test_a_stored_run_gives_its_tables(finished):
     assert run.metrics["cycle"].tolist() == [1]
 
 
-def make_report(folder, run, verdict="reproduced"):
-    claim = Claim("it presses <hard>", "section 3", "1 N", verdict, [Link("run", "../run")])
-    section = Section("One & only", [Text("a < b"), Table(["x", "y"], [["1", "2"]])], [claim])
+def make_report(folder, run):
+    section = Section("One & only", [Text("a < b"), Table(["x", "y"], [["1", "2"]])])
     return write_report(Report("T", "S", [section], [run / "trace.parquet"]), folder, "key")
 
 
@@ -107,9 +111,8 @@ def test_a_report_lists_what_it_rests_on(finished, tmp_path):
     assert page == tmp_path / "report" / HTML
     text = page.read_text()
     assert "a &lt; b" in text
-    assert "It presses &lt;hard&gt;" in text
     assert "http" not in text, "the page needs nothing from elsewhere"
-    assert set(manifests.read(page.parent)["files"]) == {"report.html", "claims.csv", "../run/trace.parquet"}
+    assert set(manifests.read(page.parent)["files"]) == {"report.html", "../run/trace.parquet"}
     assert not faults(page.parent)
     assert is_up_to_date(page.parent, "key")
     assert not is_up_to_date(page.parent, "other")
@@ -133,8 +136,3 @@ def test_a_report_is_no_run(finished, tmp_path):
     make_report(tmp_path / "report", finished[0])
     assert runs_below(tmp_path) == [finished[0]]
     assert runs_below(tmp_path, reports=True) == [tmp_path / "report", finished[0]]
-
-
-def test_a_verdict_is_one_of_four():
-    with pytest.raises(ValueError, match="choose from"):
-        Claim("c", "s", "m", "proved", [])
