@@ -44,7 +44,7 @@ def against_fastest(results: Results) -> Array:
 def training_time(results: Results) -> Array:
     """(seeds,): cycles that the perceptron needs over those of CMAC; 1 if neither ever learns."""
     with np.errstate(invalid="ignore"):
-        ratios = cycles_to_tenth(results, MLP) / cycles_to_tenth(results, CMAC).mean()
+        ratios: Array = cycles_to_tenth(results, MLP) / cycles_to_tenth(results, CMAC).mean()
     ratios[np.isnan(ratios)] = 1.0
     return ratios
 
