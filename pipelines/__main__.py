@@ -1,15 +1,72 @@
-"""``python -m pipelines``: lists the studies."""
+"""``python -m pipelines``: lists the studies; with ``--write-docs``, renews what the documentation quotes of them."""
 
+import argparse
+import json
+import re
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+from cmacexp.cli.study import FOLDER
+from cmacexp.study.output import CLAIMS
 from cmacexp.study.study import load_study
+
+PIPELINES = Path(__file__).resolve().parent
+DOCS = PIPELINES.parent / "docs"
+QUOTED = DOCS / "results.json"
+"""Values and verdicts of the last full studies; ``4.87 %<!--one_leg_learning.bias 0-->`` quotes a first value."""
+MARK = re.compile(r"<!--(\w+)\.([^>]+?) (\d+|verdict)-->")
+
+Quotable = Mapping[str, Mapping[str, Any]]
+
+
+def read_quotable(folder: Path) -> Quotable:
+    """Values and verdicts by study and statement, of every full study below ``folder``."""
+    found: dict[str, dict[str, Any]] = {}
+    for path in sorted(folder.glob(f"*/{CLAIMS}")):
+        for study, statements in json.loads(path.read_text()).items():
+            found[study] = {
+                each["name"]: {"verdict": each["verdict"], "values": [c["shown"] for c in each["criteria"]]}
+                for each in statements
+            }
+    return found
+
+
+def quoted(match: re.Match[str], results: Quotable) -> str:
+    """What stands before a mark.
+
+    Raises:
+        KeyError: no such study or statement.
+    """
+    study, name, which = match.groups()
+    entry = results[study][name]
+    return str(entry["verdict"] if which == "verdict" else entry["values"][int(which)])
+
+
+def renew(text: str, before: Quotable, after: Quotable) -> str:
+    """A page whose quotes of ``before`` are those of ``after``."""
+    parts, end = [], 0
+    for match in MARK.finditer(text):
+        own = text[end : match.start()]
+        parts += [own.removesuffix(quoted(match, before)), quoted(match, after), match[0]]
+        end = match.end()
+    return "".join([*parts, text[end:]])
 
 
 def main() -> None:
-    """Print the name, title and question of every study."""
-    for page in sorted(Path(__file__).parent.glob("*.md")):
-        file = load_study(page.with_suffix(".py"))
-        print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
+    """Print the name, title and question of every study, or renew the documentation."""
+    parser = argparse.ArgumentParser(prog="python -m pipelines", description="List the studies.")
+    parser.add_argument("--write-docs", action="store_true", help=f"renew docs from the full studies in {FOLDER}")
+    if not parser.parse_args().write_docs:
+        for page in sorted(PIPELINES.glob("*.md")):
+            file = load_study(page.with_suffix(".py"))
+            print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
+        return
+    before = json.loads(QUOTED.read_text())
+    after = {**before, **read_quotable(FOLDER)}
+    for page in DOCS.glob("*.md"):
+        page.write_text(renew(page.read_text(), before, after))
+    QUOTED.write_text(json.dumps(after, indent=1, ensure_ascii=False) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,32 @@
+"""The documentation quotes figures and verdicts of the studies as they came out."""
+
+import json
+
+import pytest
+from support.command import ROOT, python
+
+from pipelines.__main__ import DOCS, MARK, QUOTED, quoted, read_quotable, renew
+
+RESULTS = json.loads(QUOTED.read_text())
+PAGES = [page for page in sorted(DOCS.glob("*.md")) if MARK.search(page.read_text())]
+QUICKEST = "lead_design"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_quote_is_what_the_study_found(page):
+    text = page.read_text()
+    wrong = [match[0] for match in MARK.finditer(text) if not text[: match.start()].endswith(quoted(match, RESULTS))]
+    assert not wrong
+
+
+def test_the_results_are_those_of_the_study_today(tmp_path):
+    """Of the quickest study; ``python -m pipelines --write-docs`` renews all."""
+    done = python("-m", f"pipelines.{QUICKEST}", "--folder", str(tmp_path), folder=ROOT)
+    assert done.returncode == 0, done.stderr
+    assert read_quotable(tmp_path)[QUICKEST] == RESULTS[QUICKEST]
+
+
+def test_quotes_are_renewed_in_place():
+    before, after = ({"s": {"a": {"verdict": v, "values": [x]}}} for v, x in (("yes", "1 N"), ("no", "2.5 N")))
+    text = "It is 1 N<!--s.a 0-->: yes<!--s.a verdict-->."
+    assert renew(text, before, after) == "It is 2.5 N<!--s.a 0-->: no<!--s.a verdict-->."
