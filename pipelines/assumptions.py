@@ -4,205 +4,210 @@
 mass, and evaluates every conclusion again.
 """
 
-from collections.abc import Mapping, Sequence
-from math import isfinite
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
-from cmacexp.data.stored_run import StoredRun
-from cmacexp.report.page import Drawing, Section, Table, Text
-from pipelines.analysis.assumptions_conclusions import (
+import numpy as np
+
+from cmacexp.cli.study import main
+from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, between, grid
+from cmacexp.typing import Array
+from pipelines.assumptions_list import ONE_LEG, POINT_MASS, QUADRUPED, Assumption
+from pipelines.assumptions_measures import (
+    TAKEN,
     Conclusion,
-    Outcome,
-    changed_by,
-    cycle_of,
-    matters,
-    methods,
-    one_leg,
-    quadruped,
-    shown,
+    conclusion_table,
+    count_changes,
+    draw_changes,
+    ended_early,
+    number_table,
 )
-from pipelines.analysis.assumptions_figure import draw
-from pipelines.analysis.assumptions_list import METHODS, ONE_LEG, QUADRUPED, Assumption
-from pipelines.analysis.measured import listed
-from pipelines.shared.runs import Runs
-from pipelines.shared.study import Jobs, Study, main
 
-LEG, WALK, MASS = "one leg", "quadruped", "point mass"
-MACHINES = {
-    LEG: (ONE_LEG, ("scenario=one_leg", "cycles=20")),
-    WALK: (QUADRUPED, ("scenario=quadruped", "cycles=20")),
-    MASS: (METHODS, ("scenario=force_step",)),
+LEG, WALK, MASS = "leg", "walk", "mass"
+CYCLES, QUICK_CYCLES = 20, 5
+CYCLE = 5
+"""Cycle in which the paper shows one leg."""
+MACHINES: dict[str, tuple[str, Sequence[Assumption]]] = {
+    LEG: ("one_leg", ONE_LEG),
+    WALK: ("quadruped", QUADRUPED),
+    MASS: ("force_step", POINT_MASS),
 }
-QUICK = {LEG: ("cycles=5",), WALK: ("cycles=5",), MASS: ()}
-CONTROL = ("stiffness", "damping", "combined")
-CHANGED = " ≠"
-"""Marks a number whose conclusion changes."""
+METHODS = ("stiffness", "damping", "combined")
+ELIMINATED, SMALL = 0.1, 0.25
+"""Errors over those of the first cycle up to which they are virtually eliminated, and small."""
 
 
-def _name(machine: str, assumption: Assumption | None = None, value: str = "") -> str:
-    return f"{machine}, {assumption.name} {value}" if assumption else machine
+def runs(quick: bool) -> list[Request]:
+    """Every value of every assumption, and the values taken; of the point mass, with each method."""
+    found = []
+    for machine, (scenario, assumptions) in MACHINES.items():
+        common = [f"scenario={scenario}"]
+        if machine != MASS:
+            common += [f"cycles={QUICK_CYCLES if quick else CYCLES}", "record.cycles=[1]"]
+        variants = {TAKEN: [], **_variants(assumptions, quick)}
+        methods = {"force_control": METHODS} if machine == MASS else {}
+        found += grid(*common, over={"variant": variants, **methods}, seeded=machine != MASS, machine=machine)
+    return found
 
 
-def jobs(quick: bool) -> Jobs:
-    """Every value of every assumption, by name; of the point mass, with each method."""
-    wanted: dict[str, list[str]] = {}
-    for machine, (assumptions, common) in MACHINES.items():
-        variants = {_name(machine): [*common, *(QUICK[machine] if quick else ())]}
-        base = variants[_name(machine)]
-        for a in assumptions:
-            for value in a.values[:1] if quick else a.values:
-                if a.quick or not quick:
-                    variants[_name(machine, a, value)] = [*base, *a.overrides(value)]
-        for name, overrides in variants.items():
-            each = {f"{name} {m}": [*overrides, f"force_control={m}"] for m in CONTROL}
-            wanted |= each if machine == MASS else {name: overrides}
-    return wanted
+def _variants(assumptions: Sequence[Assumption], quick: bool) -> dict[str, list[str]]:
+    """The overrides of each value that is tried, by name."""
+    return {
+        f"{each.name} {value}": each.overrides(value)
+        for each in assumptions
+        if each.quick or not quick
+        for value in (each.values[:1] if quick else each.values)
+    }
 
 
-def _later(run: StoredRun) -> str:
-    """From which cycle on both transfer errors are small."""
-    cycle = cycle_of(run, ("transfer_rmse_x", "transfer_rmse_y"))
-    return f"{cycle:.0f}" if isfinite(cycle) else "-"
+def value(name: str, cycle: int | None) -> Callable[[Results], Array]:
+    """A metric in ``cycle``, or in the last one."""
+    return lambda results: results.at(cycle or results.value("cycles"), name)
 
 
-def outcomes_of(
-    machine: str, conclusions: Sequence[Conclusion], runs: Mapping[str, Any], config: Mapping[str, Any]
-) -> tuple[Outcome, list[Outcome]]:
-    """What the values taken led to, and each other value that was run.
+def ratio(name: str, cycle: int | None) -> Callable[[Results], Array]:
+    """A metric in ``cycle``, or in the last one, over that of the first; infinite if a run ended before."""
 
-    Args:
-        machine: one of :data:`MACHINES`.
-        conclusions: to be drawn again.
-        runs: by name; of the point mass, those of the methods by name of the variant.
-        config: that of the values taken.
-    """
+    def sample(results: Results) -> Array:
+        late = value(name, cycle)(results)
+        return late / np.where(np.isinf(late), 1.0, results.at(1, name))
 
-    def outcome(name: str, assumption: str, taken: str, value: str) -> Outcome:
-        run = runs[name]
-        later = _later(run) if isinstance(run, StoredRun) else ""
-        return Outcome(assumption, taken, value, tuple(c.measure(run) for c in conclusions), later)
-
-    others = [
-        outcome(_name(machine, a, value), a.name, a.taken(config), a.label(value))
-        for a in MACHINES[machine][0]
-        for value in a.values
-        if _name(machine, a, value) in runs
-    ]
-    return outcome(_name(machine), "values taken", "", ""), others
+    return sample
 
 
-def table(taken: Outcome, outcomes: Sequence[Outcome], conclusions: Sequence[Conclusion]) -> Table:
-    """Every number, marked where it changes a conclusion."""
-    rows = []
-    for outcome in (taken, *outcomes):
-        changes = changed_by(outcome, taken.numbers, conclusions)
-        numbers = [shown(n) + (CHANGED if k in changes else "") for k, n in enumerate(outcome.numbers)]
-        name = f"{outcome.assumption} {outcome.taken} → {outcome.value}" if outcome.value else outcome.assumption
-        rows.append([name, *numbers, *([outcome.later] if taken.later else [])])
-    columns = ["value taken → tried", *(c.what for c in conclusions), *(["small from"] if taken.later else [])]
-    return Table(columns, rows, f"{CHANGED.strip()}: the conclusion differs from that with the values taken")
+def against(name: str, method: str) -> Callable[[Results], Array]:
+    """A metric of combined control over that of another method; what is undefined counts as infinite."""
+
+    def sample(results: Results) -> Array:
+        ours, theirs = (results.select(force_control=each).at(1, name) for each in ("combined", method))
+        return np.nan_to_num(ours, nan=np.inf) / np.nan_to_num(theirs, nan=np.inf)
+
+    return sample
 
 
-def legend(taken: Outcome, conclusions: Sequence[Conclusion]) -> str:
-    """What the columns of the table mean, and which conclusions hold with the values taken."""
-    measured = "; ".join(f"{c.what}: {c.axis}" for c in conclusions)
-    later = (
-        "; small from: cycle from which on x and y errors stay at most a quarter of those of cycle 1"
-        if taken.later
-        else ""
-    )
-    holding = [c.name for c, n in zip(conclusions, taken.numbers, strict=True) if c.holds(n)]
-    return f"In the table, {measured}{later}. With the values taken hold: {listed(holding)}."
-
-
-def _consequence(outcome: Outcome, taken: Outcome, conclusions: Sequence[Conclusion]) -> str:
-    instead = f"{outcome.value} instead of {outcome.taken}"
-    if outcome.falls:
-        return f"{instead}, it falls"
-    changes = changed_by(outcome, taken.numbers, conclusions)
-    changed = [f"{conclusions[k].what} {shown(outcome.numbers[k])}, not {shown(taken.numbers[k])}" for k in changes]
-    later = f" (both at most a quarter from cycle {outcome.later} on)" if outcome.later not in ("", "-") else ""
-    return f"{instead}, {listed(changed)}{later}"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" + ("" if number == 1 else "s")
-
-
-def _range(place: int, taken: Outcome, outcomes: Sequence[Outcome], conclusion: Conclusion) -> str:
-    numbers = [n for n in (o.numbers[place] for o in (taken, *outcomes)) if isfinite(n)]
-    limits = " to ".join(shown(n) for n in (conclusion.least, conclusion.most) if isfinite(n))
-    return f"{conclusion.what} ({conclusion.axis}) {shown(min(numbers))} to {shown(max(numbers))}, limit {limits}"
-
-
-def verdict(taken: Outcome, outcomes: Sequence[Outcome], conclusions: Sequence[Conclusion]) -> list[str]:
-    """Which assumptions matter, how, and which do not: one paragraph for each that does."""
-    changing, harmless = matters(outcomes, taken.numbers, conclusions)
-    going = [o for o in outcomes if not o.falls]
-    changes = {k for o in going for k in changed_by(o, taken.numbers, conclusions)}
-    missed = ["" if c.holds(n) else " (does not hold)" for c, n in zip(conclusions, taken.numbers, strict=True)]
-    safe = [c.name + missed[k] for k, c in enumerate(conclusions) if k not in changes]
-    ranges = [_range(k, taken, outcomes, c) for k, c in enumerate(conclusions)]
-    but = "" if len(going) == len(outcomes) else " with which it does not fall"
+def _errors(cycle: int | None) -> list[Conclusion]:
+    when = f"cycle {cycle}" if cycle else "last cycle"
     return [
-        f"Of {_count(len(changing) + len(harmless), 'assumption')}, tried with {_count(len(outcomes), 'other value')}"
-        f", {len(changing)} can change a conclusion. No value tried of these changes any: {listed(harmless)}.",
-        f"Conclusions that are the same with every value{but}: {listed(safe)}. Over all values: {'; '.join(ranges)}.",
-        *(
-            f"{name[0].upper()}{name[1:]}: with "
-            + "; with ".join(_consequence(outcome, taken, conclusions) for outcome in values)
-            + "."
-            for name, values in changing.items()
+        Conclusion(
+            f"{side} error",
+            f"transfer error in {side}, {when}, over that of the first",
+            ratio(f"transfer_rmse_{side}", cycle),
+            at_most(ELIMINATED),
+        )
+        for side in ("x", "y")
+    ]
+
+
+def _share(cycle: int | None) -> Conclusion:
+    when = f"cycle {cycle}" if cycle else "last cycle"
+    return Conclusion(
+        "CMAC share", f"the CMAC's of the torque, {when}", value("feedforward_share", cycle), at_least(0.5)
+    )
+
+
+def _percent(results: Results) -> Array:
+    return 100.0 * results.at(CYCLE, "force_steady_state_error")
+
+
+CONCLUSIONS: Mapping[str, Sequence[Conclusion]] = {
+    LEG: [
+        *_errors(CYCLE),
+        Conclusion("force error", f"of the settled force, cycle {CYCLE}, %", _percent, between(-5.0, 5.0)),
+        _share(CYCLE),
+        Conclusion(
+            "force alone",
+            "settled force of the first cycle, under feedback alone, N",
+            value("force_settled", 1),
+            between(0.8, 1.0),
         ),
-    ]
+    ],
+    WALK: [
+        *_errors(None),
+        Conclusion(
+            "force error",
+            "RMS, three feet down, last cycle, over that of the first",
+            ratio("force_rmse_three_feet", None),
+            at_most(SMALL),
+        ),
+        Conclusion("tilt", "largest, last cycle, over that of the first", ratio("tilt_max", None), at_most(SMALL)),
+        _share(None),
+    ],
+    MASS: [
+        Conclusion(
+            "overshoot", "combined over stiffness control", against("force_overshoot", "stiffness"), at_most(1.0)
+        ),
+        Conclusion(
+            "settling time", "combined over damping control", against("force_settling_time", "damping"), at_most(1.0)
+        ),
+    ],
+}
+"""By machine: of section 5, of section 6, and of section 3."""
 
 
-def _caption(taken: Outcome, outcomes: Sequence[Outcome], conclusions: Sequence[Conclusion]) -> str:
-    changing, harmless = matters(outcomes, taken.numbers, conclusions)
-    summary = f"{len(harmless)} of {_count(len(changing) + len(harmless), 'assumption')} change no conclusion."
-    if not changing:
-        return summary
-    most = max(outcomes, key=lambda o: len(changed_by(o, taken.numbers, conclusions)))
-    count = len(changed_by(most, taken.numbers, conclusions))
-    return (
-        f"{summary} The largest change is due to {most.assumption} {most.value} instead of {most.taken}: "
-        f"{count} of {_count(len(conclusions), 'conclusion')}."
+def _finding(machine: str, conclusion: Conclusion) -> Finding:
+    where = " with which runs complete" if machine != MASS else ""
+    what = f"The conclusion on {conclusion.name}"
+    criterion = Criterion(
+        f"{conclusion.quantity}: number of values tried{where} that change whether it is "
+        f"{conclusion.limit.describe(1.0, '')}",
+        partial(count_changes, conclusion),
+        at_most(0.0),
+        of={"machine": machine},
+    )
+    return Finding(
+        [criterion],
+        yes=f"{what} is the same with every value tried{where}.",
+        no=f"{what} depends on what is assumed: {{value}} of the values tried{where} change it.",
+        unclear=f"{what} changes with some values tried{where}, but not with every seed.",
     )
 
 
-def _section(machine: str, conclusions: Sequence[Conclusion], runs: Mapping[str, Any], config: Any) -> Section:
-    taken, outcomes = outcomes_of(machine, conclusions, runs, config)
-    parts: list[Text | Table | Drawing] = [Text(text) for text in verdict(taken, outcomes, conclusions)]
-    if machine != MASS:
-        name, figure = f"assumptions_{machine.replace(' ', '_')}", draw(outcomes, taken, conclusions)
-        parts.append(Drawing(name, figure, _caption(taken, outcomes, conclusions)))
-    parts += [Text(legend(taken, conclusions)), table(taken, outcomes, conclusions)]
-    return Section(f"What was assumed: {machine}", parts)
+WALKS = Finding(
+    [Criterion("number of values tried with which it ends early", ended_early, at_most(0.0), of={"machine": WALK})],
+    yes="The quadruped walks to the end with every value tried.",
+    no="The quadruped does not walk with every value tried: with {value} of them it ends early.",
+    unclear="With some values tried the quadruped ends early, but not with every seed.",
+)
+FINDINGS = {
+    "walks": WALKS,
+    **{
+        f"{machine} {conclusion.name}": _finding(machine, conclusion)
+        for machine, conclusions in CONCLUSIONS.items()
+        for conclusion in conclusions
+    },
+}
 
 
-def by_method(runs: Mapping[str, StoredRun]) -> dict[str, dict[str, StoredRun]]:
-    """Runs of the point mass by variant and method."""
-    variants: dict[str, dict[str, StoredRun]] = {}
-    for name, run in runs.items():
-        if name.startswith(MASS):
-            variant, method = name.rsplit(" ", 1)
-            variants.setdefault(variant, {})[method] = run
-    return variants
+def _of(machine: str, work: Callable[[Results, Sequence[Conclusion]], Any]) -> Callable[[Results], Any]:
+    return lambda results: work(results.select(machine=machine), CONCLUSIONS[machine])
 
 
-def summarise(runs: Runs) -> list[Section]:
-    """One leg, quadruped, and the force control methods."""
-    masses = by_method(runs)
-    config = masses[MASS]["combined"].config
-    return [
-        _section(LEG, one_leg(), runs, runs[LEG].config),
-        _section(WALK, quadruped(), runs, runs[WALK].config),
-        _section(MASS, methods(), masses, config),
-    ]
+def values(results: Results) -> dict[str, Any]:
+    """How many assumptions and values are tried, by machine."""
+    counts = {
+        machine: {
+            "assumptions": len(assumptions),
+            "tried": len(results.select(machine=machine).values("variant")) - 1,
+        }
+        for machine, (_, assumptions) in MACHINES.items()
+    }
+    return {**counts, "cycles": results.select(machine=LEG).value("cycles")}
 
 
-PURPOSE = "Each value that the paper does not give is changed alone; which of the paper's conclusions change?"
-STUDY = Study("assumptions", "What the assumed values change", PURPOSE, jobs, summarise)
+STUDY = Study(
+    title="What the assumed values change",
+    question="Each value that the paper does not give is changed alone; which of the paper's conclusions change?",
+    runs=runs,
+    findings=FINDINGS,
+    figures={machine: _of(machine, draw_changes) for machine in (LEG, WALK)},
+    tables={
+        f"{machine} {name}": _of(machine, work)
+        for machine in MACHINES
+        for name, work in (("conclusions", conclusion_table), ("numbers", number_table))
+    },
+    values=values,
+)
 
 if __name__ == "__main__":
-    main(STUDY)
+    main(__file__)

@@ -1,139 +1,130 @@
 """Alternatives to the CMAC: models, radial basis functions, a perceptron, iterative learning.
 
 ``python -m pipelines.feedforwards`` lets each of them learn the same steps of one leg and the same walk, then gives
-what it has learnt another ground and another stroke. What it claims: what learns from the feedback gets far below a
-model whose masses are 20 % off; on a path that repeats CMAC is neither the fastest nor the smallest. It takes some
-minutes, most of them for the perceptron.
+what it has learnt another ground and another stroke. It takes some minutes, most of them for the perceptron.
 """
 
-from cmacexp.report.page import Drawing, Section, Text
-from pipelines.analysis import feedforward_change as change
-from pipelines.analysis import feedforward_words as words
-from pipelines.analysis import figures_feedforward as figures
-from pipelines.analysis.feedforward_cost import cost_table
-from pipelines.analysis.feedforward_kinds import (
-    CHANGES,
-    FOUR_LEGS,
-    KEPT,
-    KINDS,
-    LEARNERS,
-    ONE_LEG,
-    RATES,
-    SMOOTH,
-    courses,
-    name_of,
-    rate_group,
-)
-from pipelines.shared.runs import Runs
-from pipelines.shared.study import Jobs, Study, main
+from collections.abc import Callable, Sequence
+from typing import Any
 
-SEEDS = 5
-COMMON = ("reference=aware", "learning.lead=1")
+from cmacexp.cli.study import main
+from cmacexp.study import Request, Results, Study, grid, starting_from
+from pipelines import feedforwards_figures as figures
+from pipelines.feedforwards_cost import measure_costs
+from pipelines.feedforwards_figures import ANEW, CARRIED
+from pipelines.feedforwards_kinds import (
+    ALONE,
+    ILC,
+    KEPT,
+    LEARNERS,
+    MODELS,
+    RBF,
+    SEEDED,
+    bytes_held,
+    bytes_used,
+)
+from pipelines.feedforwards_samples import CHANGES, EARLY, LATE, LEG, RATE, RATES, SMOOTH, WALK
+from pipelines.feedforwards_statements import CLAIMS, FINDINGS
+
+COMMON = ("reference=aware", "learning.lead=1", "record.cycles=[1]")
 STEPS = {
-    ONE_LEG: ("scenario=one_leg", 100, 6),
-    FOUR_LEGS: ("scenario=quadruped", 40, 2),
-    SMOOTH: ("scenario=one_leg gait.vertical=two_cubics", 40, 3),
+    LEG: (("scenario=one_leg",), 100, 6),
+    WALK: (("scenario=quadruped",), 40, 5),
+    SMOOTH: (("scenario=one_leg", "gait.vertical=two_cubics"), 40, 5),
 }
 """Overrides of each group, its cycles, and those of its quick form."""
-AFTER, QUICK_AFTER = 20, 3
-"""Cycles after a change, and at each rate."""
+AFTER, QUICK_AFTER = 20, 5
+"""Cycles after a change, and at other rates."""
 
 
-def _jobs_of(group: str, kind: str, quick: bool, *more: str, seeds: int = SEEDS) -> dict[str, list[str]]:
-    seeded = KINDS[kind].seeded
-    numbers = range(1 if quick else seeds) if seeded else [0]
-    return {
-        name_of(group, kind, seed): [*COMMON, *KINDS[kind].overrides, *more, *([f"seed={seed}"] if seeded else [])]
-        for seed in numbers
-    }
-
-
-def jobs(quick: bool) -> Jobs:
-    """Every kind on one leg, on four and on a smooth path; learners at other rates, and fresh after a change."""
-    runs: dict[str, list[str]] = {}
-    for group, (overrides, cycles, quick_cycles) in STEPS.items():
-        for kind in KINDS:
-            kept = ["record.weights=true"] if group == ONE_LEG and KINDS[kind].learns else []
-            more = [*overrides.split(), f"cycles={quick_cycles if quick else cycles}", *kept]
-            runs |= _jobs_of(group, kind, quick, *more)
-    after = f"cycles={QUICK_AFTER if quick else AFTER}"
-    for rate in RATES[1:2] if quick else RATES:
-        for kind in LEARNERS:
-            runs |= _jobs_of(
-                rate_group(rate), kind, quick, "scenario=one_leg", f"learning.rate={rate}", after, seeds=1
-            )
-    for name, overrides in CHANGES.items():
-        for kind in KINDS:
-            if kind in KEPT or not KINDS[kind].learns:
-                runs |= _jobs_of(name, kind, quick, "scenario=one_leg", *overrides, after)
-    return runs
-
-
-def carried_over(quick: bool, runs: Runs) -> Jobs:
-    """The same changes for learners that start from what they learnt on one leg."""
-    after = f"cycles={QUICK_AFTER if quick else AFTER}"
-    return {
-        change.carried(name): [
-            *overrides, "scenario=one_leg", after, "learning.start_cycle=1",
-            f"learning.start_from='{runs[name.replace(group, ONE_LEG, 1)].folder}'",
-        ]
-        for group, changed in CHANGES.items()
-        for kind in KEPT
-        for name, overrides in _jobs_of(group, kind, quick, *changed).items()
-    }  # fmt: skip
-
-
-def summarise(runs: Runs) -> list[Section]:
-    """Accuracy and speed on one leg and on four, then what each costs, and what a change does to it."""
-    leg, walk, smooth = (courses(runs, group) for group in STEPS)
-    cost = runs.keep("cost.parquet", cost_table(quick=len(next(iter(leg.values())).x[0]) < AFTER))
+def _each(kinds: Sequence[str], *overrides: str, **labels: Any) -> list[Request]:
+    """A request for each kind, repeated for each seed if it depends on it."""
+    every = {**MODELS, **LEARNERS}
     return [
-        Section(
-            "One leg",
-            [
-                Text(words.READING),
-                *words.accuracy(leg),
-                Drawing("learning_one_leg", figures.learning(leg), words.learning_caption(leg)),
-                Text(words.beaten(leg)),
-                Text(words.advice_one_leg(leg)),
-            ],
-            words.claims(runs, leg, walk),
-        ),
-        Section(
-            "Four legs",
-            [
-                *words.accuracy(walk, tilt=True),
-                Drawing("learning_four_legs", figures.learning(walk), words.learning_caption(walk)),
-                Text(words.beaten(walk)),
-                Text(words.advice_four_legs(walk)),
-            ],
-            beyond=True,
-        ),
-        Section("A path without jumps", [*words.smooth(leg, smooth)], beyond=True),
-        Section("Learning rate", [*words.rates(runs)], beyond=True),
-        Section("Memory and time", [*words.costs(runs, cost, leg)], beyond=True),
-        Section(
-            "Another ground, another stroke",
-            [
-                *change.tables(runs),
-                Drawing("after_a_change", figures.after(change.all_courses(runs)), change.CAPTION),
-                Text(change.advice(runs)),
-            ],
-            [change.claim(runs)],
-            beyond=True,
-        ),
+        request
+        for kind in kinds
+        for request in grid(*COMMON, *every[kind], *overrides, seeded=kind in SEEDED, kind=kind, **labels)
     ]
 
 
+def runs(quick: bool) -> list[Request]:
+    """Every kind on one leg, on four and on a smooth path; learners at other rates, and before and after changes."""
+    found: list[Request] = []
+    weights = "record.weights=true"
+    for group, (overrides, cycles, quick_cycles) in STEPS.items():
+        more = (*overrides, f"cycles={quick_cycles if quick else cycles}")
+        found += _each(tuple(MODELS), *more, group=group)
+        found += _each(tuple(LEARNERS), *more, *([weights] if group == LEG else []), group=group)
+    after = ("scenario=one_leg", f"cycles={QUICK_AFTER if quick else AFTER}")
+    for rate in RATES[:1] if quick else RATES:
+        found += _each(tuple(LEARNERS), *after, f"learning.rate={rate}", group=RATE)
+    _, cycles, quick_cycles = STEPS[LEG]
+    before = _each(KEPT, "scenario=one_leg", f"cycles={quick_cycles if quick else cycles}", weights)
+    for change, overrides in CHANGES.items():
+        found += _each((*MODELS, *KEPT), *after, *overrides, group=change, start=ANEW)
+        carried = _each(KEPT, *after, *overrides, "learning.start_cycle=1", group=change, start=CARRIED)
+        found += starting_from(before, carried)
+    return found
+
+
+def _shown(results: Results) -> list[int]:
+    return [cycle for cycle in (EARLY, LATE) if cycle <= results.value("cycles")]
+
+
+def _of(groups: str | Sequence[str], work: Callable[[Results], Any]) -> Callable[[Results], Any]:
+    return lambda results: work(results.select(group=groups))
+
+
+def _accuracy(group: str, *extra: Any) -> Callable[[Results], Any]:
+    return _of(group, lambda own: figures.accuracy_table(own, _shown(own), extra))
+
+
+def _plane(*groups: str) -> Callable[[Results], Any]:
+    shortest = groups[-1]
+    return lambda results: figures.plane_table(
+        results.select(group=groups, **({"kind": list(LEARNERS)} if RATE in groups else {})),
+        _shown(results.select(group=shortest)),
+    )
+
+
+def values(results: Results) -> dict[str, Any]:
+    """Cycles of each group, what the learners are like, and the time of a step of feedback alone on this machine."""
+    cycles = {name: results.select(group=group).value("cycles") for name, group in (("leg", LEG), ("walk", WALK))}
+    took = results.computed["cost"].set_index("kind").loc[ALONE, "seconds_per_step"].min()
+    return {
+        "cycles": cycles,
+        "after": results.select(group=list(CHANGES)).value("cycles"),
+        "centres": results.select(kind=RBF).value("feedforward.centres"),
+        "cutoff": results.select(kind=ILC).value("feedforward.cutoff"),
+        "rate": results.select(group=LEG).value("learning.rate"),
+        "step": 1e6 * float(took),
+    }
+
+
 STUDY = Study(
-    "feedforwards",
-    "Alternatives to the CMAC",
-    "Exact and wrong models, CMAC, radial basis functions, a perceptron and iterative learning control as the "
-    "feedforward of one leg and of four: accuracy, speed of learning, memory, time, and what remains after a change.",
-    jobs,
-    summarise,
-    carried_over,
+    title="Alternatives to the CMAC",
+    question="How do models, CMAC, radial basis functions, a perceptron and iterative learning control compare in "
+    "accuracy, speed of learning, memory and time, and what remains after a change?",
+    runs=runs,
+    measures={"held": bytes_held, "used": bytes_used},
+    computed={"cost": measure_costs},
+    claims=CLAIMS,
+    findings=FINDINGS,
+    figures={
+        "leg": _of(LEG, figures.draw_learning),
+        "walk": _of(WALK, figures.draw_learning),
+        "changes": _of(list(CHANGES), figures.draw_changes),
+    },
+    tables={
+        "leg": _accuracy(LEG, "force_steady_state_error", "settled force error, %", 100.0),
+        "walk": _accuracy(WALK, "tilt_max", "largest tilt, mrad", 1e3),
+        "smooth": _plane(SMOOTH),
+        "rates": _plane(LEG, RATE),
+        "cost": _of(LEG, figures.cost_table),
+        "changes": _of(list(CHANGES), figures.change_table),
+    },
+    values=values,
 )
 
 if __name__ == "__main__":
-    main(STUDY)
+    main(__file__)

@@ -1,30 +1,31 @@
-"""The paper, claim by claim: runs the studies of Lin & Song 1997 and writes their report.
+"""The paper, claim by claim: runs the studies of Lin & Song 1997 and writes a page over all of them.
 
 ``python -m pipelines.paper`` leaves ``outputs/studies/paper/report.html``: a table of what the paper says beside what
-was measured, its figures drawn again, and what it did not see.
+was measured, then the sections of each study.
 """
 
-from pipelines import assumptions, cmac_size, force_methods, lead_design, one_leg_learning, quadruped_walking
-from pipelines.shared.study import command, write_study
+from pathlib import Path
 
-STUDIES = [
-    lead_design.STUDY,
-    force_methods.STUDY,
-    one_leg_learning.STUDY,
-    quadruped_walking.STUDY,
-    cmac_size.STUDY,
-    assumptions.STUDY,
-]
+from cmacexp.cli.study import command, study_parser, write_collection
+from cmacexp.study.study import load_study
+
+STUDIES = ("lead_design", "force_methods", "one_leg_learning", "quadruped_walking", "cmac_size", "assumptions")
 TITLE = "Lin & Song 1997, claim by claim"
-PURPOSE = (
+QUESTION = (
     "Learning Hybrid Position/Force Control of a Quadruped Walking Machine Using a CMAC Neural Network, repeated: "
-    "what the paper says beside what was measured, its figures drawn from new runs, and what it did not see."
+    "which of its claims do new runs reproduce?"
 )
 
 
 def main() -> None:
     """Run all studies and write one report."""
-    command("paper", PURPOSE, lambda folder, quick: write_study(STUDIES, TITLE, PURPOSE, folder, quick))
+    folder = Path(__file__).parent
+    command(
+        study_parser("pipelines.paper", QUESTION),
+        lambda arguments, options: write_collection(
+            "paper", TITLE, QUESTION, [load_study(folder / f"{name}.py") for name in STUDIES], options
+        ),
+    )
 
 
 if __name__ == "__main__":

@@ -159,5 +159,7 @@ def _heat_map(figure: "Figure", axes: "Axes", panel: HeatMap) -> None:
     if panel.marks:
         rows, columns = zip(*panel.marks, strict=True)
         axes.plot(columns, rows, "o", color="#FFFFFF", markeredgecolor="#000000", ms=5)
-    figure.colorbar(image, ax=axes, label=panel.unit)
+    bar = figure.colorbar(image, ax=axes, label=panel.unit)
+    if panel.log and known.size:
+        logarithmic(bar.ax, "y", known)
     label(axes, panel.title, panel.x, panel.y)

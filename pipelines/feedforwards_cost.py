@@ -1,14 +1,13 @@
-"""What a step costs with each feedforward, measured in this process, one after the other and over again."""
+"""What a step costs with each feedforward, measured in one process, one after the other and over again."""
 
 import time
 from typing import TYPE_CHECKING
 
-import pyarrow as pa
-
 from cmacexp.config.compose import compose_config
 from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
-from pipelines.analysis.feedforward_kinds import ALONE, KINDS, MLP
+from cmacexp.study import Results
+from pipelines.feedforwards_kinds import ALONE, LEARNERS, MLP, MODELS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,15 +16,17 @@ CYCLES, ROUNDS, STEPPED_ROUNDS = 10, 30, 3
 """Of a run; runs of each kind, and of one that is worked on step by step, one more than are counted."""
 
 
-def cost_table(quick: bool) -> pa.Table:
-    """Processor time of a step of one leg by kind and round, s; that of other programs is not in it."""
-    rows = []
+def measure_costs(results: Results) -> "pd.DataFrame":
+    """Processor time of a step of one leg by ``kind`` and ``round``, s; that of other programs is not in it."""
+    import pandas as pd
+
+    quick = max(results.values("cycles")) < CYCLES
+    cycles = f"cycles={2 if quick else CYCLES}"
     configs = {
-        kind: compose_config(
-            ["scenario=one_leg", "reference=aware", f"cycles={2 if quick else CYCLES}", *how.overrides]
-        )
-        for kind, how in KINDS.items()
+        kind: compose_config(["scenario=one_leg", "reference=aware", cycles, *overrides])
+        for kind, overrides in {**MODELS, **LEARNERS}.items()
     }
+    rows = []
     for turn in range(STEPPED_ROUNDS if quick else ROUNDS):
         for kind, config in configs.items():
             if kind == MLP and turn >= STEPPED_ROUNDS:
@@ -36,10 +37,10 @@ def cost_table(quick: bool) -> pa.Table:
             seconds = time.process_time() - began
             if turn:  # the first one loads compiled code
                 rows.append({"kind": kind, "round": turn, "seconds_per_step": seconds / end.steps})
-    return pa.Table.from_pylist(rows)
+    return pd.DataFrame(rows)
 
 
-def ratios(cost: "pd.DataFrame") -> "pd.DataFrame":
+def relative_costs(results: Results) -> "pd.DataFrame":
     """Time of a step over that of feedback alone, by kind: ``least`` over least, ``median`` over median."""
-    by_kind = cost.groupby("kind")["seconds_per_step"].agg(least="min", median="median")
-    return by_kind / by_kind.loc[ALONE]
+    cost = results.computed["cost"].groupby("kind", sort=False)["seconds_per_step"].agg(least="min", median="median")
+    return cost / cost.loc[ALONE]
