@@ -1,5 +1,6 @@
 """The runs of studies: found by the hash of their config if they are complete, else run, on all cores."""
 
+import hashlib
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,16 +13,22 @@ from cmacexp.report.terminal import announce_compiling
 from cmacexp.study.requests import Request
 from cmacexp.sweep.workers import Each
 
-HASH_DIGITS = 12
+HASH_DIGITS, THIN_DIGITS = 12, 4
 Collected = Mapping[Request, tuple[Path, Mapping[str, str]]]
 """Folder of the run of each request, and the option that was chosen in each group."""
+
+
+def _describe_files(config: Config) -> str:
+    """What a run stores, which its config hash leaves out: studies that thin traces differently share no folder."""
+    rows = repr((config.record.every_nth_step, config.record.cycles))
+    thin = f"-thin-{hashlib.sha256(rows.encode()).hexdigest()[:THIN_DIGITS]}" if config.record.thins else ""
+    return thin + ("-weights" if config.record.weights else "")
 
 
 def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, Mapping[str, str], bool]:
     """Folder of the run of ``overrides``, its config, its options, and whether it is complete."""
     config, choices = compose_with_choices([*overrides, "record=trace"])
-    kept = ("-thin" if config.record.thins else "") + ("-weights" if config.record.weights else "")
-    folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{kept}"
+    folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{_describe_files(config)}"
     return folder, config, choices, is_finished(folder, config)
 
 
