@@ -100,6 +100,8 @@ def _style(index: int) -> dict[str, Any]:
 
 
 def _panel(axes: "Axes", panel: Panel, names: Sequence[str]) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     for place, series in enumerate(panel.series):
         style = _style(names.index(series.name))
         if panel.kind == "bars":
@@ -116,6 +118,8 @@ def _panel(axes: "Axes", panel: Panel, names: Sequence[str]) -> None:
     for axis in panel.log:
         shown = [np.asarray(s.x if axis == "x" else s.y, dtype=float) for s in panel.series]
         logarithmic(axes, axis, np.concatenate(shown))
+    if "x" not in panel.log and all(np.issubdtype(np.asarray(s.x).dtype, np.integer) for s in panel.series):
+        axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))  # no tick between two cycles
     if panel.ticks:
         turned: dict[str, Any] = {"rotation": 30, "ha": "right"} if len(panel.ticks) > MOST_LEVEL else {}
         axes.set_xticks(range(len(panel.ticks)), panel.ticks, **turned)
