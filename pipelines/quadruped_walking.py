@@ -1,315 +1,260 @@
 """Four legs walk (Lin & Song 1997, section 6, Fig. 14 to 20).
 
-``python -m pipelines.quadruped_walking`` walks with and without posture control and CMAC, draws what the paper shows,
-and then what it does not: the lean under eq. 24, and that the learning law as published does not last.
+``python -m pipelines.quadruped_walking`` walks with and without posture control and CMAC, with noisy sensors, and
+longer than the paper, and draws the paper's figures from these runs.
 """
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from cmacexp.data.stored_run import StoredRun
-from cmacexp.report.page import Drawing, Section, Table, Text
-from pipelines.analysis import figures_walk, gait_events, machine_views, walk_claims
-from pipelines.analysis.gait_events import Walk
-from pipelines.analysis.walk_claims import MM, PERCENT, End
-from pipelines.shared.runs import Runs
-from pipelines.shared.study import Jobs, Study, main
+from cmacexp.cli.study import main
+from cmacexp.report.figures import Panel, draw
+from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, grid
+from cmacexp.study.curves import over_cycles
+from pipelines import quadruped_walking_figures as figures
+from pipelines.quadruped_walking_claims import CLAIMS
+from pipelines.quadruped_walking_events import LATE, instants
+from pipelines.quadruped_walking_measures import (
+    ALL,
+    FEEDBACK,
+    LADDER,
+    LONG,
+    NO_CMAC,
+    NO_POSTURE,
+    NOISE,
+    PRINTED,
+    UNSEEDED,
+    at_end,
+    bursts,
+    deviations,
+    events,
+    in_part,
+    shown_walk,
+    walked,
+)
+from pipelines.quadruped_walking_views import DEPRESSION_SCALE, diagram, views
 
 if TYPE_CHECKING:
     import pandas as pd
 
-ALL, PRINTED = "feedback + posture + CMAC", "the same, eq. 24 as printed"
-NO_CMAC, NO_POSTURE, FEEDBACK = "feedback + posture", "feedback + CMAC", "feedback only"
-PUBLISHED, LEAD = "law as published", "with a lead of one sample"
-CYCLES, QUICK_CYCLES = 20, 5
-LONG, QUICK_LONG = 500, 30
-LADDER = (5, 10, 20)
-"""Cycles that the table shows."""
-SHOWN_VIEWS = {
-    16: "initial posture",
-    17: "lift-off of foot 3",
-    18: "touch-down of foot 3",
-    19: "transfer of foot 2",
-    20: "touch-down of foot 2",
+CYCLES, LONG_CYCLES, QUICK_CYCLES, QUICK_LONG_CYCLES = 20, 500, 5, 8
+SHOWN_CYCLES = (1, 5, 10, 20)
+"""Cycles that the table of errors shows."""
+COLUMNS = {
+    "force, N": ("force_rmse_cycle", 1.0),
+    "three feet, N": ("force_rmse_three_feet", 1.0),
+    "x, mm": ("transfer_rmse_x", 1e3),
+    "y, mm": ("transfer_rmse_y", 1e3),
+    "CMAC, %": ("feedforward_share", 1e2),
+    "tilt, mrad": ("tilt_max", 1e3),
 }
-READING = (
-    "Green: what the feet that carry span, with its margins along the body; dashed: the planned support polygon; "
-    f"vermilion: planned transfer. Depressions of the ground are drawn {machine_views.DEPRESSION_SCALE:.0f} times "
-    "too deep."
-)
+"""Of that table: metric, and factor to the unit shown."""
+CONTROLLERS = {
+    FEEDBACK: ["feedforward=none", "posture.gain=0"],
+    NO_POSTURE: ["posture.gain=0", "learning.start_cycle=1"],
+    NO_CMAC: ["feedforward=none"],
+    ALL: [],
+    PRINTED: ["reference=literal"],
+}
+PUBLISHED, LEAD = "as published", "lead of one sample"
+LAWS = {PUBLISHED: ["learning.lead=0"], LEAD: ["learning.lead=1"]}
+LEVELS = {
+    "force": {"force.noise_relative": 0.2},
+    "joints": {"position.noise": 1e-4, "velocity.noise": 0.02},
+    "height and tilt": {"height.noise": 1e-4, "tilt.noise": 1e-4},
+}
+"""White noise of sensors, in the fields' units."""
+LEVELS["all"] = {key: level for levels in LEVELS.values() for key, level in levels.items()}
+NOISES = {
+    name: ["sensors=real", *(f"sensors.{key}={level}" for key, level in levels.items())]
+    for name, levels in LEVELS.items()
+}
+LITTLE_MORE = 1.25
+"""Errors with noise over those without, up to which noise costs little accuracy."""
+LASTS = 0.9
+"""Part of the cycles from which on a law lasts."""
+BURST = 2.0
+"""Ratio of errors from which on they have grown again."""
 
 
-def jobs(quick: bool) -> Jobs:
-    """The ladder of controllers, and two long runs."""
-    short = ["scenario=quadruped", f"cycles={QUICK_CYCLES if quick else CYCLES}"]
-    long = [
-        "scenario=quadruped",
-        f"cycles={QUICK_LONG if quick else LONG}",
-        "record.cycles=[1]",
-    ]
-    return {
-        FEEDBACK: [*short, "feedforward=none", "posture.gain=0"],
-        NO_POSTURE: [*short, "posture.gain=0", "learning.start_cycle=1"],
-        NO_CMAC: [*short, "feedforward=none"],
-        ALL: short,
-        PRINTED: [*short, "reference=literal"],
-        PUBLISHED: long,
-        LEAD: [*long, "learning.lead=1"],
-    }
+def runs(quick: bool) -> list[Request]:
+    """The ladder of controllers; noisy sensors with and without CMAC; and two learning laws for long."""
+    short, long = (QUICK_CYCLES, QUICK_LONG_CYCLES) if quick else (CYCLES, LONG_CYCLES)
+    walk = ("scenario=quadruped", f"cycles={short}")
+    found = []
+    for name, overrides in CONTROLLERS.items():
+        found += grid(*walk, *overrides, seeded=name not in UNSEEDED, part=LADDER, controller=name)
+    last = ",".join(str(cycle) for cycle in range(max(1, short - LATE + 1), short + 1))
+    for name in (NO_CMAC, ALL):
+        noisy = (*walk, *CONTROLLERS[name], f"record.cycles=[{last}]")
+        found += grid(*noisy, over={"noise": NOISES}, seeded=True, part=NOISE, controller=name)
+    run = ("scenario=quadruped", f"cycles={long}", "record.cycles=[1]")
+    return found + grid(*run, over={"law": LAWS}, seeded=True, part=LONG, controller=ALL)
 
 
-def end_of(run: StoredRun) -> End:
-    """How a run ended."""
-    return End(run.status, run.manifest["steps"] * run.config["sampling_period"], run.config["cycles"])
-
-
-def _row(name: str, cycle: int, table: "pd.DataFrame", body: "pd.DataFrame") -> list[str]:
-    errors = table.loc[cycle]
-    return [
-        name,
-        str(cycle),
-        "walks",
-        f"{errors['force_rmse_cycle']:.2f}",
-        f"{errors['force_rmse_three_feet']:.2f}",
-        f"{MM * errors['transfer_rmse_x']:.1f}",
-        f"{MM * errors['transfer_rmse_y']:.1f}",
-        f"{PERCENT * errors['feedforward_share']:.0f}",
-        f"{MM * body.set_index('cycle')['tilt_max'][cycle]:.0f}",
-    ]
-
-
-def ladder(runs: Runs) -> Table:
-    """What each part of the controller adds."""
-    rows = []
-    for name in (FEEDBACK, NO_POSTURE, NO_CMAC, ALL, PRINTED):
-        run, end = runs[name], end_of(runs[name])
-        table = figures_walk.whole_cycles(run)
-        rows += [_row(name, cycle, table, run.body_metrics) for cycle in LADDER if cycle in table.index]
-        if end.status != "completed":
-            rows.append([name, str(int(run.metrics["cycle"].max())), f"{end.status} at {end.time:.3f} s", *"------"])
-    return Table(
+FINDINGS = {
+    "lean": Finding(
         [
-            "run",
-            "cycle",
-            "status",
-            "force, N",
-            "on three feet, N",
-            "x, mm",
-            "y, mm",
-            "CMAC, %",
-            "tilt, mrad",
+            Criterion(
+                f"largest tilt in a cycle, median of the last {LATE}, {name}",
+                lambda r: r.end("tilt_max", LATE),
+                limit,
+                unit="mrad",
+                scale=1e3,
+                of={"part": LADDER, "controller": controller},
+            )
+            for controller, name, limit in (
+                (PRINTED, "eq. 24 as printed", at_least(0.05)),
+                (ALL, "aware reference", at_most(0.02)),
+            )
         ],
-        rows,
-        "What each part adds: RMS errors over all legs (force over the whole cycle and with three feet down, "
-        "position in transfer), share of CMAC in the torque, largest tilt",
-    )
+        yes="Once the CMAC has learnt, the body leans by {value} under eq. 24 as printed, and by {values[1]} with "
+        "the aware reference: use `reference=aware` under a body.",
+        no="Once the CMAC has learnt, the body leans by {value} under eq. 24 as printed and by {values[1]} with the "
+        "aware reference: this does not single out the aware reference.",
+        unclear="These runs do not decide whether the aware reference keeps the body level where eq. 24 as printed "
+        "does not.",
+    ),
+    "rocking": Finding(
+        [
+            Criterion(f"part of the squared force error {what}, last {LATE} cycles", at_end(column), at_least(0.5),
+                      unit="%", scale=100.0, of={"part": LADDER, "controller": ALL})
+            for what, column in (
+                ("where four feet are planned to be down", "four_feet"),
+                ("there that moves load between the diagonal pairs of feet", "diagonal"),
+            )
+        ],
+        yes="Most of the force error that is left ({value} of its square) falls where four feet are planned to be "
+        "down, and {values[1]} of that moves load from one diagonal pair of feet to the other.",
+        no="The force error that is left is not mainly load that moves between the diagonal pairs of four feet.",
+        unclear="It is open whether the force error that is left is mainly load that moves between the diagonal "
+        "pairs of four feet.",
+    ),
+    "noise_cost": Finding(
+        [
+            Criterion(f"transfer error in {side} at the end, all sensors noisy over perfect ones", sample,
+                      at_most(LITTLE_MORE), of={"controller": ALL})
+            for side, sample in (
+                (side, lambda r, m=f"transfer_rmse_{side}": (
+                    in_part(r, NOISE).select(noise="all").end(m, LATE) / in_part(r, LADDER).end(m, LATE)
+                )) for side in "xy"
+            )
+        ],
+        yes="With CMAC all noises together cost little accuracy: errors are {value} and {values[1]} times those with "
+        "perfect sensors in x and y.",
+        no="With CMAC all noises together cost accuracy: errors are {value} and {values[1]} times those with perfect "
+        "sensors in x and y.",
+        unclear="The seeds differ too much to say whether all noises together cost accuracy with CMAC.",
+    ),
+    "lasting": Finding(
+        [
+            Criterion(f"part of the cycles that are walked, {law}", walked, limit, unit="%", scale=100.0,
+                      of={"part": LONG, "law": law})
+            for law, limit in ((PUBLISHED, at_most(LASTS)), (LEAD, at_least(LASTS)))
+        ],
+        yes="The law as published does not last: it ends after {value} of the cycles, and with a lead of one sample "
+        "the machine walks {values[1]} of them. Set `learning.lead=1`.",
+        no="A lead of one sample does not decide whether learning lasts: the law as published walks {value} of the "
+        "cycles, with the lead the machine walks {values[1]}.",
+        unclear="The seeds differ too much to say whether a lead of one sample decides how long learning lasts.",
+    ),
+    "bursts": Finding(
+        [Criterion("largest transfer error in x in the last fifth of the cycles over the median of the second fifth",
+                   bursts, at_least(BURST), of={"part": LONG, "law": LEAD})],
+        yes="Even with the lead errors do not stay small: in the last fifth of the cycles the transfer error in x "
+        "rises to {value} times its median in the second fifth.",
+        no="With the lead errors stay small: in the last fifth of the cycles the transfer error in x is at most "
+        "{value} times its median in the second fifth.",
+        unclear="The seeds differ too much to say whether errors stay small with the lead.",
+    ),
+}  # fmt: skip
 
 
-def _view_caption(walk: Walk, number: int, k: int, cycle: int) -> str:
-    pose = machine_views.pose_of(walk, k)
-    when = f"Cycle {cycle}, {walk.view.time[k] - walk.view.time[walk.view.cycle == cycle][0]:.3f} s after it began. "
-    force, desired = pose.force, pose.desired
-    return {
-        16: f"At the start all four feet are down; they carry {force.min():.1f} to {force.max():.1f} N, as desired. ",
-        17: f"{when}Foot 3 carries nothing any more. The rear margin is {MM * pose.carried[2]:.1f} mm, and foot 2 "
-        f"carries {force[1]:.2f} N where {desired[1]:.2f} N are desired. ",
-        18: f"{when}Foot 3 carries {force[2]:.1f} N; foot 1, of which {desired[0]:.1f} N are desired, carries "
-        f"{force[0]:.1f} N; the nearest edge is {MM * pose.carried[0]:.0f} mm away. ",
-        19: f"{when}Foot 2 is aloft, the front margin is {MM * pose.carried[1]:.1f} mm, and foot 3 carries "
-        f"{force[2]:.2f} N. ",
-        20: f"{when}Foot 2 carries {force[1]:.1f} N"
-        + (", while it is still planned to be aloft" if pose.aloft[1] else "")
-        + f"; the front margin is {MM * pose.carried[1]:.0f} mm. ",
-    }[number]
+def ladder_table(results: Results) -> "pd.DataFrame":
+    """Every controller in the cycles that all its runs reach, mean over seeds."""
+    import pandas as pd
+
+    rows = []
+    for name, own in in_part(results, LADDER).by("controller").items():
+        walks = {"controller": name, "walk to the end": f"{sum(own.completed)} of {len(own)}"}
+        shown = [cycle for cycle in SHOWN_CYCLES if cycle <= min(own.cycles)]
+        rows += [
+            walks | {"cycle": cycle} | {title: scale * own.at(cycle, metric).mean()
+                                        for title, (metric, scale) in COLUMNS.items()}
+            for cycle in shown
+        ] or [walks]  # fmt: skip
+    return pd.DataFrame(rows).astype({"cycle": "Int64"})
 
 
-def _drawings(walk: Walk, errors: "pd.Series") -> list[Drawing]:
-    last = int(walk.view.cycle[-1])
-    instants = gait_events.instants(walk, last)
-    gait = gait_events.gait(walk)
-    body = walk.view.config["machine"]
-    drawings = [
-        Drawing(
-            "fig14",
-            figures_walk.gait_diagram(walk),
-            f"Each leg supports for {PERCENT * gait['duty_factor'].mean():.0f} % of a cycle; on the left the hind "
-            f"foot touches down at {gait['touch_down'][3]:.2f} of the cycle and the front foot lifts at "
-            f"{gait['lift_off'][1]:.2f}.",
-            "Fig. 14: gait diagram of a wave gait",
-        ),
-        Drawing(
-            "fig15",
-            machine_views.diagram(walk),
-            f"Body and two-link legs, aslant from the right; hips {MM * body['hip_height']:.0f} mm over the ground, "
-            "knees outward (the paper gives neither). The pale legs are those of the left side.",
-            "Fig. 15: diagram of the quadruped",
-        ),
-    ]
-    for number, k in {16: 0, **instants}.items():
-        caption = _view_caption(walk, number, k, last) + READING
-        title = f"Fig. {number}: {SHOWN_VIEWS[number]}"
-        drawings.append(Drawing(f"fig{number}", machine_views.views(walk, k), caption, title))
-    forces = Drawing(
-        "walk-forces",
-        figures_walk.foot_forces(walk, last, instants),
-        f"RMS force error {errors['force_rmse_three_feet']:.2f} N with three feet down and "
-        f"{errors['force_rmse_cycle']:.2f} N over the whole cycle: most of it is left where four feet are down and "
-        "load rocks between the diagonal pairs. Shaded: planned transfer; numbers above: instants of Fig. 17 to 20.",
-        f"Foot forces over cycle {last}",
-    )
-    return [*drawings, forces]
+def noise_table(results: Results) -> "pd.DataFrame":
+    """What each noise changes, mean over seeds."""
+    table = results.computed["noise"].groupby(["noise", "controller"], sort=False, as_index=False)
+    return table[["feet", "force"]].mean().rename(columns={"feet": "feet, mm", "force": "force, N"})
 
 
-def _claims(runs: Runs, walk: Walk) -> list[walk_claims.Claim]:
-    view = walk.view
-    config, links = view.config, runs.links
-    lift, down, front = (
-        f(walk) for f in (gait_events.lift_off_of_3, gait_events.touch_down_of_3, gait_events.touch_down_of_2)
-    )
-    printed = gait_events.touch_down_of_3(gait_events.walk_of(runs[PRINTED]))
-    ends = {name: end_of(run) for name, run in runs.items()}
-    tables = {name: figures_walk.pooled(runs[name].metrics) for name in (ALL, PRINTED, NO_CMAC)}
-    hip_height = config["machine"]["hip_height"]
-    length = float(np.ptp([leg.hip[0] for leg in view.legs]))
-    off = float(np.abs(walk.force.sum(axis=1) - config["machine"]["weight"]).max())
-    fallen = runs[FEEDBACK].trace.tail(4)
-    fallen_least = float(fallen["force"][fallen["phase"] == "support"].min())
-    least_planned = float(np.nanmin(view.body["stability_margin"]))
+def _curves(part: str, by: str, *metrics: str, **chosen: Any) -> Any:
+    def work(results: Results) -> Any:
+        own = in_part(results, part).select(chosen)
+        panels: list[Panel] = [
+            over_cycles(own, name, by, "" if name in ("feedforward_share", "tilt_max", "height_mean") else "y")
+            for name in metrics
+        ]
+        return draw(panels, columns=3)
 
-    def pick(names: Sequence[str]) -> dict[str, End]:
-        return {name: ends[name] for name in names}
-
-    return [
-        walk_claims.gait_is_a_wave(gait_events.gait(walk), int((walk.force > 0.0).sum(axis=1).min()), links(ALL)),
-        *(
-            walk_claims.walks_steadily(ends[name], runs[name].body_metrics, hip_height, how, links(name))
-            for name, how in ((ALL, "aware reference"), (PRINTED, "eq. 24 as printed"))
-        ),
-        walk_claims.posture_carries(
-            pick([FEEDBACK, NO_POSTURE]), pick([NO_CMAC, ALL]), off, links(FEEDBACK, NO_POSTURE, NO_CMAC, ALL)
-        ),
-        walk_claims.margin_is_short(lift["rear_planned"].iloc[-1], lift["rear"].iloc[-1], length, "rear", links(ALL)),
-        walk_claims.force_2_tells(lift, fallen_least, links(ALL, FEEDBACK)),
-        walk_claims.foot_1_is_late(down, printed, least_planned, links(ALL, PRINTED)),
-        walk_claims.margin_is_short(
-            front["front_planned"].iloc[-1], front["front"].iloc[-1], length, "front", links(ALL)
-        ),
-        walk_claims.foot_2_restores(front, links(ALL)),
-        walk_claims.feedback_diminishes(tables[ALL]["feedforward_share"], links(ALL)),
-        *(
-            walk_claims.control_improves(tables[n].iloc[-1], tables[NO_CMAC].iloc[-1], how, links(n, NO_CMAC))
-            for n, how in ((ALL, "aware reference"), (PRINTED, "eq. 24 as printed"))
-        ),
-    ]
+    return work
 
 
-def _quadruped(runs: Runs) -> Section:
-    walk = gait_events.walk_of(runs[ALL])
-    tables = {name: figures_walk.pooled(runs[name].metrics) for name in (ALL, PRINTED, NO_CMAC)}
-    last = tables[ALL].index[-1]
-    share = {name: PERCENT * (1.0 - table["feedforward_share"].iloc[-1]) for name, table in tables.items()}
-    force = {name: table["force_rmse_three_feet"].iloc[-1] for name, table in tables.items()}
-    parts = [
-        Text(
-            "The body is quasi-static: height, pitch and roll always balance the weight, so that the "
-            "centre of gravity never leaves the feet that carry; where nothing balances, the machine falls and the "
-            "run ends. CMAC acts from cycle 2 on; without posture control the machine falls before, so that in that "
-            "run CMAC acts from the start."
-        ),
-        ladder(runs),
-        *_drawings(walk, tables[ALL].loc[last]),
-        Drawing(
-            "walk-learning",
-            figures_walk.learning(tables),
-            f"In cycle {last} feedback has {share[ALL]:.0f} % of the torque ({share[PRINTED]:.0f} % under eq. 24 as "
-            f"printed); the RMS force error with three feet down is {force[ALL]:.2f} N, {force[PRINTED]:.2f} N under "
-            f"eq. 24 as printed and {force[NO_CMAC]:.2f} N without CMAC.",
-            "What learning changes",
-        ),
-        Text(
-            "The paper also says that CMAC makes the walk more robust to sensor noise, since its input is planned. "
-            "All sensors are perfect here, so that this is not tested."
-        ),
-    ]
-    return Section("Quadruped", parts, _claims(runs, walk))
+LEARNT = {"controller": [ALL, PRINTED, NO_CMAC]}
 
 
-def _lean(runs: Runs) -> list[Text | Drawing]:
-    config = runs[PRINTED].config
-    gain, velocity = (config["controller"][name] for name in ("position_gain", "velocity_gain"))
-    control, stiffness = config["force_control"], config["terrain"]["stiffness"]
-    rest = 1.0 / stiffness + control["elasticity"] + velocity / gain * control["admittance"]
-    bodies = {name: runs[name].body_metrics for name in (ALL, PRINTED, NO_CMAC)}
-    learned = bodies[PRINTED].iloc[len(bodies[PRINTED]) // 2 :]
-    high = MM * (learned["height_mean"].mean() - config["machine"]["hip_height"])
-    level = MM * bodies[ALL]["tilt_max"].iloc[-1]
-    return [
-        Text(
-            f"The lean under eq. 24. With the paper's values the term F_d/K_ap is {1.0 / gain / rest:.0f} times the "
-            "rest of the reference: feet that are to carry more are sent centimetres deeper. While feedback carries "
-            "the load that is right. CMAC takes the load over and leaves the references where they are; the feet "
-            "follow them, each to another depth, and the body leans after its feet. The aware reference, which this "
-            "study uses where it says nothing else, drops the term once a feedforward acts."
-        ),
-        Drawing(
-            "walk-lean",
-            figures_walk.lean(bodies, config["machine"]["hip_height"]),
-            f"Under eq. 24 as printed the body stands {high:.0f} mm too high on average and leans by up to "
-            f"{MM * learned['tilt_max'].min():.0f} to {MM * learned['tilt_max'].max():.0f} mrad in cycles "
-            f"{learned['cycle'].iloc[0]} to {learned['cycle'].iloc[-1]}; with the aware reference the tilt falls to "
-            f"{level:.0f} mrad.",
-            "The lean of the quadruped",
-        ),
-    ]
+def values(results: Results) -> dict[str, Any]:
+    """Settings of the runs, and when Fig. 17 to 20 are."""
+    ladder = in_part(results, LADDER)
+    printed, walk, cycle = ladder.select(controller=PRINTED), *shown_walk(results)
+    p, v, stiffness, elasticity, admittance = (
+        printed.value(key)
+        for key in ("controller.position_gain", "controller.velocity_gain", "terrain.stiffness",
+                    "force_control.elasticity", "force_control.admittance")
+    )  # fmt: skip
+    began = walk.view.time[walk.view.cycle == cycle][0]
+    times = {f"fig{n}": float(walk.view.time[k] - began) for n, k in instants(walk, cycle).items()}
+    return times | {
+        "last": cycle, "late": LATE, "depth": DEPRESSION_SCALE, "cycles": ladder.value("cycles"),
+        "long": in_part(results, LONG).value("cycles"), "cmac_from": printed.value("learning.start_cycle"),
+        "term": (1.0 / p) / (1.0 / stiffness + elasticity + v / p * admittance),
+        "noise": {key.replace(".", "_"): level for key, level in LEVELS["all"].items()},
+        "hip_height": 1e3 * printed.value("machine.hip_height"),
+    }  # fmt: skip
 
 
-def _divergence(runs: Runs) -> list[Text | Drawing]:
-    tables = {name: figures_walk.whole_cycles(runs[name]) for name in (PUBLISHED, LEAD)}
-    end, error = end_of(runs[PUBLISHED]), MM * tables[PUBLISHED]["transfer_rmse_x"]
-    led = MM * tables[LEAD]["transfer_rmse_x"]
-    ended = int(runs[PUBLISHED].metrics["cycle"].max())
-    how = (
-        f"it has {end.status} in cycle {ended}"
-        if end.status != "completed"
-        else f"it completed its {end.cycles} cycles"
-    )
-    best = led.iloc[len(led) // 4 :]
-    return [
-        Text(
-            "The law as published does not last. It credits a feedback error to the cells that were read in the same "
-            "step, but a torque shows in the feedback one step later. learning.lead=1 credits the cells of the step "
-            "before."
-        ),
-        Drawing(
-            "walk-divergence",
-            figures_walk.divergence(tables),
-            f"Law as published: the transfer error in x is least in cycle {error.idxmin()} ({error.min():.2f} mm), "
-            f"then grows to {error.iloc[-1]:.1f} mm in cycle {error.index[-1]}; {how}. With a lead of one sample it "
-            f"has {runs[LEAD].status} {int(led.index[-1])} cycles; from cycle {best.index[0]} on its error is "
-            f"between {best.min():.2f} and {best.max():.2f} mm.",
-            "The law as published does not last",
-        ),
-    ]
+def _view(number: int) -> Any:
+    def work(results: Results) -> Any:
+        walk, cycle = shown_walk(results)
+        return views(walk, ({16: 0} | instants(walk, cycle))[number])
 
-
-def summarise(runs: Runs) -> list[Section]:
-    """The quadruped as the paper shows it, and what the paper did not see."""
-    return [
-        _quadruped(runs),
-        Section("What the paper did not see: the quadruped", [*_lean(runs), *_divergence(runs)], beyond=True),
-    ]
+    return work
 
 
 STUDY = Study(
-    "quadruped_walking",
-    "Quadruped walking",
-    "Section 6 of Lin & Song 1997: four legs walk with force/position feedback, posture control and a CMAC for each "
-    "leg. Posture control is what keeps the machine up; CMAC makes it level and leaves little to the feedback.",
-    jobs,
-    summarise,
-)
+    title="Quadruped walking",
+    question="How do posture control and a CMAC for each leg change the walk of four legs on soft ground, with "
+    "perfect and with noisy sensors, and for how long?",
+    runs=runs,
+    computed={"events": events, "noise": deviations},
+    claims=CLAIMS,
+    findings=FINDINGS,
+    figures={
+        "fig14": lambda r: figures.gait_diagram(shown_walk(r)[0]),
+        "fig15": lambda r: diagram(shown_walk(r)[0]),
+        **{f"fig{number}": _view(number) for number in range(16, 21)},
+        "forces": lambda r: figures.foot_forces(*shown_walk(r)),
+        "learning": _curves(LADDER, "controller", "feedforward_share", "transfer_rmse_y", "force_rmse_three_feet",
+                            **LEARNT),
+        "lean": _curves(LADDER, "controller", "tilt_max", "height_mean", **LEARNT),
+        "long": _curves(LONG, "law", "transfer_rmse_x", "transfer_rmse_y", "feedback_rms"),
+    },
+    tables={"ladder": ladder_table, "noise": noise_table},
+    values=values,
+)  # fmt: skip
 
 if __name__ == "__main__":
-    main(STUDY)
+    main(__file__)

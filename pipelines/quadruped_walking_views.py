@@ -8,7 +8,7 @@ from cmacexp.planning.stability import FRONT, REAR, polygon
 from cmacexp.recording import palette
 from cmacexp.report.style import DESIRED, GROUND, SERIES, colour, label, new_figure
 from cmacexp.typing import Array, Mask
-from pipelines.analysis.gait_events import Walk
+from pipelines.quadruped_walking_events import Walk
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,7 +52,9 @@ def pose_of(walk: Walk, k: int) -> Pose:
     view = walk.view
 
     def at(points: Array) -> Array:
-        return view.in_world(np.broadcast_to(points, (len(view.time), 3)))[k] - view.way()[k] * [1.0, 1.0, 0.0]
+        world = view.in_world(np.broadcast_to(points, (len(view.time), 3)))[k]
+        placed: Array = world - view.way()[k] * [1.0, 1.0, 0.0]
+        return placed
 
     links = []
     for leg in view.legs:
@@ -72,7 +74,7 @@ def pose_of(walk: Walk, k: int) -> Pose:
         walk.desired[k],
         ~walk.support[k],
         float(view.config["terrain"]["stiffness"]),
-        np.array(walk.carried(k)),
+        walk.carried(k),
     )
 
 
@@ -186,25 +188,26 @@ def _flat(points: Array) -> Array:
     return MM * np.stack([points[:, X] + OBLIQUE[0] * points[:, Y], points[:, Z] + OBLIQUE[1] * points[:, Y]], axis=1)
 
 
-def _dimension(axes: "Axes", start: Array, end: Array, text: str, shift: tuple[float, float]) -> None:
-    """A length between two points of the drawing, and its name beside the middle of it."""
+def _dimension(axes: "Axes", ends: Array, text: str, shift: tuple[float, float]) -> None:
+    """A length between two points (2, 3), and its name beside the middle of it."""
     arrow = {"arrowstyle": "<->", "color": "black", "lw": 0.8, "shrinkA": 0.0, "shrinkB": 0.0}
-    axes.annotate("", end, start, arrowprops=arrow, zorder=9)
-    middle = (np.asarray(start) + end) / 2.0 + shift
+    (x0, y0), (x1, y1) = _flat(ends).tolist()
+    axes.annotate("", (x1, y1), (x0, y0), arrowprops=arrow, zorder=9)
+    middle = (x0 + x1) / 2.0 + shift[0], (y0 + y1) / 2.0 + shift[1]
     axes.text(*middle, text, ha="center", va="center", fontsize=8.0, zorder=10)
 
 
 def _draw_dimensions(axes: "Axes", walk: Walk, pose: Pose) -> None:
     hips, legs = pose.links[:, 0], walk.view.legs
     over, beside, inward = np.array([[0.0, 0.0, 0.075], [0.06, 0.0, 0.0], [0.1, 0.0, 0.0]])
-    length, width = abs(legs[0].hip[0] - legs[2].hip[0]), abs(legs[0].hip[1] - legs[1].hip[1])
-    _dimension(axes, *_flat(hips[[2, 0]] + over), f"{MM * length:.0f} mm", (0.0, 24.0))
-    _dimension(axes, *_flat(hips[[1, 0]] + beside), f"{MM * width:.0f} mm", (68.0, -14.0))
+    width = abs(legs[0].hip[1] - legs[1].hip[1])
+    _dimension(axes, hips[[2, 0]] + over, f"{MM * walk.length:.0f} mm", (0.0, 24.0))
+    _dimension(axes, hips[[1, 0]] + beside, f"{MM * width:.0f} mm", (68.0, -14.0))
     drop = np.stack([hips[3], hips[3] * [1.0, 1.0, 0.0]]) + inward
-    _dimension(axes, *_flat(drop), f"{MM * pose.height:.0f} mm", (-64.0, -90.0))
+    _dimension(axes, drop, f"{MM * pose.height:.0f} mm", (-64.0, -90.0))
     for joint, size in enumerate(legs[1].lengths or ()):
-        middle = _flat(pose.links[1, joint : joint + 2].mean(axis=0, keepdims=True))[0]
-        axes.annotate(f"{MM * size:.0f} mm", middle, xytext=(10, 0), textcoords="offset points", va="center")
+        x, y = _flat(pose.links[1, joint : joint + 2].mean(axis=0, keepdims=True))[0].tolist()
+        axes.annotate(f"{MM * size:.0f} mm", (x, y), xytext=(10, 0), textcoords="offset points", va="center")
 
 
 def diagram(walk: Walk) -> "Figure":

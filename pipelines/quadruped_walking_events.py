@@ -1,0 +1,205 @@
+"""The events of Fig. 14 and 17 to 20 in the traces of a walk: margins and forces of the feet that carry.
+
+Margins are measured, not planned: they are those of the feet that carry, where they stand under the tilted body. An
+undefined margin counts as -inf: fewer than three feet carry, or the line along the body misses what they span.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.tables import read_traces
+from cmacexp.planning.stability import FRONT, REAR, STABILITY, margins
+from cmacexp.recording.run_view import RunView, make_view
+from cmacexp.typing import Array, Mask
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DUTY_FACTOR = 0.8
+WAVE = (0.2, 0.7, 0.0, 0.5)
+"""When each leg is aloft after leg 3, as part of a cycle, in the wave gait of Fig. 14: leg 1 lifts as foot 3 touches
+down, and the right side follows the left one by half a cycle."""
+RESTORED = 0.1
+"""The front margin counts as restored from when on it stays above this, m; the paper gives no figure."""
+LATE = 5
+"""Number of cycles at the end of a run in which the learnt walk is measured."""
+Event = Callable[["Walk", int], dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Traces of a quadruped; arrays are (steps, 4), legs in the paper's order."""
+
+    view: RunView
+
+    def _legs(self, name: str) -> Array:
+        columns: Array = np.stack([leg[name] for leg in self.view.legs], axis=1)
+        return columns
+
+    @cached_property
+    def force(self) -> Array:
+        """Contact force, N."""
+        return self._legs("force")
+
+    @cached_property
+    def desired(self) -> Array:
+        """Desired force, N."""
+        return self._legs("force_desired")
+
+    @cached_property
+    def support(self) -> Mask:
+        """Whether a foot is planned to support."""
+        return np.stack([leg.support for leg in self.view.legs], axis=1)
+
+    @cached_property
+    def feet(self) -> Array:
+        """Feet in the horizontal plane, (steps, 4, 2), forward and left of the centre of gravity, m."""
+        world: Array = np.stack(
+            [self.view.in_world(leg.in_body(leg["x"], leg["y"])) for leg in self.view.legs], axis=1
+        )
+        feet: Array = world[..., :2] - self.view.way()[:, None, :2]
+        return feet
+
+    def carried(self, k: int) -> Array:
+        """(3,): margins of the feet that carry in step ``k``, m: nearest edge, front and rear boundary."""
+        found = margins(self.feet[k][self.force[k] > 0.0])
+        return np.array([-np.inf if np.isnan(margin) else margin for margin in found])
+
+    def start(self, cycle: int, leg: int, support: bool) -> int:
+        """Step of a cycle in which a planned support, or else a planned transfer, of ``leg`` begins."""
+        now = self.support[:, leg - 1] == support
+        steps = np.flatnonzero(now[1:] & ~now[:-1]) + 1
+        return int(steps[self.view.cycle[steps] == cycle][0])
+
+    def end(self, k: int, leg: int) -> int:
+        """Step after the planned phase of ``leg`` that step ``k`` is in."""
+        changes = np.flatnonzero(self.support[k:, leg - 1] != self.support[k, leg - 1])
+        return k + int(changes[0]) if len(changes) else len(self.support)
+
+    @property
+    def length(self) -> float:
+        """Of the body, from the rear to the front hips, m."""
+        return float(np.ptp([leg.hip[0] for leg in self.view.legs]))
+
+    @property
+    def period(self) -> float:
+        """From one step to the next, s."""
+        return float(self.view.time[1] - self.view.time[0])
+
+
+@cache
+def walk_in(folder: Path) -> Walk:
+    """The walk of the stored run in a folder; read once in a process."""
+    return Walk(make_view(read_traces(folder), StoredRun(folder).config))
+
+
+def contacts(walk: Walk, cycle: int) -> dict[str, float]:
+    """Largest departures of a leg from the duty factor and from the wave of Fig. 14, parts of a cycle; how long fewer
+    than three feet carry."""
+    carries = walk.force[walk.view.cycle == cycle] > 0.0
+    turn = np.exp(2j * np.pi * np.arange(len(carries)) / len(carries))
+    middle = np.array([(turn[~own]).sum() for own in carries.T])  # points to the middle of the time aloft
+    wave = np.exp(2j * np.pi * np.array(WAVE))
+    return {
+        "duty_factor_off": float(np.abs(carries.mean(axis=0) - DUTY_FACTOR).max()),
+        "wave_off": float(np.abs(np.angle(middle / middle[2] / wave)).max() / (2.0 * np.pi)) if middle.all() else 0.5,
+        "two_feet": float((carries.sum(axis=1) < 3).mean()),
+    }
+
+
+def lift_off_of_3(walk: Walk, cycle: int) -> dict[str, float]:
+    """Fig. 17: the rear margin over the body's length as foot 3 leaves the ground, and the correlation of the force
+    of foot 2 with that margin while foot 3 is aloft; 0 if either does not vary."""
+    k = walk.start(cycle, 3, support=False)
+    aloft = k + np.flatnonzero(walk.force[k : walk.end(k, 3), 2] == 0.0)
+    rear, force = np.array([walk.carried(int(j))[REAR] for j in aloft]), walk.force[aloft, 1]
+    varies = np.isfinite(rear).all() and min(np.ptp(rear), np.ptp(force)) > 0.0 if len(aloft) > 1 else False
+    return {
+        "rear": float(rear[0]) / walk.length if len(aloft) else -np.inf,
+        "correlation": float(np.corrcoef(rear, force)[0, 1]) if varies else 0.0,
+    }
+
+
+def touch_down_of_3(walk: Walk, cycle: int) -> dict[str, float]:
+    """Fig. 18: what foot 1 still carries as foot 3 is to take over, N, for how long, s, and the least margin, m."""
+    k = walk.start(cycle, 3, support=True)
+    carries = walk.force[k : walk.end(k, 1), 0] > 0.0
+    late = int(np.argmin(carries)) if not carries.all() else len(carries)
+    return {
+        "force_1": float(walk.force[k, 0]),
+        "delay": late * walk.period,
+        "margin": min(float(walk.carried(j)[STABILITY]) for j in range(k, k + max(late, 1))),
+    }
+
+
+def closest_in_transfer_of_2(walk: Walk, k: int) -> int:
+    """Step in the second half of the transfer before ``k``, the touch-down of foot 2, in which it carries nothing and
+    the front margin is least."""
+    before = np.flatnonzero(walk.support[:k, 1])
+    first = int(before[-1]) + 1 if len(before) else 0
+    aloft = [j for j in range((first + k) // 2, k) if walk.force[j, 1] == 0.0] or [k - 1]
+    return min(aloft, key=lambda j: (walk.carried(j)[FRONT], -j))
+
+
+def touch_down_of_2(walk: Walk, cycle: int) -> dict[str, float]:
+    """Fig. 19, 20: the front margin late in the transfer of foot 2 over the body's length, the least after its
+    contact over that before it, and how long after the contact it is restored, s."""
+    k = walk.start(cycle, 2, support=True)
+    closest = closest_in_transfer_of_2(walk, k)
+    contact = closest + int(np.argmax(walk.force[closest:, 1] > 0.0))
+    until = min(walk.end(k, leg) for leg in (1, 3, 4))
+    after = np.array([walk.carried(j)[FRONT] for j in range(contact, until)])
+    low, before = np.flatnonzero(after <= RESTORED), float(walk.carried(closest)[FRONT])
+    return {
+        "front": before / walk.length,
+        "front_gain": float(after.min(initial=np.inf)) / before if before > 0.0 else -np.inf,
+        "restored": (int(low[-1]) + 1 if len(low) else 0) * walk.period,
+    }
+
+
+def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
+    """Parts of the squared force error: where four feet are planned to be down, and, of that, what moves load from
+    one diagonal pair of feet to the other."""
+    rows = walk.view.cycle == cycle
+    error, all_down = (walk.force - walk.desired)[rows], walk.support[rows].all(axis=1)
+    there = float((error[all_down] ** 2).sum())
+    diagonal = error[all_down] @ np.array([0.5, -0.5, -0.5, 0.5])
+    return {"four_feet": there / float((error**2).sum()), "diagonal": float((diagonal**2).sum()) / there}
+
+
+IN_ALL: tuple[Event, ...] = (contacts, touch_down_of_3)
+IN_LATE: tuple[Event, ...] = (lift_off_of_3, touch_down_of_2, four_feet)
+
+
+def events_in(run: StoredRun) -> "pd.DataFrame":
+    """One row per whole cycle of a run; some events are only measured in the last :data:`LATE` ones, else NaN."""
+    import pandas as pd
+
+    walk, rows = walk_in(run.folder), []
+    for cycle in range(1, run.whole_cycles + 1):
+        events = IN_ALL + (IN_LATE if cycle > run.whole_cycles - LATE else ())
+        rows.append({"cycle": cycle} | {k: v for event in events for k, v in event(walk, cycle).items()})
+    return pd.DataFrame(rows)
+
+
+def instants(walk: Walk, cycle: int) -> dict[int, int]:
+    """Steps of Fig. 17 to 20 in a cycle, by the figure's number.
+
+    17: from the planned lift-off of foot 3 on, the first step in which it carries nothing. 18: from its planned
+    touch-down on, the first in which it carries. 19: foot 2 aloft, front margin least. 20: the first after it in
+    which foot 2 carries.
+    """
+    lift, down = walk.start(cycle, 3, support=False), walk.start(cycle, 3, support=True)
+    closest = closest_in_transfer_of_2(walk, walk.start(cycle, 2, support=True))
+    return {
+        17: lift + int(np.argmax(walk.force[lift:, 2] == 0.0)),
+        18: down + int(np.argmax(walk.force[down:, 2] > 0.0)),
+        19: closest,
+        20: closest + int(np.argmax(walk.force[closest:, 1] > 0.0)),
+    }
