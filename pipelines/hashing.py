@@ -47,7 +47,7 @@ def runs(quick: bool) -> list[Request]:
             ramp = [WITHOUT_BODY_FORCES] if (machine, rule) == (WALK, LASTING) else []
             cycles = f"cycles={QUICK_CYCLES if quick else CYCLES[rule]}"
             common = (f"scenario={scenario}", cycles, "record.cycles=[1]", *overrides, *ramp)
-            labels = {"machine": machine, "rule": rule}
+            labels: dict[str, Any] = {"machine": machine, "rule": rule}
             found += grid(*common, over={"cmac.memory_bytes": memories}, seeded=True, **labels)
             found += grid(*common, "cmac.addressing=visited", **labels)
     return found
