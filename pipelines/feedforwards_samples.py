@@ -18,7 +18,7 @@ CHANGES = {
     "ground 1.5 times as stiff, known": ("terrain.stiffness=15",),
     "ground 1.5 times as stiff, unknown": ("terrain.stiffness=15", "terrain.assumed_stiffness=10"),
 }
-"""What becomes of the path of 200 mm on ground of 10 N/m; planner and models know of the ground, or do not."""
+"""What becomes of the default path and ground (10 N/m); planner and models know of the ground, or do not."""
 EARLY, LATE = 5, 20
 """Cycles that are compared."""
 

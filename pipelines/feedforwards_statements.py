@@ -34,7 +34,7 @@ def _criterion(
 
 TENTH = "cycles to a tenth of the error of feedback alone"
 RAPID = f"{TENTH}, CMAC over the fastest of RBF, MLP, ILC"
-LEFT = "learnt with 200 mm, error of {} in the first cycle over that of feedback alone"
+LEFT = "learnt with the default stroke, error of {} in the first cycle over that of feedback alone"
 LONG_TRAINING = (
     "the drawback of a neural network that is trained to compensate for the model is its long training time"
 )
