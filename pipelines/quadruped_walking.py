@@ -7,30 +7,29 @@ longer than the paper, and draws the paper's figures from these runs.
 from typing import TYPE_CHECKING, Any
 
 from cmacexp.cli.study import main
-from cmacexp.report.figures import Panel, draw
-from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, grid
+from cmacexp.report.figures import draw
+from cmacexp.study import Request, Results, Study, grid
 from cmacexp.study.curves import over_cycles
 from pipelines import quadruped_walking_figures as figures
-from pipelines.quadruped_walking_claims import CLAIMS
 from pipelines.quadruped_walking_events import LATE, instants
 from pipelines.quadruped_walking_measures import (
     ALL,
     FEEDBACK,
     LADDER,
+    LEAD,
     LONG,
     NO_CMAC,
     NO_POSTURE,
     NOISE,
     PRINTED,
+    PUBLISHED,
     UNSEEDED,
-    at_end,
-    bursts,
     deviations,
     events,
     in_part,
     shown_walk,
-    walked,
 )
+from pipelines.quadruped_walking_statements import CLAIMS, FINDINGS
 from pipelines.quadruped_walking_views import DEPRESSION_SCALE, diagram, views
 
 if TYPE_CHECKING:
@@ -55,25 +54,15 @@ CONTROLLERS = {
     ALL: [],
     PRINTED: ["reference=literal"],
 }
-PUBLISHED, LEAD = "as published", "lead of one sample"
 LAWS = {PUBLISHED: ["learning.lead=0"], LEAD: ["learning.lead=1"]}
-LEVELS = {
-    "force": {"force.noise_relative": 0.2},
-    "joints": {"position.noise": 1e-4, "velocity.noise": 0.02},
-    "height and tilt": {"height.noise": 1e-4, "tilt.noise": 1e-4},
+NOISES = {
+    "force.noise_relative": 0.2,
+    "position.noise": 1e-4,
+    "velocity.noise": 0.02,
+    "height.noise": 1e-4,
+    "tilt.noise": 1e-4,
 }
 """White noise of sensors, in the fields' units."""
-LEVELS["all"] = {key: level for levels in LEVELS.values() for key, level in levels.items()}
-NOISES = {
-    name: ["sensors=real", *(f"sensors.{key}={level}" for key, level in levels.items())]
-    for name, levels in LEVELS.items()
-}
-LITTLE_MORE = 1.25
-"""Errors with noise over those without, up to which noise costs little accuracy."""
-LASTS = 0.9
-"""Part of the cycles from which on a law lasts."""
-BURST = 2.0
-"""Ratio of errors from which on they have grown again."""
 
 
 def runs(quick: bool) -> list[Request]:
@@ -85,88 +74,11 @@ def runs(quick: bool) -> list[Request]:
         found += grid(*walk, *overrides, seeded=name not in UNSEEDED, part=LADDER, controller=name)
     last = ",".join(str(cycle) for cycle in range(max(1, short - LATE + 1), short + 1))
     for name in (NO_CMAC, ALL):
-        noisy = (*walk, *CONTROLLERS[name], f"record.cycles=[{last}]")
-        found += grid(*noisy, over={"noise": NOISES}, seeded=True, part=NOISE, controller=name)
+        noisy = ["sensors=real", *(f"sensors.{key}={level}" for key, level in NOISES.items())]
+        found += grid(*walk, *CONTROLLERS[name], *noisy, f"record.cycles=[{last}]", seeded=True, part=NOISE,
+                      controller=name)  # fmt: skip
     run = ("scenario=quadruped", f"cycles={long}", "record.cycles=[1]")
     return found + grid(*run, over={"law": LAWS}, seeded=True, part=LONG, controller=ALL)
-
-
-FINDINGS = {
-    "lean": Finding(
-        [
-            Criterion(
-                f"largest tilt in a cycle, median of the last {LATE}, {name}",
-                lambda r: r.end("tilt_max", LATE),
-                limit,
-                unit="mrad",
-                scale=1e3,
-                of={"part": LADDER, "controller": controller},
-            )
-            for controller, name, limit in (
-                (PRINTED, "eq. 24 as printed", at_least(0.05)),
-                (ALL, "aware reference", at_most(0.02)),
-            )
-        ],
-        yes="Once the CMAC has learnt, the body leans by {value} under eq. 24 as printed, and by {values[1]} with "
-        "the aware reference: use `reference=aware` under a body.",
-        no="Once the CMAC has learnt, the body leans by {value} under eq. 24 as printed and by {values[1]} with the "
-        "aware reference: this does not single out the aware reference.",
-        unclear="These runs do not decide whether the aware reference keeps the body level where eq. 24 as printed "
-        "does not.",
-    ),
-    "rocking": Finding(
-        [
-            Criterion(f"part of the squared force error {what}, last {LATE} cycles", at_end(column), at_least(0.5),
-                      unit="%", scale=100.0, of={"part": LADDER, "controller": ALL})
-            for what, column in (
-                ("where four feet are planned to be down", "four_feet"),
-                ("there that moves load between the diagonal pairs of feet", "diagonal"),
-            )
-        ],
-        yes="Most of the force error that is left ({value} of its square) falls where four feet are planned to be "
-        "down, and {values[1]} of that moves load from one diagonal pair of feet to the other.",
-        no="The force error that is left is not mainly load that moves between the diagonal pairs of four feet.",
-        unclear="It is open whether the force error that is left is mainly load that moves between the diagonal "
-        "pairs of four feet.",
-    ),
-    "noise_cost": Finding(
-        [
-            Criterion(f"transfer error in {side} at the end, all sensors noisy over perfect ones", sample,
-                      at_most(LITTLE_MORE), of={"controller": ALL})
-            for side, sample in (
-                (side, lambda r, m=f"transfer_rmse_{side}": (
-                    in_part(r, NOISE).select(noise="all").end(m, LATE) / in_part(r, LADDER).end(m, LATE)
-                )) for side in "xy"
-            )
-        ],
-        yes="With CMAC all noises together cost little accuracy: errors are {value} and {values[1]} times those with "
-        "perfect sensors in x and y.",
-        no="With CMAC all noises together cost accuracy: errors are {value} and {values[1]} times those with perfect "
-        "sensors in x and y.",
-        unclear="The seeds differ too much to say whether all noises together cost accuracy with CMAC.",
-    ),
-    "lasting": Finding(
-        [
-            Criterion(f"part of the cycles that are walked, {law}", walked, limit, unit="%", scale=100.0,
-                      of={"part": LONG, "law": law})
-            for law, limit in ((PUBLISHED, at_most(LASTS)), (LEAD, at_least(LASTS)))
-        ],
-        yes="The law as published does not last: it ends after {value} of the cycles, and with a lead of one sample "
-        "the machine walks {values[1]} of them. Set `learning.lead=1`.",
-        no="A lead of one sample does not decide whether learning lasts: the law as published walks {value} of the "
-        "cycles, with the lead the machine walks {values[1]}.",
-        unclear="The seeds differ too much to say whether a lead of one sample decides how long learning lasts.",
-    ),
-    "bursts": Finding(
-        [Criterion("largest transfer error in x in the last fifth of the cycles over the median of the second fifth",
-                   bursts, at_least(BURST), of={"part": LONG, "law": LEAD})],
-        yes="Even with the lead errors do not stay small: in the last fifth of the cycles the transfer error in x "
-        "rises to {value} times its median in the second fifth.",
-        no="With the lead errors stay small: in the last fifth of the cycles the transfer error in x is at most "
-        "{value} times its median in the second fifth.",
-        unclear="The seeds differ too much to say whether errors stay small with the lead.",
-    ),
-}  # fmt: skip
 
 
 def ladder_table(results: Results) -> "pd.DataFrame":
@@ -186,19 +98,18 @@ def ladder_table(results: Results) -> "pd.DataFrame":
 
 
 def noise_table(results: Results) -> "pd.DataFrame":
-    """What each noise changes, mean over seeds."""
-    table = results.computed["noise"].groupby(["noise", "controller"], sort=False, as_index=False)
+    """What noise changes, mean over seeds."""
+    table = results.computed["noise"].groupby("controller", sort=False, as_index=False)
     return table[["feet", "force"]].mean().rename(columns={"feet": "feet, mm", "force": "force, N"})
+
+
+LINEAR = ("feedforward_share", "tilt_max", "height_mean")
 
 
 def _curves(part: str, by: str, *metrics: str, **chosen: Any) -> Any:
     def work(results: Results) -> Any:
         own = in_part(results, part).select(chosen)
-        panels: list[Panel] = [
-            over_cycles(own, name, by, "" if name in ("feedforward_share", "tilt_max", "height_mean") else "y")
-            for name in metrics
-        ]
-        return draw(panels, columns=3)
+        return draw([over_cycles(own, name, by, "" if name in LINEAR else "y") for name in metrics], columns=3)
 
     return work
 
@@ -221,7 +132,7 @@ def values(results: Results) -> dict[str, Any]:
         "last": cycle, "late": LATE, "depth": DEPRESSION_SCALE, "cycles": ladder.value("cycles"),
         "long": in_part(results, LONG).value("cycles"), "cmac_from": printed.value("learning.start_cycle"),
         "term": (1.0 / p) / (1.0 / stiffness + elasticity + v / p * admittance),
-        "noise": {key.replace(".", "_"): level for key, level in LEVELS["all"].items()},
+        "noise": {key.replace(".", "_"): level for key, level in NOISES.items()},
         "hip_height": 1e3 * printed.value("machine.hip_height"),
     }  # fmt: skip
 

@@ -16,6 +16,7 @@ LADDER, NOISE, LONG = "ladder", "noise", "long"
 """Parts of the study."""
 FEEDBACK, NO_POSTURE, NO_CMAC = "feedback", "feedback + CMAC", "feedback + posture"
 ALL, PRINTED = "all, aware reference", "all, eq. 24 as printed"
+PUBLISHED, LEAD = "as published", "lead of one sample"
 UNSEEDED = (FEEDBACK, NO_CMAC)
 """Controllers that learn nothing, so that with perfect sensors no seed matters."""
 Sample = Callable[[Results], Array]
@@ -106,7 +107,7 @@ def least_force_at_fall(results: Results) -> Array:
 
 
 def deviations(results: Results) -> "pd.DataFrame":
-    """What noise changes in the last cycles, by noise, controller and seed: ``feet``, mm, and ``force``, N.
+    """What noise changes in the last cycles, by controller and seed: ``feet``, mm, and ``force``, N.
 
     RMS over all samples and legs of the difference from the run with perfect sensors, the same controller and seed;
     infinite if either run did not complete.
@@ -125,16 +126,15 @@ def deviations(results: Results) -> "pd.DataFrame":
             change = (run.cycles(cycles)[["x", "y", "force"]] - reference.cycles(cycles)[["x", "y", "force"]]) ** 2
             squares = change.mean()
             found = {"feet": 1e3 * float(squares["x"] + squares["y"]) ** 0.5, "force": float(squares["force"]) ** 0.5}
-        rows.append({"noise": row.settings["noise"], "controller": controller, "seed": seed, **found})
+        rows.append({"controller": controller, "seed": seed, **found})
     return pd.DataFrame(rows)
 
 
 def noise_ratio(column: str) -> Sample:
-    """What all noises together change with CMAC, over what they change without; one value for each seed."""
+    """What noise changes with CMAC, over what they change without; one value for each seed."""
 
     def sample(results: Results) -> Array:
-        table = results.computed["noise"]
-        by_seed = table[table["noise"] == "all"].pivot_table(index="seed", columns="controller", values=column)
+        by_seed = results.computed["noise"].pivot_table(index="seed", columns="controller", values=column)
         ratio: Array = (by_seed[ALL] / by_seed[NO_CMAC]).to_numpy()
         return ratio
 

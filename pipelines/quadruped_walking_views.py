@@ -135,7 +135,7 @@ def _draw_plan(axes: "Axes", pose: Pose) -> None:
         axes.text(
             0.5 + 0.48 * sign,
             0.03,
-            f"{name} margin {MM * margin:.0f} mm",
+            f"{name} margin {MM * margin:.0f} mm" if np.isfinite(margin) else f"no {name} margin",
             transform=axes.transAxes,
             ha="right" if sign > 0 else "left",
             color=COG,

@@ -1,8 +1,8 @@
-"""What Lin & Song 1997, section 6, claim of the quadruped, and what decides it."""
+"""What Lin & Song 1997, section 6, claim of the quadruped, what the study finds besides, and what decides it."""
 
 import numpy as np
 
-from cmacexp.study import Claim, Criterion, Results, at_least, at_most, between
+from cmacexp.study import Claim, Criterion, Finding, Results, at_least, at_most, between
 from cmacexp.study.statements import Limit
 from cmacexp.typing import Array
 from pipelines.quadruped_walking_events import LATE
@@ -10,11 +10,16 @@ from pipelines.quadruped_walking_measures import (
     ALL,
     FEEDBACK,
     LADDER,
+    LEAD,
+    LONG,
     NO_CMAC,
     NO_POSTURE,
+    NOISE,
     PRINTED,
+    PUBLISHED,
     Sample,
     at_end,
+    bursts,
     height_off,
     in_part,
     least_force_at_fall,
@@ -35,6 +40,12 @@ IMPROVED, NOT_IMPROVED = at_most(0.8), at_least(1.0)
 """What is to be less, over what it is to be less than: of errors, of the feedback and of what noise changes."""
 NEAR, FAR = at_most(0.05), at_least(0.1)
 """Departures from the gait as parts of a cycle: a quarter and half of a transfer."""
+LITTLE_MORE = 1.25
+"""Errors with noise over those without, up to which noise costs little accuracy."""
+LASTS = 0.9
+"""Part of the cycles from which on a law lasts."""
+BURST = 2.0
+"""Ratio of errors from which on they have grown again."""
 LATE_CYCLES = f"median of the last {LATE} cycles"
 ERRORS = {
     "transfer_rmse_x": "transfer error in x",
@@ -191,5 +202,82 @@ CLAIMS = {
                       noise_ratio(column), IMPROVED, NOT_IMPROVED, of={"controller": [ALL, NO_CMAC]})
             for what, column in (("the feet's positions", "feet"), ("the contact forces", "force"))
         ],
+    ),
+}  # fmt: skip
+
+FINDINGS = {
+    "lean": Finding(
+        [
+            Criterion(
+                f"largest tilt in a cycle, median of the last {LATE}, {name}",
+                lambda r: r.end("tilt_max", LATE),
+                limit,
+                unit="mrad",
+                scale=1e3,
+                of={"part": LADDER, "controller": controller},
+            )
+            for controller, name, limit in (
+                (PRINTED, "eq. 24 as printed", at_least(0.05)),
+                (ALL, "aware reference", at_most(0.02)),
+            )
+        ],
+        yes="Once the CMAC has learnt, the body leans by {value} under eq. 24 as printed, and by {values[1]} with "
+        "the aware reference: use `reference=aware` under a body.",
+        no="Once the CMAC has learnt, the body leans by {value} under eq. 24 as printed and by {values[1]} with the "
+        "aware reference: this does not single out the aware reference.",
+        unclear="These runs do not decide whether the aware reference keeps the body level where eq. 24 as printed "
+        "does not.",
+    ),
+    "rocking": Finding(
+        [
+            Criterion(f"part of the squared force error {what}, last {LATE} cycles", at_end(column), at_least(0.5),
+                      unit="%", scale=100.0, of={"part": LADDER, "controller": ALL})
+            for what, column in (
+                ("where four feet are planned to be down", "four_feet"),
+                ("there that moves load between the diagonal pairs of feet", "diagonal"),
+            )
+        ],
+        yes="Most of the force error that is left ({value} of its square) falls where four feet are planned to be "
+        "down, and {values[1]} of that moves load from one diagonal pair of feet to the other.",
+        no="The force error that is left is not mainly load that moves between the diagonal pairs of four feet.",
+        unclear="It is open whether the force error that is left is mainly load that moves between the diagonal "
+        "pairs of four feet.",
+    ),
+    "noise_cost": Finding(
+        [
+            Criterion(f"transfer error in {side} at the end, all sensors noisy over perfect ones", sample,
+                      at_most(LITTLE_MORE), of={"controller": ALL})
+            for side, sample in (
+                (side, lambda r, m=f"transfer_rmse_{side}": (
+                    in_part(r, NOISE).end(m, LATE) / in_part(r, LADDER).end(m, LATE)
+                )) for side in "xy"
+            )
+        ],
+        yes="With CMAC all noises together cost little accuracy: errors are {value} and {values[1]} times those with "
+        "perfect sensors in x and y.",
+        no="With CMAC all noises together cost accuracy: errors are {value} and {values[1]} times those with perfect "
+        "sensors in x and y.",
+        unclear="The seeds differ too much to say whether all noises together cost accuracy with CMAC.",
+    ),
+    "lasting": Finding(
+        [
+            Criterion(f"part of the cycles that are walked, {law}", walked, limit, unit="%", scale=100.0,
+                      of={"part": LONG, "law": law})
+            for law, limit in ((PUBLISHED, at_most(LASTS)), (LEAD, at_least(LASTS)))
+        ],
+        yes="The law as published does not last: it ends after {value} of the cycles, and with a lead of one sample "
+        "the machine walks {values[1]} of them. Set `learning.lead=1`.",
+        no="A lead of one sample does not decide whether learning lasts: the law as published walks {value} of the "
+        "cycles, with the lead the machine walks {values[1]}.",
+        unclear="The seeds differ too much to say whether a lead of one sample decides how long learning lasts.",
+    ),
+    "bursts": Finding(
+        [Criterion("largest transfer error in x in the last fifth of the cycles over the median of the second fifth",
+                   bursts, at_least(BURST), of={"part": LONG, "law": LEAD})],
+        yes="Even with the lead errors do not stay small: in the last fifth of the cycles the transfer error in x "
+        "rises to {value} times its median in the second fifth.",
+        no="With the lead errors stay small: in the last fifth of the cycles the transfer error in x is at most "
+        "{value} times its median in the second fifth.",
+        unclear="The seeds differ too much to say whether errors stay small with the lead.",
     ),
 }  # fmt: skip
