@@ -79,6 +79,10 @@ class Criterion:
     of: Mapping[str, Any] = field(default_factory=dict)
     """The settings of the runs that the sample is taken from; all runs if empty."""
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Judged statements travel between processes; a function without a name, as samples often are, cannot."""
+        return {**self.__dict__, "sample": None}
+
 
 @dataclass(frozen=True)
 class Measured:
