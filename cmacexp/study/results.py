@@ -184,8 +184,8 @@ def _same(value: Any, wanted: Any) -> bool:
 
 
 def _plain(row: Row) -> dict[str, Any]:
-    """What the study sets, as values of columns."""
+    """What the study sets, as values of columns; null is an empty field, in a column of numbers too."""
     return {
-        key: value if isinstance(value, int | float | str) else format_value(value)
+        key: value if value is None or isinstance(value, int | float | str) else format_value(value)
         for key, value in row.shown.items()
     }
