@@ -150,12 +150,14 @@ class Results:
         """One row a run: what the study sets, how the run ended, its measures, and its metrics in the last cycle."""
         import pandas as pd
 
-        return pd.DataFrame(
+        frame = pd.DataFrame(
             {**_plain(row), "cycles": row.summary.cycles, "status": row.summary.status, "cause": row.summary.cause}
             | dict(row.measures)
             | {name: row.summary.final(name) for name in row.summary.metrics}
             for row in self.rows
         )
+        mixed = [name for name in frame if len({isinstance(value, str) for value in frame[name].dropna()}) > 1]
+        return frame.assign(**{name: frame[name].map(format_value, na_action="ignore") for name in mixed})
 
     def per_cycle(self, *names: str) -> "pd.DataFrame":
         """One row a run and cycle, with some metrics."""

@@ -152,6 +152,11 @@ def test_the_tables_have_a_row_a_run_and_a_row_a_run_and_cycle():
     assert len(results.per_cycle("transfer_rmse_x")) == 7
 
 
+def test_a_setting_that_is_a_word_in_some_runs_and_a_number_in_others_is_a_column_of_text():
+    results = Results([*made(0.1, lead=1).rows, *made(0.1, lead="auto").rows])
+    assert results.table["lead"].tolist() == ["1", "auto"]
+
+
 @pytest.mark.parametrize(
     ("value", "text"),
     [
