@@ -5,6 +5,7 @@ from typing import Any
 
 from cmacexp.cmac.rules import RULES
 from cmacexp.study import Criterion, Finding, Results, at_least, at_most
+from cmacexp.study.samples import per_seed, relative
 from cmacexp.typing import Array
 from pipelines import long_learning_measures as measures
 from pipelines.long_learning_measures import FORCE, GRID, LATE, LEG, LONG, PAPER, RATE, SETTING, TRANSFER, WALK
@@ -27,7 +28,7 @@ def _least_of_others(results: Results, lead: int, name: str) -> Array:
     """(seeds,): least error at the end of the other rules with a lead, over the paper's rule with lead 1."""
     own = results.select(PAPER, lead="lead 1")
     others = results.select({"learning.rule": [rule for rule in RULES if rule != "paper"], "learning.lead": lead})
-    return measures.per_seed(others, measures.relative(others, own, partial(measures.final, name=name)), min)
+    return per_seed(others, relative(others, own, partial(measures.final, name=name)), min)
 
 
 def _one_less(results: Results) -> Array:
@@ -39,13 +40,13 @@ def _one_less(results: Results) -> Array:
 def _at_other_rates(results: Results) -> Array:
     """(seeds,): largest error at the end over that with the paper's rate."""
     own = results.select({"learning.rate": PAPER_RATE})
-    return measures.per_seed(results, measures.relative(results, own, measures.final), max)
+    return per_seed(results, relative(results, own, measures.final), max)
 
 
 def _with_feedback(results: Results) -> Array:
     """(seeds,): force error at the end with stronger force feedback over that without."""
     felt, ramped = (results.select(settings=name) for name in (FELT, RAMPED))
-    return measures.relative(felt, ramped, partial(measures.final, name=FORCE))
+    return relative(felt, ramped, partial(measures.final, name=FORCE))
 
 
 def _paper(machine: str, lead: int) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """What the study of long learning measures: errors at the end, how runs end, drift, and predicted growth."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,26 +68,6 @@ def learnt_in(results: Results) -> Array:
     """(runs,): first cycle with an error of at most :data:`LEARNT`; infinite if there is none."""
     small = [np.flatnonzero(history(row, TRANSFER) <= LEARNT) for row in results.rows]
     return np.array([found[0] + 1.0 if len(found) else np.inf for found in small])
-
-
-def relative(results: Results, other: Results, measure: Callable[[Results], Array]) -> Array:
-    """(runs,): a measure over that of the run of ``other`` with the same seed; infinite where it is itself."""
-    values, reference = measure(results), dict(zip(_seeds(other), measure(other), strict=True))
-    ratios = [
-        np.inf if np.isinf(value) else value / reference[seed]
-        for seed, value in zip(_seeds(results), values, strict=True)
-    ]
-    return np.array(ratios)
-
-
-def per_seed(results: Results, values: Array, choose: Callable[[Array], float]) -> Array:
-    """(seeds,): e.g. the least of the values of all runs of one seed."""
-    seeds = np.array(_seeds(results))
-    return np.array([choose(values[seeds == seed]) for seed in results.values("seed")])
-
-
-def _seeds(results: Results) -> list[int]:
-    return [row.settings["seed"] for row in results.rows]
 
 
 def detected(run: StoredRun) -> float:

@@ -32,14 +32,6 @@ def test_errors_vary_over_the_second_half_alone():
     assert measures.variation(Results([run(9.0, 3.0, 2.0, 3.0), run(9.0)])).tolist() == pytest.approx([1.5, np.inf])
 
 
-def test_a_ratio_is_that_of_the_same_seed_and_infinite_where_the_run_ended():
-    own = Results([run(2.0, 2.0, 2.0, 2.0, seed=0), run(4.0, 4.0, 4.0, 4.0, seed=1)])
-    other = Results([run(*(4 * [6.0]), seed=1), run(*(4 * [1.0]), seed=0), run(9.0, seed=1)])
-    ratios = measures.relative(other, own, measures.final)
-    assert ratios.tolist() == pytest.approx([1.5, 0.5, np.inf])
-    assert measures.per_seed(other, ratios, min).tolist() == pytest.approx([1.5, 0.5])
-
-
 def test_a_leg_has_learnt_in_the_first_cycle_with_a_small_error():
     small, never = 0.5 * measures.LEARNT, 2.0 * measures.LEARNT
     found = measures.learnt_in(Results([run(never, small, never, small), run(never)]))
