@@ -5,7 +5,7 @@ from typing import Any
 
 from cmacexp.cmac.rules import RULES
 from cmacexp.study import Criterion, Finding, Results, at_least, at_most
-from cmacexp.study.samples import per_seed, relative
+from cmacexp.study.samples import per_seed, relative, share_done
 from cmacexp.typing import Array
 from pipelines import long_learning_measures as measures
 from pipelines.long_learning_measures import FORCE, GRID, LATE, LEG, LONG, PAPER, RATE, SETTING, TRANSFER, WALK
@@ -34,7 +34,7 @@ def _least_of_others(results: Results, lead: int, name: str) -> Array:
 def _one_less(results: Results) -> Array:
     """(runs,): share done with a lead of a sample less than from torque to feedback."""
     chosen = [row for row in results.rows if row.settings["learning.lead"] == row.settings["actuator.delay"]]
-    return measures.share_done(Results(chosen))
+    return share_done(Results(chosen))
 
 
 def _at_other_rates(results: Results) -> Array:
@@ -54,7 +54,7 @@ def _paper(machine: str, lead: int) -> dict[str, Any]:
 
 
 def _done(what: str, **of: Any) -> Criterion:
-    return Criterion(f"cycles done of those asked for, {what}", measures.share_done, ENDS, **PERCENT, **of)
+    return Criterion(f"cycles done of those asked for, {what}", share_done, ENDS, **PERCENT, **of)
 
 
 FINDINGS = {

@@ -54,11 +54,6 @@ def variation(results: Results, name: str = TRANSFER) -> Array:
     return np.array([np.inf if half is None else half.max() / half.min() for half in halves])
 
 
-def share_done(results: Results) -> Array:
-    """(runs,): whole cycles over those asked for."""
-    return np.array([row.summary.cycles / row.settings["cycles"] for row in results.rows])
-
-
 def ended_in(results: Results) -> Array:
     """(runs,): cycle in which each ended before its time; infinite if it completed."""
     return np.array([np.inf if _lasting(row) else row.summary.cycles + 1.0 for row in results.rows])

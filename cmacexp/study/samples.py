@@ -1,4 +1,4 @@
-"""Samples that compare runs with the same seed."""
+"""Samples of how far runs came, and of runs compared with those of the same seed."""
 
 from collections.abc import Callable, Sequence
 
@@ -6,6 +6,11 @@ import numpy as np
 
 from cmacexp.study.results import Results
 from cmacexp.typing import Array
+
+
+def share_done(results: Results) -> Array:
+    """(runs,): whole cycles over those asked for."""
+    return np.array([row.summary.cycles / row.settings["cycles"] for row in results.rows])
 
 
 def relative(results: Results, other: Results, measure: Callable[[Results], Sequence[float] | Array]) -> Array:

@@ -24,7 +24,6 @@ def run(*errors: float, asked: int = 4, seed: int = 0, detected: float = np.inf,
 def test_an_error_at_the_end_is_a_distance_and_infinite_of_a_run_that_ended_before():
     results = Results([run(9.0, 3.0, 2.0, 2.0), run(9.0)])
     assert measures.final(results).tolist() == pytest.approx([2.5, np.inf])
-    assert measures.share_done(results).tolist() == [1.0, 0.25]
     assert measures.ended_in(results).tolist() == [np.inf, 2.0]
 
 
