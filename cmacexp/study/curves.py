@@ -1,11 +1,12 @@
 """Panels of results: a metric over cycles or over a setting, a series for each value of another setting."""
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from cmacexp.metrics.registry import SHOWN
+from cmacexp.metrics.registry import ALL_METRICS, SHOWN
 from cmacexp.report.figures import Panel, Series
 from cmacexp.report.run_summary import format_value
 from cmacexp.study.interval import estimate
@@ -16,7 +17,7 @@ from cmacexp.typing import Array
 def _appearance(name: str) -> tuple[str, str, float]:
     """Title, unit and factor of a metric."""
     shown = SHOWN.get(name)
-    return (shown.title, shown.unit, shown.factor) if shown else (name, "", 1.0)
+    return (shown.title, shown.unit, shown.factor) if shown else (name.replace("_", " "), ALL_METRICS[name].unit, 1.0)
 
 
 def over_cycles(results: Results, name: str, by: str, log: str = "") -> Panel:
@@ -27,7 +28,8 @@ def over_cycles(results: Results, name: str, by: str, log: str = "") -> Panel:
         histories = own.history(name)
         length = max(map(len, histories))
         padded = np.array([np.pad(h, (0, length - len(h)), constant_values=np.nan) for h in histories]) * factor
-        with np.errstate(all="ignore"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a cycle in which no run defines the metric
             middle, low, high = np.nanmedian(padded, 0), np.nanmin(padded, 0), np.nanmax(padded, 0)
         band = (low, high) if len(histories) > 1 else (None, None)
         series.append(Series(format_value(value), np.arange(1, length + 1), middle, *band))

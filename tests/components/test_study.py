@@ -11,6 +11,7 @@ from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Claim, Criterion, Finding, Results, at_least, at_most, between, grid, starting_from
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import NoSuchRuns, Row
+from cmacexp.study.samples import per_seed, relative
 from cmacexp.study.statements import VERDICTS
 
 
@@ -150,6 +151,14 @@ def test_the_tables_have_a_row_a_run_and_a_row_a_run_and_cycle():
         ["leg", "fell", 2],
     ]
     assert len(results.per_cycle("transfer_rmse_x")) == 7
+
+
+def test_a_ratio_is_that_of_the_same_seed_and_infinite_where_the_run_ended():
+    own = Results([*made(2.0, seed=0).rows, *made(4.0, seed=1).rows])
+    other = Results([*made(6.0, seed=1).rows, *made(1.0, seed=0).rows, *made(math.nan, seed=1).rows])
+    ratios = relative(other, own, last_error)
+    assert ratios.tolist() == pytest.approx([1.5, 0.5, math.inf])
+    assert per_seed(other, ratios, min).tolist() == pytest.approx([1.5, 0.5])
 
 
 def test_a_setting_that_is_a_word_in_some_runs_and_a_number_in_others_is_a_column_of_text():

@@ -1,119 +1,64 @@
-"""The study of long learning: its words follow its runs, and it runs from the command line."""
+"""What the study of long learning measures, on made runs."""
 
-import re
-from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from support.command import ROOT, python
 
-from cmacexp.cmac.rules import RULES
-from cmacexp.data.integrity import faults
-from pipelines import long_learning
-from pipelines.analysis import long_learning_words as words
-from pipelines.analysis.long_learning_runs import Long, best, final
-
-ERRORS = np.array([10.0, 2.0, 1.0, 0.5, 0.5])
-LASTING = Long(
-    rule="paper",
-    lead="1",
-    delay=0,
-    seed=0,
-    config={},
-    status="completed",
-    asked=5,
-    x=0.6 * ERRORS,
-    y=0.8 * ERRORS,
-    force=ERRORS,
-    share=np.full(5, 0.97),
-    steady=0.001,
-    tilt=None,
-    change=np.array([1.0, 0.5, 0.2, 0.1]),
-    drift=None,
-)
-DRIFT = {"cycle": 3, "leg": 1, "named": 4, "growth": 1.02}
-ENDING = replace(LASTING, lead="0", status="diverged", asked=9, drift=DRIFT)
+from cmacexp.report.run_summary import RunSummary
+from cmacexp.study.results import Results, Row
+from pipelines import long_learning_measures as measures
 
 
-def test_every_rule_is_run_with_every_lead_on_both_machines_for_as_long_as_is_asked():
-    jobs = long_learning.jobs(quick=False)
-    for machine, cycles in (("one leg", 10_000), ("quadruped", 500)):
-        for rule in RULES:
-            for lead in range(-2, 4):
-                job = jobs[f"{machine} {rule} {lead}"]
-                assert {f"cycles={cycles}", f"learning.rule={rule}", f"learning.lead={lead}"} <= set(job)
-    for delay in (0, 1, 2):
-        assert f"actuator.delay={delay}" in jobs[f"late actuator paper {delay} auto"]
+def run(*errors: float, asked: int = 4, seed: int = 0, detected: float = np.inf, **settings) -> Row:
+    """A run with these errors of 3 : 4 in x and y; it diverged if it did fewer cycles than asked for."""
+    status = "completed" if len(errors) == asked else "diverged"
+    distance = np.array(errors)
+    metrics = {"transfer_rmse_x": 0.6 * distance, "transfer_rmse_y": 0.8 * distance}
+    summary = RunSummary(Path("run"), status, "", {}, len(errors), metrics)
+    return Row(summary, {"cycles": asked, "seed": seed, **settings}, {}, {"detected": detected})
 
 
-def test_an_error_is_that_of_both_directions_and_ends_where_the_run_did():
-    assert LASTING.error == pytest.approx(ERRORS)
-    assert final(LASTING.error) == pytest.approx(1.0)  # the median of them all, of so few cycles
-    assert best(LASTING.error) == (pytest.approx(0.5), 4)
+def test_an_error_at_the_end_is_a_distance_and_infinite_of_a_run_that_ended_before():
+    results = Results([run(9.0, 3.0, 2.0, 2.0), run(9.0)])
+    assert measures.final(results).tolist() == pytest.approx([2.5, np.inf])
+    assert measures.ended_in(results).tolist() == [np.inf, 2.0]
 
 
-def test_the_table_tells_what_lasts_and_when_the_rest_ended():
-    rows = words.table([LASTING, ENDING]).rows
-    assert rows[0][-2:] == ["lasts", "-"]
-    assert rows[1][-2:] == ["diverged in 6", "3, 4"]
+def test_errors_vary_over_the_second_half_alone():
+    assert measures.variation(Results([run(9.0, 3.0, 2.0, 3.0), run(9.0)])).tolist() == pytest.approx([1.5, np.inf])
 
 
-def test_advice_names_what_ends_with_the_least_error():
-    worse = replace(LASTING, rule="leakage", x=2 * LASTING.x, y=2 * LASTING.y)
-    told = " ".join(part.text for part in words.advice_leg([worse, LASTING, ENDING], LASTING))
-    assert "The law as published diverged in cycle 6" in told
-    assert "take paper with lead 1" in told
-    assert "leakage with lead 1" in told
+def test_a_leg_has_learnt_in_the_first_cycle_with_a_small_error():
+    small, never = 0.5 * measures.LEARNT, 2.0 * measures.LEARNT
+    found = measures.learnt_in(Results([run(never, small, never, small), run(never)]))
+    assert found.tolist() == [2.0, np.inf]
 
 
-def test_advice_on_drift_counts_what_was_named_and_what_was_not():
-    told = words.advice_drift([LASTING, ENDING, replace(ENDING, drift=None)]).text
-    assert "Drift was detected in 1 of the 2 runs that diverged or fell, 2 cycles before" in told
-    assert "Of the 1 runs that completed, 1 showed none; they end at 2.00 times their best error" in told
-    assert "the 0 others at - times" in told
+def test_drift_is_judged_by_the_runs_that_ended_before():
+    results = Results([run(4.0, 2.0, 3.0, detected=3.0), run(4.0), run(1.0, 1.0, 1.0, 1.0, detected=2.0)])
+    assert measures.detected_if_ended(results) == [True, False]
+    assert measures.error_when_detected(results) == pytest.approx([1.5])
 
 
-def test_predictions_are_counted_by_whether_they_are_near_and_on_the_right_side():
-    growth = pd.DataFrame(
+def test_a_prediction_is_as_good_as_that_of_its_least_predicted_lead():
+    table = pd.DataFrame(
         {
-            "machine": "one leg",
-            "rule": "paper",
-            "lead": ["0", "1", "2", "3"],
-            "predicted": [1.02, 0.98, 1.05, np.nan],
-            "measured": [1.025, 0.985, 0.99, 1.1],
+            "machine": ["one leg"] * 4 + ["quadruped"],
+            "rule": ["paper"] * 3 + ["leakage", "paper"],
+            "seed": [0, 0, 1, 0, 0],
+            "predicted": [1.02, 0.98, 1.05, 2.0, 2.0],
+            "measured": [1.03, 0.98, np.nan, 1.0, 1.0],
         }
     )
-    assert "2 of 3 predictions" in words.of_growth(growth)
-    told = words.advice_growth(growth).text
-    assert "correctly in 2 of 3 cases" in told
-    assert "as published 1.0200 predicted, 1.0250 measured" in told
+    miss = partial(measures.growth_miss, Results([], {"growth": table}))
+    assert miss(machine="one leg") == pytest.approx([0.01])
+    assert miss(machine="quadruped") == pytest.approx([1.0])
 
 
-def test_advice_on_late_actuators_lists_the_leads_that_last():
-    runs = [replace(LASTING, delay=1, lead="auto"), replace(ENDING, delay=1, lead="1")]
-    assert "1 late: auto last." in words.advice_late(runs).text
-
-
-def test_the_advised_rate_is_the_fastest_that_lasts():
-    runs = {
-        "0.1, lead 1": LASTING,
-        "0.2, lead 1": replace(LASTING, x=np.full(5, 0.1), y=np.full(5, 0.1)),
-        "9": ENDING,
-    }
-    told = words.advice_rate(runs).text
-    assert "rate 0.2, lead 1 is at 1 mm first, in cycle 1." in told
-    assert "Drift at 9" in told
-
-
-def test_the_study_runs_and_every_section_ends_in_advice(tmp_path):
-    done = python("-m", "pipelines.long_learning", "--quick", "--folder", str(tmp_path), folder=ROOT)
-    assert done.returncode == 0, done.stderr
-    folder = tmp_path / "long_learning-quick"
-    assert faults(folder) == []
-    page = re.sub(r'src="data:[^"]*"', "", (folder / "report.html").read_text())
-    sections = page.split("<section")[1:]
-    assert sum("Advice:" in section for section in sections) == 8
-    growth = pd.read_parquet(folder / "growth.parquet")
-    leg = growth[(growth["machine"] == "one leg") & (growth["rule"] == "paper")]
-    assert (leg["predicted"] - leg["measured"]).abs().max() < 0.01
+def test_growth_of_a_run_that_is_too_short_is_undefined():
+    row = run(1.0, 1.0, **{"learning.start_cycle": 2})
+    row.summary.metrics["feedback_change"] = np.array([np.nan, 1.0])
+    assert np.isnan(measures.predict_and_measure(row)).all()

@@ -1,60 +1,78 @@
-"""The study of sensors: its cases, what it counts as felt, its intervals, and that it runs from the command line."""
+"""What the study of sensors measures, on made runs, and the failures that it draws."""
 
-import json
-from math import inf, isnan, nan
+from pathlib import Path
+from types import SimpleNamespace
 
-import pandas as pd
+import numpy as np
 import pytest
-from support.command import python
 
-from pipelines.analysis.sensor_failures import KINDS, cases
-from pipelines.analysis.sensor_noise import felt_from
-from pipelines.shared.stats import spread
-
-
-def test_the_forty_cases_take_in_every_kind_on_every_leg_twice():
-    counted = pd.Series([(case.kind, case.leg) for case in cases()]).value_counts()
-    assert len(cases()) == 40
-    assert set(counted) == {2}
-    assert len(counted) == len(KINDS) * 4
-    assert cases() == cases()
-    assert len({case.start for case in cases()}) == 40
+from cmacexp.report.run_summary import RunSummary
+from cmacexp.study.results import Results, Row
+from pipelines import sensors
+from pipelines import sensors_measures as measures
 
 
-def test_an_interval_is_students():
-    known = spread([9.0, 10.0, 11.0, 10.0])  # deviation 0.8165, Student 3.182 of three degrees of freedom
-    assert known.mean == 10.0
-    assert known.half == pytest.approx(3.182 * 0.8165 / 2.0, rel=1e-3)
-    assert isnan(spread([1.0]).half)
-    assert isnan(spread([]).mean)
+def stored(*dropped: tuple[int, int], fault: dict | None = None) -> SimpleNamespace:
+    """A run that rejected sensors of these legs at these steps."""
+    sensed = {"force": {"fault": fault}} if fault else {"_target_": "cmacexp.sensors.PerfectSensors"}
+    config = {"sampling_period": 0.005, "sensors": sensed}
+    return SimpleNamespace(config=config, manifest={"dropped": [{"leg": leg, "step": step} for leg, step in dropped]})
 
 
-def noise_rows(*levels, fails=None):
-    rows = [{"signal": "sound", "level": 0.0, "well": 2, "of": 2, "y": spread([1.0, 1.0])}]
-    rows += [
-        {"signal": "force", "level": level, "well": 1 if level == fails else 2, "of": 2, "y": spread([y, y])}
-        for level, y in levels
-    ]
-    return pd.DataFrame(rows)
+def row(status: str = "completed", metrics: dict[str, float] | None = None, **settings) -> Row:
+    """A run of ten cycles with constant metrics."""
+    histories = {name: np.full(10, value) for name, value in (metrics or {}).items()}
+    summary = RunSummary(Path("run"), status, "", {}, 10, histories)
+    return Row(summary, {"seed": 0, "level": None, **settings}, {}, {})
 
 
-@pytest.mark.parametrize(
-    ("rows", "level"),
-    [
-        (noise_rows((0.1, 1.4), (0.2, 1.6), (0.4, 9.0)), 0.2),
-        (noise_rows((0.1, 1.0), (0.2, 1.0)), inf),
-        (noise_rows((0.1, 1.0), (0.2, 1.0), fails=0.1), 0.1),
-        (noise_rows((0.1, nan), (0.2, 1.5)), 0.2),
-    ],
-)
-def test_noise_is_felt_from_the_least_level_that_harms(rows, level):
-    assert felt_from(rows, "force", "y") == level
+def test_every_kind_of_failure_strikes_every_leg_at_a_moment_and_with_a_seed_of_its_own():
+    found = sensors.failures()
+    assert found == sensors.failures()
+    assert list(found) == list(sensors.KINDS)
+    cases = [overrides for legs in found.values() for overrides in legs.values()]
+    for key in ("sensors.force.fault.start=", "seed="):
+        own = {text for overrides in cases for text in overrides if text.startswith(key)}
+        assert len(own) == len(cases) == 4 * len(found)
 
 
-def test_the_quick_study_leaves_a_report_that_ends_every_section_in_advice(tmp_path):
-    done = python("-m", "pipelines.sensors", "--quick", "--folder", str(tmp_path), folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    report = tmp_path / "sensors-quick"
-    assert "Advice:" in (report / "report.html").read_text()
-    assert {path.stem for path in (report / "figures").glob("*.png")} >= {"failures", "failure", "noise_leg", "delay"}
-    assert json.loads((report / "manifest.json").read_text())["files"]
+def test_a_broken_sensor_is_rejected_some_samples_after_its_failure():
+    fault = {"kind": "zero", "legs": [2], "start": 1.0}
+    assert measures.rejected_after(stored((2, 230), fault=fault)) == 30
+    assert measures.rejected_after(stored((1, 230), fault=fault)) == np.inf
+    assert measures.rejected_after(stored((2, 230))) == np.inf
+
+
+def test_a_sensor_without_fault_is_rejected_wrongly():
+    fault = {"kind": "zero", "legs": [2], "start": 1.0}
+    assert measures.rejected_sound(stored((2, 230), (3, 250), fault=fault)) == 1
+    assert measures.rejected_sound(stored((2, 230), fault={**fault, "kind": "none"})) == 1
+    assert measures.rejected_sound(stored((2, 230))) == 1
+
+
+def test_failures_count_only_where_the_unbroken_machine_walks():
+    rows = []
+    for gain, sound in ((0.1, "completed"), (0.2, "fell")):
+        own = {"gain": f"{gain:g}", measures.GAIN_KEY: gain, "feedforward": "cmac"}
+        rows.append(row(sound, part=measures.SOUND, **own))
+        rows += [row(status, part=measures.BREAK, check="check", **own) for status in ("completed", "fell")]
+    found = measures.survivals(Results(rows), check="check", gains=(0.1, 0.2))
+    assert found == [True, False]
+
+
+def noisy(level: float | None, transfer: float, force: float, torque: float) -> Row:
+    metrics = {"transfer_rmse_y": transfer, "force_rmse": force, "feedback_rms": torque}
+    signal = measures.NONE if level is None else "force"
+    return row(metrics=metrics, machine=measures.LEG, signal=signal, level=level)
+
+
+def test_noise_is_compared_with_the_same_seed_and_the_torque_with_the_errors_where_it_is_felt():
+    results = Results([noisy(None, 1, 2, 4), noisy(0.1, 1, 2, 5), noisy(0.2, 1, 3, 8), noisy(0.4, 1, 6, 8)])
+    assert measures.worsening(results, "force_rmse").tolist() == pytest.approx([1.0, 1.5, 3.0])
+    assert measures.torque_first(results) == [True, False]  # at 0.1 nothing is felt
+
+
+def test_robustness_is_a_ratio_of_ratios():
+    errors = {("cmac", "sound"): 1.0, ("cmac", "poor"): 3.0, ("none", "sound"): 10.0, ("none", "poor"): 20.0}
+    rows = [row(metrics={"tilt_max": e}, feedforward=f, sensing=s) for (f, s), e in errors.items()]
+    assert measures.worsening_with_cmac(Results(rows), "tilt_max").tolist() == pytest.approx([1.5])

@@ -1,1 +1,0 @@
-"""How studies summarise their runs: measures, verdicts and figures, one topic a file."""
