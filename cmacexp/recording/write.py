@@ -22,6 +22,10 @@ from cmacexp.recording.series import log_series
 from cmacexp.recording.window import Window, make_window
 
 
+LONGEST_FLUSH = 120.0
+"""Seconds; where the disk is full, rerun's writer can end without telling who waits for it."""
+
+
 class _NoPandas(MetaPathFinder):
     """Reports pandas as missing while it is not imported yet."""
 
@@ -77,7 +81,7 @@ def write_views(
             log_machine(entities, view)
             log_ground(entities, view)
             log_series(entities, view)
-        recording.flush()
+        recording.flush(timeout_sec=LONGEST_FLUSH)
         recording.disconnect()
 
 
