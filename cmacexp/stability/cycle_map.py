@@ -14,7 +14,7 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.kernels import CMAC, TABLE, WEIGHTED
-from cmacexp.jit.compiler import expect_runs
+from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.builtin import find_external, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.samples import SAMPLES, make_samples
@@ -181,7 +181,8 @@ def open_loop(config: Config, prepared: Scenario | None = None) -> Loop:
         config: a checked config.
         prepared: its scenario if it is already made and has not run; it stays unchanged.
     """
-    expect_runs(math.inf)  # each cycle is run for dozens of nearby states
-    if prepared is None:
-        return Loop(make_scenario(config))
-    return Loop(copy.deepcopy(prepared) if not any(find_external(prepared)) else prepared)
+    scenario = make_scenario(config) if prepared is None else prepared
+    if prepared is not None and not any(find_external(prepared)):
+        scenario = copy.deepcopy(prepared)
+    expect_steps(math.inf)  # each cycle is run for dozens of nearby states
+    return Loop(scenario)
