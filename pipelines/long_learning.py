@@ -58,7 +58,8 @@ def values(results: Results) -> dict[str, Any]:
     return {
         "cycles": asked, "walk_cycles": results.select(part=GRID, machine=WALK).value("cycles"),
         "ramp": felt.value("gait.load_ramp"), "gain": felt.value(gain), "published_gain": published.value(gain),
-        "last": measures.LAST, "near": figures.NEAR, "learnt": 1e3 * measures.LEARNT,
+        "seeds": len(results.values("seed")), "last": measures.LAST, "learnt": 1e3 * measures.LEARNT,
+        "near": figures.NEAR,
     }  # fmt: skip
 
 

@@ -126,7 +126,7 @@ def values(results: Results) -> dict[str, Any]:
     noisy = results.select(part=GAIN, signal="force")
     return {
         "failures": len(broken.select(feedforward="cmac", check=CHECK)) // len(broken.values("gain")),
-        "kinds": list(KINDS), "cycles": broken.value("cycles"), "ramp": broken.value("gait.load_ramp"),
+        "kinds": broken.values("kind"), "cycles": broken.value("cycles"), "ramp": broken.value("gait.load_ramp"),
         "watched_cycles": watched.value("cycles"), "noisy_gain": watched.value(measures.GAIN_KEY),
         "late_cycles": late.value("cycles"), "last": measures.LAST, "felt": measures.FELT,
         "shown_leg": SHOWN_LEG, "shown_gain": SHOWN_GAIN,
