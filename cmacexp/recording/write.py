@@ -21,7 +21,6 @@ from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
 from cmacexp.recording.window import Window, make_window
 
-
 LONGEST_FLUSH = 120.0
 """Seconds; where the disk is full, rerun's writer can end without telling who waits for it."""
 
