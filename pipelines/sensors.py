@@ -12,7 +12,7 @@ from cmacexp.cli.study import main
 from cmacexp.study import Request, Results, Study, grid
 from pipelines import sensors_figures as figures
 from pipelines import sensors_measures as measures
-from pipelines.sensors_findings import CLAIMS, FINDINGS, GAINS, LATENESS, NOISY_GAIN
+from pipelines.sensors_findings import FINDINGS, GAINS, LATENESS, NOISY_GAIN
 from pipelines.sensors_measures import (
     BREAK,
     CHECK,
@@ -22,7 +22,6 @@ from pipelines.sensors_measures import (
     NO_CHECK,
     NOISE,
     NONE,
-    ROBUST,
     SHOWN,
     SOUND,
     WALK,
@@ -57,8 +56,6 @@ LEVELS: dict[str, tuple[str, Sequence[float], Sequence[float]]] = {
     "tilt": ("noise", (), (1e-6, 1e-5, 1e-4, 1e-3)),
 }
 """Signals: the field of their noise, and its levels for one leg and for the quadruped."""
-POOR = [REAL, *(f"sensors.{signal}.{field}={levels[-1]}" for signal, (field, _, levels) in LEVELS.items())]
-"""The highest level on every signal at once."""
 
 
 def _gain(value: float) -> list[str]:
@@ -108,14 +105,12 @@ def runs(quick: bool) -> list[Request]:
     gains = {f"{value:g}": _gain(value) for value in (GAINS[2:3] if quick else GAINS)}
     watched = (*LEGGED, THIN, *_gain(NOISY_GAIN), "plausibility=force", f"cycles={20 if quick else 500}")
     late: dict[str, Any] = {"late": LATENESS, "learning.lead": (1, 2, "auto")}
-    robust: dict[str, Any] = {"feedforward": FEEDFORWARDS, "sensing": {"sound": [], "poor": POOR}}
     return [
         *_break(gains, quick),
         *grid(*watched, over={"signal": NOISY}, seeded=True, part=WATCH),
         *_noise(LEG, ("scenario=one_leg", THIN, "cycles=10"), 0, quick),
         *_noise(WALK, (*WALKING, *_gain(NOISY_GAIN)), 1, quick),
         *grid(*WALKING, over={"gain": gains, "signal": NOISY}, seeded=True, part=GAIN),
-        *grid(*WALKING, over=robust, seeded=True, part=ROBUST),
         *grid("scenario=one_leg", THIN, f"cycles={60 if quick else 2000}", over=late, seeded=True, part=LATE),
     ]
 
@@ -143,7 +138,6 @@ STUDY = Study(
     question="What do failures, noise and delays of sensors do to walking and learning, and what helps?",
     runs=runs,
     measures={"rejected_after": measures.rejected_after, "rejected_sound": measures.rejected_sound},
-    claims=CLAIMS,
     findings=FINDINGS,
     figures={
         "failures": _part(figures.draw_failures, part=BREAK),

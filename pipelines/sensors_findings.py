@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.study import Claim, Criterion, Finding, Results, at_least, at_most
+from cmacexp.study import Criterion, Finding, Results, at_least, at_most
 from cmacexp.study.samples import per_seed, relative, share_done
 from cmacexp.typing import Array
 from pipelines import sensors_measures as measures
@@ -20,7 +20,6 @@ from pipelines.sensors_measures import (
     NO_CHECK,
     NOISE,
     NONE,
-    ROBUST,
     SOUND,
 )
 
@@ -66,23 +65,6 @@ def _done(what: str, limit: Any, late: Any, lead: Any) -> Criterion:
     return Criterion(f"cycles done of those asked for, {what}", share_done, limit, **PERCENT, of=of)
 
 
-CLAIMS = {
-    "robust": Claim(
-        "CMAC makes the walk more robust to sensor noise, since its input is planned",
-        "section 6",
-        [
-            Criterion(
-                f"{name} with noise on all sensors over that without, with CMAC over the same with feedback alone",
-                partial(measures.worsening_with_cmac, metric=metric),
-                at_most(0.9),
-                at_least(1.1),
-                of={"part": ROBUST},
-            )
-            for name, metric in measures.ERRORS[measures.WALK].items()
-            if name != "feedback torque"
-        ],
-    )
-}
 FINDINGS = {
     "unchecked": Finding(
         [

@@ -12,7 +12,7 @@ from cmacexp.study.samples import relative
 from cmacexp.typing import Array
 
 SOUND, BREAK, SHOWN, WATCH = "sound", "failures", "shown", "watched"
-NOISE, GAIN, ROBUST, LATE = "noise", "gains", "robust", "late"
+NOISE, GAIN, LATE = "noise", "gains", "late"
 """Parts of the study: column ``part``."""
 LEG, WALK = "one leg", "quadruped"
 CHECK, NO_CHECK, NONE = "check", "no check", "none"
@@ -89,12 +89,3 @@ def torque_first(results: Results) -> list[bool]:
         felt = grown.max(axis=0) >= FELT
         found += (grown[-1] >= grown.max(axis=0))[felt].tolist()
     return found
-
-
-def worsening_with_cmac(results: Results, metric: str) -> Array:
-    """(seeds,): a metric with poor sensors over that with sound ones, with CMAC over the same with feedback alone."""
-
-    def worse(own: Results) -> Array:
-        return relative(own.select(sensing="poor"), own.select(sensing="sound"), partial(end, metric=metric))
-
-    return worse(results.select(feedforward="cmac")) / worse(results.select(feedforward="none"))
