@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cmacexp.cmac.addressing import Address, address_batch
+from cmacexp.cmac.addressing import Address, address_batch, count_outside
 from cmacexp.cmac.displacement import displacement
 from cmacexp.cmac.memory import read_batch
 from cmacexp.cmac.quantiser import InputRange
@@ -72,12 +72,13 @@ class Cmac:
         """
         batch = self._checked(inputs)
         shape = (len(batch), self.layers)
+        self.clipped += count_outside(self.address.ranges, batch)
         if self.visited is not None:
             positions = np.empty(shape, dtype=np.uint64)
-            self.clipped += address_batch(self.address, batch, positions)
+            address_batch(self.address, batch, positions)
             return self.visited.assign_rows(positions)
         cells = np.empty(shape, dtype=np.uint32)
-        self.clipped += address_batch(self.address, batch, cells)
+        address_batch(self.address, batch, cells)
         return cells
 
     def activation(self, inputs: Array) -> Array:

@@ -1,12 +1,16 @@
 """Quantisation of the inputs of a CMAC."""
 
-import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from cmacexp.jit.compiler import kernel
 from cmacexp.typing import Array
+
+Values: TypeAlias = Any
+"""A number, or an array of numbers, each of which is treated alike."""
+Quanta: TypeAlias = Any
+"""An integer, or as many as there are values."""
 
 
 class InputRange(NamedTuple):
@@ -30,8 +34,7 @@ def spanning(values: Array, factor: float) -> InputRange:
 
 
 @kernel
-def quantise(value: float, low: float, high: float, quanta: int) -> tuple[int, bool]:
-    """Quantum 0 to ``quanta - 1`` of ``value``, and whether it is outside [low, high] and clipped."""
-    inside = min(max(value, low), high)  # before the floor: far outside the range it would overflow an integer
-    quantum = math.floor((inside - low) / (high - low) * quanta)
-    return min(quantum, quanta - 1), value < low or value > high
+def quantise(value: Values, low: float, high: float, quanta: int) -> Quanta:
+    """Quantum 0 to ``quanta - 1`` of a value, or of each of an array; outside [low, high] it is clipped."""
+    inside = np.minimum(np.maximum(value, low), high)  # before the floor: far outside it would overflow an integer
+    return np.minimum(np.int64(np.floor((inside - low) / (high - low) * quanta)), quanta - 1)

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.cmac.addressing import address_batch
+from cmacexp.cmac.addressing import address_batch, count_outside
 from cmacexp.cmac.network import Cmac
 from cmacexp.config.cmac import MOST_POSITIONS
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Cells
 
 
 class MemoryUse(NamedTuple):
@@ -25,15 +25,15 @@ class MemoryUse(NamedTuple):
     """Inputs of the path outside their range."""
 
 
-def memory_use(cmac: Cmac, inputs: Array) -> MemoryUse:
-    """Use of the memory of ``cmac`` by a path of inputs (samples, n)."""
-    params, before = cmac.address, cmac.clipped
-    used, row_of = np.unique(cmac.cells(inputs), return_inverse=True)
-    clipped, cmac.clipped = cmac.clipped - before, before
+def memory_use(cmac: Cmac, inputs: Array, cells: Cells) -> MemoryUse:
+    """Use of the memory of ``cmac`` by a path of inputs (samples, n), whose rows are ``cells`` (samples, C)."""
+    params = cmac.address
+    used, row_of = np.unique(cells, return_inverse=True)
+    clipped = count_outside(params.ranges, inputs)
     if cmac.layers * params.resolution_elements ** inputs.shape[1] > MOST_POSITIONS:
         return MemoryUse(params.rows, len(used), None, None, clipped)
     positions = np.empty((len(inputs), cmac.layers), dtype=np.uint64)
     address_batch(params._replace(hashed=False), inputs, positions)
-    cells, first = np.unique(positions, return_index=True)
+    visited, first = np.unique(positions, return_index=True)
     shared = np.bincount(row_of.ravel()[first], minlength=len(used))
-    return MemoryUse(params.rows, len(used), len(cells), int(shared[shared > 1].sum()), clipped)
+    return MemoryUse(params.rows, len(used), len(visited), int(shared[shared > 1].sum()), clipped)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from cmacexp.config.schema import count_steps
@@ -104,7 +103,7 @@ class StoredRun:
 
     def cycles(self, numbers: Sequence[int], name: str = TRACE) -> "pd.DataFrame":
         """Rows of some cycles of the trace, or of another table, without holding all of a long run in memory."""
-        return self._table(name, partial(pq.read_table, filters=pc.field("cycle").isin(list(numbers))))
+        return self._table(name, partial(pq.read_table, filters=[("cycle", "in", list(numbers))]))
 
     def cycle(self, number: int, leg: int = 1) -> "pd.DataFrame":
         """Rows of one leg in one cycle; none if the run did not reach it."""

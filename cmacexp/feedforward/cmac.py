@@ -28,14 +28,14 @@ class CmacFeedforward(BuiltInFeedforward):
         for i, cmac in enumerate(self.cmacs):
             if learnt is not None and cmac.visited is not None:
                 cmac.visited.positions = learnt[f"visited_{i + 1}"]
-        cells = np.stack([cmac.cells(own) for cmac, own in zip(self.cmacs, inputs, strict=True)], axis=1)
+        own_cells = [cmac.cells(own) for cmac, own in zip(self.cmacs, inputs, strict=True)]
         activation = np.stack([cmac.activation(own) for cmac, own in zip(self.cmacs, inputs, strict=True)], axis=1)
-        self.params = network(setup, cells, self.cmacs[0].address.rows, activation)
+        self.params = network(setup, np.stack(own_cells, axis=1), self.cmacs[0].address.rows, activation)
         for cmac, own in zip(self.cmacs, self.params.weights, strict=True):
             cmac.weights = own
         if learnt is not None:
             self.params.weights[:] = learnt["weights"]
-        self.memory = [memory_use(cmac, own) for cmac, own in zip(self.cmacs, inputs, strict=True)]
+        self.memory = list(map(memory_use, self.cmacs, inputs, own_cells))
 
     def learnt(self) -> Weights:
         """``weights`` (L, rows, 2), N m; ``ranges`` (L, 2, n) of the inputs, low and high; ``seed`` of the hash.

@@ -30,8 +30,8 @@ __all__ = [
     "remove_compiled",
 ]
 
-WORTH_COMPILING = 40_000
-"""Steps, times legs, that take as long in plain Python as compiling does, some 12 s."""
+WORTH_LOADING, WORTH_COMPILING = 4_000, 40_000
+"""Steps, times legs, that take as long in plain Python as reading a program from the cache, and as compiling it."""
 
 
 @dataclass
@@ -45,60 +45,74 @@ class _Work:
     """How often this has been announced."""
 
     @property
-    def is_long(self) -> bool:
-        """Whether it repays compiling."""
-        return self.runs * self.leg_steps >= WORTH_COMPILING
+    def size(self) -> float:
+        """All steps."""
+        return self.runs * self.leg_steps
 
 
 _work = _Work()
 
 
 def expect_steps(leg_steps: float) -> None:
-    """Announce a run of so many steps, times legs: its programs are compiled if it is long, or cached already."""
+    """Announce so many steps, times legs; infinite: from now on compile whatever is called."""
     _work.leg_steps = leg_steps
     _work.count += 1
 
 
 def expect_runs(runs: float) -> None:
-    """Announce that this process, or several together, make so many runs; infinite: many, or much beside them."""
+    """Announce that this process, or several together, make so many runs; infinite: many."""
     _work.runs = runs
     _work.count += 1
 
 
-def program(function: Function) -> Function:
-    """Compile a kernel as a program, without fastmath, so that it gives the bits of plain Python."""
-    return cast(Function, _Program(function))
+def program(function: Function, plain: Callable[..., object] | None = None) -> Function:
+    """Compile a kernel as a program, without fastmath, so that it gives the bits of plain Python.
+
+    Args:
+        function: to compile.
+        plain: what gives the same bits where compiling does not pay off; None: ``function`` itself.
+    """
+    return cast(Function, _Program(function, plain or function))
+
+
+class NotCompiled(Exception):
+    """A program would have to be compiled for work that does not repay it."""
 
 
 class _Program:
     """A function that runs as plain Python, or in a compiled form that is made or read from the cache when needed."""
 
-    def __init__(self, function: Callable[..., object]):
-        self.function = function
-        self.decided = -1
-        """The announcement, by its count, for which :attr:`chosen` was chosen."""
+    def __init__(self, function: Callable[..., object], plain: Callable[..., object]):
+        self.function, self.plain = function, plain
+        self.chosen, self.decided = plain, -1
+        """What runs, and the announcement, by its count, for which it was chosen."""
         update_wrapper(self, function)
 
     def __call__(self, *arguments: object) -> object:
-        if self.decided != _work.count:
-            self.chosen = self._run_compiled if _work.is_long or self._is_cached(arguments) else self.function
-            self.decided = _work.count
-        return self.chosen(*arguments)
+        if self.decided == _work.count:
+            return self.chosen(*arguments)
+        self.decided, self.chosen = _work.count, self._run_compiled
+        is_long = _work.size >= WORTH_COMPILING
+        if is_long or self._is_worth_loading:
+            from cmacexp.jit.numba_private import before_compiling
+
+            with contextlib.suppress(NotCompiled), before_compiling(_announce if is_long else _refuse):
+                return self._run_compiled(*arguments)
+        self.chosen = self.plain
+        return self.plain(*arguments)
+
+    @property
+    def _is_worth_loading(self) -> bool:
+        """Whether the cache holds something, and reading it takes less time than it saves."""
+        name = f"{self.function.__module__.rpartition('.')[2]}.{self.function.__qualname__}"
+        saves = "compiled" in vars(self) or _work.size >= WORTH_LOADING
+        return saves and any(cache_folder().glob(f"*/{name}-*.nbi"))
 
     def _run_compiled(self, *arguments: object) -> object:
         from cmacexp.jit.numba_private import quick_compilation
 
         with quick_compilation():
             return self.compiled(*arguments)
-
-    def _is_cached(self, arguments: tuple[object, ...]) -> bool:
-        """Whether the compiled form for such arguments need not be made; importing numba to tell takes a while."""
-        name = f"{self.function.__module__.rpartition('.')[2]}.{self.function.__qualname__}"
-        if not any(cache_folder().glob(f"*/{name}-*.nbi")):
-            return False
-        from cmacexp.jit.numba_private import is_cached
-
-        return is_cached(self.compiled, arguments)
 
     @cached_property
     def compiled(self) -> Callable[..., object]:
@@ -108,11 +122,21 @@ class _Program:
         return compiled_program(self.function, cache_folder())
 
 
+def _refuse() -> None:
+    raise NotCompiled
+
+
+_announcers: list[Callable[[], None]] = []
+
+
 def call_before_compiling(call: Callable[[], None]) -> None:
     """Have ``call`` called once if something has to be compiled, before it is."""
-    from cmacexp.jit.numba_private import announce
+    _announcers[:] = [call]
 
-    announce(call)
+
+def _announce() -> None:
+    while _announcers:
+        _announcers.pop()()
 
 
 def _writable(folder: Path) -> bool:

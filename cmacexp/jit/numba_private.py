@@ -27,7 +27,7 @@ KNOWN = TESTED[0] <= tuple(numba.version_info[:2]) < TESTED[1]
 njit: Any = numba.njit
 typeof: Any = numba.typeof
 config: Any = numba.config
-register: Any = event.register
+install_listener: Any = event.install_listener
 
 BLAS = ("scipy.linalg", "scipy.linalg.cython_blas")
 PUBLIC_SETTINGS: dict[str, object] = {"error_model": "numpy"}
@@ -86,35 +86,20 @@ def compiled_program(function: Callable[..., object], folder: Path) -> Callable[
     return compiled
 
 
-def is_cached(compiled: Any, arguments: tuple[object, ...]) -> bool:
-    """Whether a program needs no compiling for such arguments; with a numba that is not known: unless it has none."""
-    if config.DISABLE_JIT or not KNOWN:
-        return True
-    signature = tuple(map(compiled.typeof_pyval, arguments))
-    if signature in compiled.overloads:
-        return True
-    # "Compiling": numba says publicly whether it has read a program from the cache, but not whether it could.
-    cache = compiled._cache
-    return cache._index_key(signature, compiled.targetctx.codegen()) in cache._cache_file._load_index()
-
-
-class Announcement(event.Listener):
-    """Calls back once, when the first function of this process is compiled because none is in the cache."""
-
+class _Listener(event.Listener):
     def __init__(self, call: Callable[[], None]):
-        self.call: Callable[[], None] | None = call
+        self.call = call
 
     def on_start(self, event: event.Event) -> None:
-        """A function is about to be compiled."""
-        if self.call is not None:
-            self.call()
-            self.call = None
+        """A function is about to be compiled, which may be a kernel of the one that was called."""
+        self.call()
 
     def on_end(self, event: event.Event) -> None:
         """A function has been compiled."""
 
 
-def announce(call: Callable[[], None]) -> None:
-    """Have ``call`` called before something is compiled; never with a numba that is not known."""
-    if KNOWN:
-        register("numba:compile", Announcement(call))
+@contextmanager
+def before_compiling(call: Callable[[], None]) -> Iterator[None]:
+    """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that."""
+    with install_listener("numba:compile", _Listener(call)):
+        yield

@@ -1,5 +1,6 @@
 """Run a scenario from its first step to its last, or until it stops."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from cmacexp.data.signals import ARRAYS
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
+from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.external import ExternalDriver
@@ -191,6 +193,7 @@ def stream(
                 if interrupted():
                     raise KeyboardInterrupt
                 watch(run.driver.taken // run.config.steps_per_cycle)
+    expect_steps(math.inf)
     return End(run.driver.taken, run.status, run.cause, run.seconds, run.error)
 
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.errors import BadInput
-from cmacexp.jit.compiler import program
 from cmacexp.models.ground import depression_for
 from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
 from cmacexp.models.mechanism import POINT_MASS, Mechanism, get_leg
@@ -90,12 +89,11 @@ def check_apex(config: Config, gap: float) -> None:
         )
 
 
-@program
 def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
     """Joint angles, velocities and accelerations along ``desired`` (N, L, 6); fills ``joints`` (N, L, 6)."""
     for k in range(desired.shape[0]):
         for i in range(desired.shape[1]):
-            x, y, vx, vy, ax, ay = desired[k, i]
+            x, y, vx, vy, ax, ay = desired[k, i].tolist()  # Python's own numbers are faster than NumPy's
             if mechanism.kind == POINT_MASS:
                 q1, q2, dq1, dq2, ddq1, ddq2 = x, y, vx, vy, ax, ay
             else:

@@ -140,14 +140,17 @@ def test_visited_memory_equals_dense_memory_to_the_bit(field):
         cmac.update(inputs, error, 0.5)
     unseen = random_inputs(100, seed=2)
     assert visited.predict(unseen).tobytes() == dense.predict(unseen).tobytes()
-    assert memory_use(visited, inputs).cells_colliding == 0
-    assert memory_use(visited, inputs).rows_used == memory_use(dense, inputs).cells_visited
+    use = memory_use(visited, inputs, visited.cells(inputs))
+    assert use.cells_colliding == 0
+    assert use.rows_used == memory_use(dense, inputs, dense.cells(inputs)).cells_visited
 
 
 def test_use_of_memory_counts_no_clipping_twice():
     cmac = make_cmac()
-    assert [memory_use(cmac, np.full((3, 2), 9.0)).clipped for _ in range(2)] == [6, 6]
-    assert cmac.clipped == 0
+    outside = np.full((3, 2), 9.0)
+    cells = cmac.cells(outside)
+    assert [memory_use(cmac, outside, cells).clipped for _ in range(2)] == [6, 6]
+    assert cmac.clipped == 6
 
 
 def test_more_cells_than_memory_are_bad_input_that_names_what_is_enough():

@@ -1,4 +1,4 @@
-"""What holds for every study: its runs compose, its page concludes nothing by itself, its findings can come out any way."""
+"""What holds for every study: its runs compose, its page concludes nothing, its findings can come out any way."""
 
 import re
 from pathlib import Path

@@ -70,9 +70,3 @@ def test_noise_is_compared_with_the_same_seed_and_the_torque_with_the_errors_whe
     results = Results([noisy(None, 1, 2, 4), noisy(0.1, 1, 2, 5), noisy(0.2, 1, 3, 8), noisy(0.4, 1, 6, 8)])
     assert measures.worsening(results, "force_rmse").tolist() == pytest.approx([1.0, 1.5, 3.0])
     assert measures.torque_first(results) == [True, False]  # at 0.1 nothing is felt
-
-
-def test_robustness_is_a_ratio_of_ratios():
-    errors = {("cmac", "sound"): 1.0, ("cmac", "poor"): 3.0, ("none", "sound"): 10.0, ("none", "poor"): 20.0}
-    rows = [row(metrics={"tilt_max": e}, feedforward=f, sensing=s) for (f, s), e in errors.items()]
-    assert measures.worsening_with_cmac(Results(rows), "tilt_max").tolist() == pytest.approx([1.5])
