@@ -58,10 +58,11 @@ def _format_claim(judged: Judged) -> str:
     return f"“{judged.claim.words}” ({judged.claim.where}): {judged.verdict}."
 
 
-READING = """<p>Square brackets, and the table of claims if there is one, give what was measured: the value, its 95 % interval, the size n
-of the sample, and the limits that decide the statement. The interval of a proportion is Wilson's. That of values that
-differ between seeds or cases is a percentile bootstrap of their mean, or of their interquartile mean if there are at
-least {trimmed}. A value without a spread is given {guard:g} % to either side.</p>"""
+READING = """<p>Square brackets, and the table of claims if there is one, give what was measured: the value,
+its 95 % interval, the size n of the sample, and the limits that decide the statement. The
+interval of a proportion is Wilson's. That of values that differ between seeds or cases is a percentile bootstrap of
+their mean, or of their interquartile mean if there are at least {trimmed}. A value without a
+spread is given {guard:g} % to either side.</p>"""
 
 
 def make_reading_section() -> Section:
