@@ -91,7 +91,7 @@ def _errors(cycle: int | None) -> list[Conclusion]:
     return [
         Conclusion(
             f"{side} error",
-            f"transfer error in {side}, {when}, over that of the first",
+            f"transfer error in {side}, {when}, over that of the first cycle",
             ratio(f"transfer_rmse_{side}", cycle),
             at_most(ELIMINATED),
         )
@@ -102,7 +102,7 @@ def _errors(cycle: int | None) -> list[Conclusion]:
 def _share(cycle: int | None) -> Conclusion:
     when = f"cycle {cycle}" if cycle else "last cycle"
     return Conclusion(
-        "CMAC share", f"the CMAC's of the torque, {when}", value("feedforward_share", cycle), at_least(0.5)
+        "CMAC share", f"share of the CMAC in the torque, {when}", value("feedforward_share", cycle), at_least(0.5)
     )
 
 
@@ -113,11 +113,11 @@ def _percent(results: Results) -> Array:
 CONCLUSIONS: Mapping[str, Sequence[Conclusion]] = {
     LEG: [
         *_errors(CYCLE),
-        Conclusion("force error", f"of the settled force, cycle {CYCLE}, %", _percent, between(-5.0, 5.0)),
+        Conclusion("force error", f"error of the settled force, cycle {CYCLE}, %", _percent, between(-5.0, 5.0)),
         _share(CYCLE),
         Conclusion(
             "force alone",
-            "settled force of the first cycle, under feedback alone, N",
+            "settled force of the first cycle, with feedback alone, N",
             value("force_settled", 1),
             between(0.8, 1.0),
         ),
@@ -126,19 +126,27 @@ CONCLUSIONS: Mapping[str, Sequence[Conclusion]] = {
         *_errors(None),
         Conclusion(
             "force error",
-            "RMS, three feet down, last cycle, over that of the first",
+            "RMS force error with three feet down, last cycle, over that of the first cycle",
             ratio("force_rmse_three_feet", None),
             at_most(SMALL),
         ),
-        Conclusion("tilt", "largest, last cycle, over that of the first", ratio("tilt_max", None), at_most(SMALL)),
+        Conclusion(
+            "tilt", "largest tilt, last cycle, over that of the first cycle", ratio("tilt_max", None), at_most(SMALL)
+        ),
         _share(None),
     ],
     MASS: [
         Conclusion(
-            "overshoot", "combined over stiffness control", against("force_overshoot", "stiffness"), at_most(1.0)
+            "overshoot",
+            "overshoot of combined over that of stiffness control",
+            against("force_overshoot", "stiffness"),
+            at_most(1.0),
         ),
         Conclusion(
-            "settling time", "combined over damping control", against("force_settling_time", "damping"), at_most(1.0)
+            "settling time",
+            "settling time of combined over that of damping control",
+            against("force_settling_time", "damping"),
+            at_most(1.0),
         ),
     ],
 }
@@ -147,9 +155,10 @@ CONCLUSIONS: Mapping[str, Sequence[Conclusion]] = {
 
 def _finding(machine: str, conclusion: Conclusion) -> Finding:
     where = " with which runs complete" if machine != MASS else ""
-    what = f"The conclusion on {conclusion.name}"
+    mean = " (mean over seeds)" if machine != MASS else ""
+    what = f"The conclusion on the {conclusion.name}"
     criterion = Criterion(
-        f"{conclusion.quantity}: number of values tried{where} that change whether it is "
+        f"number of values tried{where} that change whether the {conclusion.quantity} is "
         f"{conclusion.limit.describe(1.0, '')}",
         partial(count_changes, conclusion),
         at_most(0.0),
@@ -158,16 +167,20 @@ def _finding(machine: str, conclusion: Conclusion) -> Finding:
     return Finding(
         [criterion],
         yes=f"{what} is the same with every value tried{where}.",
-        no=f"{what} depends on what is assumed: {{value}} of the values tried{where} change it.",
+        no=f"{what} depends on what is assumed: {{value}} of the values tried{where} change it{mean}.",
         unclear=f"{what} changes with some values tried{where}, but not with every seed.",
     )
 
 
 WALKS = Finding(
-    [Criterion("number of values tried with which it ends early", ended_early, at_most(0.0), of={"machine": WALK})],
+    [
+        Criterion(
+            "number of values tried with which a run ends early", ended_early, at_most(0.0), of={"machine": WALK}
+        )
+    ],
     yes="The quadruped walks to the end with every value tried.",
-    no="The quadruped does not walk with every value tried: with {value} of them it ends early.",
-    unclear="With some values tried the quadruped ends early, but not with every seed.",
+    no="The quadruped does not walk to the end with every value tried: with {value} of them its runs end early.",
+    unclear="With some values tried the quadruped's runs end early, but not with every seed.",
 )
 FINDINGS = {
     "walks": WALKS,
@@ -197,7 +210,7 @@ def values(results: Results) -> dict[str, Any]:
 
 STUDY = Study(
     title="What the assumed values change",
-    question="Each value that the paper does not give is changed alone; which of the paper's conclusions change?",
+    question="Which of the paper's conclusions change when one of the values that it does not give is changed?",
     runs=runs,
     findings=FINDINGS,
     figures={machine: _of(machine, draw_changes) for machine in (LEG, WALK)},

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-TAKEN = "values taken"
+TAKEN = "assumed values"
 """The variant without a change."""
 EVERY_SEED, SOME_SEEDS = " ≠", " (≠)"
 """Mark numbers with which the conclusion changes."""
@@ -80,7 +80,7 @@ def conclusion_table(results: Results, conclusions: Sequence[Conclusion]) -> "pd
                 "conclusion": one.name,
                 "measured": one.quantity,
                 "holds": one.limit.describe(1.0, ""),
-                "values taken": float(numbers.mean()),
+                TAKEN: float(numbers.mean()),
                 "seeds with which it holds": f"{held.sum()} of {len(held)}",
                 "least": float(every.min()),
                 "largest": float(every.max()),
@@ -124,6 +124,6 @@ def draw_changes(results: Results, conclusions: Sequence[Conclusion]) -> "Figure
     ratios[~np.isfinite(ratios) | (ratios <= 0.0)] = np.nan
     panel = HeatMap(
         "", "", "", [one.name for one in conclusions], list(groups), ratios,
-        "over that with the values taken", log=True, marks=marks,
+        "over that with the assumed values", log=True, marks=marks,
     )  # fmt: skip
     return draw([panel], height=1.2 + 0.17 * len(groups))

@@ -133,20 +133,20 @@ FINDINGS = {
     ),
     "width_end": Finding(
         [_compared(machine, ELEMENTS, WIDE, None, at_most(AS_GOOD)) for machine in SCENARIOS],
-        yes="At the end of these runs they are as good as the paper's.",
-        no="At the end of these runs they are not as good as the paper's on both machines.",
-        unclear="Whether they are as good as the paper's at the end of these runs is unclear.",
+        yes="At the end of the runs CMACs with such cells are about as accurate as the paper's, or more.",
+        no="At the end of the runs CMACs with such cells are not as accurate as the paper's on both machines.",
+        unclear="Whether CMACs with such cells are as accurate as the paper's at the end of the runs is unclear.",
     ),
     "layers": Finding(
         [_compared(LEG, LAYERS, n, cycle, at_most(AS_GOOD)) for n in (FEW, MANY) for cycle in (EARLY, None)],
-        yes=f"From {FEW} to {MANY} the number of layers decides little.",
-        no=f"{FEW} or {MANY} layers are clearly less accurate than the paper's number.",
-        unclear=f"Whether {FEW} and {MANY} layers are as accurate as the paper's number is unclear.",
+        yes=f"On one leg {FEW} and {MANY} layers are about as accurate as the paper's number, or more.",
+        no=f"On one leg {FEW} or {MANY} layers are clearly less accurate than the paper's number.",
+        unclear=f"Whether {FEW} and {MANY} layers are as accurate as the paper's number on one leg is unclear.",
     ),
     "inputs": Finding(
         [_compared(LEG, INPUTS, ANGLES, EARLY, at_most(FASTER))],
-        yes="On this one fixed path, a CMAC of the angles alone learns faster than one of all inputs.",
-        no="A CMAC of the angles alone does not learn faster than one of all inputs.",
+        yes="On this one path of one leg, a CMAC of the angles alone learns faster than one of all inputs.",
+        no="On this one path of one leg, a CMAC of the angles alone does not learn faster than one of all inputs.",
         unclear="Whether a CMAC of the angles alone learns faster than one of all inputs is unclear.",
     ),
     "room": Finding(
@@ -157,9 +157,9 @@ FINDINGS = {
     ),
     "weight": Finding(
         [WEIGHT],
-        yes="A collision weighs more with fewer layers.",
-        no="A collision does not weigh more with fewer layers.",
-        unclear="Whether a collision weighs more with fewer layers is unclear.",
+        yes=f"In equally crowded memory {FEW} layers are less accurate than {MANY}.",
+        no=f"In equally crowded memory {FEW} layers are not clearly less accurate than {MANY}.",
+        unclear=f"Whether {FEW} layers are less accurate than {MANY} in equally crowded memory is unclear.",
     ),
 }
 
@@ -179,7 +179,7 @@ def values(results: Results) -> dict[str, Any]:
 
 STUDY = Study(
     title="How large a CMAC must be",
-    question="How do layers, width of a cell, inputs, memory and collisions decide what a CMAC achieves?",
+    question="How do layers, width of a cell, inputs, memory and collisions affect what a CMAC achieves?",
     runs=runs,
     measures={"colliding": colliding, "rows_per_cell": rows_per_cell},
     claims=CLAIMS,

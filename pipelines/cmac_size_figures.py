@@ -36,8 +36,10 @@ def _series(name: str, groups: Groups, sample: Callable[[Results], Array]) -> Se
     found = [(x, estimate(sample(group))) for x, group in sorted(groups, key=lambda pair: pair[0])]
     kept = [(x, each) for x, each in found if np.isfinite([each.low, each.high]).all()]
     x, values = [x for x, _ in kept], [each for _, each in kept]
-    spread = any(each.method != "guard band" for each in values)
-    band = ([each.low for each in values], [each.high for each in values]) if spread else (None, None)
+    spread = [each.method != "guard band" for each in values]
+    low = [each.low if wide else each.value for each, wide in zip(values, spread, strict=True)]
+    high = [each.high if wide else each.value for each, wide in zip(values, spread, strict=True)]
+    band = (low, high) if any(spread) else (None, None)
     return Series(name, x, [each.value for each in values], *band)
 
 
@@ -90,7 +92,7 @@ def draw_walk(results: Results, paper: Mapping[str, Any]) -> "Figure":
     for name, title, y in (
         (SIDES[0], "error in x", "error at the end, mm"),
         (SIDES[1], "error in y", "error at the end, mm"),
-        ("tilt_max", "largest tilt", "at the end, mrad"),
+        ("tilt_max", "largest tilt", "tilt at the end, mrad"),
     ):
         line, limits = _series("", _over(results, MEMORY), partial(_end, name)), [paper[MEMORY] / KILOBYTE]
         panels.append(Panel(title, AXES[MEMORY][0], y, [line], log="xy", x_limits=limits))

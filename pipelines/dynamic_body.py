@@ -26,6 +26,7 @@ from pipelines.dynamic_body_walks import (
     FINER,
     LEADLESS,
     LEADS,
+    NAMED,
     NAMES,
     NONE,
     SAMPLING,
@@ -96,10 +97,11 @@ def _ratio(words: str, key: str, one: str, other: str, holds: Any, name: str = F
 
 def _felt(name: str) -> Finding:
     words = f"force error of cycle {COMPARED} without it, over that with all changes"
+    what, ratio = NAMED[name], "the error without it, over that with all changes, is {value}"
     return _decide(
-        f"the {name} lowers the force error so early",
-        f"Without the {name} the force error is {{value}} times as large.",
-        f"The {name} does not lower the force error so early: without it, it is {{value}} times as large.",
+        f"the {what} lowers the force error of cycle {COMPARED}",
+        f"The {what} lowers the force error of cycle {COMPARED}: {ratio}.",
+        f"The {what} does not clearly lower the force error of cycle {COMPARED}: {ratio}.",
         _ratio(words, "walk", without(name), ALL, at_least(FELT), **LEFT_OUT),
     )
 
@@ -118,7 +120,7 @@ def _difference(results: Results) -> list[float]:
 
 FINDINGS = {
     "published_feedforward": _walks(
-        "with the paper's constants and a feedforward", part="published", variant=FEEDFORWARD
+        "with a feedforward and the paper's sampling and LEAD compensator", part="published", variant=FEEDFORWARD
     ),
     "published_feedback": _walks("with the paper's constants and feedback alone", part="published", variant=FEEDBACK),
     "published_finer": _decide(
@@ -145,42 +147,43 @@ FINDINGS = {
     "none_force": _decide(
         "learning improves contact forces without the changes",
         "Without the changes learning improves contact forces: {value} times the error of feedback alone.",
-        "Without the changes learning makes contact forces worse: {value} times the error of feedback alone.",
+        "Without the changes learning makes contact forces worse or ends the walk: {value} times the error of "
+        "feedback alone.",
         _over_feedback(FORCE, at_most(1.0), part="made", walk=NONE),
     ),
     "faster": _walks("at the paper's learning rate without the changes", part="faster"),
     "all_force": _decide(
         "learning makes contact forces much better with all changes",
         "With all changes learning makes contact forces much better: {values[0]} times the error of feedback alone, "
-        "{values[1]} times the slow part of it.",
+        f"and {{values[1]}} times its part below {views.CUT_OFF:g} Hz.",
         "Even with all changes learning does not make contact forces much better: {values[0]} times the error of "
-        "feedback alone, {values[1]} times the slow part of it.",
+        f"feedback alone, and {{values[1]}} times its part below {views.CUT_OFF:g} Hz.",
         _over_feedback(FORCE, at_most(BETTER_FORCE), **EVERY),
         _over_feedback("slow_force", at_most(BETTER_SLOW), **EVERY),
     ),
     "all_path": _decide(
         "foot positions, tilt and course are good with all changes",
         "With all changes foot positions, tilt and course are good: errors of {values[0]} in x and {values[1]} in y, "
-        "tilt {values[2]}, way {values[3]} off the plan.",
+        "tilt {values[2]}, distance walked {values[3]} off the plan.",
         "Even with all changes foot positions, tilt and course are not all good: errors of {values[0]} in x and "
-        "{values[1]} in y, tilt {values[2]}, way {values[3]} off the plan.",
+        "{values[1]} in y, tilt {values[2]}, distance walked {values[3]} off the plan.",
         *(_limited(name, limit, **EVERY, feedforward=CMAC) for name, limit in GOOD.items()),
     ),
     **{f"felt_{name}": _felt(name) for name in NAMES},
     "starts_last": _decide(
         "what is learnt lasts",
-        "What is learnt lasts: {values[0]} of the walks complete, the force error ends at {values[1]} times that "
+        "What is learnt lasts: {values[0]} of the walks complete, and the force error ends at {values[1]} times that "
         f"of cycle {COMPARED}.",
-        "What is learnt does not last in every respect: {values[0]} of the walks complete, the force error ends at "
-        f"{{values[1]}} times that of cycle {COMPARED}.",
+        "What is learnt does not last in every respect: {values[0]} of the walks complete, and the force error ends "
+        f"at {{values[1]}} times that of cycle {COMPARED}.",
         Criterion("walks that complete", lambda r: r.completed, at_least(LASTS), unit="%", scale=100.0, of=STARTS),
         Criterion(f"force error at the end over that of cycle {COMPARED}", _growth, at_most(FELT), of=STARTS),
         _limited("off_course", GOOD["off_course"], **STARTS),
     ),
     "starts_alike": _decide(
-        "the start makes a difference",
-        "The start makes no difference: force errors at the end differ by {value} of their median.",
-        "The start makes a difference: force errors at the end differ by {value} of their median.",
+        "the start makes much difference",
+        "The start makes little difference: force errors at the end differ by at most {value} of their median.",
+        "The start makes a difference: force errors at the end differ by up to {value} of their median.",
         Criterion("largest difference", _difference, at_most(ALIKE), unit="%", scale=100.0, of=STARTS),
     ),
     "starts_lead": _decide(

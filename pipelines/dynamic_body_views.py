@@ -26,10 +26,10 @@ SHOWN_LEG = 2
 QUANTITIES = {
     "force_rmse_cycle": Shown("force error", "N"),
     "slow_force": Shown(f"force error below {CUT_OFF:g} Hz", "N"),
-    "transfer_rmse_x": Shown("transfer error x", "mm", 1e3),
-    "transfer_rmse_y": Shown("transfer error y", "mm", 1e3),
+    "transfer_rmse_x": Shown("transfer error in x", "mm", 1e3),
+    "transfer_rmse_y": Shown("transfer error in y", "mm", 1e3),
     "tilt_max": Shown("tilt", "mrad", 1e3),
-    "off_course": Shown("way off plan", "%", 100.0),
+    "off_course": Shown("error of the distance walked", "%", 100.0),
 }
 """Metrics and measures of the last cycle."""
 OVER_CYCLES = ("force_rmse_cycle", "transfer_rmse_x", "transfer_rmse_y", "tilt_max")
@@ -144,7 +144,7 @@ def draw_foot(results: Results) -> "Figure":
         run = results.select(part="left out", walk=ALL, feedforward=kind).run
         time, force, desired = (each if each.ndim == 1 else each[:, SHOWN_LEG] for each in forces(run))
         slow = desired + low_passed(force - desired, run.config["sampling_period"])
-        drawn = {"actual": force, f"desired, and the error below {CUT_OFF:g} Hz": slow, "desired": desired}
+        drawn = {"actual": force, f"desired plus the error below {CUT_OFF:g} Hz": slow, "desired": desired}
         title = f"{kind}, cycle {run.config['cycles']}: {LEG_NAMES[SHOWN_LEG]} foot"
         series = [Series(name, time - time[0], values) for name, values in drawn.items()]
         panels.append(Panel(title, "time in the cycle, s", "force, N", series))

@@ -17,13 +17,18 @@ CHANGES: dict[str, tuple[str, ...]] = {
 }
 """What takes each change of ``conf/for_plant/mujoco_quadruped.yaml`` back, in the order in which they are made."""
 NAMES = list(CHANGES)
+NAMED = {name: name for name in NAMES} | {
+    "force-feedback gain": "higher force-feedback gain", "learning rate": "higher learning rate",
+    "load sharing": "dynamic load sharing", "lead": "lead of one sample",
+}  # fmt: skip
+"""What each change is called in a sentence."""
 PAPERS_RATE, DAMPED = "learning.rate=0.1953125", "terrain.damping=50"
 PAPERS = ("sampling_period=0.005", "controller.lead_alpha=10", PAPERS_RATE)
 PUBLISHED, FINER, SAMPLING, COMPENSATOR = (
     "as published",
     "feedback alone, finer steps",
-    "sampling",
-    "LEAD compensator",
+    "sampled faster",
+    "weaker LEAD",
 )
 """Walks with the paper's constants, or all but one of them, by the label ``variant``."""
 CMAC, FEEDBACK = "CMAC", "feedback alone"
@@ -35,14 +40,14 @@ FIXED: dict[str, tuple[str, ...]] = {
 """Variants without anything that a seed decides."""
 LEARNING: dict[str, tuple[str, ...]] = {
     PUBLISHED: (),
-    "lead 1": ("learning.lead=1",),
-    "a quarter of the rate": ("learning.rate=0.05",),
+    "lead of one sample": ("learning.lead=1",),
+    "lower learning rate": ("learning.rate=0.05",),
     "damped ground": (DAMPED,),
     SAMPLING: ("sampling_period=0.002",),
     COMPENSATOR: ("controller.lead_alpha=3",),
 }
 FEEDFORWARD = [name for name in (*FIXED, *LEARNING) if name not in (FEEDBACK, FINER, SAMPLING, COMPENSATOR)]
-"""Those with all of the paper's constants and a feedforward."""
+"""Those with a feedforward and the paper's sampling and compensator."""
 FASTER: dict[str, tuple[str, ...]] = {
     "the paper's rate": (PAPERS_RATE,), "the paper's rate, damped ground": (PAPERS_RATE, DAMPED)
 }  # fmt: skip

@@ -104,7 +104,7 @@ def values(results: Results) -> dict[str, Any]:
 STUDY = Study(
     title="Alternatives to the CMAC",
     question="How do models, CMAC, radial basis functions, a perceptron and iterative learning control compare in "
-    "accuracy, speed of learning, memory and time, and what remains after a change?",
+    "accuracy, speed of learning, memory and time, and how much of what they learn is of use after a change?",
     runs=runs,
     measures={"held": bytes_held, "used": bytes_used},
     computed={"cost": measure_costs},

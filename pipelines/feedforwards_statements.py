@@ -72,9 +72,9 @@ FINDINGS = {
             )
             for group in (LEG, WALK)
         ],
-        yes="CMAC gets far below every model tried, exact or not, on one leg and on four.",
-        no="CMAC does not get far below every model tried on both machines.",
-        unclear="Whether CMAC gets far below every model tried on both machines is unclear.",
+        yes=f"In cycle {LATE} the error of CMAC is far below that of every model tried, on one leg and on four.",
+        no=f"In cycle {LATE} the error of CMAC is not far below that of every model tried on both machines.",
+        unclear=f"Whether the error of CMAC in cycle {LATE} is far below that of every model tried is unclear.",
     ),
     "jumps": Finding(
         [
@@ -86,9 +86,9 @@ FINDINGS = {
             )
             for kind in (EXACT, CMAC)
         ],
-        yes="The exact model and CMAC both gain much from a path without jumps: plan such paths first.",
-        no="A path without jumps does not help both the exact model and CMAC much.",
-        unclear="Whether a path without jumps helps both the exact model and CMAC much is unclear.",
+        yes="The exact model and CMAC are both far more accurate on a path without jumps: plan such paths first.",
+        no="The exact model and CMAC are not both far more accurate on a path without jumps.",
+        unclear="Whether the exact model and CMAC are both far more accurate on a path without jumps is unclear.",
     ),
     "best_rate": Finding(
         [
@@ -99,9 +99,9 @@ FINDINGS = {
                 at_most(AS_GOOD),
             )
         ],
-        yes=f"At its best rate CMAC is as accurate in cycle {EARLY} as any other learner at its own.",
-        no=f"At its best rate CMAC is less accurate in cycle {EARLY} than another learner at its own.",
-        unclear=f"Which learner is the most accurate in cycle {EARLY} at its best rate is unclear.",
+        yes=f"Each at its best rate, CMAC is in cycle {EARLY} about as accurate as RBF, MLP and ILC, or more.",
+        no=f"Each at its best rate, CMAC is in cycle {EARLY} less accurate than one of RBF, MLP and ILC.",
+        unclear=f"Whether CMAC is in cycle {EARLY} as accurate as RBF, MLP and ILC at their best rates is unclear.",
     ),
     "time": Finding(
         [
@@ -113,9 +113,9 @@ FINDINGS = {
                 percent=True,
             )
         ],
-        yes="Even the slowest takes a small part of the sampling period: time is no reason to choose.",
-        no="The slowest takes a large part of the sampling period: time is a reason to choose.",
-        unclear="Whether time is a reason to choose is unclear.",
+        yes="A step of the slowest takes {value} of the sampling period: computing time need not decide the choice.",
+        no="A step of the slowest takes {value} of the sampling period: computing time limits the choice.",
+        unclear="A step of the slowest takes {value} of the sampling period: that may limit the choice.",
     ),
     "keep": Finding(
         [
@@ -127,9 +127,9 @@ FINDINGS = {
             )
             for change in CHANGES
         ],
-        yes="After each of these changes CMAC learns faster with its weights than from nothing: keep them.",
-        no="After some of these changes CMAC does not learn faster with its weights than from nothing.",
-        unclear="Whether CMAC learns faster with its weights after each of these changes is unclear.",
+        yes="After each of these changes CMAC needs fewer cycles with its weights than from nothing: keep them.",
+        no="After some of these changes CMAC does not need fewer cycles with its weights than from nothing.",
+        unclear="Whether CMAC needs fewer cycles with its weights after each of these changes is unclear.",
     ),
     "carries_more": Finding(
         [

@@ -78,7 +78,7 @@ def _rest(method: str, ground: str, mass: float | None = None) -> Criterion:
         own = results.select({"machine.mass": mass}) if mass else _as_printed(results)
         return own.measure("rest_error")
 
-    quantity = f"RMS force error over the second half of the run, of the desired force, {ground}{heavier}"
+    quantity = f"RMS force error over the second half of the run over the desired force, {ground}{heavier}"
     return Criterion(quantity, sample, EXACT, WRONG, "%", 100.0, chosen)
 
 
@@ -140,9 +140,9 @@ FINDINGS = {
         yes="Without ground the methods with a position term come to rest (speed at the end {values[0]} and "
         "{values[1]}), damping and explicit control do not ({values[2]} and {values[3]}): where one law has to "
         "serve approach and contact, take stiffness or combined control.",
-        no="Without ground it is not just the methods with a position term that come to rest: the speed at the end "
+        no="Without ground a position term does not decide which methods come to rest: the speed at the end "
         "is {values[0]} (stiffness), {values[1]} (combined), {values[2]} (damping) and {values[3]} (explicit).",
-        unclear="It is open which methods come to rest without ground.",
+        unclear="The runs do not decide which methods come to rest without ground.",
     ),
     "mismatch": Finding(
         [
@@ -155,21 +155,23 @@ FINDINGS = {
         "assumed, stiffness and combined control are off by {values[0]} and {values[1]} in the mean, damping and "
         "explicit control by {values[2]} and {values[3]}.",
         no="On ground twice as stiff as assumed the methods are off by {values[0]} (stiffness), {values[1]} "
-        "(combined), {values[2]} (damping) and {values[3]} (explicit) in the mean: a position term does not decide "
-        "it.",
-        unclear="It is open whether a position term decides how wrong the force is on ground of another stiffness.",
+        "(combined), {values[2]} (damping) and {values[3]} (explicit) in the mean: a position term does not explain "
+        "the error.",
+        unclear="The runs do not decide whether a position term explains the error on ground of another stiffness.",
     ),
     "prediction": Finding(
         [
-            Criterion(f"departure of the mean force from eq. 8 to 15 at {factor:g} times the assumed stiffness",
+            Criterion(f"departure of the mean force from eq. 8 to 15 at {factor:g} times the assumed stiffness, "
+                      "largest of all methods",
                       lambda r: abs(r.measure("settled_force") / predicted_forces(r) - 1.0).max(keepdims=True), EXACT,
                       None, "%", 100.0, {"part": MISMATCH, "terrain.stiffness": factor * ASSUMED})
             for factor in (min(FACTORS), max(FACTORS))
         ],
-        yes="Equations 8 to 15 predict the mean force of every method on softer and on stiffer ground than assumed.",
+        yes=f"Equations 8 to 15 predict every method's mean force on ground {min(FACTORS):g} and {max(FACTORS):g} "
+        "times as stiff as assumed.",
         no="Equations 8 to 15 do not predict the mean force on ground of another stiffness: it departs by up to "
         "{values[0]} on softer and {values[1]} on stiffer ground.",
-        unclear="It is open whether equations 8 to 15 predict the force on ground of another stiffness.",
+        unclear="The runs do not decide whether equations 8 to 15 predict the force on ground of another stiffness.",
     ),
 }  # fmt: skip
 

@@ -100,12 +100,14 @@ FINDINGS = {
                 of=_group(machine, rule),
             )
         ],
-        yes=f"With {rule}, crowded memory costs no accuracy: errors end at {{value}} times those without collisions.",
-        no=f"With {rule}, crowded memory costs accuracy: errors end at {{value}} times those without collisions.",
-        unclear=f"With {rule}, crowded memories differ too much to say what they cost: {{value}} times.",
+        yes=f"With {name}, crowded memory costs little accuracy: errors end at {{value}} times those "
+        "without collisions.",
+        no=f"With {name}, crowded memory costs accuracy: errors end at {{value}} times those without collisions.",
+        unclear=f"With {name}, the runs do not decide whether crowded memory costs accuracy: errors end at {{value}} "
+        "times those without collisions.",
     )
     for machine in (LEG, WALK)
-    for rule in RULES
+    for rule, name in ((PAPER, f"the {PAPER}"), (LASTING, LASTING))
 } | {
     f"stable_{machine}": Finding(
         [
@@ -113,13 +115,17 @@ FINDINGS = {
                 f"runs that complete where at least half of the visited cells collide, {rule}",
                 completed_where_crowded,
                 at_least(0.8),
+                unit="%",
+                scale=100.0,
                 of=_group(machine, rule),
             )
             for rule in RULES
         ],
-        yes="Collisions cost accuracy but not stability: runs with crowded memory complete.",
-        no="Collisions cost stability too: some of the runs with crowded memory diverge or fall.",
-        unclear="Too few runs have crowded memory to say whether collisions cost stability.",
+        yes=f"Runs with crowded memory complete: {{value}} with the {PAPER}, {{values[1]}} with {LASTING}.",
+        no=f"Many runs with crowded memory end early: {{value}} complete with the {PAPER}, {{values[1]}} with "
+        f"{LASTING}.",
+        unclear="The runs do not decide whether crowded memory ends runs early: {value} complete with the "
+        f"{PAPER}, {{values[1]}} with {LASTING}.",
     )
     for machine in (LEG, WALK)
 }
@@ -133,7 +139,10 @@ def _panel(results: Results, title: str, y: str, sample: Any, log: str = "xy") -
         found = [(float(g.measure("rows_per_cell").mean()), estimate(sample(g))) for g in groups]
         found = [(x, each) for x, each in sorted(found, key=lambda pair: pair[0]) if np.isfinite(each.value)]
         x, spread = [x for x, _ in found], [each for _, each in found]
-        series.append(Series(rule, x, [e.value for e in spread], [e.low for e in spread], [e.high for e in spread]))
+        wide = [each.method != "guard band" for each in spread]
+        low = [each.low if is_wide else each.value for each, is_wide in zip(spread, wide, strict=True)]
+        high = [each.high if is_wide else each.value for each, is_wide in zip(spread, wide, strict=True)]
+        series.append(Series(rule, x, [each.value for each in spread], low, high))
         free = sample(own.select({"cmac.addressing": "visited"}))
         series.append(Series(f"{rule}, no collision", x, np.full(len(x), free[0])))
     return Panel(title, "rows per visited cell", y, series, log=log)
@@ -141,10 +150,17 @@ def _panel(results: Results, title: str, y: str, sample: Any, log: str = "xy") -
 
 def draw_memory(results: Results) -> "Figure":
     """Collisions and errors at the end over rows per visited cell."""
-    panels = [_panel(results, "collisions", "of the visited cells, %", lambda r: 100 * r.measure("colliding"), "x")]
+    panels = [
+        _panel(results, "collisions", "visited cells that collide, %", lambda r: 100 * r.measure("colliding"), "x")
+    ]
     for side in ("x", "y"):
         panels.append(
-            _panel(results, f"error in {side}", "mm, at the end", lambda r, s=side: 1e3 * r.end(f"transfer_rmse_{s}"))
+            _panel(
+                results,
+                f"error in {side}",
+                "error at the end, mm",
+                lambda r, s=side: 1e3 * r.end(f"transfer_rmse_{s}"),
+            )
         )
     return draw(panels, columns=3)
 
@@ -176,9 +192,16 @@ def table(results: Results) -> "pd.DataFrame":
 
 
 def values(results: Results) -> dict[str, Any]:
-    """Costs of addressing on the machine that wrote the page, ns a sample."""
+    """Settings of the runs, and costs of addressing on the machine that wrote the page, ns per sample."""
     took = results.computed["addressing"].set_index("way")["time"]
-    return {"hash_cost": took["hashed"] - took["neither"], "visited_cost": took["visited"] - took["neither"]}
+    paper, lasting = (results.select(machine=WALK, rule=rule) for rule in RULES)
+    return {
+        "hash_cost": took["hashed"] - took["neither"],
+        "visited_cost": took["visited"] - took["neither"],
+        "cycles": {"paper": paper.value("cycles"), "lasting": lasting.value("cycles")},
+        "ramp": lasting.value("gait.load_ramp"),
+        "crowded": 100.0 * CROWDED,
+    }
 
 
 def _only(machine: str, work: Any) -> Any:

@@ -72,12 +72,14 @@ CLAIMS = {
     "bandwidth": Claim(
         "(b) the bandwidth of the closed loop remains the same as the open loop",
         "section 2",
-        _criteria("distance of the bandwidths with the corner frequencies used here", distance, True, SAME),
+        _criteria(
+            "relative difference of the bandwidths with the corner frequencies used here", distance, True, SAME
+        ),
     ),
     "both": Claim(
         "these objectives can be achieved through the proper placement of the dominant roots of the closed loop",
         "section 2, eq. 5",
-        _criteria("least distance of the bandwidths over all pairs that meet (a)", nearest, False, SAME),
+        _criteria("least relative difference of the bandwidths over all pairs that meet (a)", nearest, False, SAME),
     ),
 }
 
@@ -123,11 +125,11 @@ def table(results: Results) -> "pd.DataFrame":
                 "omega, rad/s": used["omega"],
                 "alpha": used["alpha"],
                 "M_p, %": 100.0 * used["resonance"],
-                "closed loop, rad/s": used["bandwidth"],
-                "open loop, rad/s": used["open_bandwidth"],
+                "closed-loop bandwidth, rad/s": used["bandwidth"],
+                "open-loop bandwidth, rad/s": used["open_bandwidth"],
                 "pairs that meet (a)": int(good.sum()),
-                "(b)": int(same.sum()),
-                "both": int((good & same).sum()),
+                "pairs that meet (b)": int(same.sum()),
+                "pairs that meet both": int((good & same).sum()),
             }
         )
     return pd.DataFrame(rows)

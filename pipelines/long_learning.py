@@ -69,7 +69,7 @@ def _part(draw: Callable[[Results], Any], **settings: Any) -> Callable[[Results]
 
 STUDY = Study(
     title="Learning beyond five cycles",
-    question="Which rule, lead and rate last, and how soon can it be told?",
+    question="With which rules, leads and rates does learning last, and how early can this be predicted?",
     runs=runs,
     measures={"detected": measures.detected},
     computed={"growth": measures.growth},

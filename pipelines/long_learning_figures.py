@@ -1,6 +1,7 @@
 """Figures and tables of the study of long learning."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,8 +19,22 @@ if TYPE_CHECKING:
 
 NEAR = 0.01
 """Difference of two growths that is marked."""
+SHOWN_METRICS = {
+    "transfer_rmse_x": ("transfer error in x", "mm"),
+    "transfer_rmse_y": ("transfer error in y", "mm"),
+    "feedback_change": ("change of the feedback", "N m"),
+    FORCE: ("force error", "N"),
+    "tilt_max": ("largest tilt", "mrad"),
+}
+"""Metrics that are drawn over cycles: title and unit."""
 SHOWN = (20, 100, 500)
 """Cycles in which the table of settings shows force errors."""
+
+
+def _curves(results: Results, name: str, by: str, prefix: str = "") -> Panel:
+    """A metric over cycles, on logarithmic axes."""
+    title, unit = SHOWN_METRICS[name]
+    return replace(over_cycles(results, name, by, log="xy"), title=prefix + title, y=f"{title}, {unit}")
 
 
 def draw_leads(results: Results) -> "Figure":
@@ -27,14 +42,13 @@ def draw_leads(results: Results) -> "Figure":
     panels = []
     for machine, own in results.by("machine").items():
         for name in ("transfer_rmse_y", "feedback_change"):
-            panel = over_cycles(own, name, "lead")
-            panels.append(Panel(f"{machine}: {panel.title}", panel.x, panel.y, panel.series, log="xy"))
+            panels.append(_curves(own, name, "lead", f"{machine}: "))
     return draw(panels)
 
 
 def draw_rules(results: Results) -> "Figure":
     """Every rule over many cycles."""
-    return draw([over_cycles(results, f"transfer_rmse_{side}", "learning.rule", log="xy") for side in "xy"])
+    return draw([_curves(results, f"transfer_rmse_{side}", "learning.rule") for side in "xy"])
 
 
 def draw_growth(results: Results) -> "Figure":
@@ -53,7 +67,7 @@ def draw_growth(results: Results) -> "Figure":
 
 def draw_settings(results: Results) -> "Figure":
     """Force error and tilt of the quadruped."""
-    return draw([over_cycles(results, name, "settings", log="xy") for name in (FORCE, "tilt_max")])
+    return draw([_curves(results, name, "settings") for name in (FORCE, "tilt_max")])
 
 
 def describe_end(results: Results, name: str = TRANSFER, factor: float = 1e3) -> str:

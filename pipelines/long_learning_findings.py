@@ -66,13 +66,14 @@ FINDINGS = {
         yes="With lead 0, as published, the paper's rule does not last: one leg ends after {value} of its cycles, "
         "the quadruped after {values[1]}. With lead 1 it lasts on one leg.",
         no="The lead alone does not decide whether the paper's rule lasts: with lead 0 one leg completes {value} of "
-        "its cycles and the quadruped {values[1]}; with lead 1 errors of one leg vary {values[2]}-fold at the end.",
+        "its cycles and the quadruped {values[1]}; with lead 1 errors of one leg vary {values[2]}-fold in the second "
+        "half.",
         unclear="Whether the lead decides if the paper's rule lasts differs between seeds.",
     ),
     "body": Finding(
         [Criterion(f"{VARIES}, force", partial(measures.variation, name=FORCE), STEADY, of=_paper(WALK, 1))],
-        yes="Lead 1 is enough under a body too: force errors vary by a factor of {value} at the end.",
-        no="Lead 1 alone is not enough under a body: force errors vary by a factor of {value} at the end.",
+        yes="Lead 1 is enough under a body too: force errors vary by a factor of {value} in the second half.",
+        no="Lead 1 alone is not enough under a body: force errors vary by a factor of {value} in the second half.",
         unclear="Whether lead 1 is enough under a body differs between seeds.",
     ),
     **{
@@ -86,7 +87,7 @@ FINDINGS = {
                 )
             ],
             yes=f"With lead 1 ({machine}) another rule leaves {{value}} times the {what} error of the paper's.",
-            no=f"With lead 1 ({machine}) no other rule leaves a {what} error a tenth smaller than the paper's.",
+            no=f"With lead 1 ({machine}) no other rule leaves a {what} error smaller by a tenth than the paper's.",
             unclear=f"Whether another rule leaves a smaller {what} error ({machine}) differs between seeds.",
         )
         for machine, what, name in ((LEG, "transfer", TRANSFER), (WALK, "force", FORCE))
@@ -111,11 +112,11 @@ FINDINGS = {
             Criterion(f"{VARIES}, auto", measures.variation, STEADY, of={"part": LATE, "learning.lead": "auto"}),
             Criterion("cycles done of those asked for, one less", _one_less, ENDS, **PERCENT, of={"part": LATE}),
         ],
-        yes="The lead must be the number of samples from torque to feedback, which `learning.lead=auto` counts: with "
-        "one less, runs end after {values[1]} of their cycles.",
+        yes="The lead must not be less than the number of samples from torque to feedback, which "
+        "`learning.lead=auto` counts: with one less, runs end after {values[1]} of their cycles.",
         no="The number of samples from torque to feedback does not decide: with `learning.lead=auto` errors vary "
-        "{value}-fold at the end; with one less, runs complete {values[1]} of their cycles.",
-        unclear="Whether the lead must be the number of samples from torque to feedback is not settled here.",
+        "{value}-fold in the second half; with one less, runs complete {values[1]} of their cycles.",
+        unclear="The runs do not decide whether the lead must be the number of samples from torque to feedback.",
     ),
     "rate": Finding(
         [
@@ -127,8 +128,8 @@ FINDINGS = {
             ),
             _done(f"rate {FASTEST}, lead 1", of={"part": RATE, "learning.lead": 1, "learning.rate": FASTEST}),
         ],
-        yes=f"With lead 1, rates up to {RATES[-2]} end with the same error; with {FASTEST} one leg ends after "
-        "{values[1]} of its cycles.",
+        yes=f"With lead 1, no rate up to {RATES[-2]} ends with a clearly larger error; with {FASTEST} "
+        "one leg ends after {values[1]} of its cycles.",
         no=f"With lead 1, rates up to {RATES[-2]} end with up to {{value}} times the error of the paper's; with "
         f"{FASTEST} one leg completes {{values[1]}} of its cycles.",
         unclear="What the rate changes with lead 1 differs between seeds.",
@@ -170,7 +171,7 @@ FINDINGS = {
                 of=WARNED,
             ),
         ],
-        yes="Drift is detected in {value} of the runs that diverge or fall, while errors are {values[1]} times their "
+        yes="Drift is detected in {value} of the runs that diverge or fall, when errors are {values[1]} times their "
         "least: learning can be stopped in time.",
         no="Drift is no sufficient warning: it is detected in {value} of the runs that diverge or fall, when errors "
         "are {values[1]} times their least.",
@@ -186,10 +187,10 @@ FINDINGS = {
                     at_most(0.01),
                 )
             ],
-            yes=f"For the paper's rule ({machine}) the linearised loop predicts the growth per cycle to {{value}} "
-            "with every lead: `python -m cmacexp.stability` on a short run tells whether a long one lasts.",
+            yes=f"For the paper's rule ({machine}) the linearised loop predicts the growth per cycle to within "
+            "{value} with every lead: `python -m cmacexp.stability` computes it without a long run.",
             no=f"For the paper's rule ({machine}) the linearised loop misses the growth per cycle by up to "
-            "{value}: it does not replace a long run.",
+            "{value}: the prediction does not replace a long run.",
             unclear=f"How well the growth per cycle is predicted ({machine}) differs between seeds: {{value}}.",
         )
         for machine in (LEG, WALK)

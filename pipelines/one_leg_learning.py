@@ -52,6 +52,7 @@ VARIANTS = {
     AWARE: ("reference=aware",),
     SMOOTH: ("gait.vertical=two_cubics", "reference=aware"),
 }
+FEEDFORWARDS = {"cmac": "CMAC", "inverse_dynamics": "exact inverse dynamics"}
 LAWS = {NO_LEAD: ("learning.lead=0",), LEAD: ("learning.lead=1",)}
 
 
@@ -106,7 +107,7 @@ def draw_exact(results: Results) -> "Figure":
     ]
     return draw(
         [
-            replace(panel, title=title)
+            replace(panel, title=title, series=[replace(s, name=FEEDFORWARDS[s.name]) for s in panel.series])
             for panel, title in zip(panels, ("path as published", "smooth path"), strict=True)
         ]
     )

@@ -234,7 +234,7 @@ CLAIMS = {
 def _versus_exact(variant: str, when: str, sample: Sample) -> Finding:
     ratio = over(within(CMAC, sample), lambda results: sample(results.select(EXACT))[:1])
     path = "path as published" if variant == PUBLISHED else "smooth path"
-    words = f"On the {path} the error with the CMAC is, {when}, {{value}} times that with exact inverse dynamics"
+    words = f"On the {path} the error in y with the CMAC {when} is {{value}} times that with exact inverse dynamics"
     quantity = f"RMS error in y in transfer, CMAC over exact inverse dynamics, {when}"
     return Finding(
         [Criterion(quantity, ratio, LESS, of={"variant": variant})],
@@ -264,16 +264,16 @@ FINDINGS = {
             percent("size of the final force error without the term", end("force_steady_state_error"),
                     at_most(0.005), of={"variant": AWARE, **CMAC}),
         ],
-        yes="The force error that learning leaves is this bias: it has the predicted size, and is {values[1]} "
-        "without the term. Use `reference=aware` where the force is to be exact.",
+        yes="The force error that learning leaves is this bias: it has the predicted size, and without the term the "
+        "error is {values[1]}. Use `reference=aware` where the force is to be exact.",
         no="The force error that learning leaves is not this bias, or not this bias alone.",
         unclear="The runs do not decide whether the force error that learning leaves is this bias.",
     ),
     "lead": Finding(
         [Criterion("RMS feedback torque over the last cycles over its least", final_feedback, AT_ITS_LEAST,
                    of={"law": LEAD})],
-        yes="With a lead of one sample the feedback torque ends at its least.",
-        no="With a lead of one sample the feedback torque grows again, too.",
+        yes="With a lead of one sample the feedback torque ends at {value} times its least.",
+        no="With a lead of one sample the feedback torque grows again: it ends at {value} times its least.",
         unclear="The runs do not decide whether the feedback torque grows again with a lead of one sample.",
     ),
     "lift_off": Finding(

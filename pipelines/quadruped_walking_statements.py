@@ -240,8 +240,8 @@ FINDINGS = {
         yes="Most of the force error that is left ({value} of its square) falls where four feet are planned to be "
         "down, and {values[1]} of that moves load from one diagonal pair of feet to the other.",
         no="The force error that is left is not mainly load that moves between the diagonal pairs of four feet.",
-        unclear="It is open whether the force error that is left is mainly load that moves between the diagonal "
-        "pairs of four feet.",
+        unclear="The runs do not decide whether the force error that is left is mainly load that moves between the "
+        "diagonal pairs of four feet.",
     ),
     "noise_cost": Finding(
         [
@@ -266,9 +266,9 @@ FINDINGS = {
             for law, limit in ((PUBLISHED, at_most(LASTS)), (LEAD, at_least(LASTS)))
         ],
         yes="The law as published does not last: it ends after {value} of the cycles, and with a lead of one sample "
-        "the machine walks {values[1]} of them. Set `learning.lead=1`.",
-        no="A lead of one sample does not decide whether learning lasts: the law as published walks {value} of the "
-        "cycles, with the lead the machine walks {values[1]}.",
+        "the machine completes {values[1]} of them. Set `learning.lead=1`.",
+        no="A lead of one sample does not decide whether learning lasts: with the law as published the machine "
+        "completes {value} of the cycles, with the lead {values[1]}.",
         unclear="The seeds differ too much to say whether a lead of one sample decides how long learning lasts.",
     ),
     "bursts": Finding(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 CONTROLLERS = {"cmac": "with CMAC", "none": "feedback alone"}
 FORCE = ERRORS[WALK]["force error"]
 UNITS = {
-    "force": ("% of it", 100.0),
+    "force": ("% of the force", 100.0),
     "position": ("mrad", 1e3),
     "velocity": ("rad/s", 1.0),
     "height": ("mm", 1e3),
@@ -69,7 +69,7 @@ def draw_noise(results: Results) -> "Figure":
             chosen = [results.select(signal=[NONE, signal], level=[None, level]) for level in levels]
             found = [estimate(measures.worsening(own, metric)) for own in chosen]
             series.append(Series(name, factor * np.array(levels), [each.value for each in found]))
-        y = "over that without noise"
+        y = "value over that without noise"
         panels.append(Panel(f"noise on the {signal}", f"noise, {unit}", y, series, log="x", y_limits=[FELT]))
     return draw(panels, columns=3)
 

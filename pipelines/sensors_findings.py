@@ -72,7 +72,7 @@ FINDINGS = {
             _survive(f"no check, gain {GAINS[-1]:g}", NO_CHECK, GAINS[-1:], at_most(0.75)),
         ],
         yes=f"Without the check the machine walks on after {{value}} of the failures with gains up to {GAINS[-2]:g}, "
-        f"and after {{values[1]}} with {GAINS[-1]:g}: it is the strong force feedback that needs the check.",
+        f"and after {{values[1]}} with {GAINS[-1]:g}: strong force feedback needs the check.",
         no=f"The gain does not decide which failures are survived without the check: {{value}} with gains up to "
         f"{GAINS[-2]:g}, {{values[1]}} with {GAINS[-1]:g}.",
         unclear=f"More failures are needed: without the check {{value}} are survived with gains up to {GAINS[-2]:g}, "
@@ -119,7 +119,7 @@ FINDINGS = {
     "noise_leg": Finding(
         [
             Criterion(
-                "transfer error at the end over that of the first cycle",
+                "transfer error in y at the end over that of the first cycle",
                 _error_left,
                 at_most(0.25),
                 **PERCENT,
@@ -132,8 +132,8 @@ FINDINGS = {
                 of={"part": NOISE, "machine": LEG, "signal": [NONE, "force"], "level": [None, FORCE_NOISE]},
             ),
         ],
-        yes=f"With noise of {NOISY} on the force one leg still learns, to {{value}} of its first error; its "
-        "feedback torque is {values[1]} times that without noise.",
+        yes=f"With noise of {NOISY} on the force one leg still learns: its transfer error in y ends at {{value}} of "
+        "that of the first cycle; its feedback torque is {values[1]} times that without noise.",
         no=f"Noise of {NOISY} on the force either keeps one leg from learning ({{value}} of its first error "
         "is left) or is not felt in the torque ({values[1]} times that without).",
         unclear=f"What noise of {NOISY} on the force does to one leg differs between seeds.",
@@ -149,25 +149,27 @@ FINDINGS = {
             )
         ],
         yes="Where noise is felt, the feedback torque grows by more than the errors: in {value} of the runs.",
-        no="Where noise is felt, errors grow as much as the feedback torque: by more only in {value} of the runs.",
-        unclear="Where noise is felt, the feedback torque grows by more than the errors in {value} of the runs.",
+        no="Where noise is felt, the feedback torque does not in general grow by more than the errors: it does in "
+        "{value} of the runs.",
+        unclear="Where noise is felt, the feedback torque grows by more than the errors in {value} of the runs; "
+        "more runs are needed.",
     ),
     "noise_gain": Finding(
         [
             Criterion(
-                f"feedback torque over that without noise, gains up to {NOISY_GAIN:g}",
+                f"feedback torque over that without noise, gains up to {NOISY_GAIN:g}, the largest",
                 _torque_grows,
                 at_most(FELT),
                 of={"part": GAIN, GAIN_KEY: list(GAINS[:3])},
             ),
             Criterion(
-                f"the same, gains above {NOISY_GAIN:g}",
+                f"feedback torque over that without noise, gains above {NOISY_GAIN:g}, the largest",
                 _torque_grows,
                 at_least(FELT),
                 of={"part": GAIN, GAIN_KEY: list(GAINS[3:])},
             ),
         ],
-        yes=f"Poor force sensors bound the gain: up to {NOISY_GAIN:g} noise multiplies the quadruped's feedback "
+        yes=f"Noisy force sensors limit the gain: up to {NOISY_GAIN:g} noise multiplies the quadruped's feedback "
         "torque by {value} at most, above it by up to {values[1]}.",
         no=f"A gain of {NOISY_GAIN:g} does not separate where noise on the forces is felt: up to it the feedback "
         "torque is {value} times that without noise, above it up to {values[1]} times.",

@@ -22,7 +22,7 @@ LAST = 3
 FELT = 1.5
 """An error or torque that is at least so many times that without noise is felt."""
 ERRORS: Mapping[str, Mapping[str, str]] = {
-    LEG: {"transfer error": "transfer_rmse_y", "force error": "force_rmse", "feedback torque": "feedback_rms"},
+    LEG: {"transfer error in y": "transfer_rmse_y", "force error": "force_rmse", "feedback torque": "feedback_rms"},
     WALK: {"tilt": "tilt_max", "force error": "force_rmse_cycle", "feedback torque": "feedback_rms"},
 }
 """Metrics that noise may worsen, by machine and name."""

@@ -51,8 +51,8 @@ STIFFER = f"ground {FACTOR} times as stiff"
 CHANGES: Mapping[str, Change] = {
     "leg": Change(f"one leg, {STIFFER}", LEG, STEP, (f"terrain.stiffness={FACTOR * 10}",)),
     "stiff": Change(STIFFER, WALK, STEP, (f"terrain.stiffness={FACTOR * 1e4}",)),
-    "payload": Change(f"{PAYLOAD} N on its centre", WALK, LOAD, (f"machine.weight={PAYLOAD + 40}",)),
-    "ahead": Change(f"{PAYLOAD} N {AHEAD:g} m ahead of it", WALK, (*LOAD, f"payload.x={AHEAD}")),
+    "payload": Change(f"{PAYLOAD} N on the centre", WALK, LOAD, (f"machine.weight={PAYLOAD + 40}",)),
+    "ahead": Change(f"{PAYLOAD} N {AHEAD:g} m ahead", WALK, (*LOAD, f"payload.x={AHEAD}")),
 }
 WORDS = {name: change.words for name, change in CHANGES.items()}
 CYCLES, QUICK_CYCLES = 60, 15
@@ -126,14 +126,14 @@ def _comes_back(change: str, metric: str, words: str) -> Finding:
 def _informed(change: str) -> Finding:
     return _decide(
         "the plan has to know the new value",
-        "Give the plan the new value: without it the force error is {value} times as large.",
-        "The plan need not know the new value: without it the force error is {value} times as large.",
+        "Give the plan the new value: if it does not know it, the force error is {value} times as large.",
+        "The plan need not know the new value: if it does not, the force error is {value} times as large.",
         _ratio(change, "force", INFORMED, at_least(WITHIN)),
     )
 
 
 def _level(slope: float, way: str) -> Finding:
-    text, of = f"{abs(slope):.0%} {way}", {"ground": "slopes", "terrain.slope": slope, "walk": CMAC}
+    text, of = f"{100 * abs(slope):g} % {way}", {"ground": "slopes", "terrain.slope": slope, "walk": CMAC}
     tilt = Criterion(f"tilt, {text}", lambda r: r.end("tilt_max"), at_most(TILT), unit="mrad", scale=1e3, of=of)
     return _decide(
         f"a CMAC keeps the body level at {text}",
@@ -144,7 +144,7 @@ def _level(slope: float, way: str) -> Finding:
 
 
 def _ends_early(slope: float, way: str) -> Finding:
-    text, of = f"{abs(slope):.0%} {way}", {"ground": "slopes", "terrain.slope": slope}
+    text, of = f"{100 * abs(slope):g} % {way}", {"ground": "slopes", "terrain.slope": slope}
     shares = [
         Criterion(
             f"planned time walked, {walk}", lambda r: r.measure("walked"), holds, unit="%", scale=100.0,
@@ -155,7 +155,8 @@ def _ends_early(slope: float, way: str) -> Finding:
     return _decide(
         f"learning ends a walk at {text} that feedback alone completes",
         f"At {text} learning ends a walk that feedback alone completes: it lasts {{value}} of the planned time.",
-        f"At {text} learning does not end a walk that feedback alone completes.",
+        f"At {text} learning does not end a walk that feedback alone completes: {{value}} of the planned time is "
+        "walked with a CMAC, {values[1]} with feedback alone.",
         *shares,
     )
 
@@ -184,15 +185,17 @@ FINDINGS = {
         *(_ratio(name, "force", FEEDBACK, at_most(1.0)) for name in CHANGES),
     ),
     "patches_feedback": _decide(
-        f"learning needs a map of {WIDEST}",
-        f"Learning needs no map of {WIDEST}: its force error is {{value}} times that of feedback alone.",
-        f"On {WIDEST} learning gains nothing: its force error is {{value}} times that of feedback alone.",
+        f"learning lowers the force error on {WIDEST}",
+        f"On {WIDEST}, which the plan does not know, learning lowers the force error: it is {{value}} times that of "
+        "feedback alone.",
+        f"On {WIDEST}, which the plan does not know, learning does not lower the force error: it is {{value}} times "
+        "that of feedback alone.",
         Criterion("force error over that of feedback alone", _over_feedback, at_most(1.0), of=ON_PATCHES),
     ),
     "patches_even": _decide(
         f"{WIDEST} cost learning accuracy",
-        f"To learning {WIDEST} cost little: {{value}} times the force error on even ground.",
-        f"To learning {WIDEST} cost accuracy: {{value}} times the force error on even ground.",
+        f"With learning, {WIDEST} cost little accuracy: the force error is {{value}} times that on even ground.",
+        f"With learning, {WIDEST} cost accuracy: the force error is {{value}} times that on even ground.",
         Criterion(
             "force error over that on even ground", _over_even, at_most(WITHIN), of={**ON_PATCHES, "walk": CMAC}
         ),
@@ -214,6 +217,7 @@ def values(results: Results) -> dict[str, Any]:
         "payload": PAYLOAD,
         "ahead": AHEAD,
         "within": WITHIN,
+        "leg_settings": ", ".join(f"`{text}`" for text in LEG[1:]),
         "lasting": ", ".join(f"`{text}`" for text in LASTING),
         "patch": results.select(ground="patches").value("terrain.patch_size"),
         "start": max(slopes.values("terrain.slope_start")),
@@ -224,8 +228,8 @@ def values(results: Results) -> dict[str, Any]:
 
 STUDY = Study(
     title="Ground and load that change",
-    question="How does learning take a step of the ground's stiffness, a payload, patches and slopes that neither "
-    "planner nor controller knows?",
+    question="How does learning cope with a step of the ground's stiffness, a payload, patches and slopes that "
+    "neither planner nor controller knows?",
     runs=runs,
     measures={"walked": walked},
     findings=FINDINGS,

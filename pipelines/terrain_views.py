@@ -23,8 +23,8 @@ WITHIN = 1.2
 METRICS = {
     "force_rmse": ("force error in support", "N", 1.0),
     "force_rmse_cycle": ("force error", "N", 1.0),
-    "transfer_rmse_x": ("transfer error x", "mm", 1e3),
-    "transfer_rmse_y": ("transfer error y", "mm", 1e3),
+    "transfer_rmse_x": ("transfer error in x", "mm", 1e3),
+    "transfer_rmse_y": ("transfer error in y", "mm", 1e3),
     "tilt_max": ("tilt", "mrad", 1e3),
 }
 """Words, unit and factor from SI units."""
@@ -128,7 +128,7 @@ def table_changes(results: Results, words: dict[str, str]) -> "pd.DataFrame":
                     "error": f"{name}, {unit}",
                     "largest since": max(float(np.max(each[before:], initial=0.0)) for each in histories),
                     **{walk: ends.get(walk) for walk in (CMAC, UNCHANGED, INFORMED, FEEDBACK)},
-                    "cycles to come back": f"{slowest:g}" if np.isfinite(slowest) else "never",
+                    "cycles to recover": f"{slowest:g}" if np.isfinite(slowest) else "never",
                     "completed": f"{sum(changed.completed)} of {len(changed)}",
                 }
             )

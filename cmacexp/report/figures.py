@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 MOST_MARKED = 30
 """Points up to which a line has a marker at each."""
+MOST_VECTOR = 1000
+"""Points from which on a band is a bitmap in SVG: unlike a line, it is never simplified."""
 MOST_LEVEL = 5
 """Names of ticks up to which they stand level."""
 Values = Sequence[float] | Array | NDArray[np.integer]
@@ -81,8 +83,6 @@ def draw(panels: Sequence[Panel | HeatMap], columns: int = 2, height: float = 2.
         columns: of panels.
         height: of a panel, inches.
     """
-    from matplotlib.lines import Line2D
-
     figure, axes = new_grid(len(panels), min(columns, len(panels)), height)
     names = list(dict.fromkeys(s.name for panel in panels if isinstance(panel, Panel) for s in panel.series))
     for one, panel in zip(axes, panels, strict=True):
@@ -90,8 +90,24 @@ def draw(panels: Sequence[Panel | HeatMap], columns: int = 2, height: float = 2.
             _heat_map(figure, one, panel)
         else:
             _panel(one, panel, names)
-    put_legend_below(figure, {name: Line2D([], [], ms=4, **_style(index)) for index, name in enumerate(names)})
+    put_legend_below(figure, {name: _legend_handle(panels, name, index) for index, name in enumerate(names)})
     return figure
+
+
+def _legend_handle(panels: "Sequence[Panel | HeatMap]", name: str, index: int) -> Any:
+    """What stands for a series in the legend: a patch, a point, or a line with a marker if one is drawn."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    drawn = [(panel.kind, s) for panel in panels if isinstance(panel, Panel) for s in panel.series if s.name == name]
+    kinds, style = {kind for kind, _ in drawn}, _style(index)
+    if kinds == {"bars"}:
+        return Patch(color=style["color"])
+    if kinds == {"scatter"}:
+        style["linestyle"] = "none"
+    elif all(len(series.x) > MOST_MARKED for _, series in drawn):
+        style["marker"] = None
+    return Line2D([], [], ms=4, **style)
 
 
 def _style(index: int) -> dict[str, Any]:
@@ -130,7 +146,8 @@ def _line(axes: "Axes", series: Series, style: dict[str, Any]) -> None:
     few = len(series.x) <= MOST_MARKED
     axes.plot(series.x, series.y, ms=3, **{**style, "marker": style["marker"] if few else None})
     if series.low is not None and series.high is not None:
-        axes.fill_between(series.x, series.low, series.high, alpha=0.15, color=style["color"], lw=0)
+        band: dict[str, Any] = {"alpha": 0.15, "color": style["color"], "lw": 0}
+        axes.fill_between(series.x, series.low, series.high, rasterized=len(series.x) > MOST_VECTOR, **band)
 
 
 def _bars(axes: "Axes", series: Series, colour: str, place: int, count: int) -> None:

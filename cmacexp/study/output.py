@@ -10,7 +10,7 @@ import pyarrow as pa
 from cmacexp.data.files import write_atomically
 from cmacexp.data.parquet import write_table
 from cmacexp.report.page import Html, Report, Section, relative, write_report
-from cmacexp.study.page import QUICK, Evaluated, make_claims_section
+from cmacexp.study.page import QUICK, Evaluated, make_claims_section, make_reading_section
 from cmacexp.study.results import Results
 from cmacexp.study.statements import Found, Judged, Measured
 
@@ -86,6 +86,8 @@ def write_page(
     sections += [section for study in studies for section in study.sections]
     files = [file for study in studies for file in study.files]
     if not quick:
+        if any(study.claims or study.findings for study in studies):
+            sections.append(make_reading_section())
         statements = {study.name: _statements(study.claims, study.findings, folder) for study in studies}
         with write_atomically(folder / CLAIMS) as temporary:
             temporary.write_text(json.dumps(statements, indent=1, ensure_ascii=False) + "\n")

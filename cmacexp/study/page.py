@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cmacexp.report.markdown import MarkdownPage
 from cmacexp.report.page import Html, Section, relative
+from cmacexp.study.interval import GUARD, TRIMMED_FROM
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import VERDICTS, Found, Judged
 from cmacexp.study.study import StudyFile
@@ -55,6 +56,18 @@ def _format_finding(found: Found) -> str:
 
 def _format_claim(judged: Judged) -> str:
     return f"“{judged.claim.words}” ({judged.claim.where}): {judged.verdict}."
+
+
+READING = """<p>Square brackets, and the table of claims if there is one, give what was measured: the value,
+its 95 % interval, the size n of the sample, and the limits that decide the statement. The
+interval of a proportion is Wilson's. That of values that differ between seeds or cases is a percentile bootstrap of
+their mean, or of their interquartile mean if there are at least {trimmed}. A value without a
+spread is given {guard:g} % to either side.</p>"""
+
+
+def make_reading_section() -> Section:
+    """The section of a report that says how its values and intervals are to be read."""
+    return Section("How to read the values", [Html(READING.format(trimmed=TRIMMED_FROM, guard=100.0 * GUARD))])
 
 
 def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:

@@ -17,7 +17,7 @@ VERDICTS = {
     IN_PART: "some criteria of the claim are reproduced, others are not",
     NOT_REPRODUCED: "no interval reaches the limit at which the claim holds",
     CONTRADICTED: "every interval lies within the limit at which the opposite holds",
-    INCONCLUSIVE: "an interval contains the limit at which the claim holds; more seeds may decide",
+    INCONCLUSIVE: "an interval contains the limit at which the claim holds",
 }
 """What each verdict means."""
 YES, NO, UNCLEAR = "yes", "no", "unclear"
