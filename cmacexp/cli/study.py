@@ -62,7 +62,11 @@ def _write(path: Path, requests: Sequence[Request], collected: Collected, option
     keys = list(
         dict.fromkeys(text.partition("=")[0].lstrip("+") for request in requests for text in request.overrides)
     )
-    rows = [read_row(*_found(collected, request), keys, study.measures) for request in requests]
+    found = {}  # the same run with the same labels is one value of a sample, however often it was asked for
+    for request in requests:
+        run, choices = collected[request]
+        found[run, repr(sorted(request.labels.items()))] = (run, request.labels, choices)
+    rows = [read_row(*each, keys, study.measures) for each in found.values()]
     results = Results(rows)
     results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
     (folder / manifests.NAME).unlink(missing_ok=True)  # what it lists is about to change
@@ -73,11 +77,6 @@ def _write(path: Path, requests: Sequence[Request], collected: Collected, option
     key = state_key(file, options.quick, options.seeds)
     write_page(study.title, study.question, [evaluated], inputs, runs, folder, key, options.quick)
     return Written(evaluated, inputs, runs)
-
-
-def _found(collected: Collected, request: Request) -> tuple[Path, Mapping[str, object], Mapping[str, str]]:
-    folder, choices = collected[request]
-    return folder, request.labels, choices
 
 
 def write_studies(files: Sequence[StudyFile], options: Options) -> list[Written]:

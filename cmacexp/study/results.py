@@ -130,8 +130,15 @@ class Results:
         return np.array([row.measures[name] for row in self.rows])
 
     def at(self, cycle: int, name: str) -> Array:
-        """(runs,): a metric in one cycle; of a run that ended before, the worst value that there is."""
+        """(runs,): a metric in one cycle; of a run that ended before, the worst value that there is.
+
+        Raises:
+            BadInput: a run was to end before, or no such metric.
+        """
         worst = worst_value(name)
+        asked = min((row.summary.cycles for row in self.rows if row.summary.status == "completed"), default=cycle)
+        if cycle > asked:
+            raise BadInput("cycle", cycle, f"a run that completed has {asked} cycles")
         histories = [row.summary.metrics.get(name, np.empty(0)) for row in self.rows]
         return np.array([float(h[cycle - 1]) if cycle <= len(h) else worst for h in histories])
 

@@ -108,6 +108,16 @@ def test_a_file_that_cannot_be_imported_by_its_name_is_one_line(name, message, t
     assert message in done.stderr
 
 
+def test_a_run_that_is_requested_twice_counts_once(tmp_path):
+    twice = "[*grid('cycles=1'), *grid(over={'cycles': [1]}), *grid('cycles=1', name='other')]"
+    (tmp_path / "twice.py").write_text(study(twice, sample="results.at(1, 'force_rmse')"))
+    (tmp_path / "twice.md").write_text("{{ runs }} runs")
+    done = python("-m", "cmacexp.study", "twice.py", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (found,) = json.loads((tmp_path / "outputs" / "studies" / "twice" / "claims.json").read_text())["twice"]
+    assert found["criteria"][0]["count"] == 2
+
+
 def test_ctrl_c_ends_a_study_and_its_runs_at_once(tmp_path):
     (tmp_path / "long.py").write_text(study("grid('cycles=1000000', 'feedforward=none', 'record.cycles=[1]')"))
     (tmp_path / "long.md").touch()

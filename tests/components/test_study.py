@@ -122,6 +122,11 @@ def test_a_selection_without_runs_names_what_there_is():
         results.by("machin")
 
 
+def test_a_cycle_after_the_end_of_a_completed_run_is_an_error_not_the_worst_value():
+    with pytest.raises(BadInput, match="cycle=6: a run that completed has 5 cycles"):
+        made(0.1).at(6, "transfer_rmse_x")
+
+
 def test_an_unknown_metric_or_measure_names_the_nearest():
     for wrong in (lambda r: r.end("transfer_rmse_z"), lambda r: r.at(1, "transfer_rmse_z")):
         with pytest.raises(BadInput, match=r"metric=transfer_rmse_z: choose from .* did you mean transfer_rmse"):
