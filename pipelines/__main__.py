@@ -28,9 +28,11 @@ def read_quotable(folder: Path) -> Quotable:
     found: dict[str, dict[str, Any]] = {}
     for path in sorted(folder.glob(f"*/{CLAIMS}")):
         study = path.parent.name
-        for each in json.loads(path.read_text()).get(study, []):
-            values = [criterion["shown"] for criterion in each["criteria"]]
-            found.setdefault(study, {})[each["name"]] = {"verdict": each["verdict"], "values": values}
+        if (statements := json.loads(path.read_text()).get(study)) is not None:
+            found[study] = {
+                each["name"]: {"verdict": each["verdict"], "values": [c["shown"] for c in each["criteria"]]}
+                for each in statements
+            }
     return found
 
 
