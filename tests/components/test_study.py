@@ -9,7 +9,7 @@ import pytest
 from cmacexp.errors import BadInput
 from cmacexp.report.numbers import format_number
 from cmacexp.report.run_summary import RunSummary
-from cmacexp.study import Claim, Criterion, Finding, Results, at_least, at_most, between, grid, starting_from
+from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, at_most, between, grid, starting_from
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import NoSuchRuns, Row
 from cmacexp.study.samples import per_seed, relative
@@ -120,6 +120,12 @@ def test_a_selection_without_runs_names_what_there_is():
         results.select(machine="robot")
     with pytest.raises(NoSuchRuns, match=r"no run has a setting 'machin'; did you mean machine\?"):
         results.by("machin")
+
+
+@pytest.mark.parametrize(("option", "value"), [("kind", "bar"), ("log", "yx")])
+def test_a_panel_of_an_unknown_kind_is_an_error(option, value):
+    with pytest.raises(BadInput, match=f"{option}={value}: choose from"):
+        Panel("error", "cycle", "mm", [], **{option: value})
 
 
 def test_a_cycle_after_the_end_of_a_completed_run_is_an_error_not_the_worst_value():
