@@ -1,8 +1,10 @@
 """The mistakes that users can make, one exception each; every message is one line that says how to correct it."""
 
+import difflib
 import importlib
 import sys
 import traceback
+from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 
@@ -19,6 +21,12 @@ def format_install_command(wanted: str) -> str:
     """The command that installs a module or an option of Hydra; empty if no extra of this package contains it."""
     extra = EXTRAS.get(wanted) or EXTRAS.get(wanted.partition(".")[0])
     return f'python -m pip install -e ".[{extra}]" in the checkout' if extra else ""
+
+
+def suggest(name: str, names: Iterable[str], prefix: str = "") -> str:
+    """The nearest of ``names``, as the end of a message; empty if none is near."""
+    near = difflib.get_close_matches(name, list(names), 1)
+    return f"; did you mean {prefix}{near[0]}?" if near else ""
 
 
 def _is_user_code(frame: TracebackType) -> bool:

@@ -21,10 +21,14 @@ Quotable = Mapping[str, Mapping[str, Any]]
 
 
 def read_quotable(folder: Path) -> Quotable:
-    """Values and verdicts by study and statement, of every full study below ``folder``."""
+    """Values and verdicts by study and statement, of every full study below ``folder``.
+
+    Each is read from the study's own folder: a page over several studies is not renewed when one of them is.
+    """
     found: dict[str, dict[str, Any]] = {}
     for path in sorted(folder.glob(f"*/{CLAIMS}")):
-        for study, statements in json.loads(path.read_text()).items():
+        study = path.parent.name
+        if (statements := json.loads(path.read_text()).get(study)) is not None:
             found[study] = {
                 each["name"]: {"verdict": each["verdict"], "values": [c["shown"] for c in each["criteria"]]}
                 for each in statements

@@ -12,7 +12,7 @@ from cmacexp.data.discovery import require_place
 from cmacexp.errors import CmacexpError
 from cmacexp.report.page import HTML
 from cmacexp.study.output import write_page, write_results
-from cmacexp.study.page import Evaluated, evaluate
+from cmacexp.study.page import Evaluated, check_page, evaluate
 from cmacexp.study.requests import Request
 from cmacexp.study.results import Results, read_row
 from cmacexp.study.state import is_up_to_date, state_key
@@ -50,7 +50,7 @@ class Options:
         return self.folder / (f"{name}-quick" if self.quick else name)
 
     def expand(self, requests: Sequence[Request]) -> list[Request]:
-        """A request for each seed; equal ones once."""
+        """A request for each seed."""
         numbers = range(1 if self.quick else self.seeds)
         return [request.with_seed(seed) for request in requests for seed in (numbers if request.seeded else [0])]
 
@@ -62,7 +62,11 @@ def _write(path: Path, requests: Sequence[Request], collected: Collected, option
     keys = list(
         dict.fromkeys(text.partition("=")[0].lstrip("+") for request in requests for text in request.overrides)
     )
-    rows = [read_row(*_found(collected, request), keys, study.measures) for request in requests]
+    found = {}  # the same run with the same labels is one value of a sample, however often it was asked for
+    for request in requests:
+        run, choices = collected[request]
+        found[run, repr(sorted(request.labels.items()))] = (run, request.labels, choices)
+    rows = [read_row(*each, keys, study.measures) for each in found.values()]
     results = Results(rows)
     results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
     (folder / manifests.NAME).unlink(missing_ok=True)  # what it lists is about to change
@@ -75,13 +79,10 @@ def _write(path: Path, requests: Sequence[Request], collected: Collected, option
     return Written(evaluated, inputs, runs)
 
 
-def _found(collected: Collected, request: Request) -> tuple[Path, Mapping[str, object], Mapping[str, str]]:
-    folder, choices = collected[request]
-    return folder, request.labels, choices
-
-
 def write_studies(files: Sequence[StudyFile], options: Options) -> list[Written]:
     """Run studies and write a report of each; complete runs are not run again."""
+    for file in files:
+        check_page(file)
     with workers() as each:
         requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
         collected = collect(each, [r for own in requests.values() for r in own], options.folder / "runs")
@@ -103,9 +104,9 @@ def write_study(file: StudyFile, options: Options) -> Path:
 
 
 def write_collection(name: str, title: str, question: str, files: Sequence[StudyFile], options: Options) -> Path:
-    """Run several studies unless all their reports are up to date, and write a page over all; returns the page."""
+    """Run several studies unless the page over all is up to date, and write it; returns the page."""
     folder = options.place(name)
-    key = " ".join(state_key(file, options.quick, options.seeds) for file in files)
+    key = " ".join([title, question, *(state_key(file, options.quick, options.seeds) for file in files)])
     if is_up_to_date(folder, key):
         print(f"nothing changed since it was written: {folder / HTML}")
         return folder / HTML
@@ -160,6 +161,7 @@ def command(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace,
         options = Options(require_place("--folder", arguments.folder), arguments.quick, arguments.seeds)
         print(work(arguments, options))
     except KeyboardInterrupt:
+        print("interrupted; the same command goes on with the runs that are missing", file=sys.stderr)
         sys.exit(130)
     except (CmacexpError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)

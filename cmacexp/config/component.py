@@ -1,6 +1,5 @@
 """Plant, sensors, controller and feedforward in a config: the fields that the class of each takes."""
 
-import difflib
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
@@ -11,7 +10,7 @@ from omegaconf import OmegaConf
 
 from cmacexp.config.folder import config_folder
 from cmacexp.config.schema import Config
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, suggest
 
 COMPONENTS = ("plant", "sensors", "controller", "feedforward")
 """Groups that name a class by ``_target_``."""
@@ -99,8 +98,7 @@ def fit_fields(
     takes = f"{node['_target_']} takes {', '.join(taken) or 'no fields'}"
     for name in unknown:
         if name not in unused:
-            near = difflib.get_close_matches(name, taken, 1)
-            raise BadInput(f"{group}.{name}", node[name], takes + (f"; did you mean {near[0]}?" if near else ""))
+            raise BadInput(f"{group}.{name}", node[name], takes + suggest(name, taken))
     for name, required in taken.items():
         if required and name not in given:
             raise BadInput(f"{group}.{name}", "(not set)", f"{takes}: give it one with +{group}.{name}=VALUE")

@@ -1,6 +1,5 @@
 """Explain in one line, with the names that exist, why a config could not be composed."""
 
-import difflib
 import re
 from collections.abc import Sequence
 
@@ -13,7 +12,7 @@ from yaml import YAMLError
 
 from cmacexp.config.fields import listed
 from cmacexp.config.folder import config_folder
-from cmacexp.errors import format_install_command
+from cmacexp.errors import format_install_command, suggest
 
 COMPOSITION_ERRORS = (HydraException, OmegaConfBaseException, YAMLError, ValueError)
 """What Hydra raises when a config cannot be composed."""
@@ -48,7 +47,7 @@ def _explain_option(path: str, options: Sequence[str]) -> str:
     group, _, name = path.rpartition("/")
     if command := format_install_command(path):
         return f"{group}={name}: is not installed: {command}"
-    return f"{group}={name}: choose from {', '.join(options)}{_suggest(name, options)}"
+    return f"{group}={name}: choose from {', '.join(options)}{suggest(name, options)}"
 
 
 def _explain_key(key: str, overrides: Sequence[str]) -> str:
@@ -65,14 +64,8 @@ def _explain_key(key: str, overrides: Sequence[str]) -> str:
         return f"{key}: the option of conf/{parent} has no such field; add one of a custom class: +{key}=VALUE"
     names = [str(name) for name in node]
     prefix = f"{parent}." if parent else ""
-    suggestion = _suggest(wrong.split(".")[0], names, prefix)
+    suggestion = suggest(wrong.split(".")[0], names, prefix)
     return f"{key}: no such key; {parent or 'the config'} has {listed(names)}{suggestion}"
-
-
-def _suggest(name: str, names: Sequence[str], prefix: str = "") -> str:
-    """The nearest of ``names``, as the end of a message; empty if none is near."""
-    near = difflib.get_close_matches(name, names, 1)
-    return f"; did you mean {prefix}{near[0]}?" if near else ""
 
 
 def _compose_choices(overrides: Sequence[str]) -> DictConfig:

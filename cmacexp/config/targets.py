@@ -1,6 +1,5 @@
 """The class that a ``_target_`` names: a shipped component, or a class in a file of the user's own."""
 
-import difflib
 import importlib
 import inspect
 import sys
@@ -12,7 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from cmacexp.config.fields import listed
-from cmacexp.errors import BadComponent, BadInput, format_install_command
+from cmacexp.errors import BadComponent, BadInput, format_install_command, suggest
 
 _FEEDFORWARDS = (
     "CmacFeedforward",
@@ -95,8 +94,7 @@ def _import(key: str, target: str, name: str) -> ModuleType | None:
 
 
 def _no_module(key: str, target: str, name: str) -> BadInput:
-    near = difflib.get_close_matches(name, [path.stem for path in Path.cwd().glob("*.py")], 1)
-    meant = f"; did you mean {near[0]}?" if near else ""
+    meant = suggest(name, [path.stem for path in Path.cwd().glob("*.py")])
     return BadInput(
         key, target, f"there is no module {name}, neither in {Path.cwd()} nor where Python finds packages{meant}"
     )
@@ -112,6 +110,5 @@ def _no_attribute(holder: Any, name: str) -> str:
         if inspect.isclass(value) and value.__module__ == holder.__name__
     ]
     has = f"; it has {listed(own)}" if own else ""
-    near = difflib.get_close_matches(name, own, 1)
-    meant = f"; did you mean {near[0]}?" if near else ""
+    meant = suggest(name, own)
     return f"{holder.__name__} ({where}) has no {name}{has}{meant}" if where else f"has no {name}{has}{meant}"

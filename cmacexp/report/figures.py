@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cmacexp.errors import BadInput
 from cmacexp.report.figure_data import logarithmic, mark, put_legend_below
 from cmacexp.report.style import MARKERS, label, new_grid
 from cmacexp.typing import Array
@@ -21,6 +22,7 @@ MOST_VECTOR = 1000
 """Points from which on a band is a bitmap in SVG: unlike a line, it is never simplified."""
 MOST_LEVEL = 5
 """Names of ticks up to which they stand level."""
+KINDS, LOG = ("lines", "scatter", "bars"), ("", "x", "y", "xy")
 Values = Sequence[float] | Array | NDArray[np.integer]
 LIMIT: dict[str, Any] = {"color": "#555555", "linestyle": ":", "linewidth": 1.0, "zorder": 0}
 
@@ -39,7 +41,11 @@ class Series:
 
 @dataclass(frozen=True)
 class Panel:
-    """Axes with series."""
+    """Axes with series.
+
+    Raises:
+        BadInput: ``kind`` or ``log`` is none of those below.
+    """
 
     title: str
     x: str
@@ -56,6 +62,11 @@ class Panel:
     """Vertical dotted lines."""
     y_limits: Sequence[float] = ()
     """Horizontal dotted lines."""
+
+    def __post_init__(self) -> None:
+        for name, value, allowed in (("kind", self.kind, KINDS), ("log", self.log, LOG)):
+            if value not in allowed:
+                raise BadInput(name, value, f"choose from {', '.join(map(repr, allowed))}")
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cmacexp.config.fields import listed
+from cmacexp.errors import BadInput
 from cmacexp.report.numbers import format_number
 from cmacexp.report.page import Html, Section, save_figure
 
@@ -45,12 +47,18 @@ class MarkdownPage:
         """The sections; what comes before the first heading stands under ``title``.
 
         Raises:
-            jinja2.UndefinedError: the template inserts a value that is not given.
+            BadInput: the template inserts a value that is not given.
         """
-        from jinja2 import Environment, StrictUndefined
+        from jinja2 import Environment, StrictUndefined, UndefinedError
 
         environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_finalize)
-        return _sections(environment.from_string(self.template.read_text()).render(self.values), title)
+        try:
+            text = environment.from_string(self.template.read_text()).render(self.values)
+        except UndefinedError as error:
+            raise BadInput(
+                "page", self.template, f"{error.message}; it may use {listed(list(self.values))}"
+            ) from error
+        return _sections(text, title)
 
     def _figure(self, name: str, title: str = "", caller: Callable[[], str] | None = None) -> str:
         """A figure with its caption, which also describes it to screen readers."""
@@ -64,6 +72,25 @@ class MarkdownPage:
 
     def _table(self, name: str, caption: str = "") -> str:
         return _table(self.tables[name](), caption)
+
+
+def find_insertions(template: Path) -> list[tuple[str, str, int]]:
+    """What a template inserts by a name that it spells out: the function, the name and the line.
+
+    Raises:
+        BadInput: the template has a syntax error.
+    """
+    from jinja2 import Environment, TemplateSyntaxError, nodes
+
+    try:
+        tree = Environment().parse(template.read_text())
+    except TemplateSyntaxError as error:
+        raise BadInput("page", template, f"line {error.lineno}: {error.message}") from error
+    return [
+        (call.node.name, call.args[0].value, call.lineno)
+        for call in tree.find_all(nodes.Call)
+        if isinstance(call.node, nodes.Name) and call.args and isinstance(call.args[0], nodes.Const)
+    ]
 
 
 def _finalize(value: Any) -> Any:

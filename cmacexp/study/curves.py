@@ -65,7 +65,7 @@ def over_setting(
         parts = {float(value): part for value, part in own.by(key).items()}
         x = sorted(parts)
         found = [estimate(sample(parts[value])) for value in x]
-        spread = [each.method != "guard band" for each in found]
+        spread = [each.has_spread for each in found]
         low = [each.low if wide else each.value for each, wide in zip(found, spread, strict=True)]
         high = [each.high if wide else each.value for each, wide in zip(found, spread, strict=True)]
         band = (low, high) if any(spread) else (None, None)

@@ -11,6 +11,7 @@ CONFIDENCE = 0.95
 RESAMPLES = 2000
 TRIMMED_FROM = 4
 """Least number of values of which the outer quarters are left out."""
+GUARD_BAND = "guard band"
 GUARD = 0.05
 """Relative half-width of the interval of a value without a spread: one run, or runs whose seed changes nothing."""
 
@@ -27,6 +28,15 @@ class Interval:
     method: str
     """How the interval was computed."""
 
+    @property
+    def has_spread(self) -> bool:
+        """Whether the values of the sample differ, or are truth values."""
+        return self.method != GUARD_BAND
+
+
+class BadSample(ValueError):
+    """A sample that has no interval."""
+
 
 def estimate(sample: Sequence[float] | Sequence[bool] | Array) -> Interval:
     """The interval of a sample, by what the sample is.
@@ -36,7 +46,7 @@ def estimate(sample: Sequence[float] | Sequence[bool] | Array) -> Interval:
     or equal ones: the number, give or take 5 %, since nothing is known of its spread.
 
     Raises:
-        ValueError: the sample is empty or contains NaN.
+        BadSample: it is empty or contains NaN.
 
     >>> estimate([True] * 38 + [False] * 2).low > 0.8
     True
@@ -45,15 +55,15 @@ def estimate(sample: Sequence[float] | Sequence[bool] | Array) -> Interval:
     """
     values = np.atleast_1d(np.asarray(sample))
     if not values.size:
-        raise ValueError("the sample is empty")
+        raise BadSample("the sample is empty")
     if values.dtype == bool:
         return _wilson(int(values.sum()), len(values))
     if np.isnan(values).any():
-        raise ValueError("the sample contains NaN: say what an undefined value counts as")
+        raise BadSample("the sample contains NaN: say what an undefined value counts as")
     if len(set(values.tolist())) == 1:
         value = float(values[0])
         low, high = sorted((value * (1.0 - GUARD), value * (1.0 + GUARD)))
-        return Interval(value, low, high, len(values), "guard band")
+        return Interval(value, low, high, len(values), GUARD_BAND)
     return _bootstrap(values.astype(float))
 
 

@@ -4,8 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from cmacexp.report.markdown import MarkdownPage
+from cmacexp.config.fields import listed
+from cmacexp.errors import BadInput
+from cmacexp.report.markdown import MarkdownPage, find_insertions
 from cmacexp.report.page import Html, Section, relative
 from cmacexp.study.interval import GUARD, TRIMMED_FROM
 from cmacexp.study.results import LAST_CYCLES, Results
@@ -26,6 +29,22 @@ class Evaluated:
     sections: Sequence[Section]
     files: Sequence[Path]
     """Everything that was written for the page."""
+
+
+def check_page(file: StudyFile) -> None:
+    """Check, before anything is run, what the page of a study inserts by name.
+
+    Raises:
+        BadInput: it has a syntax error, or the study declares no such figure, table, finding or claim.
+    """
+    study = file.study
+    declared: dict[str, Mapping[str, Any]] = {
+        "figure": study.figures, "table": study.tables, "finding": study.findings, "claim": study.claims,
+    }  # fmt: skip
+    for kind, name, line in find_insertions(file.page):
+        if kind in declared and name not in declared[kind]:
+            has = listed(list(declared[kind])) or "none"
+            raise BadInput("page", file.page, f"line {line}: the study declares no {kind} {name!r}; it has {has}")
 
 
 def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Evaluated:

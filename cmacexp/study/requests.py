@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from cmacexp.errors import BadInput
+
 Values = Mapping[str, Sequence[Any] | Mapping[str, Sequence[str]]]
 
 
@@ -60,8 +62,17 @@ def grid(*overrides: str, over: Values | None = None, seeded: bool = False, **la
 
 
 def starting_from(before: Sequence[Request], after: Sequence[Request]) -> list[Request]:
-    """``after``, each starting from the weights that the request of ``before`` with the same labels ends with."""
-    return [
-        replace(request, starts_from=next(b for b in before if b.labels.items() <= request.labels.items()))
-        for request in after
-    ]
+    """``after``, each starting from the weights that the request of ``before`` with its labels ends with.
+
+    Raises:
+        BadInput: not exactly one request of ``before`` has no labels but those of a request of ``after``.
+    """
+    return [replace(request, starts_from=_predecessor(before, request)) for request in after]
+
+
+def _predecessor(before: Sequence[Request], request: Request) -> Request:
+    found = [each for each in before if each.labels.items() <= request.labels.items()]
+    if len(found) != 1:
+        allowed = f"must match one request to start from, not {len(found)}; name bundles of overrides with labels"
+        raise BadInput("labels", dict(request.labels), allowed)
+    return found[0]

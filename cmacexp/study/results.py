@@ -1,6 +1,6 @@
 """The results of a study: a table with one row a run, selected by config, and the runs themselves."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.data.stored_run import StoredRun
+from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.metric import LARGE, NEITHER
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.report.run_summary import RunSummary, format_value, read_summary
@@ -75,7 +76,14 @@ class Results:
         return self.runs[0]
 
     def values(self, key: str) -> list[Any]:
-        """The different values of a setting, in the order of the runs."""
+        """The different values of a setting, in the order of the runs.
+
+        Raises:
+            NoSuchRuns: none of them has this setting.
+        """
+        known = {name for row in self.rows for name in row.settings}
+        if self.rows and key not in known:
+            raise NoSuchRuns(f"no run has a setting {key!r}{suggest(key, sorted(known))}")
         return list(dict.fromkeys(_hashable(row.settings.get(key)) for row in self.rows))
 
     def value(self, key: str) -> Any:
@@ -110,14 +118,27 @@ class Results:
         return {value: self.select({key: value}) for value in self.values(key)}
 
     def measure(self, name: str) -> Array:
-        """(runs,): a measure of the study, or a metric in the last whole cycle."""
+        """(runs,): a measure of the study, or a metric in the last whole cycle.
+
+        Raises:
+            BadInput: there is neither.
+        """
         if name in ALL_METRICS:
             return np.array([row.summary.final(name) for row in self.rows])
+        for row in self.rows:
+            _require("measure", name, row.measures)
         return np.array([row.measures[name] for row in self.rows])
 
     def at(self, cycle: int, name: str) -> Array:
-        """(runs,): a metric in one cycle; of a run that ended before, the worst value that there is."""
+        """(runs,): a metric in one cycle; of a run that ended before, the worst value that there is.
+
+        Raises:
+            BadInput: a run was to end before, or no such metric.
+        """
         worst = worst_value(name)
+        asked = min((row.summary.cycles for row in self.rows if row.summary.status == "completed"), default=cycle)
+        if cycle > asked:
+            raise BadInput("cycle", cycle, f"a run that completed has {asked} cycles")
         histories = [row.summary.metrics.get(name, np.empty(0)) for row in self.rows]
         return np.array([float(h[cycle - 1]) if cycle <= len(h) else worst for h in histories])
 
@@ -159,22 +180,21 @@ class Results:
         mixed = [name for name in frame if len({isinstance(value, str) for value in frame[name].dropna()}) > 1]
         return frame.assign(**{name: frame[name].map(format_value, na_action="ignore") for name in mixed})
 
-    def per_cycle(self, *names: str) -> "pd.DataFrame":
-        """One row a run and cycle, with some metrics."""
-        import pandas as pd
-
-        parts = [
-            pd.DataFrame({**_plain(row), "cycle": np.arange(1, row.summary.cycles + 1)})
-            .assign(**{name: row.summary.metrics[name] for name in names if name in row.summary.metrics})
-            for row in self.rows
-        ]  # fmt: skip
-        return pd.concat(parts, ignore_index=True)
-
 
 def worst_value(name: str) -> float:
-    """What a metric of a run that ended before counts as; NaN if neither direction is better."""
+    """What a metric of a run that ended before counts as; NaN if neither direction is better.
+
+    Raises:
+        BadInput: there is no such metric.
+    """
+    _require("metric", name, ALL_METRICS)
     better = ALL_METRICS[name].better
     return float("nan") if better == NEITHER else 0.0 if better == LARGE else float("inf")
+
+
+def _require(kind: str, name: str, names: Collection[str]) -> None:
+    if name not in names:
+        raise BadInput(kind, name, f"choose from {', '.join(names) or 'none'}{suggest(name, names)}")
 
 
 def _hashable(value: Any) -> Any:

@@ -5,9 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from cmacexp.errors import BadInput
 from cmacexp.report.numbers import format_number
-from cmacexp.study.interval import Interval, estimate
-from cmacexp.study.results import Results
+from cmacexp.study.interval import BadSample, Interval, estimate
+from cmacexp.study.results import NoSuchRuns, Results
 from cmacexp.typing import Array
 
 REPRODUCED, IN_PART, NOT_REPRODUCED = "reproduced", "reproduced in part", "not reproduced"
@@ -123,22 +124,31 @@ class Measured:
 
 
 def _measure(criterion: Criterion, results: Results) -> Measured:
-    chosen = results.select(criterion.of) if criterion.of else results
     try:
+        chosen = results.select(criterion.of) if criterion.of else results
         interval = estimate(criterion.sample(chosen))
-    except ValueError as error:
-        raise ValueError(f"{criterion.quantity}: {error}") from error
+    except (BadSample, NoSuchRuns) as error:
+        raise BadInput("quantity", criterion.quantity, str(error)) from error
     return Measured(criterion, interval, [str(folder) for folder in chosen.folders])
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of a paper, in its words, and the criteria that decide it."""
+    """A claim of a paper, in its words, and the criteria that decide it.
+
+    Raises:
+        BadInput: there are no criteria.
+    """
 
     words: str
     where: str
     """Section, figure or equation of the paper."""
     criteria: Sequence[Criterion]
+    """At least one."""
+
+    def __post_init__(self) -> None:
+        if not self.criteria:
+            raise BadInput("claim", self.words, "has no criteria: nothing would decide it")
 
     def judge(self, results: Results) -> "Judged":
         """Measure every criterion."""
@@ -163,20 +173,38 @@ class Judged:
         return IN_PART if REPRODUCED in found else NOT_REPRODUCED
 
 
+def _fill(wording: str, values: Sequence[str]) -> str:
+    return wording.format(value=values[0], values=values)
+
+
 @dataclass(frozen=True)
 class Finding:
     """A statement of the study itself, with the sentence for each outcome.
 
     In the sentences ``{value}`` stands for the first criterion's estimate, ``{values[1]}`` for the second's.
+
+    Raises:
+        BadInput: there are no criteria, or a sentence has another placeholder.
     """
 
     criteria: Sequence[Criterion]
+    """At least one."""
     yes: str
     """If every interval lies within its limit."""
     no: str
     """If some interval lies outside."""
     unclear: str
     """Otherwise."""
+
+    def __post_init__(self) -> None:
+        for wording in (self.yes, self.no, self.unclear):  # also those of outcomes that rarely occur
+            if not self.criteria:
+                raise BadInput("finding", wording, "has no criteria: nothing would decide it")
+            try:
+                _fill(wording, [""] * len(self.criteria))
+            except (LookupError, ValueError, AttributeError) as error:
+                allowed = f"placeholders are {{value}} and {{values[0]}} to {{values[{len(self.criteria) - 1}]}}"
+                raise BadInput("finding", wording, f"{allowed}; {{{{ and }}}} give braces") from error
 
     def judge(self, results: Results) -> "Found":
         """Measure every criterion."""
@@ -203,4 +231,4 @@ class Found:
         """The sentence of the outcome."""
         values = [each.value for each in self.measured]
         wording = {YES: self.finding.yes, NO: self.finding.no, UNCLEAR: self.finding.unclear}[self.outcome]
-        return wording.format(value=values[0], values=values)
+        return _fill(wording, values)

@@ -71,16 +71,20 @@ def load_study(path: Path) -> StudyFile:
     """Import the study of a file.
 
     Raises:
-        BadInput: the file, its page or the study in it is missing.
+        BadInput: the file, its page or the study in it is missing, or the file cannot be imported by its name.
     """
     path = path.resolve()
     if not path.is_file():
         raise BadInput("study", path, "there is no such file")
+    if path.suffix != ".py" or "." in path.stem:
+        raise BadInput("study", path, "must be a file of Python, its name without a dot before .py")
     in_package = (path.parent / "__init__.py").is_file()
     root = path.parent.parent if in_package else path.parent
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
     module = importlib.import_module(f"{path.parent.name}.{path.stem}" if in_package else path.stem)
+    if module.__file__ is None or Path(module.__file__).resolve() != path:
+        raise BadInput("study", path, f"another module is called {path.stem}; rename this file and its page")
     study = getattr(module, NAME, None)
     if not isinstance(study, Study):
         raise BadInput("study", path, f"must define {NAME} = cmacexp.study.Study(...)")

@@ -1,9 +1,8 @@
 """``optimize=NAME``: the number that a job of a sweep returns to a sweeper that searches."""
 
-import difflib
 import math
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.metric import LARGE, NEAR_ZERO
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.report.run_summary import RunSummary
@@ -16,9 +15,7 @@ def check_metric(name: str | None) -> None:
         BadInput: names the nearest metric and all others.
     """
     if name is not None and name not in ALL_METRICS:
-        near = difflib.get_close_matches(name, ALL_METRICS, 1)
-        meant = f"; did you mean {near[0]}?" if near else ""
-        raise BadInput("optimize", name, f"choose from {', '.join(ALL_METRICS)}, or null{meant}")
+        raise BadInput("optimize", name, f"choose from {', '.join(ALL_METRICS)}, or null{suggest(name, ALL_METRICS)}")
 
 
 def read_objective(name: str, run: RunSummary) -> float:

@@ -5,9 +5,12 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import Any
+
+from cmacexp.errors import CmacexpError
 
 Each = Callable[[str, Callable[..., Any], Sequence[tuple[Any, ...]]], list[Any]]
 
@@ -21,6 +24,10 @@ def workers() -> Iterator[Each]:
     """Start a process for every core; gives ``each(what, work, items)``: ``work`` of every item, in their order.
 
     ``what`` is shown beside the progress. What ``work`` raises is raised; work that has not begun is dropped then.
+    Ctrl-C ends the processes at once: their files are whole or absent.
+
+    Raises:
+        CmacexpError: a process was killed.
     """
     from rich.console import Console
     from rich.progress import MofNCompleteColumn, Progress
@@ -39,5 +46,13 @@ def workers() -> Iterator[Each]:
 
     try:
         yield each
+    except BrokenProcessPool as error:
+        raise CmacexpError(
+            "a worker process was killed, perhaps for want of memory; completed runs are kept"
+        ) from error
+    except KeyboardInterrupt:
+        for process in active_children():
+            process.terminate()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)

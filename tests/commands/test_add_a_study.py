@@ -2,10 +2,12 @@
 
 import json
 import re
+import signal
+import time
 
 import pandas as pd
 import pytest
-from support.command import ROOT, python
+from support.command import ROOT, python, started
 
 PAGE = (ROOT / "docs" / "add-a-study.md").read_text()
 
@@ -52,24 +54,83 @@ def test_an_edit_of_the_page_alone_runs_nothing_again(folder):
     assert "A leg learns" in (folder / "outputs" / "studies" / "my_study" / "report.html").read_text()
 
 
+STUDY = "from cmacexp.study import *\nSTUDY = Study(title='T', question='Q', runs=lambda quick: {runs}, {more})\n"
+FINDING = "Finding([Criterion('q', lambda results: {sample}, at_most(1))], '{sentence}', '', '')"
+
+
+def study(runs="[]", more="", sample="[1.0]", sentence="yes"):
+    """The code of a study with one finding, ``cost``."""
+    return STUDY.format(
+        runs=runs, more=f"findings={{'cost': {FINDING.format(sample=sample, sentence=sentence)}}}, {more}"
+    )
+
+
 @pytest.mark.parametrize(
     ("code", "page", "message"),
     [
         (None, "", "there is no such file"),
         ("x = 1", "", "must define STUDY = cmacexp.study.Study(...)"),
-        (
-            "from cmacexp.study import Study\nSTUDY = Study(title='', question='', runs=lambda quick: [])",
-            None,
-            "needs a page",
-        ),
+        (study(), None, "needs a page"),
+        (study("grid('cmac.layerz=8')"), "", "did you mean cmac.layers?"),
+        (study(), "\n{{ finding('price') }}", "line 2: the study declares no finding 'price'; it has cost"),
+        (study(), "{% call figure('curves') %}c{% endcall %}", "declares no figure 'curves'; it has none"),
+        (study(), "{{ finding('cost') ", "line 1: unexpected end of template"),
+        (study(), "{{ cost }}", "'cost' is undefined; it may use claim, figure, finding"),
+        (study("grid('cycles=1')", sample="results.end('force_rms')"), "", "did you mean force_rmse?"),
+        (study(sentence="{valeu}"), "", "finding={valeu}: placeholders are {value} and {values[0]}"),
     ],
 )
-def test_what_is_no_study_is_one_line(code, page, message, tmp_path):
+def test_a_mistake_is_one_line(code, page, message, tmp_path):
     if code is not None:
         (tmp_path / "other_study.py").write_text(code)
     if page is not None:
         (tmp_path / "other_study.md").write_text(page)
     done = python("-m", "cmacexp.study", "other_study.py", folder=tmp_path)
     assert done.returncode == 2
+    lines = [line for line in done.stderr.splitlines() if "to be run" not in line]
+    assert message in lines[0]
+    assert len(lines) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("json.py", "another module is called json"),
+        ("a.b.py", "without a dot"),
+        ("other.md", "must be a file of Python"),
+    ],
+)
+def test_a_file_that_cannot_be_imported_by_its_name_is_one_line(name, message, tmp_path):
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / name).write_text(study())
+    done = python("-m", "cmacexp.study", f"own/{name}", folder=tmp_path)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
     assert message in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_run_that_is_requested_twice_counts_once(tmp_path):
+    twice = "[*grid('cycles=1'), *grid(over={'cycles': [1]}), *grid('cycles=1', name='other')]"
+    (tmp_path / "twice.py").write_text(study(twice, sample="results.at(1, 'force_rmse')"))
+    (tmp_path / "twice.md").write_text("{{ runs }} runs")
+    done = python("-m", "cmacexp.study", "twice.py", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (found,) = json.loads((tmp_path / "outputs" / "studies" / "twice" / "claims.json").read_text())["twice"]
+    assert found["criteria"][0]["count"] == 2
+
+
+def test_ctrl_c_ends_a_study_and_its_runs_at_once(tmp_path):
+    (tmp_path / "long.py").write_text(study("grid('cycles=1000000', 'feedforward=none', 'record.cycles=[1]')"))
+    (tmp_path / "long.md").touch()
+    process = started("long.py", folder=tmp_path, module="cmacexp.study")
+    runs = tmp_path / "outputs" / "studies" / "runs"
+    while not list(runs.glob("*")) and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    try:
+        _, err = process.communicate(timeout=20)  # the run takes hours
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert "interrupted; the same command goes on" in err
+    assert "Traceback" not in err
+    assert not list(runs.rglob("manifest.json"))

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cmacexp.errors import BadInput
 from cmacexp.report.numbers import format_number
 from cmacexp.report.run_summary import RunSummary
-from cmacexp.study import Claim, Criterion, Finding, Results, at_least, at_most, between, grid, starting_from
+from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, at_most, between, grid, starting_from
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import NoSuchRuns, Row
 from cmacexp.study.samples import per_seed, relative
@@ -56,6 +57,14 @@ def test_a_run_starts_from_the_weights_of_the_run_with_its_labels_and_its_seed()
     assert second.starts_from.overrides == ("cycles=9", "feedforward=rbf", "seed=4")
 
 
+def test_a_run_starts_from_one_run_or_it_is_an_error():
+    before = grid("cycles=9", over={"cmac.layers": [8, 16]})  # values are no labels: both would match
+    with pytest.raises(BadInput, match="one request to start from, not 2"):
+        starting_from(before, grid("cycles=9", over={"cmac.layers": [8, 16]}))
+    with pytest.raises(BadInput, match="not 0"):
+        starting_from(grid("cycles=9", kind="a"), grid("cycles=9", kind="b"))
+
+
 def test_wilson_s_interval_of_38_of_40():
     """Agresti & Coull 1998: (p + z^2/2n -+ z sqrt(pq/n + z^2/4n^2)) / (1 + z^2/n)."""
     z, p, n = 1.959964, 0.95, 40
@@ -91,8 +100,17 @@ def test_a_run_that_fell_counts_as_the_worst_value():
 @pytest.mark.parametrize(("sample", "message"), [([], "empty"), ([1.0, float("nan")], "NaN")])
 def test_an_empty_sample_and_an_undefined_value_are_errors(sample, message):
     criterion = Criterion("error", lambda results: sample, at_most(1.0))
-    with pytest.raises(ValueError, match=f"error: the sample .*{message}"):
+    with pytest.raises(BadInput, match=f"quantity=error: the sample .*{message}"):
         Claim("it is small", "section 1", [criterion]).judge(made(0.1))
+
+
+@pytest.mark.parametrize("options", [{"of": {"machine": "robot"}}, {}])
+def test_a_criterion_without_runs_is_an_error_that_names_it(options):
+    measured = Criterion(
+        "error", lambda results: last_error(results.select(machine="robot")), at_most(1.0), **options
+    )
+    with pytest.raises(BadInput, match=r"quantity=error: no run has machine='robot'; they have 'leg'"):
+        Claim("it is small", "section 1", [measured]).judge(made(0.1, machine="leg"))
 
 
 def test_a_selection_without_runs_names_what_there_is():
@@ -100,6 +118,27 @@ def test_a_selection_without_runs_names_what_there_is():
     assert len(results.select(machine=["leg", "walk"])) == 2
     with pytest.raises(NoSuchRuns, match="no run has machine='robot'; they have 'leg', 'walk'"):
         results.select(machine="robot")
+    with pytest.raises(NoSuchRuns, match=r"no run has a setting 'machin'; did you mean machine\?"):
+        results.by("machin")
+
+
+@pytest.mark.parametrize(("option", "value"), [("kind", "bar"), ("log", "yx")])
+def test_a_panel_of_an_unknown_kind_is_an_error(option, value):
+    with pytest.raises(BadInput, match=f"{option}={value}: choose from"):
+        Panel("error", "cycle", "mm", [], **{option: value})
+
+
+def test_a_cycle_after_the_end_of_a_completed_run_is_an_error_not_the_worst_value():
+    with pytest.raises(BadInput, match="cycle=6: a run that completed has 5 cycles"):
+        made(0.1).at(6, "transfer_rmse_x")
+
+
+def test_an_unknown_metric_or_measure_names_the_nearest():
+    for wrong in (lambda r: r.end("transfer_rmse_z"), lambda r: r.at(1, "transfer_rmse_z")):
+        with pytest.raises(BadInput, match=r"metric=transfer_rmse_z: choose from .* did you mean transfer_rmse"):
+            wrong(made(0.1))
+    with pytest.raises(BadInput, match="measure=mass: choose from none"):
+        made(0.1).measure("mass")
 
 
 OPPOSITE = at_least(2.0)
@@ -138,19 +177,34 @@ def test_a_finding_has_a_sentence_for_each_outcome(value, sentence):
     assert finding.judge(made(0.1)).sentence == sentence
 
 
+@pytest.mark.parametrize("wrong", ["{valeu}", "{values[1]}", "{values.first}", "{value", "{}"])
+@pytest.mark.parametrize("outcome", ["yes", "no", "unclear"])
+def test_a_wrong_placeholder_is_an_error_before_the_outcome_that_shows_it(wrong, outcome):
+    sentences = {"yes": "{value}", "no": "{values[0]}", "unclear": "{{}}"}
+    Finding([criterion(0.5)], **sentences)
+    with pytest.raises(BadInput, match=r"placeholders are \{value\} and \{values\[0\]\}"):
+        Finding([criterion(0.5)], **{**sentences, outcome: wrong})
+
+
+def test_a_statement_without_criteria_is_an_error():
+    with pytest.raises(BadInput, match="no criteria"):
+        Finding([], "It is.", "It is not.", "Unclear.")
+    with pytest.raises(BadInput, match="no criteria"):
+        Claim("it is small", "section 1", [])
+
+
 def test_evidence_shows_value_interval_size_and_limits():
     measured = Criterion("error", last_error, between(0.05, 0.2), at_least(0.5), unit="%", scale=100.0)
     found = Claim("it is small", "section 1", [measured]).judge(made(0.1, 0.1)).measured[0]
     assert found.evidence == "10 % (9.5 % to 10.5 %, n = 2; holds: 5 % to 20 %; opposite: at least 50 %)"
 
 
-def test_the_tables_have_a_row_a_run_and_a_row_a_run_and_cycle():
+def test_the_table_has_a_row_a_run():
     results = made(0.1, float("nan"), machine="leg")
     assert results.table[["machine", "status", "cycles"]].values.tolist() == [
         ["leg", "completed", 5],
         ["leg", "fell", 2],
     ]
-    assert len(results.per_cycle("transfer_rmse_x")) == 7
 
 
 def test_a_ratio_is_that_of_the_same_seed_and_infinite_where_the_run_ended():

@@ -26,6 +26,17 @@ def test_the_results_are_those_of_the_study_today(tmp_path):
     assert read_quotable(tmp_path)[QUICKEST] == RESULTS[QUICKEST]
 
 
+def test_a_study_is_quoted_from_its_own_folder(tmp_path):
+    for folder, value in (
+        ("leg", "2 N"),
+        ("paper", "1 N"),
+    ):  # the study has been run again since the page over several
+        (tmp_path / folder).mkdir()
+        statement = {"name": "a", "verdict": "yes", "criteria": [{"shown": value}]}
+        (tmp_path / folder / "claims.json").write_text(json.dumps({"leg": [statement]}))
+    assert read_quotable(tmp_path) == {"leg": {"a": {"verdict": "yes", "values": ["2 N"]}}}
+
+
 def test_quotes_are_renewed_in_place():
     before, after = ({"s": {"a": {"verdict": v, "values": [x]}}} for v, x in (("yes", "1 N"), ("no", "2.5 N")))
     text = "It is 1 N<!--s.a 0-->: yes<!--s.a verdict-->."

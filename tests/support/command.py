@@ -46,10 +46,10 @@ def cmacexp(*overrides: str, folder: Path, **changes: str) -> subprocess.Complet
     return python("-m", "cmacexp", *overrides, folder=folder, **changes)
 
 
-def started(*overrides: str, folder: Path) -> subprocess.Popen:
+def started(*arguments: str, folder: Path, module: str = "cmacexp") -> subprocess.Popen:
     """A command that runs on; it heeds Ctrl-C as in a terminal, even where the tests themselves ignore it."""
     return subprocess.Popen(
-        [sys.executable, "-m", "cmacexp", *overrides],
+        [sys.executable, "-m", module, *arguments],
         cwd=folder,
         env=environment(),
         stdout=subprocess.PIPE,
