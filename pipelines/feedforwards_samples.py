@@ -56,9 +56,15 @@ def left_at_first(results: Results, kind: str = CMAC) -> Array:
 
 
 def carried_over(results: Results) -> Array:
-    """(seeds,): cycles that CMAC needs after a change with its weights, over those from nothing."""
-    carried, anew = (cycles_to_tenth(results, CMAC, start) for start in (CARRIED, ANEW))
+    """(seeds,): cycles of learning that CMAC needs after a change with its weights, over those from nothing."""
+    carried, anew = (_cycles_of_learning(results, start) for start in (CARRIED, ANEW))
     return _over(carried, float(anew.mean()))
+
+
+def _cycles_of_learning(results: Results, start: str) -> Array:
+    """(seeds,): as :func:`cycles_to_tenth`, counted from the cycle in which CMAC begins to learn."""
+    first = int(results.select(kind=CMAC, start=start).value("learning.start_cycle"))
+    return cycles_to_tenth(results, CMAC, start) - (first - 1)
 
 
 def cmac_against(results: Results, kinds: Sequence[str]) -> Array:

@@ -121,7 +121,7 @@ FINDINGS = {
         [
             _criterion(
                 change,
-                f"{TENTH}, CMAC with its weights over CMAC from nothing",
+                f"{TENTH}, counted from where learning begins, CMAC with its weights over CMAC from nothing",
                 samples.carried_over,
                 at_most(CLEARLY),
             )
