@@ -12,7 +12,7 @@ from support.walks import walk_in
 from cmacexp.config.compose import compose_config
 from cmacexp.jit.compiler import cache_folder, expect_runs
 
-settings.register_profile("laws", deadline=None, derandomize=True, max_examples=100)
+settings.register_profile("laws", deadline=None, derandomize=True, max_examples=60)
 settings.load_profile("laws")
 
 LONG = 100

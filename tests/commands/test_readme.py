@@ -12,8 +12,12 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
 
 
+ELSEWHERE = ("python -m pipelines.paper --quick",)
+"""Run by the tests of the studies."""
+
+
 def commands() -> list[str]:
-    return [line for block in blocks("bash") for line in block.splitlines()]
+    return [line for block in blocks("bash") for line in block.splitlines() if line not in ELSEWHERE]
 
 
 @pytest.fixture(scope="module")
