@@ -121,7 +121,7 @@ def save_figure(name: str, figure: "Figure", report: Path) -> tuple[str, list[Pa
         path = folder / f"{name}.{kind}"
         with write_atomically(path) as temporary:
             figure.savefig(temporary, format=kind, metadata=metadata)
-        figure.set_layout_engine("none")  # computed for the first format, kept for the second
+        figure.set_layout_engine(None)  # computed for the first format, kept for the second
         files.append(path)
     return "data:image/svg+xml;base64," + base64.b64encode(files[-1].read_bytes()).decode(), files
 
