@@ -20,7 +20,7 @@ from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.external import ExternalDriver
 from cmacexp.loop.interrupt import interrupt_held_back
 from cmacexp.loop.samples import TRAVEL, WIDE_SAMPLES, make_samples, name_body_samples, name_samples
-from cmacexp.loop.scenario import Scenario
+from cmacexp.loop.scenario import Scenario, announce_steps
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_guard
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
@@ -183,6 +183,7 @@ def stream(
     if scenario.fault is not None:
         keep(Samples(0, *make_samples(0, len(scenario.setup.mechanism.legs), False), None))
         return End(0, "failed", f"before the first step: {_format_error(scenario.fault)}", 0.0, scenario.fault)
+    announce_steps(scenario.setup.config, len(scenario.setup.mechanism.legs))
     run = _Stream(scenario, fused)
     while run.runs:
         start = run.advance()

@@ -97,6 +97,11 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     return first._replace(travel=measured.travel)
 
 
+def announce_steps(config: Config, legs: int) -> None:
+    """Announce the steps of a run, which decide whether its programs are compiled."""
+    expect_steps(config.cycles * config.steps_per_cycle * legs)
+
+
 def make_scenario(config: Config, **given: Any) -> Scenario:
     """Plan the run, make its components and reset them.
 
@@ -111,7 +116,7 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     find_rule(config.learning.rule)  # also if no feedforward uses it
     check_load_sharing(config)
     mechanism, plain = make_mechanism(config.machine), to_plain(config)
-    expect_steps(config.cycles * config.steps_per_cycle * len(mechanism.legs))
+    announce_steps(config, len(mechanism.legs))
     for group, component in given.items():
         require_members(group, plain[group].get("_target_"), component)
     made = {group: make_component(group, plain[group]) for group in PROTOCOLS if group not in given}
