@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from cmacexp.version import __version__
+from cmacexp.data.version import __version__
 
 if TYPE_CHECKING:
     from cmacexp.api import load, run

@@ -10,8 +10,8 @@ from typing import Any
 
 from cmacexp.config import config_hash
 from cmacexp.data.files import sha256, write_atomically
+from cmacexp.data.version import __version__
 from cmacexp.errors import BadRun
-from cmacexp.version import __version__
 
 NAME = "manifest.json"
 REPORT = "report"

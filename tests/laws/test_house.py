@@ -15,7 +15,7 @@ import pipelines
 from cmacexp.jit.sources import KERNEL_ROOMS, RESULT_ROOMS
 
 LAYERS = (
-    {"errors", "typing", "version"},
+    {"errors", "typing"},
     {"jit"},
     {"config"},
     {"data"},
@@ -153,7 +153,7 @@ def test_what_a_kernel_uses_keys_the_cache_of_compiled_code():
 
 
 def test_the_code_hash_covers_all_that_a_result_depends_on():
-    only_shown = {"recording", "errors.py", "version.py"}
+    only_shown = {"recording", "errors.py"}
     assert rooms_with_suffix(reach("cmacexp.experiment")) <= {*RESULT_ROOMS, *only_shown}
 
 
