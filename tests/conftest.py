@@ -4,6 +4,7 @@ import math
 from functools import cache
 from tempfile import TemporaryDirectory
 
+import numpy as np
 import pytest
 from hypothesis import settings
 from support.command import python
@@ -11,6 +12,8 @@ from support.walks import walk_in
 
 from cmacexp.config.compose import compose_config
 from cmacexp.jit.compiler import cache_folder, expect_runs
+from cmacexp.planning import make_plan
+from cmacexp.planning.machine import make_mechanism
 
 settings.register_profile("laws", deadline=None, derandomize=True, max_examples=60)
 settings.load_profile("laws")
@@ -39,6 +42,22 @@ def compiled():
 def make_config():
     """``make_config("scenario=one_leg", "cycles=2")`` gives a Config."""
     return lambda *overrides: compose_config(overrides)
+
+
+@pytest.fixture(scope="session")
+def plan_of(make_config):
+    """``plan_of("scenario=quadruped")`` gives the plan of that command line; each is made once, to be read alone."""
+
+    @cache
+    def plan(*overrides):
+        config = make_config(*overrides)
+        made = make_plan(config, make_mechanism(config.machine), True)
+        for part in made:
+            if isinstance(part, np.ndarray):
+                part.flags.writeable = False
+        return made
+
+    return plan
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cmacexp.errors import BadInput
-from cmacexp.planning import make_plan
 from cmacexp.planning.body_load import dynamic_load
 from cmacexp.planning.load_sharing import remove_pull
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
@@ -16,13 +15,12 @@ RAMP = ("gait.load_ramp=0.12",)
 
 
 @pytest.fixture(scope="module")
-def planned(make_config):
+def planned(make_config, plan_of):
     """Plan and mechanism of a quadruped."""
 
     def plan(*overrides):
-        config = make_config(*DYNAMIC, *overrides)
-        mechanism = make_mechanism(config.machine)
-        return make_plan(config, mechanism, True), mechanism
+        overrides = (*DYNAMIC, *overrides)
+        return plan_of(*overrides), make_mechanism(make_config(*overrides).machine)
 
     return plan
 

@@ -21,17 +21,6 @@ ENDS = np.array([0.0, 1.0])
 lengths, durations = st.floats(-1.0, 1.0), st.floats(0.05, 5.0)
 
 
-@pytest.fixture
-def plan_of(make_config):
-    """The plan of a command line."""
-
-    def plan(*overrides):
-        config = make_config(*overrides)
-        return make_plan(config, make_mechanism(config.machine), True)
-
-    return plan
-
-
 # Foot paths
 
 

@@ -55,7 +55,7 @@ def test_the_cases_take_in_every_value():
 @pytest.mark.parametrize("case", CASES, ids=lambda case: "-".join(map(str, case)))
 def test_fused_loop_equals_stepped_loop_to_the_bit(make_config, case):
     overrides = [f"{key}={value}" for key, value in zip(SPREAD, case, strict=True)]
-    config = make_config(*overrides, "gait.cycle_time=1.5", "cycles=3", "cmac.memory_bytes=16384")
+    config = make_config(*overrides, "gait.cycle_time=0.5", "cycles=3", "cmac.memory_bytes=16384")
     fused, stepped = run(config), run(config, fused=False)
     assert (fused.status, fused.cause) == (stepped.status, stepped.cause)
     assert np.array_equal(fused.samples, stepped.samples, equal_nan=True)

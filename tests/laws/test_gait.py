@@ -32,23 +32,18 @@ def of_wave(duty):
 
 
 @pytest.fixture
-def plan_of(make_config):
+def walk_plan(plan_of):
     """The plan of a quadruped."""
-
-    def plan(*overrides):
-        config = make_config("scenario=quadruped", *overrides)
-        return make_plan(config, make_mechanism(config.machine), True)
-
-    return plan
+    return lambda *overrides: plan_of("scenario=quadruped", *overrides)
 
 
 @pytest.fixture
-def refusal(plan_of):
+def refusal(walk_plan):
     """What a command line is refused with."""
 
     def refused(*overrides):
         with pytest.raises(BadInput) as caught:
-            plan_of(*overrides)
+            walk_plan(*overrides)
         assert "\n" not in str(caught.value)
         return caught.value
 
@@ -75,20 +70,20 @@ def lift_offs(support):
 
 
 @pytest.mark.parametrize("duty", DUTIES)
-def test_feet_of_a_wave_touch_down_at_their_phases(plan_of, duty):
-    support = plan_of(*of_wave(duty)).support
+def test_feet_of_a_wave_touch_down_at_their_phases(walk_plan, duty):
+    support = walk_plan(*of_wave(duty)).support
     assert_allclose(touch_downs(support) / len(support), [0.0, 0.5, duty, duty - 0.5], atol=1e-12)
 
 
 @pytest.mark.parametrize("duty", DUTIES)
-def test_a_rear_foot_touches_down_as_the_front_foot_of_its_side_lifts(plan_of, duty):
-    support = plan_of(*of_wave(duty)).support
+def test_a_rear_foot_touches_down_as_the_front_foot_of_its_side_lifts(walk_plan, duty):
+    support = walk_plan(*of_wave(duty)).support
     assert_array_equal(touch_downs(support)[[LR, RR]], lift_offs(support)[[LF, RF]])
 
 
 @pytest.mark.parametrize("duty", DUTIES)
-def test_transfers_go_right_rear_right_front_left_rear_left_front(plan_of, duty):
-    assert_array_equal(np.argsort(lift_offs(plan_of(*of_wave(duty)).support)), [RR, RF, LR, LF])
+def test_transfers_go_right_rear_right_front_left_rear_left_front(walk_plan, duty):
+    assert_array_equal(np.argsort(lift_offs(walk_plan(*of_wave(duty)).support)), [RR, RF, LR, LF])
 
 
 @st.composite
@@ -132,14 +127,14 @@ def test_own_phases_are_half_open_too(wave, data):
         assert_array_equal(np.flatnonzero(np.roll(timing.support[:, leg], -begin)), range(support))
 
 
-def test_own_phases_plan_the_same_cycle_as_the_wave_they_repeat(plan_of):
-    for one, other in zip(plan_of(), plan_of("gait.touch_down=[0.0, 0.5, 0.8, 0.3]"), strict=True):
+def test_own_phases_plan_the_same_cycle_as_the_wave_they_repeat(walk_plan):
+    for one, other in zip(walk_plan(), walk_plan("gait.touch_down=[0.0, 0.5, 0.8, 0.3]"), strict=True):
         assert_array_equal(one, other)
 
 
-def test_the_defaults_transfer_at_the_samples_of_the_paper_s_gait_diagram(plan_of):
+def test_the_defaults_transfer_at_the_samples_of_the_paper_s_gait_diagram(walk_plan):
     transfers = {LF: range(480, 600), RF: range(180, 300), LR: range(360, 480), RR: range(60, 180)}
-    support = plan_of().support
+    support = walk_plan().support
     for leg, samples in transfers.items():
         assert_array_equal(np.flatnonzero(~support[:, leg]), samples)
 
@@ -148,15 +143,15 @@ def test_the_defaults_transfer_at_the_samples_of_the_paper_s_gait_diagram(plan_o
 
 
 @pytest.mark.parametrize("duty", DUTIES)
-def test_rear_margin_at_lift_off_of_foot_3_is_that_of_the_gait(plan_of, duty):
-    plan = plan_of(*of_wave(duty))
+def test_rear_margin_at_lift_off_of_foot_3_is_that_of_the_gait(walk_plan, duty):
+    plan = walk_plan(*of_wave(duty))
     for leg in (LR, RR):
         assert plan.margins[lift_offs(plan.support)[leg], 2] == pytest.approx(GOLDEN[duty], abs=1e-9)
 
 
 @pytest.mark.parametrize("duty", DUTIES)
-def test_front_margin_at_touch_down_of_foot_2_is_that_of_the_gait(plan_of, duty):
-    plan = plan_of(*of_wave(duty))
+def test_front_margin_at_touch_down_of_foot_2_is_that_of_the_gait(walk_plan, duty):
+    plan = walk_plan(*of_wave(duty))
     front = plan.margins[:, 1]
     for leg in (LF, RF):
         k = touch_downs(plan.support)[leg]
@@ -164,16 +159,16 @@ def test_front_margin_at_touch_down_of_foot_2_is_that_of_the_gait(plan_of, duty)
 
 
 @pytest.mark.parametrize("duty", DUTIES)
-def test_no_longitudinal_margin_of_a_wave_is_shorter(plan_of, duty):
-    assert plan_of(*of_wave(duty)).margins[:, 1:].min() == pytest.approx(GOLDEN[duty], abs=1e-9)
+def test_no_longitudinal_margin_of_a_wave_is_shorter(walk_plan, duty):
+    assert walk_plan(*of_wave(duty)).margins[:, 1:].min() == pytest.approx(GOLDEN[duty], abs=1e-9)
 
 
 @pytest.mark.parametrize("stroke", [0.1, 0.2, 0.35])
 @pytest.mark.parametrize("hip_x", [0.2, 0.3])
-def test_least_longitudinal_margin_goes_with_the_stroke_and_not_with_the_hips(plan_of, stroke, hip_x):
+def test_least_longitudinal_margin_goes_with_the_stroke_and_not_with_the_hips(walk_plan, stroke, hip_x):
     hips = [f"machine.legs.{side}_front.hip_x={hip_x}" for side in ("left", "right")]
     hips += [f"machine.legs.{side}_rear.hip_x=-{hip_x}" for side in ("left", "right")]
-    plan = plan_of(f"gait.stroke={stroke}", *hips)
+    plan = walk_plan(f"gait.stroke={stroke}", *hips)
     assert plan.margins[:, 1:].min() == pytest.approx(0.05 * stroke / 0.8, abs=1e-9)
 
 
@@ -238,9 +233,9 @@ def test_fewer_than_three_feet_have_no_margin(count):
     assert np.isnan(margins(np.ones((count, 2)))).all()
 
 
-def test_planned_margins_are_those_of_the_planned_feet(plan_of, make_config):
+def test_planned_margins_are_those_of_the_planned_feet(walk_plan, make_config):
     hips = make_mechanism(make_config("scenario=quadruped").machine).hips
-    plan = plan_of()
+    plan = walk_plan()
     for k in range(0, 600, 7):
         feet = hips + np.stack([plan.desired[k, :, 0], np.zeros(4)], axis=1)
         assert_allclose(plan.margins[k], margins_of_hull(feet[plan.support[k]]), atol=1e-12)
@@ -260,11 +255,11 @@ def test_a_gait_on_two_feet_is_refused_with_the_instant(refusal):
     assert "gait.allow_unstable=true" in str(error)
 
 
-def test_a_gait_with_the_centre_of_gravity_outside_is_refused_with_the_instant_and_the_margin(refusal, plan_of):
+def test_a_gait_with_the_centre_of_gravity_outside_is_refused_with_the_instant_and_the_margin(refusal, walk_plan):
     error = refusal(OUTSIDE)
     assert error.key == "gait.touch_down"
     margin, time = map(float, re.search(r"margin is (-[\d.]+) m at t = ([\d.]+) s", str(error)).groups())
-    planned = plan_of(OUTSIDE, "gait.allow_unstable=true").margins[:, 0]
+    planned = walk_plan(OUTSIDE, "gait.allow_unstable=true").margins[:, 0]
     assert margin == pytest.approx(planned.min(), abs=1e-4)
     assert planned[round(time / 0.005)] == planned.min() < 0.0
 
@@ -282,8 +277,8 @@ def test_a_duty_factor_outside_its_range_is_refused(refusal, duty):
 
 
 @pytest.mark.parametrize("override", [TROT, OUTSIDE, "gait.duty_factor=0.7", "gait.duty_factor=0.5"])
-def test_an_unstable_gait_is_planned_if_it_is_allowed(plan_of, override):
-    plan = plan_of(override, "gait.allow_unstable=true")
+def test_an_unstable_gait_is_planned_if_it_is_allowed(walk_plan, override):
+    plan = walk_plan(override, "gait.allow_unstable=true")
     few = plan.support.sum(axis=1) < 3
     assert_array_equal(np.isnan(plan.margins).all(axis=1), few)
     assert few.any() or plan.margins[:, 0].min() < 0.0
@@ -291,16 +286,16 @@ def test_an_unstable_gait_is_planned_if_it_is_allowed(plan_of, override):
     assert np.isfinite(plan.force_desired).all()
 
 
-def test_a_margin_of_exactly_zero_is_still_stable(plan_of):
-    assert plan_of("gait.duty_factor=0.75").margins[:, 0].min() == pytest.approx(0.0, abs=1e-9)
+def test_a_margin_of_exactly_zero_is_still_stable(walk_plan):
+    assert walk_plan("gait.duty_factor=0.75").margins[:, 0].min() == pytest.approx(0.0, abs=1e-9)
 
 
-def test_an_uneven_number_of_steps_is_refused_and_the_period_named_is_not(refusal, plan_of):
+def test_an_uneven_number_of_steps_is_refused_and_the_period_named_is_not(refusal, walk_plan):
     error = refusal("gait.cycle_time=3.025")
     assert error.key == "sampling_period"
     assert "605" in str(error)
     named = re.search(r"try ([\d.]+)", str(error))[1]
-    assert len(plan_of("gait.cycle_time=3.025", f"sampling_period={named}").support) % 2 == 0
+    assert len(walk_plan("gait.cycle_time=3.025", f"sampling_period={named}").support) % 2 == 0
 
 
 @pytest.mark.parametrize("phases", ["[0.0, 0.5, 0.8]", "[0.0, 0.5, 0.8, 1.0]", "[0.0, 0.5, 0.8, 0.3001]"])

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import minimize
 
-from cmacexp.planning import make_plan
 from cmacexp.planning.load_sharing import share_load
 from cmacexp.planning.machine import make_mechanism
 
@@ -17,13 +16,12 @@ TINY = 1e-9
 
 
 @pytest.fixture
-def planned(make_config):
+def planned(make_config, plan_of):
     """Plan of a quadruped, and its feet (N, L, 2) relative to the centre of gravity."""
 
     def plan(*overrides):
-        config = make_config("scenario=quadruped", *overrides)
-        mechanism = make_mechanism(config.machine)
-        plan = make_plan(config, mechanism, True)
+        overrides = ("scenario=quadruped", *overrides)
+        mechanism, plan = make_mechanism(make_config(*overrides).machine), plan_of(*overrides)
         feet = np.broadcast_to(mechanism.hips, (*plan.support.shape, 2)).copy()
         feet[..., 0] += plan.desired[..., 0]
         return plan, feet

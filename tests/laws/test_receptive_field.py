@@ -74,17 +74,17 @@ def largest_step(field, points, axis=1, inputs=3):
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("field", SMOOTH)
 def test_the_output_is_continuous_along_every_input(field, axis):
-    coarse, fine = largest_step(field, 2_000, axis), largest_step(field, 20_000, axis)
+    coarse, fine = largest_step(field, 500, axis), largest_step(field, 5_000, axis)
     assert fine < 0.12 * coarse
 
 
 def test_that_of_rectangular_fields_jumps():
-    assert largest_step("rectangular", 20_000) == pytest.approx(largest_step("rectangular", 2_000))
+    assert largest_step("rectangular", 5_000) == pytest.approx(largest_step("rectangular", 500))
 
 
 def test_cubic_fields_are_smooth_where_linear_ones_have_corners():
     def largest_bend(field):
-        line = np.linspace(-0.9, 0.9, 20_001)[:, None]
+        line = np.linspace(-0.9, 0.9, 4_001)[:, None]
         output = with_random_weights(inputs=1, outputs=1, receptive_field=field).predict(line)[:, 0]
         slopes = np.diff(output) / np.diff(line[:, 0])
         return np.abs(np.diff(slopes)).max() / np.abs(slopes).max()
@@ -179,11 +179,16 @@ def test_visited_is_saved_and_loaded(tmp_path):
 )
 def test_both_loops_give_the_same_bits(make_config, field, addressing, rule):
     config = make_config(
-        "cycles=3", f"cmac.receptive_field={field}", f"cmac.addressing={addressing}", f"learning.rule={rule}"
+        "cycles=2",
+        "gait.cycle_time=1",
+        "learning.start_cycle=1",
+        f"cmac.receptive_field={field}",
+        f"cmac.addressing={addressing}",
+        f"learning.rule={rule}",
     )
     fused, stepped = roll_out(make_scenario(config)), roll_out(make_scenario(config), fused=False)
     assert fused.samples.tobytes() == stepped.samples.tobytes()
-    assert np.abs(fused.columns()["tau_feedforward_1"])[-600:].mean() > 0.1
+    assert np.abs(fused.columns()["tau_feedforward_1"])[-config.steps_per_cycle :].mean() > 0.1
 
 
 def test_hashing_does_not_change_what_visited_memory_learns(make_config):
