@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
+from itertools import pairwise
 from typing import Any, NamedTuple, get_type_hints
 
 from cmacexp.config.component import COMPONENTS, config_class
@@ -82,7 +83,7 @@ def _read_meanings(schema: type) -> dict[str, str]:
             body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body  # type: ignore[attr-defined]
         except OSError:  # a class that was typed, not read from a file
             continue
-        for declared, text in zip(body, body[1:], strict=False):
+        for declared, text in pairwise(body):
             if isinstance(declared, ast.AnnAssign) and isinstance(declared.target, ast.Name):
                 is_text = isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
                 found[declared.target.id] = " ".join(str(text.value.value).split()) if is_text else ""

@@ -47,7 +47,7 @@ class ForceControlConfig:
     method: str = choice("stiffness", "damping", "combined", "explicit")
     """What the force error changes: depth (stiffness), speed (damping), both (combined), or the force (explicit)."""
     desired_force: float | None = number("N", above=0)
-    """Force that a supporting foot is to press with, F_d; null under a body, whose weight is shared out among the feet."""
+    """Force to press with in support, F_d; null under a body, whose weight is shared out among the feet."""
     elasticity: float = number("m/N", at_least=0, at_most=1e6)
     """Depth that the reference gives way per force error, P_fn."""
     admittance: float = number("m/(N s)", at_least=0, at_most=1e6)

@@ -183,7 +183,7 @@ def test_a_sweep_is_told_by_what_was_swept_and_broken_runs_are_listed(sweep, tmp
     assert "What differs between them: cmac.layers, learning.rate." in text
     assert "the run was killed before its end" in text
     names = {path.stem for path in (copy / "report" / "figures").iterdir()}
-    assert {"learning", "over-cmac-layers", "over-learning-rate", "side-by-side"} <= names
+    assert {"learning", "over-cmac-layers", "over-learning-rate", "side-by-side-force"} <= names
     inputs = json.loads((copy / "report" / "manifest.json").read_text())["files"]
     assert "../0/trace.parquet" in inputs
     assert not any(name.startswith("../4/") for name in inputs)
