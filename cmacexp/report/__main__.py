@@ -54,7 +54,7 @@ def _report_of_several(folders: Sequence[Path], given: Sequence[Path], cycles: s
         where = " and ".join(map(str, given))
         raise BadRun(f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
     swept = find_swept(runs)
-    title = f"{len(runs)} runs: {' and '.join(path.resolve().name for path in given)}"
+    title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
     titles, rows = format_runs(runs, [*swept.keys, *swept.seeds])
     with show_activity() as say:
         say("comparing the runs")
