@@ -38,7 +38,7 @@ class PayloadConfig:
     """A weight that is put on the body during a run; planner and controller do not know of it."""
 
     weight: float = number("N", at_least=0)
-    """0: none."""
+    """Of the payload; 0: none."""
     x: float = number("m")
     """Where it lies on the body, forward of its centre, in the plane of the hips."""
     y: float = number("m")

@@ -43,7 +43,7 @@ class GaitConfig:
     touch_down: list[float] | None = number("cycles", at_least=0, below=1)
     """Touch-down of each leg within the cycle; null: given by the pattern."""
     cycle_time: float = number("s", at_least=1e-3, at_most=1e5)
-    """T."""
+    """Duration of a gait cycle, T."""
     duty_factor: float = number("", above=0, at_most=1)
     """Fraction of the cycle in which a foot supports."""
     stroke: float = number("m", at_least=0)

@@ -45,12 +45,13 @@ class ForceControlConfig:
     """Force control in the support phase (Lin & Song 1997, eq. 8-15)."""
 
     method: str = choice("stiffness", "damping", "combined", "explicit")
+    """What the force error changes: depth (stiffness), speed (damping), both (combined), or the force (explicit)."""
     desired_force: float | None = number("N", above=0)
-    """F_d; null under a body, whose weight is shared out among the feet."""
+    """Force to press with in support, F_d; null under a body, whose weight is shared out among the feet."""
     elasticity: float = number("m/N", at_least=0, at_most=1e6)
-    """P_fn."""
+    """Depth that the reference gives way per force error, P_fn."""
     admittance: float = number("m/(N s)", at_least=0, at_most=1e6)
-    """V_fn."""
+    """Speed at which the reference gives way per force error, V_fn."""
     force_gain: float = number("", above=0, at_most=1e9)
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
     load_sharing: str = choice("static", "dynamic")
@@ -62,6 +63,7 @@ class PlausibilityConfig:
     """Fault detection: whether the controller checks its force sensors, and ignores those that are implausible."""
 
     enabled: bool
+    """Whether it is on."""
     tolerance: float = number("N", above=0, at_most=1e9)
     """Largest plausible difference from the force expected at the measured depth."""
     relative_tolerance: float = number("", at_least=0, below=1)
@@ -77,7 +79,7 @@ class LearningConfig:
     rule: str
     """One of cmacexp/cmac/rules.py; each but the paper's has its strength in a field below."""
     rate: float = number("", above=0, below=2)
-    """beta; 50/256 in the paper."""
+    """Fraction of the error that a step corrects, beta; 50/256 in the paper."""
     lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",))
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
     start_cycle: int = number("", at_least=1, at_most=10**9)
@@ -137,6 +139,7 @@ class Config:
     """All fields of a run."""
 
     scenario: str
+    """Option of conf/scenario that the run is based on."""
     machine: Any
     plant: Any
     terrain: TerrainConfig
@@ -158,10 +161,11 @@ class Config:
     warn: bool
     """Warn before a long run if its learning is predicted to diverge (see cmacexp/stability/warn.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)
+    """Gait cycles after which the run ends."""
     seed: int = number("", at_least=0, below=2**32)
     """Seed of the hash of the CMAC's memory and of every component that draws random numbers."""
     sampling_period: float = number("s", at_least=1e-6, at_most=1e3)
-    """T_s."""
+    """Time between two steps of the loop, T_s."""
     reference: str = choice("literal", "aware", "force_feedforward")
     """literal: eq. 9, 11, 13, 15 always; aware: without their 1/K_a term while a feedforward acts;
     force_feedforward: the desired force is added to the feedback instead."""

@@ -52,12 +52,12 @@ def _margin(column: str, to: str, source: str, shown: Shown | None = None) -> Me
 _TILT = "largest of abs(pitch) and abs(roll)"
 
 BODY_METRICS: dict[str, Metric[BodyBlock]] = {
-    "height_mean": _height("mean", _mean_height, Shown("height", "mm", 1e3)),
+    "height_mean": _height("mean", _mean_height, Shown("height", "mm", 1e3, from_zero=False)),
     "height_min": _height(
-        "least", lambda b: b.reduce_height(np.minimum), Shown("least height", "mm", 1e3, main=False)
+        "least", lambda b: b.reduce_height(np.minimum), Shown("least height", "mm", 1e3, False, from_zero=False)
     ),
     "height_max": _height(
-        "largest", lambda b: b.reduce_height(np.maximum), Shown("largest height", "mm", 1e3, main=False)
+        "largest", lambda b: b.reduce_height(np.maximum), Shown("largest height", "mm", 1e3, False, from_zero=False)
     ),
     "tilt_max": Metric("rad", _TILT, "never", CONTRACT, _largest_tilt, BODY, SMALL, Shown("tilt", "mrad", 1e3)),
     "stability_margin_min": _margin("stability_margin", "nearest edge", MCGHEE_FRANK),

@@ -60,6 +60,8 @@ class Shown(NamedTuple):
     """Whether it is a column of the tables of main metrics; else it appears in figures alone."""
     over_legs: bool = True
     """Whether these tables show it for several legs as well; not where legs are to press differently."""
+    from_zero: bool = True
+    """Whether its axes begin at zero; not for a height, of which only changes matter."""
 
 
 Of = TypeVar("Of")

@@ -10,7 +10,8 @@ from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.comparison import format_runs
-from cmacexp.report.page import write_report
+from cmacexp.report.page import REPORT, write_report
+from cmacexp.report.progress import show_activity
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import read_summary, sort_folders
 from cmacexp.report.sweep_report import make_sweep_report
@@ -31,24 +32,33 @@ def _parse_cycles(text: str) -> list[int]:
 def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     if out is not None:
         return require_place("--out", Path(out))
-    return given[0] / "report" if len(given) == 1 else REPORTS / "-".join(path.resolve().name for path in given[:4])
+    return given[0] / REPORT if len(given) == 1 else REPORTS / "-".join(path.resolve().name for path in given[:4])
 
 
 def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
-    report = make_run_report(StoredRun(folder), _parse_cycles(cycles) if cycles else [])
-    return write_report(report, out)
+    asked = _parse_cycles(cycles) if cycles else []
+    with show_activity() as say:
+        say(f"reading {folder}")
+        return write_report(make_run_report(StoredRun(folder), asked), out, say=say)
 
 
-def _report_of_several(folders: Sequence[Path], title: str, cycles: str | None, out: Path) -> Path:
+def _report_of_several(folders: Sequence[Path], given: Sequence[Path], cycles: str | None, out: Path) -> Path:
     if cycles:
         raise BadInput("--cycles", cycles, f"is for the report of one run, but {len(folders)} runs were given")
-    runs = [read_summary(folder) for folder in folders]
+    with show_activity() as say:
+        runs = []
+        for index, folder in enumerate(folders, 1):
+            say(f"reading run {index} of {len(folders)}")
+            runs.append(read_summary(folder))
     if not any(run.is_result for run in runs):
-        raise BadRun(f"{title}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
+        where = " and ".join(map(str, given))
+        raise BadRun(f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
     swept = find_swept(runs)
+    title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
     titles, rows = format_runs(runs, [*swept.keys, *swept.seeds])
-    report = make_sweep_report(runs, title)
-    path = write_report(report, out)
+    with show_activity() as say:
+        say("comparing the runs")
+        path = write_report(make_sweep_report(runs, title, out), out, say=say)
     print_table(titles, rows, left=1 + len(swept.keys) + len(swept.seeds) + 1)
     return path
 
@@ -60,7 +70,7 @@ def _report(arguments: argparse.Namespace) -> int:
     if len(folders) == 1:
         print(_report_of_one(folders[0], arguments.cycles, out))
     else:
-        print(_report_of_several(folders, " and ".join(map(str, given)), arguments.cycles, out))
+        print(_report_of_several(folders, given, arguments.cycles, out))
     return 0
 
 

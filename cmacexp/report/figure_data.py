@@ -21,8 +21,12 @@ MOST_CYCLES = 6
 """Cycles that are distinguishable in one figure."""
 SUPPORT = "#F1F1F1"
 """Shade behind the planned support."""
+LEAST_SPAN = 0.05
+"""Least part of the values that an axis spans which does not begin at zero."""
 DECADES = 20.0
 """Positive values that span more than this factor are drawn on a logarithmic axis."""
+LEAST_RATIO = 5.0
+"""A logarithmic axis over less than this factor has evenly spaced numbers: 1, 2 and 5 would be too few."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,12 @@ class FigureData:
         """Duration of the longest of the cycles, s; less than a cycle if the run stopped in its first."""
         return float(self.time_in_cycle(self.trace).max()) + self.period
 
+    def line(self, index: int) -> dict[str, Any]:
+        """The line of one of the cycles, and its name; the last is the strongest."""
+        last = index == len(self.cycles) - 1
+        style = {**mark(0), "linewidth": 2.0, "zorder": 2.5} if last else {**mark(index + 1), "linewidth": 1.1}
+        return {**style, "label": f"cycle {self.cycles[index]}"}
+
     def leg_name(self, leg: int) -> str:
         """E.g. ``leg 1, left front``; empty if there is one leg only."""
         return f"leg {leg}, {LEG_NAMES[leg - 1]}" if self.legs > 1 else ""
@@ -73,6 +83,24 @@ def read_figure_data(run: StoredRun, cycles: Sequence[int]) -> FigureData:
 def mark(index: int) -> dict[str, Any]:
     """Colour and dash of line number ``index``; no two of the first 49 are the same."""
     return {"color": SERIES[index % 7], "linestyle": DASHES[(index + index // 7) % 7]}
+
+
+def widen(axes: "Axes", values: Sequence[float] | Array, from_zero: bool = True) -> None:
+    """Widen a linear y axis so that it does not exaggerate differences.
+
+    Args:
+        axes: with everything drawn.
+        values: on this axis.
+        from_zero: it includes zero; else it spans at least :data:`LEAST_SPAN` of the values.
+    """
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known)]
+    if not known.size or axes.get_yscale() != "linear":
+        return
+    middle, half = (known.min() + known.max()) / 2.0, LEAST_SPAN * np.abs(known).max() / 2.0
+    included = [0.0] if from_zero else [middle - half, middle + half]
+    axes.update_datalim([(0.0, value) for value in included], updatex=False)
+    axes.autoscale_view(scalex=False)
 
 
 DESIRED_LINE: dict[str, Any] = {"color": DESIRED, "linewidth": 2.6, "alpha": 0.6, "zorder": 1.9}
@@ -94,14 +122,17 @@ def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> No
         which: ``x`` or ``y``.
         values: on this axis; those not above 0 are not drawn.
     """
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
     known = np.asarray(values, dtype=float)
     known = known[np.isfinite(known) & (known > 0)]
     (axes.set_xscale if which == "x" else axes.set_yscale)("log", nonpositive="mask")
     axis = axes.xaxis if which == "x" else axes.yaxis
-    few = known.max() < 1e2 * known.min()
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+    ratio = known.max() / known.min()
+    few = LogLocator(subs=(1.0, 2.0, 5.0) if ratio < 1e2 else (1.0,))
+    axis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 5, 10]) if ratio < LEAST_RATIO else few)
+    if ratio < LEAST_RATIO:
+        axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import BadInput
-from cmacexp.report.figure_data import logarithmic, mark, put_legend_below
+from cmacexp.report.figure_data import logarithmic, mark, put_legend_below, widen
 from cmacexp.report.style import MARKERS, label, new_grid
 from cmacexp.typing import Array
 
@@ -62,6 +62,8 @@ class Panel:
     """Vertical dotted lines."""
     y_limits: Sequence[float] = ()
     """Horizontal dotted lines."""
+    from_zero: bool = True
+    """Whether a linear y axis includes zero; else it spans at least a small part of the values."""
 
     def __post_init__(self) -> None:
         for name, value, allowed in (("kind", self.kind, KINDS), ("log", self.log, LOG)):
@@ -147,6 +149,8 @@ def _panel(axes: "Axes", panel: Panel, names: Sequence[str]) -> None:
         logarithmic(axes, axis, np.concatenate(shown))
     if "x" not in panel.log and all(np.issubdtype(np.asarray(s.x).dtype, np.integer) for s in panel.series):
         axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))  # no tick between two cycles
+    if panel.kind != "bars":
+        widen(axes, [float(y) for series in panel.series for y in series.y], panel.from_zero)
     if panel.ticks:
         turned: dict[str, Any] = {"rotation": 30, "ha": "right"} if len(panel.ticks) > MOST_LEVEL else {}
         axes.set_xticks(range(len(panel.ticks)), panel.ticks, **turned)

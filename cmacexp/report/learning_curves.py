@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.metrics.registry import JUDGED, MAIN
-from cmacexp.report.figure_data import legend_below, mark, spans_decades
+from cmacexp.report.figure_data import legend_below, logarithmic, mark, spans_decades
 from cmacexp.report.page import Drawing
 from cmacexp.report.per_cycle import MOST_MARKED, scale
 from cmacexp.report.run_summary import RunSummary, format_value
@@ -92,7 +92,9 @@ def _learning_figure(
     for ax, name in zip(axes, metrics, strict=True):
         _curves(ax, runs, name, [{**style, "label": text} for style, text in zip(styles, names, strict=True)])
     if mappable is not None:
-        figure.colorbar(mappable, ax=axes, label=title, location="bottom", aspect=50, shrink=0.6)
+        bar = figure.colorbar(mappable, ax=axes, label=title, location="bottom", aspect=50, shrink=0.6)
+        if bar.ax.get_xscale() == "log":
+            logarithmic(bar.ax, "x", [mappable.norm.vmin, mappable.norm.vmax])
     else:
         legend_below(figure, axes[0], title=title)
     return figure
@@ -108,5 +110,5 @@ def _curves(axes: "Axes", runs: Sequence[RunSummary], name: str, styles: Sequenc
         axes.plot(range(1, run.cycles + 1), values, marker="." if run.cycles <= MOST_MARKED else None, **style)
         if run.status != "completed":
             axes.plot([run.cycles], values[-1:], **STOPPED)
-    scale(axes, max(run.cycles for run in runs), np.concatenate(drawn))
-    label(axes, f"{shown.title} ({name})", "cycle", shown.unit)
+    scale(axes, max(run.cycles for run in runs), np.concatenate(drawn), shown.from_zero)
+    label(axes, f"{shown.title} ({name})", "cycle", f"{shown.title}, {shown.unit}")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cmacexp.config.fields import listed
 from cmacexp.errors import BadInput
+from cmacexp.report.alt_text import describe
 from cmacexp.report.numbers import format_number
 from cmacexp.report.page import Html, Section, save_figure
 
@@ -28,6 +29,7 @@ class MarkdownPage:
         figures: called when they are inserted.
         tables: likewise.
         values: further names of the template.
+        png: whether figures are saved as PNG too, not as SVG alone.
     """
 
     def __init__(
@@ -37,8 +39,10 @@ class MarkdownPage:
         figures: "Mapping[str, Callable[[], Figure]]",
         tables: "Mapping[str, Callable[[], pd.DataFrame]]",
         values: Mapping[str, Any],
+        png: bool = True,
     ):
         self.template, self.folder, self.figures, self.tables = template, folder, figures, tables
+        self.png = png
         self.values = {"figure": self._figure, "table": self._table, "number": format_number, **values}
         self.files: list[Path] = []
         """Figures that were saved."""
@@ -61,13 +65,14 @@ class MarkdownPage:
         return _sections(text, title)
 
     def _figure(self, name: str, title: str = "", caller: Callable[[], str] | None = None) -> str:
-        """A figure with its caption, which also describes it to screen readers."""
-        source, files = save_figure(name, self.figures[name](), self.folder)
+        """A figure with its caption."""
+        figure = self.figures[name]()
+        source, files = save_figure(name, figure, self.folder, self.png)
         self.files += files
         caption = caller().strip() if caller else ""
-        alt = html.escape(re.sub(r"\s+", " ", caption) or title or name)
         head = f"<h3>{html.escape(title)}</h3>" if title else ""
-        shown = f'<img src="{source}" alt="{alt}"><figcaption>{caption}</figcaption>'
+        image = f'<div class="scroll"><img src="{source}" alt="{html.escape(describe(figure))}"></div>'
+        shown = f"{image}<figcaption>{caption}</figcaption>"
         return f'<figure id="{name}">{head}{shown}</figure>\n'
 
     def _table(self, name: str, caption: str = "") -> str:

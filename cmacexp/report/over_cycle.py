@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cmacexp.report.figure_data import DESIRED_LINE, SUPPORT, FigureData, legend_below, mark
+from cmacexp.report.figure_data import DESIRED_LINE, SUPPORT, FigureData, legend_below, widen
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, label, new_figure
 
@@ -35,7 +35,7 @@ def _describe_shade(data: FigureData) -> str:
 def _plot(axes: "Axes", data: FigureData, leg: int, value: Callable[["pd.DataFrame"], "pd.Series[float]"]) -> None:
     for index, cycle in enumerate(data.cycles):
         rows = data.select(cycle, leg)
-        axes.plot(data.time_in_cycle(rows), value(rows), label=f"cycle {cycle}", **mark(index))
+        axes.plot(data.time_in_cycle(rows), value(rows), **data.line(index))
     axes.set_xlim(0, data.duration)
 
 
@@ -44,7 +44,7 @@ def _foot(axes: "Axes", data: FigureData, leg: int) -> None:
     axes.plot(1e3 * first["x_desired"], 1e3 * first["y_desired"], label="desired", **DESIRED_LINE)
     for index, cycle in enumerate(data.cycles):
         rows = data.select(cycle, leg)
-        axes.plot(1e3 * rows["x"], 1e3 * rows["y"], label=f"cycle {cycle}", **mark(index))
+        axes.plot(1e3 * rows["x"], 1e3 * rows["y"], **data.line(index))
     label(axes, data.leg_name(leg) or "foot path", "x forward, mm", "y down, mm")
     axes.set_aspect("equal", adjustable="datalim" if data.legs == 1 else "box")
 
@@ -142,13 +142,15 @@ def draw_body(data: FigureData) -> Drawing:
         ("pitch", 1e3, "pitch, nose down", "pitch, mrad"),
         ("roll", 1e3, "roll, right side down", "roll, mrad"),
     )
+    assert data.body is not None
     figure, axes = new_figure(2, 2, 2.3, sharex=True)
     for ax, (name, factor, title, unit) in zip(axes, panels, strict=True):
         for index, cycle in enumerate(data.cycles):
             rows = data.select_body(cycle)
-            ax.plot(data.time_in_cycle(rows), factor * rows[name], label=f"cycle {cycle}", **mark(index))
+            ax.plot(data.time_in_cycle(rows), factor * rows[name], **data.line(index))
         label(ax, title, CLOCK if ax in axes[2:] else "", unit)
         ax.set_xlim(0, data.duration)
+        widen(ax, factor * data.body[name], name == "stability_margin")
     legend_below(figure, axes[0])
     caption = "The body over the chosen cycles; the margin is to the planned support polygon."
     return Drawing("body", figure, caption)

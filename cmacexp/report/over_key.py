@@ -6,15 +6,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.metrics.registry import JUDGED, MAIN
-from cmacexp.report.figure_data import legend_below, logarithmic, mark, spans_decades
+from cmacexp.report.figure_data import legend_below, logarithmic, mark, spans_decades, widen
 from cmacexp.report.learning_curves import STOPPED, is_numeric, make_file_name
 from cmacexp.report.page import Drawing
 from cmacexp.report.run_summary import RunSummary, format_value
 from cmacexp.report.style import MARKERS, label, new_grid
+from cmacexp.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+MOST_TICKS = 6
+"""Values of a key up to which each has a tick."""
+CHARACTER = 0.025
+"""Width of a character over that of an axis of half the width of a figure."""
 MOST_FAMILY = 7
 """Values of a second key that have a line each."""
 
@@ -37,15 +42,31 @@ def _positions(values: Sequence[Any]) -> tuple[list[float], list[str]]:
 def _x_axis(axes: "Axes", key: str, places: Sequence[float], kinds: Sequence[str]) -> None:
     axes.set_xlabel(key)
     if kinds:
-        axes.set_xticks(range(len(kinds)), kinds, rotation=0 if max(map(len, kinds)) * len(kinds) < 36 else 25)
+        turned: dict[str, Any] = {} if max(map(len, kinds)) * len(kinds) < 36 else {"rotation": 25, "ha": "right"}
+        axes.set_xticks(range(len(kinds)), kinds, **turned)
         axes.set_xlim(-0.5, len(kinds) - 0.5)
         return
     ticks = sorted(set(places))
     if spans_decades(places):
         logarithmic(axes, "x", places)
-    if len(ticks) <= 6:
-        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    if len(ticks) <= MOST_TICKS:
+        axes.set_xticks(ticks, name_ticks(np.log(ticks) if axes.get_xscale() == "log" else np.array(ticks), ticks))
         axes.minorticks_off()
+
+
+def name_ticks(places: Array, values: Sequence[float]) -> list[str]:
+    """Names of ticks, without those that would overlap; both ends have theirs.
+
+    >>> name_ticks(np.array([1.0, 10.0, 19.0, 20.0]), [1.0, 10.0, 19.0, 20.0])
+    ['1', '10', '', '20']
+    """
+    names, last = [f"{value:g}" for value in values], len(values) - 1
+    width = CHARACTER * (np.ptp(places) or 1.0)
+    kept: list[int] = []
+    for i in [0, last, *range(1, last)]:
+        if all(abs(places[i] - places[j]) > width * (2 + (len(names[i]) + len(names[j])) / 2) for j in kept):
+            kept.append(i)
+    return [name if i in kept else "" for i, name in enumerate(names)]
 
 
 def _mean_line(places: Sequence[float], values: Sequence[float]) -> tuple[list[float], list[float]]:
@@ -126,7 +147,9 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
         )
         if spans_decades(drawn):
             logarithmic(ax, "y", drawn)
-        label(ax, f"{MAIN[name].title} ({name})", "", MAIN[name].unit)
+        shown = MAIN[name]
+        widen(ax, drawn, shown.from_zero)
+        label(ax, f"{shown.title} ({name})", "", f"{shown.title}, {shown.unit}")
         _x_axis(ax, key, places, kinds)
         _mark_stopped(ax, [at[run.folder] for run in runs if run.status != "completed"])
     legend_below(figure, axes[0], 7, second)

@@ -3,18 +3,23 @@
 import base64
 import hashlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import sha256, write_atomically
+from cmacexp.report.alt_text import describe
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HTML, FIGURES = "report.html", "figures"
+HTML, FIGURES, REPORT = "report.html", "figures", "report"
+"""The page and its figures in the folder of a report, and the folder of its report in that of a run."""
+PNG, SVG = "png", "svg"
+HOW_TO_REPORT = "python -m cmacexp.report FOLDER makes the page of one run."
 
 
 @dataclass(frozen=True)
@@ -26,15 +31,27 @@ class Text:
 
 
 @dataclass(frozen=True)
+class Link:
+    """A cell of a table that leads to another page."""
+
+    text: str
+    address: str
+
+
+@dataclass(frozen=True)
 class Table:
     """Rows under named columns; numbers are formatted, with units in the names of their columns."""
 
     kind: ClassVar = "table"
     columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
+    rows: "Sequence[Sequence[str | Link]]"
     caption: str = ""
     text_columns: int = 1
     """Number of columns, from the left, that hold text and are left-aligned."""
+    cards: bool = False
+    """Whether each row is a card of its own on a narrow screen; else the table scrolls sideways there."""
+    marked: Collection[int] = ()
+    """Numbers of rows that stand out."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +83,20 @@ class Image:
     """Address of its data."""
     caption: str
     title: str
+    alt: str
+    """What it shows, for those who do not see it."""
 
 
-Part = Text | Table | Drawing | Image | Html
+@dataclass(frozen=True)
+class Folded:
+    """Parts that a reader opens."""
+
+    kind: ClassVar = "folded"
+    title: str
+    parts: "Sequence[Part]"
+
+
+Part = Text | Table | Drawing | Image | Html | Folded
 
 
 @dataclass(frozen=True)
@@ -99,25 +127,36 @@ class Report:
     """The hash of the config of every run in it, by folder."""
 
 
-def draw(section: Section, folder: Path) -> tuple[Section, list[Path]]:
-    """Save the figures of a section as PNG and SVG below ``folder``; the section with images, and the files."""
+def draw(section: Section, folder: Path, say: Callable[[str], None]) -> tuple[Section, list[Path]]:
+    """Save the figures of a section below ``folder``; the section with images, and the files.
+
+    Args:
+        section: not changed.
+        folder: of the report.
+        say: is told which figure is drawn.
+    """
     parts: list[Part] = []
     files: list[Path] = []
     for part in section.parts:
         if isinstance(part, Drawing):
+            say(f"drawing {part.name}")
             source, saved = save_figure(part.name, part.figure, folder)
-            part = Image(part.name, source, part.caption, part.title)
+            part = Image(part.name, source, part.caption, part.title, describe(part.figure))
             files += saved
         parts.append(part)
     return replace(section, parts=parts), files
 
 
-def save_figure(name: str, figure: "Figure", report: Path) -> tuple[str, list[Path]]:
-    """Save a figure as PNG and SVG below the folder of a report; its address for the page, and the files."""
+def save_figure(name: str, figure: "Figure", report: Path, png: bool = True) -> tuple[str, list[Path]]:
+    """Save a figure as SVG, and as PNG unless that is not wanted, below the folder of a report.
+
+    Returns:
+        Its address for the page, and the files.
+    """
     folder = report / FIGURES
     folder.mkdir(parents=True, exist_ok=True)
     files = []
-    for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
+    for kind, metadata in (*([(PNG, {"Software": None})] if png else []), (SVG, {"Date": None})):
         path = folder / f"{name}.{kind}"
         with write_atomically(path) as temporary:
             figure.savefig(temporary, format=kind, metadata=metadata)
@@ -131,13 +170,31 @@ def relative(path: Path, folder: Path) -> str:
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
-def write_report(report: Report, folder: Path, key: str | None = None) -> Path:
+def find_page(run: Path, folder: Path) -> str:
+    """The page of a run relative to the folder of another report; empty if there is none yet."""
+    page = run / REPORT / HTML
+    return relative(page, folder) if page.is_file() else ""
+
+
+def _ignore(text: str) -> None:
+    """Nobody watches."""
+
+
+def _describe_origin() -> str:
+    """When and by what a page is written."""
+    commit = manifests.git_commit()
+    version = f"cmacexp {manifests.versions()['cmacexp']}" + (f", commit {commit[:10]}" if commit else "")
+    return f"Written on {date.today().isoformat()} by {version}."
+
+
+def write_report(report: Report, folder: Path, key: str | None = None, say: Callable[[str], None] = _ignore) -> Path:
     """Write a report and its figures; the manifest last, with the hash of every file and of its inputs.
 
     Args:
         report: its content.
         folder: created if missing.
         key: of the code and the inputs behind it, which shows later whether it is up to date; None: of the request.
+        say: is told which figure is drawn.
 
     Returns:
         The HTML file.
@@ -146,10 +203,12 @@ def write_report(report: Report, folder: Path, key: str | None = None) -> Path:
 
     folder.mkdir(parents=True, exist_ok=True)
     (folder / manifests.NAME).unlink(missing_ok=True)
-    drawn = [draw(section, folder) for section in report.sections]
+    drawn = [draw(section, folder, say) for section in report.sections]
     written = [file for _, files in drawn for file in files]
     environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True)
-    page = environment.get_template("page.html").render(report=report, sections=[section for section, _ in drawn])
+    page = environment.get_template("page.html").render(
+        report=report, sections=[section for section, _ in drawn], origin=_describe_origin()
+    )
     with write_atomically(folder / HTML) as temporary:
         temporary.write_text(page)
     written.append(folder / HTML)

@@ -10,9 +10,9 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.metric import BODY
 from cmacexp.metrics.pooling import pool_legs
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN
-from cmacexp.report.figure_data import legend_above, legend_below, logarithmic, mark, spans_decades
+from cmacexp.report.figure_data import legend_above, legend_below, logarithmic, mark, spans_decades, widen
 from cmacexp.report.page import Drawing
-from cmacexp.report.style import MARKERS, label, new_figure, new_grid
+from cmacexp.report.style import MARKERS, label, new_grid
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
@@ -22,21 +22,23 @@ MOST_MARKED = 30
 """A run of at most so many cycles has markers; a longer one has lines alone and a logarithmic axis."""
 
 
+KEY = ("transfer_rmse_x", "transfer_rmse_y", "force_rmse", "feedforward_share")
+"""The metrics that say most of each leg."""
 PANELS = {
-    "tracking error, RMS": ("transfer_rmse_x", "transfer_rmse_y", "support_rmse_x"),
-    "force error, RMS": ("force_rmse", "force_rmse_three_feet", "force_ripple"),
-    "force relative to its desired value": ("force_overshoot", "force_steady_state_error"),
-    "settling of the force": ("force_settling_time",),
-    "torque, RMS and peak": ("feedback_rms", "feedforward_rms", "torque_peak"),
-    "share of the feedforward": ("feedforward_share",),
-    "largest tilt of the body": ("tilt_max",),
-    "height of the body": ("height_min", "height_mean", "height_max"),
+    "tracking error": ("RMS", ("transfer_rmse_x", "transfer_rmse_y", "support_rmse_x")),
+    "force error": ("RMS", ("force_rmse", "force_rmse_three_feet", "force_ripple")),
+    "force relative to its desired value": ("deviation", ("force_overshoot", "force_steady_state_error")),
+    "settling of the force": ("settling time", ("force_settling_time",)),
+    "torque": ("RMS and peak", ("feedback_rms", "feedforward_rms", "torque_peak")),
+    "share of the feedforward": ("share", ("feedforward_share",)),
+    "largest tilt of the body": ("angle", ("tilt_max",)),
+    "height of the body": ("height", ("height_min", "height_mean", "height_max")),
 }
-"""Metrics of one unit that share a pair of axes, by its title."""
+"""What the y axis shows, and metrics of one unit that share it, by the title of the panel."""
 
 
-def scale(axes: "Axes", last: int, values: Array) -> None:
-    """Axes over cycles: whole numbers, logarithmic where a run is long or values span decades."""
+def scale(axes: "Axes", last: int, values: Array, from_zero: bool = True) -> None:
+    """Axes over cycles: whole numbers, logarithmic where a run is long or values span decades; see :func:`widen`."""
     from matplotlib.ticker import MaxNLocator
 
     if last > MOST_MARKED:
@@ -45,6 +47,7 @@ def scale(axes: "Axes", last: int, values: Array) -> None:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     if spans_decades(values):
         logarithmic(axes, "y", values)
+    widen(axes, values, from_zero)
 
 
 def describe_pooling(names: Iterable[str]) -> str:
@@ -63,7 +66,7 @@ def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
         for name, pooled in pool_legs(run.scores).items()
         if name in SHOWN and (SHOWN[name].over_legs or not run.walks) and np.isfinite(pooled).any() and pooled.any()
     }
-    panels = {title: [name for name in names if name in values] for title, names in PANELS.items()}
+    panels = {title: [name for name in names if name in values] for title, (_, names) in PANELS.items()}
     panels = {title: names for title, names in panels.items() if names}
     figure, axes = new_grid(len(panels), 2, 2.4)
     for ax, (title, names) in zip(axes, panels.items(), strict=True):
@@ -71,9 +74,10 @@ def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
             cycles = range(1, len(values[name]) + 1)
             marker = MARKERS[index] if len(cycles) <= MOST_MARKED else None
             ax.plot(cycles, values[name], marker=marker, ms=4, label=SHOWN[name].title, **mark(index))
-        scale(ax, len(cycles), np.concatenate([values[name] for name in names]))
-        unit = SHOWN[names[0]].unit
-        label(ax, title, "cycle", torque_unit if unit == "N m" else unit)
+        shown = SHOWN[names[0]]
+        scale(ax, len(cycles), np.concatenate([values[name] for name in names]), shown.from_zero)
+        unit = torque_unit if shown.unit == "N m" else shown.unit
+        label(ax, title, "cycle", f"{PANELS[title][0]}, {unit}")
         legend_above(ax)
     drawn = [name for names in panels.values() for name in names]
     pooling = f" Over the legs: {describe_pooling(drawn)}." if run.walks else ""
@@ -82,15 +86,14 @@ def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
 
 def draw_legs(run: StoredRun) -> Drawing:
     """Errors and share of the feedforward of each leg, per cycle."""
-    names = ("transfer_rmse_x", "transfer_rmse_y", "force_rmse", "feedforward_share")
-    figure, axes = new_figure(2, 2, 2.3)
-    for ax, name in zip(axes, names, strict=True):
+    figure, axes = new_grid(len(KEY), 2, 2.3)
+    for ax, name in zip(axes, KEY, strict=True):
         shown = SHOWN[name]
         for index, leg in enumerate(LEG_NAMES):
             own = run.metrics[run.metrics["leg"] == index + 1]
             marker = MARKERS[index] if len(own) <= MOST_MARKED else None
             ax.plot(own["cycle"], shown.factor * own[name], marker=marker, ms=4, label=leg, **mark(index))
         scale(ax, int(run.metrics["cycle"].max()), shown.factor * np.asarray(run.metrics[name]))
-        label(ax, shown.title, "cycle", shown.unit)
+        label(ax, shown.title, "cycle", f"{shown.title}, {shown.unit}")
     legend_below(figure, axes[0])
     return Drawing("legs", figure, "Errors of each leg and the share of its feedforward, cycle by cycle.")

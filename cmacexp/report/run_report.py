@@ -1,7 +1,6 @@
 """The report of one run."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from cmacexp.data.integrity import faults
 from cmacexp.data.stored_run import StoredRun
@@ -10,10 +9,11 @@ from cmacexp.errors import BadInput, BadRun
 from cmacexp.metrics.summary import format_cycles
 from cmacexp.report import over_cycle, per_cycle
 from cmacexp.report.figure_data import MOST_CYCLES, FigureData, read_figure_data
-from cmacexp.report.page import Report, Section, Table, Text
+from cmacexp.report.page import Folded, Report, Section, Table, Text
 from cmacexp.report.run_end import draw_end
+from cmacexp.report.run_settings import list_settings
 from cmacexp.report.run_summary import TABLES
-from cmacexp.report.run_tables import list_facts, list_memory, list_metrics, list_settings, list_shares
+from cmacexp.report.run_tables import list_facts, list_key_metrics, list_memory, list_metrics, list_shares
 
 
 def require_whole(run: StoredRun) -> None:
@@ -62,15 +62,23 @@ def choose_cycles(run: StoredRun, asked: Sequence[int]) -> list[int]:
     return sorted(candidates)
 
 
-def _per_cycle(run: StoredRun, cycles: Sequence[int], data: FigureData) -> Section:
+def _learning(run: StoredRun, data: FigureData) -> list[Section]:
+    """Figures over the cycles; none for a run of one cycle."""
+    if run.metrics["cycle"].max() < 2:
+        return []
+    legs = [per_cycle.draw_legs(run)] if run.walks else []
+    return [Section("Over the cycles", [per_cycle.draw_metrics(run, "N m" if data.has_joints else "N"), *legs])]
+
+
+def _metrics(run: StoredRun, cycles: Sequence[int]) -> Section:
+    """All metrics, folded."""
     titles, rows = format_cycles(run.scores)
     columns = [f"{title}, {unit}" if unit else title for title, unit in titles]
-    parts: list[Any] = []
-    if run.metrics["cycle"].max() > 1:
-        parts.append(per_cycle.draw_metrics(run, "N m" if data.has_joints else "N"))
-        parts += [per_cycle.draw_legs(run)] if run.walks else []
     caption = "Metrics per cycle" + (", pooled over the legs" if run.walks else "")
-    return Section("Metrics per cycle", [*parts, Table(columns, rows, caption), list_metrics(run, cycles)])
+    metrics = list_metrics(run, cycles)
+    all_of_them = f"All {len(metrics.rows)} metrics of the cycles shown"
+    main = Folded(f"{len(columns) - 1} main metrics of every cycle", [Table(columns, rows, caption)])
+    return Section("All metrics", [main, Folded(all_of_them, [metrics])])
 
 
 def _end(run: StoredRun) -> list[Section]:
@@ -100,14 +108,16 @@ def make_run_report(run: StoredRun, asked: Sequence[int] = ()) -> Report:
     data = read_figure_data(run, cycles)
     body = [Section("The body", [over_cycle.draw_body(data)])] if run.walks else []
     sections = [
-        Section("The run", [list_facts(run)]),
+        Section("In short", [list_key_metrics(run, cycles)]),
         *_end(run),
-        _per_cycle(run, cycles, data),
+        *_learning(run, data),
         Section("Over a cycle", over_cycle.draw_tracking(data)),
         *body,
-        Section("Feedback and feedforward", [over_cycle.draw_torques(data), list_shares(run, cycles)]),
+        Section("Feedback and feedforward", [over_cycle.draw_torques(data), *list_shares(run, cycles)]),
         *list_memory(run),
         list_settings(run),
+        _metrics(run, cycles),
+        Section("The run", [list_facts(run)]),
     ]
     shown = ", ".join(map(str, cycles))
     summary = f"The run {run.ending}. Cycles shown: {shown}."

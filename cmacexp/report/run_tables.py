@@ -5,14 +5,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from cmacexp.config.cmac import OUTPUTS, WORD_BYTES
-from cmacexp.config.difference import flat
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
+from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.drift import Drift, format_drift
 from cmacexp.metrics.pooling import pool_legs
 from cmacexp.metrics.registry import ALL_METRICS, MAIN
 from cmacexp.metrics.summary import format_number
 from cmacexp.report.page import Section, Table, Text
+from cmacexp.report.per_cycle import KEY
+
+KEY_OF_FORCE = ("force_overshoot", "force_settling_time")
+"""Of one leg or point mass alone."""
 
 
 def list_facts(run: StoredRun) -> Table:
@@ -37,6 +41,21 @@ def list_facts(run: StoredRun) -> Table:
     return Table(["property", "value"], [[key, value] for key, value in facts.items()], text_columns=2)
 
 
+def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
+    """The few metrics that say most of a run, in the cycles that are shown."""
+    pooled = pool_legs(run.scores)
+    key = {name: MAIN[name] for name in (*KEY, *KEY_OF_FORCE, *BODY_METRICS) if name in MAIN and name in pooled}
+    rows = []
+    for name, shown in key.items():
+        values = shown.factor * pooled[name]
+        if (shown.over_legs or not run.walks) and not np.isnan(values).all():
+            numbers = [format_number(values[cycle - 1]) for cycle in cycles]
+            rows.append([shown.title, ALL_METRICS[name].meaning, shown.unit, *numbers])
+    caption = "Key metrics" + (", pooled over the legs" if run.walks else "")
+    titles = ["metric", "meaning", "unit", *(f"cycle {cycle}" for cycle in cycles)]
+    return Table(titles, rows, caption, 3, cards=True)
+
+
 def _exact(value: float) -> str:
     return "-" if value != value else f"{value:.4g}"
 
@@ -54,8 +73,10 @@ def list_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     return Table(titles, rows, "All metrics that are defined in some cycle of the run.", len(titles) - len(cycles))
 
 
-def list_shares(run: StoredRun, cycles: Sequence[int]) -> Table:
-    """Share of the feedforward in the absolute torque, by leg and cycle."""
+def list_shares(run: StoredRun, cycles: Sequence[int]) -> list[Table]:
+    """Share of the feedforward in the absolute torque, by leg and cycle; nothing for one leg, whose share is key."""
+    if not run.walks:
+        return []
     metrics = run.metrics.set_index(["leg", "cycle"])["feedforward_share"]
     legs, shown = sorted(run.metrics["leg"].unique()), MAIN["feedforward_share"]
     rows = [
@@ -63,7 +84,7 @@ def list_shares(run: StoredRun, cycles: Sequence[int]) -> Table:
         for leg in legs
     ]
     caption = "Share of the feedforward in feedforward plus feedback, absolute torques over the cycle, " + shown.unit
-    return Table(["leg", *(f"cycle {cycle}" for cycle in cycles)], rows, caption)
+    return [Table(["leg", *(f"cycle {cycle}" for cycle in cycles)], rows, caption)]
 
 
 def _leg_name(leg: int, legs: int) -> str:
@@ -90,9 +111,3 @@ def list_memory(run: StoredRun) -> list[Section]:
         "memory by hashing train each other. Clipped inputs lie outside the range of the CMAC."
     )
     return [Section("Memory of the feedforward", [Text(text), Table([*titles, "clipped inputs"], rows)])]
-
-
-def list_settings(run: StoredRun) -> Section:
-    """The config of the run."""
-    rows = [[key, "null" if value is None else str(value)] for key, value in flat(run.config).items()]
-    return Section("Settings", [Table(["key", "value"], rows, text_columns=2)])

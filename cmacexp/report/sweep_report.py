@@ -1,5 +1,6 @@
 """The report of several runs: their differences, how each ended, and their metrics."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 from cmacexp.report.comparison import format_runs, make_names
 from cmacexp.report.learning_curves import draw_learning_curves
 from cmacexp.report.over_key import draw_over_key
-from cmacexp.report.page import Report, Section, Table, Text
+from cmacexp.report.page import HOW_TO_REPORT, Folded, Link, Report, Section, Table, Text, find_page
 from cmacexp.report.run_summary import TABLES, RunSummary, format_value
 from cmacexp.report.side_by_side import draw_side_by_side
 from cmacexp.report.swept import Swept, find_swept
@@ -16,9 +17,16 @@ MOST_KEYS = 4
 """Swept keys that metrics are drawn over."""
 
 
-def _html_table(runs: Sequence[RunSummary], swept: Swept, prefix: str, caption: str) -> Table:
+def _html_table(runs: Sequence[RunSummary], swept: Swept, prefix: str, caption: str, out: Path) -> Table:
     titles, rows = format_runs(runs, [*swept.keys, *swept.seeds], prefix)
-    return Table([title.replace("\n", ", ") for title in titles], rows, caption)
+    linked = [[_link(run, name, out), *cells] for run, (name, *cells) in zip(runs, rows, strict=True)]
+    units = [title.replace("cycles\ndone", "cycles done").replace("\n", ", ") for title in titles]
+    return Table(units, linked, caption)
+
+
+def _link(run: RunSummary, name: str, out: Path) -> str | Link:
+    page = find_page(run.folder, out)
+    return Link(name, page) if page else name
 
 
 def _list_stopped(runs: Sequence[RunSummary]) -> list[Any]:
@@ -37,10 +45,11 @@ def _list_differences(runs: Sequence[RunSummary], swept: Swept) -> list[Any]:
     for key in [*swept.keys, *swept.seeds]:
         values = list(dict.fromkeys(format_value(run.config.get(key)) for run in runs if run.config))
         listed = ", ".join(values[:12]) + (f", ... ({len(values)} values)" if len(values) > 12 else "")
-        rows.append([key, listed, ", ".join(swept.linked.get(key, []))])
+        rows.append([key, listed, *([", ".join(swept.linked.get(key, []))] if swept.linked else [])])
     if not rows:
         return [Text("These runs have the same config, apart from settings that do not change the results.")]
-    return [Table(["key", "values", "keys that vary with it"], rows, "What differs between the runs", 3)]
+    titles = ["key", "values", *(["keys that vary with it"] if swept.linked else [])]
+    return [Table(titles, rows, "What differs between the runs", 3)]
 
 
 def _make_line_names(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[str]:
@@ -51,12 +60,13 @@ def _make_line_names(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[st
     return named if keys and len(keys) <= 3 and len(set(named)) == len(runs) else make_names(runs)
 
 
-def make_sweep_report(runs: Sequence[RunSummary], title: str) -> Report:
+def make_sweep_report(runs: Sequence[RunSummary], title: str, out: Path) -> Report:
     """The report of several runs.
 
     Args:
         runs: two or more.
         title: of the page.
+        out: folder of the report.
     """
     swept = find_swept(runs)
     results = [run for run in runs if run.is_result]
@@ -65,9 +75,12 @@ def make_sweep_report(runs: Sequence[RunSummary], title: str) -> Report:
     curves = draw_learning_curves(results, names, keys or ["scenario"])
     beside = draw_side_by_side(results, names)
     over = [drawing for key in swept.keys[:MOST_KEYS] for drawing in draw_over_key(results, key, swept.keys)]
-    final = _html_table(runs, swept, "final_", "Metrics of the last whole cycle, pooled over the legs")
-    best = _html_table(runs, swept, "best_", "Best values over all whole cycles: smallest error, largest share")
-    sections = [Section("The runs", [*_list_differences(runs, swept), final, best, *_list_stopped(runs)])]
+    final = _html_table(runs, swept, "final_", "Metrics of the last whole cycle, pooled over the legs", out)
+    best = "Best values over all whole cycles: smallest error, largest share"
+    folded = Folded(best, [_html_table(runs, swept, "best_", "", out)])
+    place = os.path.commonpath([run.folder.resolve().parent for run in runs])
+    pages = Text(f"Runs are folders below {place}; one with a page of its own is a link. {HOW_TO_REPORT}")
+    sections = [Section("The runs", [*_list_differences(runs, swept), final, pages, *_list_stopped(runs), folded])]
     sections += [Section("Metrics over the swept keys", over)] if over else []
     sections += [Section("Learning curves", curves)] if curves else []
     sections += [Section("Side by side", beside)] if beside else []

@@ -17,7 +17,9 @@ class FaultConfig:
     kind: str = choice(*FAULTS)
     """One of the faults in cmacexp/sensors/channel.py, which docs/sensors.md describes."""
     start: float = number("s", at_least=0)
+    """When the sensor breaks."""
     value: float = number(UNIT)
+    """The bias, the stuck reading or the standard deviation of the noise; 0 for kinds without a value."""
 
     def check(self, key: str) -> None:
         """Check ``value`` against the kind of the fault."""
@@ -34,7 +36,7 @@ class LegFaultConfig(FaultConfig):
     """A fault in some legs."""
 
     legs: list[int] | None = number("leg", at_least=1)
-    """null: all."""
+    """Legs whose sensor breaks, by their numbers; null: all."""
 
 
 @dataclass
@@ -49,9 +51,11 @@ class SignalConfig:
     noise_relative: float = number("", at_least=0, at_most=1e3)
     """Standard deviation of white noise over the value."""
     bias: float = number(UNIT, at_least=-1e9, at_most=1e9)
+    """Added to every reading."""
     quantum: float = number(UNIT, at_least=0, at_most=1e9)
     """Readings are multiples of this; 0: not quantised."""
     delay: int = number("samples", at_least=0)
+    """A reading is the value of so many samples before."""
     dropout: float = number("", at_least=0, below=1)
     """Probability that a sample is lost."""
     dropout_reads: str = choice("last", "zero")
@@ -91,7 +95,7 @@ class LegSignalConfig(SignalConfig):
 
     fault: LegFaultConfig
     legs: list[int] | None = number("leg", at_least=1)
-    """null: all."""
+    """Legs whose sensors this concerns, by their numbers; null: all."""
 
     def check(self, key: str, config: Config) -> None:
         """Check the legs too."""

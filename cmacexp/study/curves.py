@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN
 from cmacexp.report.figures import Panel, Series
 from cmacexp.report.run_summary import format_value
@@ -14,26 +15,26 @@ from cmacexp.study.results import Results
 from cmacexp.typing import Array
 
 
-def _appearance(name: str) -> tuple[str, str, float]:
-    """Title, unit and factor of a metric."""
-    shown = SHOWN.get(name)
-    return (shown.title, shown.unit, shown.factor) if shown else (name.replace("_", " "), ALL_METRICS[name].unit, 1.0)
+def _appearance(name: str) -> Shown:
+    """How a metric appears; one that tables do not show, under its name and in its unit."""
+    return SHOWN.get(name) or Shown(name.replace("_", " "), ALL_METRICS[name].unit)
 
 
 def over_cycles(results: Results, name: str, by: str, log: str = "") -> Panel:
     """A metric in every cycle: the median over runs with the same value of ``by``, and their range as a band."""
-    title, unit, factor = _appearance(name)
+    shown = _appearance(name)
     series = []
     for value, own in results.by(by).items():
         histories = own.history(name)
         length = max(map(len, histories))
-        padded = np.array([np.pad(h, (0, length - len(h)), constant_values=np.nan) for h in histories]) * factor
+        padded = np.array([np.pad(h, (0, length - len(h)), constant_values=np.nan) for h in histories]) * shown.factor
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # a cycle in which no run defines the metric
             middle, low, high = np.nanmedian(padded, 0), np.nanmin(padded, 0), np.nanmax(padded, 0)
         band = (low, high) if len(histories) > 1 else (None, None)
         series.append(Series(format_value(value), np.arange(1, length + 1), middle, *band))
-    return Panel(title, "cycle", f"{title}, {unit}".rstrip(", "), series, log=log)
+    y = f"{shown.title}, {shown.unit}".rstrip(", ")
+    return Panel(shown.title, "cycle", y, series, log=log, from_zero=shown.from_zero)
 
 
 def over_setting(

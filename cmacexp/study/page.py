@@ -1,5 +1,6 @@
 """The page of a study: its Markdown with values, figures, tables, findings and claims inserted."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -9,13 +10,15 @@ from typing import Any
 from cmacexp.config.fields import listed
 from cmacexp.errors import BadInput
 from cmacexp.report.markdown import MarkdownPage, find_insertions
-from cmacexp.report.page import Html, Section, relative
+from cmacexp.report.page import HOW_TO_REPORT, Html, Section, find_page
 from cmacexp.study.interval import GUARD, TRIMMED_FROM
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import VERDICTS, Found, Judged
 from cmacexp.study.study import StudyFile
 
 QUICK = "Quick run: this page checks the machinery and concludes nothing. It shows no verdicts and no findings."
+MOST_RUNS = 5
+"""Runs that the table names for a claim."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,7 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
             "runs": len(results),
             **study.values(results),
         },
+        png=not quick,
     )
     return Evaluated(file.name, study.title, claims, findings, page.render(study.title), page.files)
 
@@ -94,10 +98,15 @@ def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
     from jinja2 import Environment, FileSystemLoader
 
     environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True)
-    links = [
-        sorted({relative(Path(run), folder) for each in judged.measured for run in each.runs}) for judged in claims
-    ]
+    runs = [sorted({Path(run) for each in judged.measured for run in each.runs}) for judged in claims]
+    pages = [[(run.name, find_page(run, folder)) for run in own] for own in runs]
+    counts = Counter(judged.verdict for judged in claims)
     table = environment.get_template("claims.html").render(
-        claims=list(zip(claims, links, strict=True)), verdicts=VERDICTS
+        claims=list(zip(claims, pages, strict=True)),
+        verdicts=VERDICTS,
+        counts=counts,
+        most=MOST_RUNS,
+        place=", ".join(sorted({str(run.parent) for own in runs for run in own})),
+        how_to_report=HOW_TO_REPORT,
     )
     return Section("The claims", [Html(table)])

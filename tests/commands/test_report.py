@@ -2,17 +2,30 @@
 
 import json
 import math
+import re
 import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 from support.command import cmacexp, python
 
 from cmacexp.config.difference import flat
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.version import __version__
 from cmacexp.metrics.summary import shorten
 from cmacexp.report.comparison import make_rows
-from cmacexp.report.figure_data import mark, spans_decades
+from cmacexp.report.figure_data import logarithmic, mark, spans_decades, widen
+from cmacexp.report.figures import Panel, Series, draw
+from cmacexp.report.over_key import name_ticks
+from cmacexp.report.page import Drawing, Folded, Table
+from cmacexp.report.run_report import make_run_report
+from cmacexp.report.run_settings import list_settings
 from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
+from cmacexp.report.side_by_side import shared_limits
+from cmacexp.report.style import new_figure
+from cmacexp.report.sweep_report import make_sweep_report
 from cmacexp.report.swept import find_swept
 
 
@@ -22,16 +35,26 @@ def run(folder, *overrides):
 
 
 @pytest.fixture(scope="module")
-def leg(tmp_path_factory):
-    return run(tmp_path_factory.mktemp("report") / "leg", "cycles=3")
+def sweep(tmp_path_factory):
+    """Two runs; the first has a page of its own, and so has the sweep."""
+    folder = tmp_path_factory.mktemp("report") / "sweep"
+    cmacexp("-m", "record=trace", "cmac.layers=2,10", "cycles=3", f"hydra.sweep.dir={folder}", folder=folder.parent)
+    assert page(report(folder / "0")).endswith("sweep/0/report/report.html")
+    return folder
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("report") / "sweep"
-    swept = ["learning.rate=0.1,0.2", "cmac.layers=2,10,16", "cycles=2"]
-    cmacexp("-m", "record=trace", *swept, f"hydra.sweep.dir={folder}", folder=folder.parent)
-    return folder
+def told(sweep):
+    """What ``python -m cmacexp.report`` prints of the sweep."""
+    done = report(sweep)
+    assert page(done).endswith("sweep/report/report.html")
+    assert done.stderr == "", "no progress where nobody watches"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def leg(sweep):
+    return sweep / "0"
 
 
 def report(*arguments):
@@ -61,26 +84,75 @@ def text_of(folder):
     return (folder / "report" / "report.html").read_text()
 
 
-@pytest.fixture(scope="module")
-def reported(leg):
-    """The run with its report."""
-    assert page(report(leg)).endswith("leg/report/report.html")
-    return leg
+def parts_of(content):
+    """All parts of a report, folded ones too."""
+    inside = [part for section in content.sections for part in section.parts]
+    return inside + [inner for part in inside if isinstance(part, Folded) for inner in part.parts]
 
 
-def test_a_run_gets_a_page_that_needs_nothing_else(reported):
-    sources = Sources(text_of(reported)).found
+def names_of(content):
+    """The names of its figures."""
+    return {part.name for part in parts_of(content) if isinstance(part, Drawing)}
+
+
+def titles_of(content):
+    return [section.title for section in content.sections]
+
+
+def test_a_run_gets_a_page_that_needs_nothing_else(leg):
+    sources = Sources(text_of(leg)).found
     assert len(sources) >= 3
     assert all(source.startswith("data:image/svg+xml;base64,") for source in sources)
-    names = {path.stem for path in (reported / "report" / "figures").iterdir()}
-    assert {"metrics", "tracking", "torques"} <= names
-    assert not list((reported / "report").rglob(".*.part"))
-    assert "Memory of the feedforward" in text_of(reported)
-    assert "How it ended" not in text_of(reported)
+    files = {path.name for path in (leg / "report" / "figures").iterdir()}
+    assert files == {f"{name}.{kind}" for name in ("metrics", "tracking", "torques") for kind in ("png", "svg")}
+    assert not list((leg / "report").rglob(".*.part"))
+    assert "Memory of the feedforward" in text_of(leg)
+    assert "How it ended" not in text_of(leg)
 
 
-def test_its_manifest_lists_what_it_rests_on_and_a_changed_trace_is_noticed(reported, tmp_path):
-    copy = shutil.copytree(reported, tmp_path / "leg")
+def test_a_page_says_when_and_by_what_it_was_written(leg):
+    assert re.search(rf"Written on \d{{4}}-\d\d-\d\d by cmacexp {re.escape(__version__)}", text_of(leg))
+
+
+def test_figures_are_described_by_what_they_show(leg):
+    tracking = re.search(r'<figure id="tracking">.*?alt="([^"]+)"', text_of(leg), re.DOTALL)[1]
+    assert "contact force: force, N over time in the cycle, s" in tracking
+    assert "Legend: desired; cycle 1; cycle 2; cycle 3" in tracking
+
+
+def test_curves_come_before_the_folded_tables(leg):
+    before, _, folded = text_of(leg).partition("<details>")
+    assert before.count("<figure") == 3
+    assert "transfer_iae_x" in folded
+    assert "transfer_iae_x" not in before
+
+
+def test_settings_that_are_not_the_default_come_first(leg):
+    (section,) = [each for each in make_run_report(StoredRun(leg)).sections if each.title == "Settings"]
+    changed, folded = section.parts
+    assert [row[:4] for row in changed.rows] == [
+        ["cmac.layers", "2", "32", ""],
+        ["record.recording", "false", "true", ""],
+        ["cycles", "3", "5", ""],
+    ]
+    (table,) = folded.parts
+    assert {table.rows[index][0] for index in table.marked} == {row[0] for row in changed.rows}
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert rows["machine.leg.length_1"] == ["0.35", "m", "Hip to knee, l1."]
+
+
+def test_settings_of_an_unknown_scenario_are_not_compared(leg, tmp_path):
+    copy = shutil.copytree(leg, tmp_path / "leg")
+    manifest = json.loads((copy / "manifest.json").read_text())
+    manifest["config"]["scenario"] = "mine"
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    text, folded = list_settings(StoredRun(copy)).parts
+    assert "no scenario mine" in text.text
+    assert not folded.parts[0].marked
+
+
+def test_its_manifest_lists_what_it_rests_on_and_a_changed_trace_is_noticed(leg, tmp_path):
+    copy = shutil.copytree(leg, tmp_path / "leg")
     manifest = json.loads((copy / "report" / "manifest.json").read_text())
     assert {"../trace.parquet", "../metrics.parquet", "report.html", "figures/tracking.svg"} <= set(manifest["files"])
     verify = ["-m", "cmacexp.verify", str(copy / "report")]
@@ -95,12 +167,13 @@ def test_its_manifest_lists_what_it_rests_on_and_a_changed_trace_is_noticed(repo
     assert "trace.parquet: changed since it was written" in refused.stderr
 
 
-def test_cycles_are_those_asked_for(leg, tmp_path):
-    page(report(leg, "--cycles", "1,3", "--out", tmp_path / "out"))
-    text = (tmp_path / "out" / "report.html").read_text()
-    assert "Cycles shown: 1, 3." in text
-    assert "cycle 3" in text
-    assert "cycle 2" not in text
+def test_cycles_are_those_asked_for_and_the_last_is_the_strongest(leg):
+    content = make_run_report(StoredRun(leg), [3, 1])
+    assert "Cycles shown: 1, 3." in content.summary
+    (tracking,) = [part for part in parts_of(content) if getattr(part, "name", "") == "tracking"]
+    widths = {line.get_label(): line.get_linewidth() for line in tracking.figure.axes[-1].lines}
+    assert set(widths) == {"cycle 1", "cycle 3"}
+    assert widths["cycle 3"] > widths["cycle 1"]
 
 
 @pytest.mark.parametrize(
@@ -121,11 +194,11 @@ def test_cycles_that_cannot_be_shown_are_refused_in_one_line(leg, tmp_path, cycl
 
 
 def test_a_thinned_run_shows_the_cycles_that_its_trace_kept(tmp_path):
-    thin = run(tmp_path / "thin", "cycles=5", "record.cycles=[2,4]", "record.every_nth_step=7")
-    assert "Cycles shown: 2, 4." in (page(report(thin)) and text_of(thin))
-    done = report(thin, "--cycles", "2,3")
+    thin = run(tmp_path / "thin", "cycles=3", "record.cycles=[2,3]", "record.every_nth_step=7")
+    assert "Cycles shown: 2, 3." in make_run_report(StoredRun(thin)).summary
+    done = report(thin, "--cycles", "1,2")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "error: --cycles=3: is not in the trace, which holds only the cycles of record.cycles\n"
+    assert done.stderr == "error: --cycles=1: is not in the trace, which holds only the cycles of record.cycles\n"
 
 
 def test_a_page_cannot_go_where_a_file_stands(leg, tmp_path):
@@ -151,59 +224,78 @@ def test_folders_that_hold_no_whole_run_are_refused(leg, tmp_path):
 
 
 def test_a_point_mass_has_forces_and_no_joints(tmp_path):
-    folder = run(tmp_path / "mass", "scenario=force_step")
-    page(report(folder))
-    assert "Memory of the feedforward" not in text_of(folder)
-    assert "transfer_rmse_x" not in text_of(folder)
-    assert "force_rmse" in text_of(folder)
+    content = make_run_report(StoredRun(run(tmp_path / "mass", "scenario=force_step")))
+    assert "Memory of the feedforward" not in titles_of(content)
+    metrics = {row[0] for part in parts_of(content) if isinstance(part, Table) for row in part.rows}
+    assert "force_rmse" in metrics
+    assert "transfer_rmse_x" not in metrics
 
 
-def test_a_quadruped_that_fell_says_why(tmp_path):
-    folder = run(tmp_path / "fell", "scenario=quadruped", "posture.gain=0", "cycles=2")
-    page(report(folder))
-    text = text_of(folder)
-    assert "The run fell at step 147 (t = 0.735 s): the body has no static equilibrium" in text
-    assert {"end", "body", "force"} <= {path.stem for path in (folder / "report" / "figures").iterdir()}
-    assert "right rear" in text
+@pytest.fixture(scope="module")
+def fallen(tmp_path_factory):
+    return run(tmp_path_factory.mktemp("report") / "fell", "scenario=quadruped", "posture.gain=0", "cycles=2")
 
 
-def test_a_sweep_is_told_by_what_was_swept_and_broken_runs_are_listed(sweep, tmp_path):
-    copy = shutil.copytree(sweep, tmp_path / "sweep", ignore=shutil.ignore_patterns("report"))
-    (copy / "4" / "manifest.json").unlink()
-    done = report(copy)
-    assert page(done).endswith("sweep/report/report.html")
-    rows = [line.split() for line in done.stdout.splitlines()]
-    assert [row[:4] for row in rows[2:6]] == [
-        ["0", "2", "0.1", "completed"],
-        ["1", "10", "0.1", "completed"],
-        ["2", "16", "0.1", "completed"],
-        ["3", "2", "0.2", "completed"],
+def test_a_quadruped_that_fell_says_why(fallen):
+    content = make_run_report(StoredRun(fallen))
+    assert "The run fell at step 147 (t = 0.735 s): the body has no static equilibrium" in content.summary
+    assert {"end", "body", "force"} <= names_of(content)
+    legs = [row[0] for part in parts_of(content) if isinstance(part, Table) for row in part.rows]
+    assert "4, right rear" in legs
+
+
+def test_a_sweep_is_told_by_what_was_swept(sweep, told):
+    rows = [line.split() for line in told.splitlines()]
+    assert [row[:3] for row in rows[2:4]] == [["0", "2", "completed"], ["1", "10", "completed"]]
+    assert "What differs between them: cmac.layers." in text_of(sweep)
+    names = {path.stem for path in (sweep / "report" / "figures").iterdir()}
+    assert {"learning", "over-cmac-layers", "side-by-side-force"} <= names
+
+
+def test_two_swept_keys_have_a_figure_each_with_a_line_for_each_value_of_the_other(sweep):
+    runs = [
+        replace(run, config=run.config | {"learning.rate": rate}, status=status)
+        for run in map(read_summary, (sweep / "0", sweep / "1"))
+        for rate, status in ((0.1, "completed"), (0.2, "completed"), (1.8, "diverged"))
     ]
-    text = text_of(copy)
-    assert "What differs between them: cmac.layers, learning.rate." in text
-    assert "the run was killed before its end" in text
-    names = {path.stem for path in (copy / "report" / "figures").iterdir()}
-    assert {"learning", "over-cmac-layers", "over-learning-rate", "side-by-side"} <= names
-    inputs = json.loads((copy / "report" / "manifest.json").read_text())["files"]
-    assert "../0/trace.parquet" in inputs
-    assert not any(name.startswith("../4/") for name in inputs)
+    content = make_sweep_report(runs, "sweep", sweep / "report")
+    assert (
+        "6 runs: 4 completed, 2 diverged. What differs between them: cmac.layers, learning.rate." in content.summary
+    )
+    (over,) = [part.figure for part in parts_of(content) if getattr(part, "name", "") == "over-cmac-layers"]
+    assert [text.get_text() for text in over.legends[0].get_texts()] == ["0.1", "0.2", "fell or diverged"]
+    assert {"learning", "over-learning-rate", "side-by-side-force"} <= names_of(content)
 
 
-def test_a_report_is_no_run_to_the_other_commands(sweep):
-    page(report(sweep / "0"))
-    done = report(sweep)
-    assert page(done)
-    assert done.stdout.count("completed") == 6
+def test_a_run_with_a_page_is_a_link(sweep, told):
+    assert re.findall(r'<td[^>]*><a href="([^"]+)">(\d)</a>', text_of(sweep))[0] == ("../0/report/report.html", "0")
+    assert "../1/report" not in text_of(sweep)
+
+
+def test_a_broken_run_is_listed_and_in_no_figure(sweep, tmp_path):
+    copy = shutil.copytree(sweep, tmp_path / "sweep", ignore=shutil.ignore_patterns("report"))
+    (copy / "1" / "manifest.json").unlink()
+    runs = [read_summary(copy / name) for name in "01"]
+    content = make_sweep_report(runs, "sweep", copy / "report")
+    assert "2 runs: 1 completed, 1 not whole" in content.summary
+    cells = [cell for part in parts_of(content) if isinstance(part, Table) for row in part.rows for cell in row]
+    assert any("the run was killed before its end" in cell for cell in cells)
+    assert copy / "0" / "trace.parquet" in content.inputs
+    assert not [path for path in content.inputs if path.parent.name == "1"]
+
+
+def test_a_report_is_no_run_to_the_other_commands(sweep, told):
+    assert told.count("completed") == 2
     for command in ("score", "verify"):
         done = python("-m", f"cmacexp.{command}", str(sweep), folder=sweep.parent)
         assert done.returncode == 0, done.stderr
-    assert done.stdout.count(": completed") == 8
+    assert done.stdout.count(": completed") == 4
 
 
 def test_final_and_best_are_of_whole_cycles(leg):
     summary = read_summary(leg)
     (row,) = make_rows([summary], ["cycles"])
-    assert (row["run"], row["status"], row["cycles_done"]) == ("leg", "completed", 3)
+    assert (row["run"], row["status"], row["cycles_done"]) == ("0", "completed", 3)
     errors = summary.metrics["force_rmse"]
     assert row["final_force_rmse"] == errors[2]
     assert row["best_force_rmse"] == min(errors)
@@ -211,8 +303,8 @@ def test_final_and_best_are_of_whole_cycles(leg):
     assert math.isnan(row["final_tilt_max"])
 
 
-def test_a_cycle_that_the_run_did_not_end_is_no_final_one(tmp_path):
-    summary = read_summary(run(tmp_path / "fell", "scenario=quadruped", "posture.gain=0"))
+def test_a_cycle_that_the_run_did_not_end_is_no_final_one(fallen):
+    summary = read_summary(fallen)
     assert (summary.status, summary.cycles) == ("fell", 0)
     assert math.isnan(summary.final("force_rmse"))
 
@@ -276,3 +368,40 @@ def test_axes_are_logarithmic_only_where_values_allow_it():
 def test_lines_of_one_figure_differ_in_colour_or_dash():
     marks = {tuple(map(str, mark(index).values())) for index in range(12)}
     assert len(marks) == 12
+
+
+def test_axes_do_not_exaggerate_differences():
+    _, (errors, heights) = new_figure(1, 2)
+    for axes in (errors, heights):
+        axes.plot([0, 1], [1.42, 1.52])
+    widen(errors, [1.42, 1.52])
+    widen(heights, [1.42, 1.52], from_zero=False)
+    assert errors.get_ylim()[0] <= 0.0
+    assert heights.get_ylim()[0] > 1.0
+    figure = draw([Panel("error", "cycle", "mm", [Series("a", [1, 2], [1.42, 1.52])])])
+    assert figure.axes[0].get_ylim()[0] <= 0.0
+
+
+@pytest.mark.parametrize("ends", [(6.0, 9.0), (0.5, 30.0), (1e-3, 1e3)])
+def test_a_logarithmic_axis_has_several_plain_numbers(ends):
+    figure, (axes,) = new_figure()
+    axes.plot([0, 1], ends)
+    logarithmic(axes, "y", ends)
+    figure.draw_without_rendering()
+    low, high = axes.get_ylim()
+    major = [tick.label1.get_text() for tick in axes.yaxis.get_major_ticks() if low <= tick.get_loc() <= high]
+    assert len(major) >= 3
+    assert all(re.fullmatch(r"[\d.]+", text) for text in major)
+    assert not any(tick.label1.get_text() for tick in axes.yaxis.get_minor_ticks())
+
+
+def test_names_of_ticks_do_not_overlap():
+    values = [1.0, 10.0, 19.0, 20.0]
+    assert name_ticks(np.array(values), values) == ["1", "10", "", "20"]
+    assert name_ticks(np.log([1.0, 2.0, 4.0]), [1.0, 2.0, 4.0]) == ["1", "2", "4"]
+
+
+def test_one_run_that_oscillates_does_not_set_the_scale_of_the_others():
+    calm, wild = np.array([-1.0, 1.0]), np.array([-90.0, 90.0])
+    assert shared_limits([calm, 1.2 * calm, wild]) == (-1.2, 1.2)
+    assert shared_limits([wild, wild]) == (-90.0, 90.0)

@@ -29,7 +29,7 @@ from cmacexp.metrics.pooling import pool_legs
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, SHOWN
 from cmacexp.metrics.summary import format_cycles, format_number
 from cmacexp.report.comparison import format_runs, make_rows
-from cmacexp.report.per_cycle import PANELS, draw_metrics
+from cmacexp.report.per_cycle import KEY, PANELS, draw_metrics
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import read_summary
 from cmacexp.sweep.objective import read_objective
@@ -97,20 +97,27 @@ def test_terminal_and_notebook_show_the_pooled_values(walk):
 def test_the_report_of_a_run_shows_the_pooled_values(walk):
     run, values = walk
     report = make_run_report(run, [1, 2])
-    (section,) = (section for section in report.sections if section.title == "Metrics per cycle")
-    table = section.parts[-1]
+    parts = {section.title: section.parts for section in report.sections}
+    (table,) = parts["All metrics"][-1].parts
     rows = {name: rest for name, *rest in table.rows}
     assert set(rows) == set(ALL_METRICS) - {"force_iae"}
     for name, (_, pooling, _, *numbers) in rows.items():
         assert pooling == ALL_METRICS[name].pooling.name
         assert numbers == [f"{value:.4g}" if value == value else "-" for value in values[name]], name
+    (key,) = parts["In short"]
+    shown = {ALL_METRICS[name].meaning: (name, MAIN[name]) for name in MAIN if MAIN[name].over_legs}
+    assert len(key.rows) >= len(KEY)
+    for title, meaning, unit, *numbers in key.rows:
+        name, main = shown[meaning]
+        assert (title, unit) == main[:2]
+        assert numbers == [format_number(main.factor * value) for value in values[name]]
 
 
 def test_the_figure_of_a_run_draws_the_pooled_values(walk):
     run, values = walk
     drawing = draw_metrics(run, "N m")
     drawn = [line.get_ydata() for axes in drawing.figure.axes for line in axes.lines]
-    names = [name for names in PANELS.values() for name in names if SHOWN[name].over_legs]
+    names = [name for _, names in PANELS.values() for name in names if SHOWN[name].over_legs]
     assert len(drawn) == len(names)
     for line, name in zip(drawn, names, strict=True):
         np.testing.assert_allclose(line, SHOWN[name].factor * np.array(values[name]), err_msg=name)
@@ -118,8 +125,8 @@ def test_the_figure_of_a_run_draws_the_pooled_values(walk):
 
 
 def test_the_lines_of_a_panel_share_their_unit():
-    for names in PANELS.values():
-        assert len({SHOWN[name][1:3] for name in names}) == 1
+    for _, names in PANELS.values():
+        assert len({(SHOWN[name].unit, SHOWN[name].factor, SHOWN[name].from_zero) for name in names}) == 1
 
 
 def test_sweep_table_and_objective_take_the_pooled_values(walk):

@@ -1,6 +1,7 @@
 """Studies: grids of runs, samples, intervals, and statements that can come out every way."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ from cmacexp.report.numbers import format_number
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, at_most, between, grid, starting_from
 from cmacexp.study.interval import estimate
+from cmacexp.study.page import make_claims_section
 from cmacexp.study.results import NoSuchRuns, Row
 from cmacexp.study.samples import per_seed, relative
-from cmacexp.study.statements import VERDICTS
+from cmacexp.study.statements import VERDICTS, Judged, Measured
 
 
 def made(*errors: float, asked: int = 5, **settings) -> Results:
@@ -233,3 +235,28 @@ def test_a_setting_that_is_a_word_in_some_runs_and_a_number_in_others_is_a_colum
 )
 def test_numbers_have_three_digits(value, text):
     assert format_number(value) == text
+
+
+def test_the_claims_begin_with_the_count_and_the_meaning_of_each_verdict(tmp_path):
+    claims = [
+        Claim(f"it is {i}", "section 1", [criterion(value)]).judge(made(0.1)) for i, value in enumerate((0.5, 0.5, 3))
+    ]
+    (part,) = make_claims_section(claims, tmp_path).parts
+    summary, _, table = part.html.partition("<table")
+    counts = dict(re.findall(r">([a-z ]+)</span></dt><dd class=\"count\">(\d)", summary))
+    assert counts == dict.fromkeys(VERDICTS, "0") | {"reproduced": "2", "contradicted": "1"}
+    assert all(part.html.count(meaning) == 1 and meaning in summary for meaning in VERDICTS.values())
+    assert table.count("verdict reproduced") == 2
+
+
+def test_a_claim_links_to_the_pages_of_its_runs_and_says_how_to_make_them(tmp_path):
+    with_page, without = tmp_path / "runs" / "a", tmp_path / "runs" / "b"
+    (with_page / "report").mkdir(parents=True)
+    (with_page / "report" / "report.html").touch()
+    measured = Measured(criterion(0.5), estimate([0.5]), [str(with_page), str(without)])
+    (part,) = make_claims_section(
+        [Judged(Claim("it", "1", [measured.criterion]), [measured])], tmp_path / "page"
+    ).parts
+    assert re.findall(r'href="([^#"]+)"', part.html) == ["../runs/a/report/report.html"]
+    assert "python -m cmacexp.report FOLDER" in part.html
+    assert str(tmp_path / "runs") in part.html

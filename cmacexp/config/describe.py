@@ -1,0 +1,90 @@
+"""Unit and meaning of every field of a config, as declared beside the field; and which values are not the default."""
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from itertools import pairwise
+from typing import Any, NamedTuple, get_type_hints
+
+from cmacexp.config.component import COMPONENTS, config_class
+from cmacexp.config.compose import compose_config
+from cmacexp.config.difference import flat
+from cmacexp.config.load import to_plain
+from cmacexp.config.machine import MACHINES
+from cmacexp.config.schema import Config
+from cmacexp.config.targets import current_folder_importable, find_class
+from cmacexp.errors import BadInput, CmacexpError
+
+
+class Described(NamedTuple):
+    """What is declared of a field."""
+
+    unit: str
+    meaning: str
+
+
+def describe_fields(config: Mapping[str, Any]) -> dict[str, Described]:
+    """Unit and meaning of the fields of a config, by the keys of :func:`cmacexp.config.difference.flat`.
+
+    Fields of a component without a ``Config``, or whose class cannot be imported here, are missing.
+
+    Args:
+        config: as it stands in a manifest.
+    """
+    found: dict[str, Described] = {}
+    _describe(Config, config, "", found)
+    return found
+
+
+def read_defaults(scenario: str) -> dict[str, Any]:
+    """The flat config of a scenario of this package without any override; empty if there is no such scenario."""
+    try:
+        return flat(to_plain(compose_config([f"scenario={scenario}"])))
+    except CmacexpError:
+        return {}
+
+
+def _describe(schema: type, node: Mapping[str, Any], before: str, found: dict[str, Described]) -> None:
+    types, meanings = get_type_hints(schema), _read_meanings(schema)
+    for each in fields(schema):
+        key, value = before + each.name, node.get(each.name)
+        if isinstance(value, Mapping):
+            own = types[each.name]
+            if each.name in COMPONENTS and not before:
+                own = _find_component(each.name, value, found)
+            elif key == "machine":
+                own = MACHINES.get(str(value.get("kind")))
+            if is_dataclass(own):
+                _describe(own, value, f"{key}.", found)  # type: ignore[arg-type]
+        elif each.name != "_target_":
+            found[key] = Described(each.metadata.get("unit", ""), meanings.get(each.name, ""))
+
+
+def _find_component(group: str, node: Mapping[str, Any], found: dict[str, Described]) -> type | None:
+    """The config class of a component, whose docstring describes the choice itself."""
+    try:
+        with current_folder_importable():
+            component = find_class(f"{group}._target_", node.get("_target_"))
+    except BadInput:
+        return None
+    found[group] = Described("", (inspect.getdoc(component) or "").partition("\n")[0])
+    return config_class(component)
+
+
+@cache
+def _read_meanings(schema: type) -> dict[str, str]:
+    """The strings that follow the fields of a dataclass and of those that it inherits from."""
+    found: dict[str, str] = {}
+    for base in reversed([base for base in schema.__mro__ if is_dataclass(base)]):
+        try:
+            body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body  # type: ignore[attr-defined]
+        except OSError:  # a class that was typed, not read from a file
+            continue
+        for declared, text in pairwise(body):
+            if isinstance(declared, ast.AnnAssign) and isinstance(declared.target, ast.Name):
+                is_text = isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+                found[declared.target.id] = " ".join(str(text.value.value).split()) if is_text else ""
+    return found

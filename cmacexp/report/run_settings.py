@@ -1,0 +1,42 @@
+"""The settings of a run: those that are not the default first, all with their unit and meaning."""
+
+from typing import Any
+
+from cmacexp.config.describe import Described, describe_fields, read_defaults
+from cmacexp.config.difference import flat
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.report.page import Folded, Part, Section, Table, Text
+
+NOT_DECLARED = Described("", "")
+
+
+def list_settings(run: StoredRun) -> Section:
+    """The config of the run, compared with that of its scenario without any change."""
+    settings, described = flat(run.config), describe_fields(run.config)
+    scenario = str(run.config["scenario"])
+    defaults = read_defaults(scenario)
+    changed = [key for key, value in settings.items() if value != defaults.get(key)] if defaults else []
+
+    def row(key: str, *more: str) -> list[str]:
+        field = described.get(key, NOT_DECLARED)
+        return [key, _format(settings[key]), *more, field.unit, field.meaning]
+
+    parts: list[Part] = []
+    if not defaults:
+        parts.append(Text(f"There is no scenario {scenario} here to compare with: changed settings are not marked."))
+    elif not changed:
+        parts.append(Text(f"All {len(settings)} settings are the defaults of scenario={scenario}."))
+    else:
+        titles = ["setting", "value", f"default of {scenario}", "unit", "meaning"]
+        rows = [row(key, _format(defaults[key]) if key in defaults else "not there") for key in changed]
+        caption = f"{len(changed)} of {len(settings)} settings differ from the defaults of scenario={scenario}"
+        parts.append(Table(titles, rows, caption, 5, cards=True))
+    marked = {index for index, key in enumerate(settings) if key in changed}
+    note = "Those that differ from the default are marked." if changed else ""
+    table = Table(["setting", "value", "unit", "meaning"], [row(key) for key in settings], note, 4, True, marked)
+    return Section("Settings", [*parts, Folded(f"All {len(settings)} settings", [table])])
+
+
+def _format(value: Any) -> str:
+    """As it is typed on the command line."""
+    return "null" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
