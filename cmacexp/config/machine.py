@@ -33,6 +33,7 @@ class LegMachine:
 
     leg: LegConfig
     kind: str = choice("leg")
+    """The equations of the machine."""
     hip_height: float = number("m", above=0)
     """Height of the hip above the undepressed ground."""
 
@@ -76,6 +77,7 @@ class QuadrupedMachine:
     """Links of all legs, unless ``legs`` sets those of one leg."""
     legs: FourLegs
     kind: str = choice("quadruped")
+    """The equations of the machine."""
     hip_height: float = number("m", above=0.25)
     """Height of the hips above the undepressed ground that the feet are planned for, h0 (assumed)."""
     body_mass: float = number("kg", above=0)
@@ -94,9 +96,11 @@ class PointMassMachine:
     """The leg as a point mass that moves along x and y (Lin & Song 1997, eq. 2-4)."""
 
     kind: str = choice("point_mass")
+    """The equations of the machine."""
     hip_height: float = number("m", above=0)
     """Depth of the undepressed ground below the origin."""
     mass: float = number("kg", above=0)
+    """M."""
     start_clearance: float = number("m")
     """Height of the mass above the undepressed ground at the start (assumed)."""
 

@@ -45,6 +45,7 @@ class ForceControlConfig:
     """Force control in the support phase (Lin & Song 1997, eq. 8-15)."""
 
     method: str = choice("stiffness", "damping", "combined", "explicit")
+    """Which of the four methods: eq. 8-9, 10-11, 12-13, 14-15."""
     desired_force: float | None = number("N", above=0)
     """F_d; null under a body, whose weight is shared out among the feet."""
     elasticity: float = number("m/N", at_least=0, at_most=1e6)
@@ -62,6 +63,7 @@ class PlausibilityConfig:
     """Fault detection: whether the controller checks its force sensors, and ignores those that are implausible."""
 
     enabled: bool
+    """Whether force sensors are checked."""
     tolerance: float = number("N", above=0, at_most=1e9)
     """Largest plausible difference from the force expected at the measured depth."""
     relative_tolerance: float = number("", at_least=0, below=1)
@@ -137,6 +139,7 @@ class Config:
     """All fields of a run."""
 
     scenario: str
+    """The section of the paper that a run belongs to; it names the folder of its results."""
     machine: Any
     plant: Any
     terrain: TerrainConfig
@@ -158,6 +161,7 @@ class Config:
     warn: bool
     """Warn before a long run if its learning is predicted to diverge (see cmacexp/stability/warn.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)
+    """Gait cycles of the run."""
     seed: int = number("", at_least=0, below=2**32)
     """Seed of the hash of the CMAC's memory and of every component that draws random numbers."""
     sampling_period: float = number("s", at_least=1e-6, at_most=1e3)

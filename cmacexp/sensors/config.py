@@ -17,7 +17,9 @@ class FaultConfig:
     kind: str = choice(*FAULTS)
     """One of the faults in cmacexp/sensors/channel.py, which docs/sensors.md describes."""
     start: float = number("s", at_least=0)
+    """When the sensor breaks."""
     value: float = number(UNIT)
+    """What the kinds value, bias and noise take; 0 for the others."""
 
     def check(self, key: str) -> None:
         """Check ``value`` against the kind of the fault."""
@@ -49,9 +51,11 @@ class SignalConfig:
     noise_relative: float = number("", at_least=0, at_most=1e3)
     """Standard deviation of white noise over the value."""
     bias: float = number(UNIT, at_least=-1e9, at_most=1e9)
+    """Added to every reading."""
     quantum: float = number(UNIT, at_least=0, at_most=1e9)
     """Readings are multiples of this; 0: not quantised."""
     delay: int = number("samples", at_least=0)
+    """Age of a reading."""
     dropout: float = number("", at_least=0, below=1)
     """Probability that a sample is lost."""
     dropout_reads: str = choice("last", "zero")
