@@ -5,6 +5,7 @@ mkdocs fills the page when it builds the site, so an addition to the config need
 
 import ast
 import inspect
+import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import Field, fields, is_dataclass
@@ -23,7 +24,7 @@ from cmacexp.config.fields import describe_range
 from cmacexp.config.folder import config_folder
 from cmacexp.errors import CmacexpError
 
-MARK = "<!-- tables of all fields -->"
+PLACE = re.compile("<!-- fields: begin -->.*<!-- fields: end -->", flags=re.DOTALL)
 """Where they stand in the page."""
 SCENARIOS = ("one_leg", "force_step", "quadruped")
 """Whose defaults are shown; the first is that of the command line."""
@@ -150,7 +151,7 @@ def section_of(group: str) -> str:
     chosen = set()
     for scenario in SCENARIOS:
         config, choices = composed(f"scenario={scenario}")
-        nodes.setdefault(type(getattr(config, group)), {})[f"`scenario={scenario}`"] = getattr(config, group)
+        nodes.setdefault(type(getattr(config, group)), {})[scenario] = getattr(config, group)
         chosen.add(choices[group])
     for option in (path.stem for path in paths if path.stem not in chosen):  # first those that build on no other
         node = with_option(group, option)
@@ -166,10 +167,10 @@ def section_of(group: str) -> str:
 
 def all_tables() -> str:
     """Fields of the run, then a section for each group."""
-    configs = {f"`scenario={scenario}`": composed(f"scenario={scenario}")[0] for scenario in SCENARIOS}
+    configs = {scenario: composed(f"scenario={scenario}")[0] for scenario in SCENARIOS}
     return "\n".join(["## Without a group\n", table_of(configs, "", without=GROUPS), *map(section_of, GROUPS)])
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Fill the page; mkdocs calls this for every page."""
-    return markdown.replace(MARK, all_tables()) if MARK in markdown else markdown
+    return PLACE.sub(lambda _: all_tables(), markdown)

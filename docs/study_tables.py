@@ -4,6 +4,7 @@ mkdocs fills the page when it builds the site, so a new study needs no edit of i
 """
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 from cmacexp.study import Criterion
 from cmacexp.study.study import StudyFile, load_study
 
-MARK = "<!-- lists of all studies -->"
+PLACE = re.compile("<!-- studies: begin -->.*<!-- studies: end -->", flags=re.DOTALL)
 """Where they stand in the page."""
 DOCS = Path(__file__).parent
 STUDIES = [page.with_suffix(".py") for page in sorted((DOCS.parent / "pipelines").glob("*.md"))]
@@ -47,4 +48,4 @@ def all_studies() -> str:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Fill the page; mkdocs calls this for every page."""
-    return markdown.replace(MARK, all_studies()) if MARK in markdown else markdown
+    return PLACE.sub(lambda _: all_studies(), markdown)
