@@ -126,6 +126,16 @@ def test_learning_with_the_lead_lasts_as_the_page_says(folder):
     assert last_row(folder, "lasting").cycle == 400
 
 
+def test_the_first_run_learns_as_the_tutorial_says(folder):
+    metrics = pd.read_parquet(folder / "outputs" / "first" / "metrics.parquet")
+    learning = metrics[metrics.cycle >= 2]
+    assert learning.transfer_rmse_x.is_monotonic_decreasing
+    assert learning.transfer_rmse_y.is_monotonic_decreasing
+    assert learning.feedforward_share.is_monotonic_increasing
+    first, *later = metrics.force_steady_state_error.abs()
+    assert max(later) < first
+
+
 def test_the_aware_reference_brings_the_force_closer_as_the_tutorial_says(folder):
     errors = [abs(last_row(folder, name).force_steady_state_error) for name in ("aware", "first")]
     assert errors[0] < 0.1 * errors[1]
