@@ -53,9 +53,10 @@ def meanings(schema: type) -> dict[str, str]:
     found = {}
     for each in reversed([each for each in schema.__mro__ if is_dataclass(each)]):
         (definition,) = ast.parse(textwrap.dedent(inspect.getsource(each))).body
-        for first, second in pairwise(definition.body):  # type: ignore[attr-defined]
+        assert isinstance(definition, ast.ClassDef)
+        for first, second in pairwise(definition.body):
             if isinstance(first, ast.AnnAssign) and isinstance(second, ast.Expr):
-                found[first.target.id] = " ".join(second.value.value.split())
+                found[ast.unparse(first.target)] = " ".join(ast.literal_eval(second.value).split())
     return found
 
 
