@@ -1,4 +1,4 @@
-"""Runs from Python, as from the command line: :func:`run` one, :func:`load` an old one."""
+"""Runs from Python, as from the command line: ``run`` one, ``load`` an old one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -77,7 +77,7 @@ def run(
         The run; its ``status`` says how it ended.
 
     Raises:
-        CmacexpError: it cannot be run; a :class:`BadInput` names the key, the value and what is allowed.
+        CmacexpError: it cannot be run; a ``BadInput`` names the key, the value and what is allowed.
         OSError: the folder cannot be written.
     """
     config_overrides, named = _split(overrides)

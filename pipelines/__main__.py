@@ -13,6 +13,8 @@ from cmacexp.study.study import load_study
 
 PIPELINES = Path(__file__).resolve().parent
 DOCS = PIPELINES.parent / "docs"
+PAGES = (PIPELINES.parent / "README.md", *sorted(DOCS.glob("*.md")))
+"""What may quote the studies."""
 QUOTED = DOCS / "results.json"
 """Values and verdicts of the last full studies; ``4.87 %<!--one_leg_learning.bias 0-->`` quotes a first value."""
 MARK = re.compile(r"<!--(\w+)\.([^>]+?) (\d+|verdict)-->")
@@ -68,7 +70,7 @@ def main() -> None:
         return
     before = json.loads(QUOTED.read_text())
     after = {**before, **read_quotable(FOLDER)}
-    for page in DOCS.glob("*.md"):
+    for page in PAGES:
         page.write_text(renew(page.read_text(), before, after))
     QUOTED.write_text(json.dumps(after, indent=1, ensure_ascii=False) + "\n")
 

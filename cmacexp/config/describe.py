@@ -48,7 +48,7 @@ def read_defaults(scenario: str) -> dict[str, Any]:
 
 
 def _describe(schema: type, node: Mapping[str, Any], before: str, found: dict[str, Described]) -> None:
-    types, meanings = get_type_hints(schema), _read_meanings(schema)
+    types, meanings = get_type_hints(schema), read_meanings(schema)
     for each in fields(schema):
         key, value = before + each.name, node.get(each.name)
         if isinstance(value, Mapping):
@@ -75,7 +75,7 @@ def _find_component(group: str, node: Mapping[str, Any], found: dict[str, Descri
 
 
 @cache
-def _read_meanings(schema: type) -> dict[str, str]:
+def read_meanings(schema: type) -> dict[str, str]:
     """The strings that follow the fields of a dataclass and of those that it inherits from."""
     found: dict[str, str] = {}
     for base in reversed([base for base in schema.__mro__ if is_dataclass(base)]):

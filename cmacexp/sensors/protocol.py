@@ -14,7 +14,7 @@ SIGNALS = ("force", "position", "velocity", "height", "tilt", "height_rate", "ti
 class Sensors(Protocol):
     """Measure the true state; the measurement is the input of the controller.
 
-    Sensors may also have ``alters``, the names of the :data:`SIGNALS` that they can change; these get ``*_measured``
+    Sensors may also have ``alters``, the names of the ``SIGNALS`` that they can change; these get ``*_measured``
     columns in the trace. Without it all signals do.
     """
 
@@ -42,5 +42,5 @@ class PerfectSensors:
 
 
 def find_altered(sensors: Sensors) -> frozenset[str]:
-    """The :data:`SIGNALS` that ``sensors`` may change."""
+    """The ``SIGNALS`` that ``sensors`` may change."""
     return frozenset(getattr(sensors, "alters", SIGNALS))

@@ -47,11 +47,12 @@ def grid(*overrides: str, over: Values | None = None, seeded: bool = False, **la
         seeded: whether each is repeated for every seed of the study.
         labels: columns with the same value in all of these runs.
 
-    >>> [request.overrides for request in grid("cycles=9", over={"cmac.layers": [8, 16]})]
-    [('cycles=9', 'cmac.layers=8'), ('cycles=9', 'cmac.layers=16')]
-    >>> ramps = {"none": [], "slow": ["gait.load_ramp=0.2"]}
-    >>> [(request.overrides, request.labels) for request in grid(over={"ramp": ramps})]
-    [((), {'ramp': 'none'}), (('gait.load_ramp=0.2',), {'ramp': 'slow'})]
+    Examples:
+        >>> [request.overrides for request in grid("cycles=9", over={"cmac.layers": [8, 16]})]
+        [('cycles=9', 'cmac.layers=8'), ('cycles=9', 'cmac.layers=16')]
+        >>> ramps = {"none": [], "slow": ["gait.load_ramp=0.2"]}
+        >>> [(request.overrides, request.labels) for request in grid(over={"ramp": ramps})]
+        [((), {'ramp': 'none'}), (('gait.load_ramp=0.2',), {'ramp': 'slow'})]
     """
     requests = []
     for chosen in itertools.product(*(_choices(key, values) for key, values in (over or {}).items())):

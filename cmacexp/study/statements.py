@@ -96,7 +96,7 @@ class Measured:
 
     @property
     def verdict(self) -> str:
-        """One of :data:`VERDICTS`, but for ``reproduced in part``."""
+        """One of ``VERDICTS``, but for ``reproduced in part``."""
         holds, fails = self.criterion.holds, self.criterion.fails
         if holds.contains(self.interval):
             return REPRODUCED
@@ -164,7 +164,7 @@ class Judged:
 
     @property
     def verdict(self) -> str:
-        """That of all criteria together, one of :data:`VERDICTS`."""
+        """That of all criteria together, one of ``VERDICTS``."""
         found = {each.verdict for each in self.measured}
         if len(found) == 1:
             return found.pop()

@@ -5,14 +5,14 @@ import json
 import pytest
 from support.command import ROOT, python
 
-from pipelines.__main__ import DOCS, MARK, QUOTED, quoted, read_quotable, renew
+from pipelines.__main__ import MARK, PAGES, QUOTED, quoted, read_quotable, renew
 
 RESULTS = json.loads(QUOTED.read_text())
-PAGES = [page for page in sorted(DOCS.glob("*.md")) if MARK.search(page.read_text())]
+QUOTING = [page for page in PAGES if MARK.search(page.read_text())]
 QUICKEST = "lead_design"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.stem)
 def test_every_quote_is_what_the_study_found(page):
     text = page.read_text()
     wrong = [match[0] for match in MARK.finditer(text) if not text[: match.start()].endswith(quoted(match, RESULTS))]

@@ -1,0 +1,44 @@
+"""README and documentation, in the order of the site, and the blocks of code in them."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+from support.command import ROOT
+
+FENCE = re.compile(
+    r'^(?:<!-- ([\w ]+): ([^>]*) -->\n\n)?```(\w*)(?: title="(.*?)")?\n(.*?)^```$', flags=re.DOTALL | re.MULTILINE
+)
+
+
+class Block(NamedTuple):
+    """A block of code, as it stands in a page."""
+
+    page: str
+    notes: dict[str, str]
+    """What a comment above the block, ``<!-- name: value -->``, says is different in the tests."""
+    language: str
+    title: str
+    """The file that the block is; empty: none."""
+    code: str
+
+
+def _leaves(node: object) -> Iterator[str]:
+    for value in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
+        yield from _leaves(value)
+    if isinstance(node, str):
+        yield node
+
+
+PAGES: dict[str, Path] = {
+    "README.md": ROOT / "README.md",
+    **{name: ROOT / "docs" / name for name in _leaves(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"])},
+}
+
+
+def blocks(page: str) -> list[Block]:
+    """All blocks of a page."""
+    found = FENCE.findall(PAGES[page].read_text())
+    return [Block(page, {note: value} if note else {}, *rest) for note, value, *rest in found]
