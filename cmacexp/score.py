@@ -13,7 +13,7 @@ from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.score import score_traces
-from cmacexp.report.terminal import print_scores
+from cmacexp.report.terminal import print_scores, progress
 
 
 def score(folder: Path) -> Scores:
@@ -37,7 +37,9 @@ def score(folder: Path) -> Scores:
 
 def _score(arguments: argparse.Namespace) -> int:
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
-        print_scores(score(folder))
+        with progress(f"scoring {folder}"):
+            scores = score(folder)
+        print_scores(scores)
         print(folder)
     return 0
 

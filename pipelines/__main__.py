@@ -68,6 +68,8 @@ def main() -> None:
             file = load_study(page.with_suffix(".py"))
             print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
         return
+    if not QUOTED.is_file():
+        parser.error(f"--write-docs: {QUOTED} does not exist; run it from a checkout, where the documentation is")
     before = json.loads(QUOTED.read_text())
     after = {**before, **read_quotable(FOLDER)}
     for page in PAGES:

@@ -97,7 +97,7 @@ class _Task:
         scenario = make_scenario(config)
         if (warning := growth_warning(config, scenario)) is not None:
             say(warning, error=True)
-        with progress(config) as watch:
+        with progress(config.scenario, config.cycles, "cycles") as watch:
             result = run_scenario(config, folder, watch, scenario, warn_of_drift)
         self.outcome = result.status
         print_summary(result)

@@ -155,9 +155,10 @@ def cache_folder() -> Path:
     numba keys a cached program by its own file alone, and would still use it after an edit of a kernel that it calls;
     a folder per state of the sources is never stale.
     """
-    root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
+    root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     folder = Path(root) / "cmacexp" / sources_hash(KERNEL_ROOMS)
-    return folder if _writable(folder) else _temporary_folder(folder.name)
+    has_root = not root.startswith("~")  # in a container a user may have no home folder
+    return folder if has_root and _writable(folder) else _temporary_folder(folder.name)
 
 
 def _temporary_folder(name: str) -> Path:

@@ -10,7 +10,10 @@ from cmacexp.models.mechanism import Mechanism, legs_on_stand, legs_under_body, 
 
 def compute_weight_of_masses(machine: QuadrupedMachine) -> float:
     """Weight of the body and all its legs, N."""
-    return GRAVITY * (machine.body_mass + sum(leg.mass_1 + leg.mass_2 for leg in machine.legs.in_order))
+    legs = 0.0
+    for leg in machine.legs.in_order:  # sum() rounds differently from Python 3.12 on
+        legs += leg.mass_1 + leg.mass_2
+    return GRAVITY * (machine.body_mass + legs)
 
 
 def compute_total_weight(machine: QuadrupedMachine) -> float:

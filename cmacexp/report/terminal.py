@@ -1,4 +1,4 @@
-"""Printing in the terminal: that compiling takes place, the progress of a run, tables, and its summary."""
+"""Printing in the terminal: that compiling takes place, the progress of work, tables, and the summary of a run."""
 
 import os
 import sys
@@ -6,16 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 
-from cmacexp.config import Config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING, Scores
 from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.drift import Drift, format_drift
 from cmacexp.metrics.summary import format_cycles
 
-COMPILING = (
-    "compiling the control loop, which this much work repays: once, for all later runs (up to half a minute) ..."
-)
+COMPILING = "compiling the control loop: takes up to half a minute, once; so many steps repay it"
 
 
 def say(text: str, error: bool = False) -> None:
@@ -34,18 +31,29 @@ def announce_compiling() -> None:
 
 
 @contextmanager
-def progress(config: Config, shown: bool = True) -> Iterator[Callable[[int], None]]:
-    """A progress bar over the cycles of a run, if ``shown`` and the output is a terminal."""
+def progress(
+    what: str, total: int | None = None, unit: str = "", shown: bool = True
+) -> Iterator[Callable[[int], None]]:
+    """A progress bar while work takes place, if ``shown`` and the output is a terminal; gives what moves it.
+
+    Args:
+        what: is being done.
+        total: parts of the work, of which so many have to be given as done; None: not known, the time alone is shown.
+        unit: of the parts.
+        shown: False where several processes would draw over each other's bars.
+    """
     if not (shown and sys.stderr.isatty()):
-        yield lambda cycle: None
+        yield lambda done: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import TimeRemainingColumn as Remaining
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("cycles"))
-    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
-        task = bar.add_task(config.scenario, total=config.cycles)
-        yield lambda cycle: bar.update(task, completed=cycle)
+    parts = (MofNCompleteColumn(), TextColumn(unit), Remaining()) if total else (TimeElapsedColumn(),)
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), *parts)
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)
 
 
 def warn_of_drift(drift: Drift) -> None:

@@ -8,7 +8,7 @@ from cmacexp.cli.command import command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
-from cmacexp.report.terminal import print_table
+from cmacexp.report.terminal import print_table, progress
 
 FOLDER = "stability"
 """Folder of the page, in that of the run."""
@@ -34,8 +34,9 @@ def _analyse(arguments: argparse.Namespace) -> int:
     out = None if arguments.out is None else require_place("--out", Path(arguments.out))
     cycle = _cycle(arguments.cycle)
     for folder in folders:
-        analysis = analyse(StoredRun(folder), cycle)
-        path = write_stability_report(analysis, out or folder / FOLDER)
+        with progress(f"analysing {folder}"):
+            analysis = analyse(StoredRun(folder), cycle)
+            path = write_stability_report(analysis, out or folder / FOLDER)
         print_table(TITLES, rows(analysis), left=1)
         print(verdict(analysis))
         print(path)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from cmacexp.config import Config
 from cmacexp.loop.scenario import Scenario, resolve_lead
+from cmacexp.report.terminal import progress
 
 MANY = 100
 """Cycles of learning from which on a run is checked; the check takes the time of some 110."""
@@ -57,10 +58,11 @@ def growth_warning(config: Config, scenario: Scenario) -> str | None:
     """
     if not _is_checked(config, scenario):
         return None
-    growth = _growth(config, scenario)
-    if not growth > 1.0 or growth ** (config.cycles - config.learning.start_cycle) < FACTOR:
-        return None
-    return (
-        f"warning: learning is predicted to diverge: its changes grow by a factor of {growth:.3f} per cycle; "
-        f"{_cure(config, scenario)} (warn=false skips this check)"
-    )
+    with progress("checking whether learning holds"):
+        growth = _growth(config, scenario)
+        if not growth > 1.0 or growth ** (config.cycles - config.learning.start_cycle) < FACTOR:
+            return None
+        return (
+            f"warning: learning is predicted to diverge: its changes grow by a factor of {growth:.3f} per cycle; "
+            f"{_cure(config, scenario)} (warn=false skips this check)"
+        )

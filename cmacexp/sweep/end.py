@@ -13,7 +13,7 @@ from cmacexp.data.parquet import write_table
 from cmacexp.metrics.summary import shorten
 from cmacexp.report.comparison import format_runs
 from cmacexp.report.run_summary import RunSummary
-from cmacexp.report.terminal import WIDTH, print_table
+from cmacexp.report.terminal import WIDTH, print_table, progress
 from cmacexp.sweep.results import make_table, read_results
 from cmacexp.sweep.start import Sweep
 
@@ -31,7 +31,8 @@ def finish_sweep(sweep: Sweep) -> str:
     Raises:
         OSError: the table cannot be written.
     """
-    results = read_results(sweep)
+    with progress("reading the results of the jobs"):
+        results = read_results(sweep)
     jobs, missing = results.jobs, max(0, sweep.planned.total() - len(results.jobs))
     if not jobs:
         return "failed"

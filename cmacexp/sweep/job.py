@@ -60,7 +60,7 @@ def _run_unless_finished(config: Config, folder: Path) -> StoredRun | None:
     if config.sweep.resume and is_finished(folder, config):
         return None
     alone = HydraConfig.get().launcher._target_.endswith(".BasicLauncher")
-    with progress(config, shown=alone) as watch:
+    with progress(config.scenario, config.cycles, "cycles", shown=alone) as watch:
         return run_scenario(config, folder, watch, make_scenario(config))
 
 

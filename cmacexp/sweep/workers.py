@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -11,6 +10,7 @@ from multiprocessing import active_children, get_context
 from typing import Any
 
 from cmacexp.errors import CmacexpError
+from cmacexp.report.terminal import progress
 
 Each = Callable[[str, Callable[..., Any], Sequence[tuple[Any, ...]]], list[Any]]
 
@@ -29,19 +29,14 @@ def workers() -> Iterator[Each]:
     Raises:
         CmacexpError: a process was killed.
     """
-    from rich.console import Console
-    from rich.progress import MofNCompleteColumn, Progress
-
     pool = ProcessPoolExecutor(os.cpu_count(), get_context("spawn"), _leave_interrupts_to_the_parent)
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn())
 
     def each(what: str, work: Callable[..., Any], items: Sequence[tuple[Any, ...]]) -> list[Any]:
         futures = [pool.submit(work, *item) for item in items]
-        with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
-            task = bar.add_task(what, total=len(items))
-            for future in as_completed(futures):
+        with progress(what, len(items)) as watch:
+            for done, future in enumerate(as_completed(futures), start=1):
                 future.result()
-                bar.advance(task)
+                watch(done)
         return [future.result() for future in futures]
 
     try:
