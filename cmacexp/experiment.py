@@ -96,8 +96,14 @@ def _roll_out(
     return end, names + write_memory(folder, memory)
 
 
-def _write_extras(scenario: Scenario, folder: Path) -> list[str]:
-    """Write the weights and the recording if the config asks for them; the names of the files."""
+def _write_extras(scenario: Scenario, folder: Path, manifest: manifests.Manifest) -> list[str]:
+    """Write the weights and the recording if the config asks for them; the names of the files.
+
+    Args:
+        scenario: of the run.
+        folder: of the run, with its trace and metrics.
+        manifest: what is known of the run before its other files are written.
+    """
     record, names = scenario.setup.config.record, list[str]()
     if record.weights and isinstance(scenario.feedforward, Learns):
         write_weights(folder, scenario.feedforward.learnt())
@@ -106,7 +112,7 @@ def _write_extras(scenario: Scenario, folder: Path) -> list[str]:
         from cmacexp.recording.window import make_window
         from cmacexp.recording.write import write_recording
 
-        write_recording(folder, to_plain(scenario.setup.config), folder / RECORDING, window=make_window(kept))
+        write_recording(folder, manifest, folder / RECORDING, window=make_window(kept))
         names.append(RECORDING)
     return names
 
@@ -150,19 +156,20 @@ def run_scenario(
     clear(folder)
     end, names = _roll_out(scenario, folder, scorer, watch, warn)
     scores = scorer.scores
-    names += write_scores(folder, scores) + _write_extras(scenario, folder)
+    names += write_scores(folder, scores)
+    manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps)
+    names += _write_extras(scenario, folder, manifest)
     entries = {
         **_component_entries(scenario),
         "code_hash": code_hash(),
         "start_weights": start_hash(config),
         "learning_lead": scenario.setup.lead,
         "drift": make_drift_entry(scores.legs),
-        "steps": end.steps,
         "rollout_seconds": end.seconds,
         "wall_seconds": time.perf_counter() - began,
         "files": {name: sha256(folder / name) for name in names},
     }
     if end.error is not None and not isinstance(end.error, BadOutput):
         entries["traceback"] = format_user_traceback(end.error)
-    manifests.write(folder, manifests.make_manifest(to_plain(config), end.status, end.cause, **entries))
+    manifests.write(folder, manifest | entries)
     return StoredRun(folder)

@@ -2,16 +2,17 @@
 
 import argparse
 import hashlib
-import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from cmacexp.cli.command import command
+from cmacexp.cli.viewer import open_window, require_display, serve_web
+from cmacexp.cli.working import show_work
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, runs_below
-from cmacexp.data.tables import BODY, RECORDING, read_traces, steps_by_cycle
+from cmacexp.data.tables import BODY, RECORDING, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
 
 COMPARISONS = Path("outputs", "comparisons")
@@ -70,14 +71,14 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     from cmacexp.recording.window import make_window, read_cycles
     from cmacexp.recording.write import write_recording
 
-    config, kept = manifests.read(folder)["config"], _kept(folder)
+    manifest, kept = manifests.read(folder), _kept(folder)
     _check_views(options, [(folder / BODY).exists()])
     cycles = read_cycles(options.cycles, max(kept)) if options.cycles is not None else None
     window = make_window(kept, cycles, options.every)
-    name = write_recording(folder, config, path, label=folder.resolve().name, window=window, names=options.views)
+    name = write_recording(folder, manifest, path, label=folder.resolve().name, window=window, names=options.views)
     if path == folder / RECORDING:
         manifests.update_files(folder, [RECORDING])
-    return name + window.hint + _describe_thinning(config)
+    return name + window.hint + _describe_thinning(manifest["config"])
 
 
 def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
@@ -89,8 +90,8 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
     """
     from cmacexp.config.difference import labels
     from cmacexp.recording.compare import MOST_RUNS, make_root, write_comparison
-    from cmacexp.recording.run_view import make_view
     from cmacexp.recording.window import make_window, read_cycles
+    from cmacexp.recording.write import read_entry
 
     if len(folders) > MOST_RUNS:
         raise BadRun(
@@ -100,18 +101,18 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
     cycles = None
     if options.cycles is not None:
         cycles = read_cycles(options.cycles, min(max(_kept(folder)) for folder in folders), "all runs")
-    views = []
-    configs = [manifests.read(folder)["config"] for folder in folders]
-    names = labels(configs, [folder.resolve().name for folder in folders])
-    for number, (folder, config, label) in enumerate(zip(folders, configs, names, strict=True), start=1):
+    found = [manifests.read(folder) for folder in folders]
+    names = labels([manifest["config"] for manifest in found], [folder.resolve().name for folder in folders])
+    entries = []
+    for number, (folder, manifest, label) in enumerate(zip(folders, found, names, strict=True), start=1):
         window = make_window(_kept(folder), cycles, options.every, sharing=len(folders))
-        traces = read_traces(folder, window.cycles, window.every)
-        views.append(make_view(traces, config, window, label, make_root(number, label)))
+        entries.append(read_entry(folder, manifest, window, label, make_root(number, label)))
+    views = [entry.view for entry in entries]
     if max(view.time[0] for view in views) > min(view.time[-1] for view in views):
         raise BadInput(
             "--cycles", options.cycles, "these cycles of the runs have no time in common; choose earlier ones"
         )
-    name = write_comparison(views, path, options.views)
+    name = write_comparison(entries, path, options.views)
     return name + next((view.window.hint for view in views if view.window.hint), "")
 
 
@@ -133,11 +134,6 @@ def _out(given: str) -> Path:
     return path
 
 
-def open_viewer(recording: Path) -> int:
-    """Open a recording in the Rerun viewer, and wait until it is closed."""
-    return subprocess.call([sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(recording)])
-
-
 def _read_options(arguments: argparse.Namespace) -> Options:
     every = arguments.every
     if every is not None and not (every.isdecimal() and int(every) > 0):
@@ -150,8 +146,12 @@ def _replay(arguments: argparse.Namespace) -> int:
     from cmacexp.recording.write import read_name
 
     options = _read_options(arguments)
+    if arguments.web and arguments.no_viewer:
+        raise BadInput("--no-viewer", True, "contradicts --web; leave out one")
     found = {run.resolve(): run for given in arguments.folders for run in runs_below(given)}
     folders = list(found.values())
+    if not (arguments.web or arguments.no_viewer):
+        require_display()
     out = _out(arguments.out) if arguments.out is not None else None
     path = out or (_comparison_path(folders) if len(folders) > 1 else folders[0] / RECORDING)
     kept = len(folders) == 1 and out is None and options == Options() and not arguments.rebuild
@@ -160,15 +160,17 @@ def _replay(arguments: argparse.Namespace) -> int:
         shown += " (as it was built; --rebuild builds it anew)"
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
-        shown = compare(folders, path, options) if len(folders) > 1 else rebuild(folders[0], path, options)
+        with show_work(f"building {path}"):
+            shown = compare(folders, path, options) if len(folders) > 1 else rebuild(folders[0], path, options)
     print(f"{path}: {shown}", flush=True)
-    return 0 if arguments.no_viewer else open_viewer(path)
+    return 0 if arguments.no_viewer else serve_web(path) if arguments.web else open_window(path)
 
 
 def main() -> int:
     """Run the command."""
     options = [
         ("--no-viewer", "only build the recording"),
+        ("--web", "serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"),
         ("--rebuild", "build the recording of a run even if it exists, with all cycles and the default views"),
     ]
     values = [
@@ -177,7 +179,7 @@ def main() -> int:
             "CYCLES",
             "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)",
         ),
-        ("--views", "NAME,...", "panels to show: scene, sides, gait, force, posture, margins, error, torque"),
+        ("--views", "NAME,...", "panels to show: scene, sides, gait, force, posture, margins, error, torque, events"),
         ("--every", "N", "show one step in N; unless given, all of a short run, fewer of a long one"),
         (
             "--out",

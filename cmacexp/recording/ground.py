@@ -4,8 +4,9 @@ import numpy as np
 import rerun as rr
 
 from cmacexp.recording import palette
-from cmacexp.recording.entities import Entities
-from cmacexp.recording.run_view import LegView, RunView
+from cmacexp.recording.entities import Entities, points, round_points
+from cmacexp.recording.run_view import RunView
+from cmacexp.recording.scene import make_balls
 from cmacexp.typing import Array, Mask
 
 FORCE_LENGTH = 0.15
@@ -20,6 +21,8 @@ ABOVE_GROUND = 0.002
 """Height at which marks on the ground are drawn, m, so that they are visible."""
 DENT = 0.06
 """Half the length of the dent that a foot presses, m."""
+ASIDE = 0.025
+"""Distance of the arrow of the desired force from that of the actual one, m."""
 
 
 def depression_scale(view: RunView) -> int:
@@ -29,35 +32,42 @@ def depression_scale(view: RunView) -> int:
     return round(VISIBLE_DEPRESSION / depth / 10.0) * 10 if 0.0 < depth < VISIBLE_DEPRESSION / 5.0 else 1
 
 
-def _log_dent(entities: Entities, view: RunView, leg: LegView, foot: Array, path: str) -> None:
-    """The surface of the ground in the plane of a leg, pressed down by its foot."""
-    x, y, z = foot.T
+def _log_dents(entities: Entities, view: RunView, feet: Array) -> None:
+    """The surface of the ground in the plane of each leg, pressed down by its foot."""
+    x, y, z = np.moveaxis(feet, 2, 0)[..., None]
     # The plant takes the height of a slope where the foot of a level body would be: some mm off on a steep one.
-    surface = view.ground_height(view.body["cog_x"] + leg.hip[0] + leg["x"])
-    depth = np.maximum(surface - z, 0.0) * depression_scale(view)
-    length = DENT if view.walks else GROUND_LENGTH / 2.0
-    start, end = (x - length, x + length) if view.walks else (np.full_like(x, -length), np.full_like(x, length))
-    zero = np.zeros_like(x)
-    along = np.stack([start, x - DENT, x - DENT / 2.0, x, x + DENT / 2.0, x + DENT, end], axis=1)
-    up = view.ground_height(along) - np.stack([zero, zero, depth / 2.0, depth, depth / 2.0, zero, zero], axis=1)
-    strips = np.stack([along, np.repeat(y[:, None], 7, axis=1), up], axis=2)
-    entities.log(path, rr.LineStrips3D.from_fields(radii=[0.005], colors=[palette.GROUND]))
-    entities.send_columns(path, rr.LineStrips3D.columns(strips=strips))
+    at = np.stack([view.body["cog_x"] + leg.hip[0] + leg["x"] for leg in view.legs], axis=1)
+    depth = np.maximum(view.ground_height(at)[..., None] - z, 0.0) * depression_scale(view)
+    along, deep = x + np.array([-DENT, 0.0, DENT]), depth * [0.0, 1.0, 0.0]
+    if not view.walks:
+        end = np.full_like(x, GROUND_LENGTH / 2.0)
+        along, deep = np.concatenate([-end, along, end], axis=2), np.pad(deep, ((0, 0), (0, 0), (1, 1)))
+    surface = np.stack([along, np.broadcast_to(y, along.shape), view.ground_height(along) - deep], axis=3)
+    strips = round_points(surface.reshape(-1, *surface.shape[2:]))
+    entities.log("world/ground", rr.LineStrips3D.from_fields(radii=[0.005], colors=[palette.GROUND]))
+    entities.send_columns("world/ground", rr.LineStrips3D.columns(strips=strips))
 
 
-def _log_foot(entities: Entities, view: RunView, leg: LegView, foot: Array, path: str) -> None:
-    """The foot, coloured by planned phase, with desired and actual contact force as arrows side by side."""
-    colours = np.where(leg.support[:, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
-    entities.log(f"{path}/foot", rr.Points3D.from_fields(radii=[0.018]))
-    entities.send_columns(f"{path}/foot", rr.Points3D.columns(positions=foot, colors=colours))
-    scale = FORCE_LENGTH / max(1e-9, *(float(each["force_desired"].max()) for each in view.legs))
-    for name, aside, colour in (("force", 0.0, palette.FORCE), ("force_desired", 0.025, palette.DESIRED)):
-        # Arrows stand on the foot and point the way the ground pushes it.
-        up = np.zeros_like(foot)
-        up[:, 2] = np.clip(leg[name] * scale, 0.0, LONGEST_ARROW * FORCE_LENGTH)
-        entities.log(f"{path}/{name}", rr.Arrows3D.from_fields(radii=[0.006], colors=[colour]))
-        origins = foot + np.array([aside, 0.0, 0.0])
-        entities.send_columns(f"{path}/{name}", rr.Arrows3D.columns(vectors=up, origins=origins))
+def _log_feet(entities: Entities, view: RunView, feet: Array) -> None:
+    """The feet, coloured by planned phase, with actual and desired contact forces as arrows side by side."""
+    support = np.stack([leg.support for leg in view.legs], axis=1)
+    changes = np.flatnonzero(np.any(np.diff(support, axis=0, prepend=~support[:1]), axis=1))
+    colours = np.where(support[changes, :, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
+    entities.log(
+        "world/feet", rr.Ellipsoids3D.from_fields(half_sizes=[[0.018] * 3] * len(view.legs), fill_mode="solid")
+    )
+    entities.send_columns("world/feet", rr.Ellipsoids3D.columns(centers=points(feet)))
+    entities.send_columns("world/feet", rr.Ellipsoids3D.columns(colors=colours.reshape(-1, 3)), rows=changes)
+    force, desired = (np.stack([leg[name] for leg in view.legs], axis=1) for name in ("force", "force_desired"))
+    scale = FORCE_LENGTH / max(1e-9, float(desired.max()))
+    # Arrows stand on the foot and point the way the ground pushes it.
+    up = np.clip(np.concatenate([force, desired], axis=1) * scale, 0.0, LONGEST_ARROW * FORCE_LENGTH)
+    both = [palette.ACTUAL] * len(view.legs) + [palette.DESIRED] * len(view.legs)
+    entities.log("world/forces", rr.Arrows3D.from_fields(radii=[0.006], colors=both))
+    arrows = rr.Arrows3D.columns(
+        vectors=points(up[..., None] * [0.0, 0.0, 1.0]), origins=points(feet, feet + np.array([ASIDE, 0.0, 0.0]))
+    )
+    entities.send_columns("world/forces", arrows)
 
 
 def _around(feet: Array, support: Mask) -> Array:
@@ -77,38 +87,38 @@ def _around(feet: Array, support: Mask) -> Array:
 
 
 def _log_stability(entities: Entities, view: RunView, feet: Array) -> None:
-    """Polygon of the feet planned to support, and the centre of gravity projected on the ground."""
+    """Polygon of the feet planned to support, and the centre of gravity above its projection on the ground."""
     support = np.stack([leg.support for leg in view.legs], axis=1)
+    way = view.way()[:, None]
     corners = _around(feet, support)
     corners[..., 2] = view.ground_height(corners[..., 0]) + ABOVE_GROUND
-    entities.log("world/support", rr.LineStrips3D.from_fields(radii=[0.004], colors=[palette.POLYGON]))
-    entities.send_columns("world/support", rr.LineStrips3D.columns(strips=corners.astype(np.float32)))
-    point = view.way()
-    point[:, 2] = view.ground_height(point[:, 0]) + ABOVE_GROUND
-    entities.log("world/centre_of_gravity", rr.Points3D.from_fields(radii=[0.012], colors=[palette.COG]))
-    entities.send_columns("world/centre_of_gravity", rr.Points3D.columns(positions=point))
-    plumb = np.stack([point, view.way() + np.array([0.0, 0.0, ABOVE_GROUND])], axis=1)
-    entities.log("world/plumb", rr.LineStrips3D.from_fields(radii=[0.0015], colors=[palette.COG]))
-    entities.send_columns("world/plumb", rr.LineStrips3D.columns(strips=plumb.astype(np.float32)))
+    plumb = np.repeat(way, corners.shape[1], axis=1)
+    plumb[:, 0, 2] = view.ground_height(way[:, 0, 0]) + ABOVE_GROUND
+    strips = round_points(np.stack([corners, plumb], axis=1).reshape(-1, *corners.shape[1:]))
+    lines = rr.LineStrips3D.from_fields(radii=[0.004, 0.0015], colors=[palette.POLYGON, palette.COG])
+    entities.log("world/support", lines)
+    entities.send_columns("world/support", rr.LineStrips3D.columns(strips=strips))
+    entities.log(
+        "world/travel/centre_of_gravity", make_balls(np.array([[0.0, 0.0, ABOVE_GROUND]]), 0.012, palette.COG)
+    )
 
 
-def _log_slope(entities: Entities, view: RunView, feet: list[Array]) -> None:
+def _log_slope(entities: Entities, view: RunView, feet: Array) -> None:
     """The surface of sloping ground to the left and right of the way."""
-    x = np.concatenate([foot[:, 0] for foot in feet])
-    bends = [x.min() - DENT, *(b for b in [view.config["terrain"]["slope_start"]] if x.min() < b < x.max()), x.max()]
+    first, last = float(feet[..., 0].min()), float(feet[..., 0].max())
+    bends = [first - DENT, *(b for b in [view.config["terrain"]["slope_start"]] if first < b < last), last]
     along = np.array(bends)
     sides = max(abs(leg.hip[1]) for leg in view.legs) + 2.0 * DENT
     strips = [np.stack([along, np.full_like(along, y), view.ground_height(along)], axis=1) for y in (-sides, sides)]
-    entities.log("world/ground/slope", rr.LineStrips3D(strips, radii=0.004, colors=palette.GROUND))
+    entities.log("world/slope", rr.LineStrips3D(strips, radii=0.004, colors=palette.GROUND))
 
 
 def log_ground(entities: Entities, view: RunView) -> None:
     """Everything between feet and ground."""
-    feet = [view.in_world(leg.in_body(leg["x"], leg["y"])) for leg in view.legs]
-    for leg, foot in zip(view.legs, feet, strict=True):
-        _log_dent(entities, view, leg, foot, f"world/ground/leg_{leg.number}")
-        _log_foot(entities, view, leg, foot, f"world/feet/leg_{leg.number}")
+    feet = np.stack([view.in_world(leg.in_body(leg["x"], leg["y"])) for leg in view.legs], axis=1)
+    _log_dents(entities, view, feet)
+    _log_feet(entities, view, feet)
     if view.config["terrain"].get("slope"):
         _log_slope(entities, view, feet)
     if view.walks:
-        _log_stability(entities, view, np.stack(feet, axis=1))
+        _log_stability(entities, view, feet)

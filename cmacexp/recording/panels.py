@@ -2,42 +2,38 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
+from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
-from cmacexp.recording.ground import depression_scale
+from cmacexp.recording.axes import LEGEND_ROOM, Range, Times
+from cmacexp.recording.events import EVENTS
+from cmacexp.recording.ground import FORCE_LENGTH
 from cmacexp.recording.run_view import RunView
+from cmacexp.recording.scene import EYES, LOWEST_NUMBER, MM, eye_path
+from cmacexp.recording.series import SERIES, collect_series, component
+from cmacexp.typing import Array
 
 Point = tuple[float, float, float]
 Panel = rrb.Container | rrb.View
-WALK = ("scene", "sides", "gait", "force", "posture", "margins", "error", "torque")
-ONE_LEG = ("scene", "gait", "force", "error", "torque")
+WALK = ("scene", "sides", "gait", "force", "posture", "margins", "error", "torque", "events")
+ONE_LEG = ("scene", "gait", "force", "error", "torque", "events")
 SPACE = ("scene", "sides")
 """Panels that show the machine itself."""
 SHARES = {
-    **{"scene": 3.0, "sides": 1.6, "gait": 1.7, "force": 2.1},
-    **{"posture": 1.7, "margins": 0.9, "error": 2.1, "torque": 4.2},
+    **{"scene": 3.0, "sides": 1.6, "gait": 1.2, "force": 2.1},
+    **{"posture": 2.2, "margins": 1.0, "error": 2.1, "torque": 4.2, "events": 1.7},
 }
 """Heights of the panels of a walk; those of one leg are 1 for each plot."""
-COLOURS = "path: desired grey, {}; force: desired grey, actual yellow"
-MIDDLE = (0.0, 0.0, 0.25)
+BACKGROUND = [245, 245, 245]
+BORDER = 60.0
+"""Seen around the machine from its sides, mm."""
 
 
 def panel_names(walks: bool) -> tuple[str, ...]:
     """The panels of a run, of a walk or of one leg."""
     return WALK if walks else ONE_LEG
-
-
-def describe_colours(view: RunView) -> str:
-    """The meaning of the colours of its scene."""
-    first, last = view.whole_cycles()
-    cycles = f"cycle {first} orange, cycle {last} green" if first < last else f"cycle {last} green"
-    return COLOURS.format(cycles)
-
-
-def describe_depression(view: RunView) -> str:
-    """How much deeper than they are depressions are drawn, if they are."""
-    times = depression_scale(view)
-    return f"; depression x {times}" if times > 1 else ""
 
 
 class Panels:
@@ -46,8 +42,8 @@ class Panels:
     Args:
         view: the run.
         title: of its scene.
-        ranges: of the vertical axes of plots that several runs share, by the name of the plot.
-        times: first and last moment of plots of all times that several runs share, s.
+        ranges: of the vertical axes, by the name of the plot.
+        times: those of plots of all times.
         away: how many times further than usual the eye is from the machine.
         legends: whether plots have one; of the same plot for each leg the first has it.
     """
@@ -56,14 +52,15 @@ class Panels:
         self,
         view: RunView,
         title: str,
-        ranges: Mapping[str, tuple[float, float]] | None = None,
-        times: tuple[float, float] | None = None,
+        ranges: Mapping[str, Range],
+        times: Times,
         away: float = 1.0,
         legends: bool = True,
     ):
         self._view = view
         self._title = title
-        self._ranges = ranges or {}
+        self._lines = collect_series(view)
+        self._ranges = ranges
         self._times = times
         self._away = away
         self._legends = legends
@@ -80,76 +77,115 @@ class Panels:
             return SHARES[name]
         return {"scene": 3.0, "torque": 2.0}.get(name, 1.0)
 
-    def spatial(
-        self,
-        name: str,
-        position: Point,
-        target: Point,
-        *,
-        up: Point = (0.0, 0.0, 1.0),
-        grid: bool = False,
-        without: tuple[str, ...] = (),
-    ) -> rrb.Spatial3DView:
-        """A view that goes along with the machine, of everything but the entities ``without``."""
+    def _perspective(self, position: Point, target: Point) -> rrb.Spatial3DView:
+        """The machine in space; the eye goes along with it."""
         world = f"/{self._view.root}world"
         eye = [end + self._away * (start - end) for start, end in zip(position, target, strict=True)]
         return rrb.Spatial3DView(
             origin=f"{world}/travel",
-            contents=[f"+ {world}/**", *(f"- {world}/{entity}/**" for entity in without)],
-            name=name,
-            background=[245, 245, 245],
-            line_grid=rrb.LineGrid3D(visible=grid, spacing=0.1, color=[190, 190, 190]),
-            eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=up),
+            contents=[f"+ {world}/**", f"- {world}/travel/eyes/**"],
+            name=self._title,
+            background=BACKGROUND,
+            line_grid=rrb.LineGrid3D(spacing=0.1, color=[190, 190, 190]),
+            eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)),
         )
 
-    def plot(self, path: str, name: str, around: float | None = None) -> rrb.TimeSeriesView:
-        """A plot of all times, or of those from 1.5 to 0.5 times ``around`` seconds about now."""
-        shown, horizontal = None, None
-        if around:
-            start = rrb.TimeRangeBoundary.cursor_relative(seconds=-1.5 * around)
-            end = rrb.TimeRangeBoundary.cursor_relative(seconds=0.5 * around)
-            shown = [rrb.VisibleTimeRange("time", start=start, end=end)]
-        elif self._times:
-            first, last = (rrb.TimeRangeBoundary.absolute(seconds=time) for time in self._times)
-            horizontal = rrb.TimeAxis(view_range=rrb.TimeRange(first, last))
-        corner = rrb.Corner2D.LeftTop if around else rrb.Corner2D.RightTop
-        return rrb.TimeSeriesView(
-            origin=f"{self._view.root}series/{path}",
+    def _parallel(self, eye: str, name: str, without: tuple[str, ...] = ()) -> rrb.Spatial2DView:
+        """The machine as one of :data:`EYES` sees it, of everything but the entities ``without``; mm."""
+        world = f"/{self._view.root}world"
+        seen = self._seen() @ np.array(EYES[eye][:2]).T * MM
+        low, high = seen.min(axis=0) - BORDER, seen.max(axis=0) + BORDER
+        middle, half = (low + high) / 2.0, (high - low) / 2.0 * self._away
+        return rrb.Spatial2DView(
+            origin=f"/{self._view.root}{eye_path(eye)}",
+            contents=[f"+ {world}/**", f"- {world}/travel/eyes/**", *(f"- {world}/{path}/**" for path in without)],
             name=name,
-            axis_x=horizontal,
-            axis_y=rrb.ScalarAxis(range=self._ranges[path]) if path in self._ranges else None,
-            plot_legend=rrb.PlotLegend(corner=corner, visible=self._legends and path.startswith(("leg_1/", "body/"))),
-            time_ranges=shown,
+            background=BACKGROUND,
+            visual_bounds=rrb.VisualBounds2D(
+                x_range=(middle[0] - half[0], middle[0] + half[0]), y_range=(middle[1] - half[1], middle[1] + half[1])
+            ),
         )
+
+    def _seen(self) -> Array:
+        """Two corners of what the machine takes up, in the frame that moves with it, m."""
+        view, seen = self._view, []
+        for leg in view.legs:
+            joints = [(leg["x"], leg["y"])]
+            if leg.lengths is not None:
+                upper, zero = leg.lengths[0], np.zeros_like(leg["x"])
+                joints += [(zero, zero), (upper * np.cos(leg["q1"]), upper * np.sin(leg["q1"]))]
+            seen += [leg.in_body(*joint) for joint in joints]
+        up = np.array([0.0, 0.0, float(view.body["height"].mean())])
+        points = np.concatenate(seen) + up
+        lowest = points.min(axis=0) - [0.0, 0.0, -LOWEST_NUMBER if view.walks else 0.0]
+        return np.array([lowest, np.maximum(points.max(axis=0), [0.0, 0.0, FORCE_LENGTH])])
+
+    def plot(self, path: str, name: str, around: float | None = None) -> rrb.TimeSeriesView:
+        """A plot of all times, or of those from 1.6 to 0.2 times ``around`` seconds about now."""
+        entity = f"/{self._view.root}{SERIES}"
+        names, _, colours = zip(*self._lines[path], strict=True)
+        style = rr.SeriesLines(names=list(names), colors=list(colours), widths=[1.5] * len(names))
+        drawn = VisualizerComponentMapping(
+            "Scalars:scalars", ComponentSourceKind.SourceComponent, source_component=component(path)
+        )
+        shown, drawn_times = self._time_axis(around)
+        return rrb.TimeSeriesView(
+            origin=entity,
+            contents=[f"+ {entity}"],
+            name=name,
+            overrides={entity: style.visualizer(mappings=[drawn])},
+            axis_y=rrb.ScalarAxis(range=self._ranges.get(path)),
+            plot_legend=rrb.PlotLegend(
+                corner=rrb.Corner2D.RightTop, visible=self._legends and path.startswith(("leg_1/", "body/"))
+            ),
+            axis_x=shown,
+            time_ranges=drawn_times,
+        )
+
+    def _time_axis(self, around: float | None) -> tuple[rrb.TimeAxis, list[rrb.VisibleTimeRange]]:
+        """The time axis of a plot, and which times it draws: lines end before the right edge, where the legend is."""
+        if around:
+            start, last, end = (rrb.TimeRangeBoundary.cursor_relative(seconds=n * around) for n in (-1.6, 0.2, 1.0))
+        else:
+            times = self._times.first, self._times.last, self._times.last + LEGEND_ROOM * self._times.length
+            start, last, end = (rrb.TimeRangeBoundary.absolute(seconds=time) for time in times)
+        drawn = rrb.VisibleTimeRange("time", start=start, end=last)
+        return rrb.TimeAxis(view_range=rrb.TimeRange(start, end)), [drawn]
 
     def _each_leg(self, quantity: str, of_one: str, of_leg: str, around: float | None = None) -> Panel:
         if not self._view.walks:
             return self.plot(f"leg_1/{quantity}", of_one)
         plots = [
-            self.plot(f"leg_{leg.number}/{quantity}", of_leg.format(leg.name), around) for leg in self._view.legs
+            self.plot(f"leg_{leg.number}/{quantity}", of_leg.format(f"{leg.number} {leg.name}"), around)
+            for leg in self._view.legs
         ]
         return rrb.Grid(*plots, grid_columns=2)
 
     def scene(self) -> Panel:
-        """The machine in space."""
+        """A walk in space; one leg, which moves in a plane, from its right side."""
         if self._view.walks:
-            return self.spatial(self._title, (0.85, -1.0, 0.65), (0.0, 0.0, 0.22), grid=True)
-        height = 0.4 * float(self._view.body["height"][0])
-        return self.spatial(self._title, (0.1, -0.95, height + 0.16), (0.0, 0.0, height))
+            return self._perspective((0.85, -1.0, 0.65), (0.0, 0.0, 0.22))
+        return self._parallel("right side", self._title)
 
     def sides(self) -> Panel:
         """A walk from front, side and top."""
-        paths = tuple(f"travel/body/leg_{leg.number}/path" for leg in self._view.legs)
-        covering = (*paths, "travel/body/plate")
+        paths = "travel/body/path"
         return rrb.Horizontal(
-            self.spatial("front", (1.3, 0.0, 0.27), MIDDLE, without=paths),
-            self.spatial("right side", (0.0, -1.35, 0.27), MIDDLE, without=paths),
-            self.spatial("top", (0.0, -0.01, 1.35), (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), without=covering),
+            self._parallel("front", "from the front", (paths,)),
+            self._parallel("right side", "from the right", (paths,)),
+            self._parallel("top", "from above", (paths, "travel/body/plate")),
         )
 
     def gait(self) -> Panel:
         """Which foot supports when (Lin & Song 1997, Fig. 14)."""
-        return rrb.StateTimelineView(origin=f"{self._view.root}gait", name="gait diagram")
+        legs = self._view.legs
+        return rrb.TimeSeriesView(
+            origin=f"/{self._view.root}gait",
+            name="support of " + ", ".join(f"{leg.number} {leg.name}" for leg in legs),
+            axis_y=rrb.ScalarAxis(range=(0.4, len(legs) + 0.6)),
+            plot_legend=rrb.PlotLegend(visible=False),
+            axis_x=self._time_axis(self._now)[0],
+        )
 
     def force(self) -> Panel:
         """Contact forces."""
@@ -158,7 +194,7 @@ class Panels:
     def posture(self) -> Panel:
         """Tilt and height of the body."""
         tilt = self.plot("body/tilt", "tilt of the body, mrad")
-        return rrb.Vertical(tilt, self.plot("body/height", "height of the body, mm"), row_shares=[0.9, 0.8])
+        return rrb.Vertical(tilt, self.plot("body/height", "height of the body, mm"))
 
     def margins(self) -> Panel:
         """Stability margins."""
@@ -179,5 +215,15 @@ class Panels:
         """Feedback and feedforward torques."""
         if not self._view.walks:
             return rrb.Vertical(*self.torques(1))
-        plots = [plot for leg in self._view.legs for plot in self.torques(leg.number, f"{leg.name}: ")]
-        return rrb.Grid(*plots, grid_columns=2)
+        legs = self._view.legs
+        return rrb.Grid(
+            *(plot for leg in legs for plot in self.torques(leg.number, f"{leg.number} {leg.name}: ")), grid_columns=2
+        )
+
+    def events(self) -> Panel:
+        """Lift-offs, touch-downs and critical moments; a click on the time of one goes there."""
+        return rrb.TextLogView(
+            origin=f"/{self._view.root}{EVENTS}",
+            name="moments: click on a time to go there",
+            columns=rrb.TextLogColumns(timeline_columns=["time"], text_log_columns=["body"]),
+        )

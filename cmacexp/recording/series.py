@@ -1,7 +1,9 @@
 """Time series of a run: gait, forces, tracking errors, torques, posture, stability."""
 
 import numpy as np
+import pyarrow as pa
 import rerun as rr
+from numpy.typing import NDArray
 
 from cmacexp.recording import palette
 from cmacexp.recording.entities import Entities
@@ -10,6 +12,10 @@ from cmacexp.typing import Array
 
 Line = tuple[str, Array, tuple[int, ...]]
 """Name, values (steps,), colour."""
+SERIES = "series"
+"""The entity of all plots: as one it has the times of the steps once."""
+GAIT_BAR = 9.0
+"""Thickness of a bar of the gait diagram, in pixels."""
 
 
 def _force_lines(leg: LegView) -> list[Line]:
@@ -59,25 +65,40 @@ def collect_series(view: RunView) -> dict[str, list[Line]]:
     return found
 
 
+def component(path: str) -> str:
+    """The component of :data:`SERIES` that holds the lines of the plot ``leg_1/force``."""
+    return path.replace("/", ":")
+
+
+def _column(name: str, values: NDArray[np.float32]) -> rr.ComponentColumn:
+    """A column of plain numbers; ``rr.AnyValues.columns`` makes the same, but looks at each number."""
+    owner = name.partition(":")[0]
+    numbers = pa.array(values)
+    return rr.ComponentColumn(rr.ComponentDescriptor(name, archetype=owner), rr.AnyBatchValue(name, numbers))
+
+
+def gait_path(leg: LegView) -> str:
+    """The entity of a leg in the gait diagram."""
+    return f"gait/{leg.number}_{leg.name.replace(' ', '_')}"
+
+
 def _log_gait(entities: Entities, view: RunView, leg: LegView) -> None:
-    """Support and transfer phases as a lane of the gait diagram (Fig. 14); only changes are written."""
-    path = f"gait/{leg.number}_{leg.name.replace(' ', '_')}"
-    style = rr.StateConfiguration(
-        values=["support", "transfer"], labels=["support", "transfer"], colors=[palette.SUPPORT, palette.TRANSFER]
+    """A bar at the height of the leg's number while it is planned to support (Fig. 14); only changes are written."""
+    bar = np.where(leg.support, float(leg.number), np.nan)
+    rows = np.union1d(np.flatnonzero(np.diff(leg.support, prepend=~leg.support[:1])), [len(bar) - 1])
+    style = rr.SeriesLines(
+        names=f"{leg.number} {leg.name}", colors=palette.SUPPORT, widths=GAIT_BAR, interpolation_mode="StepAfter"
     )
-    entities.log(path, style)
-    changes = np.flatnonzero(np.diff(leg.support, prepend=~leg.support[:1]))
-    states = np.where(leg.support[changes], "support", "transfer").tolist()
-    entities.send_columns(path, rr.StateChange.columns(state=states), changes)
+    entities.log(gait_path(leg), style)
+    entities.send_columns(gait_path(leg), rr.Scalars.columns(scalars=bar[rows]), rows=rows)
 
 
 def log_series(entities: Entities, view: RunView) -> None:
-    """All time series, several lines in one entity, and the gait diagram."""
+    """All time series, in single precision, and the gait diagram."""
+    columns = []
     for path, lines in collect_series(view).items():
-        names, values, colours = zip(*lines, strict=True)
-        style = rr.SeriesLines(names=list(names), colors=list(colours), widths=[1.5] * len(lines))
-        entities.log(f"series/{path}", style)
-        columns = rr.Scalars.columns(scalars=np.stack(values, axis=1))
-        entities.send_columns(f"series/{path}", columns)
+        values = np.stack([line[1] for line in lines], axis=1).astype(np.float32)
+        columns.append(_column(component(path), values.ravel()))
+    entities.send_columns(SERIES, columns)
     for leg in view.legs:
         _log_gait(entities, view, leg)

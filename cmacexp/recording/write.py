@@ -5,17 +5,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.abc import MetaPathFinder
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from cmacexp.data.files import write_atomically
+from cmacexp.data.manifest import Manifest
 from cmacexp.data.tables import read_traces, steps_by_cycle
 from cmacexp.recording.blueprint import layout
 from cmacexp.recording.entities import Entities
+from cmacexp.recording.events import log_events
+from cmacexp.recording.facts import Facts, make_facts, send_facts
 from cmacexp.recording.ground import log_ground
+from cmacexp.recording.key import KEY, describe_key
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
@@ -57,36 +61,65 @@ def _as_os_error(path: Path) -> Iterator[None]:
         raise OSError(f"{path}: cannot be written ({str(error).splitlines()[0]})") from error
 
 
+class RunEntry(NamedTuple):
+    """A run that a recording shows."""
+
+    view: RunView
+    facts: Facts
+    """By the name of the property that holds them."""
+
+
 def write_views(
-    views: Sequence[RunView], blueprint: rrb.Blueprint, name: str, path: Path, texts: Mapping[str, str] | None = None
+    entries: Sequence[RunEntry],
+    blueprint: rrb.Blueprint,
+    name: str,
+    path: Path,
+    texts: Mapping[str, str] | None = None,
 ) -> None:
     """Write runs into one recording, whole or not at all.
 
     Args:
-        views: the runs, each below its own root.
+        entries: the runs, each below its own root.
         blueprint: how the viewer lays them out.
         name: of the recording in the viewer.
         path: of the ``.rrd`` file.
-        texts: Markdown by the path of its entity.
+        texts: Markdown by the path of its entity, beside the key.
     """
+    texts = {KEY: describe_key([entry.view for entry in entries]), **(texts or {})}
     with write_atomically(path) as temporary, _as_os_error(path):
         recording = rr.RecordingStream("cmacexp", recording_id=name)
         recording.save(temporary, default_blueprint=blueprint)
         recording.send_recording_name(name)
-        for entity, text in (texts or {}).items():
+        for entity, text in texts.items():
             recording.log(entity, rr.TextDocument(text, media_type="text/markdown"), static=True)
-        for view in views:
+        for view, facts in entries:
+            send_facts(recording, view.root, facts)
             entities = Entities(recording, view)
             log_machine(entities, view)
             log_ground(entities, view)
             log_series(entities, view)
+            log_events(entities, view)
         recording.flush(timeout_sec=LONGEST_FLUSH)
         recording.disconnect()
 
 
+def read_entry(folder: Path, manifest: Manifest, window: Window, label: str, root: str = "") -> RunEntry:
+    """A run as a recording shows it.
+
+    Args:
+        folder: of the run, whose trace has at least one step.
+        manifest: how it ended, and of what config.
+        window: the steps that are shown.
+        label: name of the run.
+        root: prefix of the paths of its entities.
+    """
+    traces = read_traces(folder, window.cycles, window.every)
+    return RunEntry(make_view(traces, manifest["config"], window, label, root), make_facts(folder, manifest))
+
+
 def write_recording(
     folder: Path,
-    config: dict[str, Any],
+    manifest: Manifest,
     path: Path,
     *,
     label: str | None = None,
@@ -97,7 +130,7 @@ def write_recording(
 
     Args:
         folder: of the run, whose trace has at least one step.
-        config: as in the manifest.
+        manifest: how it ended, and of what config.
         path: of the ``.rrd`` file.
         label: name of the run; None: that of the folder of ``path``.
         window: the steps that are shown; None: all cycles, thinned if the run is long.
@@ -108,10 +141,9 @@ def write_recording(
     """
     with _pandas_left_out():
         window = window or make_window(steps_by_cycle(folder))
-        traces = read_traces(folder, window.cycles, window.every)
-        view = make_view(traces, config, window, label or path.parent.name)
-        name = f"{config['scenario']} {view.label}, {window}"
-        write_views([view], layout(view, names), name, path)
+        entry = read_entry(folder, manifest, window, label or path.parent.name)
+        name = f"{manifest['config']['scenario']} {entry.view.label}, {window}"
+        write_views([entry], layout(entry.view, names), name, path)
     return name
 
 

@@ -35,7 +35,7 @@ LAYERS = (
     {"experiment"},
     {"api"},
     {"sweep"},
-    {"cli", "score", "verify", "replay", "__main__"},
+    {"cli", "score", "verify", "replay", "animate", "__main__"},
 )
 """Rooms of the package; each imports only from its own layer and those above it in this list."""
 OVER_STUDIES = {"pipelines.__main__", "pipelines.paper"}

@@ -1,0 +1,67 @@
+"""The moments of a run that are worth a look: where a foot lifts or touches down, as in Fig. 17 to 20."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+
+from cmacexp.recording.entities import Entities
+from cmacexp.recording.run_view import LegView, RunView
+from cmacexp.typing import Mask
+
+EVENTS = "events"
+"""The entity of the moments."""
+FIGURES = {(3, "lifts"): 17, (3, "touches down"): 18, (2, "touches down"): 20}
+"""Figures of Lin & Song 1997 that show such a moment of a walk."""
+
+
+class Event(NamedTuple):
+    """A moment."""
+
+    row: int
+    """Step of the view."""
+    text: str
+
+
+def _first(condition: Mask, start: int) -> int:
+    """The first step from ``start`` on in which ``condition`` holds; ``start`` if none is."""
+    return start + int(np.argmax(condition[start:]))
+
+
+def _contacts(view: RunView, leg: LegView) -> Iterator[Event]:
+    """From each planned lift-off on the first step without force; from each planned touch-down on the first with."""
+    for start in np.flatnonzero(np.diff(leg.support)) + 1:
+        does, reached = ("touches down", leg["force"] > 0.0) if leg.support[start] else ("lifts", leg["force"] == 0.0)
+        figure = FIGURES.get((leg.number, does)) if view.walks else None
+        who = f"foot {leg.number}" if view.walks else "the foot"
+        yield Event(_first(reached, int(start)), f"{who} {does}" + (f" (as in Fig. {figure})" if figure else ""))
+
+
+def _least_front_margins(view: RunView) -> Iterator[Event]:
+    """The least planned front margin in each transfer of foot 2."""
+    aloft, margin = ~view.legs[1].support, view.body["margin_front"]
+    starts = np.flatnonzero(aloft & ~np.append(False, aloft[:-1]))
+    ends = np.flatnonzero(aloft & ~np.append(aloft[1:], False)) + 1
+    for start, end in zip(starts, ends, strict=True):
+        row = int(end - 1 - np.argmin(margin[start:end][::-1]))
+        yield Event(row, f"planned front margin least, {1e3 * margin[row]:.0f} mm, foot 2 aloft (as in Fig. 19)")
+
+
+def find_events(view: RunView) -> list[Event]:
+    """The moments of a run in their order; of a machine that never lifts a foot, none but its cycles."""
+    starts = np.flatnonzero(np.diff(view.cycle, prepend=view.cycle[0] - 1))
+    found = [Event(int(row), f"cycle {view.cycle[row]} begins") for row in starts]
+    for leg in view.legs:
+        found += _contacts(view, leg)
+    if len(view.legs) == 4:
+        found += _least_front_margins(view)
+    return sorted(found)
+
+
+def log_events(entities: Entities, view: RunView) -> None:
+    """The moments as a log, each with its time, which the viewer goes to when it is clicked."""
+    found = find_events(view)
+    rows = np.array([event.row for event in found])
+    texts = [f"{view.time[event.row]:.3f} s  {event.text}" for event in found]
+    entities.send_columns(EVENTS, rr.TextLog.columns(text=texts), rows=rows)
