@@ -1,11 +1,36 @@
-"""Samples of how far runs came, and of runs compared with those of the same seed."""
+"""Samples of how far runs came, and of runs compared with others."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.study.results import Results
 from cmacexp.typing import Array
+
+Sample = Callable[[Results], Array]
+
+
+def share_of_time(run: StoredRun) -> float:
+    """Share of the planned time that a run lasted: a measure for studies of machines that may fall."""
+    return float(run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]))
+
+
+def ratio(sample: Sample, chosen: Mapping[str, Any], reference: Mapping[str, Any]) -> Sample:
+    """A sample of the runs with some settings over that of the runs with others, in order; or over the only one."""
+    return lambda results: sample(results.select(chosen)) / sample(results.select(reference))
+
+
+def plane_errors(results: Results) -> list[Array]:
+    """Of each run, the transfer error in the plane in its whole cycles, m."""
+    sides = (results.history(f"transfer_rmse_{side}") for side in "xy")
+    return [np.hypot(x, y) for x, y in zip(*sides, strict=True)]
+
+
+def ended_in(results: Results) -> Array:
+    """(runs,): cycle in which each ended before its time; infinite if it completed."""
+    return np.where(results.completed, np.inf, np.array(results.cycles) + 1.0)
 
 
 def share_done(results: Results) -> Array:

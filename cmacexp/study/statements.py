@@ -9,7 +9,7 @@ from cmacexp.errors import BadInput
 from cmacexp.report.numbers import format_number
 from cmacexp.study.interval import BadSample, Interval, estimate
 from cmacexp.study.results import NoSuchRuns, Results
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 
 REPRODUCED, IN_PART, NOT_REPRODUCED = "reproduced", "reproduced in part", "not reproduced"
 CONTRADICTED, INCONCLUSIVE = "contradicted", "inconclusive"
@@ -22,6 +22,7 @@ VERDICTS = {
 }
 """What each verdict means."""
 YES, NO, UNCLEAR = "yes", "no", "unclear"
+UNDECIDED = "The runs do not decide this: an interval contains the limit."
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class Criterion:
 
     quantity: str
     """What is measured, as readers see it."""
-    sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array]
+    sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask]
     """A value for each run, pair or case; truth values for a proportion. What a failed run counts as is said here."""
     holds: Limit
     """Where the statement holds."""
@@ -184,7 +185,7 @@ class Finding:
     In the sentences ``{value}`` stands for the first criterion's estimate, ``{values[1]}`` for the second's.
 
     Raises:
-        BadInput: there are no criteria, or a sentence has another placeholder.
+        BadInput: there are no criteria, or a sentence has a name in braces that is none of the values.
     """
 
     criteria: Sequence[Criterion]
@@ -193,7 +194,7 @@ class Finding:
     """If every interval lies within its limit."""
     no: str
     """If some interval lies outside."""
-    unclear: str
+    unclear: str = UNDECIDED
     """Otherwise."""
 
     def __post_init__(self) -> None:
@@ -203,8 +204,9 @@ class Finding:
             try:
                 _fill(wording, [""] * len(self.criteria))
             except (LookupError, ValueError, AttributeError) as error:
-                allowed = f"placeholders are {{value}} and {{values[0]}} to {{values[{len(self.criteria) - 1}]}}"
-                raise BadInput("finding", wording, f"{allowed}; {{{{ and }}}} give braces") from error
+                allowed = f"{{value}} and {{values[0]}} to {{values[{len(self.criteria) - 1}]}}"
+                message = f"has a name in braces that is none of the values: use {allowed}; {{{{ and }}}} give braces"
+                raise BadInput("finding", wording, message) from error
 
     def judge(self, results: Results) -> "Found":
         """Measure every criterion."""

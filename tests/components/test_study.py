@@ -13,7 +13,7 @@ from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, a
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import NoSuchRuns, Row
 from cmacexp.study.samples import per_seed, relative
-from cmacexp.study.statements import VERDICTS
+from cmacexp.study.statements import UNDECIDED, VERDICTS
 
 
 def made(*errors: float, asked: int = 5, **settings) -> Results:
@@ -179,11 +179,16 @@ def test_a_finding_has_a_sentence_for_each_outcome(value, sentence):
 
 @pytest.mark.parametrize("wrong", ["{valeu}", "{values[1]}", "{values.first}", "{value", "{}"])
 @pytest.mark.parametrize("outcome", ["yes", "no", "unclear"])
-def test_a_wrong_placeholder_is_an_error_before_the_outcome_that_shows_it(wrong, outcome):
+def test_a_wrong_name_in_braces_is_an_error_before_the_outcome_that_shows_it(wrong, outcome):
     sentences = {"yes": "{value}", "no": "{values[0]}", "unclear": "{{}}"}
     Finding([criterion(0.5)], **sentences)
-    with pytest.raises(BadInput, match=r"placeholders are \{value\} and \{values\[0\]\}"):
+    with pytest.raises(BadInput, match=r"none of the values: use \{value\} and \{values\[0\]\}"):
         Finding([criterion(0.5)], **{**sentences, outcome: wrong})
+
+
+def test_a_finding_without_a_sentence_for_it_says_that_it_is_undecided():
+    sentences = {Finding([criterion(value)], "Yes.", "No.").judge(made(0.1)).sentence for value in (0.5, 1.5, 1.0)}
+    assert sentences == {"Yes.", "No.", UNDECIDED}
 
 
 def test_a_statement_without_criteria_is_an_error():
