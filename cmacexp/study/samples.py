@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.study.results import Results
+from cmacexp.study.results import Results, Row
 from cmacexp.typing import Array
 
 Sample = Callable[[Results], Array]
@@ -22,10 +22,11 @@ def ratio(sample: Sample, chosen: Mapping[str, Any], reference: Mapping[str, Any
     return lambda results: sample(results.select(chosen)) / sample(results.select(reference))
 
 
-def plane_errors(results: Results) -> list[Array]:
-    """Of each run, the transfer error in the plane in its whole cycles, m."""
-    sides = (results.history(f"transfer_rmse_{side}") for side in "xy")
-    return [np.hypot(x, y) for x, y in zip(*sides, strict=True)]
+def plane_error(row: Row) -> Array:
+    """(cycles,): transfer error in the plane in the whole cycles of a run, m."""
+    x, y = (row.summary.metrics.get(f"transfer_rmse_{side}", np.empty(0)) for side in "xy")
+    error: Array = np.hypot(x, y)
+    return error
 
 
 def ended_in(results: Results) -> Array:
