@@ -20,9 +20,13 @@ def _appearance(name: str) -> tuple[str, str, float]:
     return (shown.title, shown.unit, shown.factor) if shown else (name.replace("_", " "), ALL_METRICS[name].unit, 1.0)
 
 
-def over_cycles(results: Results, name: str, by: str, log: str = "") -> Panel:
-    """A metric in every cycle: the median over runs with the same value of ``by``, and their range as a band."""
-    title, unit, factor = _appearance(name)
+def over_cycles(results: Results, name: str, by: str, log: str = "", title: str = "") -> Panel:
+    """A metric in every cycle: the median over runs with the same value of ``by``, and their range as a band.
+
+    ``title`` replaces the metric's own.
+    """
+    own_title, unit, factor = _appearance(name)
+    title = title or own_title
     series = []
     for value, own in results.by(by).items():
         histories = own.history(name)
@@ -47,11 +51,11 @@ def over_setting(
     log: str = "",
     kind: str = "lines",
 ) -> Panel:
-    """An estimate with its interval, if the sample has a spread, against a numeric setting.
+    """An estimate with its interval, if the sample has a spread, against a setting; none where it is infinite.
 
     Args:
         results: to draw.
-        key: setting on the x axis.
+        key: setting on the x axis; of bars, whose groups are in the order of the runs, it need not be numeric.
         y: name and unit of the y axis.
         sample: a value for each run.
         by: a setting with a series for each of its values.
@@ -60,14 +64,18 @@ def over_setting(
         kind: of the panel.
     """
     groups: dict[Any, Results] = results.by(by) if by else {"": results}
-    series = []
+    series, ticks = [], [format_value(value) for value in results.values(key)] if kind == "bars" else []
     for name, own in groups.items():
-        parts = {float(value): part for value, part in own.by(key).items()}
-        x = sorted(parts)
+        parts = own.by(key)
+        x = list(parts) if kind == "bars" else sorted(parts, key=float)
         found = [estimate(sample(parts[value])) for value in x]
         spread = [each.has_spread for each in found]
-        low = [each.low if wide else each.value for each, wide in zip(found, spread, strict=True)]
-        high = [each.high if wide else each.value for each, wide in zip(found, spread, strict=True)]
-        band = (low, high) if any(spread) else (None, None)
-        series.append(Series(format_value(name), x, [each.value for each in found], *band))
-    return Panel(title, key, y, series, kind=kind, log=log)
+        middle, low, high = (_finite([getattr(each, side) for each in found]) for side in ("value", "low", "high"))
+        band = (np.where(spread, low, middle), np.where(spread, high, middle)) if any(spread) else (None, None)
+        places = [ticks.index(format_value(value)) for value in x] if ticks else [float(value) for value in x]
+        series.append(Series(format_value(name), places, middle, *band))
+    return Panel(title, "" if ticks else key, y, series, kind=kind, log=log, ticks=ticks)
+
+
+def _finite(values: list[float]) -> Array:
+    return np.where(np.isfinite(values), values, np.nan)

@@ -1,11 +1,25 @@
-"""Samples of how far runs came, and of runs compared with those of the same seed."""
+"""Samples of how far runs came, and of runs compared with others."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.study.results import Results
 from cmacexp.typing import Array
+
+Sample = Callable[[Results], Array]
+
+
+def share_of_time(run: StoredRun) -> float:
+    """Share of the planned time that a run lasted: a measure for studies of machines that may fall."""
+    return float(run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]))
+
+
+def ratio(sample: Sample, chosen: Mapping[str, Any], reference: Mapping[str, Any]) -> Sample:
+    """A sample of the runs with some settings over that of the runs with others, in order; or over the only one."""
+    return lambda results: sample(results.select(chosen)) / sample(results.select(reference))
 
 
 def share_done(results: Results) -> Array:

@@ -22,6 +22,7 @@ VERDICTS = {
 }
 """What each verdict means."""
 YES, NO, UNCLEAR = "yes", "no", "unclear"
+UNDECIDED = "The runs do not decide this: an interval contains the limit."
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,7 @@ class Finding:
     """If every interval lies within its limit."""
     no: str
     """If some interval lies outside."""
-    unclear: str
+    unclear: str = UNDECIDED
     """Otherwise."""
 
     def __post_init__(self) -> None:
