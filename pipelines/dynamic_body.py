@@ -23,7 +23,7 @@ from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.requests import Values
 from cmacexp.study.samples import ratio, share_of_time
 from cmacexp.study.statements import Limit
-from cmacexp.study.tables import tabulate
+from cmacexp.study.tables import completed, tabulate
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
@@ -352,26 +352,20 @@ def table_walks(results: Results) -> "pd.DataFrame":
     return tabulate(
         results.select(part=["made", "left out", "faster"]),
         {"part": "changes", "walk": "walk", "feedforward": "with"},
-        {"completed": lambda r: f"{sum(r.completed)} of {len(r)}", **errors},
+        {"completed": completed, **errors},
     )
 
 
 def values(results: Results) -> dict[str, Any]:
-    """Settings that the page names."""
-    published, every = results.select(part="published").run.config, results.select(WITH_ALL)
-    learning, starts = every.select(feedforward=CMAC), results.select(STARTS)
+    """Configs and counts that the page names."""
+    every, starts = results.select(WITH_ALL), results.select(STARTS)
     return {
-        "cycles": learning.value("cycles"),
-        "mass": learning.value("machine.body_mass"),
-        "paper_period": 1e3 * published["sampling_period"],
-        "paper_alpha": published["controller"]["lead_alpha"],
-        "period": 1e3 * learning.value("sampling_period"),
-        "alpha": learning.value("controller.lead_alpha"),
-        "settled": every.select(feedforward=FEEDBACK).value("cycles"),
+        "paper": results.select(part="published").run.config,
+        "learning": every.select(feedforward=CMAC).run.config,
+        "alone": every.select(feedforward=FEEDBACK).run.config,
+        "disturbed": starts.run.config,
         "starts": len(starts),
         "leadless": len(results.select(part="starts", walk=WITHOUT)),
-        "long": starts.value("cycles"),
-        "spread": starts.value("plant.start_spread"),
         "yaw": float(starts.measure("yaw").max()),
     }
 

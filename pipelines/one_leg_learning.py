@@ -15,7 +15,7 @@ from cmacexp.cli.study import main
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, draw, grid
-from cmacexp.study.curves import over_cycles
+from cmacexp.study.curves import draw_cycles, over_cycles
 from cmacexp.study.samples import Sample, ratio
 from cmacexp.study.statements import Limit
 from cmacexp.typing import Array
@@ -313,13 +313,8 @@ def draw_bias(results: Results) -> "Figure":
     """Force error with and without the 1/K_ap of eq. 13, and what statics predict."""
     own = results.select(CMAC, variant=[PUBLISHED, AWARE])
     predicted = 100.0 * trace.learned_error(own.run.config)
-    return draw([replace(over_cycles(own, "force_steady_state_error", "variant"), y_limits=[0.0, predicted])])
-
-
-def draw_growth(results: Results) -> "Figure":
-    """Feedback torque and error in transfer over a long run, by learning law."""
-    own = results.select(law=list(LAWS))
-    return draw([over_cycles(own, name, "law", log="y") for name in ("feedback_rms", "transfer_rmse_x")])
+    panel = over_cycles(own, "force_steady_state_error", "variant", title="steady-state error of the force")
+    return draw([replace(panel, y_limits=[0.0, predicted])])
 
 
 def errors_table(results: Results) -> "pd.DataFrame":
@@ -368,7 +363,7 @@ STUDY = Study(
         "fig_12": _of_first_seed(trace.forces),
         "fig_13": _of_first_seed(trace.torques),
         "bias": draw_bias,
-        "growth": draw_growth,
+        "growth": lambda r: draw_cycles(r.select(law=list(LAWS)), ("feedback_rms", "transfer_rmse_x"), by="law"),
     },
     tables={"errors": errors_table},
     values=values,

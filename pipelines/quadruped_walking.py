@@ -4,18 +4,17 @@
 longer than the paper, and draws the paper's figures from these runs.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cmacexp.cli.study import main
-from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, draw, grid
-from cmacexp.study.curves import over_cycles
+from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, grid
+from cmacexp.study.curves import draw_cycles
 from cmacexp.study.samples import Sample, ratio, share_done
 from cmacexp.study.statements import Limit
-from cmacexp.study.tables import tabulate
+from cmacexp.study.tables import completed, ends, tabulate
 from cmacexp.typing import Array
 from pipelines import quadruped_walking_events as measured
 from pipelines import quadruped_walking_figures as figures
@@ -313,65 +312,22 @@ def shown_walk(results: Results) -> tuple[Walk, int]:
     return measured.walk_in(run.folder), run.whole_cycles
 
 
-def ladder_table(results: Results) -> "pd.DataFrame":
-    """How the walk with every controller ends, mean over seeds."""
-    errors = {
-        f"{name}, {unit}": lambda r, m=metric, f=factor: f * r.end(m, LATE).mean()
-        for name, metric, unit, factor in (
-            ("force", "force_rmse_cycle", "N", 1.0), ("three feet", "force_rmse_three_feet", "N", 1.0),
-            ("x", "transfer_rmse_x", "mm", 1e3), ("y", "transfer_rmse_y", "mm", 1e3),
-            ("CMAC", "feedforward_share", "%", 100.0), ("tilt", "tilt_max", "mrad", 1e3),
-        )
-    }  # fmt: skip
-    columns = {"walk to the end": lambda r: f"{sum(r.completed)} of {len(r)}", **errors}
-    return tabulate(results.select(part=LADDER), {"controller": "controller"}, columns)
-
-
-def noise_table(results: Results) -> "pd.DataFrame":
-    """What noise changes, mean over seeds."""
-    table = results.computed["noise"].groupby("controller", sort=False, as_index=False)
-    return table[["feet", "force"]].mean().rename(columns={"feet": "feet, mm", "force": "force, N"})
-
-
-def draw_learning(results: Results) -> "Figure":
-    """Share of the CMAC, errors and tilt in every cycle."""
-    own = results.select(part=LADDER, controller=[ALL, PRINTED, NO_CMAC])
-    logs = {"feedforward_share": "", "tilt_max": "", "transfer_rmse_y": "y", "force_rmse_three_feet": "y"}
-    return draw([over_cycles(own, name, "controller", log) for name, log in logs.items()])
-
-
-def draw_long(results: Results) -> "Figure":
-    """Errors and feedback in every cycle of the long walks."""
-    own = results.select(part=LONG)
-    names = ("transfer_rmse_x", "transfer_rmse_y", "feedback_rms")
-    return draw([over_cycles(own, name, "law", "y") for name in names], columns=3)
-
-
 def values(results: Results) -> dict[str, Any]:
     """Settings of the runs, and when Fig. 17 to 20 are."""
     printed, (walk, cycle) = results.select(part=LADDER, controller=PRINTED), shown_walk(results)
-    p, v, stiffness, elasticity, admittance = (
-        printed.value(key)
-        for key in ("controller.position_gain", "controller.velocity_gain", "terrain.stiffness",
-                    "force_control.elasticity", "force_control.admittance")
-    )  # fmt: skip
     began = walk.view.time[walk.view.cycle == cycle][0]
     times = {f"fig{n}": float(walk.view.time[k] - began) for n, k in instants(walk, cycle).items()}
     return times | {
         "last": cycle, "late": LATE, "depth": figures.DEPRESSION_SCALE, "cycles": printed.value("cycles"),
         "long": results.select(part=LONG).value("cycles"), "cmac_from": printed.value("learning.start_cycle"),
-        "term": (1.0 / p) / (1.0 / stiffness + elasticity + v / p * admittance),
-        "noise": {key.replace(".", "_"): level for key, level in NOISES.items()},
+        "noises": ", ".join(f"`sensors.{key}={level}`" for key, level in NOISES.items()),
         "hip_height": 1e3 * printed.value("machine.hip_height"), "length": 1e3 * walk.length,
     }  # fmt: skip
 
 
-def _view(number: int) -> "Callable[[Results], Figure]":
-    def work(results: Results) -> "Figure":
-        walk, cycle = shown_walk(results)
-        return figures.views(walk, ({16: 0} | instants(walk, cycle))[number])
-
-    return work
+def draw_views(results: Results, number: int) -> "Figure":
+    """Fig. 16 to 20."""
+    return figures.views(*shown_walk(results), number)
 
 
 STUDY = Study(
@@ -385,14 +341,25 @@ STUDY = Study(
     figures={
         "fig14": lambda r: figures.gait_diagram(shown_walk(r)[0]),
         "fig15": lambda r: figures.diagram(shown_walk(r)[0]),
-        **{f"fig{number}": _view(number) for number in range(16, 21)},
+        **{f"fig{number}": partial(draw_views, number=number) for number in range(16, 21)},
         "forces": lambda r: figures.foot_forces(*shown_walk(r)),
-        "learning": draw_learning,
-        "long": draw_long,
+        "learning": lambda r: draw_cycles(
+            r.select(part=LADDER, controller=[ALL, PRINTED, NO_CMAC]),
+            ("feedforward_share", "tilt_max", "transfer_rmse_y", "force_rmse_three_feet"), by="controller",
+        ),
+        "long": lambda r: draw_cycles(
+            r.select(part=LONG), ("transfer_rmse_x", "transfer_rmse_y", "feedback_rms"), by="law", columns=3
+        ),
     },
-    tables={"ladder": ladder_table, "noise": noise_table},
+    tables={
+        "ladder": lambda r: tabulate(
+            r.select(part=LADDER), {"controller": "controller"},
+            {"walk to the end": completed, **ends((*ERRORS, "feedforward_share", "tilt_max"), LATE)},
+        ),
+        "noise": lambda r: r.computed["noise"].drop(columns="seed").groupby("controller", as_index=False).mean(),
+    },
     values=values,
-)
+)  # fmt: skip
 
 if __name__ == "__main__":
     main(__file__)

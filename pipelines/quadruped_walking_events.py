@@ -130,13 +130,12 @@ def lift_off_of_3(walk: Walk, cycle: int) -> dict[str, float]:
 
 
 def touch_down_of_3(walk: Walk, cycle: int) -> dict[str, float]:
-    """Fig. 18: what foot 1 still carries as foot 3 is to take over, N, for how long, s, and the least margin, m."""
+    """Fig. 18: what foot 1 still carries as foot 3 is to take over, N, and the least margin while it does, m."""
     k = walk.start(cycle, 3, support=True)
     carries = walk.force[k : walk.end(k, 1), 0] > 0.0
     late = int(np.argmin(carries)) if not carries.all() else len(carries)
     return {
         "force_1": float(walk.force[k, 0]),
-        "delay": late * walk.period,
         "margin": min(float(walk.carried(j)[STABILITY]) for j in range(k, k + max(late, 1))),
     }
 

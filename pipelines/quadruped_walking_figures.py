@@ -161,8 +161,9 @@ def _draw_forces(axes: "Axes", walk: Walk, k: int) -> None:
     label(axes, "foot forces", "leg", "contact force, N")
 
 
-def views(walk: Walk, k: int) -> "Figure":
-    """Fig. 16 to 20: the machine in step ``k`` from above, from the right side and the front, and its foot forces."""
+def views(walk: Walk, cycle: int, number: int) -> "Figure":
+    """Fig. 16 to 20: the machine from above, from the right side and the front, and its foot forces."""
+    k = ({16: 0} | instants(walk, cycle))[number]
     figure, (plan, forces, side, front) = new_figure(2, 2, 2.75, width_ratios=[1.65, 1.0], height_ratios=[1.0, 1.05])
     _draw_plan(plan, walk, k)
     _draw_forces(forces, walk, k)

@@ -14,7 +14,7 @@ from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least,
 from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.samples import ratio, share_of_time
 from cmacexp.study.statements import Limit
-from cmacexp.study.tables import tabulate
+from cmacexp.study.tables import completed, tabulate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -221,7 +221,7 @@ def table_changes(results: Results) -> "pd.DataFrame":
             "force error at the end, N": _force_end,
             "largest since the change, N": _force_peak,
             "path error at the end, mm": lambda r: 1e3 * r.end("transfer_rmse_y").mean(),
-            "completed": lambda r: f"{sum(r.completed)} of {len(r)}",
+            "completed": completed,
         },
     ).replace({name: change.words for name, change in CHANGES.items()})
 

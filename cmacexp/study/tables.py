@@ -1,9 +1,10 @@
 """Tables of results: a row for each group of runs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from cmacexp.study.results import Results
+from cmacexp.study.curves import appearance
+from cmacexp.study.results import LAST_CYCLES, Results
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,3 +26,18 @@ def tabulate(
     for key, title in by.items():
         groups = [({**names, title: value}, own) for names, part in groups for value, own in part.by(key).items()]
     return pd.DataFrame(names | {title: compute(own) for title, compute in columns.items()} for names, own in groups)
+
+
+def completed(results: Results) -> str:
+    """How many runs reached their end, e.g. ``2 of 3``."""
+    return f"{sum(results.completed)} of {len(results)}"
+
+
+def ends(names: Sequence[str], cycles: int = LAST_CYCLES) -> dict[str, Callable[[Results], float]]:
+    """Columns with metrics over the last cycles, mean over the runs, in the units that are shown."""
+
+    def column(name: str, factor: float) -> Callable[[Results], float]:
+        return lambda results: factor * float(results.end(name, cycles).mean())
+
+    shown = {name: appearance(name) for name in names}
+    return {f"{title}, {unit}": column(name, factor) for name, (title, unit, factor) in shown.items()}
