@@ -1,21 +1,26 @@
 """Panels of results: a metric over cycles or over a setting, a series for each value of another setting."""
 
 import warnings
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN
-from cmacexp.report.figures import Panel, Series
+from cmacexp.report.figure_data import spans_decades
+from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.run_summary import format_value
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import Results
 from cmacexp.typing import Array
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def _appearance(name: str) -> tuple[str, str, float]:
-    """Title, unit and factor of a metric."""
+
+def appearance(name: str) -> tuple[str, str, float]:
+    """Title of a metric, the unit in which it is shown, and the factor to that unit."""
     shown = SHOWN.get(name)
     return (shown.title, shown.unit, shown.factor) if shown else (name.replace("_", " "), ALL_METRICS[name].unit, 1.0)
 
@@ -25,7 +30,7 @@ def over_cycles(results: Results, name: str, by: str, log: str = "", title: str 
 
     ``title`` replaces the metric's own.
     """
-    own_title, unit, factor = _appearance(name)
+    own_title, unit, factor = appearance(name)
     title = title or own_title
     series = []
     for value, own in results.by(by).items():
@@ -38,6 +43,16 @@ def over_cycles(results: Results, name: str, by: str, log: str = "", title: str 
         band = (low, high) if len(histories) > 1 else (None, None)
         series.append(Series(format_value(value), np.arange(1, length + 1), middle, *band))
     return Panel(title, "cycle", f"{title}, {unit}".rstrip(", "), series, log=log)
+
+
+def draw_cycles(results: Results, names: Sequence[str], by: str, columns: int = 2) -> "Figure":
+    """A figure of :func:`over_cycles` for each metric, logarithmic where its values span decades."""
+    panels = []
+    for name in names:
+        panel = over_cycles(results, name, by)
+        values = np.concatenate([np.asarray(series.y) for series in panel.series])
+        panels.append(replace(panel, log="y" if spans_decades(values) else ""))
+    return draw(panels, columns)
 
 
 def over_setting(

@@ -1,13 +1,14 @@
 """Tables of results: a row for each group of runs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cmacexp.report.numbers import format_number
+from cmacexp.study.curves import appearance
 from cmacexp.study.interval import estimate
-from cmacexp.study.results import Results
+from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.samples import ended_in
 from cmacexp.typing import Array
 
@@ -61,3 +62,18 @@ def describe_end(results: Results, values: Array) -> str:
     if completed == len(results):
         return format_number(estimate(values).value)
     return f"ends in {np.median(ends[np.isfinite(ends)]):.0f}" + (f" ({completed} complete)" if completed else "")
+
+
+def completed(results: Results) -> str:
+    """How many runs reached their end, e.g. ``2 of 3``."""
+    return f"{sum(results.completed)} of {len(results)}"
+
+
+def ends(names: Sequence[str], cycles: int = LAST_CYCLES) -> dict[str, Callable[[Results], float]]:
+    """Columns with metrics over the last cycles, mean over the runs, in the units that are shown."""
+
+    def column(name: str, factor: float) -> Callable[[Results], float]:
+        return lambda results: factor * float(results.end(name, cycles).mean())
+
+    shown = {name: appearance(name) for name in names}
+    return {f"{title}, {unit}": column(name, factor) for name, (title, unit, factor) in shown.items()}
