@@ -215,21 +215,6 @@ def draw_sizes(results: Results) -> "Figure":
     return draw(panels, columns=3, height=2.2)
 
 
-def draw_walk(results: Results) -> "Figure":
-    """Errors and tilt at the end over memory."""
-    names = {
-        "transfer_rmse_x": "error in x, mm",
-        "transfer_rmse_y": "error in y, mm",
-        "tilt_max": "largest tilt, mrad",
-    }
-    varied, axis = results.select(varied=MEMORY), "memory of a leg, KB"
-    panels = [
-        over_setting(varied, MEMORY, y, partial(_end, name), log="xy", axis=axis, place=_kilobytes)
-        for name, y in names.items()
-    ]
-    return draw([replace(panel, x_limits=[PAPER[WALK][MEMORY] / 1024]) for panel in panels], columns=3)
-
-
 def size_table(results: Results) -> "pd.DataFrame":
     """Every size: errors early and at the end, use of memory; means over seeds."""
     samples: dict[str, Any] = {
@@ -266,7 +251,6 @@ STUDY = Study(
     findings=FINDINGS,
     figures={
         "sizes": lambda results: draw_sizes(results.select(machine=LEG)),
-        "walk": lambda results: draw_walk(results.select(machine=WALK)),
     },
     tables={
         "leg": lambda results: size_table(results.select(machine=LEG)),

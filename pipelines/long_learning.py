@@ -251,11 +251,6 @@ def _transfer(results: Results) -> str:
     return describe_end(results, 1e3 * final(results))
 
 
-def _rate(results: Results) -> str:
-    cycle = np.median(measures.learnt_in(results))
-    return _transfer(results) + (f"; learnt in {cycle:.0f}" if np.isfinite(cycle) else "; never learnt")
-
-
 def _drift(results: Results) -> str:
     medians = {"detected": np.median(results.measure("detected")), "ended": np.median(ended_in(results))}
     return "; ".join(f"{what} in {cycle:.0f}" for what, cycle in medians.items() if np.isfinite(cycle)) or "-"
@@ -269,7 +264,7 @@ def values(results: Results) -> dict[str, Any]:
     return {
         "cycles": asked, "walk_cycles": results.select(part=GRID, machine=WALK).value("cycles"),
         "ramp": felt.value("gait.load_ramp"), "gain": felt.value(gain), "published_gain": published.value(gain),
-        "seeds": len(results.values("seed")), "last": measures.LAST, "learnt": 1e3 * measures.LEARNT, "near": NEAR,
+        "seeds": len(results.values("seed")), "last": measures.LAST, "near": NEAR,
     }  # fmt: skip
 
 
@@ -300,7 +295,7 @@ STUDY = Study(
         ),
         "drift": lambda r: _by_lead(r.select(PAPER, part=GRID), "machine", "machine", _drift),
         "late": lambda r: _by_lead(r.select(part=LATE), "actuator.delay", "delay, samples", _transfer),
-        "rates": lambda r: _by_lead(r.select(part=RATE), "learning.rate", "rate", _rate),
+        "rates": lambda r: _by_lead(r.select(part=RATE), "learning.rate", "rate", _transfer),
     },
     values=values,
 )

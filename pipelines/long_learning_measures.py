@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 LAST = 100
 """Cycles whose median is the error at the end."""
-LEARNT = 1e-3
-"""Error in transfer that counts as learnt, m."""
 TRANSFER, FORCE = "transfer", "force_rmse_cycle"
 PAPER = {"learning.rule": "paper"}
 LEG, WALK, GRID = "one leg", "quadruped", "rules"
@@ -44,12 +42,6 @@ def variation(results: Results, name: str = TRANSFER) -> Array:
     """(runs,): largest error over the least in the second half; infinite of a run that ended before."""
     halves = [history(row, name)[row.summary.cycles // 2 :] if _lasting(row) else None for row in results.rows]
     return np.array([np.inf if half is None else half.max() / half.min() for half in halves])
-
-
-def learnt_in(results: Results) -> Array:
-    """(runs,): first cycle with an error of at most :data:`LEARNT`; infinite if there is none."""
-    small = [np.flatnonzero(history(row) <= LEARNT) for row in results.rows]
-    return np.array([found[0] + 1.0 if len(found) else np.inf for found in small])
 
 
 def detected(run: StoredRun) -> float:

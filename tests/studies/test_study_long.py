@@ -32,12 +32,6 @@ def test_errors_vary_over_the_second_half_alone():
     assert measures.variation(Results([run(9.0, 3.0, 2.0, 3.0), run(9.0)])).tolist() == pytest.approx([1.5, np.inf])
 
 
-def test_a_leg_has_learnt_in_the_first_cycle_with_a_small_error():
-    small, never = 0.5 * measures.LEARNT, 2.0 * measures.LEARNT
-    found = measures.learnt_in(Results([run(never, small, never, small), run(never)]))
-    assert found.tolist() == [2.0, np.inf]
-
-
 def test_drift_is_judged_by_the_runs_that_ended_before():
     results = Results([run(4.0, 2.0, 3.0, detected=3.0), run(4.0), run(1.0, 1.0, 1.0, 1.0, detected=2.0)])
     assert measures.detected_if_ended(results) == [True, False]
