@@ -226,7 +226,7 @@ def size_table(results: Results) -> "pd.DataFrame":
     means = {title: lambda own, sample=sample: sample(own).mean() for title, sample in samples.items()}
     keys = (LAYERS, ELEMENTS, INPUTS, MEMORY, "cmac.addressing")
     by = {key: key.removeprefix("cmac.").replace("_", " ") for key in keys if len(results.values(key)) > 1}
-    return tabulate(results, by, means)
+    return tabulate(results, by, means).replace(PAPER[LEG][INPUTS], "all")
 
 
 def values(results: Results) -> dict[str, Any]:

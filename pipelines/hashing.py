@@ -99,17 +99,14 @@ def draw_memory(results: Results) -> "Figure":
         return 100.0 * own.measure("colliding")
 
     axes: dict[str, Any] = {"by": "rule", "axis": "rows per visited cell", "place": place}
+    panels = {
+        "visited cells that collide": ("share, %", share, "x"),
+        "error at the end, over that without collisions": ("ratio", _cost_against(results), "xy"),
+    }
     return draw(
         [
-            over_setting(hashed(results), MEMORY, "visited cells that collide, %", share, log="x", **axes),
-            over_setting(
-                hashed(results),
-                MEMORY,
-                "error over that without collisions",
-                _cost_against(results),
-                log="xy",
-                **axes,
-            ),
+            over_setting(hashed(results), MEMORY, y, sample, title=title, log=log, **axes)
+            for title, (y, sample, log) in panels.items()
         ]
     )
 

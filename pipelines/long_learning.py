@@ -5,6 +5,7 @@ for very long, late actuators, other rates, and settings of the quadruped's forc
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -218,16 +219,21 @@ FINDINGS = {
 }
 
 
+RULE_ERRORS = {"transfer_rmse_x": "transfer error in x", "transfer_rmse_y": "transfer error in y"}
+WALK_ERRORS = {FORCE: "force error", "tilt_max": "largest tilt"}
+
+
+def _curves(results: Results, names: Mapping[str, str], by: str, before: str = "") -> list[Panel]:
+    """Metrics over cycles, by their titles."""
+    panels = {title: over_cycles(results, name, by, log="xy", title=title) for name, title in names.items()}
+    return [replace(panel, title=before + title) for title, panel in panels.items()]
+
+
 def draw_leads(results: Results) -> "Figure":
     """The paper's rule with every lead, on both machines."""
     names = {"transfer_rmse_y": "transfer error in y", "feedback_change": "change of the feedback"}
-    return draw(
-        [
-            over_cycles(own, name, "lead", log="xy", title=f"{machine}: {title}")
-            for machine, own in results.by("machine").items()
-            for name, title in names.items()
-        ]
-    )
+    machines = results.by("machine").items()
+    return draw([panel for machine, own in machines for panel in _curves(own, names, "lead", f"{machine}: ")])
 
 
 def draw_growth(results: Results) -> "Figure":
@@ -277,13 +283,9 @@ STUDY = Study(
     findings=FINDINGS,
     figures={
         "leads": lambda r: draw_leads(r.select(PAPER, part=GRID)),
-        "rules": lambda r: draw(
-            [over_cycles(r.select(part=LONG), f"transfer_rmse_{side}", "learning.rule", log="xy") for side in "xy"]
-        ),
+        "rules": lambda r: draw(_curves(r.select(part=LONG), RULE_ERRORS, "learning.rule")),
         "growth": draw_growth,
-        "settings": lambda r: draw(
-            [over_cycles(r.select(part=SETTING), name, "settings", log="xy") for name in (FORCE, "tilt_max")]
-        ),
+        "settings": lambda r: draw(_curves(r.select(part=SETTING), WALK_ERRORS, "settings")),
     },
     tables={
         "leg": lambda r: _by_lead(r.select(part=GRID, machine=LEG), "learning.rule", "rule", _transfer),

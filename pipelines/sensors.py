@@ -65,14 +65,14 @@ FELT = 1.5
 """An error or torque that is at least so many times that without noise is felt."""
 
 
-SIGNALS: dict[str, tuple[str, str, Sequence[float], Sequence[float]]] = {
-    "force": ("noise_relative", "share of the force", (0.05, 0.1, 0.2, 0.4), (0.05, 0.1, 0.2, 0.4)),
-    "position": ("noise", "rad", (1e-4, 3e-4, 1e-3, 3e-3), (1e-5, 3e-5, 1e-4, 3e-4)),
-    "velocity": ("noise", "rad/s", (0.003, 0.01, 0.03, 0.1), (0.003, 0.01, 0.03, 0.1)),
-    "height": ("noise", "m", (), (1e-6, 1e-5, 1e-4, 1e-3)),
-    "tilt": ("noise", "rad", (), (1e-6, 1e-5, 1e-4, 1e-3)),
+SIGNALS: dict[str, tuple[str, str, float, Sequence[float], Sequence[float]]] = {
+    "force": ("noise_relative", "% of the force", 100.0, (0.05, 0.1, 0.2, 0.4), (0.05, 0.1, 0.2, 0.4)),
+    "position": ("noise", "mrad", 1e3, (1e-4, 3e-4, 1e-3, 3e-3), (1e-5, 3e-5, 1e-4, 3e-4)),
+    "velocity": ("noise", "rad/s", 1.0, (0.003, 0.01, 0.03, 0.1), (0.003, 0.01, 0.03, 0.1)),
+    "height": ("noise", "mm", 1e3, (), (1e-6, 1e-5, 1e-4, 1e-3)),
+    "tilt": ("noise", "mrad", 1e3, (), (1e-6, 1e-5, 1e-4, 1e-3)),
 }
-"""Field of the noise on each signal, its unit, and its levels for one leg and for the quadruped."""
+"""Field of the noise on each signal; the unit shown, with its factor; levels for one leg and for the quadruped."""
 
 
 def _gain(value: float) -> list[str]:
@@ -110,7 +110,7 @@ def _break(gains: dict[str, list[str]], quick: bool) -> list[Request]:
 def _noise(machine: str, common: Sequence[str], quick: bool) -> list[Request]:
     """A machine without noise, and with every level of noise on every signal."""
     found = grid(*common, seeded=True, part=NOISE, machine=machine, signal=NONE)
-    for signal, (field, _, leg, walk) in list(SIGNALS.items())[: 1 if quick else None]:
+    for signal, (field, *_, leg, walk) in list(SIGNALS.items())[: 1 if quick else None]:
         levels = leg if machine == LEG else walk
         for level in levels[2:3] if quick else levels:
             noisy = ("sensors=real", f"sensors.{signal}.{field}={level}")
@@ -329,13 +329,13 @@ def draw_noise(results: Results) -> "Figure":
     for signal, noisy in results.by("signal").items():
         if signal == NONE:
             continue
-        levels = noisy.values("level")
+        levels, (_, unit, factor, *_) = noisy.values("level"), SIGNALS[signal]
         pairs = [results.select(signal=[NONE, signal], level=[None, level]) for level in levels]
         series = [
-            Series(name, levels, [estimate(worsening(pair, metric)).value for pair in pairs])
+            Series(name, factor * np.array(levels), [estimate(worsening(pair, metric)).value for pair in pairs])
             for name, metric in ERRORS[results.value("machine")].items()
         ]
-        axes = (f"noise, {SIGNALS[signal][1]}", "value over that without noise")
+        axes = (f"noise, {unit}", "value over that without noise")
         panels.append(Panel(f"noise on the {signal}", *axes, series, log="x", y_limits=[FELT]))
     return draw(panels, columns=3)
 

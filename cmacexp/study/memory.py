@@ -30,7 +30,7 @@ def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
     """(runs of ``own``,): transfer errors over the mean of ``base``, in x or y, the larger.
 
     Args:
-        own: runs to compare; one that ended early counts as infinitely large.
+        own: runs to compare; one that ended early counts as infinitely large, whatever the others did.
         base: runs to compare with.
         cycle: whose errors; None: at the end.
     """
@@ -38,8 +38,9 @@ def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
     def errors(results: Results, side: str) -> Array:
         return results.end(side) if cycle is None else results.at(cycle, side)
 
-    ratios: Array = np.max([errors(own, side) / errors(base, side).mean() for side in SIDES], axis=0)
-    return ratios
+    pairs = [(errors(own, side), errors(base, side).mean()) for side in SIDES]
+    with np.errstate(invalid="ignore"):
+        return np.max([np.where(np.isinf(ours), np.inf, ours / theirs) for ours, theirs in pairs], axis=0)
 
 
 def hashed(results: Results) -> Results:

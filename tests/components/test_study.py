@@ -14,6 +14,7 @@ from cmacexp.study.interval import estimate
 from cmacexp.study.results import NoSuchRuns, Row
 from cmacexp.study.samples import per_seed, relative
 from cmacexp.study.statements import UNDECIDED, VERDICTS
+from cmacexp.study.tables import cross_tabulate, describe_end
 
 
 def made(*errors: float, asked: int = 5, **settings) -> Results:
@@ -209,6 +210,21 @@ def test_the_table_has_a_row_a_run():
     assert results.table[["machine", "status", "cycles"]].values.tolist() == [
         ["leg", "completed", 5],
         ["leg", "fell", 2],
+    ]
+
+
+def test_a_crossed_table_has_a_row_for_each_value_of_one_setting_and_a_column_for_each_of_another():
+    runs = [made(10.0 * delay + lead, delay=delay, lead=lead).rows[0] for delay in (0, 1) for lead in (1, 2)]
+    table = cross_tabulate(Results(runs), ("delay", "late"), ("lead", "lead"), lambda own: last_error(own)[0])
+    assert table.to_dict("list") == {"late": [0, 1], "lead 1": [1.0, 11.0], "lead 2": [2.0, 12.0]}
+
+
+def test_runs_end_with_an_error_or_in_a_cycle():
+    whole, some, none = made(0.25, 0.25), made(0.25, math.nan), made(math.nan)
+    assert [describe_end(own, last_error(own)) for own in (whole, some, none)] == [
+        "0.25",
+        "ends in 3 (1 complete)",
+        "ends in 3",
     ]
 
 
