@@ -19,10 +19,10 @@ from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.plants.mujoco_engine import load_mujoco
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
-from cmacexp.study.curves import over_cycles, over_setting
+from cmacexp.study.curves import draw_cycles, over_setting
 from cmacexp.study.requests import Values
 from cmacexp.study.samples import ratio, share_of_time
-from cmacexp.study.statements import Limit
+from cmacexp.study.statements import Limit, percent
 from cmacexp.study.tables import completed, tabulate
 from cmacexp.typing import Array
 
@@ -63,18 +63,12 @@ OTHER_LOOP: dict[str, tuple[str, ...]] = {
     SAMPLING: ("sampling_period=0.002",), COMPENSATOR: ("controller.lead_alpha=3",)
 }  # fmt: skip
 """Walks with a CMAC and all but one of the paper's constants of the loop."""
-FASTER: dict[str, tuple[str, ...]] = {
-    "the paper's rate": (PAPERS_RATE,), "the paper's rate, damped ground": (PAPERS_RATE, DAMPED)
-}  # fmt: skip
-"""Ways to learn faster without the changes."""
 NONE, ALL = "none of the changes", "all changes"
 COMPARED, SETTLED = 20, 3
 """Cycles of a walk that learns, and of feedback alone, which repeats itself from its second cycle on."""
 WITH, WITHOUT = "with lead", "without lead"
 LEADLESS = [0, 1, 2]
 """Starts that also walk without lead."""
-SPREAD = 0.02
-"""How far joint angles start from the plan, rad."""
 CUT_OFF = 10.0
 """Force errors below this frequency are measured separately, Hz."""
 FELT = 1.1
@@ -122,7 +116,7 @@ def _published(cycles: int, quick: bool) -> list[Request]:
 
 
 def _ladder(cycles: int, quick: bool) -> list[Request]:
-    """The changes made one after the other, and left out one at a time."""
+    """The changes made one after the other, and left out one at a time; and ways to learn faster without them."""
     names = NAMES[:1] if quick else NAMES
     found = _pair("made", NONE, NAMES, cycles)
     for count, name in enumerate(names, 1):
@@ -131,12 +125,13 @@ def _ladder(cycles: int, quick: bool) -> list[Request]:
     for name in names:
         found += _pair("left out", without(name), [name], cycles)
     common = (*WALK, *_taken_back(NAMES), f"cycles={cycles}", f"record.cycles=[{cycles}]")
-    return found + grid(*common, over={"walk": FASTER}, seeded=True, part="faster", feedforward=CMAC)
+    faster = {"the paper's rate": (PAPERS_RATE,), "the paper's rate, damped ground": (PAPERS_RATE, DAMPED)}
+    return found + grid(*common, over={"walk": faster}, seeded=True, part="faster", feedforward=CMAC)
 
 
 def _starts(cycles: int, quick: bool) -> list[Request]:
     """Disturbed starts, each with a hash of its own; some of them without lead too."""
-    common = (*WALK, f"plant.start_spread={SPREAD}", f"cycles={cycles}", f"record.cycles=[{cycles}]")
+    common = (*WALK, "plant.start_spread=0.02", f"cycles={cycles}", f"record.cycles=[{cycles}]")
     found = []
     for walk, texts, numbers in ((WITH, (), range(10)), (WITHOUT, CHANGES["lead"], LEADLESS)):
         starts = {str(n): (f"plant.start_seed={n}", f"seed={n}") for n in (numbers[:1] if quick else numbers)}
@@ -158,8 +153,7 @@ def low_passed(error: Array, period: float) -> Array:
     """
     from scipy.signal import butter, sosfiltfilt
 
-    slow: Array = sosfiltfilt(butter(2, CUT_OFF, fs=1.0 / period, output="sos"), error, axis=0)
-    return slow
+    return sosfiltfilt(butter(2, CUT_OFF, fs=1.0 / period, output="sos"), error, axis=0)
 
 
 def _if_completed(measure: Callable[[StoredRun], float]) -> Callable[[StoredRun], float]:
@@ -197,9 +191,8 @@ def last(results: Results, name: str) -> Array:
 
 def _walks(words: str, **of: Any) -> Finding:
     """Whether walks last."""
-    walked = Criterion("planned time walked", lambda r: r.measure("walked"), at_least(0.9), None, "%", 100.0, of)
     return Finding(
-        [walked],
+        [percent("planned time walked", lambda r: r.measure("walked"), at_least(0.9), of=of)],
         yes=f"The machine walks to the end {words}.",
         no=f"The machine does not walk to the end {words}: it lasts {{value}} of the planned time.",
     )
@@ -229,8 +222,7 @@ def _felt(name: str) -> Finding:
 
 def _growth(results: Results) -> Array:
     """(starts,): force error of the last cycle over that of the cycle in which the changes are compared."""
-    growth: Array = last(results, FORCE) / results.at(COMPARED, FORCE)
-    return growth
+    return last(results, FORCE) / results.at(COMPARED, FORCE)
 
 
 def _difference(results: Results) -> list[float]:
@@ -283,7 +275,7 @@ FINDINGS = {
     **{f"felt_{name}": _felt(name) for name in NAMES},
     "starts_last": Finding(
         [
-            Criterion("walks that complete", lambda r: r.completed, at_least(0.7), unit="%", scale=100.0, of=STARTS),
+            percent("walks that complete", lambda r: r.completed, at_least(0.7), of=STARTS),
             Criterion(f"force error at the end over that of cycle {COMPARED}", _growth, at_most(FELT), of=STARTS),
             _limited("off_course", OFF_COURSE, **STARTS),
         ],
@@ -291,10 +283,7 @@ FINDINGS = {
         no="What is learnt does not last in every respect.",
     ),
     "starts_alike": Finding(
-        [
-            Criterion("largest difference of force errors over their median", _difference, at_most(0.1), unit="%",
-                      scale=100.0, of=STARTS)
-        ],
+        [percent("largest difference of force errors over their median", _difference, at_most(0.1), of=STARTS)],
         yes="The start makes little difference to the force error at the end.",
         no="The start makes a difference to the force error at the end.",
     ),
@@ -319,16 +308,6 @@ def draw_ladder(results: Results) -> "Figure":
         for part, title in titles.items()
     ]  # fmt: skip
     return draw(panels, columns=1, height=3.0)
-
-
-def _over_cycles(results: Results, *names: str) -> "Figure":
-    return draw([over_cycles(results, name, "walk", log="y", title=QUANTITIES[name].title) for name in names])
-
-
-def draw_learning(results: Results) -> "Figure":
-    """Errors over the cycles without the changes, without one of them, and with all."""
-    shown = results.select(feedforward=CMAC, walk=[NONE, without(NAMES[0]), ALL])
-    return _over_cycles(shown, FORCE, "transfer_rmse_x", "transfer_rmse_y", "tilt_max")
 
 
 def table_published(results: Results) -> "pd.DataFrame":
@@ -379,12 +358,15 @@ STUDY = Study(
     findings=FINDINGS,
     figures={
         "ladder": draw_ladder,
-        "learning": draw_learning,
-        "starts": lambda r: _over_cycles(r.select(part="starts"), FORCE, "tilt_max"),
+        "learning": lambda r: draw_cycles(
+            r.select(feedforward=CMAC, walk=[NONE, without(NAMES[0]), ALL]),
+            (FORCE, "transfer_rmse_x", "transfer_rmse_y", "tilt_max"), by="walk",
+        ),
+        "starts": lambda r: draw_cycles(r.select(part="starts"), (FORCE, "tilt_max"), by="walk"),
     },
     tables={"published": table_published, "walks": table_walks},
     values=values,
-)
+)  # fmt: skip
 
 if __name__ == "__main__":
     main(__file__)

@@ -17,7 +17,7 @@ from cmacexp.metrics.registry import SHOWN
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, draw, grid
 from cmacexp.study.curves import draw_cycles, over_cycles
 from cmacexp.study.samples import Sample, ratio
-from cmacexp.study.statements import Limit
+from cmacexp.study.statements import Limit, percent
 from cmacexp.typing import Array
 from pipelines import one_leg_learning_trace as trace
 from pipelines.one_leg_learning_trace import CYCLES, FIFTH, FIRST, SECOND
@@ -104,15 +104,13 @@ def _feedback_share(results: Results, cycle: int = FIFTH) -> Array:
 def largest_rise_of_share(results: Results) -> Array:
     """(runs,): feedback's share in a cycle over that in the cycle before, the largest up to the fifth cycle."""
     shares = np.array([_feedback_share(results, cycle) for cycle in range(FIRST, FIFTH + 1)])
-    rise: Array = (shares[1:] / shares[:-1]).max(axis=0)
-    return rise
+    return (shares[1:] / shares[:-1]).max(axis=0)
 
 
 def final_share(results: Results) -> Array:
     """(runs,): feedback's share over the last cycles over its least; of a run that ended before it is all."""
-    return (1.0 - results.end("feedforward_share")) / [
-        1.0 - np.nanmax(h) for h in results.history("feedforward_share")
-    ]
+    least = [1.0 - np.nanmax(history) for history in results.history("feedforward_share")]
+    return (1.0 - results.end("feedforward_share")) / least
 
 
 def final_feedback(results: Results) -> Array:
@@ -131,22 +129,19 @@ def _bias_deviation(results: Results) -> Array:
     return np.abs(results.end("force_steady_state_error") / trace.learned_error(results.run.config) - 1.0)
 
 
-def _percent(
-    quantity: str, sample: Sample, holds: Limit, fails: Limit | None = None, of: dict[str, Any] = PAPER
-) -> Criterion:
-    return Criterion(quantity, sample, holds, fails, unit="%", scale=100.0, of=of)
+of_paper = partial(percent, of=PAPER)
 
 
 def _compare(name: str, cycle: int, before: int, holds: Limit, fails: Limit) -> Criterion:
     """An error in one cycle over that in another."""
     words = f"{ERRORS[name]}, cycle {cycle} over cycle {before}"
-    return _percent(words, _over(_at(cycle, name), _at(before, name)), holds, fails)
+    return of_paper(words, _over(_at(cycle, name), _at(before, name)), holds, fails)
 
 
 def _ramp_over_step(quantity: str, sample: Sample) -> Criterion:
     """What the runs with a force ramp give over those with a step."""
     words, of = f"{quantity}, cycle {FIFTH}, ramp over step", {"variant": [PUBLISHED, RAMPED]}
-    return _percent(words, ratio(sample, {"variant": RAMPED}, PAPER), LESS, MORE, of)
+    return percent(words, ratio(sample, {"variant": RAMPED}, PAPER), LESS, MORE, of)
 
 
 CLAIMS = {
@@ -154,7 +149,7 @@ CLAIMS = {
         "with feedback alone there are fairly large position control errors in both the X and Y directions",
         "section 5, Fig. 10",
         [
-            _percent(f"largest error in {axis} in transfer, cycle {FIRST}, over the {extent}",
+            of_paper(f"largest error in {axis} in transfer, cycle {FIRST}, over the {extent}",
                      _measure(f"peak_{axis}"), at_least(0.05), at_most(0.01))
             for axis, extent in (("x", "stroke"), ("y", "lift"))
         ],
@@ -183,19 +178,19 @@ CLAIMS = {
     "below_5_percent": Claim(
         "in the second cycle the steady-state error of the force is reduced to less than 5 %",
         "section 5, Fig. 12",
-        [_percent(f"size of the steady-state error, cycle {SECOND}", _at(SECOND, "force_steady_state_error"),
+        [of_paper(f"size of the steady-state error, cycle {SECOND}", _at(SECOND, "force_steady_state_error"),
                   at_most(0.05))],
     ),
     "force_is_steady": Claim(
         "in the second cycle the foot force remains relatively steady during the support phase",
         "section 5, Fig. 12",
-        [_percent(f"standard deviation over mean of the force in the second half of support, cycle {SECOND}",
+        [of_paper(f"standard deviation over mean of the force in the second half of support, cycle {SECOND}",
                   _over(_at(SECOND, "force_ripple"), _at(SECOND, "force_settled")), at_most(0.02), at_least(0.1))],
     ),
     "more_oscillation": Claim(
         "in the fifth cycle the foot forces show more oscillations than in the second",
         "section 5, Fig. 12",
-        [_percent(f"RMS of the force around its mean over {trace.FORCE_WINDOW:g} s, from {trace.LANDED:g} s after "
+        [of_paper(f"RMS of the force around its mean over {trace.FORCE_WINDOW:g} s, from {trace.LANDED:g} s after "
                   f"touch-down on, cycle {FIFTH} over cycle {SECOND}",
                   _over(_measure("oscillation_fifth"), _measure("oscillation_second")), MORE, LESS)],
     ),
@@ -215,7 +210,7 @@ CLAIMS = {
     "major_part": Claim(
         "CMAC provides the major part of the overall control torques",
         "section 5, Fig. 13",
-        [_percent(f"feedforward over all torque, both joints, cycle {FIFTH}", _at(FIFTH, "feedforward_share"),
+        [of_paper(f"feedforward over all torque, both joints, cycle {FIFTH}", _at(FIFTH, "feedforward_share"),
                   at_least(0.5), at_most(0.5))],
     ),
     "ramp_is_milder": Claim(
@@ -240,7 +235,7 @@ CLAIMS = {
         "as CMAC progresses in learning, the share of feedback in the control output decreases",
         "section 4",
         [
-            _percent(f"share of feedback over that in the cycle before, largest up to cycle {FIFTH}",
+            of_paper(f"share of feedback over that in the cycle before, largest up to cycle {FIFTH}",
                      largest_rise_of_share, LESS, MORE),
             Criterion("share of feedback over the last cycles of the long run over its least", final_share,
                       AT_ITS_LEAST, GROWN, of={"law": NO_LEAD}),
@@ -270,21 +265,21 @@ IN_FIFTH = (f"in cycle {FIFTH}", _at(FIFTH, "transfer_rmse_y"))
 AT_END = ("over the last cycles", _end("transfer_rmse_y"))
 FINDINGS = {
     "eliminated_later": Finding(
-        [_percent(f"{ERRORS[name]}, last cycles over cycle {FIRST}", _over(_end(name), _at(FIRST, name)), ELIMINATED)
+        [of_paper(f"{ERRORS[name]}, last cycles over cycle {FIRST}", _over(_end(name), _at(FIRST, name)), ELIMINATED)
          for name in ("transfer_rmse_x", "transfer_rmse_y")],
         yes="By the end of the run both errors are virtually eliminated: {values[0]} in x and {values[1]} in y.",
         no="By the end of the run the errors are not both virtually eliminated: {values[0]} in x, {values[1]} in y.",
     ),
     "statics": Finding(
-        [_percent("deviation of the settled force from statics", _statics_deviation, at_most(0.02))],
+        [of_paper("deviation of the settled force from statics", _statics_deviation, at_most(0.02))],
         yes="Statics with the weight of the leg give the force at which feedback alone settles.",
         no="Statics with the weight of the leg do not give the force at which feedback alone settles.",
     ),
     "bias": Finding(
         [
-            _percent("deviation of the final force error from the bias of eq. 13", _bias_deviation, at_most(0.05)),
-            _percent("size of the final force error without the term", _end("force_steady_state_error"),
-                     at_most(0.005), of={"variant": AWARE, **CMAC}),
+            of_paper("deviation of the final force error from the bias of eq. 13", _bias_deviation, at_most(0.05)),
+            percent("size of the final force error without the term", _end("force_steady_state_error"),
+                    at_most(0.005), of=CMAC, variant=AWARE),
         ],
         yes="The force error that learning leaves is this bias: it has the predicted size, and without the term the "
         "error is {values[1]}. Use `reference=aware` where the force is to be exact.",
@@ -297,8 +292,8 @@ FINDINGS = {
         no="With a lead of one sample the feedback torque grows again: it ends at {value} times its least.",
     ),
     "lift_off": Finding(
-        [_percent(f"share of the squared feedback torque in the {trace.SWING_START:g} s after lift-off, in the last "
-                  "cycle that was recorded", _measure("lift_off_late"), at_least(0.5), of={"law": NO_LEAD})],
+        [percent(f"share of the squared feedback torque in the {trace.SWING_START:g} s after lift-off, in the last "
+                 "cycle that was recorded", _measure("lift_off_late"), at_least(0.5), law=NO_LEAD)],
         yes="Late in the run as published most of the squared feedback torque falls just after lift-off.",
         no="Late in the run as published most of the squared feedback torque does not fall just after lift-off.",
     ),

@@ -13,7 +13,7 @@ from cmacexp.cli.study import main
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, grid
 from cmacexp.study.curves import draw_cycles
 from cmacexp.study.samples import Sample, ratio, share_done
-from cmacexp.study.statements import Limit
+from cmacexp.study.statements import Limit, percent
 from cmacexp.study.tables import completed, ends, tabulate
 from cmacexp.typing import Array
 from pipelines import quadruped_walking_events as measured
@@ -130,8 +130,7 @@ def _end(metric: str) -> Sample:
     return partial(Results.end, name=metric, cycles=LATE)
 
 
-def _percent(quantity: str, sample: Sample, holds: Limit, fails: Limit | None = None, **of: Any) -> Criterion:
-    return Criterion(quantity, sample, holds, fails, unit="%", scale=100.0, of={"part": LADDER} | of)
+of_ladder = partial(percent, of={"part": LADDER})
 
 
 def _tilt(name: str, holds: Limit, fails: Limit | None = None, **of: Any) -> Criterion:
@@ -142,22 +141,22 @@ def _tilt(name: str, holds: Limit, fails: Limit | None = None, **of: Any) -> Cri
 def _claims(controller: str, how: str) -> dict[str, Claim]:
     """The claims about the full controller, with one of its references."""
     of = {"part": LADDER, "controller": controller}
-    percent = partial(_percent, controller=controller)
+    of_walk = partial(of_ladder, controller=controller)
     return {
         f"walks_{how}": Claim(
             f"Force/position feedback, posture control, and CMAC provide stable and steady walking ({how})",
             "section 6.3",
             [
-                percent("part of the cycles that are walked", share_done, WALKS, FALLS),
+                of_walk("part of the cycles that are walked", share_done, WALKS, FALLS),
                 _tilt("", STEADY, LEANS, controller=controller),
-                percent(f"largest departure from the planned height in the last {LATE} cycles", measured.height_off,
+                of_walk(f"largest departure from the planned height in the last {LATE} cycles", measured.height_off,
                         at_most(0.01), at_least(0.05)),
             ],
         ),
         f"rear_{how}": Claim(
             f"When foot 3 is lifted the COG remains in the support pattern, the rear margin is very short ({how})",
             "section 6.3, Fig. 17",
-            [percent(f"rear margin over the length of the body, {LATE_CYCLES}", late("rear", -np.inf), SHORT,
+            [of_walk(f"rear margin over the length of the body, {LATE_CYCLES}", late("rear", -np.inf), SHORT,
                      OUTSIDE)],
         ),
         f"late_{how}": Claim(
@@ -165,7 +164,7 @@ def _claims(controller: str, how: str) -> dict[str, Claim]:
             f"delay has no adverse effect on stability ({how})",
             "section 6.3, Fig. 18",
             [
-                percent("part of the cycles in which foot 1 carries then",
+                of_walk("part of the cycles in which foot 1 carries then",
                         event("force_1", lambda force: float((force > 0.0).mean())), at_least(0.5), at_most(0.05)),
                 Criterion("least margin until foot 1 lifts, over the least planned margin",
                           measured.margin_while_late, at_least(1.0), at_most(0.0), of=of),
@@ -174,7 +173,7 @@ def _claims(controller: str, how: str) -> dict[str, Claim]:
         f"front_{how}": Claim(
             f"While foot 2 is still in transfer the COG is close to the front support boundary ({how})",
             "section 6.3, Fig. 19",
-            [percent(f"front margin over the length of the body, {LATE_CYCLES}", late("front", -np.inf), SHORT,
+            [of_walk(f"front margin over the length of the body, {LATE_CYCLES}", late("front", -np.inf), SHORT,
                      OUTSIDE)],
         ),
         f"restored_{how}": Claim(
@@ -210,19 +209,19 @@ CLAIMS = {
         "half a cycle out of phase, at least three feet are on the ground",
         "sections 6, 6.1, Fig. 14",
         [
-            _percent(f"largest departure of a leg's contact from the duty factor, {LATE_CYCLES}",
-                     late("duty_factor_off", np.inf), NEAR, FAR, controller=ALL),
-            _percent(f"largest departure of a leg's lifting from the wave, of a cycle, {LATE_CYCLES}",
-                     late("wave_off", np.inf), NEAR, FAR, controller=ALL),
-            _percent("part of the time in which fewer than three feet carry", event("two_feet", np.mean),
-                     at_most(0.0), at_least(0.01), controller=ALL),
+            of_ladder(f"largest departure of a leg's contact from the duty factor, {LATE_CYCLES}",
+                      late("duty_factor_off", np.inf), NEAR, FAR, controller=ALL),
+            of_ladder(f"largest departure of a leg's lifting from the wave, of a cycle, {LATE_CYCLES}",
+                      late("wave_off", np.inf), NEAR, FAR, controller=ALL),
+            of_ladder("part of the time in which fewer than three feet carry", event("two_feet", np.mean),
+                      at_most(0.0), at_least(0.01), controller=ALL),
         ],
     ),
     "posture": Claim(
         "The foot contact forces depend on the posture of the machine, and posture control obtains the desired one",
         "sections 6, 6.2",
         [
-            _percent(f"part of the cycles that are walked, {name}", share_done, *limits, controller=name)
+            of_ladder(f"part of the cycles that are walked, {name}", share_done, *limits, controller=name)
             for name, limits in (
                 (FEEDBACK, (FALLS, WALKS)), (NO_POSTURE, (FALLS, WALKS)),
                 (NO_CMAC, (WALKS, FALLS)), (ALL, (WALKS, FALLS)),
@@ -235,8 +234,8 @@ CLAIMS = {
         [
             Criterion(f"correlation of F_n2 with the rear margin while foot 3 is aloft, {LATE_CYCLES}",
                       late("correlation"), at_least(0.9), at_most(0.0), of={"part": LADDER, "controller": ALL}),
-            _percent("least force of a supporting foot as the machine falls, over the weight",
-                     measured.least_force_at_fall, at_most(0.02), at_least(0.1), controller=[FEEDBACK, NO_POSTURE]),
+            of_ladder("least force of a supporting foot as the machine falls, over the weight",
+                      measured.least_force_at_fall, at_most(0.02), at_least(0.1), controller=[FEEDBACK, NO_POSTURE]),
         ],
     ),
     **_claims(PRINTED, "eq. 24 as printed"),
@@ -266,8 +265,8 @@ FINDINGS = {
     ),
     "rocking": Finding(
         [
-            _percent(f"part of the squared force error {what}, last {LATE} cycles", late(column), at_least(0.5),
-                     controller=ALL)
+            of_ladder(f"part of the squared force error {what}, last {LATE} cycles", late(column), at_least(0.5),
+                      controller=ALL)
             for what, column in (
                 ("where four feet are planned to be down", "four_feet"),
                 ("there that moves load between the diagonal pairs of feet", "diagonal"),
@@ -289,7 +288,7 @@ FINDINGS = {
     ),
     "lasting": Finding(
         [
-            _percent(f"part of the cycles that are walked, {law}", share_done, limit, part=LONG, law=law)
+            percent(f"part of the cycles that are walked, {law}", share_done, limit, part=LONG, law=law)
             for law, limit in ((PUBLISHED, at_most(0.9)), (LEAD, at_least(0.9)))
         ],
         yes="The law as published does not last: it ends after {value} of the cycles, and with a lead of one sample "
@@ -342,7 +341,6 @@ STUDY = Study(
         "fig14": lambda r: figures.gait_diagram(shown_walk(r)[0]),
         "fig15": lambda r: figures.diagram(shown_walk(r)[0]),
         **{f"fig{number}": partial(draw_views, number=number) for number in range(16, 21)},
-        "forces": lambda r: figures.foot_forces(*shown_walk(r)),
         "learning": lambda r: draw_cycles(
             r.select(part=LADDER, controller=[ALL, PRINTED, NO_CMAC]),
             ("feedforward_share", "tilt_max", "transfer_rmse_y", "force_rmse_three_feet"), by="controller",

@@ -17,7 +17,7 @@ from cmacexp.data.tables import read_traces
 from cmacexp.planning.stability import FRONT, REAR, STABILITY, margins
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.study import Results
-from cmacexp.study.samples import Sample
+from cmacexp.study.samples import Sample, over_history
 from cmacexp.typing import Array, Mask
 
 if TYPE_CHECKING:
@@ -237,20 +237,18 @@ def feedback_left(results: Results) -> Array:
 def height_off(results: Results) -> Array:
     """(runs,): largest departure from the planned height in the last cycles, as a part of it; inf if a run ended."""
     planned = float(results.value("machine.hip_height"))
-    extremes = zip(results.completed, results.history("height_min"), results.history("height_max"), strict=True)
-    off = [
-        max(planned - least[-LATE:].min(), most[-LATE:].max() - planned) / planned if done else np.inf
-        for done, least, most in extremes
-    ]
-    return np.array(off)
+    below = over_history("height_min", lambda height: planned - height[-LATE:].min())(results)
+    above = over_history("height_max", lambda height: height[-LATE:].max() - planned)(results)
+    return np.maximum(below, above) / planned
 
 
-def bursts(results: Results) -> Array:
-    """(runs,): largest transfer error in x in the last fifth of the cycles over its median in the second fifth; inf
-    if a run ended."""
-    fifth = int(results.value("cycles")) // 5
-    found = zip(results.completed, results.history("transfer_rmse_x"), strict=True)
-    return np.array([e[-fifth:].max() / np.median(e[fifth : 2 * fifth]) if done else np.inf for done, e in found])
+def _burst(errors: Array) -> float:
+    fifth = len(errors) // 5
+    return float(errors[-fifth:].max() / np.median(errors[fifth : 2 * fifth]))
+
+
+bursts = over_history("transfer_rmse_x", _burst)
+"""(runs,): largest transfer error in x in the last fifth of the cycles over its median in the second fifth."""
 
 
 def least_force_at_fall(results: Results) -> Array:

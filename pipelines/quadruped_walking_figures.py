@@ -9,7 +9,6 @@ from cmacexp.planning.stability import FRONT, REAR, polygon
 from cmacexp.recording import palette
 from cmacexp.report.figure_data import put_legend_below
 from cmacexp.report.style import DESIRED, GROUND, SERIES, colour, label, new_figure
-from cmacexp.study import Panel, Series, draw
 from cmacexp.typing import Array
 from pipelines.quadruped_walking_events import Walk, instants
 
@@ -50,18 +49,6 @@ def gait_diagram(walk: Walk, cycles: int = 2) -> "Figure":
     label(axes, "support and transfer", "time, s", "leg")
     put_legend_below(figure, {"planned support": Patch(color="black"), "foot carries": Patch(color=SERIES[1])})
     return figure
-
-
-def foot_forces(walk: Walk, cycle: int) -> "Figure":
-    """Actual and desired force of each foot over a cycle; dotted lines at the instants of Fig. 17 to 20."""
-    rows = np.flatnonzero(walk.view.cycle == cycle)
-    time = walk.view.time[rows] - walk.view.time[rows[0]]
-    marks = [float(time[k - rows[0]]) for k in instants(walk, cycle).values()]
-    panels = []
-    for i, name in enumerate(NAMES):
-        series = [Series("actual", time, walk.force[rows, i]), Series("desired", time, walk.desired[rows, i])]
-        panels.append(Panel(f"foot {name}", "time in the cycle, s", "force, N", series, x_limits=marks))
-    return draw(panels, height=2.0)
 
 
 def _place(walk: Walk, k: int, points: Array) -> Array:

@@ -13,11 +13,9 @@ from cmacexp.cli.study import main
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.samples import ratio, share_of_time
-from cmacexp.study.statements import Limit
-from cmacexp.study.tables import completed, tabulate
+from cmacexp.study.statements import Limit, percent
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
 LEG = ("scenario=one_leg", "reference=aware", "learning.lead=1")
@@ -60,10 +58,8 @@ SPREADS, SLOPES = (0.0, 0.2, 0.4, 0.6, 0.8), (-0.2, -0.15, -0.1, -0.05, 0.0, 0.0
 PATCHES = ("terrain.patch_size=0.15", "terrain.patch_seed=${seed}")
 WITHIN = 1.2
 """An error that ends within this factor of a level has come back to it."""
-TILT = 0.05
-"""Largest tilt, rad, at which a body counts as level."""
-WHOLE = 0.9
-"""Share of the planned time from which a walk counts as completed."""
+TILT, WHOLE = 0.05, 0.9
+"""Largest tilt of a level body, rad; share of the planned time from which a walk counts as completed."""
 
 
 def _changes(quick: bool) -> list[Request]:
@@ -123,8 +119,8 @@ def _level(slope: float, where: str) -> Finding:
 
 def _ends_early(slope: float, where: str) -> Finding:
     shares = [
-        Criterion(f"planned time walked, {walk}", lambda r: r.measure("walked"), holds, unit="%", scale=100.0,
-                  of={"ground": "slopes", "terrain.slope": slope, "walk": walk})
+        percent(f"planned time walked, {walk}", lambda r: r.measure("walked"), holds,
+                of={"ground": "slopes", "terrain.slope": slope, "walk": walk})
         for walk, holds in ((CMAC, at_most(WHOLE)), (FEEDBACK, at_least(WHOLE)))
     ]  # fmt: skip
     return Finding(
@@ -180,10 +176,10 @@ FINDINGS = {
 
 
 def draw_changes(results: Results) -> "Figure":
-    """A row for each change: force and path error over the cycles, the change as a dotted line."""
+    """A row for each change, at the dotted line: force and path error over the cycles."""
     panels = []
     for change in CHANGES:
-        own = results.select(change=change, walk=[CMAC, FEEDBACK, UNCHANGED])
+        own = results.select(change=change)
         for error in (FORCE, PATH):
             panel = over_cycles(own, _metric(change, error), "walk", log="y", title=error)
             title = f"{CHANGES[change].words}: {error}"
@@ -200,30 +196,6 @@ def draw_ground(results: Results, ground: str, key: str) -> "Figure":
     }
     own = results.select(ground=ground)
     return draw([over_setting(own, key, name, sample, by="walk") for name, sample in samples.items()], columns=3)
-
-
-def _force_end(results: Results) -> float:
-    return float(results.end(_metric(results.value("change"), FORCE)).mean())
-
-
-def _force_peak(results: Results) -> float:
-    """Largest force error since the change, of all seeds."""
-    histories = results.history(_metric(results.value("change"), FORCE))
-    return max(float(each[results.value("before") :].max(initial=0.0)) for each in histories)
-
-
-def table_changes(results: Results) -> "pd.DataFrame":
-    """How the walks around every change end."""
-    return tabulate(
-        results.select(change=list(CHANGES)),
-        {"change": "change", "walk": "walk"},
-        {
-            "force error at the end, N": _force_end,
-            "largest since the change, N": _force_peak,
-            "path error at the end, mm": lambda r: 1e3 * r.end("transfer_rmse_y").mean(),
-            "completed": completed,
-        },
-    ).replace({name: change.words for name, change in CHANGES.items()})
 
 
 def values(results: Results) -> dict[str, Any]:
@@ -251,7 +223,6 @@ STUDY = Study(
         "patches": lambda r: draw_ground(r, "patches", "terrain.patch_spread"),
         "slopes": lambda r: draw_ground(r, "slopes", "terrain.slope"),
     },
-    tables={"changes": table_changes},
     values=values,
 )
 

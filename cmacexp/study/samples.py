@@ -39,6 +39,16 @@ def share_done(results: Results) -> Array:
     return np.array([row.summary.cycles / row.settings["cycles"] for row in results.rows])
 
 
+def over_history(name: str, reduce: Callable[[Array], float]) -> Sample:
+    """All cycles of a metric reduced to a number, for each run; infinite of one that ended before."""
+
+    def sample(results: Results) -> Array:
+        found = zip(results.completed, results.history(name), strict=True)
+        return np.array([reduce(values) if done else np.inf for done, values in found])
+
+    return sample
+
+
 def relative(results: Results, other: Results, measure: Callable[[Results], Sequence[float] | Array]) -> Array:
     """(runs,): a measure over that of the run of ``other`` with the same seed; infinite where it is itself."""
     reference = dict(zip(_seeds(other), measure(other), strict=True))
