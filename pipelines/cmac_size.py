@@ -12,7 +12,7 @@ from cmacexp.report.figures import Panel, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
 from cmacexp.study.curves import over_setting
 from cmacexp.study.memory import SIDES, colliding, rows_per_cell, where_hashed, worsening
-from cmacexp.study.statements import Limit
+from cmacexp.study.statements import Limit, percent
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
 
@@ -93,13 +93,11 @@ CLAIMS = {
         "by choosing proper generalisation size and memory the rate of collision stays below a noticeable level",
         "section 4",
         [
-            Criterion(
+            percent(
                 f"visited cells that collide, {machine}, the paper's size",
                 lambda results: results.measure("colliding"),
                 at_most(0.05),
                 at_least(CROWDED),
-                unit="%",
-                scale=100.0,
                 of=_paper_size(machine),
             )
             for machine in SCENARIOS

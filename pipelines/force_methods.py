@@ -16,7 +16,7 @@ from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
 from cmacexp.study.curves import over_setting
-from cmacexp.study.statements import Limit
+from cmacexp.study.statements import Limit, percent
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
 
@@ -145,7 +145,7 @@ def _rest(method: str, ground: str, mass: float | None = None) -> Criterion:
 
     quantity = f"RMS force error over the second half of the run over the desired force, {ground}"
     of = {"part": KNOWN, "method": method, "ground": ground}
-    return Criterion(f"{quantity}, {mass:g} kg" if mass else quantity, sample, EXACT, WRONG, "%", 100.0, of)
+    return percent(f"{quantity}, {mass:g} kg" if mass else quantity, sample, EXACT, WRONG, of)
 
 
 def _best(metric: str, name: str, ground: str) -> Criterion:
@@ -188,13 +188,11 @@ CLAIMS = {
                 at_least(1.0),
                 of={"part": SPRING},
             ),
-            Criterion(
+            percent(
                 "departure of the apparent stiffness from eq. 8",
                 lambda results: abs(np.divide(*_springs(results)) - 1.0),
                 EXACT,
                 WRONG,
-                unit="%",
-                scale=100.0,
                 of={"part": SPRING},
             ),
         ],
@@ -211,7 +209,7 @@ def _speed(method: str, limit: Limit) -> Criterion:
 def _departure(method: str, limit: Limit) -> Criterion:
     of = {"part": MISMATCH, "method": method, "terrain.stiffness": 2.0 * ASSUMED}
     quantity = f"departure of the mean force on ground twice as stiff as assumed, {method}"
-    return Criterion(quantity, lambda r: abs(r.measure("settled_force") - 1.0), limit, None, "%", 100.0, of)
+    return percent(quantity, lambda r: abs(r.measure("settled_force") - 1.0), limit, None, of)
 
 
 def _prediction(factor: float) -> Criterion:
@@ -220,7 +218,7 @@ def _prediction(factor: float) -> Criterion:
 
     of = {"part": MISMATCH, "terrain.stiffness": factor * ASSUMED}
     quantity = f"departure of the mean force from eq. 8 to 15 at {factor:g} times the assumed stiffness"
-    return Criterion(f"{quantity}, largest of all methods", largest, EXACT, None, "%", 100.0, of)
+    return percent(f"{quantity}, largest of all methods", largest, EXACT, None, of)
 
 
 STILL, MOVES = at_most(0.01), at_least(0.05)

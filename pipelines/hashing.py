@@ -10,7 +10,8 @@ from cmacexp.cli.study import main
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_setting
 from cmacexp.study.memory import colliding, hashed, rows_per_cell, where_hashed, worsening
-from cmacexp.study.tables import tabulate
+from cmacexp.study.statements import percent
+from cmacexp.study.tables import completed, tabulate
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
@@ -65,12 +66,10 @@ FINDINGS = {
 } | {
     f"stable_{machine}": Finding(
         [
-            Criterion(
+            percent(
                 f"runs that complete where at least half of the visited cells collide, {rule}",
                 where_hashed("colliding", CROWDED, lambda results: hashed(results).completed),
                 at_least(0.8),
-                unit="%",
-                scale=100.0,
                 of={"machine": machine, "rule": rule},
             )
             for rule in RULES
@@ -118,7 +117,7 @@ def table(results: Results) -> "pd.DataFrame":
         "rows per cell": lambda own: own.measure("rows_per_cell").mean(),
         "colliding, %": lambda own: 100.0 * own.measure("colliding").mean(),
         "error over that without collisions": lambda own: cost(own).mean(),
-        "completed": lambda own: f"{sum(own.completed)} of {len(own)}",
+        "completed": completed,
     }
     return tabulate(hashed(results), {"rule": "rule", MEMORY: "bytes of a leg"}, columns)
 

@@ -14,6 +14,7 @@ import numpy as np
 from cmacexp.cli.study import main
 from cmacexp.config.compose import compose_config
 from cmacexp.study import Claim, Criterion, Results, Study, at_most
+from cmacexp.study.statements import percent
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ def _claim(
         def sample(results: Results) -> Array:
             return measure(_loops(results, name, default))
 
-        return Criterion(f"{quantity}, gains of {name}", sample, at_most(most), unit="%", scale=100.0)
+        return percent(f"{quantity}, gains of {name}", sample, at_most(most))
 
     return Claim(words, where, [criterion(name) for name in SCENARIOS])
 

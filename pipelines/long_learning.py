@@ -16,6 +16,7 @@ from cmacexp.cmac.rules import RULES
 from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.samples import ended_in, per_seed, relative, share_done
+from cmacexp.study.statements import percent
 from cmacexp.study.tables import cross_tabulate, describe_end
 from cmacexp.typing import Array
 from pipelines import long_learning_measures as measures
@@ -87,7 +88,6 @@ def _with_feedback(results: Results) -> Array:
     return relative(felt, ramped, partial(final, name=FORCE))
 
 
-PERCENT: dict[str, Any] = {"unit": "%", "scale": 100.0}
 WARNED = {"part": [GRID, LATE, RATE]}
 
 
@@ -96,7 +96,7 @@ def _paper(machine: str, lead: int) -> dict[str, Any]:
 
 
 def _ends(what: str, of: Mapping[str, Any], sample: Any = share_done) -> Criterion:
-    return Criterion(f"cycles done of those asked for, {what}", sample, at_most(0.9), **PERCENT, of=of)
+    return percent(f"cycles done of those asked for, {what}", sample, at_most(0.9), of=of)
 
 
 def _steady(what: str, of: Mapping[str, Any], name: str = TRANSFER) -> Criterion:
@@ -181,11 +181,10 @@ FINDINGS = {
     ),
     "drift": Finding(
         [
-            Criterion(
+            percent(
                 "runs that end before their time in which drift is detected",
                 measures.detected_if_ended,
                 at_least(0.8),
-                **PERCENT,
                 of=WARNED,
             ),
             Criterion(

@@ -16,7 +16,7 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, Study, at_least, at_most, draw, grid
 from cmacexp.study.interval import estimate
 from cmacexp.study.samples import relative, share_done
-from cmacexp.study.statements import Limit
+from cmacexp.study.statements import Limit, percent
 from cmacexp.study.tables import cross_tabulate, describe_end, tabulate
 from cmacexp.typing import Array, Mask
 
@@ -186,8 +186,7 @@ def torque_first(results: Results) -> list[bool]:
     return found
 
 
-PERCENT: dict[str, Any] = {"unit": "%", "scale": 100.0}
-FAILED: dict[str, Any] = {**PERCENT, "of": {"part": [SOUND, BREAK]}}
+FAILURES = [SOUND, BREAK]
 MOST = at_least(0.9)
 WEAK = f"gains up to {GAINS[-2]:g}"
 LEG_NOISE = f"noise of {100 * FORCE_NOISE:g} % on the force"
@@ -195,7 +194,7 @@ LEG_NOISE = f"noise of {100 * FORCE_NOISE:g} % on the force"
 
 def _survive(what: str, check: str, gains: Sequence[float], limit: Limit) -> Criterion:
     quantity = f"failures after which the machine walks on, {what}"
-    return Criterion(quantity, lambda r: where_sound_walks(r, check, gains).completed, limit, **FAILED)
+    return percent(quantity, lambda r: where_sound_walks(r, check, gains).completed, limit, part=FAILURES)
 
 
 def _rejected(what: str, **of: Any) -> Criterion:
@@ -216,7 +215,7 @@ def _grows(what: str, gains: Sequence[float], limit: Limit) -> Criterion:
 def _done(late: Any, lead: Any, limit: Limit) -> Criterion:
     name = lead if lead == "auto" else f"lead {lead}"
     of = {"part": LATE, "late": late, "learning.lead": lead}
-    return Criterion(f"cycles done of those asked for, {name}", share_done, limit, **PERCENT, of=of)
+    return percent(f"cycles done of those asked for, {name}", share_done, limit, of=of)
 
 
 FINDINGS = {
@@ -233,7 +232,7 @@ FINDINGS = {
     "checked": Finding(
         [
             _survive("with the check, all gains", CHECK, GAINS, MOST),
-            Criterion("failures that the check detects within a cycle", _rejected_in_time, MOST, **FAILED),
+            percent("failures that the check detects within a cycle", _rejected_in_time, MOST, part=FAILURES),
         ],
         yes="With `plausibility=force` the machine walks on after {value} of the failures over all gains; "
         "{values[1]} are detected within a cycle.",
@@ -252,11 +251,10 @@ FINDINGS = {
     ),
     "noise_leg": Finding(
         [
-            Criterion(
+            percent(
                 "transfer error in y at the end over that of the first cycle",
                 lambda results: end(results, "transfer_rmse_y") / results.at(1, "transfer_rmse_y"),
                 at_most(0.25),
-                **PERCENT,
                 of={"part": NOISE, "machine": LEG, "signal": "force", "level": FORCE_NOISE},
             ),
             Criterion(
@@ -273,11 +271,10 @@ FINDINGS = {
     ),
     "torque_first": Finding(
         [
-            Criterion(
+            percent(
                 "runs with noise that is felt in which the torque grows by more than any error",
                 torque_first,
                 at_least(0.8),
-                **PERCENT,
                 of={"part": NOISE},
             )
         ],

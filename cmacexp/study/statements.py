@@ -88,7 +88,7 @@ class Criterion:
 
 def percent(
     quantity: str,
-    sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array],
+    sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask],
     holds: Limit,
     fails: Limit | None = None,
     of: Mapping[str, Any] | None = None,
