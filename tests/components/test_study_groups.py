@@ -65,6 +65,6 @@ def test_a_ratio_is_over_the_runs_selected_and_a_run_that_ended_is_infinite():
 
 
 def test_an_undecided_finding_needs_no_sentence_and_a_share_is_shown_in_per_cent():
-    spread = percent("error", lambda results: end(results), at_most(0.002), {"walk": "soft"}, law=["a", "b"])
+    spread = percent("error", lambda results: end(results), at_most(0.002), of={"walk": "soft"}, law=["a", "b"])
     found = Finding([spread], "yes", "no").judge(RUNS)
     assert (found.sentence, found.measured[0].value) == (UNDECIDED, "0.5 %")
