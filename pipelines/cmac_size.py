@@ -3,25 +3,26 @@
 ``python -m pipelines.cmac_size`` changes one thing of the paper's CMAC at a time, for one leg and for the quadruped.
 """
 
-from typing import Any
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from cmacexp.cli.study import main
+from cmacexp.report.figures import Panel, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
-from cmacexp.study.statements import Limit
-from pipelines.cmac_size_figures import draw_collisions, draw_sizes, draw_walk, size_table
-from pipelines.cmac_size_measures import (
-    ELEMENTS,
-    FREE,
-    INPUTS,
-    LAYERS,
-    MEMORY,
-    SIZE,
-    against,
-    colliding,
-    rows_per_cell,
-    worsening_where,
-)
+from cmacexp.study.curves import over_setting
+from cmacexp.study.memory import SIDES, colliding, rows_per_cell, where_hashed, worsening
+from cmacexp.study.statements import Limit, percent
+from cmacexp.study.tables import tabulate
+from cmacexp.typing import Array
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+LAYERS, ELEMENTS, INPUTS, MEMORY = "cmac.layers", "cmac.resolution_elements", "cmac.inputs", "cmac.memory_bytes"
+SIZE, FREE = "layers and memory", "no collisions"
+"""What is varied besides one config key."""
 LEG, WALK = "one leg", "quadruped"
 SCENARIOS = {LEG: "one_leg", WALK: "quadruped"}
 PAPER: dict[str, dict[str, Any]] = {
@@ -45,13 +46,12 @@ FEW, MANY = 8, 128
 WITH_LAYERS = {FEW: (2**12, 2**10, 2**14, 2**16), MANY: (2**16, 2**12, 2**14, 2**18)}
 """Memories tried with other numbers of layers; with the first ones a visited cell has as many rows in both."""
 EARLY, CYCLES, QUICK_CYCLES = 5, 20, 6
-WIDE, ANGLES = 9, "[angle]"
-SMALL_PART = 16
-"""The paper's memory over one that counts as little."""
+WIDE = 9
+"""Resolution elements of cells that are wider than the paper's."""
 AS_GOOD, MUCH_WORSE, FASTER = 1.25, 2.0, 0.8
 """Errors over others: the largest that count as good, the least as much worse, the largest early on as faster."""
-NOTICEABLE, CROWDED, ROOMY = 0.05, 0.5, 2.0
-"""Shares of the visited cells that collide: noticeable, crowded; rows for each cell from which memory is roomy."""
+CROWDED, ROOMY = 0.5, 2.0
+"""Share of the visited cells that collide in crowded memory; rows for each cell from which memory is roomy."""
 
 
 def runs(quick: bool) -> list[Request]:
@@ -69,59 +69,61 @@ def runs(quick: bool) -> list[Request]:
     return found
 
 
+def _against(own: dict[str, Any], base: dict[str, Any], cycle: int | None = None) -> Any:
+    return lambda results: worsening(results.select(own), results.select(base), cycle)
+
+
 def _compared(
     machine: str, key: str, value: Any, cycle: int | None, holds: Limit, fails: Limit | None = None
 ) -> Criterion:
     """Errors with one value over those with the paper's."""
-    paper = PAPER[machine][key]
-    when = "at the end" if cycle is None else f"in cycle {cycle}"
+    paper, when = PAPER[machine][key], "at the end" if cycle is None else f"in cycle {cycle}"
     quantity = f"{machine}: errors {when} with {key}={value}, over those with {paper}"
-    return Criterion(
-        quantity, against({key: value}, {key: paper}, cycle), holds, fails, of={"machine": machine, "varied": key}
-    )
+    of = {"machine": machine, "varied": key}
+    return Criterion(quantity, _against({key: value}, {key: paper}, cycle), holds, fails, of=of)
 
 
 def _paper_size(machine: str) -> dict[str, Any]:
     return {"machine": machine, "varied": MEMORY, MEMORY: PAPER[machine][MEMORY]}
 
 
-RATE = [
-    Criterion(
-        f"visited cells that collide, {machine}, the paper's size", lambda results: results.measure("colliding"),
-        at_most(NOTICEABLE), at_least(CROWDED), unit="%", scale=100.0, of=_paper_size(machine),
-    )
-    for machine in SCENARIOS
-]  # fmt: skip
-ROBUST = [
-    Criterion(
-        f"{machine}: errors at the end where at least half of the visited cells collide, over those without",
-        worsening_where("colliding", CROWDED), at_most(AS_GOOD), at_least(MUCH_WORSE),
-        of={"machine": machine, "varied": [MEMORY, FREE]},
-    )
-    for machine in SCENARIOS
-]  # fmt: skip
-LITTLE = [
-    _compared(m, MEMORY, PAPER[m][MEMORY] // SMALL_PART, None, at_most(AS_GOOD), at_least(MUCH_WORSE))
-    for m in SCENARIOS
-]
-ROOM = Criterion(
-    f"one leg, any layers: errors at the end with at least {ROOMY:g} rows for each visited cell, over those without "
-    "collisions",
-    worsening_where("rows_per_cell", ROOMY), at_most(AS_GOOD), of={"machine": LEG, "varied": [MEMORY, SIZE, FREE]},
-)  # fmt: skip
-WEIGHT = Criterion(
-    f"one leg, crowded memory with as many rows for each visited cell: errors at the end with {FEW} layers over "
-    f"those with {MANY}",
-    against({LAYERS: FEW, MEMORY: WITH_LAYERS[FEW][0]}, {LAYERS: MANY, MEMORY: WITH_LAYERS[MANY][0]}),
-    at_least(AS_GOOD), of={"machine": LEG, "varied": SIZE},
-)  # fmt: skip
 WIDER = f"Cells {(PAPER[LEG][ELEMENTS] - 1) / (WIDE - 1):g} times as wide as the paper's"
-RATE_WORDS = "by choosing proper generalisation size and memory the rate of collision stays below a noticeable level"
 CLAIMS = {
-    "rate": Claim(RATE_WORDS, "section 4", RATE),
-    "robust": Claim("CMAC learning is robust to collisions", "section 4", ROBUST),
+    "rate": Claim(
+        "by choosing proper generalisation size and memory the rate of collision stays below a noticeable level",
+        "section 4",
+        [
+            percent(
+                f"visited cells that collide, {machine}, the paper's size",
+                lambda results: results.measure("colliding"),
+                at_most(0.05),
+                at_least(CROWDED),
+                of=_paper_size(machine),
+            )
+            for machine in SCENARIOS
+        ],
+    ),
+    "robust": Claim(
+        "CMAC learning is robust to collisions",
+        "section 4",
+        [
+            Criterion(
+                f"{machine}: errors at the end where at least half of the visited cells collide, over those without",
+                where_hashed("colliding", CROWDED),
+                at_most(AS_GOOD),
+                at_least(MUCH_WORSE),
+                of={"machine": machine, "varied": [MEMORY, FREE]},
+            )
+            for machine in SCENARIOS
+        ],
+    ),
     "little": Claim(
-        "a complex system is handled with little hardware (a board with 1 MB)", "sections 5, 6.3", LITTLE
+        "a complex system is handled with little hardware (a board with 1 MB)",
+        "sections 5, 6.3",
+        [
+            _compared(machine, MEMORY, PAPER[machine][MEMORY] // 16, None, at_most(AS_GOOD), at_least(MUCH_WORSE))
+            for machine in SCENARIOS
+        ],
     ),
 }
 FINDINGS = {
@@ -129,39 +131,100 @@ FINDINGS = {
         [_compared(machine, ELEMENTS, WIDE, EARLY, at_most(FASTER)) for machine in SCENARIOS],
         yes=f"{WIDER} learn faster on one leg and on four.",
         no=f"{WIDER} do not learn faster on both machines.",
-        unclear=f"{WIDER}: whether they learn faster on both machines is unclear.",
     ),
     "width_end": Finding(
         [_compared(machine, ELEMENTS, WIDE, None, at_most(AS_GOOD)) for machine in SCENARIOS],
         yes="At the end of the runs CMACs with such cells are about as accurate as the paper's, or more.",
         no="At the end of the runs CMACs with such cells are not as accurate as the paper's on both machines.",
-        unclear="Whether CMACs with such cells are as accurate as the paper's at the end of the runs is unclear.",
     ),
     "layers": Finding(
         [_compared(LEG, LAYERS, n, cycle, at_most(AS_GOOD)) for n in (FEW, MANY) for cycle in (EARLY, None)],
         yes=f"On one leg {FEW} and {MANY} layers are about as accurate as the paper's number, or more.",
         no=f"On one leg {FEW} or {MANY} layers are clearly less accurate than the paper's number.",
-        unclear=f"Whether {FEW} and {MANY} layers are as accurate as the paper's number on one leg is unclear.",
     ),
     "inputs": Finding(
-        [_compared(LEG, INPUTS, ANGLES, EARLY, at_most(FASTER))],
+        [_compared(LEG, INPUTS, "[angle]", EARLY, at_most(FASTER))],
         yes="On this one path of one leg, a CMAC of the angles alone learns faster than one of all inputs.",
         no="On this one path of one leg, a CMAC of the angles alone does not learn faster than one of all inputs.",
-        unclear="Whether a CMAC of the angles alone learns faster than one of all inputs is unclear.",
     ),
     "room": Finding(
-        [ROOM],
+        [
+            Criterion(
+                f"one leg, any layers: errors at the end with at least {ROOMY:g} rows for each visited cell, over "
+                "those without collisions",
+                where_hashed("rows_per_cell", ROOMY),
+                at_most(AS_GOOD),
+                of={"machine": LEG, "varied": [MEMORY, SIZE, FREE]},
+            )
+        ],
         yes=f"With {ROOMY:g} rows of memory for each visited cell or more, collisions cost one leg little accuracy.",
         no=f"Collisions cost one leg accuracy even with {ROOMY:g} rows of memory for each visited cell or more.",
-        unclear=f"Whether {ROOMY:g} rows of memory for each visited cell are enough for one leg is unclear.",
     ),
     "weight": Finding(
-        [WEIGHT],
+        [
+            Criterion(
+                f"one leg, crowded memory with as many rows for each visited cell: errors at the end with {FEW} "
+                f"layers over those with {MANY}",
+                _against({LAYERS: FEW, MEMORY: WITH_LAYERS[FEW][0]}, {LAYERS: MANY, MEMORY: WITH_LAYERS[MANY][0]}),
+                at_least(AS_GOOD),
+                of={"machine": LEG, "varied": SIZE},
+            )
+        ],
         yes=f"In equally crowded memory {FEW} layers are less accurate than {MANY}.",
         no=f"In equally crowded memory {FEW} layers are not clearly less accurate than {MANY}.",
-        unclear=f"Whether {FEW} layers are less accurate than {MANY} in equally crowded memory is unclear.",
     ),
 }
+
+
+def _cycle(side: str, cycle: int, results: Results) -> Array:
+    return 1e3 * results.at(cycle, side)
+
+
+def _end(name: str, results: Results) -> Array:
+    return 1e3 * results.end(name)
+
+
+def _kilobytes(results: Results) -> float:
+    return results.value(MEMORY) / 1024
+
+
+def _width(results: Results) -> float:
+    return float(results.value("cmac.range_factor") / (results.value(ELEMENTS) - 1))
+
+
+def draw_sizes(results: Results) -> "Figure":
+    """Errors in x and y over layers, width of a cell and memory; a line for each cycle."""
+    axes: dict[str, tuple[str, Any]] = {
+        LAYERS: ("layers", lambda own: own.value(LAYERS)),
+        ELEMENTS: ("width of a cell / planned span", _width),
+        MEMORY: ("memory of a leg, KB", _kilobytes),
+    }
+    panels = []
+    for side in SIDES:
+        for key, (axis, place) in axes.items():
+            varied, series = results.select(varied=key), []
+            for cycle in [cycle for cycle in (5, 10, 20) if cycle <= results.value("cycles")]:
+                line = over_setting(varied, key, "", partial(_cycle, side, cycle), place=place).series[0]
+                series.append(replace(line, name=f"cycle {cycle}"))
+            limits = [place(varied.select({key: PAPER[LEG][key]}))]
+            panels.append(
+                Panel(f"error in {side[-1]}", axis, "transfer error, mm", series, log="xy", x_limits=limits)
+            )
+    return draw(panels, columns=3, height=2.2)
+
+
+def size_table(results: Results) -> "pd.DataFrame":
+    """Every size: errors early and at the end, use of memory; means over seeds."""
+    samples: dict[str, Any] = {
+        **{f"{side[-1]}, cycle {EARLY}, mm": partial(_cycle, side, EARLY) for side in SIDES},
+        **{f"{side[-1]}, end, mm": partial(_end, side) for side in SIDES},
+        "rows per visited cell": lambda own: own.measure("rows_per_cell"),
+        "colliding, %": lambda own: 100.0 * own.measure("colliding"),
+    }
+    means = {title: lambda own, sample=sample: sample(own).mean() for title, sample in samples.items()}
+    keys = (LAYERS, ELEMENTS, INPUTS, MEMORY, "cmac.addressing")
+    by = {key: key.removeprefix("cmac.").replace("_", " ") for key in keys if len(results.values(key)) > 1}
+    return tabulate(results, by, means).replace(PAPER[LEG][INPUTS], "all")
 
 
 def values(results: Results) -> dict[str, Any]:
@@ -171,7 +234,7 @@ def values(results: Results) -> dict[str, Any]:
         base, size = results.select(_paper_size(machine)), PAPER[machine]
         found[name] = {
             "layers": size[LAYERS], "elements": size[ELEMENTS], "memory": size[MEMORY] // 1024,
-            "width": base.value("cmac.range_factor") / (size[ELEMENTS] - 1),
+            "width": _width(base),
             "room": size[MEMORY] / 1024 / float(base.measure("rows_per_cell").mean()),
         }  # fmt: skip
     return found
@@ -185,13 +248,11 @@ STUDY = Study(
     claims=CLAIMS,
     findings=FINDINGS,
     figures={
-        "sizes": lambda results: draw_sizes(results.select(machine=LEG), PAPER[LEG]),
-        "collisions": lambda results: draw_collisions(results.select(machine=LEG)),
-        "walk": lambda results: draw_walk(results.select(machine=WALK), PAPER[WALK]),
+        "sizes": lambda results: draw_sizes(results.select(machine=LEG)),
     },
     tables={
-        "leg": lambda results: size_table(results.select(machine=LEG), EARLY),
-        "walk": lambda results: size_table(results.select(machine=WALK), EARLY),
+        "leg": lambda results: size_table(results.select(machine=LEG)),
+        "walk": lambda results: size_table(results.select(machine=WALK)),
     },
     values=values,
 )

@@ -6,110 +6,223 @@ here it floats. The study walks with the paper's constants, then makes the chang
 disturbed starts.
 """
 
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cmacexp.cli.study import main
-from cmacexp.study import Criterion, Finding, Results, Study, at_least, at_most, between
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.tables import BODY
+from cmacexp.metrics.metric import Shown
+from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.plants.mujoco_engine import load_mujoco
+from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
+from cmacexp.study.curves import draw_cycles, over_setting
+from cmacexp.study.requests import Values
+from cmacexp.study.samples import ratio, share_of_time
+from cmacexp.study.statements import Limit, percent
+from cmacexp.study.tables import completed, tabulate
 from cmacexp.typing import Array
-from pipelines import dynamic_body_views as views
-from pipelines.dynamic_body_views import QUANTITIES, last
-from pipelines.dynamic_body_walks import (
-    ALL,
-    CMAC,
-    COMPARED,
-    COMPENSATOR,
-    FEEDBACK,
-    FEEDFORWARD,
-    FINER,
-    LEADLESS,
-    LEADS,
-    NAMED,
-    NAMES,
-    NONE,
-    SAMPLING,
-    runs,
-    without,
-)
 
-WHOLE = 0.9
-"""Share of the planned time from which a walk counts as walked to the end."""
-BETTER_FORCE, BETTER_SLOW = 0.45, 0.35
-"""Force error over that of feedback alone that counts as much smaller: whole, and slower than CUT_OFF."""
-GOOD = {"transfer_rmse_x": 3e-3, "transfer_rmse_y": 1.5e-3, "tilt_max": 0.01, "off_course": 0.05}
-"""Largest errors of a walk that has learnt, SI units."""
-FELT, ALIKE, LASTS = 1.1, 0.1, 0.7
-"""Factor of the force error by which a difference counts; largest relative difference between starts that counts as
-none; share of walks that has to complete."""
-WITH, WITHOUT = LEADS
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+WALK = ("scenario=quadruped", "plant=mujoco_quadruped")
+CHANGES: dict[str, tuple[str, ...]] = {
+    "posture rate term": ("posture.rate_gain=0",),
+    "force-feedback gain": ("force_control.elasticity=1e-4", "force_control.admittance=1e-4"),
+    "learning rate": ("learning.rate=0.05",),
+    "load sharing": ("force_control.load_sharing=static",),
+    "smooth, low swing": ("gait.vertical=cubic", "gait.lift=0.1"),
+    "load ramp": ("gait.load_ramp=0", "gait.touch_down=null"),
+    "ground damping": ("terrain.damping=0",),
+    "lead": ("learning.lead=0",),
+}
+"""What takes each change of ``conf/for_plant/mujoco_quadruped.yaml`` back, in the order in which they are made."""
+NAMES = list(CHANGES)
+PAPERS_RATE, DAMPED = "learning.rate=0.1953125", "terrain.damping=50"
+CMAC, FEEDBACK = "CMAC", "feedback alone"
+EXACT, SAMPLING, COMPENSATOR = "exact inverse dynamics", "sampled faster", "weaker LEAD"
+FIXED: dict[str, tuple[str, ...]] = {
+    FEEDBACK: ("feedforward=none",),
+    "feedback alone, finer steps": ("feedforward=none", "plant.substeps=20"),
+    EXACT: ("feedforward=inverse_dynamics",),
+}
+"""Walks with the paper's constants in which a seed decides nothing."""
+LEARNING: dict[str, tuple[str, ...]] = {
+    "as published": (),
+    "lead of one sample": ("learning.lead=1",),
+    "lower learning rate": ("learning.rate=0.05",),
+    "damped ground": (DAMPED,),
+}
+"""Such walks with a CMAC."""
+OTHER_LOOP: dict[str, tuple[str, ...]] = {
+    SAMPLING: ("sampling_period=0.002",), COMPENSATOR: ("controller.lead_alpha=3",)
+}  # fmt: skip
+"""Walks with a CMAC and all but one of the paper's constants of the loop."""
+NONE, ALL = "none of the changes", "all changes"
+COMPARED, SETTLED = 20, 3
+"""Cycles of a walk that learns, and of feedback alone, which repeats itself from its second cycle on."""
+WITH, WITHOUT = "with lead", "without lead"
+LEADLESS = [0, 1, 2]
+"""Starts that also walk without lead."""
+CUT_OFF = 10.0
+"""Force errors below this frequency are measured separately, Hz."""
+FELT = 1.1
+"""Factor of the force error by which a difference counts."""
 FORCE = "force_rmse_cycle"
-EVERY, LEFT_OUT = {"part": "left out", "walk": ALL}, {"part": "left out", "feedforward": CMAC}
-STARTS = {"part": "starts", "walk": WITH}
+QUANTITIES = {
+    FORCE: Shown("force error", "N"),
+    "slow_force": Shown(f"force error below {CUT_OFF:g} Hz", "N"),
+    "transfer_rmse_x": Shown("transfer error in x", "mm", 1e3),
+    "transfer_rmse_y": Shown("transfer error in y", "mm", 1e3),
+    "tilt_max": Shown("tilt", "mrad", 1e3),
+    "off_course": Shown("error of the distance walked", "%", 100.0),
+}
+"""Metrics and measures of the last cycle."""
 
 
-def _decide(topic: str, yes: str, no: str, *criteria: Criterion) -> Finding:
-    """A finding whether ``topic`` is so."""
-    return Finding(criteria, yes, no, f"The runs do not decide whether {topic} (measured: {{value}}).")
+def without(name: str) -> str:
+    """The walk with all changes but one."""
+    return f"without {name}"
+
+
+def _taken_back(names: list[str]) -> tuple[str, ...]:
+    return tuple(text for name in names for text in CHANGES[name])
+
+
+def _pair(part: str, walk: str, off: list[str], cycles: int) -> list[Request]:
+    """A walk in which the changes ``off`` are taken back, with a CMAC, and feedback alone on the same plan."""
+    texts = _taken_back(off)
+    learning = (*WALK, *texts, f"cycles={cycles}", f"record.cycles=[{cycles}]")
+    plan = [text for text in texts if not text.startswith("learning.")]
+    alone = (*WALK, *plan, "feedforward=none", f"cycles={SETTLED}", f"record.cycles=[{SETTLED}]")
+    learnt = grid(*learning, seeded=True, part=part, walk=walk, feedforward=CMAC)
+    return learnt + grid(*alone, part=part, walk=walk, feedforward=FEEDBACK)
+
+
+def _published(cycles: int, quick: bool) -> list[Request]:
+    paper = (*_taken_back(NAMES), "sampling_period=0.005", "controller.lead_alpha=10", PAPERS_RATE)
+    common = (*WALK, *paper, f"cycles={cycles}", f"record.cycles=[{cycles}]")
+    found = []
+    for variants, seeded in ((FIXED, False), (LEARNING | OTHER_LOOP, True)):
+        chosen = dict(list(variants.items())[:1]) if quick else variants
+        over: Values = {"reference": ["aware"] if quick else ["literal", "aware"], "variant": chosen}
+        found += grid(*common, over=over, seeded=seeded, part="published")
+    return found
+
+
+def _ladder(cycles: int, quick: bool) -> list[Request]:
+    """The changes made one after the other, and left out one at a time; and ways to learn faster without them."""
+    names = NAMES[:1] if quick else NAMES
+    found = _pair("made", NONE, NAMES, cycles)
+    for count, name in enumerate(names, 1):
+        found += _pair("made", f"+ {name}", NAMES[count:], cycles)
+    found += _pair("left out", ALL, [], cycles)
+    for name in names:
+        found += _pair("left out", without(name), [name], cycles)
+    common = (*WALK, *_taken_back(NAMES), f"cycles={cycles}", f"record.cycles=[{cycles}]")
+    faster = {"the paper's rate": (PAPERS_RATE,), "the paper's rate, damped ground": (PAPERS_RATE, DAMPED)}
+    return found + grid(*common, over={"walk": faster}, seeded=True, part="faster", feedforward=CMAC)
+
+
+def _starts(cycles: int, quick: bool) -> list[Request]:
+    """Disturbed starts, each with a hash of its own; some of them without lead too."""
+    common = (*WALK, "plant.start_spread=0.02", f"cycles={cycles}", f"record.cycles=[{cycles}]")
+    found = []
+    for walk, texts, numbers in ((WITH, (), range(10)), (WITHOUT, CHANGES["lead"], LEADLESS)):
+        starts = {str(n): (f"plant.start_seed={n}", f"seed={n}") for n in (numbers[:1] if quick else numbers)}
+        found += grid(*common, *texts, over={"start": starts}, part="starts", walk=walk)
+    return found
+
+
+def runs(quick: bool) -> list[Request]:
+    """The paper's constants; the changes; the disturbed starts."""
+    load_mujoco()
+    cycles = 6 if quick else COMPARED
+    return _published(cycles, quick) + _ladder(cycles, quick) + _starts(8 if quick else 100, quick)
+
+
+def low_passed(error: Array, period: float) -> Array:
+    """The part of ``error`` (steps, L), sampled every ``period`` s, below CUT_OFF, without delay.
+
+    A second-order Butterworth filter, forth and back.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    return sosfiltfilt(butter(2, CUT_OFF, fs=1.0 / period, output="sos"), error, axis=0)
+
+
+def _if_completed(measure: Callable[[StoredRun], float]) -> Callable[[StoredRun], float]:
+    """The measure of a run; inf if it ended before."""
+    return lambda run: measure(run) if run.status == "completed" else np.inf
+
+
+@_if_completed
+def slow_force(run: StoredRun) -> float:
+    """RMS force error below CUT_OFF, all legs, in the last cycle, N."""
+    rows = run.cycles([run.config["cycles"]])
+    error = (rows["force"] - rows["force_desired"]).to_numpy().reshape(-1, rows["leg"].max())
+    return float(np.sqrt((low_passed(error, run.config["sampling_period"]) ** 2).mean()))
+
+
+@_if_completed
+def off_course(run: StoredRun) -> float:
+    """Relative error of the body's way in the last cycle."""
+    gait, body = run.config["gait"], run.cycles([run.config["cycles"]], BODY)
+    speed = gait["stroke"] / (gait["duty_factor"] * gait["cycle_time"])
+    planned = speed * run.config["sampling_period"] * (len(body) - 1)
+    return float(abs((body["cog_x"].iloc[-1] - body["cog_x"].iloc[0]) / planned - 1.0))
+
+
+@_if_completed
+def yaw(run: StoredRun) -> float:
+    """How far the body has turned from the plan at the end, rad."""
+    return float(abs(run.cycles([run.config["cycles"]], BODY)["yaw"].iloc[-1]))
+
+
+def last(results: Results, name: str) -> Array:
+    """(runs,): a metric or measure of the last planned cycle; inf if a run ended before."""
+    return results.end(name, cycles=1) if name in ALL_METRICS else results.measure(name)
 
 
 def _walks(words: str, **of: Any) -> Finding:
     """Whether walks last."""
-    share = Criterion(
-        "planned time walked", lambda r: r.measure("walked"), at_least(WHOLE), unit="%", scale=100.0, of=of
-    )
-    return _decide(
-        f"the machine walks to the end {words}",
-        f"The machine walks to the end {words}.",
-        f"The machine does not walk to the end {words}: it lasts {{value}} of the planned time.",
-        share,
+    return Finding(
+        [percent("planned time walked", lambda r: r.measure("walked"), at_least(0.9), of=of)],
+        yes=f"The machine walks to the end {words}.",
+        no=f"The machine does not walk to the end {words}: it lasts {{value}} of the planned time.",
     )
 
 
-def _over_feedback(name: str, holds: Any, **of: Any) -> Criterion:
+def _over_feedback(name: str, holds: Limit, **of: Any) -> Criterion:
     """A metric or measure of the last cycle over that of feedback alone on the same plan."""
-
-    def sample(results: Results) -> Array:
-        kinds = results.by("feedforward")
-        ratio: Array = last(kinds[CMAC], name) / last(kinds[FEEDBACK], name)
-        return ratio
-
+    sample = ratio(partial(last, name=name), {"feedforward": CMAC}, {"feedforward": FEEDBACK})
     return Criterion(f"{QUANTITIES[name].title} over that of feedback alone", sample, holds, of=of)
 
 
 def _limited(name: str, limit: float, **of: Any) -> Criterion:
     """A metric or measure of the last cycle itself."""
-    shown = QUANTITIES[name]
-    sample = partial(last, name=name)
-    return Criterion(shown.title, sample, at_most(limit), unit=shown.unit, scale=shown.factor, of=of)
-
-
-def _ratio(words: str, key: str, one: str, other: str, holds: Any, name: str = FORCE, **of: Any) -> Criterion:
-    """A metric or measure of the last cycle where a setting has one value, over that where it has another."""
-
-    def sample(results: Results) -> Array:
-        ratio: Array = last(results.select({key: one}), name) / last(results.select({key: other}), name)
-        return ratio
-
-    return Criterion(words, sample, holds, of=of)
+    title, unit, factor, *_ = QUANTITIES[name]
+    return Criterion(title, partial(last, name=name), at_most(limit), unit=unit, scale=factor, of=of)
 
 
 def _felt(name: str) -> Finding:
     words = f"force error of cycle {COMPARED} without it, over that with all changes"
-    what, ratio = NAMED[name], "the error without it, over that with all changes, is {value}"
-    return _decide(
-        f"the {what} lowers the force error of cycle {COMPARED}",
-        f"The {what} lowers the force error of cycle {COMPARED}: {ratio}.",
-        f"The {what} does not clearly lower the force error of cycle {COMPARED}: {ratio}.",
-        _ratio(words, "walk", without(name), ALL, at_least(FELT), **LEFT_OUT),
+    sample = ratio(partial(last, name=FORCE), {"walk": without(name)}, {"walk": ALL})
+    return Finding(
+        [Criterion(words, sample, at_least(FELT), of={"part": "left out", "feedforward": CMAC})],
+        yes=f"The change “{name}” lowers the force error of cycle {COMPARED}.",
+        no=f"The change “{name}” does not clearly lower the force error of cycle {COMPARED}.",
     )
 
 
 def _growth(results: Results) -> Array:
     """(starts,): force error of the last cycle over that of the cycle in which the changes are compared."""
-    growth: Array = last(results, FORCE) / results.at(COMPARED, FORCE)
-    return growth
+    return last(results, FORCE) / results.at(COMPARED, FORCE)
 
 
 def _difference(results: Results) -> list[float]:
@@ -118,103 +231,120 @@ def _difference(results: Results) -> list[float]:
     return [float(np.ptp(errors) / np.median(errors)) if np.isfinite(errors).all() else np.inf]
 
 
+WITHOUT_CHANGES = {"part": "made", "walk": NONE}
+WITH_ALL = {"part": "left out", "walk": ALL}
+STARTS = {"part": "starts", "walk": WITH}
+OFF_COURSE = 0.05
+"""Largest error of the distance walked that counts as good."""
 FINDINGS = {
     "published_feedforward": _walks(
-        "with a feedforward and the paper's sampling and LEAD compensator", part="published", variant=FEEDFORWARD
+        "with a feedforward and the paper's sampling and LEAD compensator", part="published",
+        variant=[EXACT, *LEARNING],
     ),
     "published_feedback": _walks("with the paper's constants and feedback alone", part="published", variant=FEEDBACK),
-    "published_finer": _decide(
-        "finer steps of integration change how long feedback alone walks",
-        "Finer steps of integration do not change how long feedback alone walks.",
-        "Finer steps of integration change how long feedback alone walks: {value} times as long.",
-        _ratio(
-            "time walked in finer steps over that in coarse ones", "variant", FINER, FEEDBACK,
-            between(1.0 / FELT, FELT), "walked", part="published",
-        ),
-    ),
     "sampling": _walks("sampled faster, all other constants as published", part="published", variant=SAMPLING),
     "compensator": _walks(
         "with a weaker LEAD compensator, all other constants as published", part="published", variant=COMPENSATOR
     ),
-    "none_path": _decide(
-        "learning improves foot positions without the changes",
-        "Without the changes learning improves foot positions: {values[0]} times the error of feedback alone in x, "
-        "{values[1]} times in y.",
-        "Without the changes learning does not improve foot positions: {values[0]} times the error of feedback alone "
-        "in x, {values[1]} times in y.",
-        *(_over_feedback(f"transfer_rmse_{axis}", at_most(1.0), part="made", walk=NONE) for axis in "xy"),
+    "none_path": Finding(
+        [_over_feedback(f"transfer_rmse_{axis}", at_most(1.0), **WITHOUT_CHANGES) for axis in "xy"],
+        yes="Without the changes learning improves foot positions.",
+        no="Without the changes learning does not improve foot positions.",
     ),
-    "none_force": _decide(
-        "learning improves contact forces without the changes",
-        "Without the changes learning improves contact forces: {value} times the error of feedback alone.",
-        "Without the changes learning makes contact forces worse or ends the walk: {value} times the error of "
-        "feedback alone.",
-        _over_feedback(FORCE, at_most(1.0), part="made", walk=NONE),
+    "none_force": Finding(
+        [_over_feedback(FORCE, at_most(1.0), **WITHOUT_CHANGES)],
+        yes="Without the changes learning improves contact forces.",
+        no="Without the changes learning makes contact forces worse or ends the walk.",
     ),
     "faster": _walks("at the paper's learning rate without the changes", part="faster"),
-    "all_force": _decide(
-        "learning makes contact forces much better with all changes",
-        "With all changes learning makes contact forces much better: {values[0]} times the error of feedback alone, "
-        f"and {{values[1]}} times its part below {views.CUT_OFF:g} Hz.",
-        "Even with all changes learning does not make contact forces much better: {values[0]} times the error of "
-        f"feedback alone, and {{values[1]}} times its part below {views.CUT_OFF:g} Hz.",
-        _over_feedback(FORCE, at_most(BETTER_FORCE), **EVERY),
-        _over_feedback("slow_force", at_most(BETTER_SLOW), **EVERY),
+    "all_force": Finding(
+        [_over_feedback(FORCE, at_most(0.45), **WITH_ALL), _over_feedback("slow_force", at_most(0.35), **WITH_ALL)],
+        yes="With all changes learning makes contact forces much better.",
+        no="Even with all changes learning does not make contact forces much better.",
     ),
-    "all_path": _decide(
-        "foot positions, tilt and course are good with all changes",
-        "With all changes foot positions, tilt and course are good: errors of {values[0]} in x and {values[1]} in y, "
-        "tilt {values[2]}, distance walked {values[3]} off the plan.",
-        "Even with all changes foot positions, tilt and course are not all good: errors of {values[0]} in x and "
-        "{values[1]} in y, tilt {values[2]}, distance walked {values[3]} off the plan.",
-        *(_limited(name, limit, **EVERY, feedforward=CMAC) for name, limit in GOOD.items()),
+    "all_path": Finding(
+        [
+            _limited(name, limit, **WITH_ALL, feedforward=CMAC)
+            for name, limit in {
+                "transfer_rmse_x": 3e-3, "transfer_rmse_y": 1.5e-3, "tilt_max": 0.01, "off_course": OFF_COURSE
+            }.items()
+        ],
+        yes="With all changes foot positions, tilt and course are good.",
+        no="Even with all changes foot positions, tilt and course are not all good.",
     ),
     **{f"felt_{name}": _felt(name) for name in NAMES},
-    "starts_last": _decide(
-        "what is learnt lasts",
-        "What is learnt lasts: {values[0]} of the walks complete, and the force error ends at {values[1]} times that "
-        f"of cycle {COMPARED}.",
-        "What is learnt does not last in every respect: {values[0]} of the walks complete, and the force error ends "
-        f"at {{values[1]}} times that of cycle {COMPARED}.",
-        Criterion("walks that complete", lambda r: r.completed, at_least(LASTS), unit="%", scale=100.0, of=STARTS),
-        Criterion(f"force error at the end over that of cycle {COMPARED}", _growth, at_most(FELT), of=STARTS),
-        _limited("off_course", GOOD["off_course"], **STARTS),
+    "starts_last": Finding(
+        [
+            percent("walks that complete", lambda r: r.completed, at_least(0.7), of=STARTS),
+            Criterion(f"force error at the end over that of cycle {COMPARED}", _growth, at_most(FELT), of=STARTS),
+            _limited("off_course", OFF_COURSE, **STARTS),
+        ],
+        yes="What is learnt lasts.",
+        no="What is learnt does not last in every respect.",
     ),
-    "starts_alike": _decide(
-        "the start makes much difference",
-        "The start makes little difference: force errors at the end differ by at most {value} of their median.",
-        "The start makes a difference: force errors at the end differ by up to {value} of their median.",
-        Criterion("largest difference", _difference, at_most(ALIKE), unit="%", scale=100.0, of=STARTS),
+    "starts_alike": Finding(
+        [percent("largest difference of force errors over their median", _difference, at_most(0.1), of=STARTS)],
+        yes="The start makes little difference to the force error at the end.",
+        no="The start makes a difference to the force error at the end.",
     ),
-    "starts_lead": _decide(
-        "lead lowers the force error of a long walk",
-        "Lead lowers the force error of a long walk: without it, it is {value} times as large at the end.",
-        "Lead does not lower the force error of a long walk: without it, it is {value} times as large at the end.",
-        _ratio(
-            "force error without lead over that with it", "walk", WITHOUT, WITH, at_least(FELT), part="starts",
-            start=LEADLESS,
-        ),
+    "starts_lead": Finding(
+        [
+            Criterion("force error without lead over that with it",
+                      ratio(partial(last, name=FORCE), {"walk": WITHOUT}, {"walk": WITH}), at_least(FELT),
+                      of={"part": "starts", "start": LEADLESS})
+        ],
+        yes="Lead lowers the force error of a long walk.",
+        no="Lead does not lower the force error of a long walk.",
     ),
 }  # fmt: skip
 
 
+def draw_ladder(results: Results) -> "Figure":
+    """Force error of each walk, beside that of feedback alone on the same plan."""
+    titles = {"made": "changes made one after the other", "left out": "all changes but one"}
+    panels = [
+        over_setting(results.select(part=part), "walk", "force error, N", partial(last, name=FORCE), "feedforward",
+                     title=title, kind="bars")
+        for part, title in titles.items()
+    ]  # fmt: skip
+    return draw(panels, columns=1, height=3.0)
+
+
+def table_published(results: Results) -> "pd.DataFrame":
+    """How walks with the paper's constants, or all but one of them, end."""
+    return tabulate(
+        results.select(part="published"),
+        {"reference": "reference", "variant": "walk"},
+        {
+            "planned time walked, %": lambda r: 100.0 * r.measure("walked").mean(),
+            "first ends": lambda r: r.rows[0].summary.cause or r.rows[0].summary.status,
+        },
+    )
+
+
+def table_walks(results: Results) -> "pd.DataFrame":
+    """The last cycle of every walk on the ladder."""
+    errors = {
+        f"{each.title}, {each.unit}": lambda r, name=name, factor=each.factor: factor * last(r, name).mean()
+        for name, each in QUANTITIES.items()
+    }
+    return tabulate(
+        results.select(part=["made", "left out", "faster"]),
+        {"part": "changes", "walk": "walk", "feedforward": "with"},
+        {"completed": completed, **errors},
+    )
+
+
 def values(results: Results) -> dict[str, Any]:
-    """Settings that the page names."""
-    published, all_changes = results.select(part="published"), results.select(part="left out", walk=ALL)
-    learning, starts = all_changes.select(feedforward=CMAC), results.select(STARTS)
+    """Configs and counts that the page names."""
+    every, starts = results.select(WITH_ALL), results.select(STARTS)
     return {
-        "cycles": learning.value("cycles"),
-        "mass": learning.value("machine.body_mass"),
-        "paper_period": 1e3 * published.run.config["sampling_period"],
-        "paper_alpha": published.run.config["controller"]["lead_alpha"],
-        "period": 1e3 * learning.value("sampling_period"),
-        "alpha": learning.value("controller.lead_alpha"),
-        "cut_off": views.CUT_OFF,
-        "settled": all_changes.select(feedforward=FEEDBACK).value("cycles"),
+        "paper": results.select(part="published").run.config,
+        "learning": every.select(feedforward=CMAC).run.config,
+        "alone": every.select(feedforward=FEEDBACK).run.config,
+        "disturbed": starts.run.config,
         "starts": len(starts),
         "leadless": len(results.select(part="starts", walk=WITHOUT)),
-        "long": starts.value("cycles"),
-        "spread": starts.value("plant.start_spread"),
         "yaw": float(starts.measure("yaw").max()),
     }
 
@@ -224,13 +354,17 @@ STUDY = Study(
     question="Does the quadruped walk when its body floats, and which settings let learning improve contact forces "
     "as well as positions?",
     runs=runs,
-    measures=views.MEASURES,
+    measures={"walked": share_of_time, "slow_force": slow_force, "off_course": off_course, "yaw": yaw},
     findings=FINDINGS,
     figures={
-        "ladder": views.draw_ladder, "learning": views.draw_learning, "foot": views.draw_foot,
-        "starts": views.draw_starts,
+        "ladder": draw_ladder,
+        "learning": lambda r: draw_cycles(
+            r.select(feedforward=CMAC, walk=[NONE, without(NAMES[0]), ALL]),
+            (FORCE, "transfer_rmse_x", "transfer_rmse_y", "tilt_max"), by="walk",
+        ),
+        "starts": lambda r: draw_cycles(r.select(part="starts"), (FORCE, "tilt_max"), by="walk"),
     },
-    tables={"published": views.table_published, "walks": views.table_walks},
+    tables={"published": table_published, "walks": table_walks},
     values=values,
 )  # fmt: skip
 

@@ -4,88 +4,154 @@
 where there is no ground, and gives it ground that is not as stiff as assumed.
 """
 
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from cmacexp.cli.study import main
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains
+from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
-from pipelines import force_methods_figures as figures
-from pipelines.force_methods_measures import (
-    DIGITS,
-    METHODS,
-    end_speed,
-    over_best_other,
-    predicted_forces,
-    rest_error,
-    settled_force,
-    springs,
-)
+from cmacexp.study.curves import over_setting
+from cmacexp.study.statements import Limit, percent
+from cmacexp.study.tables import tabulate
+from cmacexp.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
-    from cmacexp.typing import Array
-
-ASSUMED, HARD, NO_GROUND = 10.0, 100.0, 0.001
-"""Ground stiffness of section 5, N/m, which the references are made for; that of hard and of no ground."""
+METHODS = {name: [f"force_control={name}"] for name in SUPPORT_REFERENCES}
+EQUATIONS = dict(zip(METHODS, ("eq. 9", "eq. 11", "eq. 13", "eq. 15"), strict=True))
+ASSUMED, STIFFER = 10.0, 1.1
+"""Ground stiffness of section 5, N/m, which the references are made for; the factor of a stiffer ground, from both of
+which the stiffness of the controlled mass follows."""
 FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)
 """True over assumed ground stiffness."""
-ELASTICITIES = (0.0, 0.01, 0.03, 0.1, 0.3)
-STIFFER = 1.1
-"""Two grounds from which the stiffness of the controlled mass follows: as assumed, and stiffer by this factor."""
 HEAVIER = "machine.mass=1.0"
-EQUATIONS = dict(zip(METHODS, ("eq. 9", "eq. 11", "eq. 13", "eq. 15"), strict=True))
 KNOWN, FREE, MISMATCH, SPRING = "known ground", "no ground", "ground not as assumed", "spring"
-SOFT = f"{ASSUMED:g} N/m"
-GROUNDS = {SOFT: [f"terrain.stiffness={ASSUMED}"], f"{HARD:g} N/m": [f"terrain.stiffness={HARD}"]}
+GROUNDS = {f"{stiffness:g} N/m": [f"terrain.stiffness={stiffness}"] for stiffness in (ASSUMED, 100.0)}
 EXACT, WRONG = at_most(0.02), at_least(0.1)
 """Departures from the desired force, as a part of it."""
-STILL, MOVES = at_most(0.01), at_least(0.05)
-"""Speeds, m/s."""
+DIGITS = 6
+"""Decimals of measures: what is below is rounding of the simulation."""
+MOST_FORCE = 4.0
+"""Drawn, N."""
 
 
 def runs(quick: bool) -> list[Request]:
     """Known ground, soft and hard; no ground; ground not as stiff as assumed; other elasticities."""
-    methods = {name: [f"force_control={name}"] for name in METHODS}
     step, assumed = "scenario=force_step", f"terrain.assumed_stiffness={ASSUMED}"
     stiffness = {"terrain.stiffness": [ASSUMED * factor for factor in (FACTORS[1:4] if quick else FACTORS)]}
-    elasticity = {"force_control.elasticity": ELASTICITIES[::3] if quick else ELASTICITIES}
+    elasticity = {"force_control.elasticity": (0.0, 0.1) if quick else (0.0, 0.01, 0.03, 0.1, 0.3)}
     grounds = {"terrain.stiffness": [ASSUMED, ASSUMED * STIFFER]}
-    resting = methods | {"explicit": [*methods["explicit"], HEAVIER]}
+    resting = METHODS | {"explicit": [*METHODS["explicit"], HEAVIER]}
     return [
-        *grid(step, over={"method": methods, "ground": GROUNDS}, part=KNOWN),
-        *grid(step, HEAVIER, over={"method": {"explicit": methods["explicit"]}, "ground": GROUNDS}, part=KNOWN),
-        *grid(step, assumed, f"terrain.stiffness={NO_GROUND}", over={"method": methods}, part=FREE),
+        *grid(step, over={"method": METHODS, "ground": GROUNDS}, part=KNOWN),
+        *grid(step, HEAVIER, over={"method": {"explicit": METHODS["explicit"]}, "ground": GROUNDS}, part=KNOWN),
+        *grid(step, assumed, "terrain.stiffness=0.001", over={"method": METHODS}, part=FREE),
         *grid(step, assumed, over={"method": resting, **stiffness}, part=MISMATCH),
         *grid(step, assumed, "force_control=stiffness", over={**elasticity, **grounds}, part=SPRING),
     ]
 
 
-def _mass(results: Results) -> float:
-    """The one of the scenario, kg."""
-    return float(min(results.values("machine.mass")))
+def settled_force(run: StoredRun) -> float:
+    """Mean force over the second half of the run over the desired one; inf if the run ended before."""
+    if run.status != "completed":
+        return math.inf
+    return round(float(run.metrics["force_settled"].iloc[0]) / run.config["force_control"]["desired_force"], DIGITS)
+
+
+def rest_error(run: StoredRun) -> float:
+    """RMS force error over the second half of the run, of the desired force; inf if the run ended before."""
+    if run.status != "completed":
+        return math.inf
+    ripple = float(run.metrics["force_ripple"].iloc[0]) / run.config["force_control"]["desired_force"]
+    return round(math.hypot(settled_force(run) - 1.0, ripple), DIGITS)
+
+
+def end_speed(run: StoredRun) -> float:
+    """Speed in the last step, m/s; inf if the run ended before."""
+    return round(abs(float(run.trace["vy"].iloc[-1])), DIGITS) if run.status == "completed" else math.inf
+
+
+def over_best_other(results: Results, metric: str) -> Array:
+    """(1,): a metric of combined control over the least of others that come to rest; inf if it does not itself."""
+    rests = np.isfinite(results.at(1, metric)) & (results.measure("rest_error") <= EXACT.high)
+    values = np.where(rests, results.at(1, metric), np.inf)
+    combined = np.array([row.settings["method"] == "combined" for row in results.rows])
+    if not rests[combined].all():
+        return np.array([np.inf])
+    ratio: Array = values[combined] / values[~combined].min()
+    return ratio
+
+
+def predicted_force(config: dict[str, Any]) -> float:
+    """Settled over desired force on ground that is not as stiff as assumed.
+
+    The reference of eq. 9 and 13 is what the force needs on the assumed ground; the true ground answers with as much
+    force as that reference would be made for there. Damping and explicit control do not know of the ground.
+    """
+    controller, control, ground = config["controller"], config["force_control"], config["terrain"]
+
+    def depression(stiffness: float) -> float:
+        """That is fed per newton of desired force, m/N; NaN for a method without one."""
+        gains = Gains(
+            controller["position_gain"], controller["velocity_gain"], control["force_gain"], control["elasticity"],
+            control["admittance"], stiffness,
+        )  # fmt: skip
+        return SUPPORT_REFERENCES[control["method"]](gains, True).depression
+
+    ratio = depression(ground["assumed_stiffness"]) / depression(ground["stiffness"])
+    return 1.0 if math.isnan(ratio) else ratio
+
+
+def apparent_stiffness(softer: "pd.DataFrame", stiffer: "pd.DataFrame") -> float:
+    """Stiffness of a controlled mass as the ground feels it, N/m: from where it rests on two grounds."""
+    force, depth = (stiffer[name].iloc[-1] - softer[name].iloc[-1] for name in ("force", "y"))
+    return float(-force / depth)
+
+
+def _predicted_forces(results: Results) -> Array:
+    return np.array([predicted_force(run.config) for run in results.runs])
+
+
+def _springs(results: Results) -> tuple[Array, Array]:
+    """Apparent stiffness under stiffness control for each elasticity, rising, N/m: measured, and after eq. 8."""
+    groups = dict(sorted(results.by("force_control.elasticity").items()))
+    traces = [[run.trace for run in group.runs] for group in groups.values()]  # on two grounds
+    gain = float(results.value("controller.position_gain"))
+    measured = np.array([round(apparent_stiffness(softer, stiffer), DIGITS) for softer, stiffer in traces])
+    return measured, np.array([gain / (1.0 + gain * float(elasticity)) for elasticity in groups])
+
+
+def _softening(results: Results) -> Array:
+    measured, _ = _springs(results)
+    return measured[1:] / measured[:-1]
 
 
 def _as_printed(results: Results) -> Results:
-    """Known ground, and the mass of the scenario."""
-    return results.select({"machine.mass": _mass(results)})
+    """The runs with the mass of the scenario."""
+    return results.select({"machine.mass": min(results.values("machine.mass"))})
 
 
 def _rest(method: str, ground: str, mass: float | None = None) -> Criterion:
-    heavier = f", {mass:g} kg" if mass else ""
-    chosen: dict[str, Any] = {"part": KNOWN, "method": method, "ground": ground}
-
-    def sample(results: Results) -> "Array":
+    def sample(results: Results) -> Array:
         own = results.select({"machine.mass": mass}) if mass else _as_printed(results)
         return own.measure("rest_error")
 
-    quantity = f"RMS force error over the second half of the run over the desired force, {ground}{heavier}"
-    return Criterion(quantity, sample, EXACT, WRONG, "%", 100.0, chosen)
+    quantity = f"RMS force error over the second half of the run over the desired force, {ground}"
+    of = {"part": KNOWN, "method": method, "ground": ground}
+    return percent(f"{quantity}, {mass:g} kg" if mass else quantity, sample, EXACT, WRONG, of)
 
 
 def _best(metric: str, name: str, ground: str) -> Criterion:
     return Criterion(
         f"{name} of combined control over the least of the other methods that come to rest, {ground}",
-        lambda results: over_best_other(_as_printed(results), metric, EXACT.high),
+        lambda results: over_best_other(_as_printed(results), metric),
         at_most(1.0),
         at_least(1.0),
         of={"part": KNOWN, "ground": ground},
@@ -115,41 +181,61 @@ CLAIMS = {
         "Stiffness control behaves like a spring; the smaller the elasticity, the stiffer it is",
         "section 3.1, eq. 8",
         [
-            Criterion("apparent stiffness over that at the next smaller elasticity",
-                      lambda r: springs(r)[0][1:] / springs(r)[0][:-1], at_most(0.9), at_least(1.0),
-                      of={"part": SPRING}),
-            Criterion("departure of the apparent stiffness from eq. 8",
-                      lambda r: abs(springs(r)[0] / springs(r)[1] - 1.0), EXACT, WRONG, "%", 100.0, {"part": SPRING}),
+            Criterion(
+                "apparent stiffness over that at the next smaller elasticity",
+                _softening,
+                at_most(0.9),
+                at_least(1.0),
+                of={"part": SPRING},
+            ),
+            percent(
+                "departure of the apparent stiffness from eq. 8",
+                lambda results: abs(np.divide(*_springs(results)) - 1.0),
+                EXACT,
+                WRONG,
+                of={"part": SPRING},
+            ),
         ],
     ),
-}  # fmt: skip
+}
 
 
-def _mean_error(results: Results) -> "Array":
-    """(runs,): departure of the settled from the desired force, as a part of it."""
-    return abs(results.measure("settled_force") - 1.0)
+def _speed(method: str, limit: Limit) -> Criterion:
+    of = {"part": FREE, "method": method}
+    quantity = f"speed at the end without ground, {method}"
+    return Criterion(quantity, lambda results: results.measure("end_speed"), limit, unit="m/s", of=of)
 
 
+def _departure(method: str, limit: Limit) -> Criterion:
+    of = {"part": MISMATCH, "method": method, "terrain.stiffness": 2.0 * ASSUMED}
+    quantity = f"departure of the mean force on ground twice as stiff as assumed, {method}"
+    return percent(quantity, lambda r: abs(r.measure("settled_force") - 1.0), limit, None, of)
+
+
+def _prediction(factor: float) -> Criterion:
+    def largest(results: Results) -> Array:
+        return abs(results.measure("settled_force") / _predicted_forces(results) - 1.0).max(keepdims=True)
+
+    of = {"part": MISMATCH, "terrain.stiffness": factor * ASSUMED}
+    quantity = f"departure of the mean force from eq. 8 to 15 at {factor:g} times the assumed stiffness"
+    return percent(f"{quantity}, largest of all methods", largest, EXACT, None, of)
+
+
+STILL, MOVES = at_most(0.01), at_least(0.05)
+"""Speeds, m/s."""
 FINDINGS = {
     "approach": Finding(
-        [
-            Criterion(f"speed at the end without ground, {method}", lambda r: r.measure("end_speed"), limit,
-                      unit="m/s", of={"part": FREE, "method": method})
-            for method, limit in (("stiffness", STILL), ("combined", STILL), ("damping", MOVES), ("explicit", MOVES))
-        ],
+        [_speed("stiffness", STILL), _speed("combined", STILL), _speed("damping", MOVES), _speed("explicit", MOVES)],
         yes="Without ground the methods with a position term come to rest (speed at the end {values[0]} and "
         "{values[1]}), damping and explicit control do not ({values[2]} and {values[3]}): where one law has to "
         "serve approach and contact, take stiffness or combined control.",
         no="Without ground a position term does not decide which methods come to rest: the speed at the end "
         "is {values[0]} (stiffness), {values[1]} (combined), {values[2]} (damping) and {values[3]} (explicit).",
-        unclear="The runs do not decide which methods come to rest without ground.",
     ),
     "mismatch": Finding(
         [
-            Criterion(f"departure of the mean force on ground twice as stiff as assumed, {method}", _mean_error,
-                      limit, None, "%", 100.0,
-                      {"part": MISMATCH, "method": method, "terrain.stiffness": 2.0 * ASSUMED})
-            for method, limit in (("stiffness", WRONG), ("combined", WRONG), ("damping", EXACT), ("explicit", EXACT))
+            *(_departure(method, WRONG) for method in ("stiffness", "combined")),
+            *(_departure(method, EXACT) for method in ("damping", "explicit")),
         ],
         yes="Methods that press through a position need the stiffness of the ground: where it is twice as stiff as "
         "assumed, stiffness and combined control are off by {values[0]} and {values[1]} in the mean, damping and "
@@ -157,52 +243,64 @@ FINDINGS = {
         no="On ground twice as stiff as assumed the methods are off by {values[0]} (stiffness), {values[1]} "
         "(combined), {values[2]} (damping) and {values[3]} (explicit) in the mean: a position term does not explain "
         "the error.",
-        unclear="The runs do not decide whether a position term explains the error on ground of another stiffness.",
     ),
     "prediction": Finding(
-        [
-            Criterion(f"departure of the mean force from eq. 8 to 15 at {factor:g} times the assumed stiffness, "
-                      "largest of all methods",
-                      lambda r: abs(r.measure("settled_force") / predicted_forces(r) - 1.0).max(keepdims=True), EXACT,
-                      None, "%", 100.0, {"part": MISMATCH, "terrain.stiffness": factor * ASSUMED})
-            for factor in (min(FACTORS), max(FACTORS))
-        ],
-        yes=f"Equations 8 to 15 predict every method's mean force on ground {min(FACTORS):g} and {max(FACTORS):g} "
-        "times as stiff as assumed.",
+        [_prediction(factor) for factor in (FACTORS[0], FACTORS[-1])],
+        yes=f"Equations 8 to 15 predict every method's mean force on ground {FACTORS[0]:g} and {FACTORS[-1]:g} times "
+        "as stiff as assumed.",
         no="Equations 8 to 15 do not predict the mean force on ground of another stiffness: it departs by up to "
         "{values[0]} on softer and {values[1]} on stiffer ground.",
-        unclear="The runs do not decide whether equations 8 to 15 predict the force on ground of another stiffness.",
     ),
-}  # fmt: skip
+}
 
 
-COLUMNS = {
-    "ground": ("ground", None), "method": ("method", None), "mass": ("mass, kg", None),
-    "settled_force": ("settled / desired", 1.0), "force_ripple": ("ripple, N", 1.0),
-    "force_overshoot": ("overshoot, %", 100.0), "force_settling_time": ("2 % settling, s", 1.0),
-    "force_itae": ("ITAE, N s²", 1.0), "status": ("ends", None),
-}  # fmt: skip
-"""Of the table: title, and factor to the unit shown."""
+def draw_forces(results: Results) -> "Figure":
+    """Contact force after the release, a panel for each method."""
+    panels = []
+    for method, own in results.by("method").items():
+        series = []
+        for ground, group in own.by("ground").items():
+            trace = group.run.trace
+            shown = trace[(trace["time"] <= 2.0) & (trace["force"] <= MOST_FORCE)]
+            series.append(Series(f"ground {ground}", shown["time"].to_numpy(), shown["force"].to_numpy()))
+        desired = [own.value("force_control.desired_force")]
+        panels.append(Panel(method, "time since the release, s", "force, N", series, y_limits=desired))
+    return draw(panels, height=2.0)
+
+
+def draw_mismatch(results: Results) -> "Figure":
+    """Settled over desired force against true over assumed stiffness, measured and predicted."""
+    samples = {"measured": lambda r: r.measure("settled_force"), "eq. 8 to 15": _predicted_forces}
+    panels = []
+    for title, sample in samples.items():
+        panel = over_setting(results, "terrain.stiffness", "settled over desired force", sample, "method", log="x")
+        panels.append(replace(panel, title=title, x="true stiffness, N/m", x_limits=[ASSUMED]))
+    return draw(panels)
 
 
 def table(results: Results) -> "pd.DataFrame":
     """Every method on known ground."""
-    import pandas as pd
 
-    own = results.select(part=KNOWN)
-    frame = own.table.assign(mass=[row.settings["machine.mass"] for row in own.rows])
-    columns = {title: frame[name] if factor is None else factor * frame[name]
-               for name, (title, factor) in COLUMNS.items()}  # fmt: skip
-    return pd.DataFrame(columns).round(DIGITS).sort_values("ground", kind="stable")
+    def shown(name: str, factor: float = 1.0) -> Any:
+        return lambda own: round(factor * own.measure(name)[0], DIGITS)
+
+    columns = {
+        "settled / desired": shown("settled_force"),
+        "ripple, N": shown("force_ripple"),
+        "overshoot, %": shown("force_overshoot", 100.0),
+        "2 % settling, s": shown("force_settling_time"),
+        "ITAE, N s²": shown("force_itae"),
+        "ends": lambda own: own.rows[0].summary.status,
+    }
+    return tabulate(results, {"ground": "ground", "method": "method", "machine.mass": "mass, kg"}, columns)
 
 
 def values(results: Results) -> dict[str, Any]:
     """Settings of the runs."""
     known = _as_printed(results.select(part=KNOWN))
     return {
-        "mass": _mass(results), "clearance": 1e3 * known.value("machine.start_clearance"), "assumed": ASSUMED,
-        "desired": known.value("force_control.desired_force"), "stiffer": STIFFER, "most_force": figures.MOST_FORCE,
-        "most_depth": figures.MOST_DEPTH,
+        "mass": known.value("machine.mass"), "clearance": 1e3 * known.value("machine.start_clearance"),
+        "assumed": ASSUMED, "desired": known.value("force_control.desired_force"), "most_force": MOST_FORCE,
     }  # fmt: skip
 
 
@@ -215,12 +313,10 @@ STUDY = Study(
     claims=CLAIMS,
     findings=FINDINGS,
     figures={
-        "forces": lambda r: figures.draw_forces(_as_printed(r.select(part=KNOWN))),
-        "free": lambda r: figures.draw_free(r.select(part=FREE)),
-        "mismatch": lambda r: figures.draw_mismatch(r.select(part=MISMATCH), ASSUMED),
-        "spring": lambda r: figures.draw_spring(r.select(part=SPRING)),
+        "forces": lambda r: draw_forces(_as_printed(r.select(part=KNOWN))),
+        "mismatch": lambda r: draw_mismatch(r.select(part=MISMATCH)),
     },
-    tables={"methods": table},
+    tables={"methods": lambda r: table(r.select(part=KNOWN))},
     values=values,
 )
 

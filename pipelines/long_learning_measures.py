@@ -1,6 +1,5 @@
 """What the study of long learning measures: errors at the end, how runs end, drift, and predicted growth."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +11,7 @@ from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.measured import growth_over, stretch
 from cmacexp.study import Results
 from cmacexp.study.results import Row
+from cmacexp.study.samples import plane_error
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
@@ -19,24 +19,14 @@ if TYPE_CHECKING:
 
 LAST = 100
 """Cycles whose median is the error at the end."""
-LEARNT = 1e-3
-"""Error in transfer that counts as learnt, m."""
-ROUNDING = 1e-9
-"""Change of the feedback over its largest below which it is rounding."""
 TRANSFER, FORCE = "transfer", "force_rmse_cycle"
 PAPER = {"learning.rule": "paper"}
-LEG, WALK = "one leg", "quadruped"
-GRID, LONG, LATE, RATE, SETTING = "rules", "long", "late", "rates", "settings"
-"""Parts of the study: column ``part``."""
+LEG, WALK, GRID = "one leg", "quadruped", "rules"
 
 
-def history(row: Row, name: str) -> Array:
+def history(row: Row, name: str = TRANSFER) -> Array:
     """(cycles,): a metric in the whole cycles of a run, or of :data:`TRANSFER` the distance from the path, m."""
-    metrics, none = row.summary.metrics, np.empty(0)
-    if name == TRANSFER:
-        distance: Array = np.hypot(metrics.get("transfer_rmse_x", none), metrics.get("transfer_rmse_y", none))
-        return distance
-    return metrics.get(name, none)
+    return plane_error(row) if name == TRANSFER else row.summary.metrics.get(name, np.empty(0))
 
 
 def _lasting(row: Row) -> bool:
@@ -50,19 +40,8 @@ def final(results: Results, name: str = TRANSFER) -> Array:
 
 def variation(results: Results, name: str = TRANSFER) -> Array:
     """(runs,): largest error over the least in the second half; infinite of a run that ended before."""
-    halves = [history(row, name)[len(history(row, name)) // 2 :] if _lasting(row) else None for row in results.rows]
+    halves = [history(row, name)[row.summary.cycles // 2 :] if _lasting(row) else None for row in results.rows]
     return np.array([np.inf if half is None else half.max() / half.min() for half in halves])
-
-
-def ended_in(results: Results) -> Array:
-    """(runs,): cycle in which each ended before its time; infinite if it completed."""
-    return np.array([np.inf if _lasting(row) else row.summary.cycles + 1.0 for row in results.rows])
-
-
-def learnt_in(results: Results) -> Array:
-    """(runs,): first cycle with an error of at most :data:`LEARNT`; infinite if there is none."""
-    small = [np.flatnonzero(history(row, TRANSFER) <= LEARNT) for row in results.rows]
-    return np.array([found[0] + 1.0 if len(found) else np.inf for found in small])
 
 
 def detected(run: StoredRun) -> float:
@@ -71,23 +50,16 @@ def detected(run: StoredRun) -> float:
     return float(drift["named"]) if drift else np.inf
 
 
-def _drifts(row: Row) -> bool:
-    return bool(np.isfinite(row.measures["detected"]))
-
-
 def detected_if_ended(results: Results) -> list[bool]:
     """Of each run that ended before its time, whether drift was detected."""
-    return [_drifts(row) for row in results.rows if not _lasting(row)]
+    return [bool(np.isfinite(row.measures["detected"])) for row in results.rows if not _lasting(row)]
 
 
 def error_when_detected(results: Results) -> list[float]:
     """Of each such run with drift: the error in the cycle of detection over the least up to it."""
-    found = []
-    for row in results.rows:
-        if not _lasting(row) and _drifts(row):
-            errors = history(row, TRANSFER)[: int(row.measures["detected"])]
-            found.append(float(errors[-1] / errors.min()))
-    return found
+    drifted = [row for row in results.rows if not _lasting(row) and np.isfinite(row.measures["detected"])]
+    errors = [history(row)[: int(row.measures["detected"])] for row in drifted]
+    return [float(each[-1] / each.min()) for each in errors]
 
 
 def growth(results: Results) -> "pd.DataFrame":
@@ -98,9 +70,8 @@ def growth(results: Results) -> "pd.DataFrame":
     import pandas as pd
 
     own = results.select(part=GRID)
-    first = own.values("seed")[0]
     chosen = [*own.select(PAPER).rows]
-    chosen += [row for row in own.select(machine=LEG, seed=first).rows if row not in chosen]
+    chosen += [row for row in own.select(machine=LEG, seed=own.values("seed")[0]).rows if row not in chosen]
     keys = {"machine": "machine", "rule": "learning.rule", "lead": "learning.lead", "seed": "seed"}
     return pd.DataFrame(
         {name: row.settings[key] for name, key in keys.items()}
@@ -112,7 +83,7 @@ def growth(results: Results) -> "pd.DataFrame":
 def predict_and_measure(row: Row) -> tuple[float, float]:
     """Growth per cycle, predicted and measured, of the change of the feedback up to where it is rounding."""
     change = history(row, "feedback_change")[1:]
-    still = np.flatnonzero(change < ROUNDING * change.max(initial=0.0))
+    still = np.flatnonzero(change < 1e-9 * change.max(initial=0.0))  # below it is rounding
     change = change[: still[0]] if len(still) else change
     first = int(row.settings["learning.start_cycle"])
     if len(change) < first + 3:
@@ -125,14 +96,15 @@ def predict_and_measure(row: Row) -> tuple[float, float]:
     return prediction.over(place.first, place.last), growth_over(change, place)
 
 
-def growth_known(results: Results) -> "pd.DataFrame":
-    """Those growths that are both predicted and measured."""
-    return results.computed["growth"].dropna(subset=["predicted", "measured"])
+def growth_known(results: Results, machine: str) -> "pd.DataFrame":
+    """Growths of a machine that are both predicted and measured, and how far the prediction ``misses``."""
+    known = results.computed["growth"].dropna(subset=["predicted", "measured"])
+    return known[known["machine"] == machine].assign(misses=known["predicted"] - known["measured"])
 
 
-def growth_miss(results: Results, machine: str) -> Sequence[float]:
+def growth_miss(results: Results, machine: str) -> list[float]:
     """(seeds,): largest distance of predicted from measured growth over the leads, under the paper's rule."""
-    known = growth_known(results)
-    own = known[(known["rule"] == PAPER["learning.rule"]) & (known["machine"] == machine)]
-    missed: list[float] = (own["predicted"] - own["measured"]).abs().groupby(own["seed"]).max().tolist()
+    known = growth_known(results, machine)
+    own = known[known["rule"] == PAPER["learning.rule"]]
+    missed: list[float] = own["misses"].abs().groupby(own["seed"]).max().tolist()
     return missed

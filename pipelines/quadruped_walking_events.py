@@ -1,4 +1,4 @@
-"""The events of Fig. 14 and 17 to 20 in the traces of a walk: margins and forces of the feet that carry.
+"""The events of Fig. 14 and 17 to 20 in the traces of a walk, and what walks are judged by.
 
 Margins are measured, not planned: they are those of the feet that carry, where they stand under the tilted body. An
 undefined margin counts as -inf: fewer than three feet carry, or the line along the body misses what they span.
@@ -16,6 +16,8 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import read_traces
 from cmacexp.planning.stability import FRONT, REAR, STABILITY, margins
 from cmacexp.recording.run_view import RunView, make_view
+from cmacexp.study import Results
+from cmacexp.study.samples import Sample, over_history
 from cmacexp.typing import Array, Mask
 
 if TYPE_CHECKING:
@@ -29,7 +31,6 @@ RESTORED = 0.1
 """The front margin counts as restored from when on it stays above this, m; the paper gives no figure."""
 LATE = 5
 """Number of cycles at the end of a run in which the learnt walk is measured."""
-Event = Callable[["Walk", int], dict[str, float]]
 
 
 @dataclass(frozen=True)
@@ -60,16 +61,14 @@ class Walk:
     @cached_property
     def feet(self) -> Array:
         """Feet in the horizontal plane, (steps, 4, 2), forward and left of the centre of gravity, m."""
-        world: Array = np.stack(
-            [self.view.in_world(leg.in_body(leg["x"], leg["y"])) for leg in self.view.legs], axis=1
-        )
+        world = np.stack([self.view.in_world(leg.in_body(leg["x"], leg["y"])) for leg in self.view.legs], axis=1)
         feet: Array = world[..., :2] - self.view.way()[:, None, :2]
         return feet
 
     def carried(self, k: int) -> Array:
         """(3,): margins of the feet that carry in step ``k``, m: nearest edge, front and rear boundary."""
-        found = margins(self.feet[k][self.force[k] > 0.0])
-        return np.array([-np.inf if np.isnan(margin) else margin for margin in found])
+        found = np.array(margins(self.feet[k][self.force[k] > 0.0]))
+        return np.where(np.isnan(found), -np.inf, found)
 
     def start(self, cycle: int, leg: int, support: bool) -> int:
         """Step of a cycle in which a planned support, or else a planned transfer, of ``leg`` begins."""
@@ -81,6 +80,10 @@ class Walk:
         """Step after the planned phase of ``leg`` that step ``k`` is in."""
         changes = np.flatnonzero(self.support[k:, leg - 1] != self.support[k, leg - 1])
         return k + int(changes[0]) if len(changes) else len(self.support)
+
+    def first(self, k: int, leg: int, carries: bool) -> int:
+        """The first step from ``k`` on in which a foot carries, or else does not."""
+        return k + int(np.argmax((self.force[k:, leg - 1] > 0.0) == carries))
 
     @property
     def length(self) -> float:
@@ -127,20 +130,20 @@ def lift_off_of_3(walk: Walk, cycle: int) -> dict[str, float]:
 
 
 def touch_down_of_3(walk: Walk, cycle: int) -> dict[str, float]:
-    """Fig. 18: what foot 1 still carries as foot 3 is to take over, N, for how long, s, and the least margin, m."""
+    """Fig. 18: what foot 1 still carries as foot 3 is to take over, N, and the least margin while it does, m."""
     k = walk.start(cycle, 3, support=True)
     carries = walk.force[k : walk.end(k, 1), 0] > 0.0
     late = int(np.argmin(carries)) if not carries.all() else len(carries)
     return {
         "force_1": float(walk.force[k, 0]),
-        "delay": late * walk.period,
         "margin": min(float(walk.carried(j)[STABILITY]) for j in range(k, k + max(late, 1))),
     }
 
 
-def closest_in_transfer_of_2(walk: Walk, k: int) -> int:
-    """Step in the second half of the transfer before ``k``, the touch-down of foot 2, in which it carries nothing and
-    the front margin is least."""
+def closest_in_transfer_of_2(walk: Walk, cycle: int) -> int:
+    """Step in the second half of the transfer before the touch-down of foot 2 in which it carries nothing and the
+    front margin is least."""
+    k = walk.start(cycle, 2, support=True)
     before = np.flatnonzero(walk.support[:k, 1])
     first = int(before[-1]) + 1 if len(before) else 0
     aloft = [j for j in range((first + k) // 2, k) if walk.force[j, 1] == 0.0] or [k - 1]
@@ -150,11 +153,9 @@ def closest_in_transfer_of_2(walk: Walk, k: int) -> int:
 def touch_down_of_2(walk: Walk, cycle: int) -> dict[str, float]:
     """Fig. 19, 20: the front margin late in the transfer of foot 2 over the body's length, the least after its
     contact over that before it, and how long after the contact it is restored, s."""
-    k = walk.start(cycle, 2, support=True)
-    closest = closest_in_transfer_of_2(walk, k)
-    contact = closest + int(np.argmax(walk.force[closest:, 1] > 0.0))
-    until = min(walk.end(k, leg) for leg in (1, 3, 4))
-    after = np.array([walk.carried(j)[FRONT] for j in range(contact, until)])
+    closest, planned = closest_in_transfer_of_2(walk, cycle), walk.start(cycle, 2, support=True)
+    until = min(walk.end(planned, leg) for leg in (1, 3, 4))
+    after = np.array([walk.carried(j)[FRONT] for j in range(walk.first(closest, 2, carries=True), until)])
     low, before = np.flatnonzero(after <= RESTORED), float(walk.carried(closest)[FRONT])
     return {
         "front": before / walk.length,
@@ -173,18 +174,16 @@ def four_feet(walk: Walk, cycle: int) -> dict[str, float]:
     return {"four_feet": there / float((error**2).sum()), "diagonal": float((diagonal**2).sum()) / there}
 
 
-IN_ALL: tuple[Event, ...] = (contacts, touch_down_of_3)
-IN_LATE: tuple[Event, ...] = (lift_off_of_3, touch_down_of_2, four_feet)
-
-
 def events_in(run: StoredRun) -> "pd.DataFrame":
     """One row per whole cycle of a run; some events are only measured in the last :data:`LATE` ones, else NaN."""
     import pandas as pd
 
     walk, rows = walk_in(run.folder), []
     for cycle in range(1, run.whole_cycles + 1):
-        events = IN_ALL + (IN_LATE if cycle > run.whole_cycles - LATE else ())
-        rows.append({"cycle": cycle} | {k: v for event in events for k, v in event(walk, cycle).items()})
+        row = {"cycle": cycle} | contacts(walk, cycle) | touch_down_of_3(walk, cycle)
+        if cycle > run.whole_cycles - LATE:
+            row |= lift_off_of_3(walk, cycle) | touch_down_of_2(walk, cycle) | four_feet(walk, cycle)
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
@@ -195,11 +194,69 @@ def instants(walk: Walk, cycle: int) -> dict[int, int]:
     touch-down on, the first in which it carries. 19: foot 2 aloft, front margin least. 20: the first after it in
     which foot 2 carries.
     """
-    lift, down = walk.start(cycle, 3, support=False), walk.start(cycle, 3, support=True)
-    closest = closest_in_transfer_of_2(walk, walk.start(cycle, 2, support=True))
+    closest = closest_in_transfer_of_2(walk, cycle)
     return {
-        17: lift + int(np.argmax(walk.force[lift:, 2] == 0.0)),
-        18: down + int(np.argmax(walk.force[down:, 2] > 0.0)),
+        17: walk.first(walk.start(cycle, 3, support=False), 3, carries=False),
+        18: walk.first(walk.start(cycle, 3, support=True), 3, carries=True),
         19: closest,
-        20: closest + int(np.argmax(walk.force[closest:, 1] > 0.0)),
+        20: walk.first(closest, 2, carries=True),
     }
+
+
+def event(column: str, reduce: Callable[[Array], float]) -> Sample:
+    """An event, of the table ``events``, reduced over all cycles of each run."""
+
+    def sample(results: Results) -> Array:
+        table = results.computed["events"]
+        return np.array([reduce(table.loc[table["run"] == str(f), column].to_numpy()) for f in results.folders])
+
+    return sample
+
+
+def late(column: str, worst: float = 0.0) -> Sample:
+    """Median of an event over the last cycles of each run; ``worst`` of a run that did not complete."""
+
+    def sample(results: Results) -> Array:
+        values = event(column, lambda values: float(np.median(values[-LATE:])) if len(values) else worst)(results)
+        return np.where(results.completed, values, worst)
+
+    return sample
+
+
+def margin_while_late(results: Results) -> Array:
+    """(runs,): least margin while foot 1 is late, over the least planned margin."""
+    return event("margin", np.min)(results) / results.at(1, "stability_margin_min")
+
+
+def feedback_left(results: Results) -> Array:
+    """(runs,): share of the feedback in the torque at the end over that in the first cycle with CMAC."""
+    first = int(results.value("learning.start_cycle"))
+    return (1.0 - results.end("feedforward_share", LATE)) / (1.0 - results.at(first, "feedforward_share"))
+
+
+def height_off(results: Results) -> Array:
+    """(runs,): largest departure from the planned height in the last cycles, as a part of it; inf if a run ended."""
+    planned = float(results.value("machine.hip_height"))
+    below = over_history("height_min", lambda height: planned - height[-LATE:].min())(results)
+    above = over_history("height_max", lambda height: height[-LATE:].max() - planned)(results)
+    return np.maximum(below, above) / planned
+
+
+def _burst(errors: Array) -> float:
+    fifth = len(errors) // 5
+    return float(errors[-fifth:].max() / np.median(errors[fifth : 2 * fifth]))
+
+
+bursts = over_history("transfer_rmse_x", _burst)
+"""(runs,): largest transfer error in x in the last fifth of the cycles over its median in the second fifth."""
+
+
+def least_force_at_fall(results: Results) -> Array:
+    """(runs,): least force of a foot that is planned to support in the last step, over the weight; inf if a run did
+    not fall."""
+    found = []
+    for run in results.runs:
+        last = run.trace.tail(4)
+        least = float(last.loc[last["phase"] == "support", "force"].min())
+        found.append(least / run.config["machine"]["weight"] if run.status == "fell" else np.inf)
+    return np.array(found)

@@ -1,12 +1,14 @@
-"""Figures of the walk over time: gait diagram (Fig. 14) and foot forces."""
+"""The quadruped as the paper draws it: gait diagram (Fig. 14), oblique (Fig. 15), in three views (Fig. 16 to 20)."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cmacexp.planning.stability import FRONT, REAR, polygon
+from cmacexp.recording import palette
 from cmacexp.report.figure_data import put_legend_below
-from cmacexp.report.style import DESIRED, SERIES, label, new_figure
+from cmacexp.report.style import DESIRED, GROUND, SERIES, colour, label, new_figure
 from cmacexp.typing import Array
 from pipelines.quadruped_walking_events import Walk, instants
 
@@ -14,68 +16,178 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INK, SHADE = "black", "#E6E9EE"
+X, Y, Z = range(3)
+MM = 1e3
 NAMES = ("1 left front", "2 right front", "3 left rear", "4 right rear")
-
-
-def _bars(down: Array, time: Array) -> list[tuple[float, float]]:
-    """Begin and length of each run of True."""
-    period = time[1] - time[0]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], down.astype(int), [0]])))
-    return [(float(time[a]), float((b - a) * period)) for a, b in edges.reshape(-1, 2)]
+DEPRESSION_SCALE = 20.0
+"""Factor by which drawn depressions exceed the true ones."""
+PLATE = 0.03
+"""Drawn thickness of the body, m."""
+OBLIQUE = 0.5 * np.array([np.cos(np.radians(38.0)), np.sin(np.radians(38.0))])
+"""A metre to the left as drawn in the oblique view."""
+NEAR, FAR, ALOFT = colour(palette.THIGH), "#AEB9C6", SERIES[0]
+BODY, COG, POLYGON = colour(palette.BODY), colour(palette.COG), colour(palette.POLYGON)
+NEAR_SIDE = (2, 4)
+"""Legs on the viewer's side in the side view, which is taken from the right."""
 
 
 def gait_diagram(walk: Walk, cycles: int = 2) -> "Figure":
-    """Which foot is planned to be down, and which carries, over the last cycles (Fig. 14)."""
+    """Fig. 14: which foot is planned to be down, and which carries, over the last cycles."""
     from matplotlib.patches import Patch
 
     rows = walk.view.cycle > walk.view.cycle[-1] - cycles
     time = walk.view.time[rows] - walk.view.time[rows][0]
     figure, (axes,) = new_figure(height=2.4)
     for i in range(4):
-        axes.broken_barh(_bars(walk.support[rows, i], time), (2.98 - i, 0.3), color=INK)
-        axes.broken_barh(_bars(walk.force[rows, i] > 0.0, time), (2.72 - i, 0.22), color=SERIES[1])
+        for down, low, high, ink in ((walk.support, 0.98, 1.28, "black"), (walk.force > 0.0, 0.72, 0.94, SERIES[1])):
+            axes.fill_between(time, low + 2 - i, high + 2 - i, where=down[rows, i], step="post", color=ink, lw=0.0)
     for cycle in range(1, cycles):
         axes.axvline(cycle * (time[-1] + walk.period) / cycles, color=DESIRED, lw=0.9, ls="--")
-    axes.set(yticks=range(4), ylim=(-0.6, 3.6), xlim=(0.0, time[-1] + walk.period))
-    axes.set_yticklabels(NAMES[::-1])
+    axes.set(xlim=(0.0, time[-1] + walk.period), ylim=(-0.6, 3.6))
+    axes.set_yticks(range(4), NAMES[::-1])
     axes.grid(visible=False, axis="y")
-    axes.set_axisbelow(True)
     label(axes, "support and transfer", "time, s", "leg")
-    put_legend_below(figure, {"planned support": Patch(color=INK), "foot carries": Patch(color=SERIES[1])})
+    put_legend_below(figure, {"planned support": Patch(color="black"), "foot carries": Patch(color=SERIES[1])})
     return figure
 
 
-def _shade(axes: "Axes", spans: Sequence[tuple[float, float]]) -> None:
-    for begin, length in spans:
-        axes.axvspan(begin, begin + length, color=SHADE, lw=0.0, zorder=0)
+def _place(walk: Walk, k: int, points: Array) -> Array:
+    """Points (n, 3) of the body frame in step ``k``: forward and left of its centre of gravity, and up, m."""
+    now = replace(walk.view, body={name: column[k : k + 1] for name, column in walk.view.body.items()})
+    return now.in_world(points) - now.way() * [1.0, 1.0, 0.0]
 
 
-def _mark(axes: "Axes", times: Mapping[int, float], height: float) -> None:
-    """Dotted lines at the instants of figures, their numbers above; close ones share a text."""
-    texts: dict[float, list[str]] = {}
-    for number, when in sorted(times.items()):
-        axes.axvline(when, color=SERIES[0], lw=0.8, ls=":", zorder=1)
-        texts.setdefault(round(when, 1), []).append(str(number))
-    for when, numbers in texts.items():
-        axes.text(when, height, ", ".join(numbers), color=SERIES[0], fontsize=7.0, ha="center", va="top")
+def _links(walk: Walk, k: int) -> Array:
+    """(4, 3, 3): hip, knee and foot of each leg in step ``k``, m."""
+    links = []
+    for leg in walk.view.legs:
+        thigh, q = (leg.lengths or (0.0, 0.0))[0], float(leg["q1"][k])
+        x = np.array([0.0, thigh * np.cos(q), leg["x"][k]])
+        y = np.array([0.0, thigh * np.sin(q), leg["y"][k]])
+        links.append(_place(walk, k, leg.in_body(x, y)))
+    return np.array(links)
 
 
-def foot_forces(walk: Walk, cycle: int) -> "Figure":
-    """Actual and desired force of each foot over a cycle; the instants of Fig. 17 to 20 are marked."""
-    from matplotlib.patches import Patch
+def _plate(walk: Walk, k: int) -> Array:
+    """(8, 3): corners of the body in step ``k``, m."""
+    low, high = (reduce([leg.hip for leg in walk.view.legs], axis=0) for reduce in (np.min, np.max))
+    corners = [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, PLATE)]
+    return _place(walk, k, np.array(corners))
 
-    rows = np.flatnonzero(walk.view.cycle == cycle)
-    time = walk.view.time[rows] - walk.view.time[rows[0]]
-    times = {number: float(time[k - rows[0]]) for number, k in instants(walk, cycle).items()}
-    top = 1.15 * float(max(walk.force[rows].max(), walk.desired[rows].max()))
-    figure, panels = new_figure(2, 2, 2.0, sharex=True, sharey=True)
-    for i, axes in enumerate(panels):
-        _shade(axes, _bars(~walk.support[rows, i], time))
-        (actual,) = axes.plot(time, walk.force[rows, i], color=SERIES[1], lw=1.1)
-        (desired,) = axes.plot(time, walk.desired[rows, i], color=INK, lw=1.0, ls="--")
-        label(axes, f"foot {NAMES[i]}", "time in the cycle, s" if i > 1 else "", "force, N" if i % 2 == 0 else "")
-        axes.set(xlim=(0.0, time[-1] + walk.period), ylim=(0.0, top))
-        _mark(axes, times, 0.99 * top)
-    put_legend_below(figure, {"actual": actual, "desired": desired, "planned transfer": Patch(color=SHADE)})
+
+def _draw_leg(axes: "Axes", points: Array, near: bool, aloft: bool) -> None:
+    ink = ALOFT if aloft else NEAR if near else FAR
+    order = 4 if near else 2
+    axes.plot(*points.T, color=ink, lw=3.0 if near else 2.4, solid_capstyle="round", zorder=order)
+    axes.plot(*points[:2].T, "o", ms=4.5, color="white", mec=ink, mew=1.3, zorder=order + 0.5)
+    axes.plot(*points[2], "o", ms=5.5, color=ink, zorder=order + 0.5)
+
+
+def _draw_cog(axes: "Axes", height: float) -> None:
+    axes.plot(0.0, height, "o", ms=8.5, color="white", mec=COG, mew=1.6, zorder=8)
+    axes.plot(0.0, height, "+", ms=8.5, color=COG, mew=1.4, zorder=9)
+
+
+def _number(axes: "Axes", x: float, y: float, text: str, ink: str = "black") -> None:
+    axes.text(x, y, text, ha="center", va="center", color=ink, weight="bold")
+
+
+def _draw_elevation(axes: "Axes", walk: Walk, k: int, across: int, near: tuple[int, ...]) -> None:
+    """A view along the ground; far legs are pale, their numbers stand in the upper row below the ground."""
+    links, flat = MM * _links(walk, k), [across, Z]
+    dents = MM * DEPRESSION_SCALE * walk.force[k] / walk.view.config["terrain"]["stiffness"]
+    for i in range(4):
+        is_near, aloft, foot = i + 1 in near, not walk.support[k, i], float(links[i, 2, across])
+        _draw_leg(axes, links[i][:, flat], is_near, aloft)
+        axes.fill([foot - 26.0, foot, foot + 26.0], [0.0, -dents[i], 0.0], color=GROUND, lw=0.0, zorder=3)
+        _number(
+            axes, foot, -118.0 if is_near else -76.0, str(i + 1), ALOFT if aloft else NEAR if is_near else "#5F6B78"
+        )
+    axes.fill(*polygon(MM * _plate(walk, k)[:, flat]).T, color=BODY, ec=NEAR, lw=0.8, zorder=3.5)
+    axes.axhline(0.0, color=GROUND, lw=1.2, zorder=1)
+    height = MM * float(walk.view.body["height"][k])
+    axes.plot([0.0, 0.0], [0.0, height], color=COG, lw=1.0, ls="--", zorder=7)
+    _draw_cog(axes, height)
+
+
+def _draw_plan(axes: "Axes", walk: Walk, k: int) -> None:
+    """The view from above: what the feet that carry span, what is planned, and the margins along the body."""
+    links, carries, aloft = MM * _links(walk, k), walk.force[k] > 0.0, ~walk.support[k]
+    feet = links[:, 2, :2]
+    axes.fill(*polygon(MM * _plate(walk, k)[:, :2]).T, color=BODY, alpha=0.55, lw=0.0, zorder=1)
+    if carries.sum() >= 3:
+        axes.fill(*polygon(feet[carries]).T, fc=POLYGON, alpha=0.25, lw=0.0, zorder=2)
+        axes.fill(*polygon(feet[carries]).T, fill=False, ec=POLYGON, lw=1.2, zorder=2.5)
+    axes.fill(*polygon(feet[~aloft]).T, fill=False, ec="black", lw=0.9, ls=(0, (4, 3)), zorder=2.6)
+    for i, (x, y) in enumerate(feet):
+        _draw_leg(axes, links[i][:, :2], True, bool(aloft[i]))
+        _number(axes, x, y + (62.0 if y > 0.0 else -62.0), str(i + 1), ALOFT if aloft[i] else "black")
+    margins = walk.carried(k)
+    for margin, sign, name, side in ((margins[FRONT], 1.0, "front", "right"), (margins[REAR], -1.0, "rear", "left")):
+        known = bool(np.isfinite(margin))
+        if known:
+            axes.plot([0.0, sign * MM * margin], [0.0, 0.0], color=COG, lw=2.4, solid_capstyle="butt", zorder=6)
+        text = f"{name} margin {MM * margin:.0f} mm" if known else f"no {name} margin"
+        axes.text(0.5 + 0.48 * sign, 0.03, text, transform=axes.transAxes, ha=side, color=COG, zorder=9)
+    axes.plot(0.0, 0.0, "o", ms=4.0, color=COG, mec="black", mew=0.6, zorder=8)
+
+
+def _draw_forces(axes: "Axes", walk: Walk, k: int) -> None:
+    """The paper's foot force display: actual beside desired, leg by leg."""
+    number, wide = np.arange(1, 5), 0.36
+    for shift, name, forces, ink in (
+        (-0.5, "actual", walk.force, SERIES[1]),
+        (0.5, "desired", walk.desired, "white"),
+    ):
+        look: dict[str, Any] = {"hatch": "////", "ec": DESIRED} if name == "desired" else {}
+        bars = axes.bar(number + shift * wide, forces[k], wide, color=ink, label=name, zorder=3, **look)
+        axes.bar_label(bars, fmt="%.1f", fontsize=6.5)
+    axes.set(ylim=(0.0, 29.0), xticks=number)
+    axes.grid(visible=False, axis="x")
+    axes.legend(loc="upper center", ncols=2, borderaxespad=0.1)
+    label(axes, "foot forces", "leg", "contact force, N")
+
+
+def views(walk: Walk, cycle: int, number: int) -> "Figure":
+    """Fig. 16 to 20: the machine from above, from the right side and the front, and its foot forces."""
+    k = ({16: 0} | instants(walk, cycle))[number]
+    figure, (plan, forces, side, front) = new_figure(2, 2, 2.75, width_ratios=[1.65, 1.0], height_ratios=[1.0, 1.05])
+    _draw_plan(plan, walk, k)
+    _draw_forces(forces, walk, k)
+    _draw_elevation(side, walk, k, X, NEAR_SIDE)
+    _draw_elevation(front, walk, k, Y, (1, 2))
+    label(plan, "from above", "x forward of the centre of gravity, mm", "y left, mm")
+    label(side, "side, from the right", "x forward of the centre of gravity, mm", "z up, mm")
+    label(front, "front", "y left, mm", "z up, mm")
+    plan.set(xlim=(-560.0, 560.0), ylim=(-370.0, 340.0), aspect="equal")
+    side.set(xlim=(-560.0, 560.0), ylim=(-150.0, 620.0), aspect="equal")
+    front.set(xlim=(-340.0, 340.0), ylim=(-150.0, 620.0), aspect="equal")
+    return figure
+
+
+def _flat(points: Array) -> Array:
+    """Points (n, 3) on paper, (n, 2), mm: x to the right, z up, y aslant away from the viewer."""
+    return MM * (points[:, [X, Z]] + points[:, [Y]] * OBLIQUE)
+
+
+def diagram(walk: Walk) -> "Figure":
+    """Fig. 15: the quadruped in its initial posture, aslant from the right."""
+    links, plate = _links(walk, 0), _plate(walk, 0)
+    figure, (axes,) = new_figure(height=4.0)
+    ground = np.array([[x, y, 0.0] for x, y in ((-0.6, -0.3), (0.6, -0.3), (0.6, 0.3), (-0.6, 0.3))])
+    axes.fill(*_flat(ground).T, color=GROUND, alpha=0.13, lw=0.0, zorder=0)
+    for i in (0, 2, 1, 3):
+        leg = _flat(links[i])
+        _draw_leg(axes, leg, i + 1 in NEAR_SIDE, False)
+        _number(axes, leg[2, 0], leg[2, 1] - 34.0, f"foot {i + 1}")
+    x, y, z = plate.T
+    for seen in (x > 0.0, y < 0.0, z > z.mean()):
+        axes.fill(*polygon(_flat(plate[seen])).T, fc=BODY, ec=NEAR, lw=0.9, zorder=3)
+    height = MM * float(walk.view.body["height"][0])
+    _draw_cog(axes, height)
+    axes.annotate("centre of gravity", (0.0, height), xytext=(9, 9), textcoords="offset points")
+    arrow = {"arrowstyle": "->", "lw": 1.2}
+    axes.annotate("forward", (440.0, -160.0), xytext=(300.0, -160.0), va="center", ha="right", arrowprops=arrow)
+    axes.set(xlim=(-740.0, 740.0), ylim=(-190.0, 735.0), aspect="equal")
+    axes.axis("off")
     return figure

@@ -5,29 +5,30 @@ force feedback, with and without fault detection; adds noise to every signal; an
 """
 
 import random
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from cmacexp.cli.study import main
-from cmacexp.study import Request, Results, Study, grid
-from pipelines import sensors_figures as figures
-from pipelines import sensors_measures as measures
-from pipelines.sensors_findings import FINDINGS, GAINS, LATENESS, NOISY_GAIN
-from pipelines.sensors_measures import (
-    BREAK,
-    CHECK,
-    GAIN,
-    LATE,
-    LEG,
-    NO_CHECK,
-    NOISE,
-    NONE,
-    SHOWN,
-    SOUND,
-    WALK,
-    WATCH,
-)
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, Study, at_least, at_most, draw, grid
+from cmacexp.study.interval import estimate
+from cmacexp.study.samples import relative, share_done
+from cmacexp.study.statements import Limit, percent
+from cmacexp.study.tables import cross_tabulate, describe_end, tabulate
+from cmacexp.typing import Array, Mask
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+SOUND, BREAK, SHOWN, WATCH, NOISE, GAIN, LATE = "sound", "failures", "shown", "watched", "noise", "gains", "late"
+"""Parts of the study: column ``part``."""
+LEG, WALK = "one leg", "quadruped"
+CHECK, NO_CHECK, NONE = "check", "no check", "none"
+CHECKS = {NO_CHECK: ["plausibility=none"], CHECK: ["plausibility=force"]}
 KINDS = {
     "stuck at zero": ("zero", 0.0),
     "stuck at its last reading": ("last", 0.0),
@@ -36,26 +37,42 @@ KINDS = {
     "white noise of 20 N": ("noise", 20.0),
 }
 """Failures: the kind of fault, and its value in N."""
-EARLIEST, LATEST = 12.0, 18.0
-"""When a sensor breaks, s: in the fifth or sixth cycle."""
-SHOWN_LEG, SHOWN_START, SHOWN_GAIN = 3, 12.2, GAINS[3]
-CYCLES, SHOWN_CYCLES = 12, (4, 5, 6)
+GAINS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
+"""P_fn in m/N and V_fn in m/(N s) alike; the first is the scenario's."""
+GAIN_KEY, NOISY_GAIN = "force_control.elasticity", GAINS[2]
+SHOWN_LEG, SHOWN_GAIN = 3, GAINS[3]
 THIN = "record.every_nth_step=600"
 """Metrics are of every step; of the traces little is kept."""
 LEGGED = ("scenario=quadruped", "learning.lead=1", "gait.load_ramp=0.12")
-WALKING = (*LEGGED, THIN, f"cycles={CYCLES}")
-FEEDFORWARDS = ("cmac", "none")
-CHECKS = {NO_CHECK: ["plausibility=none"], CHECK: ["plausibility=force"]}
+WALKING = (*LEGGED, THIN, "cycles=12")
 NOISY = {NONE: [], "force": ["sensors=noisy_force"]}
-REAL = "sensors=real"
-LEVELS: dict[str, tuple[str, Sequence[float], Sequence[float]]] = {
-    "force": ("noise_relative", (0.05, 0.1, 0.2, 0.4), (0.05, 0.1, 0.2, 0.4)),
-    "position": ("noise", (1e-4, 3e-4, 1e-3, 3e-3), (1e-5, 3e-5, 1e-4, 3e-4)),
-    "velocity": ("noise", (0.003, 0.01, 0.03, 0.1), (0.003, 0.01, 0.03, 0.1)),
-    "height": ("noise", (), (1e-6, 1e-5, 1e-4, 1e-3)),
-    "tilt": ("noise", (), (1e-6, 1e-5, 1e-4, 1e-3)),
+FORCE_NOISE = 0.2
+LATENESS = {
+    "velocity": ["sensors=real", "sensors.velocity.delay=1"],
+    "torque": ["actuator.delay=1"],
+    "position": ["sensors=real", "sensors.position.delay=1"],
 }
-"""Signals: the field of their noise, and its levels for one leg and for the quadruped."""
+"""What is a sample late."""
+FORCE, TORQUE = "force_rmse_cycle", "feedback_rms"
+ERRORS = {
+    LEG: {"transfer error in y": "transfer_rmse_y", "force error": "force_rmse", "feedback torque": TORQUE},
+    WALK: {"tilt": "tilt_max", "force error": FORCE, "feedback torque": TORQUE},
+}
+"""Metrics that noise may worsen, by machine and name."""
+LAST = 3
+"""Cycles whose median is an error at the end."""
+FELT = 1.5
+"""An error or torque that is at least so many times that without noise is felt."""
+
+
+SIGNALS: dict[str, tuple[str, str, float, Sequence[float], Sequence[float]]] = {
+    "force": ("noise_relative", "% of the force", 100.0, (0.05, 0.1, 0.2, 0.4), (0.05, 0.1, 0.2, 0.4)),
+    "position": ("noise", "mrad", 1e3, (1e-4, 3e-4, 1e-3, 3e-3), (1e-5, 3e-5, 1e-4, 3e-4)),
+    "velocity": ("noise", "rad/s", 1.0, (0.003, 0.01, 0.03, 0.1), (0.003, 0.01, 0.03, 0.1)),
+    "height": ("noise", "mm", 1e3, (), (1e-6, 1e-5, 1e-4, 1e-3)),
+    "tilt": ("noise", "mrad", 1e3, (), (1e-6, 1e-5, 1e-4, 1e-3)),
+}
+"""Field of the noise on each signal; the unit shown, with its factor; levels for one leg and for the quadruped."""
 
 
 def _gain(value: float) -> list[str]:
@@ -71,7 +88,7 @@ def failures() -> dict[str, dict[str, list[str]]]:
     """By kind: a failure of every leg, each at a moment and with a seed of its own, as overrides by name."""
     drawn, found = random.Random(1997), {}
     for name, (kind, value) in KINDS.items():
-        moments = {leg: round(drawn.uniform(EARLIEST, LATEST), 3) for leg in (1, 2, 3, 4)}
+        moments = {leg: round(drawn.uniform(12.0, 18.0), 3) for leg in (1, 2, 3, 4)}  # the fifth or sixth cycle
         found[name] = {f"leg {leg}": _fault(kind, value, leg, start) for leg, start in moments.items()}
     for seed, overrides in enumerate(each for legs in found.values() for each in legs.values()):
         overrides.append(f"seed={seed}")
@@ -80,23 +97,24 @@ def failures() -> dict[str, dict[str, list[str]]]:
 
 def _break(gains: dict[str, list[str]], quick: bool) -> list[Request]:
     """All failures with and without fault detection, the same machines unbroken, and one failure step by step."""
-    found = grid(*WALKING, over={"gain": gains, "feedforward": FEEDFORWARDS}, seeded=True, part=SOUND)
+    found = grid(*WALKING, over={"gain": gains, "feedforward": ("cmac", "none")}, seeded=True, part=SOUND)
     for kind, legs in list(failures().items())[:: 4 if quick else 1]:
         cases = dict(list(legs.items())[: 1 if quick else None])
         for feedforward, step in (("cmac", 1), ("none", 2)):
             over = {"gain": dict(list(gains.items())[::step]), "check": CHECKS, "broken": cases}
             found += grid(*WALKING, f"feedforward={feedforward}", over=over, part=BREAK, kind=kind)
-    shown = (*_gain(SHOWN_GAIN), *_fault("zero", 0.0, SHOWN_LEG, SHOWN_START), f"cycles={SHOWN_CYCLES[-1]}")
-    return found + grid(*LEGGED, *shown, f"record.cycles={list(SHOWN_CYCLES)}", over={"check": CHECKS}, part=SHOWN)
+    shown = (*_gain(SHOWN_GAIN), *_fault("zero", 0.0, SHOWN_LEG, 12.2), "cycles=6", "record.cycles=[4, 5, 6]")
+    return found + grid(*LEGGED, *shown, over={"check": CHECKS}, part=SHOWN)
 
 
-def _noise(machine: str, common: Sequence[str], place: int, quick: bool) -> list[Request]:
+def _noise(machine: str, common: Sequence[str], quick: bool) -> list[Request]:
     """A machine without noise, and with every level of noise on every signal."""
     found = grid(*common, seeded=True, part=NOISE, machine=machine, signal=NONE)
-    for signal, (field, *levels) in list(LEVELS.items())[: 1 if quick else None]:
-        for level in levels[place][2:3] if quick else levels[place]:
-            noise = (REAL, f"sensors.{signal}.{field}={level}")
-            found += grid(*common, *noise, seeded=True, part=NOISE, machine=machine, signal=signal, level=level)
+    for signal, (field, *_, leg, walk) in list(SIGNALS.items())[: 1 if quick else None]:
+        levels = leg if machine == LEG else walk
+        for level in levels[2:3] if quick else levels:
+            noisy = ("sensors=real", f"sensors.{signal}.{field}={level}")
+            found += grid(*common, *noisy, seeded=True, part=NOISE, machine=machine, signal=signal, level=level)
     return found
 
 
@@ -108,48 +126,269 @@ def runs(quick: bool) -> list[Request]:
     return [
         *_break(gains, quick),
         *grid(*watched, over={"signal": NOISY}, seeded=True, part=WATCH),
-        *_noise(LEG, ("scenario=one_leg", THIN, "cycles=10"), 0, quick),
-        *_noise(WALK, (*WALKING, *_gain(NOISY_GAIN)), 1, quick),
+        *_noise(LEG, ("scenario=one_leg", THIN, "cycles=10"), quick),
+        *_noise(WALK, (*WALKING, *_gain(NOISY_GAIN)), quick),
         *grid(*WALKING, over={"gain": gains, "signal": NOISY}, seeded=True, part=GAIN),
         *grid("scenario=one_leg", THIN, f"cycles={60 if quick else 2000}", over=late, seeded=True, part=LATE),
     ]
 
 
+def _broken_legs(run: StoredRun) -> Sequence[int]:
+    fault = run.config["sensors"].get("force", {}).get("fault", {})
+    return fault["legs"] if fault.get("kind", "none") != "none" else ()
+
+
+def rejected_after(run: StoredRun) -> float:
+    """Samples from the failure of a force sensor until it is rejected; infinite if it is not, or none fails."""
+    own = [dropped["step"] for dropped in run.manifest["dropped"] if dropped["leg"] in _broken_legs(run)]
+    if not own:
+        return np.inf
+    return float(min(own) - round(run.config["sensors"]["force"]["fault"]["start"] / run.config["sampling_period"]))
+
+
+def rejected_sound(run: StoredRun) -> float:
+    """Number of sound force sensors that are rejected."""
+    return float(sum(dropped["leg"] not in _broken_legs(run) for dropped in run.manifest["dropped"]))
+
+
+def where_sound_walks(results: Results, check: str, gains: Sequence[float]) -> Results:
+    """The failures with a controller and a gain with which all machines of part SOUND complete."""
+    sound, broken = results.select(part=SOUND), results.select({"part": BREAK, "check": check, GAIN_KEY: list(gains)})
+
+    def walks(feedforward: str, gain: str) -> bool:
+        return all(sound.select(feedforward=feedforward, gain=gain).completed)
+
+    return Results([row for row in broken.rows if walks(row.settings["feedforward"], row.settings["gain"])])
+
+
+def _rejected_in_time(results: Results) -> Mask:
+    return where_sound_walks(results, CHECK, GAINS).measure("rejected_after") <= results.run.steps_per_cycle
+
+
+def end(results: Results, metric: str) -> Array:
+    """(runs,): a metric at the end; infinite of a run that ended before."""
+    return results.end(metric, LAST)
+
+
+def worsening(results: Results, metric: str) -> Array:
+    """(noisy runs,): a metric at the end over that of the run without noise and with the same seed."""
+    noisy = [row for row in results.rows if row.settings["signal"] != NONE]
+    return relative(Results(noisy), results.select(signal=NONE), partial(end, metric=metric))
+
+
+def torque_first(results: Results) -> list[bool]:
+    """Of each run in which noise is felt, whether the feedback torque grows by more than every error."""
+    found = []
+    for machine, own in results.by("machine").items():
+        grown = np.array([worsening(own, metric) for metric in ERRORS[machine].values()])
+        felt = grown.max(axis=0) >= FELT
+        found += (grown[-1] >= grown.max(axis=0))[felt].tolist()
+    return found
+
+
+FAILURES = [SOUND, BREAK]
+MOST = at_least(0.9)
+WEAK = f"gains up to {GAINS[-2]:g}"
+LEG_NOISE = f"noise of {100 * FORCE_NOISE:g} % on the force"
+
+
+def _survive(what: str, check: str, gains: Sequence[float], limit: Limit) -> Criterion:
+    quantity = f"failures after which the machine walks on, {what}"
+    return percent(quantity, lambda r: where_sound_walks(r, check, gains).completed, limit, part=FAILURES)
+
+
+def _rejected(what: str, **of: Any) -> Criterion:
+    quantity = f"sound sensors that the check rejects in all runs {what}"
+    return Criterion(quantity, lambda results: [results.measure("rejected_sound").sum()], at_most(0.0), of=of)
+
+
+def _grows(what: str, gains: Sequence[float], limit: Limit) -> Criterion:
+    quantity = f"feedback torque over that without noise, gains {what} {NOISY_GAIN:g}, the largest"
+    return Criterion(
+        quantity,
+        lambda results: np.max([worsening(own, TORQUE) for own in results.by("gain").values()], axis=0),
+        limit,
+        of={"part": GAIN, GAIN_KEY: list(gains)},
+    )
+
+
+def _done(late: Any, lead: Any, limit: Limit) -> Criterion:
+    name = lead if lead == "auto" else f"lead {lead}"
+    of = {"part": LATE, "late": late, "learning.lead": lead}
+    return percent(f"cycles done of those asked for, {name}", share_done, limit, of=of)
+
+
+FINDINGS = {
+    "unchecked": Finding(
+        [
+            _survive(f"no check, {WEAK}", NO_CHECK, GAINS[:-1], MOST),
+            _survive(f"no check, gain {GAINS[-1]:g}", NO_CHECK, GAINS[-1:], at_most(0.75)),
+        ],
+        yes=f"Without the check the machine walks on after {{value}} of the failures with {WEAK}, and after "
+        f"{{values[1]}} with {GAINS[-1]:g}: strong force feedback needs the check.",
+        no=f"The gain does not decide which failures are survived without the check: {{value}} with {WEAK}, "
+        f"{{values[1]}} with {GAINS[-1]:g}.",
+    ),
+    "checked": Finding(
+        [
+            _survive("with the check, all gains", CHECK, GAINS, MOST),
+            percent("failures that the check detects within a cycle", _rejected_in_time, MOST, part=FAILURES),
+        ],
+        yes="With `plausibility=force` the machine walks on after {value} of the failures over all gains; "
+        "{values[1]} are detected within a cycle.",
+        no="`plausibility=force` is no remedy for all failures: the machine walks on after {value}; {values[1]} are "
+        "detected within a cycle.",
+    ),
+    "alarms": Finding(
+        [
+            _rejected("without noise", part=WATCH, signal=NONE),
+            _rejected("with noisy forces", part=WATCH, signal="force"),
+            _rejected("in which another one fails", part=BREAK, check=CHECK),
+        ],
+        yes="The check rejects no sound sensor.",
+        no="The check rejects sound sensors: {value} without noise, {values[1]} with noisy forces, and {values[2]} "
+        "beside a broken sensor.",
+    ),
+    "noise_leg": Finding(
+        [
+            percent(
+                "transfer error in y at the end over that of the first cycle",
+                lambda results: end(results, "transfer_rmse_y") / results.at(1, "transfer_rmse_y"),
+                at_most(0.25),
+                of={"part": NOISE, "machine": LEG, "signal": "force", "level": FORCE_NOISE},
+            ),
+            Criterion(
+                "feedback torque over that without noise",
+                partial(worsening, metric=TORQUE),
+                at_least(FELT),
+                of={"part": NOISE, "machine": LEG, "signal": [NONE, "force"], "level": [None, FORCE_NOISE]},
+            ),
+        ],
+        yes=f"With {LEG_NOISE} one leg still learns: its transfer error in y ends at {{value}} of that of the first "
+        "cycle; its feedback torque is {values[1]} times that without noise.",
+        no=f"With {LEG_NOISE} either one leg does not learn ({{value}} of its first error is left) or noise is not "
+        "felt in the torque ({values[1]} times that without).",
+    ),
+    "torque_first": Finding(
+        [
+            percent(
+                "runs with noise that is felt in which the torque grows by more than any error",
+                torque_first,
+                at_least(0.8),
+                of={"part": NOISE},
+            )
+        ],
+        yes="Where noise is felt, the feedback torque grows by more than the errors: in {value} of the runs.",
+        no="Where noise is felt, the feedback torque does not in general grow by more than the errors: it does in "
+        "{value} of the runs.",
+    ),
+    "noise_gain": Finding(
+        [_grows("up to", GAINS[:3], at_most(FELT)), _grows("above", GAINS[3:], at_least(FELT))],
+        yes=f"Noisy force sensors limit the gain: up to {NOISY_GAIN:g} noise multiplies the quadruped's feedback "
+        "torque by {value} at most, above it by up to {values[1]}.",
+        no=f"A gain of {NOISY_GAIN:g} does not separate where noise on the forces is felt: up to it the feedback "
+        "torque is {value} times that without noise, above it up to {values[1]} times.",
+    ),
+    "late": Finding(
+        [_done(["velocity", "torque"], "auto", MOST), _done(["velocity", "torque"], 1, at_most(0.9))],
+        yes="A late velocity and a late torque need one more sample of lead, which `learning.lead=auto` counts: with "
+        "lead 1 runs end after {values[1]} of their cycles.",
+        no="A late velocity or torque does not need just one more sample of lead: with `learning.lead=auto` runs "
+        "complete {value} of their cycles, with lead 1 {values[1]}.",
+    ),
+    "late_position": Finding(
+        [_done("position", 1, MOST), _done("position", 2, at_most(0.9))],
+        yes="A late position needs no more lead: with lead 1 runs last, with lead 2 they end after {values[1]} of "
+        "their cycles.",
+        no="A late position does not call for lead 1: with it runs complete {value} of their cycles, with lead 2 "
+        "{values[1]}.",
+    ),
+}
+
+
+def draw_failure(results: Results) -> "Figure":
+    """Desired, true and measured force of the leg with the broken sensor; the failure, and its detection."""
+    panels = []
+    for check, own in results.by("check").items():
+        run = own.run
+        trace = run.trace[run.trace["leg"] == SHOWN_LEG]
+        columns = {"desired": "force_desired", "true": "force", "measured": "force_measured"}
+        series = [Series(name, trace["time"], trace[column]) for name, column in columns.items()]
+        rejected = [dropped["step"] * run.config["sampling_period"] for dropped in run.manifest["dropped"]]
+        events = [run.config["sensors"]["force"]["fault"]["start"], *rejected]
+        panels.append(Panel(check, "time, s", "force, N", series, x_limits=events))
+    return draw(panels, columns=1, height=1.9)
+
+
+def draw_noise(results: Results) -> "Figure":
+    """Errors and torque over those without noise, over the level of noise on each signal."""
+    panels = []
+    for signal, noisy in results.by("signal").items():
+        if signal == NONE:
+            continue
+        levels, (_, unit, factor, *_) = noisy.values("level"), SIGNALS[signal]
+        pairs = [results.select(signal=[NONE, signal], level=[None, level]) for level in levels]
+        series = [
+            Series(name, factor * np.array(levels), [estimate(worsening(pair, metric)).value for pair in pairs])
+            for name, metric in ERRORS[results.value("machine")].items()
+        ]
+        axes = (f"noise, {unit}", "value over that without noise")
+        panels.append(Panel(f"noise on the {signal}", *axes, series, log="x", y_limits=[FELT]))
+    return draw(panels, columns=3)
+
+
+def _count_kinds(results: Results) -> str:
+    without, checked = (sum(results.select(check=check).completed) for check in (NO_CHECK, CHECK))
+    return f"{without}, {checked} of {len(results.select(check=CHECK))}"
+
+
+def _force_noise(results: Results) -> "pd.DataFrame":
+    return tabulate(
+        results.select(part=GAIN),
+        {"gain": "gain", "signal": "noise on"},
+        {
+            "force error, N": partial(end, metric=FORCE),
+            "feedback torque, N m": partial(end, metric=TORQUE),
+            "tilt, mrad": lambda own: 1e3 * end(own, "tilt_max"),
+        },
+    )
+
+
 def values(results: Results) -> dict[str, Any]:
     """Numbers and settings that the page names."""
     broken, watched, late = (results.select(part=part) for part in (BREAK, WATCH, LATE))
-    noisy = results.select(part=GAIN, signal="force")
+    noise = results.select(part=GAIN, signal="force").value("sensors.force.noise_relative")
     return {
         "failures": len(broken.select(feedforward="cmac", check=CHECK)) // len(broken.values("gain")),
         "kinds": broken.values("kind"), "cycles": broken.value("cycles"), "ramp": broken.value("gait.load_ramp"),
-        "watched_cycles": watched.value("cycles"), "noisy_gain": watched.value(measures.GAIN_KEY),
-        "late_cycles": late.value("cycles"), "last": measures.LAST, "felt": measures.FELT,
-        "shown_leg": SHOWN_LEG, "shown_gain": SHOWN_GAIN,
-        "force_noise": f"{100 * noisy.value('sensors.force.noise_relative'):g} %",
+        "watched_cycles": watched.value("cycles"), "noisy_gain": watched.value(GAIN_KEY),
+        "late_cycles": late.value("cycles"), "last": LAST, "felt": FELT, "shown_leg": SHOWN_LEG,
+        "shown_gain": SHOWN_GAIN, "force_noise": f"{100 * noise:g} %",
     }  # fmt: skip
-
-
-def _part(draw: Callable[[Results], Any], **settings: Any) -> Callable[[Results], Any]:
-    return lambda results: draw(results.select(settings))
 
 
 STUDY = Study(
     title="Faulty sensors",
     question="What do failures, noise and delays of sensors do to walking and learning, and what helps?",
     runs=runs,
-    measures={"rejected_after": measures.rejected_after, "rejected_sound": measures.rejected_sound},
+    measures={"rejected_after": rejected_after, "rejected_sound": rejected_sound},
     findings=FINDINGS,
     figures={
-        "failures": _part(figures.draw_failures, part=BREAK),
-        "failure": _part(figures.draw_failure, part=SHOWN),
-        "noise_leg": _part(figures.draw_noise, part=NOISE, machine=LEG),
-        "noise_walk": _part(figures.draw_noise, part=NOISE, machine=WALK),
+        "failure": lambda r: draw_failure(r.select(part=SHOWN)),
+        "noise_leg": lambda r: draw_noise(r.select(part=NOISE, machine=LEG)),
+        "noise_walk": lambda r: draw_noise(r.select(part=NOISE, machine=WALK)),
     },
     tables={
-        "gains": figures.table_of_gains,
-        "kinds": _part(figures.table_of_kinds, part=BREAK, feedforward="cmac"),
-        "force_noise": _part(figures.table_of_force_noise, part=GAIN),
-        "late": _part(figures.table_of_lateness, part=LATE),
+        "kinds": lambda r: cross_tabulate(
+            r.select(part=BREAK, feedforward="cmac"), ("kind", "failure"), ("gain", "gain"), _count_kinds
+        ),
+        "force_noise": _force_noise,
+        "late": lambda r: cross_tabulate(
+            r.select(part=LATE),
+            ("late", "late"),
+            ("learning.lead", "lead"),
+            lambda own: describe_end(own, 1e3 * end(own, "transfer_rmse_y")),
+        ),
     },
     values=values,
 )

@@ -5,22 +5,18 @@ walk over patches and slopes, each with a CMAC whose learning lasts and with fee
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cmacexp.cli.study import main
-from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, grid
-from cmacexp.typing import Array
-from pipelines import terrain_views as views
-from pipelines.terrain_views import (
-    CMAC,
-    FEEDBACK,
-    INFORMED,
-    UNCHANGED,
-    WITHIN,
-    end_ratio,
-    force_metric,
-    walked,
-)
+from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
+from cmacexp.study.curves import over_cycles, over_setting
+from cmacexp.study.samples import ratio, share_of_time
+from cmacexp.study.statements import Limit, percent
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LEG = ("scenario=one_leg", "reference=aware", "learning.lead=1")
 LASTING = ("learning.lead=1", "gait.load_ramp=0.12", "force_control.elasticity=1e-3", "force_control.admittance=1e-3")
@@ -28,12 +24,14 @@ LASTING = ("learning.lead=1", "gait.load_ramp=0.12", "force_control.elasticity=1
 WALK = ("scenario=quadruped", *LASTING)
 CYCLE_TIME = 3.0
 """T of both scenarios, s."""
-CHANGED, QUICK_CHANGED = (40, 100), (12, 24)
-"""Cycles before the change, and in all."""
 FACTOR, PAYLOAD, AHEAD = 3, 10, 0.1
 """Step of the ground's stiffness, weight of the payload, N, and how far ahead of the centre it may lie, m."""
 STEP = (f"terrain.step_factor={FACTOR}", "terrain.step_time={}")
 LOAD = (f"payload.weight={PAYLOAD}", "payload.time={}")
+CMAC, FEEDBACK = "CMAC", "feedback alone"
+UNCHANGED, INFORMED = "CMAC, no change", "CMAC, plan knows"
+"""The walks of a change, by the label ``walk``."""
+FORCE, PATH = "force error", "path error"
 
 
 class Change(NamedTuple):
@@ -45,204 +43,185 @@ class Change(NamedTuple):
     """With ``{}`` in the place of its time, s."""
     known: tuple[str, ...] = ()
     """What makes it so from the start, and known to the plan."""
+    force: str = "force_rmse_cycle"
+    """The force error: of one leg that in support."""
 
 
 STIFFER = f"ground {FACTOR} times as stiff"
 CHANGES: Mapping[str, Change] = {
-    "leg": Change(f"one leg, {STIFFER}", LEG, STEP, (f"terrain.stiffness={FACTOR * 10}",)),
+    "leg": Change(f"one leg, {STIFFER}", LEG, STEP, (f"terrain.stiffness={FACTOR * 10}",), "force_rmse"),
     "stiff": Change(STIFFER, WALK, STEP, (f"terrain.stiffness={FACTOR * 1e4}",)),
     "payload": Change(f"{PAYLOAD} N on the centre", WALK, LOAD, (f"machine.weight={PAYLOAD + 40}",)),
     "ahead": Change(f"{PAYLOAD} N {AHEAD:g} m ahead", WALK, (*LOAD, f"payload.x={AHEAD}")),
 }
-WORDS = {name: change.words for name, change in CHANGES.items()}
-CYCLES, QUICK_CYCLES = 60, 15
 SPREADS, SLOPES = (0.0, 0.2, 0.4, 0.6, 0.8), (-0.2, -0.15, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2)
 PATCHES = ("terrain.patch_size=0.15", "terrain.patch_seed=${seed}")
-START, QUICK_START = 10.0, 2.0
-"""Where a slope begins, m."""
-TILT = 0.05
-"""Largest tilt, rad, at which a body counts as level."""
-WHOLE = 0.9
-"""Share of the planned time from which a walk counts as completed."""
+WITHIN = 1.2
+"""An error that ends within this factor of a level has come back to it."""
+TILT, WHOLE = 0.05, 0.9
+"""Largest tilt of a level body, rad; share of the planned time from which a walk counts as completed."""
 
 
 def _changes(quick: bool) -> list[Request]:
     """Each change with a CMAC and with feedback alone; without it; and with a plan that knows of it."""
-    before, cycles = QUICK_CHANGED if quick else CHANGED
+    before, cycles = (12, 24) if quick else (40, 100)
     found = []
     for name, change in CHANGES.items():
         happens = tuple(text.format(before * CYCLE_TIME) for text in change.happens)
         learning = {CMAC: happens, UNCHANGED: ()} | ({INFORMED: change.known} if change.known else {})
         common = (*change.machine, f"cycles={cycles}", "record.cycles=[1]")
-        found += grid(*common, over={"walk": learning}, seeded=True, change=name)
-        found += grid(*common, *happens, "feedforward=none", change=name, walk=FEEDBACK)
+        found += grid(*common, over={"walk": learning}, seeded=True, change=name, before=before)
+        found += grid(*common, *happens, "feedforward=none", change=name, before=before, walk=FEEDBACK)
     return found
 
 
 def _grounds(quick: bool) -> list[Request]:
     """Patches, which every seed draws anew, and slopes up and down."""
     spreads, slopes = (SPREADS[::2], SLOPES[2:7:2]) if quick else (SPREADS, SLOPES)
-    common = (*WALK, f"cycles={QUICK_CYCLES if quick else CYCLES}", "record.cycles=[1]")
+    common = (*WALK, f"cycles={15 if quick else 60}", "record.cycles=[1]")
     found = []
     for walk, feedforward in {CMAC: "feedforward=cmac", FEEDBACK: "feedforward=none"}.items():
         over = {"terrain.patch_spread": spreads}
         found += grid(*common, *PATCHES, feedforward, over=over, seeded=True, ground="patches", walk=walk)
         for slope in slopes:
-            start = (f"terrain.slope_start={QUICK_START if quick else START}",) if slope else ()
+            start = (f"terrain.slope_start={2.0 if quick else 10.0}",) if slope else ()
             own = (*common, feedforward, f"terrain.slope={slope}", *start)
             found += grid(*own, seeded=walk == CMAC, ground="slopes", walk=walk)
     return found
 
 
-def runs(quick: bool) -> list[Request]:
-    """Changes, patches and slopes."""
-    return _changes(quick) + _grounds(quick)
+def _metric(change: str, error: str) -> str:
+    return CHANGES[change].force if error == FORCE else "transfer_rmse_y"
 
 
-def _decide(topic: str, yes: str, no: str, *criteria: Criterion) -> Finding:
-    """A finding whether ``topic`` is so."""
-    return Finding(criteria, yes, no, f"The runs do not decide whether {topic} (measured: {{value}}).")
+def _over(change: str, error: str, walk: str, holds: Limit) -> Criterion:
+    """An error at the end of the walk with a CMAC over that of another walk."""
+    sample = ratio(partial(Results.end, name=_metric(change, error)), {"walk": CMAC}, {"walk": walk})
+    return Criterion(f"{CHANGES[change].words}: {error} over that of “{walk}”", sample, holds, of={"change": change})
 
 
-def _ratio(change: str, metric: str, other: str, holds: Any) -> Criterion:
-    """An error at the end of the walk with a CMAC over that of another walk; the force error is called ``force``."""
-
-    def sample(results: Results) -> Array:
-        return end_ratio(results, force_metric(results) if metric == "force" else metric, other)
-
-    words = {"force": "force error", "transfer_rmse_y": "transfer error in y"}[metric]
-    return Criterion(f"{WORDS[change]}: {words} over that of “{other}”", sample, holds, of={"change": change})
-
-
-def _comes_back(change: str, metric: str, words: str) -> Finding:
-    return _decide(
-        f"learning brings the {words} back",
-        f"Learning brings the {words} back: at the end it is {{value}} times that without the change.",
-        f"Learning does not bring the {words} back: at the end it is {{value}} times that without the change.",
-        _ratio(change, metric, UNCHANGED, at_most(WITHIN)),
+def _comes_back(change: str, error: str) -> Finding:
+    return Finding(
+        [_over(change, error, UNCHANGED, at_most(WITHIN))],
+        yes=f"Learning brings the {error} back: at the end it is {{value}} times that without the change.",
+        no=f"Learning does not bring the {error} back: at the end it is {{value}} times that without the change.",
     )
 
 
-def _informed(change: str) -> Finding:
-    return _decide(
-        "the plan has to know the new value",
-        "Give the plan the new value: if it does not know it, the force error is {value} times as large.",
-        "The plan need not know the new value: if it does not, the force error is {value} times as large.",
-        _ratio(change, "force", INFORMED, at_least(WITHIN)),
+def _level(slope: float, where: str) -> Finding:
+    of = {"ground": "slopes", "terrain.slope": slope, "walk": CMAC}
+    return Finding(
+        [Criterion(f"tilt, {where}", lambda r: r.end("tilt_max"), at_most(TILT), unit="mrad", scale=1e3, of=of)],
+        yes=f"With a CMAC and a plan for flat ground the body stays level at {where}: it tilts by {{value}}.",
+        no=f"With a CMAC and a plan for flat ground the body does not stay level at {where}: it tilts by {{value}}.",
     )
 
 
-def _level(slope: float, way: str) -> Finding:
-    text, of = f"{100 * abs(slope):g} % {way}", {"ground": "slopes", "terrain.slope": slope, "walk": CMAC}
-    tilt = Criterion(f"tilt, {text}", lambda r: r.end("tilt_max"), at_most(TILT), unit="mrad", scale=1e3, of=of)
-    return _decide(
-        f"a CMAC keeps the body level at {text}",
-        f"With a CMAC and a plan for flat ground the body stays level at {text}: it tilts by {{value}}.",
-        f"With a CMAC and a plan for flat ground the body does not stay level at {text}: it tilts by {{value}}.",
-        tilt,
-    )
-
-
-def _ends_early(slope: float, way: str) -> Finding:
-    text, of = f"{100 * abs(slope):g} % {way}", {"ground": "slopes", "terrain.slope": slope}
+def _ends_early(slope: float, where: str) -> Finding:
     shares = [
-        Criterion(
-            f"planned time walked, {walk}", lambda r: r.measure("walked"), holds, unit="%", scale=100.0,
-            of={**of, "walk": walk},
-        )
+        percent(f"planned time walked, {walk}", lambda r: r.measure("walked"), holds,
+                of={"ground": "slopes", "terrain.slope": slope, "walk": walk})
         for walk, holds in ((CMAC, at_most(WHOLE)), (FEEDBACK, at_least(WHOLE)))
     ]  # fmt: skip
-    return _decide(
-        f"learning ends a walk at {text} that feedback alone completes",
-        f"At {text} learning ends a walk that feedback alone completes: it lasts {{value}} of the planned time.",
-        f"At {text} learning does not end a walk that feedback alone completes: {{value}} of the planned time is "
-        "walked with a CMAC, {values[1]} with feedback alone.",
-        *shares,
+    return Finding(
+        shares,
+        yes=f"At {where} learning ends a walk that feedback alone completes.",
+        no=f"At {where} learning does not end a walk that feedback alone completes.",
     )
 
 
-def _over_even(results: Results) -> Array:
-    """(seeds,): force error on the widest patches over that on even ground."""
-    wide, even = (results.select({"terrain.patch_spread": spread}) for spread in (SPREADS[-1], 0.0))
-    ratio: Array = wide.end("force_rmse_cycle") / even.end("force_rmse_cycle")
-    return ratio
+def _on_widest(quantity: str, reference: dict[str, Any], holds: Limit) -> Criterion:
+    sample = ratio(partial(Results.end, name="force_rmse_cycle"), WIDEST, reference)
+    return Criterion(quantity, sample, holds, of={"ground": "patches", "walk": [CMAC, reference["walk"]]})
 
 
-def _over_feedback(results: Results) -> Array:
-    """(seeds,): force error on the widest patches over that of feedback alone on the same ground."""
-    return end_ratio(results.select({"terrain.patch_spread": SPREADS[-1]}), "force_rmse_cycle", FEEDBACK)
-
-
-WIDEST, ON_PATCHES = f"patches with a spread of {SPREADS[-1]:g}", {"ground": "patches"}
+WIDEST = {"terrain.patch_spread": SPREADS[-1], "walk": CMAC}
+WIDE = f"patches with a spread of {SPREADS[-1]:g}"
 FINDINGS = {
-    **{f"{name}_force": _comes_back(name, "force", "force error") for name in CHANGES},
-    **{f"{name}_path": _comes_back(name, "transfer_rmse_y", "path error") for name in CHANGES},
-    **{f"{name}_informed": _informed(name) for name, change in CHANGES.items() if change.known},
-    "feedback": _decide(
-        "learning leaves a smaller force error than feedback alone after each of these changes",
-        "After each of these changes learning leaves a smaller force error than feedback alone.",
-        "Learning does not leave a smaller force error than feedback alone after each of these changes.",
-        *(_ratio(name, "force", FEEDBACK, at_most(1.0)) for name in CHANGES),
+    **{f"{change}_force": _comes_back(change, FORCE) for change in CHANGES},
+    **{f"{change}_path": _comes_back(change, PATH) for change in CHANGES},
+    **{
+        f"{name}_informed": Finding(
+            [_over(name, FORCE, INFORMED, at_least(WITHIN))],
+            yes="Give the plan the new value: if it does not know it, the force error is {value} times as large.",
+            no="The plan need not know the new value: if it does not, the force error is {value} times as large.",
+        )
+        for name, change in CHANGES.items()
+        if change.known
+    },
+    "feedback": Finding(
+        [_over(change, FORCE, FEEDBACK, at_most(1.0)) for change in CHANGES],
+        yes="After each of these changes learning leaves a smaller force error than feedback alone.",
+        no="Learning does not leave a smaller force error than feedback alone after each of these changes.",
     ),
-    "patches_feedback": _decide(
-        f"learning lowers the force error on {WIDEST}",
-        f"On {WIDEST}, which the plan does not know, learning lowers the force error: it is {{value}} times that of "
-        "feedback alone.",
-        f"On {WIDEST}, which the plan does not know, learning does not lower the force error: it is {{value}} times "
-        "that of feedback alone.",
-        Criterion("force error over that of feedback alone", _over_feedback, at_most(1.0), of=ON_PATCHES),
+    "patches_feedback": Finding(
+        [_on_widest("force error over that of feedback alone", {**WIDEST, "walk": FEEDBACK}, at_most(1.0))],
+        yes=f"On {WIDE}, which the plan does not know, learning lowers the force error.",
+        no=f"On {WIDE}, which the plan does not know, learning does not lower the force error.",
     ),
-    "patches_even": _decide(
-        f"{WIDEST} cost learning accuracy",
-        f"With learning, {WIDEST} cost little accuracy: the force error is {{value}} times that on even ground.",
-        f"With learning, {WIDEST} cost accuracy: the force error is {{value}} times that on even ground.",
-        Criterion(
-            "force error over that on even ground", _over_even, at_most(WITHIN), of={**ON_PATCHES, "walk": CMAC}
-        ),
+    "patches_even": Finding(
+        [
+            _on_widest(
+                "force error over that on even ground", {**WIDEST, "terrain.patch_spread": 0.0}, at_most(WITHIN)
+            )
+        ],
+        yes=f"With learning, {WIDE} cost little accuracy.",
+        no=f"With learning, {WIDE} cost accuracy.",
     ),
-    "uphill_level": _level(0.05, "uphill"),
-    "downhill_level": _level(-0.05, "downhill"),
-    "uphill_end": _ends_early(0.2, "uphill"),
-    "downhill_end": _ends_early(-0.2, "downhill"),
+    "uphill_level": _level(0.05, "5 % uphill"),
+    "downhill_level": _level(-0.05, "5 % downhill"),
+    "uphill_end": _ends_early(0.2, "20 % uphill"),
+    "downhill_end": _ends_early(-0.2, "20 % downhill"),
 }
+
+
+def draw_changes(results: Results) -> "Figure":
+    """A row for each change, at the dotted line: force and path error over the cycles."""
+    panels = []
+    for change in CHANGES:
+        own = results.select(change=change)
+        for error in (FORCE, PATH):
+            panel = over_cycles(own, _metric(change, error), "walk", log="y", title=error)
+            title = f"{CHANGES[change].words}: {error}"
+            panels.append(replace(panel, title=title, x_limits=[own.value("before") + 0.5]))
+    return draw(panels, height=1.9)
+
+
+def draw_ground(results: Results, ground: str, key: str) -> "Figure":
+    """Force error and tilt at the end, and the time walked, over what the ground is like."""
+    samples = {
+        "force error, N": lambda r: r.end("force_rmse_cycle"),
+        "tilt, mrad": lambda r: 1e3 * r.end("tilt_max"),
+        "planned time walked, %": lambda r: 100.0 * r.measure("walked"),
+    }
+    own = results.select(ground=ground)
+    return draw([over_setting(own, key, name, sample, by="walk") for name, sample in samples.items()], columns=3)
 
 
 def values(results: Results) -> dict[str, Any]:
     """Settings that the page names."""
     changed, slopes = results.select(change="stiff"), results.select(ground="slopes")
     return {
-        "change": views.change_cycle(changed.select(walk=CMAC)),
-        "cycles": changed.value("cycles"),
-        "factor": FACTOR,
-        "payload": PAYLOAD,
-        "ahead": AHEAD,
-        "within": WITHIN,
-        "leg_settings": ", ".join(f"`{text}`" for text in LEG[1:]),
+        "change": changed.value("before"), "cycles": changed.value("cycles"), "factor": FACTOR, "payload": PAYLOAD,
+        "ahead": AHEAD, "within": WITHIN, "leg_settings": ", ".join(f"`{text}`" for text in LEG[1:]),
         "lasting": ", ".join(f"`{text}`" for text in LASTING),
         "patch": results.select(ground="patches").value("terrain.patch_size"),
-        "start": max(slopes.values("terrain.slope_start")),
-        "ground_cycles": slopes.value("cycles"),
+        "start": max(slopes.values("terrain.slope_start")), "ground_cycles": slopes.value("cycles"),
         "tilt": 1e3 * TILT,
-    }
+    }  # fmt: skip
 
 
 STUDY = Study(
     title="Ground and load that change",
     question="How does learning cope with a step of the ground's stiffness, a payload, patches and slopes that "
     "neither planner nor controller knows?",
-    runs=runs,
-    measures={"walked": walked},
+    runs=lambda quick: _changes(quick) + _grounds(quick),
+    measures={"walked": share_of_time},
     findings=FINDINGS,
     figures={
-        "leg": views.draw_leg,
-        "walk": lambda r: views.draw_walk(r, {name: words for name, words in WORDS.items() if name != "leg"}),
-        "patches": lambda r: views.draw_ground(r, "patches", "terrain.patch_spread", "spread of the patches"),
-        "slopes": lambda r: views.draw_ground(r, "slopes", "terrain.slope", "slope, m/m", TILT),
-    },
-    tables={
-        "changes": lambda r: views.table_changes(r, WORDS),
-        "patches": lambda r: views.table_ground(r, "patches", "terrain.patch_spread", "spread"),
-        "slopes": lambda r: views.table_ground(r, "slopes", "terrain.slope", "slope"),
+        "changes": draw_changes,
+        "patches": lambda r: draw_ground(r, "patches", "terrain.patch_spread"),
+        "slopes": lambda r: draw_ground(r, "slopes", "terrain.slope"),
     },
     values=values,
 )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000
@@ -38,7 +38,7 @@ class BadSample(ValueError):
     """A sample that has no interval."""
 
 
-def estimate(sample: Sequence[float] | Sequence[bool] | Array) -> Interval:
+def estimate(sample: Sequence[float] | Sequence[bool] | Array | Mask) -> Interval:
     """The interval of a sample, by what the sample is.
 
     Of truth values: the proportion that is true, with Wilson's interval (Wilson 1927). Of numbers that differ: the

@@ -9,7 +9,7 @@ from cmacexp.errors import BadInput
 from cmacexp.report.numbers import format_number
 from cmacexp.study.interval import BadSample, Interval, estimate
 from cmacexp.study.results import NoSuchRuns, Results
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 
 REPRODUCED, IN_PART, NOT_REPRODUCED = "reproduced", "reproduced in part", "not reproduced"
 CONTRADICTED, INCONCLUSIVE = "contradicted", "inconclusive"
@@ -22,6 +22,7 @@ VERDICTS = {
 }
 """What each verdict means."""
 YES, NO, UNCLEAR = "yes", "no", "unclear"
+UNDECIDED = "The runs do not decide this: an interval contains the limit."
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class Criterion:
 
     quantity: str
     """What is measured, as readers see it."""
-    sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array]
+    sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask]
     """A value for each run, pair or case; truth values for a proportion. What a failed run counts as is said here."""
     holds: Limit
     """Where the statement holds."""
@@ -83,6 +84,18 @@ class Criterion:
     def __getstate__(self) -> dict[str, Any]:
         """Judged statements travel between processes; a function without a name, as samples often are, cannot."""
         return {**self.__dict__, "sample": None}
+
+
+def percent(
+    quantity: str,
+    sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask],
+    holds: Limit,
+    fails: Limit | None = None,
+    of: Mapping[str, Any] | None = None,
+    **more: Any,
+) -> Criterion:
+    """A criterion of a share, shown in per cent; ``of`` and ``more`` are settings of its runs."""
+    return Criterion(quantity, sample, holds, fails, "%", 100.0, {**(of or {}), **more})
 
 
 @dataclass(frozen=True)
@@ -184,7 +197,7 @@ class Finding:
     In the sentences ``{value}`` stands for the first criterion's estimate, ``{values[1]}`` for the second's.
 
     Raises:
-        BadInput: there are no criteria, or a sentence has another placeholder.
+        BadInput: there are no criteria, or a sentence has a name in braces that is none of the values.
     """
 
     criteria: Sequence[Criterion]
@@ -193,7 +206,7 @@ class Finding:
     """If every interval lies within its limit."""
     no: str
     """If some interval lies outside."""
-    unclear: str
+    unclear: str = UNDECIDED
     """Otherwise."""
 
     def __post_init__(self) -> None:
@@ -203,8 +216,9 @@ class Finding:
             try:
                 _fill(wording, [""] * len(self.criteria))
             except (LookupError, ValueError, AttributeError) as error:
-                allowed = f"placeholders are {{value}} and {{values[0]}} to {{values[{len(self.criteria) - 1}]}}"
-                raise BadInput("finding", wording, f"{allowed}; {{{{ and }}}} give braces") from error
+                allowed = f"{{value}} and {{values[0]}} to {{values[{len(self.criteria) - 1}]}}"
+                message = f"has a name in braces that is none of the values: use {allowed}; {{{{ and }}}} give braces"
+                raise BadInput("finding", wording, message) from error
 
     def judge(self, results: Results) -> "Found":
         """Measure every criterion."""

@@ -77,7 +77,11 @@ def study(runs="[]", more="", sample="[1.0]", sentence="yes"):
         (study(), "{{ finding('cost') ", "line 1: unexpected end of template"),
         (study(), "{{ cost }}", "'cost' is undefined; it may use claim, figure, finding"),
         (study("grid('cycles=1')", sample="results.end('force_rms')"), "", "did you mean force_rmse?"),
-        (study(sentence="{valeu}"), "", "finding={valeu}: placeholders are {value} and {values[0]}"),
+        (
+            study(sentence="{valeu}"),
+            "",
+            "finding={valeu}: has a name in braces that is none of the values: use {value}",
+        ),
     ],
 )
 def test_a_mistake_is_one_line(code, page, message, tmp_path):

@@ -15,7 +15,8 @@ from cmacexp.study.interval import estimate
 from cmacexp.study.page import make_claims_section
 from cmacexp.study.results import NoSuchRuns, Row
 from cmacexp.study.samples import per_seed, relative
-from cmacexp.study.statements import VERDICTS, Judged, Measured
+from cmacexp.study.statements import UNDECIDED, VERDICTS, Judged, Measured
+from cmacexp.study.tables import cross_tabulate, describe_end
 
 
 def made(*errors: float, asked: int = 5, **settings) -> Results:
@@ -181,11 +182,16 @@ def test_a_finding_has_a_sentence_for_each_outcome(value, sentence):
 
 @pytest.mark.parametrize("wrong", ["{valeu}", "{values[1]}", "{values.first}", "{value", "{}"])
 @pytest.mark.parametrize("outcome", ["yes", "no", "unclear"])
-def test_a_wrong_placeholder_is_an_error_before_the_outcome_that_shows_it(wrong, outcome):
+def test_a_wrong_name_in_braces_is_an_error_before_the_outcome_that_shows_it(wrong, outcome):
     sentences = {"yes": "{value}", "no": "{values[0]}", "unclear": "{{}}"}
     Finding([criterion(0.5)], **sentences)
-    with pytest.raises(BadInput, match=r"placeholders are \{value\} and \{values\[0\]\}"):
+    with pytest.raises(BadInput, match=r"none of the values: use \{value\} and \{values\[0\]\}"):
         Finding([criterion(0.5)], **{**sentences, outcome: wrong})
+
+
+def test_a_finding_without_a_sentence_for_it_says_that_it_is_undecided():
+    sentences = {Finding([criterion(value)], "Yes.", "No.").judge(made(0.1)).sentence for value in (0.5, 1.5, 1.0)}
+    assert sentences == {"Yes.", "No.", UNDECIDED}
 
 
 def test_a_statement_without_criteria_is_an_error():
@@ -206,6 +212,21 @@ def test_the_table_has_a_row_a_run():
     assert results.table[["machine", "status", "cycles"]].values.tolist() == [
         ["leg", "completed", 5],
         ["leg", "fell", 2],
+    ]
+
+
+def test_a_crossed_table_has_a_row_for_each_value_of_one_setting_and_a_column_for_each_of_another():
+    runs = [made(10.0 * delay + lead, delay=delay, lead=lead).rows[0] for delay in (0, 1) for lead in (1, 2)]
+    table = cross_tabulate(Results(runs), ("delay", "late"), ("lead", "lead"), lambda own: last_error(own)[0])
+    assert table.to_dict("list") == {"late": [0, 1], "lead 1": [1.0, 11.0], "lead 2": [2.0, 12.0]}
+
+
+def test_runs_end_with_an_error_or_in_a_cycle():
+    whole, some, none = made(0.25, 0.25), made(0.25, math.nan), made(math.nan)
+    assert [describe_end(own, last_error(own)) for own in (whole, some, none)] == [
+        "0.25",
+        "ends in 3 (1 complete)",
+        "ends in 3",
     ]
 
 

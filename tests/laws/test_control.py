@@ -21,7 +21,7 @@ from cmacexp.models.leg import Leg, joint_torque, trigonometry
 from cmacexp.models.mechanism import legs_on_stand, point_mass
 from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains, keeps_static_load
-from pipelines.lead_design_loop import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth
+from pipelines.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth
 
 corners = st.floats(0.5, 50.0)
 ratios = st.floats(1.0, 30.0)

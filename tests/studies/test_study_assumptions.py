@@ -12,11 +12,19 @@ from cmacexp.config import to_plain
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Results, at_most
 from cmacexp.study.results import Row
-from pipelines.assumptions import MACHINES, against, ratio
-from pipelines.assumptions_list import ONE_LEG, POINT_MASS, QUADRUPED
-from pipelines.assumptions_measures import TAKEN, Conclusion, completing, count_changes, ended_early, number_table
+from pipelines.assumptions import (
+    MACHINES,
+    TAKEN,
+    Conclusion,
+    against,
+    completing,
+    count_changes,
+    ended_early,
+    number_table,
+    ratio,
+)
 
-SMALL = Conclusion("x error", "", ratio("transfer_rmse_x", None), at_most(0.1))
+SMALL = Conclusion("x error", ratio("transfer_rmse_x", None), at_most(0.1))
 
 
 def run(variant: str, seed: int, last: float, status: str = "completed", **more) -> Row:
@@ -33,7 +41,7 @@ def results(*lasts: tuple[str, float, float]) -> Results:
 def test_a_conclusion_changes_if_it_differs_from_that_with_the_values_taken_and_the_same_seed():
     given = results((TAKEN, 0.1, 0.3), ("stroke 1", 0.1, 0.3), ("lift 1", 0.3, 0.1), ("lift 2", 0.3, 0.3))
     np.testing.assert_array_equal(count_changes(SMALL, given), [2, 1])
-    table = number_table(given, [SMALL]).set_index("value")["x error"]
+    table = number_table(given, {"x error": SMALL}).set_index("value")["x error"]
     assert [cell.partition(" ")[2] for cell in table] == ["", "", "≠", "(≠)"]
 
 
@@ -73,7 +81,7 @@ def test_every_field_that_is_marked_assumed_is_tried():
         and isinstance(described, ast.Expr)
         and "(assumed" in described.value.value
     }
-    keys = {key.rsplit(".", 1)[-1] for each in (*ONE_LEG, *QUADRUPED, *POINT_MASS) for key in each.keys}
+    keys = {key.rsplit(".", 1)[-1] for _, tried in MACHINES.values() for each in tried for key in each.keys}
     assert len(marked) >= 8
     assert marked <= keys
 

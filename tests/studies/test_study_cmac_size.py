@@ -8,9 +8,9 @@ import pytest
 
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Results
+from cmacexp.study.memory import SIDES, colliding, rows_per_cell, where_hashed, worsening
 from cmacexp.study.results import Row
 from pipelines.cmac_size import OTHERS, PAPER
-from pipelines.cmac_size_measures import ADDRESSING, SIDES, against, colliding, rows_per_cell, worsening_where
 
 
 def run(x: float, y: float, status: str = "completed", crowd: float = 0.0, **settings) -> Row:
@@ -32,23 +32,23 @@ def test_rows_and_collisions_are_those_of_all_legs():
 
 def test_a_size_is_as_much_worse_as_in_its_worse_direction():
     results = Results([run(0.1, 0.2, size=1), run(0.3, 0.2, size=1), run(0.1, 0.6, size=2), run(0.6, 0.1, size=2)])
-    assert against({"size": 2}, {"size": 1})(results) == pytest.approx([3.0, 3.0])
-    assert against({"size": 2}, {"size": 1}, 1)(results) == pytest.approx([1.0, 1.0])
+    assert worsening(results.select(size=2), results.select(size=1)) == pytest.approx([3.0, 3.0])
+    assert worsening(results.select(size=2), results.select(size=1), 1) == pytest.approx([1.0, 1.0])
 
 
 def test_a_run_that_ended_is_infinitely_worse():
     results = Results([run(0.1, 0.1, size=1), run(0.1, 0.1, "fell", size=2)])
-    assert np.isinf(against({"size": 2}, {"size": 1})(results)).all()
+    assert np.isinf(worsening(results.select(size=2), results.select(size=1))).all()
 
 
 def test_runs_are_taken_by_their_measure_and_compared_with_the_one_without_collisions():
-    hashed = {ADDRESSING: "hashed"}
+    hashed = {"cmac.addressing": "hashed"}
     rows = [
-        run(0.1, 0.1, **{ADDRESSING: "visited"}),
+        run(0.1, 0.1, **{"cmac.addressing": "visited"}),
         run(0.2, 0.1, crowd=0.9, **hashed),
         run(0.9, 0.9, crowd=0.1, **hashed),
     ]
-    assert worsening_where("colliding", 0.5)(Results(rows)) == pytest.approx([2.0])
+    assert where_hashed("colliding", 0.5)(Results(rows)) == pytest.approx([2.0])
 
 
 def test_no_size_is_tried_twice():

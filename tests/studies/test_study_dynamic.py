@@ -8,8 +8,20 @@ import pytest
 from support.command import python
 
 from cmacexp.config.compose import compose_config
-from pipelines.dynamic_body_views import low_passed, off_course, slow_force, yaw
-from pipelines.dynamic_body_walks import ALL, CHANGES, CMAC, FEEDBACK, NAMES, NONE, runs, without
+from pipelines.dynamic_body import (
+    ALL,
+    CHANGES,
+    CMAC,
+    FEEDBACK,
+    NAMES,
+    NONE,
+    low_passed,
+    off_course,
+    runs,
+    slow_force,
+    without,
+    yaw,
+)
 
 
 def test_slow_errors_pass_and_fast_ones_do_not():

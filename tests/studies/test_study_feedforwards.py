@@ -10,22 +10,18 @@ from cmacexp.experiment import run_scenario
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Results
 from cmacexp.study.results import Row
-from pipelines.feedforwards import runs
-from pipelines.feedforwards_figures import ANEW, CARRIED
-from pipelines.feedforwards_kinds import (
-    ALONE,
-    CMAC,
-    ILC,
+from pipelines.feedforwards import (
+    ANEW,
+    CARRIED,
     KEPT,
-    MLP,
-    RBF,
-    bytes_held,
-    bytes_used,
-    cycles_to,
+    against_fastest,
+    carried_over,
     cycles_to_tenth,
-    plane_error,
+    left_at_first,
+    runs,
+    training_time,
 )
-from pipelines.feedforwards_samples import against_fastest, carried_over, left_at_first, training_time
+from pipelines.feedforwards_measures import ALONE, CMAC, ILC, MLP, RBF, bytes_held, bytes_used, cycles_to, errors
 
 inf = float("inf")
 LEARNT_IN = {CMAC: 2, RBF: 4, MLP: 6, ILC: 3}
@@ -54,7 +50,7 @@ def test_learnt_is_the_first_cycle_from_which_errors_stay_small():
 
 def test_a_run_that_ended_early_has_infinite_errors_from_there_on():
     results = Results([run(CMAC, 5.0, 10.0, asked=4)])
-    np.testing.assert_allclose(plane_error(results), [[5.0, 10.0, inf, inf]])
+    np.testing.assert_allclose(errors(results), [[5.0, 10.0, inf, inf]])
 
 
 def test_cmac_is_compared_with_the_fastest_of_the_others_and_the_perceptron_with_cmac():

@@ -9,6 +9,7 @@ import pytest
 
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study.results import Results, Row
+from cmacexp.study.samples import ended_in
 from pipelines import long_learning_measures as measures
 
 
@@ -24,17 +25,11 @@ def run(*errors: float, asked: int = 4, seed: int = 0, detected: float = np.inf,
 def test_an_error_at_the_end_is_a_distance_and_infinite_of_a_run_that_ended_before():
     results = Results([run(9.0, 3.0, 2.0, 2.0), run(9.0)])
     assert measures.final(results).tolist() == pytest.approx([2.5, np.inf])
-    assert measures.ended_in(results).tolist() == [np.inf, 2.0]
+    assert ended_in(results).tolist() == [np.inf, 2.0]
 
 
 def test_errors_vary_over_the_second_half_alone():
     assert measures.variation(Results([run(9.0, 3.0, 2.0, 3.0), run(9.0)])).tolist() == pytest.approx([1.5, np.inf])
-
-
-def test_a_leg_has_learnt_in_the_first_cycle_with_a_small_error():
-    small, never = 0.5 * measures.LEARNT, 2.0 * measures.LEARNT
-    found = measures.learnt_in(Results([run(never, small, never, small), run(never)]))
-    assert found.tolist() == [2.0, np.inf]
 
 
 def test_drift_is_judged_by_the_runs_that_ended_before():

@@ -8,8 +8,8 @@ import pytest
 
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study.results import Results, Row
-from pipelines.one_leg_learning_claims import final_feedback, final_share, largest_rise_of_share
-from pipelines.one_leg_learning_measures import (
+from pipelines.one_leg_learning import final_feedback, final_share, largest_rise_of_share
+from pipelines.one_leg_learning_trace import (
     differentiate,
     feedback_at_lift_off,
     feedback_force,
@@ -19,11 +19,9 @@ from pipelines.one_leg_learning_measures import (
     peak_error,
     phases,
     reference_depth,
-    reference_distance,
     torque_oscillation,
     torque_step,
     touch_down,
-    velocity_jumps,
     weight_at_foot,
     without_trend,
 )
@@ -90,18 +88,12 @@ def test_jumps_of_the_desired_speed_stay_jumps():
     assert [(part.start, part.stop) for part in phases(rows)] == [(0, LANDING), (LANDING, STEPS)]
     assert touch_down(rows) == LANDING
     assert differentiate(rows, rows["y_desired"].to_numpy()) == pytest.approx(np.where(STEP < LANDING, 2.0, 0.0))
-    assert velocity_jumps(rows, "y") == pytest.approx((2.0, -2.0))
 
 
 def test_peaks_count_in_their_phase_alone():
     rows = cycle(x=np.where(STEP == 3, -0.02, np.where(STEP == 300, 9.0, 0.0)), force=np.where(STEP == 3, 9.0, 1.2))
     assert peak_error("x", "stroke")(rows, CONFIG) == pytest.approx(0.1)
     assert force_peak(rows, CONFIG) == pytest.approx(1.2)
-
-
-def test_distance_of_the_reference_is_the_least_in_support():
-    rows = cycle(x_reference=np.where(STEP < LANDING, 0.0, 0.3), y_reference=np.where(STEP < 300, 0.4, 0.5))
-    assert reference_distance(rows) == pytest.approx(0.5)
 
 
 def test_a_moving_mean_takes_off_a_slow_change_and_leaves_a_fast_one():

@@ -1,30 +1,13 @@
-"""The study of changing ground: when an error has come back, and when and how ground and load change."""
+"""The study of changing ground: when and how ground and load change."""
 
-import numpy as np
 import pytest
 
 from cmacexp.config.compose import compose_config
-from pipelines.terrain import CHANGES, CMAC, FEEDBACK, INFORMED, UNCHANGED, runs
-from pipelines.terrain_views import cycles_until
-
-
-@pytest.mark.parametrize(
-    ("since", "expected"),
-    [
-        ([1.0] * 6, 0.0),
-        ([9.0, 4.0, 1.1, 1.0, 1.0], 2.0),
-        ([9.0, 1.0, 4.0, 1.0, 1.0], 3.0),  # it has to stay
-        ([9.0, 4.0, 2.0, 2.0, 2.0], np.inf),
-        ([0.5] * 6, 0.0),
-        ([9.0, 1.0, np.nan, 1.0], 3.0),
-    ],
-)
-def test_an_error_has_come_back_once_it_stays_near_its_level(since, expected):
-    assert cycles_until(np.array([7.0, 1.0, *since]), 1.0, 2) == expected
+from pipelines.terrain import CHANGES, CMAC, FEEDBACK, INFORMED, STUDY, UNCHANGED
 
 
 def walk_of(change: str, walk: str):
-    (request,) = [r for r in runs(quick=False) if (r.labels.get("change"), r.labels["walk"]) == (change, walk)]
+    (request,) = [r for r in STUDY.runs(False) if (r.labels.get("change"), r.labels["walk"]) == (change, walk)]
     return compose_config(request.with_seed(0).overrides)
 
 
@@ -49,6 +32,6 @@ def test_a_plan_that_knows_has_the_ground_and_the_weight_after_the_change(change
 
 
 def test_every_seed_walks_over_other_patches():
-    patched = [r for r in runs(quick=False) if r.labels.get("ground") == "patches"]
+    patched = [r for r in STUDY.runs(False) if r.labels.get("ground") == "patches"]
     seeds = {compose_config(r.with_seed(seed).overrides).terrain.patch_seed for r in patched for seed in (0, 1, 2)}
     assert seeds == {0, 1, 2}

@@ -1,12 +1,22 @@
-"""The feedforwards that are compared, and what the study measures of them."""
+"""The feedforwards that are compared, and what the study measures of them: learning, bytes, and time of a step."""
+
+import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cmacexp.config.cmac import OUTPUTS, WORD_BYTES
+from cmacexp.config.compose import compose_config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.weights import WEIGHTS
+from cmacexp.loop import stream
+from cmacexp.loop.scenario import make_scenario
 from cmacexp.study import Results
+from cmacexp.study.samples import plane_error
 from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ALONE, EXACT, CMAC, ANGLES = "feedback alone", "exact model", "CMAC", "CMAC of angles"
 RBF, MLP, ILC = "RBF", "MLP", "ILC"
@@ -25,32 +35,25 @@ LEARNERS: dict[str, tuple[str, ...]] = {
     MLP: ("feedforward=mlp",),
     ILC: ("feedforward=ilc",),
 }
-SEEDED = (CMAC, ANGLES, MLP)
-"""What depends on the seed: the hash of a CMAC, the initial weights of the perceptron."""
-KEPT = (CMAC, RBF, MLP, ILC)
-"""Learners whose weights are carried over to another ground or path."""
-TENTH = 0.1
-"""Transfer error over that of feedback alone at which learning counts as done."""
 
 
-def plane_error(results: Results) -> Array:
+def errors(results: Results) -> Array:
     """(runs, cycles): transfer error in the plane, mm; infinite from where a run ended early."""
-    pairs = zip(results.history("transfer_rmse_x"), results.history("transfer_rmse_y"), strict=True)
-    errors = np.full((len(results), results.value("cycles")), np.inf)
-    for row, (x, y) in zip(errors, pairs, strict=True):
-        row[: len(x)] = 1e3 * np.hypot(x, y)
-    return errors
+    found = np.full((len(results), results.value("cycles")), np.inf)
+    for cycles, row in zip(found, results.rows, strict=True):
+        cycles[: row.summary.cycles] = 1e3 * plane_error(row)
+    return found
 
 
 def error_at(results: Results, cycle: int) -> Array:
     """(runs,): transfer error in the plane in one cycle, mm."""
-    error: Array = plane_error(results)[:, cycle - 1]
+    error: Array = errors(results)[:, cycle - 1]
     return error
 
 
 def small_error(results: Results) -> float:
     """A tenth of the transfer error of feedback alone in its last cycle, mm."""
-    return TENTH * float(plane_error(results.select(kind=ALONE))[0, -1])
+    return 0.1 * float(errors(results.select(kind=ALONE))[0, -1])
 
 
 def cycles_to(errors: Array, level: float) -> Array:
@@ -59,12 +62,6 @@ def cycles_to(errors: Array, level: float) -> Array:
     last = above.shape[1] - above[:, ::-1].argmax(axis=1)
     first = np.where(above.any(axis=1), last + 1.0, 1.0)
     return np.where(first > above.shape[1], np.inf, first)
-
-
-def cycles_to_tenth(results: Results, kind: str, start: str | None = None) -> Array:
-    """(seeds,): cycles that a learner needs to a tenth of the error of feedback alone."""
-    own = results.select(kind=kind) if start is None else results.select(kind=kind, start=start)
-    return cycles_to(plane_error(own), small_error(results))
 
 
 def bytes_held(run: StoredRun) -> float:
@@ -79,3 +76,29 @@ def bytes_used(run: StoredRun) -> float:
     """Of :func:`bytes_held`, those that the path reads; what is read on the way to the weights counts as used."""
     idle = sum(use["rows"] - use["rows_used"] for use in run.manifest.get("memory") or ())
     return bytes_held(run) - float(idle * OUTPUTS * WORD_BYTES)
+
+
+def measure_costs(results: Results) -> "pd.DataFrame":
+    """Processor time of a step of one leg by ``kind`` and ``round``, s; that of other programs is not in it.
+
+    The kinds take turns in one process. The perceptron, which works step by step, takes fewer.
+    """
+    import pandas as pd
+
+    cycles, rounds, stepped_rounds = (2, 3, 3) if max(results.values("cycles")) < 10 else (10, 30, 3)
+    configs = {
+        kind: compose_config(["scenario=one_leg", "reference=aware", f"cycles={cycles}", *overrides])
+        for kind, overrides in {**MODELS, **LEARNERS}.items()
+    }
+    rows = []
+    for turn in range(rounds):
+        for kind, config in configs.items():
+            if kind == MLP and turn >= stepped_rounds:
+                continue
+            scenario = make_scenario(config)
+            began = time.process_time()
+            end = stream(scenario, lambda samples: None)
+            seconds = time.process_time() - began
+            if turn:  # the first one loads compiled code
+                rows.append({"kind": kind, "round": turn, "seconds_per_step": seconds / end.steps})
+    return pd.DataFrame(rows)

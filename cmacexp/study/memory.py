@@ -1,0 +1,60 @@
+"""How well a CMAC's memory holds the cells that its path visits, and what collisions in it cost."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.study.results import Results
+from cmacexp.typing import Array
+
+SIDES = ("transfer_rmse_x", "transfer_rmse_y")
+
+
+def rows_per_cell(run: StoredRun) -> float:
+    """Rows of memory for each visited cell of all legs."""
+    return _sum(run, "rows") / _sum(run, "cells_visited")
+
+
+def colliding(run: StoredRun) -> float:
+    """Share of the visited cells of all legs that share a row with another one."""
+    return _sum(run, "cells_colliding") / _sum(run, "cells_visited")
+
+
+def _sum(run: StoredRun, key: str) -> int:
+    return sum(int(leg[key]) for leg in run.manifest["memory"])
+
+
+def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
+    """(runs of ``own``,): transfer errors over the mean of ``base``, in x or y, the larger.
+
+    Args:
+        own: runs to compare; one that ended early counts as infinitely large, whatever the others did.
+        base: runs to compare with.
+        cycle: whose errors; None: at the end.
+    """
+
+    def errors(results: Results, side: str) -> Array:
+        return results.end(side) if cycle is None else results.at(cycle, side)
+
+    pairs = [(errors(own, side), errors(base, side).mean()) for side in SIDES]
+    with np.errstate(invalid="ignore"):
+        return np.max([np.where(np.isinf(ours), np.inf, ours / theirs) for ours, theirs in pairs], axis=0)
+
+
+def hashed(results: Results) -> Results:
+    """The runs with hashed memory."""
+    return results.select({"cmac.addressing": "hashed"})
+
+
+def cost_of_collisions(results: Results) -> Array:
+    """(hashed runs,): :func:`worsening` of the runs with hashed memory against the one without collisions."""
+    return worsening(hashed(results), results.select({"cmac.addressing": "visited"}))
+
+
+def where_hashed(
+    measure: str, least: float, sample: Callable[[Results], Any] = cost_of_collisions
+) -> Callable[[Results], Any]:
+    """A sample of the hashed runs in which a measure of the study is at least so large."""
+    return lambda results: np.asarray(sample(results))[hashed(results).measure(measure) >= least]

@@ -1,0 +1,79 @@
+"""Tables of results: a row for each group of runs."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cmacexp.report.numbers import format_number
+from cmacexp.study.curves import appearance
+from cmacexp.study.interval import estimate
+from cmacexp.study.results import LAST_CYCLES, Results
+from cmacexp.study.samples import ended_in
+from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def tabulate(
+    results: Results, by: Mapping[str, str], columns: Mapping[str, Callable[[Results], Any]]
+) -> "pd.DataFrame":
+    """A row for each combination of settings that occurs: their values, and what functions give of its runs.
+
+    Args:
+        results: to tabulate.
+        by: titles of columns, by the setting whose values they hold.
+        columns: functions by the titles of further columns; of an array, a value for each run, the estimate is shown.
+    """
+    import pandas as pd
+
+    groups: list[tuple[dict[str, Any], Results]] = [({}, results)]
+    for key, title in by.items():
+        groups = [({**names, title: value}, own) for names, part in groups for value, own in part.by(key).items()]
+    return pd.DataFrame(
+        names | {title: _show(compute(own)) for title, compute in columns.items()} for names, own in groups
+    )
+
+
+def _show(value: Any) -> Any:
+    return estimate(value).value if isinstance(value, np.ndarray) else value
+
+
+def cross_tabulate(
+    results: Results, rows: tuple[str, str], columns: tuple[str, str], cell: Callable[[Results], Any]
+) -> "pd.DataFrame":
+    """A row for each value of one setting, a column for each value of another.
+
+    Args:
+        results: to tabulate.
+        rows: the first setting, and the title of its column.
+        columns: the second one, and what the titles of its columns begin with.
+        cell: what is shown of the runs with both values.
+    """
+    values = {f"{columns[1]} {value}": {columns[0]: value} for value in results.values(columns[0])}
+    found = {title: (lambda own, chosen=chosen: cell(own.select(chosen))) for title, chosen in values.items()}
+    return tabulate(results, {rows[0]: rows[1]}, found)
+
+
+def describe_end(results: Results, values: Array) -> str:
+    """The estimate from one value a run, or the cycle in which the runs ended."""
+    ends, completed = ended_in(results), sum(results.completed)
+    if completed == len(results):
+        return format_number(estimate(values).value)
+    return f"ends in {np.median(ends[np.isfinite(ends)]):.0f}" + (f" ({completed} complete)" if completed else "")
+
+
+def completed(results: Results) -> str:
+    """How many runs reached their end, e.g. ``2 of 3``."""
+    return f"{sum(results.completed)} of {len(results)}"
+
+
+def ends(names: Sequence[str], cycles: int = LAST_CYCLES) -> dict[str, Callable[[Results], float]]:
+    """Columns with metrics over the last cycles, mean over the runs, in the units that are shown."""
+
+    def column(name: str, factor: float) -> Callable[[Results], float]:
+        return lambda results: factor * float(results.end(name, cycles).mean())
+
+    shown = {name: appearance(name) for name in names}
+    return {f"{each.title}, {each.unit}": column(name, each.factor) for name, each in shown.items()}
