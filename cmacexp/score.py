@@ -30,7 +30,7 @@ def score(folder: Path) -> Scores:
     for key in ("every_nth_step", "cycles"):
         if record.get(key) not in (None, 1):
             raise BadRun(f"{folder}: its trace lacks steps (record.{key}={record[key]}): metrics need all steps")
-    scores = score_traces(folder, run.steps_per_cycle)
+    scores = score_traces(run)
     manifests.update_files(folder, write_scores(folder, scores), drift=make_drift_entry(scores.legs))
     return scores
 

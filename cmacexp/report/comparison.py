@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.metrics.registry import JUDGED, MAIN
+from cmacexp.metrics.registry import MAIN, RANKED
 from cmacexp.metrics.summary import format_number
 from cmacexp.report.run_summary import RunSummary, format_value
 
@@ -32,7 +32,7 @@ def make_rows(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[Row]:
         row: Row = {"run": name, **{key: run.config.get(key) for key in keys}}
         row |= {"status": run.status, "cause": run.cause, "cycles_done": run.cycles}
         row |= {f"final_{metric}": run.final(metric) for metric in dict.fromkeys([*run.metrics, *MAIN])}
-        rows.append(row | {f"best_{metric}": run.best(metric) for metric in JUDGED})
+        rows.append(row | {f"best_{metric}": run.best(metric) for metric in RANKED})
     return rows
 
 

@@ -135,10 +135,14 @@ def draw_torques(data: FigureData) -> Drawing:
 
 
 def draw_body(data: FigureData) -> Drawing:
-    """Height, pitch, roll and stability margin of the body over the chosen cycles."""
+    """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
+    assert data.body is not None
+    true = (
+        "true_" if "true_stability_margin" in data.body.columns else ""
+    )  # an earlier version wrote only the planned
     panels = (
         ("height", 1e3, "height of the body", "height, mm"),
-        ("stability_margin", 1e3, "stability margin, nearest edge", "margin, mm"),
+        (f"{true}stability_margin", 1e3, "stability margin, nearest edge", "margin, mm"),
         ("pitch", 1e3, "pitch, nose down", "pitch, mrad"),
         ("roll", 1e3, "roll, right side down", "roll, mrad"),
     )
@@ -149,6 +153,8 @@ def draw_body(data: FigureData) -> Drawing:
             ax.plot(data.time_in_cycle(rows), factor * rows[name], label=f"cycle {cycle}", **mark(index))
         label(ax, title, CLOCK if ax in axes[2:] else "", unit)
         ax.set_xlim(0, data.duration)
-    legend_below(figure, axes[0])
-    caption = "The body over the chosen cycles; the margin is to the planned support polygon."
+    rows = data.select_body(data.cycles[0])
+    axes[1].plot(data.time_in_cycle(rows), 1e3 * rows["stability_margin"], label="planned", **DESIRED_LINE)
+    legend_below(figure, axes[1])
+    caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
     return Drawing("body", figure, caption)

@@ -31,6 +31,7 @@ PANELS = {
     "share of the feedforward": ("feedforward_share",),
     "largest tilt of the body": ("tilt_max",),
     "height of the body": ("height_min", "height_mean", "height_max"),
+    "least stability margin": ("true_stability_margin_min", "stability_margin_min"),
 }
 """Metrics of one unit that share a pair of axes, by its title."""
 
