@@ -52,7 +52,7 @@ def has_diverged(q: Array, dq: Array, foot: Array) -> bool:
 
 @kernel
 def has_fallen(guard: Guard, body: Array) -> bool:
-    """Whether the body has no static equilibrium, is too steep or low, or its planned margin negative for too long."""
+    """Whether the body has no static equilibrium, is too steep or low, or has a negative margin for too long."""
     if not (math.isfinite(body[0]) and abs(body[1]) <= STEEPEST and abs(body[2]) <= STEEPEST):
         return True
     hips = guard.mechanism.hips

@@ -40,7 +40,7 @@ def _height(which: str, compute: Callable[[BodyBlock], Array], shown: Shown) -> 
     return Metric("m", f"{which} height of the body", "never", CONTRACT, compute, BODY, NEITHER, shown)
 
 
-PLANNED, TRUE = "planned support polygon", "polygon of the feet that carry load, from the true centre of gravity"
+PLANNED, TRUE = "planned support polygon", "polygon of the feet that carry load"
 
 
 def _margin(column: str, to: str, of: str, source: str, shown: Shown | None = None) -> Metric[BodyBlock]:
@@ -70,7 +70,11 @@ BODY_METRICS: dict[str, Metric[BodyBlock]] = {
         "margin_rear", "rear", PLANNED, CONTRACT, Shown("planned rear margin", "mm", 1e3, main=False)
     ),
     "true_stability_margin_min": _margin(
-        "true_stability_margin", "nearest edge", TRUE, MCGHEE_FRANK, Shown("true margin", "mm", 1e3)
+        "true_stability_margin",
+        "nearest edge",
+        TRUE,
+        MCGHEE_FRANK,
+        Shown("true margin", "mm", 1e3, head="true\nmargin"),
     ),
     "true_margin_front_min": _margin("true_margin_front", "front", TRUE, CONTRACT),
     "true_margin_rear_min": _margin("true_margin_rear", "rear", TRUE, CONTRACT),

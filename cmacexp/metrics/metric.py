@@ -60,6 +60,8 @@ class Shown(NamedTuple):
     """Whether it is a column of the tables of main metrics; else it appears in figures alone."""
     over_legs: bool = True
     """Whether these tables show it for several legs as well; not where legs are to press differently."""
+    head: str = ""
+    """A shorter title for the terminal, in lines; none where ``title`` is short."""
 
 
 Of = TypeVar("Of")

@@ -78,7 +78,7 @@ def check_stability(config: Config, support: Mask, planned: Array) -> None:
         return
     own = gait.touch_down is not None
     key, value = ("gait.touch_down", gait.touch_down) if own else ("gait.duty_factor", gait.duty_factor)
-    remedy = "take another, or set gait.allow_unstable=true"
+    remedy = "choose another value, or set gait.allow_unstable=true"
     few = np.flatnonzero(support.sum(axis=1) < 3)
     if len(few):
         when = few[0] * config.sampling_period

@@ -9,13 +9,12 @@ from cmacexp.cli.command import command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.report.comparison import format_runs
+from cmacexp.report.comparison import print_runs
 from cmacexp.report.page import write_report
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import read_summary, sort_folders
 from cmacexp.report.sweep_report import make_sweep_report
 from cmacexp.report.swept import find_swept
-from cmacexp.report.terminal import print_table
 
 REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
@@ -46,10 +45,8 @@ def _report_of_several(folders: Sequence[Path], title: str, cycles: str | None, 
     if not any(run.is_result for run in runs):
         raise BadRun(f"{title}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
     swept = find_swept(runs)
-    titles, rows = format_runs(runs, [*swept.keys, *swept.seeds])
-    report = make_sweep_report(runs, title)
-    path = write_report(report, out)
-    print_table(titles, rows, left=1 + len(swept.keys) + len(swept.seeds) + 1)
+    path = write_report(make_sweep_report(runs, title), out)
+    print_runs(runs, [*swept.keys, *swept.seeds], path)
     return path
 
 

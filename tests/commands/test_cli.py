@@ -206,7 +206,7 @@ def test_score_gives_the_same_metrics_again(run, tmp_path):
 def test_commands_refuse_a_folder_without_a_run(command, tmp_path):
     done = python("-m", f"cmacexp.{command}", str(tmp_path), folder=tmp_path)
     assert done.returncode == 2
-    assert "holds no run" in done.stderr
+    assert "contains no run" in done.stderr
 
 
 def test_interrupt_keeps_what_there_is(tmp_path):

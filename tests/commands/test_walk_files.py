@@ -119,7 +119,7 @@ BAD = {
     "gait.stroke=0.5": "legs left_front and left_rear would cross at t = ",
     "gait.lift=0.55": "gait.lift=0.55: leg 1 cannot lift its foot to ",
     "machine.hip_height=0.75": "machine.hip_height=0.75: the foot of leg 1 would be",
-    "force_control.desired_force=3": "the weight is shared out",
+    "force_control.desired_force=3": "the feet share the weight",
     "machine.legs.left_fron.mass_1=1": "did you mean machine.legs.left_front?",
 }
 
