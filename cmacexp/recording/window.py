@@ -62,9 +62,7 @@ def read_cycles(text: str, cycles: int, who: str = "the run") -> tuple[int, int]
     else:
         first, last = int(found["first"]), int(found["last"] or found["first"])
     if not 1 <= first <= last <= cycles:
-        raise BadInput(
-            "--cycles", text, f"must be within cycles 1 to {cycles}, which {who} took, the lower number first"
-        )
+        raise BadInput("--cycles", text, f"must lie within the {cycles} cycles that {who} took, lower number first")
     return first, last
 
 

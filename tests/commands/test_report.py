@@ -142,7 +142,7 @@ def test_folders_that_hold_no_whole_run_are_refused(leg, tmp_path):
     (untraced / "trace.parquet").unlink()
     for folder, told in (
         (tmp_path / "nowhere", "no such folder"),
-        (tmp_path / "empty", "holds no run"),
+        (tmp_path / "empty", "contains no run"),
         (untraced, "trace.parquet: missing"),
     ):
         done = report(folder)

@@ -119,5 +119,5 @@ def test_what_cannot_be_started_from_is_refused_in_a_line(make_config, trained, 
 
 def test_a_run_without_weights_cannot_be_started_from(make_config, tmp_path):
     run_scenario(make_config(*COMMON, "cycles=1"), tmp_path)
-    with pytest.raises(BadInput, match=r"learning\.start_from=.*did not keep its weights"):
+    with pytest.raises(BadInput, match=r"learning\.start_from=.*did not store its weights"):
         make_scenario(make_config(*COMMON, f"learning.start_from={tmp_path}"))
