@@ -310,7 +310,7 @@ STUCK = ["sensors=force_stuck", "sensors.force.fault.start=1"]
         (["sensors=force_stuck", "cycles=2"], "sensors.force.fault.start=6.0: must be below 6 s"),
         ([REAL, "sensors.velocity.start=15"], "sensors.velocity.start=15.0: must be below 15 s"),
         ([REAL, "sensors.tilt.noise=0.1"], "sensors.tilt=.*: must be unaltered with machine.kind=leg"),
-        ([REAL, "sensors.height.fault.kind=zero"], "sensors.height=.*: it has no body"),
+        ([REAL, "sensors.height.fault.kind=zero"], "sensors.height=.*: must be unaltered with machine.kind=leg"),
         ([REAL, "sensors.force.fault.kind=zero", "sensors.force.fault.value=3"], "must be 0 with"),
         ([REAL, "sensors.force.fault.kind=bias"], "must not be 0"),
         ([REAL, "sensors.force.fault.kind=noise", "sensors.force.fault.value=-1"], "must be above 0"),
