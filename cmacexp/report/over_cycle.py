@@ -137,9 +137,8 @@ def draw_torques(data: FigureData) -> Drawing:
 def draw_body(data: FigureData) -> Drawing:
     """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
     assert data.body is not None
-    true = (
-        "true_" if "true_stability_margin" in data.body.columns else ""
-    )  # an earlier version wrote only the planned
+    # A run of an earlier version has the planned margin alone.
+    true = "true_" if "true_stability_margin" in data.body.columns else ""
     panels = (
         ("height", 1e3, "height of the body", "height, mm"),
         (f"{true}stability_margin", 1e3, "stability margin, nearest edge", "margin, mm"),
