@@ -65,7 +65,8 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
     period, start = config.sampling_period, samples.start
     body = memory = None
     if columns[1] is not None:
-        body = assemble_body(plan, samples.body_columns(), legs["force"], period, start, columns[1])
+        moves = scenario.first.travel is not None
+        body = assemble_body(scenario.setup, samples.body_columns(), legs, moves, start, columns[1])
     if samples.memory is not None:
         memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)
     return Traces(assemble(plan, legs, period, start, columns[0]), body, memory)

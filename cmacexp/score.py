@@ -12,8 +12,10 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
+from cmacexp.metrics.pooling import count_legs
 from cmacexp.metrics.score import score_traces
-from cmacexp.report.terminal import print_scores, progress
+from cmacexp.report.terminal import activity
+from cmacexp.report.terminal_tables import print_key, print_scores
 
 
 def score(folder: Path) -> Scores:
@@ -30,17 +32,20 @@ def score(folder: Path) -> Scores:
     for key in ("every_nth_step", "cycles"):
         if record.get(key) not in (None, 1):
             raise BadRun(f"{folder}: its trace lacks steps (record.{key}={record[key]}): metrics need all steps")
-    scores = score_traces(folder, run.steps_per_cycle)
+    scores = score_traces(run)
     manifests.update_files(folder, write_scores(folder, scores), drift=make_drift_entry(scores.legs))
     return scores
 
 
 def _score(arguments: argparse.Namespace) -> int:
+    shown, legs = dict[str, None](), 1
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
-        with progress(f"scoring {folder}"):
+        with activity(f"scoring {folder}"):
             scores = score(folder)
-        print_scores(scores)
         print(folder)
+        shown |= dict.fromkeys(print_scores(scores, folder))
+        legs = max(legs, count_legs(scores))
+    print_key(shown, legs)
     return 0
 
 

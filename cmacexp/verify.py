@@ -1,4 +1,4 @@
-"""``python -m cmacexp.verify DIR...``: which runs are whole."""
+"""``python -m cmacexp.verify DIR...``: which runs are intact."""
 
 import argparse
 import sys
@@ -8,24 +8,24 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.integrity import faults
 
-NOT_WHOLE = 4
+NOT_INTACT = 4
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    whole = True
+    intact = True
     for folder in [run for given in arguments.folders for run in runs_below(given, reports=True)]:
         found = faults(folder)
-        whole = whole and not found
-        status = "NOT WHOLE" if found else manifests.read(folder)["status"]
-        print(f"{folder}: {status}")
+        intact = intact and not found
+        state = "NOT INTACT" if found else f"intact ({manifests.read(folder)['status']})"
+        print(f"{folder}: {state}")
         for fault in found:
             print(f"  {fault}")
-    return 0 if whole else NOT_WHOLE
+    return 0 if intact else NOT_INTACT
 
 
 def main() -> int:
-    """Run the command; exit code 0 if all runs are whole, 4 if one is not, 2 if there is none."""
-    return command("cmacexp.verify", "Check which runs are whole: every file present and unchanged.", _verify)
+    """Run the command; exit code 0 if all runs are intact, 4 if one is not, 2 if there is none."""
+    return command("cmacexp.verify", "Check which runs are intact: every file is present and unchanged.", _verify)
 
 
 if __name__ == "__main__":

@@ -85,7 +85,7 @@ class _Task:
         """Run a config and print what it gave."""
         config = to_config(composed, HydraConfig.get().runtime.choices)
         if config.sweep.resume:
-            raise BadInput("sweep.resume", True, "resumes a sweep: add -m and hydra.sweep.dir=DIR")
+            raise BadInput("sweep.resume", True, "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR")
         from cmacexp.experiment import run_scenario
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.report.terminal import announce_compiling, print_summary, progress, say, warn_of_drift

@@ -14,7 +14,7 @@ def check_stiffness_step(config: Config) -> None:
                 raise BadInput(
                     f"terrain.step_{key}",
                     value,
-                    f"needs a terrain.step_time, from 0 to below {end:g} s, the end of the run",
+                    f"needs terrain.step_time, at least 0 and below {end:g} s, the end of the run",
                 )
         return
     if terrain.step_time >= end:
@@ -38,7 +38,9 @@ def check_slope(config: Config) -> None:
     terrain, furthest = config.terrain, furthest_foot(config)
     if terrain.slope and terrain.slope_start >= furthest:
         raise BadInput(
-            "terrain.slope_start", terrain.slope_start, f"must be below {furthest:.4g} m, as far as a foot comes"
+            "terrain.slope_start",
+            terrain.slope_start,
+            f"must be below {furthest:.4g} m, the furthest that a foot gets",
         )
 
 

@@ -70,8 +70,8 @@ def check_legs(config: Config) -> None:
             "gait.touch_down", gait.touch_down, f"must have one value for each of the {legs} legs, or be null"
         )
     if (force is None) != config.has_body:
-        allowed = "must be null: the weight is shared out" if config.has_body else "must be a number above 0 (N)"
-        raise BadInput("force_control.desired_force", force, f"{allowed} with machine.kind={kind}")
+        null, reason = ("null", ": the feet share the weight") if config.has_body else ("a number above 0 (N)", "")
+        raise BadInput("force_control.desired_force", force, f"must be {null} with machine.kind={kind}{reason}")
 
 
 def check_pattern(config: Config) -> None:
@@ -87,7 +87,7 @@ def check_pattern(config: Config) -> None:
         )
     if pattern.lifts and duty == 1:
         raise BadInput(
-            "gait.duty_factor", 1, f"must be below 1 with gait.pattern={gait.pattern}; or take gait=standing"
+            "gait.duty_factor", 1, f"must be below 1 with gait.pattern={gait.pattern}; or use gait=standing"
         )
     if not pattern.lifts and duty != 1:
         raise BadInput("gait.duty_factor", duty, f"must be 1 with gait.pattern={gait.pattern}")
@@ -100,5 +100,5 @@ def check_pattern(config: Config) -> None:
         raise BadInput(
             "gait.load_ramp",
             gait.load_ramp,
-            f"must be 0, or from {shortest:g} s ({SHORTEST_RAMP} samples) to below {support_time:g} s of support",
+            f"must be 0, or at least {shortest:g} s ({SHORTEST_RAMP} samples) and below {support_time:g} s (support)",
         )

@@ -56,14 +56,15 @@ def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
         raise BadInput(
             "cmac.addressing",
             "visited",
-            "needs at most 2^63 cells; take fewer cmac.inputs, layers or resolution_elements, or hashed",
+            "must have at most 2^63 cells; use fewer cmac.inputs, layers or resolution_elements, or hashed",
         )
     if cmac.addressing == "dense" and dense > cmac.memory_bytes:
+        limit = f", above the limit of {2**30} B" if dense > 2**30 else ""
         raise BadInput(
             "cmac.memory_bytes",
             cmac.memory_bytes,
-            f"dense addressing of {inputs} inputs needs {dense} B (at most {2**30} B are allowed); "
-            "give it that, take fewer cmac.inputs or layers, or cmac.addressing=hashed",
+            f"must be at least {dense} B for dense addressing of {inputs} inputs{limit}; "
+            "use fewer cmac.inputs or layers, or cmac.addressing=hashed",
         )
 
 

@@ -32,9 +32,9 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         return _explain_option(str(error.missing_cfg_file), error.options)
     if isinstance(error, OverrideParseException):
         reason = str(error).splitlines()[0]
-        return f"{error.override}: cannot be read ({reason}); write key=value, quoted for the shell"
+        return f"{error.override}: cannot be read ({reason}); write key=value, in quotes if the shell needs them"
     if not isinstance(error, HydraException | OmegaConfBaseException):
-        return f"{text}; a group takes the name of an option (cmac=one_leg), a field a value (cmac.layers=8)"
+        return f"a group takes the name of an option (cmac=one_leg), a field takes a value (cmac.layers=8): {text}"
     if isinstance(cause, OmegaConfBaseException) and "not in" in str(cause):
         key = str(cause.full_key or "")
         if key and not key.startswith("hydra"):
@@ -59,7 +59,7 @@ def _explain_key(key: str, overrides: Sequence[str]) -> str:
             break
         node, parent, wrong = OmegaConf.select(node, name), f"{parent}.{name}".lstrip("."), rest
     if not isinstance(node, DictConfig):
-        return f"{key}: no such key; {parent} is a value and holds no other keys"
+        return f"{key}: no such key; {parent} is a value, not a group"
     if any(text.startswith(f"{parent}._target_=") for text in overrides):
         return f"{key}: the option of conf/{parent} has no such field; add one of a custom class: +{key}=VALUE"
     names = [str(name) for name in node]

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from typing import Any, cast
@@ -12,6 +13,7 @@ from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 from cmacexp.config.check import check
 from cmacexp.config.component import COMPONENTS, ComponentConfig, config_class, fit_fields
 from cmacexp.config.fields import listed
+from cmacexp.config.folder import config_folder
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.schema import Config
 from cmacexp.config.targets import NEW_NAMES, current_folder_importable, find_class, say_new_name
@@ -79,21 +81,35 @@ def to_config(composed: DictConfig, choices: Mapping[str, str] | None = None) ->
     try:
         config = OmegaConf.to_object(_with_schema(composed, choices))
     except OmegaConfBaseException as error:
-        raise _explain(error, composed) from error
+        raise _explain(error, composed, choices or {}) from error
     assert isinstance(config, Config)
     check(config)
     return config
 
 
-def _explain(error: OmegaConfBaseException, composed: DictConfig) -> BadInput:
+KINDS = {"Integer": "a whole number", "Float": "a number", "Boolean": "true or false"}
+"""OmegaConf's names of types in words."""
+
+
+def _name_setter(key: str, choices: Mapping[str, str]) -> str:
+    """Which plant sets a key that the machine does not have; empty if none does."""
+    plant = choices.get("plant", "")
+    file, (parent, _, name) = config_folder() / "for_plant" / f"{plant}.yaml", key.rpartition(".")
+    node = OmegaConf.select(OmegaConf.load(file), parent) if file.exists() else None
+    return f"; plant={plant} sets it: choose a scenario with another machine" if name in (node or {}) else ""
+
+
+def _explain(error: OmegaConfBaseException, composed: DictConfig, choices: Mapping[str, str]) -> BadInput:
     """Say in one line what OmegaConf says in five."""
     key = str(error.full_key or error.key or "config")
     reason = str(error.msg or error or type(error).__name__).splitlines()[0]
+    if typed := re.fullmatch(r"Value .* could not be converted to (\w+)", reason):
+        reason = f"must be {KINDS.get(typed[1], typed[1])}"
     if isinstance(error, ConfigKeyError):
         parent, _, unknown = key.rpartition(".")
         node = OmegaConf.select(composed, parent) if parent else composed
         names = [str(name) for name in node if name != unknown]
-        reason = f"no such key; {parent or 'the config'} has {listed(names)}"
+        reason = f"no such key; {parent or 'the config'} has {listed(names)}{_name_setter(key, choices)}"
     try:
         value = OmegaConf.select(composed, key, throw_on_missing=False)
     except OmegaConfBaseException:

@@ -69,7 +69,7 @@ def find_class(key: str, target: object) -> Callable[..., object]:
             raise BadInput(key, target, _no_attribute(found, name))
         found = inside
     if not callable(found):
-        raise BadInput(key, target, f"is not a class but of type {type(found).__name__}")
+        raise BadInput(key, target, f"must be a class, but is of type {type(found).__name__}")
     return found  # type: ignore[no-any-return]
 
 
@@ -88,9 +88,9 @@ def _import(key: str, target: str, name: str) -> ModuleType | None:
             return None
         if command := format_install_command(missing):
             raise BadInput(key, target, f"needs {missing}, which is not installed: {command}") from error
-        raise BadComponent(key, target, f"importing {name} found no module {missing}", error) from error
+        raise BadComponent(key, target, f"importing {name} failed: no module named {missing}", error) from error
     except Exception as error:
-        raise BadComponent(key, target, f"importing {name} raised {type(error).__name__}: {error}", error) from error
+        raise BadComponent(key, target, f"importing {name} failed: {type(error).__name__}: {error}", error) from error
 
 
 def _no_module(key: str, target: str, name: str) -> BadInput:

@@ -29,7 +29,7 @@ def runs_below(folder: Path, reports: bool = False) -> list[Path]:
     found = sorted({path.parent for path in folder.rglob("*") if path.name in (manifests.NAME, ".hydra")})
     found = [path for path in found if reports or is_run(path)]
     if not found:
-        raise BadRun(f"{folder}: holds no run; give the folder that a run printed at its end")
+        raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")
     return found
 
 
@@ -42,6 +42,6 @@ def require_place(key: str, folder: Path) -> Path:
     for path in (folder, *folder.parents):
         if path.exists():
             if not path.is_dir():
-                raise BadInput(key, folder, f"{path} is a file; choose a folder, it is made if missing")
+                raise BadInput(key, folder, f"must be a folder, which is created if missing; {path} is a file")
             break
     return folder

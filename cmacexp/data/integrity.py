@@ -41,7 +41,7 @@ def _config_hash(folder: Path) -> str | None:
 
 
 def faults(folder: Path) -> list[str]:
-    """Reasons why a run or a report is not whole; empty if it is."""
+    """Reasons why a run or a report is not intact; empty if it is."""
     try:
         manifest = manifests.read(folder)
     except BadRun as error:

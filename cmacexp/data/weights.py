@@ -50,7 +50,7 @@ def read_weights(config: Config) -> Weights | None:
     except BadRun as error:
         raise refusal(f"must be the folder of a run with record.weights=true ({error})") from None
     if WEIGHTS not in manifest["files"]:
-        raise refusal("this run did not keep its weights; run it with record.weights=true")
+        raise refusal("this run did not store its weights; run it with record.weights=true")
     apart = differences([_network(manifest["config"]), _network(to_plain(config))])[0]
     if apart:
         there = " ".join(f"{key}={value}" for key, value in apart.items())

@@ -71,7 +71,11 @@ class Perceptron:
         """
         make, rule = _regressor(), setup.config.learning.rule
         if rule != "paper":
-            raise BadInput("learning.rule", rule, "is for networks linear in their weights; a perceptron takes paper")
+            raise BadInput(
+                "learning.rule",
+                rule,
+                "needs a network that is linear in its weights; feedforward=mlp is not, use paper",
+            )
         samples, legs = setup.plan.support.shape
         self.rate, self.lead = setup.config.learning.rate, setup.lead
         paths = np.stack([planned_inputs(setup, i, self.inputs) for i in range(legs)])

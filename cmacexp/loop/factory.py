@@ -27,7 +27,7 @@ def require_members(group: str, target: object, component: object) -> None:
     members = [name for name in (*vars(protocol), *protocol.__annotations__) if not name.startswith("_")]
     missing = [name for name in members if not hasattr(component, name)]
     if missing:
-        raise BadInput(f"{group}._target_", target, f"is no {group}: it has no {' and no '.join(missing)}")
+        raise BadInput(f"{group}._target_", target, f"is not a {group}: it has no {' and no '.join(missing)}")
 
 
 def make_component(group: str, node: Mapping[str, Any]) -> Any:

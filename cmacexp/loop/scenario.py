@@ -145,6 +145,6 @@ def check_weights(config: Config, feedforward: Feedforward) -> None:
         return
     name = type(feedforward).__name__
     if config.record.weights:
-        raise BadInput("record.weights", True, f"{name} learns nothing that could be kept; give false")
+        raise BadInput("record.weights", True, f"must be false: {name} learns no weights")
     if config.learning.start_from is not None:
-        raise BadInput("learning.start_from", config.learning.start_from, f"{name} learns nothing; give null")
+        raise BadInput("learning.start_from", config.learning.start_from, f"must be null: {name} learns no weights")

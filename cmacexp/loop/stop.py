@@ -20,7 +20,7 @@ STEEPEST = 0.5
 LOWEST_HIP = 0.25
 """A hip below this has fallen, m above the undepressed ground."""
 LONGEST_UNSTABLE = 0.25
-"""A body whose stability margin is negative for longer has fallen, s."""
+"""A body whose planned stability margin is negative for longer has fallen, s."""
 
 
 class Guard(NamedTuple):
@@ -52,7 +52,7 @@ def has_diverged(q: Array, dq: Array, foot: Array) -> bool:
 
 @kernel
 def has_fallen(guard: Guard, body: Array) -> bool:
-    """Whether the body has no static equilibrium, is too steep or low, or its margin is negative for too long."""
+    """Whether the body has no static equilibrium, is too steep or low, or has a negative margin for too long."""
     if not (math.isfinite(body[0]) and abs(body[1]) <= STEEPEST and abs(body[2]) <= STEEPEST):
         return True
     hips = guard.mechanism.hips
@@ -100,7 +100,7 @@ def _explain_fall(guard: Guard, body: Array) -> str:
     lowest = int(np.argmin(heights))
     if heights[lowest] < LOWEST_HIP:
         return f"hip of leg {lowest + 1} at {heights[lowest]:.3f} m, below {LOWEST_HIP:g} m"
-    return f"stability margin negative for more than {LONGEST_UNSTABLE:g} s"
+    return f"planned stability margin negative for more than {LONGEST_UNSTABLE:g} s"
 
 
 def describe_stop(

@@ -5,19 +5,24 @@ from collections.abc import Sequence
 import numpy as np
 import pyarrow as pa
 
+from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.data.parquet import arrow, arrow_strings
 from cmacexp.data.signals import (
     BODY_SIGNALS,
     LEG_SIGNALS,
     MEMORY_SIGNALS,
     PHASES,
+    TRUE_MARGINS,
     Signal,
     make_schema,
     select_signals,
 )
 from cmacexp.planning.columns import X, Y
 from cmacexp.planning.plan import Plan
+from cmacexp.planning.setup import Setup
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
+from cmacexp.planning.true_margins import Masses, true_margins
+from cmacexp.plants.environment import make_payload
 from cmacexp.typing import Array
 
 
@@ -60,36 +65,39 @@ def assemble(
 
 
 def assemble_body(
-    plan: Plan,
+    setup: Setup,
     samples: dict[str, Array],
-    force: Array,
-    sampling_period: float,
+    legs: dict[str, Array],
+    moves: bool,
     start: int = 0,
     columns: Sequence[Signal] = select_signals(BODY_SIGNALS),
 ) -> pa.Table:
     """The trace of a body, or of a part of it, one row per step.
 
     Args:
-        plan: the cycle that repeats.
+        setup: plan and machine.
         samples: (steps,) by column name: height, pitch, roll, cog_x, cog_y, yaw, and what sensors made of them.
-        force: (steps, L): contact forces, N.
-        sampling_period: T_s, s.
+        legs: (steps, L) by column name, as for :func:`assemble`.
+        moves: whether the plant moves the body, so that the legs load it; else the body's weight acts at its centre.
         start: step of the first row.
         columns: of the trace, see :func:`select_signals`.
     """
-    steps, legs = force.shape
-    period = plan.support.shape[0]
-    step = np.arange(start, start + steps, dtype=np.int32)
-    margins = plan.margins[step % period]
+    config, force = setup.config, legs["force"]
+    step = np.arange(start, start + len(force), dtype=np.int32)
+    planned = setup.plan.margins[step % config.steps_per_cycle]
+    payload = make_payload(config.payload, config.sampling_period)
+    body_mass = config.machine.body_mass if moves and isinstance(config.machine, QuadrupedMachine) else None
+    true = true_margins(Masses(setup.mechanism, body_mass, payload.load, step >= payload.start), legs, samples)
     known = {
         **samples,
         "step": step,
-        "time": step * sampling_period,
-        "cycle": step // period + 1,
-        "stability_margin": margins[:, STABILITY],
-        "margin_front": margins[:, FRONT],
-        "margin_rear": margins[:, REAR],
-        "supporting_legs": (force > 0.0) @ (1 << np.arange(legs)),
+        "time": step * config.sampling_period,
+        "cycle": step // config.steps_per_cycle + 1,
+        "stability_margin": planned[:, STABILITY],
+        "margin_front": planned[:, FRONT],
+        "margin_rear": planned[:, REAR],
+        "supporting_legs": (force > 0.0) @ (1 << np.arange(force.shape[1])),
+        **dict(zip(TRUE_MARGINS, true.T, strict=True)),
     }
     return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=make_schema(columns))
 

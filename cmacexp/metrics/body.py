@@ -40,13 +40,15 @@ def _height(which: str, compute: Callable[[BodyBlock], Array], shown: Shown) -> 
     return Metric("m", f"{which} height of the body", "never", CONTRACT, compute, BODY, NEITHER, shown)
 
 
-def _margin(column: str, to: str, source: str, shown: Shown | None = None) -> Metric[BodyBlock]:
-    meaning = f"least margin to the {to} of the planned support polygon"
+PLANNED, TRUE = "planned support polygon", "polygon of the feet that carry load"
 
+
+def _margin(column: str, to: str, of: str, source: str, shown: Shown | None = None) -> Metric[BodyBlock]:
     def least(block: BodyBlock) -> Array:
         return block.reduce(np.fmin, as_array(block.table, column))
 
-    return Metric("m", meaning, "never three feet down", source, least, BODY, LARGE, shown)
+    undefined = "never three feet down" if of == PLANNED else "never three feet carry"
+    return Metric("m", f"least margin to the {to} of the {of}", undefined, source, least, BODY, LARGE, shown)
 
 
 _TILT = "largest of abs(pitch) and abs(roll)"
@@ -60,9 +62,22 @@ BODY_METRICS: dict[str, Metric[BodyBlock]] = {
         "largest", lambda b: b.reduce_height(np.maximum), Shown("largest height", "mm", 1e3, False, from_zero=False)
     ),
     "tilt_max": Metric("rad", _TILT, "never", CONTRACT, _largest_tilt, BODY, SMALL, Shown("tilt", "mrad", 1e3)),
-    "stability_margin_min": _margin("stability_margin", "nearest edge", MCGHEE_FRANK),
-    "margin_front_min": _margin("margin_front", "front", CONTRACT),
-    "margin_rear_min": _margin("margin_rear", "rear", CONTRACT, Shown("rear margin", "mm", 1e3)),
+    "stability_margin_min": _margin(
+        "stability_margin", "nearest edge", PLANNED, MCGHEE_FRANK, Shown("planned margin", "mm", 1e3, main=False)
+    ),
+    "margin_front_min": _margin("margin_front", "front", PLANNED, CONTRACT),
+    "margin_rear_min": _margin(
+        "margin_rear", "rear", PLANNED, CONTRACT, Shown("planned rear margin", "mm", 1e3, main=False)
+    ),
+    "true_stability_margin_min": _margin(
+        "true_stability_margin",
+        "nearest edge",
+        TRUE,
+        MCGHEE_FRANK,
+        Shown("true margin", "mm", 1e3, head="true\nmargin"),
+    ),
+    "true_margin_front_min": _margin("true_margin_front", "front", TRUE, CONTRACT),
+    "true_margin_rear_min": _margin("true_margin_rear", "rear", TRUE, CONTRACT),
 }
 """All columns of ``body_metrics.parquet`` but ``cycle``, in their order."""
 

@@ -39,10 +39,10 @@ class Drift(NamedTuple):
     """Factor by which the feedback of that leg grows per cycle, at the time of the report."""
 
 
-def format_drift(drift: Drift) -> str:
-    """A drift in one line."""
+def format_drift(drift: Drift, when: str = "") -> str:
+    """A drift in one line; ``when`` its growth was measured unless when it was detected."""
     grows = "grows" if drift.growth >= 1.0 else "falls"
-    rate = f"feedback of leg {drift.leg} {grows} {100.0 * abs(drift.growth - 1.0):.1f} % per cycle"
+    rate = f"feedback of leg {drift.leg} {grows} {100.0 * abs(drift.growth - 1.0):.1f} % per cycle{when}"
     return f"drift detected in cycle {drift.named}, started in cycle {drift.cycle} ({rate})"
 
 

@@ -82,7 +82,7 @@ FORCE: dict[str, Metric[Block]] = {
         _NO_SUPPORT,
         BRISTOW,
         lambda b: rms(b.force_error, b.support),
-        shown=Shown("force rmse", "N"),
+        shown=Shown("force rmse", "N", head="force\nerror"),
     ),
     "force_rmse_cycle": rms_error(
         "N", "RMS force error, all samples", "never", BRISTOW, lambda b: rms(b.force_error, b.valid)
@@ -93,7 +93,7 @@ FORCE: dict[str, Metric[Block]] = {
         "never three feet down (one leg)",
         CONTRACT,
         lambda b: rms(b.force_error, three_feet(b)),
-        shown=Shown("three feet", "N"),
+        shown=Shown("three feet", "N", head="on three\nfeet"),
     ),
     "force_settled": Metric(
         "N",
@@ -103,7 +103,7 @@ FORCE: dict[str, Metric[Block]] = {
         force_settled,
         MEAN,
         NEITHER,
-        Shown("settled force", "N", over_legs=False),
+        Shown("settled force", "N", over_legs=False, head="settled\nforce"),
     ),
     "force_steady_state_error": Metric(
         "",
@@ -113,7 +113,7 @@ FORCE: dict[str, Metric[Block]] = {
         force_steady_state_error,
         MEAN,
         NEAR_ZERO,
-        Shown("error", "%", 100.0, over_legs=False),
+        Shown("error", "%", 100.0, over_legs=False, head="steady\nerror"),
     ),
     "force_overshoot": worst(
         "",
@@ -121,7 +121,7 @@ FORCE: dict[str, Metric[Block]] = {
         "desired force not constant over the second half of support, or 0",
         f"{OGATA}, of the desired force",
         force_overshoot,
-        shown=Shown("overshoot", "%", 100.0, over_legs=False),
+        shown=Shown("overshoot", "%", 100.0, over_legs=False, head="over-\nshoot"),
     ),
     "force_ripple": rms_error(
         "N",
@@ -144,7 +144,7 @@ FORCE: dict[str, Metric[Block]] = {
         f"never settles, settles at 0, or {_NOT_WHOLE}",
         OGATA,
         force_settling_time,
-        shown=Shown("settling", "s", over_legs=False),
+        shown=Shown("settling", "s", over_legs=False, head="settling\ntime"),
     ),
     "force_iae": integral(
         "N s",

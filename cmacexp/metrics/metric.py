@@ -62,6 +62,8 @@ class Shown(NamedTuple):
     """Whether these tables show it for several legs as well; not where legs are to press differently."""
     from_zero: bool = True
     """Whether its axes begin at zero; not for a height, of which only changes matter."""
+    head: str = ""
+    """A shorter title for the terminal, in lines; none where ``title`` is short."""
 
 
 Of = TypeVar("Of")

@@ -23,3 +23,5 @@ MAIN: dict[str, Shown] = {name: shown for name, shown in SHOWN.items() if shown.
 """The columns of tables of main metrics."""
 JUDGED: dict[str, Shown] = {name: shown for name, shown in MAIN.items() if ALL_METRICS[name].better != NEITHER}
 """The main metrics of which one direction is better."""
+RANKED = [name for name in SHOWN if ALL_METRICS[name].better != NEITHER]
+"""Metrics of which the table of a sweep has the best value."""

@@ -1,14 +1,14 @@
 """The metrics of a run, one row per cycle and leg, from its tables, which may come in parts."""
 
-from pathlib import Path
-
 import numpy as np
 import pyarrow as pa
 
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, Traces, read_parts
 from cmacexp.metrics.block import Block, cut
 from cmacexp.metrics.body import compute_body
 from cmacexp.metrics.drift import Drift, DriftDetector
+from cmacexp.metrics.earlier_body import add_true_margins
 from cmacexp.metrics.learning import LEARNING
 from cmacexp.metrics.memory import MEMORY as MEMORY_METRICS
 from cmacexp.metrics.memory import split_columns
@@ -91,16 +91,19 @@ def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:
     return scorer.scores.legs
 
 
-def score_traces(folder: Path, steps_per_cycle: int) -> Scores:
+def score_traces(run: StoredRun) -> Scores:
     """The metrics of a run from its traces, which must hold every step.
 
     Raises:
         BadRun: a trace is missing or cannot be read.
     """
-    scorer = RunScorer(steps_per_cycle)
-    adders = {TRACE: scorer.add_legs, MEMORY: scorer.add_memory, BODY: scorer.add_body}
-    for name, add in adders.items():
-        if name == TRACE or (folder / name).exists():
-            for part in read_parts(folder / name):
-                add(part)
+    scorer, folder = RunScorer(run.steps_per_cycle), run.folder
+    for part in read_parts(folder / TRACE):
+        scorer.add_legs(part)
+    if (folder / MEMORY).exists():
+        for part in read_parts(folder / MEMORY):
+            scorer.add_memory(part)
+    if (folder / BODY).exists():
+        for part, legs in zip(read_parts(folder / BODY), read_parts(folder / TRACE), strict=True):
+            scorer.add_body(add_true_margins(part, legs, run.config))
     return scorer.scores

@@ -2,12 +2,16 @@
 
 import math
 from collections.abc import Sequence
+from typing import TypeVar
 
 from cmacexp.data.tables import Scores
+from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 
 MOST_ROWS = 24
-"""A longer table shows its first and last rows."""
+"""A longer table shows its first and last ENDS rows, and BETWEEN of the others."""
+ENDS, BETWEEN = 6, 8
+Row = TypeVar("Row")
 
 
 def format_number(value: float) -> str:
@@ -18,19 +22,25 @@ def format_number(value: float) -> str:
     return f"{value:.3f}" if size < 10 else f"{value:.1f}" if size < 1e5 else f"{value:.2e}"
 
 
-def shorten(rows: Sequence[list[str]]) -> list[list[str]]:
-    """The rows of a table; of a long one the first and the last, with dots between them."""
+def shorten(rows: Sequence[Row]) -> list[Row]:
+    """The rows of a table; of a long one the first, some between, evenly spaced, and the last."""
     if len(rows) <= MOST_ROWS:
         return list(rows)
-    half = MOST_ROWS // 2
-    return [*rows[:half], ["..."] + [""] * (len(rows[0]) - 1), *rows[-half:]]
+    gap = (len(rows) - 2 * ENDS + 1) / (BETWEEN + 1)
+    between = [rows[round(ENDS - 1 + gap * (index + 1))] for index in range(BETWEEN)]
+    return [*rows[:ENDS], *between, *rows[-ENDS:]]
 
 
-def format_cycles(scores: Scores) -> tuple[list[tuple[str, str]], list[list[str]]]:
-    """Titles with units, and one row per cycle, of the main metrics that at least one cycle defines."""
+def tabulate_cycles(scores: Scores) -> tuple[dict[str, Shown], list[list[str]]]:
+    """The main metrics that at least one cycle defines, by name, and a row of text per cycle, its number first."""
     pooled = pool_legs(scores)
     main = select_main(pooled, count_legs(scores))
     columns = [map(format_number, pooled[name] * shown.factor) for name, shown in main.items()]
     cycles = range(1, len(next(iter(pooled.values()))) + 1)
-    rows = [list(row) for row in zip(map(str, cycles), *columns, strict=True)]
+    return main, [list(row) for row in zip(map(str, cycles), *columns, strict=True)]
+
+
+def format_cycles(scores: Scores) -> tuple[list[tuple[str, str]], list[list[str]]]:
+    """Titles with units, and the rows of :func:`tabulate_cycles`, of a long run only some."""
+    main, rows = tabulate_cycles(scores)
     return [("cycle", ""), *((shown.title, shown.unit) for shown in main.values())], shorten(rows)

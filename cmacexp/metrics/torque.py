@@ -89,7 +89,7 @@ TORQUE: dict[str, Metric[Block]] = {
         feedforward_share,
         MEAN,
         LARGE,
-        Shown("feedforward", "%", 100.0),
+        Shown("feedforward", "%", 100.0, head="feed-\nforward"),
     ),
 }
 """Columns about torque, by name."""

@@ -9,7 +9,10 @@ _NO_PERIOD = f"{_NO_TRANSFER}, or one sample in all"
 
 
 def _transfer_rmse(axis: str) -> Metric[Block]:
-    meaning, shown = f"RMS of {axis} - {axis}_desired in transfer", Shown(f"transfer {axis}", "mm", 1e3)
+    meaning, shown = (
+        f"RMS of {axis} - {axis}_desired in transfer",
+        Shown(f"transfer {axis}", "mm", 1e3, head=f"{axis}\nerror"),
+    )
     return rms_error("m", meaning, _NO_TRANSFER, BRISTOW, lambda b: rms(b.error[axis], b.transfer), shown=shown)
 
 

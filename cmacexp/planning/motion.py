@@ -85,7 +85,7 @@ def check_apex(config: Config, gap: float) -> None:
             "gait.lift",
             gait.lift,
             f"must be at least {1.25 * abs(gap):.6g} m for one cubic between ends {abs(gap):.3g} m apart in height; "
-            "or take gait.vertical=two_cubics",
+            "or use gait.vertical=two_cubics",
         )
 
 

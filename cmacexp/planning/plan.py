@@ -15,7 +15,7 @@ from cmacexp.planning.gait import Timing, make_timing
 from cmacexp.planning.motion import plan_force, plan_horizontal, plan_joints, plan_motion
 from cmacexp.planning.reach import check_reach
 from cmacexp.planning.reference import plan_reference
-from cmacexp.planning.stability import check_stability, plan_margins
+from cmacexp.planning.stability import check_stability, margins
 from cmacexp.typing import Array, Mask
 
 LOAD_PASSES = 2
@@ -71,9 +71,9 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
     feet = np.zeros((*timing.support.shape, 2))
     feet[..., X] = plan_horizontal(config, timing)[..., 0]
     feet += mechanism.hips
-    margins = plan_margins(mechanism, feet, timing.support)
+    planned_margins = margins(feet, timing.support)
     if mechanism.kind == LEGS_UNDER_BODY:
-        check_stability(config, timing.support, margins)
+        check_stability(config, timing.support, planned_margins)
     load = static_load(mechanism.weight, len(feet))
     desired, joints, force = _plan_under_load(config, mechanism, timing, feet, load)
     if isinstance(config.machine, QuadrupedMachine) and config.force_control.load_sharing == "dynamic":
@@ -89,6 +89,6 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
         joints,
         force,
         plan_reference(config, timing.support, mechanism.hip_height, desired, force),
-        margins,
+        planned_margins,
         (config.learning.start_cycle - 1) * config.steps_per_cycle if feedforward_acts else NEVER,
     )

@@ -29,9 +29,8 @@ def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array)
     k = int(np.argmax(distance))
     if distance[k] <= reach:
         return
-    where = (
-        f"the foot of leg {i + 1} would be {distance[k]:.3f} m from its hip at sample {k}, but reaches {reach:.3f} m"
-    )
+    where = f"the foot of leg {i + 1} would be {distance[k]:.3f} m from its hip at sample {k}, "
+    where += f"but it reaches only {reach:.3f} m"
     depression = y.max() - mechanism.hip_height
     if y.max() >= reach and mechanism.hip_height < reach - 1e-6 and depression > 0.5 * (reach - FOLDED):
         key = "assumed_stiffness" if config.terrain.assumed_stiffness is not None else "stiffness"
@@ -68,10 +67,11 @@ def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array
         )
     k = int(np.argmin(np.where(y < FOLDED, y, np.hypot(x, y))))
     if y[k] < FOLDED or np.hypot(x[k], y[k]) <= nearest:
+        place = f"{abs(y[k]):.3f} m {'above' if y[k] < 0.0 else 'below'} its hip"
         raise BadInput(
             "gait.lift",
             config.gait.lift,
-            f"leg {i + 1} cannot lift its foot to {y[k]:.3f} m below the hip, as at sample {k}; "
+            f"leg {i + 1} cannot lift its foot to {place}, as at sample {k}; "
             f"must be below {_round_down(ground - nearest)} m",
         )
 

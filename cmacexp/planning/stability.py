@@ -1,19 +1,24 @@
-"""Static stability of a gait: margins of the centre of gravity over the planned support polygon.
+"""Static stability: margins of the centre of gravity in the polygon that feet span, and the check of a planned gait.
 
 McGhee & Frank 1968: the margin is the distance from the projected centre of gravity to the nearest edge of the
 polygon, negative outside. The paper's rear stability margin is the distance to its rear boundary along the body.
 """
 
+from itertools import permutations
+
 import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.errors import BadInput
-from cmacexp.models.mechanism import Mechanism
 from cmacexp.typing import Array, Mask
 
 STABILITY, FRONT, REAR = range(3)
 ROUNDING = 1e-9
 """A margin no more negative than this is zero, m."""
+ON_EDGE = 1e-12
+"""A foot whose cross product with an edge is no more negative than this lies on the edge, m^2."""
+SAME_PLACE = 1e-6
+"""Feet closer together than this span no edge, m."""
 
 
 def _half_hull(feet: list[Array]) -> list[Array]:
@@ -32,34 +37,34 @@ def polygon(feet: Array) -> Array:
     return np.array(_half_hull(ordered) + _half_hull(ordered[::-1]))
 
 
-def margins(feet: Array) -> tuple[float, float, float]:
-    """Margins of the origin in the polygon of ``feet`` (n, 2), m: nearest edge, front and rear boundary along x.
+def margins(feet: Array, down: Mask | None = None) -> Array:
+    """Margins of the origin in the polygon of feet, m: (..., 3), nearest edge, front and rear boundary along x.
 
-    NaN with fewer than three feet; front and rear are NaN where the line along the body misses the polygon.
-    """
-    if len(feet) < 3:
-        return float("nan"), float("nan"), float("nan")
-    corners = polygon(feet)
-    edges = np.roll(corners, -1, axis=0) - corners
-    # The cross product of an edge with the way to the origin is positive where the origin lies on its inner side.
-    nearest = float(((edges[:, 1] * corners[:, 0] - edges[:, 0] * corners[:, 1]) / np.hypot(*edges.T)).min())
-    start, end = corners[:, 1], corners[:, 1] + edges[:, 1]
-    crossing = (np.minimum(start, end) <= 0.0) & (np.maximum(start, end) >= 0.0) & (edges[:, 1] != 0.0)
-    if not crossing.any():
-        return nearest, float("nan"), float("nan")
-    along = corners[crossing, 0] - start[crossing] / edges[crossing, 1] * edges[crossing, 0]
-    return nearest, float(along.max()), float(-along.min())
-
-
-def plan_margins(mechanism: Mechanism, feet: Array, support: Mask) -> Array:
-    """Margins (N, 3) over a cycle: nearest edge, front, rear, m.
+    NaN with fewer than three feet; front and rear are NaN where the line along x misses the polygon.
 
     Args:
-        mechanism: the machine.
-        feet: (N, L, 2): planned feet relative to the centre of gravity, m.
-        support: (N, L): planned phases.
+        feet: (..., L, 2).
+        down: (..., L), those that span the polygon; None: all.
     """
-    return np.array([margins(feet[k, support[k]]) for k in range(len(feet))]).reshape(-1, 3)
+    x, y = np.ascontiguousarray(np.moveaxis(feet, (-1, -2), (0, 1)))
+    present = np.ones(x.shape, dtype=bool) if down is None else np.moveaxis(down, -1, 0)
+    nearest, front, behind = (np.full(feet.shape[:-2], value) for value in (np.inf, -np.inf, np.inf))
+    for i, j in permutations(range(len(x)), 2):
+        ex, ey = x[j] - x[i], y[j] - y[i]
+        length = np.hypot(ex, ey)
+        edge = present[i] & present[j] & (length > SAME_PLACE)
+        for k in set(range(len(x))) - {i, j}:
+            edge &= ~present[k] | (ex * (y[k] - y[i]) - ey * (x[k] - x[i]) >= -ON_EDGE)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # The cross product of an edge with the way to the origin is positive where that is on its inner side.
+            distance, along = (ey * x[i] - ex * y[i]) / length, x[i] - y[i] / ey * ex
+        crosses = edge & (np.minimum(y[i], y[i] + ey) <= 0.0) & (np.maximum(y[i], y[i] + ey) >= 0.0) & (ey != 0.0)
+        nearest = np.where(edge, np.minimum(nearest, distance), nearest)
+        front = np.where(crosses, np.maximum(front, along), front)
+        behind = np.where(crosses, np.minimum(behind, along), behind)
+    found = np.stack([nearest, front, -behind], axis=-1)
+    found[(present.sum(axis=0)[..., None] < 3) | np.isinf(found)] = np.nan
+    return found
 
 
 def check_stability(config: Config, support: Mask, planned: Array) -> None:
@@ -73,7 +78,7 @@ def check_stability(config: Config, support: Mask, planned: Array) -> None:
         return
     own = gait.touch_down is not None
     key, value = ("gait.touch_down", gait.touch_down) if own else ("gait.duty_factor", gait.duty_factor)
-    remedy = "take another, or set gait.allow_unstable=true"
+    remedy = "choose another value, or set gait.allow_unstable=true"
     few = np.flatnonzero(support.sum(axis=1) < 3)
     if len(few):
         when = few[0] * config.sampling_period
@@ -88,5 +93,5 @@ def check_stability(config: Config, support: Mask, planned: Array) -> None:
         raise BadInput(
             key,
             value,
-            f"the stability margin is {planned[k, STABILITY]:.4f} m at t = {when:.3f} s, below 0; {remedy}",
+            f"the planned stability margin is {planned[k, STABILITY]:.4f} m at t = {when:.3f} s, below 0; {remedy}",
         )

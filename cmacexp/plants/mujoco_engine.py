@@ -124,5 +124,5 @@ def check_kind(setup: Setup, kind: int, option: str) -> None:
     if setup.mechanism.kind != kind:
         needed = "quadruped" if kind == LEGS_UNDER_BODY else "leg"
         scenario = "quadruped" if kind == LEGS_UNDER_BODY else "one_leg"
-        allowed = f"must be {needed} with plant={option}: take scenario={scenario}"
+        allowed = f"must be {needed} with plant={option}: use scenario={scenario}"
         raise BadInput("machine.kind", setup.config.machine.kind, allowed)

@@ -197,8 +197,8 @@ class Panels:
         return rrb.Vertical(tilt, self.plot("body/height", "height of the body, mm"))
 
     def margins(self) -> Panel:
-        """Stability margins."""
-        return self.plot("body/margins", "stability margins, mm", self._now)
+        """Stability margins: the planned one, and those of the feet that carry load."""
+        return self.plot("body/margins", "stability margins, planned and true, mm", self._now)
 
     def error(self) -> Panel:
         """Tracking errors of the feet."""

@@ -42,6 +42,18 @@ def _leg_lines(leg: LegView) -> dict[str, list[Line]]:
     return lines
 
 
+def _margin_lines(body: dict[str, Array]) -> list[Line]:
+    planned = ("planned, nearest edge", 1e3 * body["stability_margin"], palette.DESIRED)
+    if "true_stability_margin" not in body:  # of an earlier version
+        return [planned]
+    return [
+        planned,
+        ("true, nearest edge", 1e3 * body["true_stability_margin"], palette.LAST_CYCLE),
+        ("true, front", 1e3 * body["true_margin_front"], palette.ACTUAL),
+        ("true, rear", 1e3 * body["true_margin_rear"], palette.FIRST_CYCLE),
+    ]
+
+
 def _body_lines(body: dict[str, Array]) -> dict[str, list[Line]]:
     return {
         "tilt": [
@@ -49,11 +61,7 @@ def _body_lines(body: dict[str, Array]) -> dict[str, list[Line]]:
             ("roll, right side down", 1e3 * body["roll"], palette.FIRST_CYCLE),
         ],
         "height": [("height", 1e3 * body["height"], palette.LAST_CYCLE)],
-        "margins": [
-            ("nearest edge", 1e3 * body["stability_margin"], palette.DESIRED),
-            ("front", 1e3 * body["margin_front"], palette.ACTUAL),
-            ("rear", 1e3 * body["margin_rear"], palette.FIRST_CYCLE),
-        ],
+        "margins": _margin_lines(body),
     }
 
 

@@ -9,14 +9,13 @@ from cmacexp.cli.command import command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.report.comparison import format_runs
+from cmacexp.report.comparison import print_runs
 from cmacexp.report.page import REPORT, write_report
-from cmacexp.report.progress import show_activity
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import read_summary, sort_folders
 from cmacexp.report.sweep_report import make_sweep_report
 from cmacexp.report.swept import find_swept
-from cmacexp.report.terminal import print_table
+from cmacexp.report.terminal import activity
 
 REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
@@ -37,15 +36,14 @@ def _find_destination(given: Sequence[Path], out: str | None) -> Path:
 
 def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
     asked = _parse_cycles(cycles) if cycles else []
-    with show_activity() as say:
-        say(f"reading {folder}")
+    with activity(f"reading {folder}") as say:
         return write_report(make_run_report(StoredRun(folder), asked), out, say=say)
 
 
 def _report_of_several(folders: Sequence[Path], given: Sequence[Path], cycles: str | None, out: Path) -> Path:
     if cycles:
         raise BadInput("--cycles", cycles, f"is for the report of one run, but {len(folders)} runs were given")
-    with show_activity() as say:
+    with activity("reading runs") as say:
         runs = []
         for index, folder in enumerate(folders, 1):
             say(f"reading run {index} of {len(folders)}")
@@ -55,11 +53,9 @@ def _report_of_several(folders: Sequence[Path], given: Sequence[Path], cycles: s
         raise BadRun(f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
     swept = find_swept(runs)
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
-    titles, rows = format_runs(runs, [*swept.keys, *swept.seeds])
-    with show_activity() as say:
-        say("comparing the runs")
+    with activity("comparing the runs") as say:
         path = write_report(make_sweep_report(runs, title, out), out, say=say)
-    print_table(titles, rows, left=1 + len(swept.keys) + len(swept.seeds) + 1)
+    print_runs(runs, [*swept.keys, *swept.seeds], path)
     return path
 
 

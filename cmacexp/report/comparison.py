@@ -3,13 +3,16 @@
 import math
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cmacexp.metrics.registry import JUDGED, MAIN
-from cmacexp.metrics.summary import format_number
+from cmacexp.metrics.metric import Shown
+from cmacexp.metrics.registry import MAIN, RANKED
+from cmacexp.metrics.summary import format_number, shorten
 from cmacexp.report.run_summary import RunSummary, format_value
+from cmacexp.report.terminal_tables import head, print_key, print_table
 
 Row = dict[str, Any]
 
@@ -32,14 +35,16 @@ def make_rows(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[Row]:
         row: Row = {"run": name, **{key: run.config.get(key) for key in keys}}
         row |= {"status": run.status, "cause": run.cause, "cycles_done": run.cycles}
         row |= {f"final_{metric}": run.final(metric) for metric in dict.fromkeys([*run.metrics, *MAIN])}
-        rows.append(row | {f"best_{metric}": run.best(metric) for metric in JUDGED})
+        rows.append(row | {f"best_{metric}": run.best(metric) for metric in RANKED})
     return rows
 
 
-def format_runs(
+def tabulate_runs(
     runs: Sequence[RunSummary], keys: Sequence[str], prefix: str = "final_"
-) -> tuple[list[str], list[list[str]]]:
-    """Titles, whose units follow a line break, and one row of text for each run.
+) -> tuple[dict[str, Shown], list[list[str]]]:
+    """The main metrics that at least one run defines, by name, and one row of text for each run.
+
+    A row has the run's name, the values of ``keys``, the status, the number of whole cycles, and the metrics.
 
     Args:
         runs: to compare.
@@ -55,10 +60,31 @@ def format_runs(
         for name in MAIN
     }
     main = {name: shown for name, shown in MAIN.items() if not np.isnan(columns[name]).all()}
-    titles = ["run", *keys, "status", "cycles\ndone", *(f"{shown.title}\n{shown.unit}" for shown in main.values())]
     cells = []
     for index, row in enumerate(rows):
         numbers = [format_number(columns[name][index] * shown.factor) for name, shown in main.items()]
         settings = [format_value(row[key]) for key in keys]
         cells.append([row["run"], *settings, row["status"], str(row["cycles_done"]), *numbers])
-    return titles, cells
+    return main, cells
+
+
+def format_runs(
+    runs: Sequence[RunSummary], keys: Sequence[str], prefix: str = "final_"
+) -> tuple[list[str], list[list[str]]]:
+    """Titles, whose units follow a line break, and the rows of :func:`tabulate_runs`."""
+    main, rows = tabulate_runs(runs, keys, prefix)
+    return ["run", *keys, "status", "cycles\ndone", *(f"{s.title}\n{s.unit}" for s in main.values())], rows
+
+
+def print_runs(runs: Sequence[RunSummary], keys: Sequence[str], all_in: Path) -> None:
+    """Print a table of runs and its key; of many runs some, and where all are."""
+    main, rows = tabulate_runs(runs, keys)
+    shown = shorten(rows)
+    heads = [key.replace(".", ".\n") + "\n" for key in keys]
+    print_table(["run\n", *heads, "status\n", "cycles\ndone\n", *map(head, main.values())], shown, 2 + len(keys))
+    if len(shown) < len(rows):
+        print(f"{len(shown)} of {len(rows)} runs; all are in {all_in}")
+    if main:
+        print("metrics are those of the last whole cycle")
+        print_key(main, max(run.legs for run in runs))
+        print()

@@ -135,14 +135,16 @@ def draw_torques(data: FigureData) -> Drawing:
 
 
 def draw_body(data: FigureData) -> Drawing:
-    """Height, pitch, roll and stability margin of the body over the chosen cycles."""
+    """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
+    assert data.body is not None
+    # A run of an earlier version has the planned margin alone.
+    true = "true_" if "true_stability_margin" in data.body.columns else ""
     panels = (
         ("height", 1e3, "height of the body", "height, mm"),
-        ("stability_margin", 1e3, "stability margin, nearest edge", "margin, mm"),
+        (f"{true}stability_margin", 1e3, "stability margin, nearest edge", "margin, mm"),
         ("pitch", 1e3, "pitch, nose down", "pitch, mrad"),
         ("roll", 1e3, "roll, right side down", "roll, mrad"),
     )
-    assert data.body is not None
     figure, axes = new_figure(2, 2, 2.3, sharex=True)
     for ax, (name, factor, title, unit) in zip(axes, panels, strict=True):
         for index, cycle in enumerate(data.cycles):
@@ -150,7 +152,9 @@ def draw_body(data: FigureData) -> Drawing:
             ax.plot(data.time_in_cycle(rows), factor * rows[name], **data.line(index))
         label(ax, title, CLOCK if ax in axes[2:] else "", unit)
         ax.set_xlim(0, data.duration)
-        widen(ax, factor * data.body[name], name == "stability_margin")
-    legend_below(figure, axes[0])
-    caption = "The body over the chosen cycles; the margin is to the planned support polygon."
+        widen(ax, factor * data.body[name], name.endswith("stability_margin"))
+    rows = data.select_body(data.cycles[0])
+    axes[1].plot(data.time_in_cycle(rows), 1e3 * rows["stability_margin"], label="planned", **DESIRED_LINE)
+    legend_below(figure, axes[1])
+    caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
     return Drawing("body", figure, caption)

@@ -33,6 +33,7 @@ PANELS = {
     "share of the feedforward": ("share", ("feedforward_share",)),
     "largest tilt of the body": ("angle", ("tilt_max",)),
     "height of the body": ("height", ("height_min", "height_mean", "height_max")),
+    "least stability margin": ("margin", ("true_stability_margin_min", "stability_margin_min")),
 }
 """What the y axis shows, and metrics of one unit that share it, by the title of the panel."""
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from cmacexp.report.figure_data import FigureData, legend_above, mark
+from cmacexp.report.figure_data import DESIRED_LINE, FigureData, legend_above, mark
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import SERIES, label, new_figure
 
@@ -23,13 +23,16 @@ def _draw_end_of_body(data: FigureData) -> "Figure":
     for leg in range(1, data.legs + 1):
         own = data.trace[data.trace["leg"] == leg].tail(LAST_STEPS)
         axes[2].plot(own["time"], own["force"], label=f"leg {leg}", **mark(leg - 1))
-    axes[3].plot(rows["time"], 1e3 * rows["stability_margin"], color=SERIES[1])
+    axes[3].plot(rows["time"], 1e3 * rows["stability_margin"], label="planned", **DESIRED_LINE)
+    if "true_stability_margin" in rows.columns:  # not of an earlier version
+        axes[3].plot(rows["time"], 1e3 * rows["true_stability_margin"], label="true", color=SERIES[1])
     label(axes[0], "tilt of the body", "", "angle, mrad")
     label(axes[1], "height of the body", "", "height, mm")
     label(axes[2], "contact forces", "time, s", "force, N")
     label(axes[3], "stability margin, nearest edge", "time, s", "margin, mm")
     legend_above(axes[0])
     legend_above(axes[2])
+    legend_above(axes[3])
     return figure
 
 

@@ -20,8 +20,8 @@ from cmacexp.typing import Array
 
 TABLES = (TRACE, BODY, MEMORY, METRICS, BODY_METRICS)
 """Files of a run that a report can be computed from."""
-BROKEN = "not whole"
-"""Status of a run without a whole manifest and tables."""
+BROKEN = "not intact"
+"""Status of a run whose manifest or tables are missing or changed."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class RunSummary:
 
 
 def read_summary(folder: Path) -> RunSummary:
-    """Summarise a run; one that is not whole gives the reason in ``cause``."""
+    """Summarise a run; one that is not intact gives the reason in ``cause``."""
     run = StoredRun(folder)
     try:
         manifest = run.manifest

@@ -36,7 +36,7 @@ def _list_stopped(runs: Sequence[RunSummary]) -> list[Any]:
         return []
     names = dict(zip((run.folder for run in runs), make_names(runs), strict=True))
     rows = [[names[run.folder], run.status, run.cause] for run in stopped]
-    caption = "Runs that stopped early; those that failed or are not whole are in no figure"
+    caption = "Runs that stopped early; those that failed or are not intact are in no figure"
     return [Table(["run", "status", "reason"], rows, caption, 3)]
 
 

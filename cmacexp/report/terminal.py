@@ -1,17 +1,22 @@
-"""Printing in the terminal: that compiling takes place, the progress of work, tables, and the summary of a run."""
+"""Printing in the terminal: that compiling takes place, how work goes on, how a run ended, what to do next."""
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
+from shlex import quote
 
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import RECORDING, Scores
+from cmacexp.data.tables import RECORDING
 from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.drift import Drift, format_drift
-from cmacexp.metrics.summary import format_cycles
+from cmacexp.metrics.pooling import count_legs
+from cmacexp.report.terminal_tables import print_key, print_scores
 
+NEXT = {"report": "report", "replay": "replay"}
+"""Commands that show more of a run, with their purpose."""
 COMPILING = "compiling the control loop: takes up to half a minute, once; so many steps repay it"
 
 
@@ -31,14 +36,12 @@ def announce_compiling() -> None:
 
 
 @contextmanager
-def progress(
-    what: str, total: int | None = None, unit: str = "", shown: bool = True
-) -> Iterator[Callable[[int], None]]:
+def progress(what: str, total: int, unit: str = "", shown: bool = True) -> Iterator[Callable[[int], None]]:
     """A progress bar while work takes place, if ``shown`` and the output is a terminal; gives what moves it.
 
     Args:
         what: is being done.
-        total: parts of the work, of which so many have to be given as done; None: not known, the time alone is shown.
+        total: parts of the work, of which so many have to be given as done.
         unit: of the parts.
         shown: False where several processes would draw over each other's bars.
     """
@@ -46,14 +49,25 @@ def progress(
         yield lambda done: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-    from rich.progress import TimeRemainingColumn as Remaining
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    parts = (MofNCompleteColumn(), TextColumn(unit), Remaining()) if total else (TimeElapsedColumn(),)
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), *parts)
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn(unit))
+    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+@contextmanager
+def activity(what: str) -> Iterator[Callable[[str], None]]:
+    """``what`` is being done stands on stderr, if that is a terminal; gives ``say(text)`` for what is done next."""
+    if not sys.stderr.isatty():
+        yield lambda text: None
+        return
+    from rich.console import Console
+    from rich.markup import escape
+
+    with Console(stderr=True, highlight=False).status(escape(what)) as status:
+        yield lambda text: status.update(escape(text))
 
 
 def warn_of_drift(drift: Drift) -> None:
@@ -61,27 +75,37 @@ def warn_of_drift(drift: Drift) -> None:
     say(f"warning: {format_drift(drift)}", error=True)
 
 
-def print_scores(scores: Scores) -> None:
-    """Print the metrics per cycle, pooled over the legs, without columns that are undefined throughout."""
-    titles, rows = format_cycles(scores)
-    print_table([f"{title}\n{unit}".rstrip() for title, unit in titles], rows)
-
-
-def format_outcome(result: StoredRun) -> str:
-    """How a run ended, in one line."""
+def format_outcome(result: StoredRun, apart: str = ": ") -> str:
+    """How a run ended, and after ``apart`` its steps and time."""
     manifest = result.manifest
     steps, seconds = manifest["steps"], manifest["rollout_seconds"]
     per_step = f", loop {seconds / steps * 1e6:.2f} us a step" if steps else ""
-    drift = f"; {format_drift(Drift(**manifest['drift']))}" if manifest["drift"] else ""
-    return f"{result.ending}: {steps} steps in {manifest['wall_seconds']:.2f} s{per_step}{drift}"
+    return f"{result.ending}{apart}{steps} steps in {manifest['wall_seconds']:.2f} s{per_step}"
 
 
-def print_summary(result: StoredRun) -> None:
-    """Print the metrics of a run, how it ended and its folder."""
+def describe_drift(result: StoredRun) -> str:
+    """The drift of the learning of a run, in one line; empty if there is none."""
+    drift = result.manifest["drift"]
+    return format_drift(Drift(**drift), " at the end") if drift else ""
+
+
+def format_folder(folder: Path) -> str:
+    """A folder as an argument of a command in the current one."""
+    full = folder.resolve()
+    return quote(str(full.relative_to(Path.cwd()) if full.is_relative_to(Path.cwd()) else full))
+
+
+def print_next(folder: Path, commands: Mapping[str, str]) -> None:
+    """Print commands over a folder to copy, each with what it is for."""
+    for name, purpose in commands.items():
+        print(f"{purpose + ':':<10} python -m cmacexp.{name} {format_folder(folder)}")
+
+
+def _print_notes(result: StoredRun) -> None:
+    """Print what is special about a run."""
     manifest = result.manifest
-    if result.scores.legs.num_rows:
-        print_scores(result.scores)
-    print(format_outcome(result))
+    if drift := describe_drift(result):
+        print(drift)
     if manifest["config"]["learning"]["lead"] == "auto":
         print(f"learning.lead=auto is {manifest['learning_lead']} here")
     for dropped in manifest["dropped"]:
@@ -92,29 +116,18 @@ def print_summary(result: StoredRun) -> None:
         from cmacexp.recording.window import choose_every
 
         if (every := choose_every(steps := manifest["steps"])) > 1:
-            print(f"{RECORDING}: one step in {every} of {steps}; python -m cmacexp.replay DIR --every 1 shows all")
+            print(f"{RECORDING}: one step in {every} of {steps}; replay with --every 1 shows all")
+
+
+def print_summary(result: StoredRun) -> None:
+    """Print the metrics of a run and their key, how it ended, the commands that show more, and its folder."""
+    scores = result.scores
+    if scores.legs.num_rows:
+        print_key(print_scores(scores, Path(format_folder(result.folder))), count_legs(scores))
+        print()
+    print(format_outcome(result, "\n" if result.manifest["cause"] else ": "))
+    _print_notes(result)
+    if scores.legs.num_rows:
+        drifts = {"stability": "explain"} if result.manifest["drift"] else {}
+        print_next(result.folder, drifts | NEXT)
     print(result.folder)
-
-
-WIDTH = 400
-"""Most characters in a line if the output is not a terminal."""
-
-
-def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]], left: int = 0) -> None:
-    """Print rows under their titles.
-
-    Args:
-        titles: of the columns; the unit follows a line break.
-        rows: cells as text.
-        left: so many columns hold text and stand to the left.
-    """
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for index, title in enumerate(titles):
-        table.add_column(title, justify="left" if index < left else "right")
-    for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
-    Console(highlight=False, width=None if sys.stdout.isatty() else WIDTH).print(table)

@@ -26,7 +26,7 @@ class FaultConfig:
         if self.kind in WITHOUT_VALUE and self.value != 0.0:
             raise BadInput(f"{key}.value", self.value, f"must be 0 with {key}.kind={self.kind}, which takes no value")
         if self.kind == "bias" and self.value == 0.0:
-            raise BadInput(f"{key}.value", self.value, f"must not be 0 with {key}.kind=bias, or nothing breaks")
+            raise BadInput(f"{key}.value", self.value, f"must not be 0 with {key}.kind=bias, or there is no fault")
         if self.kind == "noise" and self.value <= 0.0:
             raise BadInput(f"{key}.value", self.value, f"must be above 0 with {key}.kind=noise, a standard deviation")
 
@@ -81,7 +81,7 @@ class SignalConfig:
                 f"{key}.dropout",
                 self.dropout,
                 f"must be 0 with {key}.fault.kind={self.fault.kind}: a stuck sensor loses no samples; "
-                "give them different legs",
+                "let them affect different legs",
             )
 
     def breaks_where_it_drops(self, legs: int) -> bool:
@@ -144,6 +144,6 @@ class RealSensorsConfig(ComponentConfig):
             key, signal = f"sensors.{each.name}", getattr(self, each.name)
             if signal.alters and not config.has_body and not isinstance(signal, LegSignalConfig):
                 raise BadInput(
-                    key, "altered", f"must do nothing with machine.kind={config.machine.kind}: it has no body"
+                    key, "altered", f"must be unaltered with machine.kind={config.machine.kind}, which has no body"
                 )
             signal.check(key, config)

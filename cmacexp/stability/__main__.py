@@ -8,7 +8,8 @@ from cmacexp.cli.command import command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
-from cmacexp.report.terminal import print_table, progress
+from cmacexp.report.terminal import activity
+from cmacexp.report.terminal_tables import print_table
 
 FOLDER = "stability"
 """Folder of the page, in that of the run."""
@@ -18,7 +19,7 @@ def _cycle(text: str | None) -> int | None:
     if text is None:
         return None
     if not text.isdecimal() or int(text) < 1:
-        raise BadInput("--cycle", text, "must be a whole number from 1: linearise after so many cycles")
+        raise BadInput("--cycle", text, "must be a whole number, at least 1: the cycles after which to linearise")
     return int(text)
 
 
@@ -30,14 +31,14 @@ def _analyse(arguments: argparse.Namespace) -> int:
     announce_compiling()
     folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
     if arguments.out is not None and len(folders) > 1:
-        raise BadInput("--out", arguments.out, f"is for one run, and these are {len(folders)}")
+        raise BadInput("--out", arguments.out, f"is for one run, but {len(folders)} were given")
     out = None if arguments.out is None else require_place("--out", Path(arguments.out))
     cycle = _cycle(arguments.cycle)
     for folder in folders:
-        with progress(f"analysing {folder}"):
+        with activity(f"analysing {folder}"):
             analysis = analyse(StoredRun(folder), cycle)
             path = write_stability_report(analysis, out or folder / FOLDER)
-        print_table(TITLES, rows(analysis), left=1)
+        print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis), left=1)
         print(verdict(analysis))
         print(path)
     return 0

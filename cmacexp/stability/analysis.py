@@ -160,7 +160,9 @@ def analyse(run: StoredRun, cycle: int | None = None, leads: Sequence[int] = LEA
     config = read_config(run)
     sizes = read_changes(run)
     if len(sizes) < config.learning.start_cycle + 3:
-        raise BadRun(f"{run.folder}: growth shows over {config.learning.start_cycle + 4} cycles at the least")
+        raise BadRun(
+            f"{run.folder}: growth is measured over at least {config.learning.start_cycle + 4} cycles; run more"
+        )
     scenario = make_scenario(config)
     lead = scenario.setup.lead
     own = _measure_lead(lead, config, sizes, run.status == "completed", cycle)

@@ -77,7 +77,8 @@ def read_changes(run: StoredRun) -> Array:
     record: dict[str, Any] = run.config["record"]
     if record.get("every_nth_step", 1) > 1 or record.get("cycles") is not None:
         raise BadRun(
-            f"{run.folder}: its trace lacks steps, growth is computed from every step; run it with record=trace"
+            f"{run.folder}: its trace lacks steps, but growth is computed from every step; run it again without "
+            "record.cycles and record.every_nth_step"
         )
     before: Array | None = None
     sizes = []

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from cmacexp.config import Config
 from cmacexp.loop.scenario import Scenario, resolve_lead
-from cmacexp.report.terminal import progress
+from cmacexp.report.terminal import activity
 
 MANY = 100
 """Cycles of learning from which on a run is checked; the check takes the time of some 110."""
@@ -58,7 +58,7 @@ def growth_warning(config: Config, scenario: Scenario) -> str | None:
     """
     if not _is_checked(config, scenario):
         return None
-    with progress("checking whether learning holds"):
+    with activity("checking whether learning holds"):
         growth = _growth(config, scenario)
         if not growth > 1.0 or growth ** (config.cycles - config.learning.start_cycle) < FACTOR:
             return None

@@ -3,17 +3,14 @@
 import sys
 from collections import Counter
 from collections.abc import Sequence
-from shutil import get_terminal_size
 
-import numpy as np
 import pyarrow.csv as pa_csv
 
 from cmacexp.data.files import write_atomically
 from cmacexp.data.parquet import write_table
-from cmacexp.metrics.summary import shorten
-from cmacexp.report.comparison import format_runs
+from cmacexp.report.comparison import print_runs
 from cmacexp.report.run_summary import RunSummary
-from cmacexp.report.terminal import WIDTH, print_table, progress
+from cmacexp.report.terminal import activity, print_next
 from cmacexp.sweep.results import make_table, read_results
 from cmacexp.sweep.start import Sweep
 
@@ -31,7 +28,7 @@ def finish_sweep(sweep: Sweep) -> str:
     Raises:
         OSError: the table cannot be written.
     """
-    with progress("reading the results of the jobs"):
+    with activity("reading the results of the jobs"):
         results = read_results(sweep)
     jobs, missing = results.jobs, max(0, sweep.planned.total() - len(results.jobs))
     if not jobs:
@@ -40,29 +37,16 @@ def finish_sweep(sweep: Sweep) -> str:
     write_table(table, sweep.folder / TABLE)
     with write_atomically(sweep.folder / TABLE_CSV) as temporary:
         pa_csv.write_csv(table, temporary)
-    _print_table(jobs, results.keys)
+    swept = [key for key in results.keys if len({str(job.config[key]) for job in jobs}) > 1]
+    print_runs(jobs, swept, sweep.folder / TABLE_CSV)
     _print_counts(jobs, missing)
     _print_failures(jobs)
+    if any(job.is_result for job in jobs):
+        print_next(sweep.folder, {"report": "report"})
     print(sweep.folder / TABLE)
     if all(job.bad_input for job in jobs):
         return "bad input"
     return "failed" if missing or not all(job.is_result for job in jobs) else "completed"
-
-
-def _print_table(jobs: Sequence[RunSummary], keys: Sequence[str]) -> None:
-    """Print the jobs with the keys in which they differ, and as many metrics as fit into a line."""
-    swept = [key for key in keys if len({str(job.config[key]) for job in jobs}) > 1]
-    titles, rows = format_runs(jobs, swept)
-    rows, text_columns = shorten(rows), len(swept) + 2
-    shown = max(text_columns, _count_fitting(titles, rows))
-    print_table(titles[:shown], [row[:shown] for row in rows], text_columns)
-
-
-def _count_fitting(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
-    """How many columns fit into a line of the terminal."""
-    line = get_terminal_size().columns if sys.stdout.isatty() else WIDTH
-    widths = [max(len(part) for row in [titles, *rows] for part in row[i].split("\n")) for i in range(len(titles))]
-    return int(np.sum(np.cumsum([width + 2 for width in widths]) - 2 <= line))
 
 
 def _print_counts(jobs: Sequence[RunSummary], missing: int) -> None:

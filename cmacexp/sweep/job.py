@@ -24,7 +24,7 @@ def run_job(composed: DictConfig) -> float | None:
     hydra = HydraConfig.get()
     folder, metric = Path(hydra.runtime.output_dir), composed.get("optimize")
     from cmacexp.report.run_summary import read_summary
-    from cmacexp.report.terminal import announce_compiling, format_outcome, say
+    from cmacexp.report.terminal import announce_compiling, describe_drift, format_outcome, say
     from cmacexp.sweep.objective import check_metric, read_objective
 
     announce_compiling()
@@ -44,7 +44,8 @@ def run_job(composed: DictConfig) -> float | None:
         elif result.status == "failed":
             say(f"error: {name}: {result.manifest['cause']}", error=True)
         else:
-            say(f"{name}: {format_outcome(result)}")
+            drift = describe_drift(result)
+            say(f"{name}: {format_outcome(result)}{'; ' if drift else ''}{drift}")
         if result is not None and result.status == "interrupted":
             raise KeyboardInterrupt
     return None if metric is None else read_objective(metric, read_summary(folder))
@@ -85,7 +86,7 @@ def _write_failure(folder: Path, composed: DictConfig, error: Exception, cause: 
         clear(folder)
         manifests.write(folder, manifest)
     except OSError:
-        pass  # a run without a manifest counts as not whole, and the terminal shows its cause
+        pass  # a run without a manifest counts as not intact, and the terminal shows its cause
 
 
 def _resolve(composed: DictConfig) -> dict[str, Any]:

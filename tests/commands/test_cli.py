@@ -98,7 +98,7 @@ BAD = {
     "cmac=null": "a group takes the name of an option",
     "~plant": "plant=None: must be a group of fields",
     "cycles=${nope}": "interpolation key 'nope' not found",
-    "cmac.layers=many": "cmac.layers=many: value 'many' of type 'str' could not be converted to Integer",
+    "cmac.layers=many": "cmac.layers=many: must be a whole number",
     "sampling_period=0.007": "sampling_period=0.007: must divide gait.cycle_time=3 s",
     "gait.stroke=2": "gait.stroke=2.0: the foot of leg 1 would be",
     "feedforward._target_=os.system": "feedforward._target_=os.system: cannot be made",
@@ -206,7 +206,7 @@ def test_score_gives_the_same_metrics_again(run, tmp_path):
 def test_commands_refuse_a_folder_without_a_run(command, tmp_path):
     done = python("-m", f"cmacexp.{command}", str(tmp_path), folder=tmp_path)
     assert done.returncode == 2
-    assert "holds no run" in done.stderr
+    assert "contains no run" in done.stderr
 
 
 def test_interrupt_keeps_what_there_is(tmp_path):

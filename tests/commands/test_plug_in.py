@@ -160,11 +160,11 @@ BAD = {
     "{}.Missing": "has no Missing; it has Breaks, BreaksAtOnce, CannotBeMade, Flat, Needs, Reports, Stiff, Still",
     "{}.Stil": "did you mean Still?",
     "{}x.Still": "there is no module {}x, neither in",
-    "{}.number": "is not a class but of type int",
+    "{}.number": "must be a class, but is of type int",
     "Still": "must name a class as module.Class",
     "{}.Needs": "controller.stiffness=(not set): {}.Needs takes stiffness: give it one with +controller.stiffness=",
     "{}.Still +controller.gian=3": "controller.gian=3: {}.Still takes gain; did you mean gain?",
-    "collections.OrderedDict": "is no controller: it has no reset and no act",
+    "collections.OrderedDict": "is not a controller: it has no reset and no act",
     "os.system": "cannot be made",
 }
 
@@ -183,7 +183,7 @@ def test_a_target_that_cannot_be_made_is_told_in_a_line(here, target):
     [
         ("def f(:", "SyntaxError"),
         ("x = unknown", "NameError: name 'unknown'"),
-        ("import no_such", "no module no_such"),
+        ("import no_such", "no module named no_such"),
     ],
 )
 def test_a_file_that_cannot_be_imported_keeps_its_traceback(here, tmp_path, text, told):

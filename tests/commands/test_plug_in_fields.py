@@ -104,7 +104,7 @@ def test_a_class_with_a_config_gets_typed_and_checked_fields(typed):
     assert make_scenario(compose(typed)).controller.gain == 2.0
     for wrong, told in {
         "gain=-1": "controller.gain=-1.0: must be above 0 (N m/rad)",
-        "gain=much": "controller.gain=much: value 'much' of type 'str' could not be converted to Float",
+        "gain=much": "controller.gain=much: must be a number",
         "legs=[0]": "controller.legs=0: must be at least 1 (leg)",
         "gian=1": "takes gain, legs; did you mean gain?",
     }.items():

@@ -1,5 +1,6 @@
 """Reports of a run and of a sweep, from the command line: whole files, what they rest on, what they refuse."""
 
+import itertools
 import json
 import math
 import re
@@ -214,7 +215,7 @@ def test_folders_that_hold_no_whole_run_are_refused(leg, tmp_path):
     (untraced / "trace.parquet").unlink()
     for folder, told in (
         (tmp_path / "nowhere", "no such folder"),
-        (tmp_path / "empty", "holds no run"),
+        (tmp_path / "empty", "contains no run"),
         (untraced, "trace.parquet: missing"),
     ):
         done = report(folder)
@@ -246,7 +247,7 @@ def test_a_quadruped_that_fell_says_why(fallen):
 
 def test_a_sweep_is_told_by_what_was_swept(sweep, told):
     rows = [line.split() for line in told.splitlines()]
-    assert [row[:3] for row in rows[2:4]] == [["0", "2", "completed"], ["1", "10", "completed"]]
+    assert [row[:3] for row in rows[3:5]] == [["0", "2", "completed"], ["1", "10", "completed"]]
     assert "What differs between them: cmac.layers." in text_of(sweep)
     names = {path.stem for path in (sweep / "report" / "figures").iterdir()}
     assert {"learning", "over-cmac-layers", "side-by-side-force"} <= names
@@ -277,7 +278,7 @@ def test_a_broken_run_is_listed_and_in_no_figure(sweep, tmp_path):
     (copy / "1" / "manifest.json").unlink()
     runs = [read_summary(copy / name) for name in "01"]
     content = make_sweep_report(runs, "sweep", copy / "report")
-    assert "2 runs: 1 completed, 1 not whole" in content.summary
+    assert "2 runs: 1 completed, 1 not intact" in content.summary
     cells = [cell for part in parts_of(content) if isinstance(part, Table) for row in part.rows for cell in row]
     assert any("the run was killed before its end" in cell for cell in cells)
     assert copy / "0" / "trace.parquet" in content.inputs
@@ -289,7 +290,7 @@ def test_a_report_is_no_run_to_the_other_commands(sweep, told):
     for command in ("score", "verify"):
         done = python("-m", f"cmacexp.{command}", str(sweep), folder=sweep.parent)
         assert done.returncode == 0, done.stderr
-    assert done.stdout.count(": completed") == 4
+    assert done.stdout.count(": intact (completed)") == 4
 
 
 def test_final_and_best_are_of_whole_cycles(leg):
@@ -349,11 +350,13 @@ def test_jobs_come_in_the_order_of_their_numbers(tmp_path):
     assert [path.name for path in sort_folders(folders)] == ["1", "2", "10", "a"]
 
 
-def test_a_long_table_keeps_its_ends():
+def test_a_long_table_keeps_its_ends_and_evenly_spaced_rows_between():
     rows = [[str(i), ""] for i in range(1000)]
     short = shorten(rows)
-    assert (short[0], short[12], short[-1]) == (rows[0], ["...", ""], rows[-1])
-    assert len(short) == 25
+    assert (short[:6], short[-6:]) == (rows[:6], rows[-6:])
+    assert short == sorted(short, key=rows.index)
+    gaps = {rows.index(later) - rows.index(row) for row, later in itertools.pairwise(short[5:-5])}
+    assert max(gaps) - min(gaps) <= 1
     assert shorten(rows[:24]) == rows[:24]
 
 

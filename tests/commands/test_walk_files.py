@@ -1,26 +1,35 @@
 """What a walk leaves behind: its tables, their scores, and the refusal of bad input."""
 
+import shutil
+
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from pandas.testing import assert_frame_equal
 from support.command import cmacexp, python
 from support.walks import ALL_THREE, FALLING, LIFT_OFF, PERIOD, STEPS, TOUCH_DOWN
 
+from cmacexp.data import manifest as manifests
+from cmacexp.data.parquet import write_table
+from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.trace import assemble
 from cmacexp.metrics import compute
+from cmacexp.score import score
 
 BODY = {
     "step": "", "time": "s", "cycle": "", "height": "m", "pitch": "rad", "roll": "rad", "yaw": "rad",
     "cog_x": "m", "cog_y": "m",
     "stability_margin": "m", "margin_front": "m", "margin_rear": "m", "supporting_legs": "",
+    "true_stability_margin": "m", "true_margin_front": "m", "true_margin_rear": "m",
 }  # fmt: skip
 BODY_METRICS = {
     "cycle": None, "height_mean": "m", "height_min": "m", "height_max": "m", "tilt_max": "rad",
     "stability_margin_min": "m", "margin_front_min": "m", "margin_rear_min": "m",
+    "true_stability_margin_min": "m", "true_margin_front_min": "m", "true_margin_rear_min": "m",
 }  # fmt: skip
 
 
@@ -82,10 +91,10 @@ def test_body_metrics_are_ranges_and_minima_of_each_cycle(walk):
             "height_min": cycles.height.min(),
             "height_max": cycles.height.max(),
             "tilt_max": cycles[["pitch", "roll"]].agg(lambda angle: angle.abs().max()).max(axis=1),
-            **{f"{name}_min": cycles[name].min() for name in ("stability_margin", "margin_front", "margin_rear")},
+            **{f"{name}_min": cycles[name].min() for name in BODY if "margin" in name},
         }
     )
-    pd.testing.assert_frame_equal(run.body_metrics, expected, rtol=1e-14, check_index_type=False)
+    assert_frame_equal(run.body_metrics, expected, rtol=1e-14, check_index_type=False)
 
 
 def test_score_gives_the_same_metrics_of_the_body_again(walk):
@@ -96,14 +105,21 @@ def test_score_gives_the_same_metrics_of_the_body_again(walk):
     assert (folder / "body_metrics.parquet").read_bytes() == before
 
 
+def test_score_finds_the_true_margins_of_a_run_whose_body_was_written_without_them(walk, tmp_path):
+    folder = shutil.copytree(walk(*FALLING).folder, tmp_path / "run")
+    write_table(pq.read_table(folder / "body.parquet").drop_columns(TRUE_MARGINS), folder / "body.parquet")
+    manifests.update_files(folder, ["body.parquet"])
+    assert_frame_equal(score(folder).body.to_pandas(), walk(*FALLING).body_metrics.reset_index(), check_dtype=False)
+
+
 BAD = {
     "gait.duty_factor=0.7": "gait.duty_factor=0.7: must be at least 0.75",
     "gait.touch_down=[0,0,0.5,0.5]": "only 2 feet are down at t = 0.900 s",
-    "gait.touch_down=[0,0.5,0.25,0.75]": "the stability margin is -0.0538 m at t = 0.150 s",
+    "gait.touch_down=[0,0.5,0.25,0.75]": "the planned stability margin is -0.0538 m at t = 0.150 s",
     "gait.stroke=0.5": "legs left_front and left_rear would cross at t = ",
     "gait.lift=0.55": "gait.lift=0.55: leg 1 cannot lift its foot to ",
     "machine.hip_height=0.75": "machine.hip_height=0.75: the foot of leg 1 would be",
-    "force_control.desired_force=3": "the weight is shared out",
+    "force_control.desired_force=3": "the feet share the weight",
     "machine.legs.left_fron.mass_1=1": "did you mean machine.legs.left_front?",
 }
 

@@ -66,7 +66,7 @@ def test_a_negative_margin_is_a_fall_when_it_lasts_longer_than_a_quarter_of_a_se
     longest = round(LONGEST_UNSTABLE / PERIOD)
     reasons = [stop_at(guard, (0.5, 0.0, 0.0), sample=k) for k in range(longest + 1)]
     assert reasons[:-1] == [(RUNNING, "")] * longest
-    assert reasons[-1] == (FELL, "at step 200 (t = 1.000 s): stability margin negative for more than 0.25 s")
+    assert reasons[-1] == (FELL, "at step 200 (t = 1.000 s): planned stability margin negative for more than 0.25 s")
 
 
 def test_a_margin_that_is_positive_or_undefined_in_between_starts_the_time_anew(guard):

@@ -198,11 +198,11 @@ def test_the_plant_chooses_settings_that_walk_and_the_command_line_wins(make_con
     [
         (
             ["scenario=quadruped", "plant=mujoco_leg"],
-            "machine.kind=quadruped: must be leg with plant=mujoco_leg: take scenario=one_leg",
+            "machine.kind=quadruped: must be leg with plant=mujoco_leg: use scenario=one_leg",
         ),
         (
             ["scenario=force_step", "plant=mujoco_leg"],
-            "machine.kind=point_mass: must be leg with plant=mujoco_leg: take scenario=one_leg",
+            "machine.kind=point_mass: must be leg with plant=mujoco_leg: use scenario=one_leg",
         ),
         ([*WALK, "plant.friction=0"], "plant.friction=0.0: must be above 0 and at most 10"),
         (

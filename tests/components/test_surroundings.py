@@ -179,14 +179,17 @@ def test_only_the_ground_around_the_machine_counts(run):
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["terrain.step_factor=3"], "terrain.step_factor=3.0: needs a terrain.step_time, from 0 to below 15 s"),
-        (["terrain.step_legs=[1]"], "terrain.step_legs=[1]: needs a terrain.step_time"),
+        (["terrain.step_factor=3"], "terrain.step_factor=3.0: needs terrain.step_time, at least 0 and below 15 s"),
+        (["terrain.step_legs=[1]"], "terrain.step_legs=[1]: needs terrain.step_time"),
         (["terrain.step_time=15"], "terrain.step_time=15.0: must be below 15 s, the end of the run"),
         (["terrain.step_time=1", "terrain.step_legs=[2]"], "terrain.step_legs=[2]: must be 1; or null for all"),
         (["terrain.step_time=1", "terrain.step_legs=[]"], "terrain.step_legs=[]: must be 1; or null for all"),
         (["terrain.step_time=-1"], "terrain.step_time=-1.0: must be at least 0 (s)"),
         (["terrain.slope=1"], "terrain.slope=1.0: must be above -1 and below 1"),
-        (["terrain.slope=0.1", "terrain.slope_start=0.1"], "terrain.slope_start=0.1: must be below 0.1 m, as far as"),
+        (
+            ["terrain.slope=0.1", "terrain.slope_start=0.1"],
+            "terrain.slope_start=0.1: must be below 0.1 m, the furthest",
+        ),
         (["payload.weight=10"], "payload.weight=10.0: must be 0 with machine.kind=leg: it has no body"),
         ([*WALK, "payload.weight=-1"], "payload.weight=-1.0: must be at least 0 (N)"),
         ([*WALK, "payload.weight=10", "payload.time=6"], "payload.time=6.0: must be below 6 s, the end of the run"),

@@ -106,8 +106,12 @@ def test_a_run_is_stale_once_the_weights_it_began_with_have_changed(make_config,
         ("rbf", ["feedforward=ilc"], "learnt with feedforward=rbf"),
         ("ilc", ["sampling_period=0.01"], "weights for 600 samples, this cycle has 300"),
         ("cmac", ["learning.start_from=nowhere"], "must be the folder of a run with record.weights=true"),
-        ("cmac", ["feedforward=none"], "NoFeedforward learns nothing"),
-        ("cmac", ["feedforward=inverse_dynamics", "learning.start_from=null", "record.weights=true"], "nothing that"),
+        ("cmac", ["feedforward=none"], "NoFeedforward learns no weights"),
+        (
+            "cmac",
+            ["feedforward=inverse_dynamics", "learning.start_from=null", "record.weights=true"],
+            "must be false",
+        ),
     ],
 )
 def test_what_cannot_be_started_from_is_refused_in_a_line(make_config, trained, name, more, said):
@@ -119,5 +123,5 @@ def test_what_cannot_be_started_from_is_refused_in_a_line(make_config, trained, 
 
 def test_a_run_without_weights_cannot_be_started_from(make_config, tmp_path):
     run_scenario(make_config(*COMMON, "cycles=1"), tmp_path)
-    with pytest.raises(BadInput, match=r"learning\.start_from=.*did not keep its weights"):
+    with pytest.raises(BadInput, match=r"learning\.start_from=.*did not store its weights"):
         make_scenario(make_config(*COMMON, f"learning.start_from={tmp_path}"))

@@ -216,6 +216,14 @@ def test_margins_do_not_depend_on_the_order_of_the_feet():
             assert_allclose(margins(feet[order]), margins(feet), atol=1e-12)
 
 
+def test_margins_of_some_feet_at_many_moments_are_those_of_each_moment():
+    sets = np.array(random_feet(4, 4, seed=5)[:64]).reshape(8, 8, 4, 2)
+    down = np.random.default_rng(6).random((8, 8, 4)) < 0.7
+    each = [margins(feet[own]) for feet, own in zip(sets.reshape(64, 4, 2), down.reshape(64, 4), strict=True)]
+    assert_array_equal(margins(sets, down), np.reshape(each, (8, 8, 3)))
+    assert np.isnan(each).any()
+
+
 @pytest.mark.parametrize(
     ("feet", "expected"),
     [
@@ -266,7 +274,7 @@ def test_a_gait_with_the_centre_of_gravity_outside_is_refused_with_the_instant_a
 
 def test_a_body_in_front_of_its_feet_is_refused_with_the_instant_and_the_margin(refusal):
     hips = [f"machine.legs.{side}_front.hip_x=0.05" for side in ("left", "right")]
-    assert re.search(r"the stability margin is -[\d.]+ m at t = [\d.]+ s, below 0", str(refusal(*hips)))
+    assert re.search(r"the planned stability margin is -[\d.]+ m at t = [\d.]+ s, below 0", str(refusal(*hips)))
 
 
 @pytest.mark.parametrize("duty", [0.5, 0.7, 0.745, 1.0])

@@ -1,0 +1,94 @@
+"""Tables in the terminal: as wide as the terminal, with a key of their columns."""
+
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from cmacexp.data.tables import METRICS_CSV, Scores
+from cmacexp.metrics.metric import BODY, Shown
+from cmacexp.metrics.registry import ALL_METRICS, SHOWN
+from cmacexp.metrics.summary import shorten, tabulate_cycles
+
+WIDTH = 400
+"""Most characters in a line of a table if the output is not a terminal."""
+TEXT_WIDTH = 80
+"""Most characters in a line of a key."""
+GAP = 2
+
+
+def _terminal_width() -> int:
+    from rich.console import Console
+
+    return Console().width if sys.stdout.isatty() else WIDTH
+
+
+def _split(widths: Sequence[int], line: int, repeated: int) -> Iterator[list[int]]:
+    """Columns that fit into a line side by side; the first ``repeated`` begin every group."""
+    group: list[int] = []
+    for column, width in enumerate(widths):
+        if len(group) > repeated and sum(widths[i] + GAP for i in group) + width > line:
+            yield group
+            group = list(range(repeated))
+        group.append(column)
+    yield group
+
+
+def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]], left: int = 0) -> None:
+    """Print rows under their titles; columns that do not fit into a line follow below, after the first one.
+
+    Args:
+        titles: of the columns, with line breaks; the unit is the last line.
+        rows: cells as text.
+        left: so many columns hold text and stand to the left.
+    """
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    cells = [titles, *rows]
+    widths = [max(len(line) for row in cells for line in row[i].split("\n")) for i in range(len(titles))]
+    width = _terminal_width()
+    for group in _split(widths, width, repeated=1):
+        table = Table(box=None, pad_edge=False, padding=(0, GAP, 0, 0), header_style="bold")
+        for i in group:
+            table.add_column(Text(titles[i]), justify="left" if i < left else "right", overflow="fold")
+        for row in rows:
+            table.add_row(*(Text(row[i]) for i in group))
+        Console(highlight=False, width=width).print(table)
+
+
+def head(shown: Shown) -> str:
+    """Short title and unit of a metric."""
+    return f"{shown.head or shown.title}\n{shown.unit}"
+
+
+def print_key(names: Iterable[str], legs: int) -> None:
+    """Print what the columns of metrics mean, their names in the files, and how several legs are pooled."""
+    from textwrap import wrap
+
+    print()
+    poolings: dict[str, list[str]] = {}
+    for name in names:
+        metric = ALL_METRICS[name]
+        title = (SHOWN[name].head or SHOWN[name].title).replace("-\n", "").replace("\n", " ")
+        poolings.setdefault(metric.pooling.name, []).append(title)
+        lines = wrap(f"{title:<14} {metric.meaning} ({name})", TEXT_WIDTH, subsequent_indent=" " * 15)
+        print("\n".join(lines))
+    poolings.pop(BODY.name, None)
+    if legs > 1:
+        pooled = "; ".join(f"{pooling} of {', '.join(titles)}" for pooling, titles in poolings.items())
+        print("\n".join(wrap(f"over the legs: {pooled}", TEXT_WIDTH, subsequent_indent=" " * 15)))
+
+
+def print_scores(scores: Scores, folder: Path) -> list[str]:
+    """Print the main metrics of a run per cycle, pooled over the legs; of a long run some, and where all are.
+
+    Returns:
+        The names of the metrics.
+    """
+    main, rows = tabulate_cycles(scores)
+    shown = shorten(rows)
+    print_table(["cycle\n", *map(head, main.values())], shown)
+    if len(shown) < len(rows):
+        print(f"{len(shown)} of {len(rows)} cycles; all are in {folder / METRICS_CSV}")
+    return list(main)

@@ -1,0 +1,89 @@
+"""What is printed fits the terminal, and nothing is left out in silence."""
+
+import numpy as np
+import pytest
+
+from cmacexp.data.tables import Scores
+from cmacexp.metrics.body import BODY_METRICS
+from cmacexp.metrics.metric import CYCLE, LEG, to_table
+from cmacexp.metrics.registry import MAIN, METRICS
+from cmacexp.report import terminal_tables
+from cmacexp.report.comparison import print_runs
+from cmacexp.report.run_summary import RunSummary
+from cmacexp.report.terminal import format_folder
+from cmacexp.report.terminal_tables import head, print_key, print_scores, print_table
+
+
+def make_scores(legs, cycles):
+    values = {name: np.full((cycles, legs), 9.0) for name in METRICS}
+    if legs == 1:
+        values["force_rmse_three_feet"][:] = np.nan
+    cycle, leg = np.repeat(np.arange(1, cycles + 1), legs), np.tile(np.arange(1, legs + 1), cycles)
+    body = {name: np.full(cycles, 0.009) for name in BODY_METRICS}
+    own = to_table({"cycle": (CYCLE, np.arange(1, cycles + 1))}, body, BODY_METRICS) if legs > 1 else None
+    return Scores(to_table({"cycle": (CYCLE, cycle), "leg": (LEG, leg)}, values, METRICS), own)
+
+
+@pytest.fixture
+def narrow(monkeypatch):
+    """A terminal of so many columns."""
+    return lambda width: monkeypatch.setattr(terminal_tables, "_terminal_width", lambda: width)
+
+
+def numbers_in(text):
+    return [line.split() for line in text.splitlines() if line.split()[:1] and line.split()[0].isdecimal()]
+
+
+@pytest.mark.parametrize("legs", [1, 4])
+def test_the_table_of_a_run_fits_80_columns_in_one_piece(legs, narrow, capsys, tmp_path):
+    narrow(80)
+    names = print_scores(make_scores(legs, 5), tmp_path)
+    print_key(names, legs)
+    printed = capsys.readouterr().out
+    assert max(map(len, printed.splitlines())) <= 80
+    assert [len(row) for row in numbers_in(printed)] == [1 + len(names)] * 5
+    assert all(f"({name})" in printed for name in names)
+
+
+def test_columns_that_do_not_fit_follow_below(narrow, capsys):
+    narrow(20)
+    print_table(["run", "first\nmm", "second\nmm", "third\nmm"], [["1", "2", "3", "4"], ["5", "6", "7", "8"]], left=1)
+    printed = capsys.readouterr().out
+    assert max(len(line.rstrip()) for line in printed.splitlines()) <= 20
+    assert numbers_in(printed) == [["1", "2", "3"], ["5", "6", "7"], ["1", "4"], ["5", "8"]]
+
+
+def test_a_cell_wider_than_the_terminal_is_folded_not_cut(narrow, capsys):
+    narrow(20)
+    print_table(["run"], [["a" * 50]], left=1)
+    assert capsys.readouterr().out.count("a") == 50
+
+
+def test_a_long_run_says_where_all_of_its_cycles_are(narrow, capsys, tmp_path):
+    narrow(80)
+    print_scores(make_scores(1, 60), tmp_path)
+    printed = capsys.readouterr().out
+    assert [row[0] for row in numbers_in(printed)][:6] == ["1", "2", "3", "4", "5", "6"]
+    assert [row[0] for row in numbers_in(printed)][-1] == "20"  # "20 of 60 cycles", after the last row
+    assert f"20 of 60 cycles; all are in {tmp_path / 'metrics.csv'}" in printed.replace("\n", "")
+
+
+def test_a_table_of_many_runs_says_where_all_of_them_are(narrow, capsys, tmp_path):
+    narrow(80)
+    runs = [RunSummary(tmp_path / str(number), "failed", "", {"a.b": number}) for number in range(30)]
+    print_runs(runs, ["a.b"], tmp_path / "sweep.csv")
+    printed = capsys.readouterr().out
+    assert "20 of 30 runs; all are in " in printed
+    assert "metrics" not in printed  # none is defined
+
+
+def test_short_titles_are_shorter_and_differ():
+    heads = [head(shown).split("\n")[:-1] for shown in MAIN.values()]
+    assert len({tuple(lines) for lines in heads}) == len(heads)
+    assert max(len(line) for lines in heads for line in lines) <= 8
+
+
+def test_a_folder_is_printed_as_a_command_takes_it(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert format_folder(tmp_path / "a run") == "'a run'"
+    assert format_folder(tmp_path.parent) == str(tmp_path.parent)
