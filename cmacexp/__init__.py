@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING, Any
 from cmacexp.data.version import __version__
 
 if TYPE_CHECKING:
-    from cmacexp.api import load, run
+    from cmacexp.experiment.api import load, run
 
 __all__ = ["__version__", "load", "run"]
 
 
 def __getattr__(name: str) -> Any:
-    """:func:`cmacexp.api.run` and :func:`cmacexp.api.load`, imported when they are first asked for."""
+    """``run`` and ``load`` of :mod:`cmacexp.experiment.api`, imported when they are first asked for."""
     if name in ("load", "run"):
-        from cmacexp import api
+        from cmacexp.experiment import api
 
         return getattr(api, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

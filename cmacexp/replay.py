@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 from cmacexp.cli.command import command
 from cmacexp.cli.viewer import open_window, require_display, serve_web
-from cmacexp.cli.working import show_work
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, runs_below
 from cmacexp.data.tables import BODY, RECORDING, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
+from cmacexp.report.terminal import activity
 
 COMPARISONS = Path("outputs", "comparisons")
 """Default folder of comparisons."""
@@ -160,7 +160,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         shown += " (as it was built; --rebuild builds it anew)"
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with show_work(f"building {path}"):
+        with activity(f"building {path}"):
             shown = compare(folders, path, options) if len(folders) > 1 else rebuild(folders[0], path, options)
     print(f"{path}: {shown}", flush=True)
     return 0 if arguments.no_viewer else serve_web(path) if arguments.web else open_window(path)

@@ -40,6 +40,16 @@ def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
         return write_report(make_run_report(StoredRun(folder), asked), out, say=say)
 
 
+def _animate(folder: Path, cycles: str | None, out: Path) -> Path:
+    from cmacexp.report.animation import ANIMATION, view_cycles, write_animation
+
+    views, path = view_cycles(StoredRun(folder), _parse_cycles(cycles) if cycles else []), out / ANIMATION
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with activity(f"drawing {path}"):
+        write_animation(views, path)
+    return path
+
+
 def _report_of_several(folders: Sequence[Path], given: Sequence[Path], cycles: str | None, out: Path) -> Path:
     if cycles:
         raise BadInput("--cycles", cycles, f"is for the report of one run, but {len(folders)} runs were given")
@@ -63,7 +73,11 @@ def _report(arguments: argparse.Namespace) -> int:
     given: list[Path] = arguments.folders
     folders = list(dict.fromkeys(run for folder in given for run in sort_folders(runs_below(folder))))
     out = _find_destination(given, arguments.out)
-    if len(folders) == 1:
+    if arguments.gif and len(folders) > 1:
+        raise BadInput("--gif", True, f"is for one run, but {len(folders)} were given")
+    if arguments.gif:
+        print(_animate(folders[0], arguments.cycles, out))
+    elif len(folders) == 1:
         print(_report_of_one(folders[0], arguments.cycles, out))
     else:
         print(_report_of_several(folders, given, arguments.cycles, out))
@@ -73,11 +87,12 @@ def _report(arguments: argparse.Namespace) -> int:
 def main() -> int:
     """Run the command."""
     description = "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page."
+    flags = [("--gif", "instead of a page, cycles of one run side by side as a moving picture")]
     values = [
         ("--cycles", "1,2,5", "cycles of one run to show (default: a selection)"),
         ("--out", "FOLDER", f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)"),
     ]
-    return command("cmacexp.report", description, _report, (), values)
+    return command("cmacexp.report", description, _report, flags, values)
 
 
 if __name__ == "__main__":

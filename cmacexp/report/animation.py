@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cmacexp.data.files import write_atomically
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.tables import read_traces, steps_by_cycle
+from cmacexp.errors import BadInput, BadRun
 from cmacexp.recording import palette
 from cmacexp.recording.ground import depression_scale
-from cmacexp.recording.run_view import RunView
+from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.report.machine import draw_side, in_travel, joints
 from cmacexp.report.style import DESIRED, SERIES, STYLE, colour
 from cmacexp.typing import Array
@@ -19,6 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from PIL.Image import Image
 
+ANIMATION = "animation.gif"
+MOST_CYCLES = 3
+"""More side by side are too narrow."""
 WIDTH, HEIGHT, DPI = 8.0, 4.8, 100
 """Of a frame, inches and pixels per inch."""
 FRAMES_PER_SECOND = 12.5
@@ -155,6 +161,26 @@ def draw_frame(cycles: Sequence[Cycle], part: float, limits: Limits) -> "Image":
     memory = BytesIO()
     figure.savefig(memory, format="png", dpi=DPI)
     return Image.open(memory).convert("RGB")
+
+
+def view_cycles(run: StoredRun, asked: Sequence[int]) -> list[RunView]:
+    """A view of each cycle that is asked for; of the first and the last whole one if none is.
+
+    Raises:
+        BadInput: the trace does not have them whole, or they are too many.
+        BadRun: the trace has no whole cycle.
+    """
+    kept = steps_by_cycle(run.folder)
+    whole = [cycle for cycle, steps in kept.items() if steps == max(kept.values())]
+    if not whole or run.whole_cycles == 0:
+        raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
+    if len(asked) > MOST_CYCLES or not set(asked) <= set(whole):
+        text, last = ",".join(map(str, asked)), whole[-1]
+        raise BadInput(
+            "--cycles", text, f"write up to {MOST_CYCLES} whole cycles from {whole[0]} to {last} for --gif"
+        )
+    cycles = asked or sorted({whole[0], whole[-1]})
+    return [make_view(read_traces(run.folder, (cycle, cycle)), run.config) for cycle in cycles]
 
 
 def write_animation(views: Sequence[RunView], path: Path) -> int:

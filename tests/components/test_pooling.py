@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from support.command import cmacexp
 
-from cmacexp.api import load
 from cmacexp.data import manifest as manifests
 from cmacexp.data.parquet import as_array
 from cmacexp.data.tables import Scores, write_scores
+from cmacexp.experiment.api import load
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import (
     CYCLE,

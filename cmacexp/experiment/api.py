@@ -11,7 +11,7 @@ from cmacexp.config.component import COMPONENTS
 from cmacexp.config.compose import compose_config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.summary import format_cycles
 
