@@ -1,4 +1,4 @@
-/* The loop of one leg in plain C: the arithmetic of cmacexp/rollout/fused.py for scenario=one_leg, function by
+/* The loop of one leg in plain C: the arithmetic of cmacexp/loop/compiled.py for scenario=one_leg, function by
  * function, but for one thing: the rows of the CMAC are hashed anew in every step instead of being looked up in a
  * table. Built with contraction of products and sums off, it gives the bits of the Python source. */
 

@@ -9,15 +9,15 @@ def read(weights: Array, cells: Cells, output: Array) -> None:
     """Sum of the active weights: D_d = sum W_i (Lin & Song 1997, eq. 18).
 
     Args:
-        weights: (rows, outputs).
+        weights: (rows, 2).
         cells: (C,): active rows.
-        output: (outputs,): filled.
+        output: (2,): filled; both sums in one pass, which the processor computes in parallel.
     """
-    for o in range(output.shape[0]):
-        total = 0.0
-        for j in range(cells.shape[0]):
-            total += weights[cells[j], o]
-        output[o] = total
+    first, second = 0.0, 0.0
+    for j in range(cells.shape[0]):
+        first += weights[cells[j], 0]
+        second += weights[cells[j], 1]
+    output[0], output[1] = first, second
 
 
 @kernel
@@ -27,16 +27,16 @@ def train(weights: Array, cells: Cells, error: Array, rate: float) -> None:
     :func:`cmacexp.cmac.rules.train_by_rule` gives the same bits in 150 ns instead of 50 ns with 32 layers.
 
     Args:
-        weights: (rows, outputs): changed in place.
+        weights: (rows, 2): changed in place.
         cells: (C,): active rows.
-        error: (outputs,): U, the output of the feedback controller.
+        error: (2,): U, the output of the feedback controller.
         rate: beta.
     """
     layers = cells.shape[0]
-    for o in range(error.shape[0]):
-        share = rate * error[o] / layers
-        for j in range(layers):
-            weights[cells[j], o] += share
+    first, second = rate * error[0] / layers, rate * error[1] / layers
+    for j in range(layers):
+        weights[cells[j], 0] += first
+        weights[cells[j], 1] += second
 
 
 @kernel

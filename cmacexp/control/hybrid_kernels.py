@@ -18,7 +18,7 @@ from cmacexp.control.fault_detection import (
 )
 from cmacexp.control.lead import Lead, lead_step
 from cmacexp.jit.compiler import kernel
-from cmacexp.models.body import depth, depth_rate
+from cmacexp.models.body import LEVEL, Pose, depth, depth_rate, make_pose
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism, torque_for
 from cmacexp.planning.columns import FORCE_ADDED, FORCE_DESIRED, FORCE_REFERENCE, VX, VY, X, Y
 from cmacexp.typing import Array, Mask, Scratch, State
@@ -80,28 +80,28 @@ def position_error(params: HybridParams, reference: float, reference_rate: float
 
 
 @kernel
-def posture_term(params: HybridParams, i: int, body: Array) -> float:
+def posture_term(params: HybridParams, i: int, pose: Pose) -> float:
     """Posture term of the reference of a supporting foot, gain x (h0 - h_i), m (section 6.2).
 
-    ``body`` (3,) is height, pitch and roll; h_i is the height of hip i.
+    ``pose`` is that of the body; h_i is the height of hip i.
     """
     if params.mechanism.kind != LEGS_UNDER_BODY or params.posture_gain == 0.0:
         return 0.0
     hips = params.mechanism.hips
-    return params.posture_gain * (params.mechanism.hip_height + depth(body, hips[i, 0], hips[i, 1], 0.0))
+    return params.posture_gain * (params.mechanism.hip_height + depth(pose, hips[i, 0], hips[i, 1], 0.0))
 
 
 @kernel
-def posture_rate_term(params: HybridParams, i: int, body: Array, rate: Array) -> float:
+def posture_rate_term(params: HybridParams, i: int, pose: Pose, rate: Array) -> float:
     """Posture term of the velocity reference of a supporting foot, -gain x dh_i/dt, m/s.
 
     With the gain of :func:`posture_term` it is the derivative of that term, which the paper leaves out: a body with
-    inertia rocks without it. ``rate`` (3,) is that of ``body`` (3,).
+    inertia rocks without it. ``rate`` (3,) is that of height, pitch and roll.
     """
     if params.mechanism.kind != LEGS_UNDER_BODY or params.posture_rate_gain == 0.0:
         return 0.0
     hips = params.mechanism.hips
-    return params.posture_rate_gain * depth_rate(body, rate, hips[i, 0], hips[i, 1])
+    return params.posture_rate_gain * depth_rate(pose, rate, hips[i, 0], hips[i, 1])
 
 
 @kernel
@@ -133,7 +133,7 @@ def force_error(
 
 @kernel
 def control_force(
-    params: HybridParams, status: FaultStatus, i: int, measured: float, desired: float, foot: Array, body: Array
+    params: HybridParams, status: FaultStatus, i: int, measured: float, desired: float, foot: Array, pose: Pose
 ) -> float:
     """The force that control uses, N: the ``measured`` one unless the sensor of leg ``i`` is excluded.
 
@@ -143,7 +143,7 @@ def control_force(
     """
     if not params.fault_detection.enabled:
         return measured
-    expected = expected_force(params.fault_detection, params.mechanism, i, foot, body)
+    expected = expected_force(params.fault_detection, params.mechanism, i, foot, pose)
     if update_status(params.fault_detection, status, i, measured, expected):
         return measured
     return desired if params.method == STIFFNESS or params.method == COMBINED else expected
@@ -176,13 +176,14 @@ def hybrid_feedback(
         body: (3,): measured height (m), pitch and roll (rad).
         body_rate: (3,): their measured rates, m/s and rad/s.
     """
+    pose = make_pose(body) if params.mechanism.kind == LEGS_UNDER_BODY else LEVEL
     for i in range(support.shape[0]):
         x_error = position_error(params, reference[i, X], reference[i, VX], foot[i, 0], velocity[i, 0])
         y_reference = reference[i, Y]
-        pressed = control_force(params, state.fault_status, i, force[i], reference[i, FORCE_DESIRED], foot, body)
+        pressed = control_force(params, state.fault_status, i, force[i], reference[i, FORCE_DESIRED], foot, pose)
         if support[i]:
-            y_reference += posture_term(params, i, body)
-            vy_reference = reference[i, VY] + posture_rate_term(params, i, body, body_rate)
+            y_reference += posture_term(params, i, pose)
+            vy_reference = reference[i, VY] + posture_rate_term(params, i, pose, body_rate)
             y_error = force_error(
                 params, i, reference, y_reference, vy_reference, foot[i, 1], velocity[i, 1], pressed
             )

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.jit.compiler import kernel
-from cmacexp.models.body import depth
+from cmacexp.models.body import depth, make_pose
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism
 from cmacexp.typing import Array, Clock
 
@@ -55,9 +55,9 @@ def has_fallen(guard: Guard, body: Array) -> bool:
     """Whether the body has no static equilibrium, is too steep or low, or has a negative margin for too long."""
     if not (math.isfinite(body[0]) and abs(body[1]) <= STEEPEST and abs(body[2]) <= STEEPEST):
         return True
-    hips = guard.mechanism.hips
+    hips, pose = guard.mechanism.hips, make_pose(body)
     for i in range(hips.shape[0]):
-        if -depth(body, hips[i, 0], hips[i, 1], 0.0) < LOWEST_HIP:
+        if -depth(pose, hips[i, 0], hips[i, 1], 0.0) < LOWEST_HIP:
             return True
     return guard.unstable[0] > guard.longest_unstable
 
@@ -96,7 +96,8 @@ def _explain_fall(guard: Guard, body: Array) -> str:
     for name, angle in (("pitch", body[1]), ("roll", body[2])):
         if abs(angle) > STEEPEST:
             return f"{name} {angle:.3f} rad, beyond {STEEPEST:g} rad"
-    heights = [-depth(body, x, y, 0.0) for x, y in guard.mechanism.hips]
+    pose = make_pose(body)
+    heights = [-depth(pose, x, y, 0.0) for x, y in guard.mechanism.hips]
     lowest = int(np.argmin(heights))
     if heights[lowest] < LOWEST_HIP:
         return f"hip of leg {lowest + 1} at {heights[lowest]:.3f} m, below {LOWEST_HIP:g} m"

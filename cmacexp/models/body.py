@@ -43,28 +43,48 @@ class Load(NamedTuple):
     y: float
 
 
+class Pose(NamedTuple):
+    """Height of a body, m, and sines and cosines of its pitch and roll."""
+
+    height: float
+    sp: float
+    cp: float
+    sr: float
+    cr: float
+
+
+LEVEL = Pose(0.0, 0.0, 1.0, 0.0, 1.0)
+
+
 @kernel
-def depth(body: Array, x: float, y: float, down: float) -> float:
+def make_pose(body: Array) -> Pose:
+    """The pose of ``body`` (3,): height (m), pitch and roll (rad)."""
+    sp, cp = sine_cosine(body[1])
+    sr, cr = sine_cosine(body[2])
+    return Pose(body[0], sp, cp, sr, cr)
+
+
+@kernel
+def depth(pose: Pose, x: float, y: float, down: float) -> float:
     """Depth below the undepressed ground, m, of the point (x, y, -down) in the body frame."""
-    sp, cp = sine_cosine(body[1])
-    sr, cr = sine_cosine(body[2])
-    return -body[0] + x * sp + (down * cr - y * sr) * cp
+    height, sp, cp, sr, cr = pose
+    return -height + x * sp + (down * cr - y * sr) * cp
 
 
 @kernel
-def depth_rate(body: Array, rate: Array, x: float, y: float) -> float:
+def depth_rate(pose: Pose, rate: Array, x: float, y: float) -> float:
     """Speed, m/s, at which the point (x, y, 0) of a body moves down, for a body with ``rate`` (3,), m/s and rad/s."""
-    sp, cp = sine_cosine(body[1])
-    sr, cr = sine_cosine(body[2])
+    _, sp, cp, sr, cr = pose
     return -rate[0] + (x * cp + y * sr * sp) * rate[1] - y * cr * cp * rate[2]
 
 
 @kernel
 def energy(body: Array, hips: Array, foot: Array, stiffness: Array, level: Array, load: Load) -> float:
     """Energy of weight and pressed ground, J."""
-    total = -load.weight * depth(body, load.x, load.y, 0.0)
+    pose = make_pose(body)
+    total = -load.weight * depth(pose, load.x, load.y, 0.0)
     for i in range(hips.shape[0]):
-        pressed = max(0.0, depth(body, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]) - level[i])
+        pressed = max(0.0, depth(pose, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]) - level[i])
         total += 0.5 * stiffness[i] * pressed * pressed
     return total
 
@@ -86,15 +106,14 @@ class Slope(NamedTuple):
 @kernel
 def slope(body: Array, hips: Array, foot: Array, stiffness: Array, level: Array, load: Load, force: Array) -> Slope:
     """Gradient (N and N m) and curvature of the energy; fills ``force`` (L,), N."""
-    sp, cp = sine_cosine(body[1])
-    sr, cr = sine_cosine(body[2])
+    height, sp, cp, sr, cr = make_pose(body)
     ahead, aside, tilt = load.weight * load.x, load.weight * load.y, load.weight * load.y * sr
     h, p, r = load.weight, -(ahead * cp + tilt * sp), aside * cr * cp
     hh, hp, hr, pp, pr, rr = 0.0, 0.0, 0.0, ahead * sp - tilt * cp, -aside * cr * sp, -tilt * cp
     for i in range(hips.shape[0]):
         x, y, down = hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]
         below = x * sp + (down * cr - y * sr) * cp
-        k, f = stiffness[i], contact_force(stiffness[i], below - body[0] - level[i])
+        k, f = stiffness[i], contact_force(stiffness[i], below - height - level[i])
         force[i] = f
         if f > 0.0:
             along = x * cp - (down * cr - y * sr) * sp

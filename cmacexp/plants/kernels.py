@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.jit.compiler import kernel, kernel_apart
-from cmacexp.models.body import Load, balance, depth
+from cmacexp.models.body import Load, balance, depth, make_pose
 from cmacexp.models.ground import (
     Ground,
     contact_force,
@@ -181,9 +181,9 @@ def update_stiffness(params: PlantParams, state: PlantState) -> None:
 @kernel
 def update_depression(params: PlantParams, state: PlantState) -> None:
     """Store the depression of the ground under each foot of a body, for the damping of the next step."""
-    hips = params.mechanism.hips
+    hips, pose = params.mechanism.hips, make_pose(state.body)
     for i in range(hips.shape[0]):
-        down = depth(state.body, hips[i, 0] + state.foot[i, 0], hips[i, 1], state.foot[i, 1])
+        down = depth(pose, hips[i, 0] + state.foot[i, 0], hips[i, 1], state.foot[i, 1])
         state.pressed[i] = max(0.0, down - state.level[i])
 
 

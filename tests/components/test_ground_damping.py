@@ -9,7 +9,7 @@ from support.grounds import NO_PAYLOAD, still_ground
 
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.models.body import depth
+from cmacexp.models.body import depth, make_pose
 from cmacexp.models.ground import contact_force, damped_force, damped_spring
 from cmacexp.models.mechanism import legs_under_body, point_mass
 from cmacexp.planning.machine import make_leg
@@ -159,7 +159,7 @@ def test_feet_of_a_walking_body_press_by_spring_and_damper(make_config):
     config = make_config("scenario=quadruped", "cycles=1", "terrain.damping=50", "feedforward=none")
     rollout = roll_out(make_scenario(config))
     columns, body = rollout.columns(), rollout.body_samples
-    down = np.array([[depth(b, hx + x, hy, y) for (hx, hy), x, y in zip(HIPS, xs, ys, strict=True)]
+    down = np.array([[depth(make_pose(b), hx + x, hy, y) for (hx, hy), x, y in zip(HIPS, xs, ys, strict=True)]
                      for b, xs, ys in zip(body, columns["x"], columns["y"], strict=True)])  # fmt: skip
     pressed = np.maximum(down, 0.0)
     rate = np.diff(pressed, axis=0) / 0.005

@@ -11,6 +11,7 @@ from cmacexp.errors import BadInput
 from cmacexp.experiment import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.models.body import make_pose
 
 LAW = FaultDetection(True, 10.0, 1.0, 0.5, 3.0)
 
@@ -43,11 +44,11 @@ def test_the_expected_force_is_the_true_one_where_all_else_is_known(make_config,
     made = make_scenario(make_config(f"scenario={scenario}", "cycles=1"))
     params, mechanism = LAW._replace(stiffness=made.setup.config.terrain.stiffness), made.setup.mechanism
     rollout = roll_out(made)
-    columns, pose = rollout.columns(), rollout.body_columns()
+    columns, body = rollout.columns(), rollout.body_columns()
     for k in range(0, 600, 7):
         foot = np.stack([columns["x"][k], columns["y"][k]], axis=1)
-        body = np.array([pose[name][k] for name in ("height", "pitch", "roll")])
-        expected = [expected_force(params, mechanism, i, foot, body) for i in range(len(foot))]
+        pose = make_pose(np.array([body[name][k] for name in ("height", "pitch", "roll")]))
+        expected = [expected_force(params, mechanism, i, foot, pose) for i in range(len(foot))]
         np.testing.assert_allclose(expected, columns["force"][k], atol=1e-8)
 
 

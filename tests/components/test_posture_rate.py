@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from cmacexp.control.hybrid_kernels import METHODS, hybrid_feedback, new_hybrid_state, posture_rate_term, posture_term
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.models.body import LEVEL, make_pose
 from cmacexp.models.leg import trigonometry
 
 
@@ -42,14 +43,15 @@ rates, tilts = st.floats(-1.0, 1.0), st.floats(-0.3, 0.3)
 def test_rate_term_is_the_derivative_of_the_posture_term(hybrid_law, height, pitch, roll, dh, dp, dr, leg):
     params = hybrid_law._replace(posture_gain=5.0)
     body, rate, dt = np.array([height, pitch, roll]), np.array([dh, dp, dr]), 1e-6
-    change = posture_term(params, leg, body + dt * rate) - posture_term(params, leg, body - dt * rate)
-    assert posture_rate_term(params, leg, body, rate) == pytest.approx(change / (2.0 * dt), abs=1e-7)
-    assert posture_rate_term(params._replace(posture_rate_gain=0.0), leg, body, rate) == 0.0
+    later, before = (posture_term(params, leg, make_pose(body + t * rate)) for t in (dt, -dt))
+    expected = pytest.approx((later - before) / (2.0 * dt), abs=1e-7)
+    assert posture_rate_term(params, leg, make_pose(body), rate) == expected
+    assert posture_rate_term(params._replace(posture_rate_gain=0.0), leg, make_pose(body), rate) == 0.0
 
 
 def test_one_leg_on_a_stand_has_no_rate_term(make_config):
     params = make_scenario(make_config("scenario=one_leg", "posture.rate_gain=5")).controller.params
-    assert posture_rate_term(params, 0, np.zeros(3), np.ones(3)) == 0.0
+    assert posture_rate_term(params, 0, LEVEL, np.ones(3)) == 0.0
 
 
 def feedback_of(params, support, body_rate):

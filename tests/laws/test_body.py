@@ -11,7 +11,7 @@ from support.grounds import still_ground
 from cmacexp.control.hybrid_kernels import posture_term
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.models.body import Load, balance, depth, energy, slope
+from cmacexp.models.body import Load, balance, depth, energy, make_pose, slope
 from cmacexp.models.ground import stiffness_at
 from cmacexp.plants.environment import make_ground
 
@@ -108,12 +108,13 @@ def tilted(draw):
 def test_depth_is_that_of_the_turned_point(height, pitch, roll, point):
     x, y, down = point
     expected = -in_world((height, pitch, roll), np.array([[x, y, -down]]))[0, 2]
-    assert depth(np.array([height, pitch, roll]), x, y, down) == pytest.approx(expected, abs=1e-12)
+    assert depth(make_pose(np.array([height, pitch, roll])), x, y, down) == pytest.approx(expected, abs=1e-12)
 
 
 def test_pitch_is_positive_nose_down_and_roll_right_side_down():
-    assert depth(np.array([0.5, 0.1, 0.0]), 0.3, 0.0, 0.5) > depth(np.array([0.5, 0.1, 0.0]), -0.3, 0.0, 0.5)
-    assert depth(np.array([0.5, 0.0, 0.1]), 0.0, -0.3, 0.5) > depth(np.array([0.5, 0.0, 0.1]), 0.0, 0.3, 0.5)
+    pitched, rolled = make_pose(np.array([0.5, 0.1, 0.0])), make_pose(np.array([0.5, 0.0, 0.1]))
+    assert depth(pitched, 0.3, 0.0, 0.5) > depth(pitched, -0.3, 0.0, 0.5)
+    assert depth(rolled, 0.0, -0.3, 0.5) > depth(rolled, 0.0, 0.3, 0.5)
 
 
 @given(tilted())
@@ -294,14 +295,15 @@ def hybrid_law(make_config):
 def test_posture_term_is_gain_times_what_the_hip_lacks(hybrid_law, height, pitch, roll, leg):
     params = hybrid_law._replace(posture_gain=5.0)
     lacks = 0.5 - in_world((height, pitch, roll), np.array([[*HIPS[leg], 0.0]]))[0, 2]
-    assert posture_term(params, leg, np.array([height, pitch, roll])) == pytest.approx(5.0 * lacks, abs=1e-12)
-    assert posture_term(params._replace(posture_gain=0.0), leg, np.array([height, pitch, roll])) == 0.0
+    pose = make_pose(np.array([height, pitch, roll]))
+    assert posture_term(params, leg, pose) == pytest.approx(5.0 * lacks, abs=1e-12)
+    assert posture_term(params._replace(posture_gain=0.0), leg, pose) == 0.0
 
 
 def test_one_leg_on_a_stand_has_no_posture(make_config):
     params = make_scenario(make_config("scenario=one_leg")).controller.params
     assert params.posture_gain == 8.0
-    assert posture_term(params, 0, np.array([0.3, 0.1, 0.1])) == 0.0
+    assert posture_term(params, 0, make_pose(np.array([0.3, 0.1, 0.1]))) == 0.0
 
 
 # Ground in patches
