@@ -25,9 +25,6 @@ from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
 from cmacexp.recording.window import Window, make_window
 
-LONGEST_FLUSH = 120.0
-"""Seconds; where the disk is full, rerun's writer can end without telling who waits for it."""
-
 
 class _NoPandas(MetaPathFinder):
     """Reports pandas as missing while it is not imported yet."""
@@ -50,15 +47,6 @@ def _pandas_left_out() -> Iterator[None]:
         yield
     finally:
         sys.meta_path.remove(finder)
-
-
-@contextmanager
-def _as_os_error(path: Path) -> Iterator[None]:
-    """Rerun raises RuntimeError where a file cannot be written."""
-    try:
-        yield
-    except RuntimeError as error:
-        raise OSError(f"{path}: cannot be written ({str(error).splitlines()[0]})") from error
 
 
 class RunEntry(NamedTuple):
@@ -86,21 +74,22 @@ def write_views(
         texts: Markdown by the path of its entity, beside the key.
     """
     texts = {KEY: describe_key([entry.view for entry in entries]), **(texts or {})}
-    with write_atomically(path) as temporary, _as_os_error(path):
-        recording = rr.RecordingStream("cmacexp", recording_id=name)
-        recording.save(temporary, default_blueprint=blueprint)
-        recording.send_recording_name(name)
-        for entity, text in texts.items():
-            recording.log(entity, rr.TextDocument(text, media_type="text/markdown"), static=True)
-        for view, facts in entries:
-            send_facts(recording, view.root, facts)
-            entities = Entities(recording, view)
-            log_machine(entities, view)
-            log_ground(entities, view)
-            log_series(entities, view)
-            log_events(entities, view)
-        recording.flush(timeout_sec=LONGEST_FLUSH)
-        recording.disconnect()
+    recording = rr.RecordingStream("cmacexp", recording_id=name)
+    # In memory first: where the disk is full, rerun's own writer of files ends without telling who waits for it.
+    memory = recording.memory_recording()
+    recording.send_blueprint(blueprint)
+    recording.send_recording_name(name)
+    for entity, text in texts.items():
+        recording.log(entity, rr.TextDocument(text, media_type="text/markdown"), static=True)
+    for view, facts in entries:
+        send_facts(recording, view.root, facts)
+        entities = Entities(recording, view)
+        log_machine(entities, view)
+        log_ground(entities, view)
+        log_series(entities, view)
+        log_events(entities, view)
+    with write_atomically(path) as temporary:
+        temporary.write_bytes(memory.drain_as_bytes())
 
 
 def read_entry(folder: Path, manifest: Manifest, window: Window, label: str, root: str = "") -> RunEntry:

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+from functools import partial
 from urllib.parse import urlsplit
 from urllib.request import urlopen
 
@@ -247,9 +248,10 @@ def test_without_a_display_one_line_says_what_to_do(runs):
 def test_the_viewer_is_served_to_this_machine_alone_until_interrupted(runs, tmp_path):
     command = [sys.executable, "-m", "cmacexp.replay", str(runs / "leg_none"), "--web", "--out", "one.rrd"]
     command += ["--cycles", "1"]
-    with subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    pipe = subprocess.PIPE
+    # Of a test that runs in the background SIGINT may be ignored, which its processes would inherit.
+    listen = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with subprocess.Popen(command, cwd=tmp_path, stdout=pipe, stderr=pipe, text=True, preexec_fn=listen) as process:
         process.stdout.readline()
         address = urlsplit(process.stdout.readline().split()[0])
         assert address.hostname == "127.0.0.1"
