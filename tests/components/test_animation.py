@@ -5,7 +5,9 @@ import pytest
 from PIL import Image
 from support.views import make_walk
 
+import cmacexp
 from cmacexp.report import animation
+from cmacexp.report.__main__ import main
 from cmacexp.report.machine import joints
 
 
@@ -39,3 +41,13 @@ def test_a_picture_plays_for_the_time_of_one_cycle_and_again(tmp_path, monkeypat
             picture.seek(number)
             frames.append(np.asarray(picture.convert("RGB")).copy())
     assert (frames[0] != frames[1]).any()
+
+
+def test_the_command_leaves_it_beside_the_page(tmp_path, monkeypatch):
+    """``docs/recordings.md``, of one leg and in fewer frames."""
+    monkeypatch.setattr(animation, "FRAMES_PER_SECOND", 0.5)
+    run = cmacexp.run(["cycles=3", "gait.cycle_time=1.5", "record=trace"], tmp_path / "run")
+    monkeypatch.setattr("sys.argv", ["report", str(run.folder), "--gif", "--cycles", "1,3"])
+    assert main() == 0
+    with Image.open(tmp_path / "run" / "report" / "animation.gif") as picture:
+        assert picture.n_frames == 2

@@ -134,7 +134,7 @@ def test_a_wrong_model_errs_in_what_it_has_wrong(make_config):
         (["feedforward=ilc", "feedforward.cutoff=0"], "feedforward.cutoff", "must be above 0"),
         (["feedforward=rbf", "feedforward.inputs=[]"], "feedforward.inputs", "at least one of angle"),
         (["feedforward=mlp", "feedforward.inputs=[angle,angle]"], "feedforward.inputs", "each once"),
-        (["feedforward=mlp", "learning.rule=leakage"], "learning.rule", "a perceptron takes paper"),
+        (["feedforward=mlp", "learning.rule=leakage"], "learning.rule", "feedforward=mlp is not, use paper"),
         (["feedforward=rbf", "feedforward.active=101"], "feedforward.active", "feedforward.centres=100"),
         (["feedforward=rbf", "feedforward.centres=601"], "feedforward.centres", "at most 600"),
         (["feedforward=inverse_dynamics", "feedforward.mass_factor=0"], "feedforward.mass_factor", "above 0"),
