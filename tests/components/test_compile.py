@@ -12,6 +12,7 @@ from support.command import ROOT, cmacexp, python
 
 from cmacexp.jit.compiler import WORTH_COMPILING, cache_folder, expect_runs, expect_steps, program
 from cmacexp.jit.numba_private import TESTED
+from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.mix import mix
 from cmacexp.report.terminal import COMPILING
 
@@ -111,23 +112,30 @@ def compiles(folder, *overrides, **environment):
     return COMPILING in done.stderr, any(cache.rglob("*.nbi"))
 
 
-def test_a_short_run_is_not_compiled_and_a_long_one_is(tmp_path):
+def test_a_short_run_is_not_compiled(tmp_path):
     assert compiles(tmp_path, "cycles=2") == (False, False)
-    assert compiles(tmp_path, "cycles=70") == (True, True)
-    trace = (tmp_path / "run" / "trace.parquet").read_bytes()
-    assert compiles(tmp_path, "cycles=70") == (False, True)
-    assert (tmp_path / "run" / "trace.parquet").read_bytes() == trace
+
+
+def is_worth_it():
+    """Whether a program that is not cached is compiled now."""
+    asked = program(lambda: None)
+    asked._run_compiled = lambda: "compiled"
+    asked._is_cached = lambda arguments: False
+    return asked() == "compiled"
+
+
+@pytest.mark.parametrize(("scenario", "cycles", "compiled"), [("one_leg", 70, True), ("quadruped", 10, False)])
+def test_a_run_decides_by_its_own_length(make_config, scenario, cycles, compiled):
+    make_scenario(make_config(f"scenario={scenario}", f"cycles={cycles}"))
+    assert is_worth_it() == compiled
 
 
 def plans(steps, runs=1.0):
     """Whether a program is compiled for so many steps and runs."""
     expect_runs(runs)
     expect_steps(steps)
-    asked = program(lambda: None)
-    asked._run_compiled = lambda: "compiled"
-    asked._is_cached = lambda arguments: False
     try:
-        return asked() == "compiled"
+        return is_worth_it()
     finally:
         expect_runs(1)
 

@@ -28,7 +28,9 @@ def transfer_error(rollout, cycle):
 @pytest.mark.parametrize("scenario", ["one_leg", "quadruped"])
 @pytest.mark.parametrize("name", FUSED)
 def test_both_loops_give_the_same_bits(make_config, name, scenario):
-    config = make_config(f"scenario={scenario}", f"feedforward={name}", "cycles=4", "learning.lead=1")
+    config = make_config(
+        f"scenario={scenario}", f"feedforward={name}", "cycles=4", "gait.cycle_time=1", "learning.lead=1"
+    )
     fused, stepped = (roll_out(make_scenario(config), fused=fused) for fused in (True, False))
     assert_array_equal(fused.samples, stepped.samples)
 

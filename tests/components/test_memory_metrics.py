@@ -36,9 +36,10 @@ def summed_up(weights):
 @pytest.mark.parametrize("overrides", [["scenario=one_leg"], ["scenario=quadruped"]], ids=lambda o: o[0])
 @pytest.mark.parametrize("fused", [True, False], ids=["fused", "step by step"])
 def test_each_cycle_tells_the_weights_that_it_ended_with(make_config, overrides, fused):
-    told, _ = weights_after(make_config(*overrides, "cycles=3"), fused=fused)
-    for cycles in (1, 2, 3):
-        _, weights = weights_after(make_config(*overrides, f"cycles={cycles}"), fused=fused)
+    short = (*overrides, "learning.start_cycle=1")
+    told, _ = weights_after(make_config(*short, "cycles=2"), fused=fused)
+    for cycles in (1, 2):
+        _, weights = weights_after(make_config(*short, f"cycles={cycles}"), fused=fused)
         np.testing.assert_allclose(told[cycles - 1], summed_up(weights), rtol=1e-13)
 
 

@@ -200,7 +200,7 @@ FAULTY = {
     "quadruped": [
         *("scenario=quadruped", REAL, "sensors.height.noise=0.0001", "sensors.tilt.delay=1"),
         *("sensors.force.fault.kind=noise", "sensors.force.fault.legs=[2]", "sensors.force.fault.value=4"),
-        *("sensors.tilt_rate.noise=1", "cycles=3"),
+        *("sensors.tilt_rate.noise=1", "cycles=3", "gait.cycle_time=1"),
     ],
 }  # fmt: skip
 
@@ -229,7 +229,7 @@ np.savez(sys.argv[1], samples=rollout.samples, body=rollout.body_samples)
 @pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("name", ["one leg", "quadruped"])
 def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, name):
-    overrides = [*FAULTY[name], "cycles=1", "sensors.force.fault.start=1"]
+    overrides = [*FAULTY[name], "cycles=1", "sensors.force.fault.start=0.5"]
     command = [sys.executable, "-c", PLAIN, str(tmp_path / "plain.npz"), *overrides]
     subprocess.run(command, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=True)
     compiled = roll_out(make_scenario(make_config(*overrides)))

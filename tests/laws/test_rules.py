@@ -250,7 +250,9 @@ def test_both_loops_give_the_same_bits(make_config, rule, scenario, feedforward)
 
 def test_no_two_rules_are_the_same(make_config):
     ends = {
-        roll_out(make_scenario(make_config("cycles=4", f"learning.rule={rule}"))).samples[-1].tobytes()
+        roll_out(make_scenario(make_config("cycles=3", "gait.cycle_time=1", f"learning.rule={rule}")))
+        .samples[-1]
+        .tobytes()
         for rule in RULES
     }
     assert len(ends) == len(RULES)

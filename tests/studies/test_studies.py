@@ -58,12 +58,15 @@ def test_the_page_inserts_all_that_the_study_declares(name):
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_every_kind_of_run_can_be_composed(name):
-    """Runs that differ in numbers alone are of one kind; those of the quick form are made below."""
-    runs = [request.with_seed(1).overrides for request in FILES[name].study.runs(quick=False)]
-    kinds = {tuple(re.sub(r"-?\d[\d.e-]*", "0", text) for text in overrides): overrides for overrides in runs}
-    for overrides in kinds.values():
-        compose_config(overrides)
+def test_every_override_can_be_composed(name):
+    """In one run at least; overrides that differ in numbers alone are alike. Those of the quick form are run below."""
+    seen = set()
+    for request in FILES[name].study.runs(quick=False):
+        overrides = request.with_seed(1).overrides
+        kinds = {re.sub(r"-?\d[\d.e-]*", "0", text) for text in overrides}
+        if not kinds <= seen:
+            compose_config(overrides)
+            seen |= kinds
 
 
 def interval_in(limit: Limit) -> Interval:
