@@ -59,7 +59,7 @@ def test_the_page_inserts_all_that_the_study_declares(name):
 
 @pytest.mark.parametrize("name", FILES)
 def test_every_override_can_be_composed(name):
-    """In one run at least; overrides that differ in numbers alone are alike. Those of the quick form are run below."""
+    """In one run at least; overrides that differ in numbers alone are alike. The quick form is run below."""
     seen = set()
     for request in FILES[name].study.runs(quick=False):
         overrides = request.with_seed(1).overrides
