@@ -8,6 +8,7 @@ import numpy as np
 from cmacexp.planning.stability import FRONT, REAR, polygon
 from cmacexp.recording import palette
 from cmacexp.report.figure_data import put_legend_below
+from cmacexp.report.machine import ALOFT, DENT, MM, NEAR, NEAR_SIDE, draw_leg, joints
 from cmacexp.report.style import DESIRED, GROUND, SERIES, colour, label, new_figure
 from cmacexp.typing import Array
 from pipelines.quadruped_walking_events import Walk, instants
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 X, Y, Z = range(3)
-MM = 1e3
 NAMES = ("1 left front", "2 right front", "3 left rear", "4 right rear")
 DEPRESSION_SCALE = 20.0
 """Factor by which drawn depressions exceed the true ones."""
@@ -25,10 +25,7 @@ PLATE = 0.03
 """Drawn thickness of the body, m."""
 OBLIQUE = 0.5 * np.array([np.cos(np.radians(38.0)), np.sin(np.radians(38.0))])
 """A metre to the left as drawn in the oblique view."""
-NEAR, FAR, ALOFT = colour(palette.THIGH), "#AEB9C6", SERIES[0]
 BODY, COG, POLYGON = colour(palette.BODY), colour(palette.COG), colour(palette.POLYGON)
-NEAR_SIDE = (2, 4)
-"""Legs on the viewer's side in the side view, which is taken from the right."""
 
 
 def gait_diagram(walk: Walk, cycles: int = 2) -> "Figure":
@@ -59,13 +56,8 @@ def _place(walk: Walk, k: int, points: Array) -> Array:
 
 def _links(walk: Walk, k: int) -> Array:
     """(4, 3, 3): hip, knee and foot of each leg in step ``k``, m."""
-    links = []
-    for leg in walk.view.legs:
-        thigh, q = (leg.lengths or (0.0, 0.0))[0], float(leg["q1"][k])
-        x = np.array([0.0, thigh * np.cos(q), leg["x"][k]])
-        y = np.array([0.0, thigh * np.sin(q), leg["y"][k]])
-        links.append(_place(walk, k, leg.in_body(x, y)))
-    return np.array(links)
+    links: Array = joints(walk.view)[k] / MM
+    return links
 
 
 def _plate(walk: Walk, k: int) -> Array:
@@ -73,14 +65,6 @@ def _plate(walk: Walk, k: int) -> Array:
     low, high = (reduce([leg.hip for leg in walk.view.legs], axis=0) for reduce in (np.min, np.max))
     corners = [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, PLATE)]
     return _place(walk, k, np.array(corners))
-
-
-def _draw_leg(axes: "Axes", points: Array, near: bool, aloft: bool) -> None:
-    ink = ALOFT if aloft else NEAR if near else FAR
-    order = 4 if near else 2
-    axes.plot(*points.T, color=ink, lw=3.0 if near else 2.4, solid_capstyle="round", zorder=order)
-    axes.plot(*points[:2].T, "o", ms=4.5, color="white", mec=ink, mew=1.3, zorder=order + 0.5)
-    axes.plot(*points[2], "o", ms=5.5, color=ink, zorder=order + 0.5)
 
 
 def _draw_cog(axes: "Axes", height: float) -> None:
@@ -98,8 +82,8 @@ def _draw_elevation(axes: "Axes", walk: Walk, k: int, across: int, near: tuple[i
     dents = MM * DEPRESSION_SCALE * walk.force[k] / walk.view.config["terrain"]["stiffness"]
     for i in range(4):
         is_near, aloft, foot = i + 1 in near, not walk.support[k, i], float(links[i, 2, across])
-        _draw_leg(axes, links[i][:, flat], is_near, aloft)
-        axes.fill([foot - 26.0, foot, foot + 26.0], [0.0, -dents[i], 0.0], color=GROUND, lw=0.0, zorder=3)
+        draw_leg(axes, links[i][:, flat], is_near, aloft)
+        axes.fill([foot - DENT, foot, foot + DENT], [0.0, -dents[i], 0.0], color=GROUND, lw=0.0, zorder=3)
         _number(
             axes, foot, -118.0 if is_near else -76.0, str(i + 1), ALOFT if aloft else NEAR if is_near else "#5F6B78"
         )
@@ -120,7 +104,7 @@ def _draw_plan(axes: "Axes", walk: Walk, k: int) -> None:
         axes.fill(*polygon(feet[carries]).T, fill=False, ec=POLYGON, lw=1.2, zorder=2.5)
     axes.fill(*polygon(feet[~aloft]).T, fill=False, ec="black", lw=0.9, ls=(0, (4, 3)), zorder=2.6)
     for i, (x, y) in enumerate(feet):
-        _draw_leg(axes, links[i][:, :2], True, bool(aloft[i]))
+        draw_leg(axes, links[i][:, :2], True, bool(aloft[i]))
         _number(axes, x, y + (62.0 if y > 0.0 else -62.0), str(i + 1), ALOFT if aloft[i] else "black")
     margins = walk.carried(k)
     for margin, sign, name, side in ((margins[FRONT], 1.0, "front", "right"), (margins[REAR], -1.0, "rear", "left")):
@@ -178,7 +162,7 @@ def diagram(walk: Walk) -> "Figure":
     axes.fill(*_flat(ground).T, color=GROUND, alpha=0.13, lw=0.0, zorder=0)
     for i in (0, 2, 1, 3):
         leg = _flat(links[i])
-        _draw_leg(axes, leg, i + 1 in NEAR_SIDE, False)
+        draw_leg(axes, leg, i + 1 in NEAR_SIDE, False)
         _number(axes, leg[2, 0], leg[2, 1] - 34.0, f"foot {i + 1}")
     x, y, z = plate.T
     for seen in (x > 0.0, y < 0.0, z > z.mean()):
