@@ -68,7 +68,7 @@ def runs(quick: bool) -> list[Request]:
         more = (*overrides, f"cycles={quick_cycles if quick else cycles}")
         found += _each(tuple(MODELS), *more, group=group)
         found += _each(tuple(LEARNERS), *more, *([weights] if group == LEG else []), group=group)
-    after = ("scenario=one_leg", f"cycles={5 if quick else 20}")
+    after = ("scenario=one_leg", f"cycles={3 if quick else 20}")
     for rate in RATES[:1] if quick else RATES:
         found += _each(tuple(LEARNERS), *after, f"learning.rate={rate}", group=RATE)
     _, cycles, quick_cycles = STEPS[LEG]

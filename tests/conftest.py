@@ -15,7 +15,7 @@ from cmacexp.jit.compiler import cache_folder, expect_runs
 from cmacexp.planning import make_plan
 from cmacexp.planning.machine import make_mechanism
 
-settings.register_profile("laws", deadline=None, derandomize=True, max_examples=60)
+settings.register_profile("laws", deadline=None, derandomize=True, max_examples=40)
 settings.load_profile("laws")
 
 LONG = 100

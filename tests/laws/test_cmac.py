@@ -266,7 +266,7 @@ def test_training_converges_to_a_smooth_function():
         return np.sqrt(np.mean((wanted(unseen) - cmac.predict(unseen)) ** 2))
 
     untrained = rms()
-    for _ in range(20):
+    for _ in range(8):
         for k in range(len(inputs)):
             point = inputs[k : k + 1]
             cmac.update(point, wanted(point) - cmac.predict(point), 0.5)
