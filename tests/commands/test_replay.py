@@ -260,7 +260,7 @@ def test_the_viewer_is_served_to_this_machine_alone_until_interrupted(runs, tmp_
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate()
     assert process.returncode == 130
-    assert errors == ""
+    assert "Traceback" not in errors  # the first viewer of a user greets there
     with socket.socket() as connection:
         assert connection.connect_ex((address.hostname, address.port)) != 0
 
