@@ -1,4 +1,4 @@
-"""Learning over many cycles: which rules, leads and rates last, and whether drift and growth tell it in advance.
+"""Learning over many cycles: which rules, leads and rates last, and whether drift and growth predict it.
 
 ``python -m pipelines.long_learning`` runs every rule with several leads on one leg and on the quadruped, every rule
 for very long, late actuators, other rates, and settings of the quadruped's force feedback.

@@ -1,7 +1,7 @@
 """The events of Fig. 14 and 17 to 20 in the traces of a walk, and what walks are judged by.
 
-Margins are measured, not planned: they are those of the feet that carry, where they stand under the tilted body. An
-undefined margin counts as -inf: fewer than three feet carry, or the line along the body misses what they span.
+Margins are the true ones: of the feet that carry load, where they stand under the tilted body. An undefined margin
+counts as -inf: fewer than three feet carry, or the line along the body misses what they span.
 """
 
 from collections.abc import Callable
@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import read_traces
-from cmacexp.planning.stability import FRONT, REAR, STABILITY, margins
+from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.study import Results
 from cmacexp.study.samples import Sample, over_history
@@ -59,15 +60,9 @@ class Walk:
         return np.stack([leg.support for leg in self.view.legs], axis=1)
 
     @cached_property
-    def feet(self) -> Array:
-        """Feet in the horizontal plane, (steps, 4, 2), forward and left of the centre of gravity, m."""
-        world = np.stack([self.view.in_world(leg.in_body(leg["x"], leg["y"])) for leg in self.view.legs], axis=1)
-        feet: Array = world[..., :2] - self.view.way()[:, None, :2]
-        return feet
-
-    def carried(self, k: int) -> Array:
-        """(3,): margins of the feet that carry in step ``k``, m: nearest edge, front and rear boundary."""
-        found = np.array(margins(self.feet[k][self.force[k] > 0.0]))
+    def carried(self) -> Array:
+        """True margins, (steps, 3), m: nearest edge, front and rear boundary."""
+        found = np.stack([self.view.body[name] for name in TRUE_MARGINS], axis=1)
         return np.where(np.isnan(found), -np.inf, found)
 
     def start(self, cycle: int, leg: int, support: bool) -> int:
@@ -121,7 +116,7 @@ def lift_off_of_3(walk: Walk, cycle: int) -> dict[str, float]:
     of foot 2 with that margin while foot 3 is aloft; 0 if either does not vary."""
     k = walk.start(cycle, 3, support=False)
     aloft = k + np.flatnonzero(walk.force[k : walk.end(k, 3), 2] == 0.0)
-    rear, force = np.array([walk.carried(int(j))[REAR] for j in aloft]), walk.force[aloft, 1]
+    rear, force = walk.carried[aloft, REAR], walk.force[aloft, 1]
     varies = np.isfinite(rear).all() and min(np.ptp(rear), np.ptp(force)) > 0.0 if len(aloft) > 1 else False
     return {
         "rear": float(rear[0]) / walk.length if len(aloft) else -np.inf,
@@ -136,7 +131,7 @@ def touch_down_of_3(walk: Walk, cycle: int) -> dict[str, float]:
     late = int(np.argmin(carries)) if not carries.all() else len(carries)
     return {
         "force_1": float(walk.force[k, 0]),
-        "margin": min(float(walk.carried(j)[STABILITY]) for j in range(k, k + max(late, 1))),
+        "margin": float(walk.carried[k : k + max(late, 1), STABILITY].min()),
     }
 
 
@@ -147,7 +142,7 @@ def closest_in_transfer_of_2(walk: Walk, cycle: int) -> int:
     before = np.flatnonzero(walk.support[:k, 1])
     first = int(before[-1]) + 1 if len(before) else 0
     aloft = [j for j in range((first + k) // 2, k) if walk.force[j, 1] == 0.0] or [k - 1]
-    return min(aloft, key=lambda j: (walk.carried(j)[FRONT], -j))
+    return min(aloft, key=lambda j: (walk.carried[j, FRONT], -j))
 
 
 def touch_down_of_2(walk: Walk, cycle: int) -> dict[str, float]:
@@ -155,8 +150,8 @@ def touch_down_of_2(walk: Walk, cycle: int) -> dict[str, float]:
     contact over that before it, and how long after the contact it is restored, s."""
     closest, planned = closest_in_transfer_of_2(walk, cycle), walk.start(cycle, 2, support=True)
     until = min(walk.end(planned, leg) for leg in (1, 3, 4))
-    after = np.array([walk.carried(j)[FRONT] for j in range(walk.first(closest, 2, carries=True), until)])
-    low, before = np.flatnonzero(after <= RESTORED), float(walk.carried(closest)[FRONT])
+    after = walk.carried[walk.first(closest, 2, carries=True) : until, FRONT]
+    low, before = np.flatnonzero(after <= RESTORED), float(walk.carried[closest, FRONT])
     return {
         "front": before / walk.length,
         "front_gain": float(after.min(initial=np.inf)) / before if before > 0.0 else -np.inf,

@@ -106,7 +106,7 @@ def _draw_plan(axes: "Axes", walk: Walk, k: int) -> None:
     for i, (x, y) in enumerate(feet):
         draw_leg(axes, links[i][:, :2], True, bool(aloft[i]))
         _number(axes, x, y + (62.0 if y > 0.0 else -62.0), str(i + 1), ALOFT if aloft[i] else "black")
-    margins = walk.carried(k)
+    margins = walk.carried[k]
     for margin, sign, name, side in ((margins[FRONT], 1.0, "front", "right"), (margins[REAR], -1.0, "rear", "left")):
         known = bool(np.isfinite(margin))
         if known:

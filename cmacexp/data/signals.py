@@ -85,6 +85,20 @@ LEG_SIGNALS = (
 )
 """Of ``trace.parquet``: one row per step and leg."""
 
+TRUE_MARGIN_SIGNALS = (
+    Signal(
+        "true_stability_margin",
+        "m",
+        "from the true centre of gravity to the nearest edge of the polygon of the feet with force > 0, tilt and "
+        "payload included; NaN with fewer than three",
+        TRACE,
+        added=True,
+    ),
+    Signal("true_margin_front", "m", "likewise to its front boundary along the body's x", TRACE, added=True),
+    Signal("true_margin_rear", "m", "likewise to its rear boundary along the body's x", TRACE, added=True),
+)
+TRUE_MARGINS = tuple(signal.name for signal in TRUE_MARGIN_SIGNALS)
+"""Signals that follow from the traces of body and legs: nearest edge, front, rear."""
 BODY_SIGNALS = (
     Signal("step", "", "sampling period, from 0 over the whole run", CLOCK, pa.int32()),
     Signal("time", "s", "start of the step", CLOCK),
@@ -106,16 +120,7 @@ BODY_SIGNALS = (
     Signal("margin_front", "m", "to the front boundary of the planned support polygon along the body's x", PLAN),
     Signal("margin_rear", "m", "to the rear boundary of the planned support polygon along the body's x", PLAN),
     Signal("supporting_legs", "", "bit mask of feet with force > 0, leg 1 the lowest bit", TRACE, pa.int32()),
-    Signal(
-        "true_stability_margin",
-        "m",
-        "from the true centre of gravity to the nearest edge of the polygon of the feet with force > 0, tilt and "
-        "payload included; NaN with fewer than three",
-        TRACE,
-        added=True,
-    ),
-    Signal("true_margin_front", "m", "likewise to its front boundary along the body's x", TRACE, added=True),
-    Signal("true_margin_rear", "m", "likewise to its rear boundary along the body's x", TRACE, added=True),
+    *TRUE_MARGIN_SIGNALS,
     Signal("height_rate", "m/s", "rate of the height", PLANT, altered_by=("height_rate",), present=IF_ALTERED),
     Signal("pitch_rate", "rad/s", "rate of the pitch", PLANT, altered_by=("tilt_rate",), present=IF_ALTERED),
     Signal("roll_rate", "rad/s", "rate of the roll", PLANT, altered_by=("tilt_rate",), present=IF_ALTERED),
@@ -134,9 +139,6 @@ MEMORY_SIGNALS = (
     ),
 )
 """Of ``memory.parquet``: one row per cycle and leg."""
-
-TRUE_MARGINS = ("true_stability_margin", "true_margin_front", "true_margin_rear")
-"""Signals that follow from the traces of body and legs."""
 
 ARRAYS = {
     "q": ("q1", "q2"),

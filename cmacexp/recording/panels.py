@@ -108,15 +108,9 @@ class Panels:
 
     def _seen(self) -> Array:
         """Two corners of what the machine takes up, in the frame that moves with it, m."""
-        view, seen = self._view, []
-        for leg in view.legs:
-            joints = [(leg["x"], leg["y"])]
-            if leg.lengths is not None:
-                upper, zero = leg.lengths[0], np.zeros_like(leg["x"])
-                joints += [(zero, zero), (upper * np.cos(leg["q1"]), upper * np.sin(leg["q1"]))]
-            seen += [leg.in_body(*joint) for joint in joints]
+        view = self._view
         up = np.array([0.0, 0.0, float(view.body["height"].mean())])
-        points = np.concatenate(seen) + up
+        points = np.concatenate([joint for leg in view.legs for joint in leg.joints()]) + up
         lowest = points.min(axis=0) - [0.0, 0.0, -LOWEST_NUMBER if view.walks else 0.0]
         return np.array([lowest, np.maximum(points.max(axis=0), [0.0, 0.0, FORCE_LENGTH])])
 

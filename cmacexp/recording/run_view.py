@@ -39,6 +39,14 @@ class LegView:
         """Points (n, 3) in the body frame from x forward, y down in the frame of the hip."""
         return np.stack([x + self.hip[0], np.full_like(x, self.hip[1]), -y], axis=1)
 
+    def joints(self) -> tuple[Array, Array, Array]:
+        """Hip, knee and foot, (steps, 3) each, in the body frame, m; those of a point mass are all at its foot."""
+        foot = self.in_body(self["x"], self["y"])
+        if self.lengths is None:
+            return foot, foot, foot
+        q1, zero = self["q1"], np.zeros_like(self["q1"])
+        return self.in_body(zero, zero), self.in_body(*(self.lengths[0] * np.array([np.cos(q1), np.sin(q1)]))), foot
+
 
 @dataclass(frozen=True)
 class RunView:

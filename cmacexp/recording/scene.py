@@ -75,7 +75,7 @@ def _log_body(entities: Entities, view: RunView) -> None:
 
 def _turns(angles: Array) -> pa.Array:
     """Turns about the body's y by angles (n,), which the viewer takes as axis and angle: a third of a quaternion."""
-    kind = rr.components.RotationAxisAngleBatch._ARROW_DATATYPE
+    kind = rr.components.RotationAxisAngleBatch(rr.RotationAxisAngle(axis=(0, 1, 0), radians=0)).as_arrow_array().type
     axes = np.tile(np.array([0.0, 1.0, 0.0], dtype=np.float32), len(angles))
     columns = [
         pa.FixedSizeListArray.from_arrays(pa.array(axes), type=kind.field("axis").type),
@@ -89,9 +89,8 @@ def _log_links(entities: Entities, view: RunView) -> None:
     legs = [(leg, *leg.lengths) for leg in view.legs if leg.lengths is not None]
     if not legs:
         return
-    number, zero = len(legs), np.zeros_like(view.time)
-    hips = np.stack([leg.in_body(zero, zero) for leg, _, _ in legs], axis=1)
-    knees = np.stack([leg.in_body(u * np.cos(leg["q1"]), u * np.sin(leg["q1"])) for leg, u, _ in legs], axis=1)
+    number = len(legs)
+    hips, knees, _ = (np.stack(joint, axis=1) for joint in zip(*(leg.joints() for leg, _, _ in legs), strict=True))
     q1, q2 = (np.stack([leg[name] for leg, _, _ in legs], axis=1) for name in ("q1", "q2"))
     angles = np.concatenate([q1 + np.pi / 2.0, q1 + q2 + np.pi / 2.0, np.zeros_like(q1)], axis=1)
     links = rr.Capsules3D.from_fields(

@@ -75,7 +75,7 @@ def write_views(
     """
     texts = {KEY: describe_key([entry.view for entry in entries]), **(texts or {})}
     recording = rr.RecordingStream("cmacexp", recording_id=name)
-    # In memory first: where the disk is full, rerun's own writer of files ends without telling who waits for it.
+    # In memory first: on a full disk rerun's own writer stops without an error, and flushing waits for ever.
     memory = recording.memory_recording()
     recording.send_blueprint(blueprint)
     recording.send_recording_name(name)

@@ -34,17 +34,8 @@ def in_travel(view: RunView, points: Array) -> Array:
 
 
 def joints(view: RunView) -> Array:
-    """Hip, knee and foot of each leg (steps, legs, 3, 3) in the frame that moves with the machine, mm.
-
-    Without a knee, those of a point mass are at its foot.
-    """
-    legs = []
-    for leg in view.legs:
-        foot = leg["x"], leg["y"]
-        zero = np.zeros_like(leg["x"])
-        q1, upper = (leg["q1"], leg.lengths[0]) if leg.lengths else (zero, 0.0)
-        upper_joints = [(zero, zero), (upper * np.cos(q1), upper * np.sin(q1))] if leg.lengths else [foot, foot]
-        legs.append(np.stack([in_travel(view, leg.in_body(*joint)) for joint in [*upper_joints, foot]], axis=1))
+    """Hip, knee and foot of each leg (steps, legs, 3, 3) in the frame that moves with the machine, mm."""
+    legs = [np.stack([in_travel(view, joint) for joint in leg.joints()], axis=1) for leg in view.legs]
     return np.stack(legs, axis=1)
 
 

@@ -133,7 +133,7 @@ def draw(section: Section, folder: Path, say: Callable[[str], None]) -> tuple[Se
     Args:
         section: not changed.
         folder: of the report.
-        say: is told which figure is drawn.
+        say: called with what is done next.
     """
     parts: list[Part] = []
     files: list[Path] = []
@@ -194,7 +194,7 @@ def write_report(report: Report, folder: Path, key: str | None = None, say: Call
         report: its content.
         folder: created if missing.
         key: of the code and the inputs behind it, which shows later whether it is up to date; None: of the request.
-        say: is told which figure is drawn.
+        say: called with what is done next.
 
     Returns:
         The HTML file.

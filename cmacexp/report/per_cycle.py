@@ -1,15 +1,13 @@
 """Figures of the metrics of one run, cycle by cycle."""
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.metrics.metric import BODY
-from cmacexp.metrics.pooling import pool_legs
-from cmacexp.metrics.registry import ALL_METRICS, SHOWN
+from cmacexp.metrics.pooling import describe_pooling, pool_legs
+from cmacexp.metrics.registry import SHOWN
 from cmacexp.report.figure_data import legend_above, legend_below, logarithmic, mark, spans_decades, widen
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import MARKERS, label, new_grid
@@ -20,8 +18,6 @@ if TYPE_CHECKING:
 
 MOST_MARKED = 30
 """A run of at most so many cycles has markers; a longer one has lines alone and a logarithmic axis."""
-
-
 KEY = ("transfer_rmse_x", "transfer_rmse_y", "force_rmse", "feedforward_share")
 """The metrics that say most of each leg."""
 PANELS = {
@@ -51,15 +47,6 @@ def scale(axes: "Axes", last: int, values: Array, from_zero: bool = True) -> Non
     widen(axes, values, from_zero)
 
 
-def describe_pooling(names: Iterable[str]) -> str:
-    """How metrics of several legs become one, e.g. ``RMS of transfer_rmse_x, mean of feedforward_share``."""
-    poolings: dict[str, list[str]] = {}
-    for name in names:
-        poolings.setdefault(ALL_METRICS[name].pooling.name, []).append(name)
-    poolings.pop(BODY.name, None)
-    return "; ".join(f"{pooling} of {', '.join(pooled)}" for pooling, pooled in poolings.items())
-
-
 def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
     """The main metrics per cycle, pooled over the legs."""
     values = {
@@ -81,7 +68,7 @@ def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
         label(ax, title, "cycle", f"{PANELS[title][0]}, {unit}")
         legend_above(ax)
     drawn = [name for names in panels.values() for name in names]
-    pooling = f" Over the legs: {describe_pooling(drawn)}." if run.walks else ""
+    pooling = f" Over the legs: {describe_pooling({name: name for name in drawn})}." if run.walks else ""
     return Drawing("metrics", figure, f"Metrics of each cycle.{pooling}")
 
 

@@ -55,7 +55,7 @@ def _draw(shown: Sequence[FigureData], titles: Sequence[str], column: str, quant
         rows = data.select(data.cycles[0], 1)
         if column == "force":
             ax.plot(data.time_in_cycle(rows), rows["force_desired"], label="desired", **DESIRED_LINE)
-        ax.plot(data.time_in_cycle(rows), curve, label="measured", **mark(0))
+        ax.plot(data.time_in_cycle(rows), curve, label="actual", **mark(0))
         if (far := np.abs(curve).max()) > max(abs(low), abs(high)):
             text = f"cut off: reaches {far:.3g} {quantity.unit}"
             ax.text(0.98, 0.95, text, transform=ax.transAxes, ha="right", va="top", backgroundcolor="white")

@@ -75,12 +75,12 @@ def warn_of_drift(drift: Drift) -> None:
     say(f"warning: {format_drift(drift)}", error=True)
 
 
-def format_outcome(result: StoredRun, apart: str = ": ") -> str:
-    """How a run ended, and after ``apart`` its steps and time."""
+def format_outcome(result: StoredRun, separator: str = ": ") -> str:
+    """How a run ended, and after ``separator`` its steps and time."""
     manifest = result.manifest
     steps, seconds = manifest["steps"], manifest["rollout_seconds"]
     per_step = f", loop {seconds / steps * 1e6:.2f} us a step" if steps else ""
-    return f"{result.ending}{apart}{steps} steps in {manifest['wall_seconds']:.2f} s{per_step}"
+    return f"{result.ending}{separator}{steps} steps in {manifest['wall_seconds']:.2f} s{per_step}"
 
 
 def describe_drift(result: StoredRun) -> str:

@@ -5,7 +5,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from cmacexp.data.tables import METRICS_CSV, Scores
-from cmacexp.metrics.metric import BODY, Shown
+from cmacexp.metrics.metric import Shown
+from cmacexp.metrics.pooling import describe_pooling
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN
 from cmacexp.metrics.summary import shorten, tabulate_cycles
 
@@ -67,17 +68,14 @@ def print_key(names: Iterable[str], legs: int) -> None:
     from textwrap import wrap
 
     print()
-    poolings: dict[str, list[str]] = {}
+    titles = {}
     for name in names:
         metric = ALL_METRICS[name]
-        title = (SHOWN[name].head or SHOWN[name].title).replace("-\n", "").replace("\n", " ")
-        poolings.setdefault(metric.pooling.name, []).append(title)
+        title = titles[name] = (SHOWN[name].head or SHOWN[name].title).replace("-\n", "").replace("\n", " ")
         lines = wrap(f"{title:<14} {metric.meaning} ({name})", TEXT_WIDTH, subsequent_indent=" " * 15)
         print("\n".join(lines))
-    poolings.pop(BODY.name, None)
     if legs > 1:
-        pooled = "; ".join(f"{pooling} of {', '.join(titles)}" for pooling, titles in poolings.items())
-        print("\n".join(wrap(f"over the legs: {pooled}", TEXT_WIDTH, subsequent_indent=" " * 15)))
+        print("\n".join(wrap(f"over the legs: {describe_pooling(titles)}", TEXT_WIDTH, subsequent_indent=" " * 15)))
 
 
 def print_scores(scores: Scores, folder: Path) -> list[str]:

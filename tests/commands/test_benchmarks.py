@@ -13,8 +13,7 @@ from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 
-# The comparison with C compiles a C file; everything else of the benchmarks and of the package needs no C compiler.
-@pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
+@pytest.mark.skipif(compiler() is None, reason="compares the loop with C, which nothing else needs a compiler for")
 @pytest.mark.parametrize(
     "overrides",
     [

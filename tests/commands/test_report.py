@@ -45,7 +45,7 @@ def sweep(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def told(sweep):
+def printed(sweep):
     """What ``python -m cmacexp.report`` prints of the sweep."""
     done = report(sweep)
     assert page(done).endswith("sweep/report/report.html")
@@ -178,7 +178,7 @@ def test_cycles_are_those_asked_for_and_the_last_is_the_strongest(leg):
 
 
 @pytest.mark.parametrize(
-    ("cycles", "told"),
+    ("cycles", "printed"),
     [
         ("4", "--cycles=4: "),
         ("0", "has cycles 1 to 3"),
@@ -186,10 +186,10 @@ def test_cycles_are_those_asked_for_and_the_last_is_the_strongest(leg):
         ("1,2,3,4,5,6,7", "at most 6"),
     ],
 )
-def test_cycles_that_cannot_be_shown_are_refused_in_one_line(leg, tmp_path, cycles, told):
+def test_cycles_that_cannot_be_shown_are_refused_in_one_line(leg, tmp_path, cycles, printed):
     done = report(leg, "--cycles", cycles, "--out", tmp_path / "out")
     assert (done.returncode, done.stdout) == (2, "")
-    assert told in done.stderr
+    assert printed in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "out").exists()
 
@@ -213,14 +213,14 @@ def test_folders_that_hold_no_whole_run_are_refused(leg, tmp_path):
     (tmp_path / "empty").mkdir()
     untraced = shutil.copytree(leg, tmp_path / "untraced")
     (untraced / "trace.parquet").unlink()
-    for folder, told in (
+    for folder, printed in (
         (tmp_path / "nowhere", "no such folder"),
         (tmp_path / "empty", "contains no run"),
         (untraced, "trace.parquet: missing"),
     ):
         done = report(folder)
         assert done.returncode == 2
-        assert told in done.stderr
+        assert printed in done.stderr
         assert len(done.stderr.splitlines()) == 1
 
 
@@ -245,8 +245,8 @@ def test_a_quadruped_that_fell_says_why(fallen):
     assert "4, right rear" in legs
 
 
-def test_a_sweep_is_told_by_what_was_swept(sweep, told):
-    rows = [line.split() for line in told.splitlines()]
+def test_a_sweep_reports_what_was_swept(sweep, printed):
+    rows = [line.split() for line in printed.splitlines()]
     assert [row[:3] for row in rows[3:5]] == [["0", "2", "completed"], ["1", "10", "completed"]]
     assert "What differs between them: cmac.layers." in text_of(sweep)
     names = {path.stem for path in (sweep / "report" / "figures").iterdir()}
@@ -268,7 +268,7 @@ def test_two_swept_keys_have_a_figure_each_with_a_line_for_each_value_of_the_oth
     assert {"learning", "over-learning-rate", "side-by-side-force"} <= names_of(content)
 
 
-def test_a_run_with_a_page_is_a_link(sweep, told):
+def test_a_run_with_a_page_is_a_link(sweep, printed):
     assert re.findall(r'<td[^>]*><a href="([^"]+)">(\d)</a>', text_of(sweep))[0] == ("../0/report/report.html", "0")
     assert "../1/report" not in text_of(sweep)
 
@@ -285,8 +285,8 @@ def test_a_broken_run_is_listed_and_in_no_figure(sweep, tmp_path):
     assert not [path for path in content.inputs if path.parent.name == "1"]
 
 
-def test_a_report_is_no_run_to_the_other_commands(sweep, told):
-    assert told.count("completed") == 2
+def test_a_report_is_no_run_to_the_other_commands(sweep, printed):
+    assert printed.count("completed") == 2
     for command in ("score", "verify"):
         done = python("-m", f"cmacexp.{command}", str(sweep), folder=sweep.parent)
         assert done.returncode == 0, done.stderr

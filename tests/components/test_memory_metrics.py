@@ -16,15 +16,15 @@ SHORT = ("gait.cycle_time=0.5", "gait.lift=0.11")
 
 
 def weights_after(config, *, fused=True):
-    """What is told of the weights cycle by cycle, (cycles, L, 3), and the weights at the end."""
+    """What is logged of the weights cycle by cycle, (cycles, L, 3), and the weights at the end."""
     scenario = make_scenario(config)
-    told = []
+    logged = []
     stream(
         scenario,
-        lambda samples: told.append(np.stack([samples.memory[name] for name in LOGGED], axis=2)),
+        lambda samples: logged.append(np.stack([samples.memory[name] for name in LOGGED], axis=2)),
         fused=fused,
     )
-    return np.concatenate(told), scenario.feedforward.params.weights
+    return np.concatenate(logged), scenario.feedforward.params.weights
 
 
 def summed_up(weights):
@@ -37,25 +37,25 @@ def summed_up(weights):
 @pytest.mark.parametrize("fused", [True, False], ids=["fused", "step by step"])
 def test_each_cycle_tells_the_weights_that_it_ended_with(make_config, overrides, fused):
     short = (*overrides, "learning.start_cycle=1")
-    told, _ = weights_after(make_config(*short, "cycles=2"), fused=fused)
+    logged, _ = weights_after(make_config(*short, "cycles=2"), fused=fused)
     for cycles in (1, 2):
         _, weights = weights_after(make_config(*short, f"cycles={cycles}"), fused=fused)
-        np.testing.assert_allclose(told[cycles - 1], summed_up(weights), rtol=1e-13)
+        np.testing.assert_allclose(logged[cycles - 1], summed_up(weights), rtol=1e-13)
 
 
 def test_no_cycle_is_lost_where_more_are_run_than_a_log_holds(make_config):
     cycles = MOST_CYCLES + 6
-    told, weights = weights_after(make_config(*SHORT, f"cycles={cycles}", "learning.lead=1"))
-    assert len(told) == cycles
+    logged, weights = weights_after(make_config(*SHORT, f"cycles={cycles}", "learning.lead=1"))
+    assert len(logged) == cycles
     before, _ = weights_after(make_config(*SHORT, f"cycles={MOST_CYCLES}", "learning.lead=1"))
-    np.testing.assert_array_equal(told[:MOST_CYCLES], before)
-    np.testing.assert_allclose(told[-1], summed_up(weights), rtol=1e-13)
+    np.testing.assert_array_equal(logged[:MOST_CYCLES], before)
+    np.testing.assert_allclose(logged[-1], summed_up(weights), rtol=1e-13)
 
 
 def test_before_a_network_learns_its_memory_is_empty(make_config):
-    told, _ = weights_after(make_config("cycles=5", "learning.start_cycle=4"))
-    assert (told[:3] == 0.0).all()
-    assert (told[3:] > 0.0).all()
+    logged, _ = weights_after(make_config("cycles=5", "learning.start_cycle=4"))
+    assert (logged[:3] == 0.0).all()
+    assert (logged[3:] > 0.0).all()
 
 
 def test_metrics_and_score_tell_the_same_of_memory(make_config, tmp_path):
@@ -74,9 +74,9 @@ def test_metrics_and_score_tell_the_same_of_memory(make_config, tmp_path):
 
 
 def test_a_run_that_ends_in_a_cycle_tells_the_weights_it_ended_with(make_config):
-    told, weights = weights_after(make_config("cycles=400", "learning.lead=-2"))
-    assert len(told) < 400
-    np.testing.assert_allclose(told[-1], summed_up(weights), rtol=1e-13)
+    logged, weights = weights_after(make_config("cycles=400", "learning.lead=-2"))
+    assert len(logged) < 400
+    np.testing.assert_allclose(logged[-1], summed_up(weights), rtol=1e-13)
 
 
 @pytest.mark.parametrize("feedforward", ["none", "inverse_dynamics"])
