@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import math
 import os
 import platform
 import subprocess
@@ -11,6 +12,7 @@ from pathlib import Path
 
 from benchmarks.c_loop import compiler
 from benchmarks.timing import Table, markdown
+from cmacexp.jit.compiler import expect_runs
 
 ALL = ("loop", "cmac", "trace", "command", "sweep")
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
@@ -57,6 +59,7 @@ def main() -> None:
     unknown = set(chosen.names) - set(ALL)
     if unknown:
         parser.error(f"no benchmark {', '.join(sorted(unknown))}; choose from {', '.join(ALL)}")
+    expect_runs(math.inf)  # else short runs are not compiled
     parts = [f"On {machine()}."]
     print(parts[0], file=sys.stderr)
     for name in chosen.names or ALL:

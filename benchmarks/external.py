@@ -123,4 +123,4 @@ def tables(quick: bool) -> list[Table]:
         times = in_turn(workers, 7 if quick else 31)
         for key in sets:
             rows.append(compared(times, f"{scenario}, {key}", key, f"{key} alone", "the part's own calls", TARGET))
-    return [Table("A external part, a step", rows)]
+    return [Table("An external part, a step", rows)]

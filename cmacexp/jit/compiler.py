@@ -91,13 +91,14 @@ class _Program:
     def __call__(self, *arguments: object) -> object:
         if self.decided == _work.count:
             return self.chosen(*arguments)
-        self.decided, self.chosen = _work.count, self._run_compiled
+        self.decided = _work.count
         is_long = _work.size >= WORTH_COMPILING
         if is_long or self._is_worth_loading:
             from cmacexp.jit.numba_private import before_compiling
 
             with contextlib.suppress(NotCompiled), before_compiling(_announce if is_long else _refuse):
-                return self._run_compiled(*arguments)
+                self.chosen = self.compiled
+                return self.compiled(*arguments)
         self.chosen = self.plain
         return self.plain(*arguments)
 
@@ -107,12 +108,6 @@ class _Program:
         name = f"{self.function.__module__.rpartition('.')[2]}.{self.function.__qualname__}"
         saves = "compiled" in vars(self) or _work.size >= WORTH_LOADING
         return saves and any(cache_folder().glob(f"*/{name}-*.nbi"))
-
-    def _run_compiled(self, *arguments: object) -> object:
-        from cmacexp.jit.numba_private import quick_compilation
-
-        with quick_compilation():
-            return self.compiled(*arguments)
 
     @cached_property
     def compiled(self) -> Callable[..., object]:

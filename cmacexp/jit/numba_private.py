@@ -28,6 +28,7 @@ njit: Any = numba.njit
 typeof: Any = numba.typeof
 config: Any = numba.config
 install_listener: Any = event.install_listener
+register: Any = event.register
 
 BLAS = ("scipy.linalg", "scipy.linalg.cython_blas")
 PUBLIC_SETTINGS: dict[str, object] = {"error_model": "numpy"}
@@ -51,17 +52,6 @@ def _import_without_blas() -> None:
 _import_without_blas()
 
 
-@contextmanager
-def quick_compilation() -> Iterator[None]:
-    """Let LLVM optimise little; "Compiling": a quarter less, and the loop runs as fast."""
-    before = config.OPT
-    config.OPT = type(before)(1) if KNOWN else before
-    try:
-        yield
-    finally:
-        config.OPT = before
-
-
 @cache
 def _inner(function: Callable[..., object]) -> Any:
     """A kernel as programs call it: not kept, since the programs that contain it are; without an entry for Python."""
@@ -83,6 +73,7 @@ def compiled_program(function: Callable[..., object], folder: Path) -> Callable[
         compiled: Callable[..., object] = njit(**SETTINGS, cache=True)(function)
     finally:
         config.CACHE_DIR = before
+    _quick_compilation.programs.add(compiled)
     return compiled
 
 
@@ -96,6 +87,29 @@ class _Listener(event.Listener):
 
     def on_end(self, event: event.Event) -> None:
         """A function has been compiled."""
+
+
+class _QuickCompilation(event.Listener):
+    """Lets LLVM optimise programs little; "Compiling": a quarter less, and the loop runs as fast."""
+
+    def __init__(self) -> None:
+        self.programs = set[object]()
+        self.before = config.OPT
+
+    def on_start(self, event: event.Event) -> None:
+        """A program, a kernel in it, or a function of somebody else is about to be compiled."""
+        if KNOWN and event.data["dispatcher"] in self.programs:
+            self.before = config.OPT
+            config.OPT = type(self.before)(1)
+
+    def on_end(self, event: event.Event) -> None:
+        """It has been compiled, or has failed."""
+        if KNOWN and event.data["dispatcher"] in self.programs:
+            config.OPT = self.before
+
+
+_quick_compilation = _QuickCompilation()
+register("numba:compile", _quick_compilation)
 
 
 @contextmanager

@@ -119,7 +119,7 @@ def test_a_short_run_is_not_compiled(tmp_path):
 def is_worth_it():
     """Whether a program that is not cached is compiled now."""
     asked = program(lambda: None)
-    asked._run_compiled = lambda: "compiled"
+    asked.compiled = lambda: "compiled"
     asked._is_cached = lambda arguments: False
     return asked() == "compiled"
 

@@ -88,6 +88,6 @@ def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, ove
 def test_the_compiled_generator_gives_the_bits_of_the_fused_loop(make_config):
     config = make_config("cycles=2", "learning.lead=1", "cmac.memory_bytes=65536")
     fused, stepped = roll_out(make_scenario(config)), roll_out(make_scenario(config), fused=False)
-    assert coroutine_loop.chosen == coroutine_loop._run_compiled
-    assert fused_loop.chosen == fused_loop._run_compiled
+    assert coroutine_loop.chosen == coroutine_loop.compiled
+    assert fused_loop.chosen == fused_loop.compiled
     assert same_bits(fused.samples, stepped.samples)
