@@ -5,9 +5,8 @@ it moves the weight a fraction of the way to the goal. The paper's rule (Lin & S
 torque U over sum a_i^2, without a goal; the others are listed in :data:`RULES`.
 """
 
+import math
 from typing import NamedTuple
-
-import numpy as np
 
 from cmacexp.config.schema import LearningConfig
 from cmacexp.errors import BadInput
@@ -89,7 +88,8 @@ def make_rule(config: LearningConfig, activation: Array) -> RuleParams:
             "use at least 2 (cmac.layers), or another rule",
         )
     if rule.params.divisor == REGULARISED or rule.params.teaches == NEIGHBOURS:
-        strength *= float(np.mean((activation**2).sum(axis=2)))
+        power = (activation**2).sum(axis=2)
+        strength *= math.fsum(power.flat) / power.size
     return rule.params._replace(strength=strength)
 
 

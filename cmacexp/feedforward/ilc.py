@@ -1,5 +1,6 @@
 """Iterative learning control: a torque for every sample of the cycle, improved from cycle to cycle."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +9,7 @@ from cmacexp.cmac.use import MemoryUse
 from cmacexp.config import ComponentConfig, number
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, network
+from cmacexp.models.exponential import exponential
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Weights
 
@@ -21,9 +23,9 @@ def gaussian_taps(cutoff: float, sampling_period: float) -> Array:
     Above a fifth of the sampling rate, where a sample is wider than the Gaussian, it is larger. No tap is negative
     and all of them, both sides taken, sum up to 1: no frequency is amplified.
     """
-    deviation = np.sqrt(np.log(2.0)) / (2.0 * np.pi * cutoff * sampling_period)
-    taps = np.exp(-0.5 * (np.arange(1 + int(REACH * deviation)) / deviation) ** 2)
-    return taps / (2.0 * taps.sum() - taps[0])
+    deviation = math.sqrt(math.log(2.0)) / (2.0 * math.pi * cutoff * sampling_period)
+    taps: Array = exponential(-0.5 * (np.arange(1 + int(REACH * deviation)) / deviation) ** 2)
+    return taps / (2.0 * math.fsum(taps) - taps[0])
 
 
 class IterativeLearning(BuiltInFeedforward):

@@ -11,6 +11,7 @@ from cmacexp.config import ComponentConfig, Config, choice, number
 from cmacexp.config.cmac import INPUTS, check_inputs
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
+from cmacexp.models.exponential import exponential
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Cells, Weights
 
@@ -45,7 +46,7 @@ def activations(points: Array, centres: Array, width: float, active: int) -> tup
     nearest = square.argsort(axis=1, kind="stable")[:, :active]
     near = np.take_along_axis(square, nearest, axis=1)
     # Relative to the nearest one, so that the sum is not zero far from all of them.
-    height = np.exp((near[:, :1] - near) / (2.0 * width**2))
+    height: Array = exponential((near[:, :1] - near) / (2.0 * width**2))
     return nearest.astype(np.uint32), height / height.sum(axis=1, keepdims=True)
 
 

@@ -96,7 +96,7 @@ def assemble_body(
         "stability_margin": planned[:, STABILITY],
         "margin_front": planned[:, FRONT],
         "margin_rear": planned[:, REAR],
-        "supporting_legs": (force > 0.0) @ (1 << np.arange(force.shape[1])),
+        "supporting_legs": ((force > 0.0) << np.arange(force.shape[1])).sum(axis=1),
         **dict(zip(TRUE_MARGINS, true.T, strict=True)),
     }
     return pa.Table.from_arrays([arrow(known[c.name], c.type) for c in columns], schema=make_schema(columns))

@@ -8,16 +8,42 @@ LEAST_WILLING = 1e-9
 """Least willingness of a foot that the others cannot balance the load without."""
 ROUNDING = 1e-9
 """A force this much of the weight below zero is rounding."""
+DEPENDENT = 1e-9
+"""What is left of a condition that follows from the others is rounding, below this share of it."""
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Scalar products (N,) of rows (N, L), added up in the order of the feet: the same bits on every processor."""
+    total = np.zeros(len(a))
+    for i in range(a.shape[1]):
+        total = total + a[:, i] * b[:, i]
+    return total
 
 
 def _solve(weight: Array, feet: Array, willing: Array) -> Array:
-    """Forces (N, L) that balance the weight (N,) and both moments with the least sum of F^2 / willing."""
-    rows = np.stack([np.ones(willing.shape), feet[..., 0], feet[..., 1]], axis=1)
-    weighted = rows * willing[:, None, :]
-    wanted = np.stack([weight, np.zeros_like(weight), np.zeros_like(weight)], axis=1)[:, :, None]
-    gram = weighted @ rows.transpose(0, 2, 1)
-    multipliers = np.linalg.pinv(gram, hermitian=True) @ wanted
-    force: Array = (weighted.transpose(0, 2, 1) @ multipliers)[:, :, 0]
+    """Forces (N, L) that balance the weight (N,) and both moments with the least sum of F^2 / willing.
+
+    The three conditions are made orthogonal one after the other (Gram-Schmidt, twice against rounding). One that
+    follows from those before it, as with two feet, is left out. All of it is elementary arithmetic: numpy's
+    pseudo-inverse gives other bits with another version or processor.
+    """
+    root = np.sqrt(willing)
+    directions: list[Array] = []
+    parts: list[Array] = []
+    for row, wanted in ((root, weight), (root * feet[..., 0], 0.0), (root * feet[..., 1], 0.0)):
+        rest, missing = row, wanted + np.zeros_like(weight)
+        for _ in range(2):
+            for direction, part in zip(directions, parts, strict=True):
+                share = _dot(rest, direction)
+                rest, missing = rest - share[:, None] * direction, missing - share * part
+        length, size = np.sqrt(_dot(rest, rest)), np.sqrt(_dot(row, row))
+        counts = length > DEPENDENT * size
+        length = np.where(counts, length, 1.0)
+        directions.append(np.where(counts[:, None], rest / length[:, None], 0.0))
+        parts.append(np.where(counts, missing / length, 0.0))
+    force = np.zeros_like(willing)
+    for direction, part in zip(directions, parts, strict=True):
+        force = force + root * direction * part[:, None]
     return force
 
 
@@ -50,8 +76,8 @@ def share_load(weight: float | Array, feet: Array, support: Mask, willing: Array
         willing: (N, L): willingness of a foot that is down to carry load, 0 to 1.
 
     Returns:
-        (N, L): N. With fewer than three feet down, or the weight outside them, the moments balance as closely as
-        possible, and feet may pull.
+        (N, L): N. With fewer than three feet down the weight is balanced, then the moment about the body's y, then
+        that about its x, each if the feet allow it; with the weight outside them, feet pull.
     """
     weight = np.broadcast_to(np.asarray(weight, dtype=float), len(feet))
     few = support.sum(axis=1, keepdims=True) <= 3
