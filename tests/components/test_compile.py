@@ -10,7 +10,8 @@ from types import FunctionType
 import pytest
 from support.command import ROOT, cmacexp, python
 
-from cmacexp.jit.compiler import WORTH_COMPILING, cache_folder, expect_runs, expect_steps, program
+from cmacexp.jit.cache_folder import cache_folder
+from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, expect_steps, program
 from cmacexp.jit.numba_private import TESTED
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.mix import mix
@@ -109,7 +110,7 @@ def compiles(folder, *overrides, **environment):
         *overrides, "record=trace", "hydra.run.dir=run", folder=folder, NUMBA_CACHE_DIR=str(cache), **environment
     )
     assert done.returncode == 0, done.stderr
-    return COMPILING in done.stderr, any(cache.rglob("*.nbi"))
+    return COMPILING in done.stderr, any(cache.rglob("*.nbc"))
 
 
 def test_a_short_run_is_not_compiled(tmp_path):
