@@ -4,15 +4,15 @@ Python raises an interrupt between any two instructions. In the midst of an impo
 damages what is being made; in a function that a library calls back, Python prints the interrupt and drops it.
 """
 
-import _thread
+import os.path
 import signal
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from types import FrameType
 from typing import Any
+
+# No other module is imported here: until begin_command an interrupt ends a command with a stack trace.
 
 SOON = 0.01
 """Seconds until an interrupt is raised again that a function called by a library has dropped."""
@@ -52,6 +52,8 @@ def raise_if_interrupted() -> None:
 
 def _is_heeded() -> bool:
     """Whether an interrupt reaches this thread: the main one alone is interrupted, and a process may ignore it."""
+    import threading
+
     is_main = threading.current_thread() is threading.main_thread()
     return is_main and signal.getsignal(signal.SIGINT) not in (signal.SIG_IGN, None)
 
@@ -112,8 +114,8 @@ def begin_command() -> None:
     """Hold back interrupts while a command imports its modules, until :func:`heed_interrupts`; else do nothing."""
     main = sys.modules["__main__"]
     spec, file = getattr(main, "__spec__", None), getattr(main, "__file__", None)
-    name = spec.name if spec is not None else Path(file or "").stem
-    if name.partition(".")[0] in COMMANDS and _is_heeded():
+    name = spec.name if spec is not None else os.path.basename(file or "")
+    if name.partition(".")[0] in COMMANDS and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _handle)
         _Keyboard.holds = _Keyboard.is_command = True
 
@@ -126,14 +128,17 @@ def heed_interrupts() -> None:
     """
     if _Keyboard.is_command:
         _Keyboard.holds = False
-        sys.unraisablehook = _raise_again
+        if hasattr(signal, "pthread_kill"):
+            sys.unraisablehook = _raise_again
         raise_if_interrupted()
 
 
 def _raise_again(dropped: Any) -> None:
     """Raise an interrupt again that Python can only print and drop."""
     if isinstance(dropped.exc_value, KeyboardInterrupt):
-        threading.Timer(SOON, _thread.interrupt_main).start()
+        import threading
+
+        threading.Timer(SOON, signal.pthread_kill, (threading.main_thread().ident, signal.SIGINT)).start()
     else:
         sys.__unraisablehook__(dropped)
 

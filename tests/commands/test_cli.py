@@ -101,7 +101,7 @@ BAD = {
     "cmac.layers=many": "cmac.layers=many: must be a whole number",
     "sampling_period=0.007": "sampling_period=0.007: must divide gait.cycle_time=3 s",
     "gait.stroke=2": "gait.stroke=2.0: the foot of leg 1 would be",
-    "feedforward._target_=os.system": "feedforward._target_=os.system: cannot be made",
+    "feedforward._target_=os.system": "feedforward._target_=os.system: must be a class",
     "optimize=transfer_rmse": "optimize=transfer_rmse: choose from transfer_rmse_x, transfer_rmse_y",
 }
 """A mistake of each kind; ``test_messages.py`` has them all."""

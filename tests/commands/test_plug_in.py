@@ -26,7 +26,9 @@ PARTS = {
     "feedforward": CmacFeedforward,
 }
 OWN = """
+from dataclasses import dataclass
 import numpy as np
+from cmacexp.config import ComponentConfig
 from cmacexp.control import Action
 
 class Still:
@@ -42,6 +44,14 @@ class Stiff(Still):
 
 class Flat(Still):
     def act(self, reference, measurement): return Action(np.zeros(2), np.zeros((self.legs, 2)))
+
+class Narrow(Still):
+    def act(self, reference): return None
+
+class Other(Still):
+    @dataclass
+    class Config(ComponentConfig):
+        stiffness: float = 1.0
 
 class Breaks(Still):
     def act(self, reference, measurement):
@@ -157,7 +167,8 @@ def test_every_force_control_method_plans_for_a_controller_without_gains(here, m
 
 
 BAD = {
-    "{}.Missing": "has no Missing; it has Breaks, BreaksAtOnce, CannotBeMade, Flat, Needs, Reports, Stiff, Still",
+    "{}.Missing": "has no Missing; it has Breaks, BreaksAtOnce, CannotBeMade, Flat, Narrow, Needs, Other, Reports, "
+    "Stiff, Still",
     "{}.Stil": "did you mean Still?",
     "{}x.Still": "there is no module {}x, neither in",
     "{}.number": "must be a class, but is of type int",
@@ -165,7 +176,11 @@ BAD = {
     "{}.Needs": "controller.stiffness=(not set): {}.Needs takes stiffness: give it one with +controller.stiffness=",
     "{}.Still +controller.gian=3": "controller.gian=3: {}.Still takes gain; did you mean gain?",
     "collections.OrderedDict": "is not a controller: it has no reset and no act",
-    "os.system": "cannot be made",
+    "os.system": "must be a class, but is of type builtin_function_or_method",
+    "{}.Narrow": "is not a controller: act must take (reference, measurement)",
+    "{}.Still +controller.gain._target_=os.system": "controller.gain._target_=os.system: cannot stand",
+    "{}.Still +controller._partial_=true": "controller._partial_=True: cannot stand in a field of a component",
+    "{}.Other": "cannot be made of its fields: got an unexpected keyword argument 'stiffness'",
 }
 
 
