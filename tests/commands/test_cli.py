@@ -213,8 +213,10 @@ def test_interrupt_keeps_what_there_is(tmp_path):
     process = started("cycles=27000", "learning.lead=1", "record=trace", f"hydra.run.dir={tmp_path}", folder=ROOT)
     time.sleep(4.0)
     process.send_signal(signal.SIGINT)
-    process.communicate()
+    _, err = process.communicate()
     assert process.returncode == 130
+    assert err.splitlines()[-1] == "interrupted"
+    assert "Traceback" not in err
     if (tmp_path / "manifest.json").exists():
         assert json.loads((tmp_path / "manifest.json").read_text())["status"] == "interrupted"
         assert python("-m", "cmacexp.verify", str(tmp_path), folder=tmp_path).returncode == 0

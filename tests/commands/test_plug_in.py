@@ -11,12 +11,15 @@ from support.command import cmacexp
 import cmacexp as package
 from cmacexp.config.compose import compose_config
 from cmacexp.control import Action, CmacFeedforward, HybridController
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.experiment import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.builtin import find_external
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
+from cmacexp.report.run_settings import list_settings
+from cmacexp.score import score
 from cmacexp.sensors import PerfectSensors
 
 PARTS = {
@@ -191,6 +194,48 @@ def test_a_target_that_cannot_be_made_is_told_in_a_line(here, target):
         make_scenario(compose(*overrides))
     assert BAD[target].format(here) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+CALLED = """
+calls = []
+
+def function(**fields): calls.append("function")
+
+class NoMethods:
+    def __init__(self, **fields): calls.append("NoMethods")
+
+class NoArguments(NoMethods):
+    def reset(self): pass
+    def act(self): pass
+
+class Fits:
+    def __init__(self, gain): calls.append("Fits")
+    def reset(self, setup, feedforward): pass
+    def act(self, reference, measurement): pass
+
+"""
+NOT_CALLED = ("function", "NoMethods", "NoArguments", "Fits +controller.gain._target_={}.function")
+
+
+@pytest.mark.parametrize("target", NOT_CALLED)
+def test_what_is_no_component_is_not_called(here, tmp_path, target):
+    (tmp_path / f"{here}_called.py").write_text(CALLED)
+    with pytest.raises(BadInput):
+        make_scenario(compose(*f"controller._target_={here}_called.{target}".format(f"{here}_called").split()))
+    assert __import__(f"{here}_called").calls == []
+
+
+def test_readers_of_a_run_do_not_import_what_its_manifest_names(here, tmp_path):
+    run = package.run(["scenario=one_leg", "cycles=1", "record=trace"], tmp_path / "run")
+    manifest = json.loads((run.folder / "manifest.json").read_text())
+    for group in PARTS:
+        manifest["config"][group]["_target_"] = f"{here}_planted.Part"
+    (run.folder / "manifest.json").write_text(json.dumps(manifest))
+    (tmp_path / f"{here}_planted.py").write_text("open('ran', 'w').close()")
+    assert len(package.load(run.folder).trace) == 600
+    score(run.folder)
+    list_settings(StoredRun(run.folder))
+    assert not (tmp_path / "ran").exists()
 
 
 @pytest.mark.parametrize(
