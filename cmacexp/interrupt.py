@@ -110,12 +110,21 @@ def interrupt_as_such() -> Iterator[None]:
         raise
 
 
-def begin_command() -> None:
-    """Hold back interrupts while a command imports its modules, until :func:`heed_interrupts`; else do nothing."""
+def _name_command() -> str:
+    """The module that Python runs, or the name of its script."""
+    if sys.argv[:1] == ["-m"]:  # Python imports the packages of the module that follows
+        return sys.orig_argv[sys.orig_argv.index("-m") + 1]
     main = sys.modules["__main__"]
     spec, file = getattr(main, "__spec__", None), getattr(main, "__file__", None)
-    name = spec.name if spec is not None else os.path.basename(file or "")
-    if name.partition(".")[0] in COMMANDS and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    return str(spec.name) if spec is not None else os.path.basename(file or "")
+
+
+def begin_command() -> None:
+    """Hold back interrupts while a command imports its modules, until :func:`heed_interrupts`; else do nothing."""
+    if (
+        _name_command().partition(".")[0] in COMMANDS
+        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    ):
         signal.signal(signal.SIGINT, _handle)
         _Keyboard.holds = _Keyboard.is_command = True
 

@@ -32,7 +32,12 @@ def workers() -> Iterator[Each]:
     pool = ProcessPoolExecutor(os.cpu_count(), get_context("spawn"), _leave_interrupts_to_the_parent)
 
     def each(what: str, work: Callable[..., Any], items: Sequence[tuple[Any, ...]]) -> list[Any]:
-        futures = [pool.submit(work, *item) for item in items]
+        # A worker that begins inherits that it is not interrupted.
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            futures = [pool.submit(work, *item) for item in items]
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
         with progress(what, len(items)) as watch:
             for done, future in enumerate(as_completed(futures), start=1):
                 future.result()
