@@ -93,6 +93,18 @@ def interrupt_let_through() -> Iterator[None]:
 
 
 @contextmanager
+def interrupt_blocked() -> Iterator[None]:
+    """Have processes that begin meanwhile inherit that they are not interrupted; this one is afterwards."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+
+
+@contextmanager
 def interrupt_as_such() -> Iterator[None]:
     """Raise an interrupt as such where a library has made another error of it.
 
@@ -121,10 +133,8 @@ def _name_command() -> str:
 
 def begin_command() -> None:
     """Hold back interrupts while a command imports its modules, until :func:`heed_interrupts`; else do nothing."""
-    if (
-        _name_command().partition(".")[0] in COMMANDS
-        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    ):
+    is_default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if is_default and _name_command().partition(".")[0] in COMMANDS:
         signal.signal(signal.SIGINT, _handle)
         _Keyboard.holds = _Keyboard.is_command = True
 
