@@ -3,10 +3,12 @@
 from typing import TYPE_CHECKING, Any
 
 from cmacexp.data.version import __version__
+from cmacexp.interrupt import begin_command
 
 if TYPE_CHECKING:
     from cmacexp.experiment.api import load, run
 
+begin_command()
 __all__ = ["__version__", "load", "run"]
 
 

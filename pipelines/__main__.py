@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.cli.study import FOLDER
+from cmacexp.interrupt import heed_interrupts
 from cmacexp.study.output import CLAIMS
 from cmacexp.study.study import load_study
 
@@ -61,6 +62,7 @@ def renew(text: str, before: Quotable, after: Quotable) -> str:
 
 def main() -> None:
     """Print the name, title and question of every study, or renew the documentation."""
+    heed_interrupts()
     parser = argparse.ArgumentParser(prog="python -m pipelines", description="List the studies.")
     parser.add_argument("--write-docs", action="store_true", help=f"renew docs from the full studies in {FOLDER}")
     if not parser.parse_args().write_docs:

@@ -11,7 +11,8 @@ from support.command import python
 from support.walks import walk_in
 
 from cmacexp.config.compose import compose_config
-from cmacexp.jit.compiler import cache_folder, expect_runs
+from cmacexp.jit.cache_folder import cache_folder
+from cmacexp.jit.compiler import expect_runs
 from cmacexp.planning import make_plan
 from cmacexp.planning.machine import make_mechanism
 
@@ -25,7 +26,7 @@ LONG = 100
 def pytest_sessionstart(session):
     """Compile the loop before several processes start: each of them would do so for itself."""
     several = session.config.getoption("numprocesses", None) and not hasattr(session.config, "workerinput")
-    if several and not session.config.option.collectonly and not any(cache_folder().rglob("*.nbi")):
+    if several and not session.config.option.collectonly and not any(cache_folder().rglob("*.nbc")):
         with TemporaryDirectory() as folder:
             python("-m", "cmacexp", f"cycles={LONG}", "record=trace", "hydra.run.dir=run", folder=folder)
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from cmacexp.errors import CmacexpError
+from cmacexp.interrupt import end_command, heed_interrupts, interrupt_as_such
 
 
 def command(
@@ -27,16 +28,27 @@ def command(
     Returns:
         The exit code: that of ``work``, 2 after an error that it raised, 130 if interrupted.
     """
+    try:
+        heed_interrupts()
+        with interrupt_as_such():
+            return work(_parse(name, description, flags, values))
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
+    except (CmacexpError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    finally:
+        end_command()
+
+
+def _parse(
+    name: str, description: str, flags: Sequence[tuple[str, str]], values: Sequence[tuple[str, str, str]]
+) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog=f"python -m {name}", description=description)
     parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
     for flag, text in flags:
         parser.add_argument(flag, action="store_true", help=text)
     for option, metavar, text in values:
         parser.add_argument(option, metavar=metavar, help=text)
-    try:
-        return work(parser.parse_args())
-    except KeyboardInterrupt:
-        return 130
-    except (CmacexpError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    return parser.parse_args()

@@ -15,13 +15,14 @@ from cmacexp.config import config_folder, to_config
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.config.hydra_private import skip_mode_lookup
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
+from cmacexp.interrupt import end_command, heed_interrupts, interrupt_as_such, interrupt_held_back
 from cmacexp.sweep.start import SweepStart
 
 EXIT_CODES = {"completed": 0, "failed": 1, "bad input": 2, "fell": 3, "diverged": 3, "interrupted": 130}
 OUTCOMES = (
     (BadInput, "bad input"),
     (COMPOSITION_ERRORS, "bad input"),  # before OSError, which some of them are
-    ((CmacexpError, OSError, EOFError, MemoryError), "failed"),
+    ((CmacexpError, OSError, MemoryError), "failed"),
 )
 """Outcomes of errors that need no stack trace; any other error fails a sweep, or ends a run with its stack trace."""
 
@@ -37,9 +38,10 @@ def main() -> int:
     task = _Task()
     try:
         try:
-            hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
+            heed_interrupts()
+            with interrupt_as_such():
+                hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
         except KeyboardInterrupt:
-            print("interrupted", file=sys.stderr)
             task.outcome = "interrupted"
         if SweepStart.sweep is not None:
             from cmacexp.sweep.end import finish_sweep
@@ -50,6 +52,9 @@ def main() -> int:
         task.outcome = "interrupted"
     except Exception as error:
         task.outcome = _report_failure(error)
+    end_command()
+    if task.outcome == "interrupted":
+        print("interrupted", file=sys.stderr)
     return EXIT_CODES[task.outcome]
 
 
@@ -71,9 +76,13 @@ class _Task:
             return run_job(composed)
         folder = Path(hydra.runtime.output_dir)
         try:
-            self._run(composed, folder)
+            with interrupt_as_such():
+                self._run(composed, folder)
         except (BrokenPipeError, SystemExit):  # the reader of the output has stopped; the run is on disk all the same
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except KeyboardInterrupt:
+            _remove_empty(folder)
+            raise
         except Exception as error:
             _remove_empty(folder)
             self.outcome = _report_failure(error)
@@ -86,11 +95,12 @@ class _Task:
         config = to_config(composed, HydraConfig.get().runtime.choices)
         if config.sweep.resume:
             raise BadInput("sweep.resume", True, "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR")
-        from cmacexp.experiment import run_scenario
-        from cmacexp.loop.scenario import make_scenario
-        from cmacexp.report.terminal import announce_compiling, print_summary, progress, say, warn_of_drift
-        from cmacexp.stability.warn import growth_warning
-        from cmacexp.sweep.objective import check_metric
+        with interrupt_held_back():  # some libraries cannot be imported by halves
+            from cmacexp.experiment import run_scenario
+            from cmacexp.loop.scenario import make_scenario
+            from cmacexp.report.terminal import announce_compiling, print_summary, progress, say, warn_of_drift
+            from cmacexp.stability.warn import growth_warning
+            from cmacexp.sweep.objective import check_metric
 
         announce_compiling()
         check_metric(config.optimize)
@@ -137,10 +147,6 @@ def _describe(error: Exception) -> str:
     """The message of an error; what a custom component raised is printed with its stack trace before."""
     if isinstance(error, BadComponent):
         print(format_user_traceback(error.raised), file=sys.stderr, end="")
-    if isinstance(error, EOFError):  # compiled code that was cut short
-        from cmacexp.jit.compiler import remove_compiled
-
-        return remove_compiled()
     if isinstance(error, COMPOSITION_ERRORS):
         return explain_composition(error, sys.argv[1:])
     return str(error).strip() or type(error).__name__

@@ -10,6 +10,7 @@ from typing import NoReturn
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import require_place
 from cmacexp.errors import CmacexpError
+from cmacexp.interrupt import end_command, heed_interrupts, interrupt_as_such
 from cmacexp.report.page import HTML
 from cmacexp.study.output import write_page, write_results
 from cmacexp.study.page import Evaluated, check_page, evaluate
@@ -158,14 +159,18 @@ def command(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace,
     """
     arguments = parser.parse_args()
     try:
+        heed_interrupts()
         options = Options(require_place("--folder", arguments.folder), arguments.quick, arguments.seeds)
-        print(work(arguments, options))
+        with interrupt_as_such():
+            print(work(arguments, options))
     except KeyboardInterrupt:
         print("interrupted; the same command goes on with the runs that are missing", file=sys.stderr)
         sys.exit(130)
     except (CmacexpError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2 if isinstance(error, CmacexpError) else 1)
+    finally:
+        end_command()
     sys.exit(0)
 
 

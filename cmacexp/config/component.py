@@ -14,6 +14,8 @@ from cmacexp.errors import BadInput, suggest
 
 COMPONENTS = ("plant", "sensors", "controller", "feedforward")
 """Groups that name a class by ``_target_``."""
+HYDRAS = ("_target_", "_args_", "_partial_", "_recursive_", "_convert_")
+"""Keys that say to Hydra what to call, and how."""
 
 
 @dataclass
@@ -75,6 +77,23 @@ def _fields_of_options(group: str, choices: Mapping[str, str] | None) -> set[str
     return set().union(*(_fields_set(path, group) for path in [*options, *others]))
 
 
+def _require_plain(key: str, value: object) -> None:
+    """Require that no field names a class or a function, which Hydra would call.
+
+    Raises:
+        BadInput: names the field.
+    """
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            if name in HYDRAS:
+                allowed = f"cannot stand in a field of a component; only {', '.join(COMPONENTS)} name a class"
+                raise BadInput(f"{key}.{name}", inner, allowed)
+            _require_plain(f"{key}.{name}", inner)
+    elif isinstance(value, list | tuple):
+        for i, inner in enumerate(value):
+            _require_plain(f"{key}[{i}]", inner)
+
+
 def fit_fields(
     group: str, node: Mapping[str, Any], component: Callable[..., object], choices: Mapping[str, str] | None
 ) -> dict[str, Any]:
@@ -89,6 +108,7 @@ def fit_fields(
     Raises:
         BadInput: the class does not take a field, or needs one that is missing.
     """
+    _require_plain(group, {name: value for name, value in node.items() if name != "_target_"})
     taken = _fields_taken(component)
     if taken is None:
         return dict(node)

@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import sys
 import textwrap
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -15,7 +16,7 @@ from cmacexp.config.difference import flat
 from cmacexp.config.load import to_plain
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.schema import Config
-from cmacexp.config.targets import current_folder_importable, find_class
+from cmacexp.config.targets import find_class
 from cmacexp.errors import BadInput, CmacexpError
 
 
@@ -64,10 +65,15 @@ def _describe(schema: type, node: Mapping[str, Any], before: str, found: dict[st
 
 
 def _find_component(group: str, node: Mapping[str, Any], found: dict[str, Described]) -> type | None:
-    """The config class of a component, whose docstring describes the choice itself."""
+    """The config class of a component, whose docstring describes the choice itself.
+
+    The run may be somebody else's: a module that is not shipped, and that this process does not use, is not imported.
+    """
+    target = str(node.get("_target_"))
+    if not target.startswith("cmacexp.") and target.rpartition(".")[0] not in sys.modules:
+        return None
     try:
-        with current_folder_importable():
-            component = find_class(f"{group}._target_", node.get("_target_"))
+        component = find_class(f"{group}._target_", target)
     except BadInput:
         return None
     found[group] = Described("", (inspect.getdoc(component) or "").partition("\n")[0])

@@ -3,7 +3,7 @@
 import importlib
 import inspect
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -45,8 +45,8 @@ def current_folder_importable() -> Iterator[None]:
         sys.path.remove(here)
 
 
-def find_class(key: str, target: object) -> Callable[..., object]:
-    """Import what ``target`` names.
+def find_class(key: str, target: object) -> type[Any]:
+    """Import the class that ``target`` names; nothing but the import of its module runs code.
 
     Args:
         key: the config key of the target, ``controller._target_``.
@@ -68,9 +68,9 @@ def find_class(key: str, target: object) -> Callable[..., object]:
         if inside is None:
             raise BadInput(key, target, _no_attribute(found, name))
         found = inside
-    if not callable(found):
+    if not inspect.isclass(found):
         raise BadInput(key, target, f"must be a class, but is of type {type(found).__name__}")
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 def _import(key: str, target: str, name: str) -> ModuleType | None:

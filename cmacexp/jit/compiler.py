@@ -7,27 +7,22 @@ All give the same bits.
 
 import contextlib
 import math
-import os
-import shutil
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property, update_wrapper
-from pathlib import Path
+from functools import cached_property, update_wrapper
 from typing import cast
 
+from cmacexp.interrupt import interrupt_held_back, raise_if_interrupted
+from cmacexp.jit.cache_folder import cache_folder
 from cmacexp.jit.kernels import Function, kernel, kernel_apart
-from cmacexp.jit.sources import KERNEL_ROOMS, sources_hash
 
 __all__ = [
-    "cache_folder",
     "call_before_compiling",
     "expect_runs",
     "expect_steps",
     "kernel",
     "kernel_apart",
     "program",
-    "remove_compiled",
 ]
 
 WORTH_LOADING, WORTH_COMPILING = 4_000, 40_000
@@ -94,11 +89,12 @@ class _Program:
         self.decided = _work.count
         is_long = _work.size >= WORTH_COMPILING
         if is_long or self._is_worth_loading:
-            from cmacexp.jit.numba_private import before_compiling
+            with interrupt_held_back(), contextlib.suppress(NotCompiled):
+                from cmacexp.jit.numba_private import before_compiling
 
-            with contextlib.suppress(NotCompiled), before_compiling(_announce if is_long else _refuse):
-                self.chosen = self.compiled
-                return self.compiled(*arguments)
+                with before_compiling(_announce if is_long else _refuse, raise_if_interrupted):
+                    self.chosen = self.compiled
+                    return self.compiled(*arguments)
         self.chosen = self.plain
         return self.plain(*arguments)
 
@@ -107,7 +103,7 @@ class _Program:
         """Whether the cache holds something, and reading it takes less time than it saves."""
         name = f"{self.function.__module__.rpartition('.')[2]}.{self.function.__qualname__}"
         saves = "compiled" in vars(self) or _work.size >= WORTH_LOADING
-        return saves and any(cache_folder().glob(f"*/{name}-*.nbi"))
+        return saves and any(cache_folder().glob(f"*/{name}-*.nbc"))
 
     @cached_property
     def compiled(self) -> Callable[..., object]:
@@ -132,44 +128,3 @@ def call_before_compiling(call: Callable[[], None]) -> None:
 def _announce() -> None:
     while _announcers:
         _announcers.pop()()
-
-
-def _writable(folder: Path) -> bool:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
-
-
-@cache
-def cache_folder() -> Path:
-    """Folder for compiled code of these sources: in the user's cache, else a temporary folder.
-
-    numba keys a cached program by its own file alone, and would still use it after an edit of a kernel that it calls;
-    a folder per state of the sources is never stale.
-    """
-    root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    folder = Path(root) / "cmacexp" / sources_hash(KERNEL_ROOMS)
-    has_root = not root.startswith("~")  # in a container a user may have no home folder
-    return folder if has_root and _writable(folder) else _temporary_folder(folder.name)
-
-
-def _temporary_folder(name: str) -> Path:
-    """A temporary folder that lasts; a new one if others could have put code there."""
-    user = os.getuid() if hasattr(os, "getuid") else 0
-    folder = Path(tempfile.gettempdir()) / f"cmacexp-{user}"
-    with contextlib.suppress(OSError):
-        folder.mkdir(mode=0o700, exist_ok=True)
-        status = folder.stat()
-        if status.st_uid == user and not status.st_mode & 0o077:
-            return folder / name
-    return Path(tempfile.mkdtemp(prefix="cmacexp-"))
-
-
-def remove_compiled() -> str:
-    """Remove compiled code that cannot be read, so that the next run compiles it again; returns a message."""
-    folder = cache_folder()
-    shutil.rmtree(folder, ignore_errors=True)
-    return f"{folder}: compiled code was damaged and has been removed; run again"

@@ -5,6 +5,10 @@ public way, which is slower and gives the same bits. Beside each name stands the
 shows its gain.
 """
 
+import contextlib
+import hashlib
+import os
+import pickle
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +19,7 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 import numba
-from numba.core import event
+from numba.core import event, serialize
 from numba.extending import typeof_impl
 
 from cmacexp.jit.kernels import inlined_kernels
@@ -29,6 +33,7 @@ typeof: Any = numba.typeof
 config: Any = numba.config
 install_listener: Any = event.install_listener
 register: Any = event.register
+dumps: Any = serialize.dumps
 
 BLAS = ("scipy.linalg", "scipy.linalg.cython_blas")
 PUBLIC_SETTINGS: dict[str, object] = {"error_model": "numpy"}
@@ -66,15 +71,66 @@ def _type_of_kernel(function: FunctionType, context: object) -> Any:
 
 
 def compiled_program(function: Callable[..., object], folder: Path) -> Callable[..., object]:
-    """``function`` with an entry for Python, kept in ``folder``; as it is if compiling is switched off."""
+    """``function`` with an entry for Python, kept in ``folder``; as it is if compiling is switched off.
+
+    With another version of numba it is not kept: numba does not check what it reads.
+    """
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder)
     try:
-        compiled: Callable[..., object] = njit(**SETTINGS, cache=True)(function)
+        compiled: Any = njit(**SETTINGS, cache=KNOWN)(function)
     finally:
         config.CACHE_DIR = before
+    if KNOWN and compiled is not function:
+        compiled._cache._cache_file = CheckedFiles(compiled._cache._cache_file)
     _quick_compilation.programs.add(compiled)
-    return compiled
+    return compiled  # type: ignore[no-any-return]
+
+
+class CheckedFiles:
+    """Compiled forms of one function, a file each, instead of numba's own files, which it reads without a check.
+
+    They are pickles: a truncated one raises whatever it likes, and a wrong bit in machine code can crash the process.
+    A file is the SHA-256 of the rest, then the pickled form and what it belongs to.
+
+    Args:
+        numbas: the files that numba would use.
+    """
+
+    def __init__(self, numbas: Any):
+        self.folder, self.name = Path(numbas._cache_path), numbas._index_name.removesuffix(".nbi")
+        self.state = (numba.__version__, numbas._source_stamp)
+
+    def _path(self, key: object) -> Path:
+        return self.folder / f"{self.name}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
+
+    def load(self, key: object) -> object:
+        """The form for a key, which names types and processor; None if there is none that can be used."""
+        path = self._path(key)
+        try:
+            content = path.read_bytes()
+        except OSError:
+            return None
+        digest, pickled = content[:32], content[32:]
+        if hashlib.sha256(pickled).digest() != digest:
+            print(f"{path}: compiled code was damaged; it is removed and made again when needed", file=sys.stderr)
+            with contextlib.suppress(OSError):
+                path.unlink()
+            return None
+        state, stored_key, form = pickle.loads(pickled)
+        return form if (state, stored_key) == (self.state, key) else None
+
+    def save(self, key: object, form: object) -> None:
+        """Write a form, so that its file is whole or absent; a run does not need it on the disk."""
+        path = self._path(key)
+        temporary = path.with_name(f"{path.name}.{os.getpid()}.part")
+        pickled = dumps((self.state, key, form))
+        with contextlib.suppress(OSError):
+            try:
+                temporary.write_bytes(hashlib.sha256(pickled).digest() + pickled)
+                os.replace(temporary, path)
+            finally:
+                temporary.unlink(missing_ok=True)
 
 
 class _Listener(event.Listener):
@@ -113,7 +169,10 @@ register("numba:compile", _quick_compilation)
 
 
 @contextmanager
-def before_compiling(call: Callable[[], None]) -> Iterator[None]:
-    """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that."""
-    with install_listener("numba:compile", _Listener(call)):
+def before_compiling(call: Callable[[], None], again: Callable[[], None]) -> Iterator[None]:
+    """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that.
+
+    ``again`` is called many times while it is compiled; what it raises ends that.
+    """
+    with install_listener("numba:compile", _Listener(call)), install_listener("numba:run_pass", _Listener(again)):
         yield

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cmacexp.interrupt import interrupt_let_through
 from cmacexp.jit.compiler import program
 from cmacexp.loop.samples import TRAVEL, make_samples
 from cmacexp.loop.scenario import Scenario
@@ -114,6 +115,7 @@ class ExternalDriver:
         """Steps whose torque the plant has taken, also when a component raised."""
         return self.start + int(self.progress[TAKEN])
 
+    @interrupt_let_through()
     def run(self, samples: Array, body_samples: Array) -> int:
         """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows.
 

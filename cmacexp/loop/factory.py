@@ -1,12 +1,13 @@
 """Make the components of a run from the ``_target_`` and fields of their config nodes."""
 
+import inspect
 from collections.abc import Mapping
 from typing import Any
 
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 
-from cmacexp.config.targets import current_folder_importable
+from cmacexp.config.targets import current_folder_importable, find_class
 from cmacexp.control.protocol import Controller
 from cmacexp.errors import BadComponent, BadInput, format_install_command
 from cmacexp.feedforward.protocol import Feedforward
@@ -30,6 +31,45 @@ def require_members(group: str, target: object, component: object) -> None:
         raise BadInput(f"{group}._target_", target, f"is not a {group}: it has no {' and no '.join(missing)}")
 
 
+def require_class(group: str, node: Mapping[str, Any]) -> None:
+    """Require that a ``_target_`` is a class with the methods of its protocol, before anything of it is called.
+
+    Args:
+        group: of the component, ``controller``.
+        node: its ``_target_`` and fields.
+
+    Raises:
+        BadInput: names the method that is missing or takes other arguments, or the fields that do not fit.
+    """
+    target, protocol, key = node.get("_target_"), PROTOCOLS[group], f"{group}._target_"
+    component = find_class(key, target)
+    methods = [name for name, value in vars(protocol).items() if inspect.isfunction(value) and name[0] != "_"]
+    if missing := [name for name in methods if not callable(getattr(component, name, None))]:
+        raise BadInput(key, target, f"is not a {group}: it has no {' and no '.join(missing)}")
+    for name in methods:
+        if not _takes(component, name, given := list(inspect.signature(getattr(protocol, name)).parameters)):
+            raise BadInput(key, target, f"is not a {group}: {name} must take ({', '.join(given[1:])})")
+    try:
+        inspect.signature(component).bind(**{name: value for name, value in node.items() if name != "_target_"})
+    except TypeError as error:
+        raise BadInput(key, target, f"cannot be made of its fields: {error}") from error
+    except ValueError:  # a class that is not written in Python
+        return
+
+
+def _takes(component: type[Any], name: str, given: list[str]) -> bool:
+    """Whether a method can be called with ``given``, of which the first is the object itself."""
+    declared = inspect.getattr_static(component, name)
+    is_bound = hasattr(declared, "__get__") and not isinstance(declared, staticmethod | classmethod)
+    try:
+        inspect.signature(getattr(component, name)).bind(*(given if is_bound else given[1:]))
+    except TypeError:
+        return False
+    except ValueError:  # it is not written in Python
+        return True
+    return True
+
+
 def make_component(group: str, node: Mapping[str, Any]) -> Any:
     """Make a component.
 
@@ -43,6 +83,7 @@ def make_component(group: str, node: Mapping[str, Any]) -> Any:
     target, key = node.get("_target_"), f"{group}._target_"
     try:
         with current_folder_importable():
+            require_class(group, node)
             component = instantiate(node)
     except InstantiationException as error:
         raise _explain(key, target, error) from error.__cause__

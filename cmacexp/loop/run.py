@@ -14,11 +14,11 @@ from cmacexp.data.signals import ARRAYS
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
+from cmacexp.interrupt import interrupt_as_such, interrupt_held_back, raise_if_interrupted
 from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.external import ExternalDriver
-from cmacexp.loop.interrupt import interrupt_held_back
 from cmacexp.loop.samples import TRAVEL, WIDE_SAMPLES, make_samples, name_body_samples, name_samples
 from cmacexp.loop.scenario import Scenario, announce_steps
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_guard
@@ -124,7 +124,8 @@ class _Stream:
     def catch(self) -> Iterator[None]:
         """End the run, and keep its samples, at an interrupt or an error of a component."""
         try:
-            yield
+            with interrupt_as_such():
+                yield
         except KeyboardInterrupt:
             self.status, self.cause = "interrupted", f"after step {self.driver.taken}"
         except Exception as raised:
@@ -187,13 +188,12 @@ def stream(
     run = _Stream(scenario, fused)
     while run.runs:
         start = run.advance()
-        with interrupt_held_back() as interrupted:
+        with interrupt_held_back():
             keep(run.collect(start))
-        if run.status == "completed":
-            with run.catch():
-                if interrupted():
-                    raise KeyboardInterrupt
-                watch(run.driver.taken // run.config.steps_per_cycle)
+            if run.status == "completed":
+                with run.catch():
+                    raise_if_interrupted()
+                    watch(run.driver.taken // run.config.steps_per_cycle)
     expect_steps(math.inf)
     return End(run.driver.taken, run.status, run.cause, run.seconds, run.error)
 

@@ -128,7 +128,7 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     first, fault = new_measurement(mechanism.legs.shape[0]), None
     try:
         first = _reset(setup, components)
-    except (BadInput, EOFError):  # EOFError: damaged compiled code, which is not the component's fault
+    except BadInput:
         raise
     except Exception as error:
         fault = error

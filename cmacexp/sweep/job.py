@@ -11,6 +11,7 @@ from cmacexp.config import Config, to_config
 from cmacexp.data import manifest as manifests
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
+from cmacexp.interrupt import interrupt_as_such, interrupt_held_back
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.sweep.start import count_jobs, select_run_overrides
 
@@ -23,17 +24,19 @@ def run_job(composed: DictConfig) -> float | None:
     """
     hydra = HydraConfig.get()
     folder, metric = Path(hydra.runtime.output_dir), composed.get("optimize")
-    from cmacexp.report.run_summary import read_summary
-    from cmacexp.report.terminal import announce_compiling, describe_drift, format_outcome, say
-    from cmacexp.sweep.objective import check_metric, read_objective
+    with interrupt_held_back():  # some libraries cannot be imported by halves
+        from cmacexp.report.run_summary import read_summary
+        from cmacexp.report.terminal import announce_compiling, describe_drift, format_outcome, say
+        from cmacexp.sweep.objective import check_metric, read_objective
 
     announce_compiling()
     expect_runs(count_jobs())
     name = f"#{hydra.job.num} {' '.join(select_run_overrides(hydra.overrides.task))}"
     try:
-        config = to_config(composed, hydra.runtime.choices)
-        check_metric(config.optimize)
-        result = _run_unless_finished(config, folder)
+        with interrupt_as_such():
+            config = to_config(composed, hydra.runtime.choices)
+            check_metric(config.optimize)
+            result = _run_unless_finished(config, folder)
     except Exception as error:
         cause = _describe(error)
         _write_failure(folder, composed, error, cause)
@@ -53,10 +56,11 @@ def run_job(composed: DictConfig) -> float | None:
 
 def _run_unless_finished(config: Config, folder: Path) -> StoredRun | None:
     """The run of a config; None if the sweep resumes and ``folder`` holds it already."""
-    from cmacexp.data.integrity import is_finished
-    from cmacexp.experiment import run_scenario
-    from cmacexp.loop.scenario import make_scenario
-    from cmacexp.report.terminal import progress
+    with interrupt_held_back():
+        from cmacexp.data.integrity import is_finished
+        from cmacexp.experiment import run_scenario
+        from cmacexp.loop.scenario import make_scenario
+        from cmacexp.report.terminal import progress
 
     if config.sweep.resume and is_finished(folder, config):
         return None
@@ -67,10 +71,6 @@ def _run_unless_finished(config: Config, folder: Path) -> StoredRun | None:
 
 def _describe(error: Exception) -> str:
     """Why a job failed, in one line."""
-    if isinstance(error, EOFError):  # compiled code that was cut short
-        from cmacexp.jit.compiler import remove_compiled
-
-        return remove_compiled()
     text = str(error) if isinstance(error, CmacexpError | OSError) else f"{type(error).__name__}: {error}"
     return " ".join(text.split())
 

@@ -10,6 +10,7 @@ from multiprocessing import active_children, get_context
 from typing import Any
 
 from cmacexp.errors import CmacexpError
+from cmacexp.interrupt import interrupt_blocked
 from cmacexp.report.terminal import progress
 
 Each = Callable[[str, Callable[..., Any], Sequence[tuple[Any, ...]]], list[Any]]
@@ -32,7 +33,8 @@ def workers() -> Iterator[Each]:
     pool = ProcessPoolExecutor(os.cpu_count(), get_context("spawn"), _leave_interrupts_to_the_parent)
 
     def each(what: str, work: Callable[..., Any], items: Sequence[tuple[Any, ...]]) -> list[Any]:
-        futures = [pool.submit(work, *item) for item in items]
+        with interrupt_blocked():  # or a worker prints a stack trace while it begins
+            futures = [pool.submit(work, *item) for item in items]
         with progress(what, len(items)) as watch:
             for done, future in enumerate(as_completed(futures), start=1):
                 future.result()

@@ -101,7 +101,7 @@ BAD = {
     "cmac.layers=many": "cmac.layers=many: must be a whole number",
     "sampling_period=0.007": "sampling_period=0.007: must divide gait.cycle_time=3 s",
     "gait.stroke=2": "gait.stroke=2.0: the foot of leg 1 would be",
-    "feedforward._target_=os.system": "feedforward._target_=os.system: cannot be made",
+    "feedforward._target_=os.system": "feedforward._target_=os.system: must be a class",
     "optimize=transfer_rmse": "optimize=transfer_rmse: choose from transfer_rmse_x, transfer_rmse_y",
 }
 """A mistake of each kind; ``test_messages.py`` has them all."""
@@ -213,8 +213,10 @@ def test_interrupt_keeps_what_there_is(tmp_path):
     process = started("cycles=27000", "learning.lead=1", "record=trace", f"hydra.run.dir={tmp_path}", folder=ROOT)
     time.sleep(4.0)
     process.send_signal(signal.SIGINT)
-    process.communicate()
+    _, err = process.communicate()
     assert process.returncode == 130
+    assert err.splitlines()[-1] == "interrupted"
+    assert "Traceback" not in err
     if (tmp_path / "manifest.json").exists():
         assert json.loads((tmp_path / "manifest.json").read_text())["status"] == "interrupted"
         assert python("-m", "cmacexp.verify", str(tmp_path), folder=tmp_path).returncode == 0

@@ -11,12 +11,15 @@ from support.command import cmacexp
 import cmacexp as package
 from cmacexp.config.compose import compose_config
 from cmacexp.control import Action, CmacFeedforward, HybridController
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.experiment import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.builtin import find_external
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
+from cmacexp.report.run_settings import list_settings
+from cmacexp.score import score
 from cmacexp.sensors import PerfectSensors
 
 PARTS = {
@@ -26,7 +29,9 @@ PARTS = {
     "feedforward": CmacFeedforward,
 }
 OWN = """
+from dataclasses import dataclass
 import numpy as np
+from cmacexp.config import ComponentConfig
 from cmacexp.control import Action
 
 class Still:
@@ -42,6 +47,14 @@ class Stiff(Still):
 
 class Flat(Still):
     def act(self, reference, measurement): return Action(np.zeros(2), np.zeros((self.legs, 2)))
+
+class Narrow(Still):
+    def act(self, reference): return None
+
+class Other(Still):
+    @dataclass
+    class Config(ComponentConfig):
+        stiffness: float = 1.0
 
 class Breaks(Still):
     def act(self, reference, measurement):
@@ -157,7 +170,8 @@ def test_every_force_control_method_plans_for_a_controller_without_gains(here, m
 
 
 BAD = {
-    "{}.Missing": "has no Missing; it has Breaks, BreaksAtOnce, CannotBeMade, Flat, Needs, Reports, Stiff, Still",
+    "{}.Missing": "has no Missing; it has Breaks, BreaksAtOnce, CannotBeMade, Flat, Narrow, Needs, Other, Reports, "
+    "Stiff, Still",
     "{}.Stil": "did you mean Still?",
     "{}x.Still": "there is no module {}x, neither in",
     "{}.number": "must be a class, but is of type int",
@@ -165,7 +179,11 @@ BAD = {
     "{}.Needs": "controller.stiffness=(not set): {}.Needs takes stiffness: give it one with +controller.stiffness=",
     "{}.Still +controller.gian=3": "controller.gian=3: {}.Still takes gain; did you mean gain?",
     "collections.OrderedDict": "is not a controller: it has no reset and no act",
-    "os.system": "cannot be made",
+    "os.system": "must be a class, but is of type builtin_function_or_method",
+    "{}.Narrow": "is not a controller: act must take (reference, measurement)",
+    "{}.Still +controller.gain._target_=os.system": "controller.gain._target_=os.system: cannot stand",
+    "{}.Still +controller._partial_=true": "controller._partial_=True: cannot stand in a field of a component",
+    "{}.Other": "cannot be made of its fields: got an unexpected keyword argument 'stiffness'",
 }
 
 
@@ -176,6 +194,48 @@ def test_a_target_that_cannot_be_made_is_told_in_a_line(here, target):
         make_scenario(compose(*overrides))
     assert BAD[target].format(here) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+CALLED = """
+calls = []
+
+def function(**fields): calls.append("function")
+
+class NoMethods:
+    def __init__(self, **fields): calls.append("NoMethods")
+
+class NoArguments(NoMethods):
+    def reset(self): pass
+    def act(self): pass
+
+class Fits:
+    def __init__(self, gain): calls.append("Fits")
+    def reset(self, setup, feedforward): pass
+    def act(self, reference, measurement): pass
+
+"""
+NOT_CALLED = ("function", "NoMethods", "NoArguments", "Fits +controller.gain._target_={}.function")
+
+
+@pytest.mark.parametrize("target", NOT_CALLED)
+def test_what_is_no_component_is_not_called(here, tmp_path, target):
+    (tmp_path / f"{here}_called.py").write_text(CALLED)
+    with pytest.raises(BadInput):
+        make_scenario(compose(*f"controller._target_={here}_called.{target}".format(f"{here}_called").split()))
+    assert __import__(f"{here}_called").calls == []
+
+
+def test_readers_of_a_run_do_not_import_what_its_manifest_names(here, tmp_path):
+    run = package.run(["scenario=one_leg", "cycles=1", "record=trace"], tmp_path / "run")
+    manifest = json.loads((run.folder / "manifest.json").read_text())
+    for group in PARTS:
+        manifest["config"][group]["_target_"] = f"{here}_planted.Part"
+    (run.folder / "manifest.json").write_text(json.dumps(manifest))
+    (tmp_path / f"{here}_planted.py").write_text("open('ran', 'w').close()")
+    assert len(package.load(run.folder).trace) == 600
+    score(run.folder)
+    list_settings(StoredRun(run.folder))
+    assert not (tmp_path / "ran").exists()
 
 
 @pytest.mark.parametrize(

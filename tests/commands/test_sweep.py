@@ -119,20 +119,6 @@ def test_a_part_that_raises_fails_its_job_alone(tmp_path):
     assert "in reset" in json.loads((tmp_path / "s" / "0" / "manifest.json").read_text())["traceback"]
 
 
-def test_damaged_compiled_code_fails_a_job_and_is_gone_for_the_next(tmp_path):
-    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    find = "from cmacexp.jit.compiler import cache_folder; print(cache_folder())"
-    folder = python("-c", find, folder=tmp_path, **cache).stdout.strip()
-    code = "from cmacexp.control import CmacFeedforward\n\nclass Cut(CmacFeedforward):\n"
-    code += "    def reset(self, setup):\n        raise EOFError('Ran out of input')\n"
-    (tmp_path / "mine.py").write_text(code)
-    (tmp_path / "cache" / "cmacexp").mkdir(parents=True, exist_ok=True)
-    done = cmacexp("-m", "feedforward._target_=mine.Cut", "cycles=1", "hydra.sweep.dir=s", folder=tmp_path, **cache)
-    assert done.returncode == 1
-    assert f"{folder}: compiled code was damaged and has been removed; run again" in done.stderr
-    assert not any((tmp_path / "cache" / "cmacexp").iterdir())
-
-
 RESUME = ["sweep.resume=true", "hydra.sweep.dir=s"]
 
 

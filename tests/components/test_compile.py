@@ -1,17 +1,21 @@
 """Compiled code lasts from process to process wherever it can be kept, and is never older than its sources."""
 
+import contextlib
 import math
+import os
+import random
 import re
 import shutil
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
-from types import FunctionType
+from types import FunctionType, SimpleNamespace
 
 import pytest
 from support.command import ROOT, cmacexp, python
 
-from cmacexp.jit.compiler import WORTH_COMPILING, cache_folder, expect_runs, expect_steps, program
-from cmacexp.jit.numba_private import TESTED
+from cmacexp.jit.cache_folder import cache_folder, find_other_writers
+from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, expect_steps, program
+from cmacexp.jit.numba_private import TESTED, CheckedFiles, compiled_program
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.mix import mix
 from cmacexp.report.terminal import COMPILING
@@ -109,7 +113,7 @@ def compiles(folder, *overrides, **environment):
         *overrides, "record=trace", "hydra.run.dir=run", folder=folder, NUMBA_CACHE_DIR=str(cache), **environment
     )
     assert done.returncode == 0, done.stderr
-    return COMPILING in done.stderr, any(cache.rglob("*.nbi"))
+    return COMPILING in done.stderr, any(cache.rglob("*.nbc"))
 
 
 def test_a_short_run_is_not_compiled(tmp_path):
@@ -151,3 +155,103 @@ def test_the_length_of_all_runs_together_decides():
 def test_a_kernel_is_a_plain_function_and_a_program_gives_its_bits():
     assert isinstance(mix, FunctionType)
     assert program(mix).compiled(7, 12345) == mix(7, 12345)
+
+
+# Damage
+
+
+def checked(folder, stamp="source"):
+    return CheckedFiles(SimpleNamespace(_cache_path=str(folder), _index_name="loop.run-1.nbi", _source_stamp=stamp))
+
+
+def test_a_form_is_loaded_for_its_key_and_source_alone(tmp_path):
+    checked(tmp_path).save("key", [1, 2])
+    checked(tmp_path).save("other", [3])
+    assert checked(tmp_path).load("key") == [1, 2]
+    assert checked(tmp_path).load("other") == [3]
+    assert checked(tmp_path).load("third") is None
+    assert checked(tmp_path, "edited").load("key") is None
+
+
+def test_damage_anywhere_is_noticed_before_the_form_is_loaded(tmp_path, capsys):
+    made, form = checked(tmp_path), list(range(200))
+    made.save("key", form)
+    (path,) = tmp_path.iterdir()
+    whole, draw = path.read_bytes(), random.Random(7)
+    for attempt in range(200):
+        content = bytearray(whole)
+        if attempt % 2:
+            del content[draw.randrange(len(content)) :]
+        else:
+            content[draw.randrange(len(content))] ^= 1 << draw.randrange(8)
+        path.write_bytes(content)
+        assert made.load("key") is None
+        assert capsys.readouterr().err.startswith(f"{path}: compiled code was damaged")
+        assert not path.exists()
+    assert made.load("key") is None
+    made.save("key", form)
+    assert made.load("key") == form
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_a_form_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch, error):
+    def fail(*paths):
+        raise error
+
+    monkeypatch.setattr(os, "replace", fail)
+    with contextlib.suppress(KeyboardInterrupt):
+        checked(tmp_path).save("key", "form")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_damaged_program_is_compiled_again(tmp_path, capsys):
+    assert compiled_program(mix, tmp_path)(7, 12345) == mix(7, 12345)
+    (path,) = [path for path in files(tmp_path) if path.suffix == ".nbc"]
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    assert compiled_program(mix, tmp_path)(7, 12345) == mix(7, 12345)
+    assert "compiled code was damaged" in capsys.readouterr().err
+    assert path.stat().st_size > 1000
+    again = compiled_program(mix, tmp_path)
+    assert again(7, 12345) == mix(7, 12345)
+    assert sum(again.stats.cache_hits.values()) == 1
+    assert not capsys.readouterr().err
+
+
+# Folders that others can write to
+
+
+def test_a_private_folder_may_lie_where_everybody_can_add_folders(tmp_path):
+    (tmp_path / "shared" / "own").mkdir(parents=True)
+    (tmp_path / "shared").chmod(0o1777)
+    assert find_other_writers(tmp_path / "shared" / "own") == ""
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o722, 0o1777])
+@pytest.mark.parametrize("place", ["shared", "shared/cmacexp"])
+def test_a_folder_that_others_can_write_to_or_replace_is_not_used(tmp_path, mode, place, monkeypatch, capsys):
+    (tmp_path / place).mkdir(parents=True)
+    (tmp_path / place).chmod(mode)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "shared"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folder = cache_folder.__wrapped__()
+    if mode & 0o1000:  # what is in it belongs to its owner
+        assert folder.is_relative_to(tmp_path / "shared" / "cmacexp")
+        assert folder.stat().st_mode & 0o077 == 0
+    else:
+        assert folder.is_relative_to(tmp_path / f"cmacexp-{os.getuid()}")
+        reason = f": others can write to {tmp_path / place}; chmod go-w prevents that\n"
+        assert capsys.readouterr().err.endswith(reason)
+
+
+def test_the_folder_itself_is_not_shared_even_where_nobody_can_delete(tmp_path):
+    tmp_path.chmod(0o1777)
+    assert find_other_writers(tmp_path) == f"others can write to {tmp_path}; chmod go-w prevents that"
+
+
+def test_a_folder_of_another_user_is_not_used(tmp_path, monkeypatch):
+    if os.getuid() == 0:
+        os.chown(tmp_path, 12345, -1)
+    else:
+        monkeypatch.setattr(os, "getuid", lambda: 12345)
+    assert f"{tmp_path} belongs to another user" in find_other_writers(tmp_path)

@@ -95,13 +95,14 @@ def test_scores_of_a_long_run_are_those_it_wrote(tmp_path, monkeypatch):
 
 def test_an_interrupt_waits_for_what_is_being_written(monkeypatch):
     monkeypatch.setattr(rollouts, "MOST_ROWS", 600)
-    kept = []
+    kept, before = [], signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
 
     def keep(samples):
         os.kill(os.getpid(), signal.SIGINT)
         kept.append(samples.legs.copy())
 
     end = stream(make_scenario(compose_config(["cycles=3"])), keep)
+    signal.signal(signal.SIGINT, before)
     assert (end.status, end.cause, end.steps) == ("interrupted", "after step 600", 600)
     assert [len(part) for part in kept] == [600]
 

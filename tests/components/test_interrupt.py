@@ -1,0 +1,154 @@
+"""Ctrl-C: it waits where it would do harm, is never lost, and all steps that were taken are kept."""
+
+import json
+import os
+import signal
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from cmacexp import interrupt
+from cmacexp.experiment import run as experiment
+from cmacexp.experiment import run_scenario
+from cmacexp.interrupt import interrupt_as_such, interrupt_held_back, interrupt_let_through, raise_if_interrupted
+from cmacexp.loop import compiled, roll_out
+from cmacexp.loop.scenario import make_scenario
+
+SHORT = ("cycles=2", "gait.cycle_time=0.5", "gait.stroke=0.02", "learning.start_cycle=1")
+
+
+@pytest.fixture(autouse=True)
+def heeds():
+    """This process heeds interrupts, even if it was started in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def press():
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_an_interrupt_waits_until_the_end_of_what_it_would_harm():
+    done = []
+
+    @interrupt_held_back()
+    def work(inner):
+        inner() if inner else press()
+        done.append(inner)
+
+    with pytest.raises(KeyboardInterrupt):
+        work(lambda: work(None))
+    assert len(done) == 2
+    raise_if_interrupted()  # it is raised once
+    with pytest.raises(KeyboardInterrupt):
+        press()
+
+
+def test_an_interrupt_that_waits_is_raised_at_a_safe_place_and_only_there():
+    with interrupt_held_back():
+        press()
+        with pytest.raises(KeyboardInterrupt):
+            raise_if_interrupted()
+        raise_if_interrupted()
+        press()
+        with pytest.raises(KeyboardInterrupt), interrupt_let_through():
+            pytest.fail("is raised before")
+        with pytest.raises(KeyboardInterrupt), interrupt_let_through():
+            press()
+
+
+def test_a_second_interrupt_does_not_wait():
+    with interrupt_held_back():
+        press()
+        with pytest.raises(KeyboardInterrupt):
+            press()
+
+
+def test_a_process_that_ignores_interrupts_goes_on_doing_so():
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with interrupt_held_back():
+        press()
+        raise_if_interrupted()
+
+
+def test_an_interrupt_that_a_library_drops_is_raised_again():
+    interrupt._raise_again(SimpleNamespace(exc_value=KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt):
+        time.sleep(10.0)
+
+
+def test_an_error_that_a_library_makes_of_an_interrupt_is_one():
+    @interrupt_as_such()
+    def compose():
+        try:
+            raise KeyboardInterrupt
+        finally:
+            raise AttributeError("half made")
+
+    with pytest.raises(KeyboardInterrupt):
+        compose()
+    with pytest.raises(AttributeError), interrupt_as_such():
+        raise AttributeError("of another cause")
+
+
+@pytest.mark.parametrize("feedforward", ["cmac", "ilc"])
+def test_steps_give_the_same_bits_in_any_number_of_calls(make_config, monkeypatch, feedforward):
+    config = make_config(*SHORT, f"feedforward={feedforward}")
+    expected = roll_out(make_scenario(config))
+    monkeypatch.setattr(compiled, "LONGEST_CALL", 0.0)  # a step a call
+    assert roll_out(make_scenario(config)).samples.tobytes() == expected.samples.tobytes()
+
+
+def interrupt_at(monkeypatch, call):
+    """Have this call of the program, a step each, interrupted from the keyboard."""
+    whole, calls = compiled.fused_loop, []
+
+    def loop(*arguments):
+        calls.append(1)
+        if len(calls) == call + 1:  # the first takes no step
+            press()
+        whole(*arguments)
+
+    monkeypatch.setattr(compiled, "fused_loop", loop)
+    monkeypatch.setattr(compiled, "LONGEST_CALL", 0.0)
+
+
+def test_an_interrupt_is_heeded_within_a_cycle_and_all_steps_are_kept(make_config, monkeypatch):
+    config = make_config(*SHORT)
+    expected = roll_out(make_scenario(config))
+    interrupt_at(monkeypatch, 130)
+    rollout = roll_out(make_scenario(config))
+    assert (rollout.status, rollout.cause, rollout.steps) == ("interrupted", "after step 130", 130)
+    assert rollout.samples.tobytes() == expected.samples[:130].tobytes()
+
+
+def test_a_call_of_the_program_takes_no_longer_than_allowed(make_config, monkeypatch):
+    now, sizes = [0.0], []
+
+    def loop(loop, progress, start, samples, body_samples):
+        progress[:2] = len(samples), 0
+        now[0] += 0.03 * len(samples)
+        sizes.append(len(samples))
+
+    monkeypatch.setattr(compiled, "fused_loop", loop)
+    monkeypatch.setattr(compiled.time, "perf_counter", lambda: now[0])
+    roll_out(make_scenario(make_config(*SHORT)))
+    assert sizes[:3] == [0, 1, 3]
+    assert max(sizes) * 0.03 <= compiled.LONGEST_CALL
+
+
+def test_an_interrupt_while_results_are_written_comes_after_them(make_config, monkeypatch, tmp_path):
+    write = experiment.write_scores
+
+    def pressed(*arguments):
+        press()
+        return write(*arguments)
+
+    monkeypatch.setattr(experiment, "write_scores", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        run_scenario(make_config(*SHORT, "record=trace"), tmp_path)
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    assert manifest["status"] == "completed"
+    assert all((tmp_path / name).is_file() for name in manifest["files"])
