@@ -15,6 +15,7 @@ from cmacexp.experiment import run_scenario
 from cmacexp.loop import run as rollouts
 from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.plants import AnalyticPlant
 from cmacexp.score import score
 
 TABLES = ("trace.parquet", "metrics.parquet")
@@ -121,3 +122,14 @@ def test_what_cannot_be_kept_ends_the_run_as_what_it_is():
 def test_records_that_cannot_be_are_told(override, message):
     with pytest.raises(BadInput, match=message):
         compose_config([override])
+
+
+def test_a_run_that_fails_before_its_first_step_has_the_columns_of_its_sensors(tmp_path):
+    class NoContact(AnalyticPlant):
+        def reset(self, setup):
+            raise RuntimeError("no contact to the robot")
+
+    config = compose_config(["sensors=real", "sensors.velocity.noise=0.1", "record=trace"])
+    run = run_scenario(config, tmp_path, prepared=make_scenario(config, plant=NoContact()))
+    assert (run.status, run.manifest["steps"]) == ("failed", 0)
+    assert "vx_measured" in pq.read_table(tmp_path / "trace.parquet").column_names
