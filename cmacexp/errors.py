@@ -92,5 +92,9 @@ class BadOutput(CmacexpError):
     """A component returned what the loop cannot use; the message names class, method, and what was expected."""
 
 
+class Diverged(CmacexpError):
+    """Raised by a plant whose own engine reports that it has diverged: the run ends as one, with this cause."""
+
+
 class BadRun(CmacexpError):
     """A folder that does not contain a readable run."""

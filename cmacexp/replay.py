@@ -5,13 +5,14 @@ import hashlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from cmacexp.cli.command import command
 from cmacexp.cli.viewer import open_window, require_display, serve_web
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, runs_below
 from cmacexp.data.tables import BODY, RECORDING, steps_by_cycle
+from cmacexp.data.trace_writer import LAST_STEPS
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.terminal import activity
 
@@ -42,13 +43,14 @@ def _kept(folder: Path) -> dict[int, int]:
     return kept
 
 
-def _describe_thinning(config: dict[str, Any]) -> str:
+def _describe_thinning(manifest: manifests.Manifest) -> str:
     """The steps that a thinned trace keeps, as an addition to the name of a recording."""
-    record = config.get("record", {})
+    record = manifest["config"].get("record", {})
     every, cycles = record.get("every_nth_step", 1), record.get("cycles")
     parts = [f"one step in {every}"] if every > 1 else []
     parts += [f"cycles {', '.join(map(str, cycles))} alone"] if cycles is not None else []
-    return f"; the trace keeps {', '.join(parts)}" if parts else ""
+    end = f" and the last {LAST_STEPS} steps" if manifest["status"] != "completed" else ""
+    return f"; the trace keeps {', '.join(parts)}{end}" if parts else ""
 
 
 def _check_views(options: Options, walking: Sequence[bool]) -> None:
@@ -78,7 +80,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     name = write_recording(folder, manifest, path, label=folder.resolve().name, window=window, names=options.views)
     if path == folder / RECORDING:
         manifests.update_files(folder, [RECORDING])
-    return name + window.hint + _describe_thinning(manifest["config"])
+    return name + window.hint + _describe_thinning(manifest)
 
 
 def compare(folders: Sequence[Path], path: Path, options: Options) -> str:

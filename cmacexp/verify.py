@@ -7,6 +7,7 @@ from cmacexp.cli.command import command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.integrity import faults
+from cmacexp.report.terminal import activity
 
 NOT_INTACT = 4
 
@@ -14,7 +15,8 @@ NOT_INTACT = 4
 def _verify(arguments: argparse.Namespace) -> int:
     intact = True
     for folder in [run for given in arguments.folders for run in runs_below(given, reports=True)]:
-        found = faults(folder)
+        with activity(f"checking {folder}"):
+            found = faults(folder)
         intact = intact and not found
         state = "NOT INTACT" if found else f"intact ({manifests.read(folder)['status']})"
         print(f"{folder}: {state}")

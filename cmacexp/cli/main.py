@@ -19,6 +19,8 @@ from cmacexp.interrupt import end_command, heed_interrupts, interrupt_as_such, i
 from cmacexp.sweep.start import SweepStart
 
 EXIT_CODES = {"completed": 0, "failed": 1, "bad input": 2, "fell": 3, "diverged": 3, "interrupted": 130}
+QUICK = 20_000
+"""Steps of all legs in a cycle that are planned in less than a second or two."""
 OUTCOMES = (
     (BadInput, "bad input"),
     (COMPOSITION_ERRORS, "bad input"),  # before OSError, which some of them are
@@ -98,13 +100,22 @@ class _Task:
         with interrupt_held_back():  # some libraries cannot be imported by halves
             from cmacexp.experiment import run_scenario
             from cmacexp.loop.scenario import make_scenario
-            from cmacexp.report.terminal import announce_compiling, print_summary, progress, say, warn_of_drift
+            from cmacexp.report.terminal import (
+                activity,
+                announce_compiling,
+                print_summary,
+                progress,
+                say,
+                warn_of_drift,
+            )
             from cmacexp.stability.warn import growth_warning
             from cmacexp.sweep.objective import check_metric
 
         announce_compiling()
         check_metric(config.optimize)
-        scenario = make_scenario(config)
+        steps = config.steps_per_cycle
+        with activity(f"planning {steps} steps a cycle", shown=steps * config.legs > QUICK):
+            scenario = make_scenario(config)
         if (warning := growth_warning(config, scenario)) is not None:
             say(warning, error=True)
         with progress(config.scenario, config.cycles, "cycles") as watch:

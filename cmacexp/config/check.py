@@ -5,6 +5,7 @@ from cmacexp.config.check_gait import check_legs, check_pattern, check_timing
 from cmacexp.config.cmac import check_cmac
 from cmacexp.config.component import COMPONENTS, ComponentConfig
 from cmacexp.config.fields import check_fields
+from cmacexp.config.memory import check_memory
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
@@ -69,3 +70,4 @@ def check(config: Config) -> None:
         component = getattr(config, group)
         if isinstance(component, ComponentConfig):
             component.check(config)
+    check_memory(config)

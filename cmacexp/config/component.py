@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from omegaconf import OmegaConf
 
@@ -16,6 +16,16 @@ COMPONENTS = ("plant", "sensors", "controller", "feedforward")
 """Groups that name a class by ``_target_``."""
 HYDRAS = ("_target_", "_args_", "_partial_", "_recursive_", "_convert_")
 """Keys that say to Hydra what to call, and how."""
+
+
+class MemoryNeed(NamedTuple):
+    """Memory that a component needs beyond that of plan and loop."""
+
+    bytes: float = 0.0
+    """The most at a time."""
+    key: str = ""
+    """Of the field that decides it, and its value."""
+    value: object = None
 
 
 @dataclass
@@ -33,6 +43,10 @@ class ComponentConfig:
         Raises:
             BadInput: names the key, the value and what is allowed.
         """
+
+    def memory_need(self, config: Config) -> MemoryNeed:
+        """Memory that the component will need, where it can be a large part of all."""
+        return MemoryNeed()
 
 
 def config_class(component: Callable[..., object]) -> type[ComponentConfig] | None:

@@ -111,9 +111,9 @@ class RecordConfig:
     weights: bool
     """Write weights.npz, what the feedforward has learnt at the end."""
     every_nth_step: int = number("steps", at_least=1, at_most=10**9)
-    """Keep every n-th step in the traces; metrics use all steps."""
+    """Keep every n-th step in the traces, and the last 100 of a run that does not complete; metrics use all steps."""
     cycles: list[int] | None = number("cycle", at_least=1, at_most=10**9)
-    """Keep these cycles in the traces; null: all. Metrics use all cycles."""
+    """Keep these cycles in the traces, and the same last steps; null: all. Metrics use all cycles."""
 
     @property
     def thins(self) -> bool:

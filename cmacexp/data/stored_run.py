@@ -1,6 +1,6 @@
 """A run on disk: its manifest, and its tables as DataFrames."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -58,6 +58,15 @@ class StoredRun:
     def whole_cycles(self) -> int:
         """Number of cycles that the run completed."""
         return int(self.manifest["steps"]) // self.steps_per_cycle
+
+    def select_whole(self, kept: Iterable[int]) -> list[int]:
+        """Those of the cycles in the trace that are whole there, but for the thinning of their steps.
+
+        Args:
+            kept: cycles of which the trace has a step; a run that did not complete keeps its last steps.
+        """
+        asked = self.config.get("record", {}).get("cycles")
+        return [cycle for cycle in kept if cycle <= self.whole_cycles and (asked is None or cycle in asked)]
 
     @property
     def last_cycle(self) -> int:

@@ -82,11 +82,11 @@ def _roll_out(
 ) -> tuple[End, list[str]]:
     """Run, score, and write traces and memory; how the run ended, and the names of the files."""
     columns, memory = _columns(scenario), list[pa.Table]()
-    with trace_writer(folder, scenario.setup.config.record, *columns) as write:
+    with trace_writer(folder, scenario.setup.config.record, *columns) as writer:
 
         def take(samples: Samples) -> None:
             known, traces = scorer.drift, _assemble(scenario, columns, samples)
-            write(traces)
+            writer.write(traces)
             scorer.add(traces)
             if traces.memory is not None:
                 memory.append(traces.memory)
@@ -94,6 +94,7 @@ def _roll_out(
                 warn(scorer.drift)
 
         end = stream(scenario, take, watch)
+        writer.finish(end.status == "completed")
     names = [TRACE, BODY] if columns[1] else [TRACE]
     return end, names + write_memory(folder, memory)
 

@@ -1,20 +1,36 @@
 """One CMAC per leg as a feedforward."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange, spanning
 from cmacexp.cmac.use import memory_use
-from cmacexp.config import ComponentConfig
+from cmacexp.config import ComponentConfig, Config
+from cmacexp.config.component import MemoryNeed
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Weights
+
+CELL_BYTES = 16
+"""Bytes of an active cell in the tables of a cycle, while they are made: its row twice, its activation."""
+VISIT_BYTES = 38
+"""Bytes of an active cell of one leg while the cells that its path visits are counted, which sorts them."""
 
 
 class CmacFeedforward(BuiltInFeedforward):
     """One CMAC per leg, addressed by planned joint values, trained by the feedback (Lin & Song 1997, section 4)."""
 
-    Config = ComponentConfig
+    @dataclass
+    class Config(ComponentConfig):
+        """No fields of its own: those of ``cmac`` and ``learning``."""
+
+        def memory_need(self, config: Config) -> MemoryNeed:
+            """Of the cells of every sample: tables of all legs, and finding those that one leg visits."""
+            cells = config.steps_per_cycle * config.cmac.layers
+            size = cells * (CELL_BYTES * config.legs + VISIT_BYTES)
+            return MemoryNeed(size, "cmac.layers", config.cmac.layers)
 
     def reset(self, setup: Setup) -> None:
         """Compute the cells of every sample; start with empty memories, or with those of an earlier run."""

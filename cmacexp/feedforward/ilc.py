@@ -17,13 +17,23 @@ REACH = 4.0
 """Standard deviations of the Gaussian that its taps cover."""
 
 
-def gaussian_taps(cutoff: float, sampling_period: float) -> Array:
+WIDEST = 2.0
+"""Cycles of standard deviation above which a Gaussian over a ring is a mean: 1e-34 is left of the first harmonic."""
+
+
+def gaussian_taps(cutoff: float, sampling_period: float, samples: int) -> Array:
     """Taps (K,) of a Gaussian low-pass, from the middle outwards; its gain at ``cutoff`` Hz is 1/sqrt(2).
 
     Above a fifth of the sampling rate, where a sample is wider than the Gaussian, it is larger. No tap is negative
-    and all of them, both sides taken, sum up to 1: no frequency is amplified.
+    and all of them, both sides taken, sum up to 1: no frequency is amplified. Much wider than a cycle of ``samples``,
+    which it filters as a ring, it is the mean over the cycle.
     """
     deviation = math.sqrt(math.log(2.0)) / (2.0 * math.pi * cutoff * sampling_period)
+    if deviation > WIDEST * samples:
+        mean = np.full(samples // 2 + 1, 1.0 / samples)
+        if samples % 2 == 0:
+            mean[-1] /= 2.0  # the sample opposite, which both sides reach
+        return mean
     taps: Array = exponential(-0.5 * (np.arange(1 + int(REACH * deviation)) / deviation) ** 2)
     return taps / (2.0 * math.fsum(taps) - taps[0])
 
@@ -54,7 +64,7 @@ class IterativeLearning(BuiltInFeedforward):
         """
         samples, legs = setup.plan.support.shape
         cells = np.broadcast_to(np.arange(samples, dtype=np.uint32)[:, None, None], (samples, legs, 1))
-        taps = None if self.cutoff is None else gaussian_taps(self.cutoff, setup.config.sampling_period)
+        taps = None if self.cutoff is None else gaussian_taps(self.cutoff, setup.config.sampling_period, samples)
         self.params = network(setup, cells, samples, taps=taps)
         if setup.learnt is not None:
             learnt = setup.learnt["weights"]

@@ -8,6 +8,7 @@ import numpy as np
 
 from cmacexp.config import ComponentConfig, Config, choice, number
 from cmacexp.config.cmac import INPUTS, check_inputs
+from cmacexp.config.component import MemoryNeed
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import planned_inputs
 from cmacexp.planning.setup import Reference, Setup
@@ -15,6 +16,8 @@ from cmacexp.typing import Array, Weights
 
 WEIGHTS = ("hidden_weights", "output_weights", "hidden_bias", "output_bias")
 """Arrays of a network in the order of scikit-learn; saved with legs as first axis."""
+ACTIVATION_BYTES = 12
+"""Bytes of a hidden neuron at a sample when the output at all samples is computed, copies included."""
 INSTALL = 'needs scikit-learn: python -m pip install -e ".[networks]"'
 
 
@@ -53,6 +56,11 @@ class Perceptron:
         def check(self, config: Config) -> None:
             """Check the inputs."""
             check_inputs("feedforward.inputs", self.inputs)
+
+        def memory_need(self, config: Config) -> MemoryNeed:
+            """Of the hidden layer of one leg at every sample."""
+            size = ACTIVATION_BYTES * config.steps_per_cycle * self.hidden
+            return MemoryNeed(size, "feedforward.hidden", self.hidden)
 
     acts = True
 

@@ -9,6 +9,7 @@ from cmacexp.cmac.quantiser import spanning
 from cmacexp.cmac.use import MemoryUse
 from cmacexp.config import ComponentConfig, Config, choice, number
 from cmacexp.config.cmac import INPUTS, check_inputs
+from cmacexp.config.component import MemoryNeed
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.models.exponential import exponential
@@ -78,6 +79,12 @@ class RadialBasis(BuiltInFeedforward):
                 raise BadInput(
                     "feedforward.active", self.active, f"must be at most feedforward.centres={self.centres}"
                 )
+
+        def memory_need(self, config: Config) -> MemoryNeed:
+            """Of the distances of every sample of a leg from every centre, along each input and in all."""
+            inputs = 2 * len(self.inputs)
+            size = 8 * config.steps_per_cycle * self.centres * (inputs + 1)
+            return MemoryNeed(size, "feedforward.centres", self.centres)
 
     def __init__(self, inputs: Sequence[str], centres: int, active: int, width: float):
         self.inputs = list(inputs)

@@ -56,6 +56,8 @@ class CompiledDriver:
         self.loop = loop
         self.taken = 0
         """Steps taken so far."""
+        self.divergence = ""
+        """As of :class:`ExternalDriver`: no built-in plant reports one."""
         self.state = Measurement(*loop.plant_state[:7])
         self.progress = np.zeros(3, dtype=np.int64)
         self.together = 1

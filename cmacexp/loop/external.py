@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cmacexp.errors import Diverged
 from cmacexp.interrupt import interrupt_let_through
 from cmacexp.jit.compiler import program
 from cmacexp.loop.samples import TRAVEL, make_samples
@@ -108,6 +109,8 @@ class ExternalDriver:
         self.progress = np.zeros(3, dtype=np.int64)
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
         self.start = 0
+        self.divergence = ""
+        """Cause that the plant itself reported, if it has diverged."""
         self._run(*make_samples(0, len(self.state.q), False))
 
     @property
@@ -185,7 +188,12 @@ class ExternalDriver:
     def _step(self, row: int) -> None:
         if self.travel is not None:
             self.body_samples[row, TRAVEL] = self.travel
-        measured = self.plant.step(self.torque[row])
+        try:
+            measured = self.plant.step(self.torque[row])
+        except Diverged as error:
+            self.divergence = str(error)
+            self.state.q[...] = np.nan  # for which the check of this step stops the run
+            return
         take_measurement(self.plant, "step", measured, self.state)
         self.travel = measured.travel
         if row + self.start == 0:

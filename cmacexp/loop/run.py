@@ -87,6 +87,11 @@ def _fill_planned_travel(body: Array, start: int, config: Config) -> None:
     body[:, TRAVEL[0]] = step * config.sampling_period * config.body_speed
 
 
+def _samples_measured(scenario: Scenario) -> bool:
+    """Whether sensors, or their supervision, add columns to the samples."""
+    return scenario.setup.config.plausibility.enabled or bool(find_altered(scenario.sensors) - {"force"})
+
+
 class _Stream:
     """A scenario under way, with arrays for the samples of some cycles.
 
@@ -108,8 +113,7 @@ class _Stream:
         else:
             self.driver = CompiledDriver(loop)
             cycles = min(config.cycles, max(1, MOST_ROWS // (config.steps_per_cycle * legs)), MOST_CYCLES)
-        wide = config.plausibility.enabled or bool(find_altered(scenario.sensors) - {"force"})
-        self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide)
+        self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, _samples_measured(scenario))
         names = WIDE_SAMPLES[: self.samples.shape[2]]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
         self.status, self.cause, self.seconds = "completed", "", 0.0
@@ -144,7 +148,9 @@ class _Stream:
             if stop != RUNNING:
                 q, dq, pose = driver.state.q, driver.state.dq, driver.state.body
                 self.status = STATUSES[stop]
-                self.cause = describe_stop(self.guard, stop, driver.taken, config.sampling_period, q, dq, pose)
+                self.cause = describe_stop(
+                    self.guard, stop, driver.taken, config.sampling_period, q, dq, pose, driver.divergence
+                )
         self.seconds += time.perf_counter() - began
         return start
 
@@ -182,7 +188,7 @@ def stream(
     """
     scenario.begin()
     if scenario.fault is not None:
-        keep(Samples(0, *make_samples(0, len(scenario.setup.mechanism.legs), False), None))
+        keep(Samples(0, *make_samples(0, len(scenario.setup.mechanism.legs), _samples_measured(scenario)), None))
         return End(0, "failed", f"before the first step: {_format_error(scenario.fault)}", 0.0, scenario.fault)
     announce_steps(scenario.setup.config, len(scenario.setup.mechanism.legs))
     run = _Stream(scenario, fused)

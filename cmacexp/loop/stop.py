@@ -105,8 +105,19 @@ def _explain_fall(guard: Guard, body: Array) -> str:
 
 
 def describe_stop(
-    guard: Guard, status: int, step: int, sampling_period: float, q: Array, dq: Array, body: Array
+    guard: Guard, status: int, step: int, sampling_period: float, q: Array, dq: Array, body: Array, reported: str = ""
 ) -> str:
-    """Step, time and cause of a stop; ``q``, ``dq`` (L, 2) and ``body`` (3,) are the state at that step."""
-    why = _explain_divergence(guard, q, dq) if status == DIVERGED else _explain_fall(guard, body)
+    """Step, time and cause of a stop.
+
+    Args:
+        guard: of the run.
+        status: DIVERGED or FELL.
+        step: at whose start it stopped.
+        sampling_period: s.
+        q: (L, 2): joint angles at that step, rad.
+        dq: (L, 2): joint velocities, rad/s.
+        body: (3,): height, pitch and roll.
+        reported: cause that the plant reported; empty if it reported none.
+    """
+    why = reported or (_explain_divergence(guard, q, dq) if status == DIVERGED else _explain_fall(guard, body))
     return f"at step {step} (t = {step * sampling_period:.3f} s): {why}"

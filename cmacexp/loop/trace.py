@@ -58,7 +58,8 @@ def assemble(
     }
     phase = pa.DictionaryArray.from_arrays(arrow(plan.support[sample].ravel(), pa.int8()), arrow_strings(PHASES))
     arrays = [
-        phase if c.name == "phase" else arrow(known[c.name] if c.name in known else samples[c.name].ravel(), c.type)
+        # flatten() copies: the loop uses the arrays of its samples again.
+        phase if c.name == "phase" else arrow(known[c.name] if c.name in known else samples[c.name].flatten(), c.type)
         for c in columns
     ]
     return pa.Table.from_arrays(arrays, schema=make_schema(columns))
@@ -89,7 +90,7 @@ def assemble_body(
     body_mass = config.machine.body_mass if moves and isinstance(config.machine, QuadrupedMachine) else None
     true = true_margins(Masses(setup.mechanism, body_mass, payload.load, step >= payload.start), legs, samples)
     known = {
-        **samples,
+        **{name: values.copy() for name, values in samples.items()},  # the loop uses its arrays again
         "step": step,
         "time": step * config.sampling_period,
         "cycle": step // config.steps_per_cycle + 1,

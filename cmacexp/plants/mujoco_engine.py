@@ -1,10 +1,12 @@
 """A machine in MuJoCo on the project's ground: the common code of one leg and four legs."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, Diverged
 from cmacexp.models.ground import stiffness_under
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism
 from cmacexp.planning.setup import Setup
@@ -13,6 +15,13 @@ from cmacexp.plants.mujoco_kernels import Bodies, Touch, pressing, sticking
 from cmacexp.plants.mujoco_model import Torso, describe
 from cmacexp.typing import Array
 
+WARNINGS = {
+    "mjWARN_BADQPOS": "the position of {} is not finite or huge",
+    "mjWARN_BADQVEL": "the velocity of {} is not finite or huge",
+    "mjWARN_BADQACC": "the acceleration of {} is not finite or huge",
+    "mjWARN_INERTIA": "the inertia at {} is nearly singular",
+}
+"""Causes of divergence, by MuJoCo's names of its warnings; any other is reported by its name."""
 INSTALL = 'python -m pip install -e ".[mujoco]"'
 
 
@@ -27,6 +36,17 @@ def load_mujoco() -> Any:
     except ImportError as error:
         raise BadInput("plant", "mujoco", f"MuJoCo is not installed: {INSTALL}") from error
     return mujoco
+
+
+@contextmanager
+def warnings_dropped(mujoco: Any) -> Iterator[None]:
+    """Keep MuJoCo from writing its warnings to ``MUJOCO_LOG.TXT`` in the current folder; counters hold them too."""
+    handler = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(handler)
 
 
 class MujocoEngine:
@@ -53,10 +73,13 @@ class MujocoEngine:
     ):
         self.payload, self.clock = payload, 0
         self.mujoco = load_mujoco()
-        self.model = self.mujoco.MjModel.from_xml_string(describe(mechanism, step, torso))
+        with warnings_dropped(self.mujoco):
+            self.model = self.mujoco.MjModel.from_xml_string(describe(mechanism, step, torso))
         self.data = data = self.mujoco.MjData(self.model)
         self.touch, self.floats = touch, int(torso is not None)
         self.legs = legs = mechanism.legs.shape[0]
+        # A view: how often MuJoCo has given each of its warnings.
+        self.warned = data.warning.number
         self.bodies = Bodies(data.xipos, data.cvel, data.subtree_com, data.xfrc_applied, data.ximat)
         # Views: MuJoCo uses what is written into them.
         self.q, self.dq, self.torque = (
@@ -84,20 +107,37 @@ class MujocoEngine:
             self._press()
 
     def advance(self, torque: Array, steps: int) -> None:
-        """Integrate ``steps`` steps, a sampling period in all, under the held ``torque`` (L, 2), N m."""
+        """Integrate ``steps`` steps, a sampling period in all, under the held ``torque`` (L, 2), N m.
+
+        Raises:
+            Diverged: MuJoCo warns of its state.
+        """
         self.torque[:] = torque
-        for step in range(steps):
-            # Only during the step: MuJoCo calls it for every model of the process.
-            self.mujoco.set_mjcb_passive(self._press)
-            try:
-                self.mujoco.mj_step(self.model, self.data)
-            finally:
-                self.mujoco.set_mjcb_passive(None)
-            self.clock += step + 1 == steps
-            self._update_bodies()
-            if self.touch.friction > 0.0:
-                next(self._sticking)
-            self.update_stiffness()
+        with warnings_dropped(self.mujoco):
+            for step in range(steps):
+                # Only during the step: MuJoCo calls it for every model of the process.
+                self.mujoco.set_mjcb_passive(self._press)
+                try:
+                    self.mujoco.mj_step(self.model, self.data)
+                finally:
+                    self.mujoco.set_mjcb_passive(None)
+                if self.warned.any():
+                    raise Diverged(self._explain_warning())
+                self.clock += step + 1 == steps
+                self._update_bodies()
+                if self.touch.friction > 0.0:
+                    next(self._sticking)
+                self.update_stiffness()
+
+    def _explain_warning(self) -> str:
+        """The first of MuJoCo's warnings, in one line."""
+        kind = int(np.flatnonzero(self.warned)[0])
+        name = self.mujoco.mjtWarning(kind).name
+        # Joints of the legs are the last of MuJoCo's coordinates; those of the body, if it floats, come before.
+        coordinates = self.data.qpos if name == "mjWARN_BADQPOS" else self.data.qvel
+        joint = int(self.data.warning.lastinfo[kind]) - (len(coordinates) - 2 * self.legs)
+        place = "the body" if joint < 0 else f"joint {joint % 2 + 1} of leg {joint // 2 + 1}"
+        return f"MuJoCo reports that {WARNINGS[name].format(place)}" if name in WARNINGS else f"MuJoCo reports {name}"
 
     def _press(self, model: Any = None, data: Any = None) -> None:
         next(self._pressing)

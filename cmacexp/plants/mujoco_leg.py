@@ -4,12 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cmacexp.config import ComponentConfig, number
+from cmacexp.config import ComponentConfig, Config, number
 from cmacexp.models.mechanism import LEGS_ON_STAND
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground
 from cmacexp.plants.mujoco_engine import MujocoEngine, check_kind
 from cmacexp.plants.mujoco_kernels import Measured, Touch, observing_stand
+from cmacexp.plants.mujoco_model import check_masses
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array
 
@@ -23,6 +24,10 @@ class MujocoLeg:
 
         substeps: int = number("", at_least=1, at_most=10000)
         """Runge-Kutta steps per sampling period."""
+
+        def check(self, config: Config) -> None:
+            """Check that MuJoCo accepts the masses."""
+            check_masses(config.machine)
 
     engine: MujocoEngine
 
@@ -47,7 +52,11 @@ class MujocoLeg:
         return self.measure()
 
     def step(self, torque: Array) -> Measurement:
-        """Hold ``torque`` (L, 2), N m, over one sampling period."""
+        """Hold ``torque`` (L, 2), N m, over one sampling period.
+
+        Raises:
+            Diverged: MuJoCo warns of its state.
+        """
         self.engine.advance(torque, self.substeps)
         return self.measure()
 

@@ -3,16 +3,19 @@
 World: x forward, y left, z up. A hinge turns about +y, so that joint angles count from +x downwards, as everywhere.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from cmacexp.config.machine import LEG_KEYS, LegMachine, LinksConfig, PointMassMachine, QuadrupedMachine
 from cmacexp.errors import BadInput
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism
 from cmacexp.typing import Array
 
-POINT = "1e-15 1e-15 1e-15"
-"""Inertia of a point mass, kg m^2: MuJoCo does not accept zero."""
+LEAST = 1e-15
+"""Least mass, kg, and inertia, kg m^2, that MuJoCo accepts, its mjMINVAL."""
+POINT = f"{LEAST} {LEAST} {LEAST}"
+"""Inertia of a point mass."""
 
 
 def _link(length: float, mass: float, at: str, inside: str = "") -> str:
@@ -38,12 +41,39 @@ class Torso(NamedTuple):
     """About its own x, y and z, kg m^2."""
 
 
-def check_inertia(inertia: Sequence[float]) -> None:
-    """Check that masses can have the inertia of a body.
+def _list_masses(machine: LegMachine | PointMassMachine | QuadrupedMachine) -> Iterator[tuple[str, float]]:
+    """Masses of a machine, kg, with the key that sets each of them."""
+    if isinstance(machine, PointMassMachine):
+        return
+    legs: dict[str, LinksConfig] = {"machine.leg": machine.leg}
+    if isinstance(machine, QuadrupedMachine):
+        yield "machine.body_mass", machine.body_mass
+        legs = {f"machine.legs.{key}": leg for key, leg in zip(LEG_KEYS, machine.legs.in_order, strict=True)}
+    for key, leg in legs.items():
+        for name in ("mass_1", "mass_2"):
+            mass = getattr(leg, name)
+            yield f"{'machine.leg' if mass == getattr(machine.leg, name) else key}.{name}", mass
+
+
+def check_masses(machine: LegMachine | PointMassMachine | QuadrupedMachine) -> None:
+    """Check that MuJoCo accepts the masses of a machine.
 
     Raises:
-        BadInput: not three values, or one more than the other two together.
+        BadInput: one is too small.
     """
+    for key, mass in _list_masses(machine):
+        if mass < LEAST:
+            raise BadInput(key, mass, f"must be at least {LEAST} kg in MuJoCo")
+
+
+def check_inertia(inertia: Sequence[float]) -> None:
+    """Check that masses can have the inertia of a body, and that MuJoCo accepts it.
+
+    Raises:
+        BadInput: not three values, one more than the other two together, or one too small.
+    """
+    if inertia and min(inertia) < LEAST:
+        raise BadInput("plant.body_inertia", list(inertia), f"must be at least {LEAST} kg m^2 in MuJoCo")
     if len(inertia) != 3 or max(inertia) > sum(inertia) - max(inertia):
         allowed = "must be three values (kg m^2, about x, y and z), none above the sum of the other two"
         raise BadInput("plant.body_inertia", list(inertia), allowed)
@@ -71,5 +101,5 @@ def describe(mechanism: Mechanism, step: float, torso: Torso | None) -> str:
     return (
         '<mujoco><compiler angle="radian"/>'
         f'<option timestep="{step!r}" integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
-        f'<flag constraint="disable"/></option><worldbody>{machine}</worldbody></mujoco>'
+        f'<flag constraint="disable" autoreset="disable"/></option><worldbody>{machine}</worldbody></mujoco>'
     )

@@ -15,7 +15,7 @@ from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.mujoco_engine import MujocoEngine, check_kind
 from cmacexp.plants.mujoco_kernels import Measured, Touch, observing_body
-from cmacexp.plants.mujoco_model import Torso, check_inertia
+from cmacexp.plants.mujoco_model import Torso, check_inertia, check_masses
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array
 
@@ -47,7 +47,8 @@ class MujocoQuadruped:
         """Seed of the joint angles at the start."""
 
         def check(self, config: Config) -> None:
-            """Check that masses can have such an inertia."""
+            """Check that masses can have such an inertia, and that MuJoCo accepts both."""
+            check_masses(config.machine)
             check_inertia(self.body_inertia)
 
     engine: MujocoEngine
@@ -93,7 +94,11 @@ class MujocoQuadruped:
         self.observing = observing_body(self.engine.touch.ground, self.engine.bodies, hips, self.torso, self.measured)
 
     def step(self, torque: Array) -> Measurement:
-        """Hold ``torque`` (4, 2), N m, over one sampling period."""
+        """Hold ``torque`` (4, 2), N m, over one sampling period.
+
+        Raises:
+            Diverged: MuJoCo warns of its state.
+        """
         self.engine.advance(torque, self.substeps)
         return self.measure()
 

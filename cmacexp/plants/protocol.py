@@ -53,5 +53,9 @@ class Plant(Protocol):
         ...
 
     def step(self, torque: Array) -> Measurement:
-        """Hold ``torque`` (L, 2), N m, over one sampling period; measure the state after it."""
+        """Hold ``torque`` (L, 2), N m, over one sampling period; measure the state after it.
+
+        Raises:
+            Diverged: the engine of the plant reports that it has diverged (:class:`cmacexp.errors.Diverged`).
+        """
         ...

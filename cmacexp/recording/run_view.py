@@ -12,6 +12,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from cmacexp.config.machine import LEG_NAMES
+from cmacexp.config.schema import count_steps
 from cmacexp.data.parquet import as_array, is_support
 from cmacexp.data.tables import Traces
 from cmacexp.models.ground import height_at
@@ -72,10 +73,15 @@ class RunView:
         return len(self.legs) > 1
 
     def whole_cycles(self) -> tuple[int, int]:
-        """The first cycle and the last whole one."""
+        """The first cycle and the last whole one; of a run without a whole cycle, its last."""
+        thinning = self.config.get("record", {}).get("every_nth_step", 1)
+        period = count_steps(self.config["gait"]["cycle_time"], self.config["sampling_period"])
         cycles, counts = np.unique(self.cycle, return_counts=True)
-        whole = cycles[counts >= counts.max() - 1]  # thinned, a whole cycle may have one step less than another
-        return int(cycles[0]), int(whole[-1])
+        # A run that did not complete keeps its last steps, thinned or not; else steps may be left out at the end.
+        left_out = self.window.every * (thinning if (self.step % thinning == 0).all() else 1)
+        ended = self.step[-1] + left_out >= cycles * period
+        whole = cycles[ended & (counts + 1 >= period // (thinning * self.window.every))]
+        return int(cycles[0]), int((whole if len(whole) else cycles)[-1])
 
     def turn(self) -> Array:
         """Orientation of the body as quaternions (steps, 4), x y z w: roll about x, pitch about y, yaw about z."""

@@ -130,6 +130,11 @@ def _draw_tilt(axes: "Axes", cycle: Cycle, k: int, limits: Limits, first: bool) 
         axes.set_ylabel("tilt, mrad")
 
 
+def _find_row(time: Array, part: float) -> int:
+    """The row when ``part`` of the time has passed; rows of a thinned trace need not be evenly spaced."""
+    return int(np.abs(time - (time[0] + part * (time[-1] - time[0]))).argmin())
+
+
 def draw_frame(cycles: Sequence[Cycle], part: float, limits: Limits) -> "Image":
     """A frame of the picture.
 
@@ -149,7 +154,7 @@ def draw_frame(cycles: Sequence[Cycle], part: float, limits: Limits) -> "Image":
     place = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
     axes = figure.subplots(2 + walks, len(cycles), squeeze=False, gridspec_kw=rows | place)
     for column, cycle in enumerate(cycles):
-        k, last = round(part * (len(cycle.view.time) - 1)), column == len(cycles) - 1
+        k, last = _find_row(cycle.view.time, part), column == len(cycles) - 1
         _draw_machine(axes[0, column], cycle, k, limits)
         _draw_forces(axes[1, column], cycle, k, limits, column == 0)
         if walks:
@@ -171,8 +176,8 @@ def view_cycles(run: StoredRun, asked: Sequence[int]) -> list[RunView]:
         BadRun: the trace has no whole cycle.
     """
     kept = steps_by_cycle(run.folder)
-    whole = [cycle for cycle, steps in kept.items() if steps == max(kept.values())]
-    if not whole or run.whole_cycles == 0:
+    whole = run.select_whole(kept)
+    if not whole:
         raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
     if len(asked) > MOST_CYCLES or not set(asked) <= set(whole):
         text, last = ",".join(map(str, asked)), whole[-1]

@@ -56,7 +56,7 @@ def choose_cycles(run: StoredRun, asked: Sequence[int]) -> list[int]:
             raise BadInput("--cycles", wanted, "is not in the trace, which holds only the cycles of record.cycles")
     if asked:
         return sorted(set(asked))
-    whole = [cycle for cycle in kept if cycle <= run.whole_cycles] or kept[:1]
+    whole = run.select_whole(kept) or kept[:1]
     learned = run.config["learning"]["start_cycle"] if run.manifest["memory"] else 1
     candidates = {whole[0], whole[(len(whole) - 1) // 2], whole[-1], *[c for c in whole if c >= learned][:1]}
     return sorted(candidates)

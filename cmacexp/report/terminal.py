@@ -58,9 +58,14 @@ def progress(what: str, total: int, unit: str = "", shown: bool = True) -> Itera
 
 
 @contextmanager
-def activity(what: str) -> Iterator[Callable[[str], None]]:
-    """``what`` is being done stands on stderr, if that is a terminal; gives ``say(text)`` for what is done next."""
-    if not sys.stderr.isatty():
+def activity(what: str, shown: bool = True) -> Iterator[Callable[[str], None]]:
+    """``what`` is being done stands on stderr, if that is a terminal; gives ``say(text)`` for what is done next.
+
+    Args:
+        what: is being done.
+        shown: False where it is done at once: to show it takes a tenth of a second.
+    """
+    if not (shown and sys.stderr.isatty()):
         yield lambda text: None
         return
     from rich.console import Console

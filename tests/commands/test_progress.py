@@ -6,8 +6,10 @@ import sys
 import pytest
 
 import cmacexp
+from cmacexp.cli import main as command_line
 from cmacexp.report.terminal import progress
 from cmacexp.score import main as score
+from cmacexp.verify import main as verify
 
 
 class Terminal(io.StringIO):
@@ -42,6 +44,20 @@ def test_a_command_of_unknown_length_shows_what_it_does(monkeypatch, tmp_path):
     terminal = use_terminal(monkeypatch, Terminal())
     assert score() == 0
     assert "scoring" in terminal.getvalue()
+    monkeypatch.setattr(sys, "argv", ["verify", str(run.folder)])
+    assert verify() == 0
+    assert "checking" in terminal.getvalue()
+
+
+@pytest.mark.parametrize(("quick", "shown"), [(59, True), (60, False)])
+def test_planning_of_a_long_cycle_is_shown(monkeypatch, tmp_path, quick, shown):
+    words = ["cycles=1", "sampling_period=0.05", "record=trace", f"hydra.run.dir={tmp_path / 'run'}"]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["cmacexp", *words])
+    monkeypatch.setattr(command_line, "QUICK", quick)
+    terminal = use_terminal(monkeypatch, Terminal())
+    assert command_line.main() == 3  # so coarse a step diverges at once
+    assert ("planning 60 steps a cycle" in terminal.getvalue()) == shown
 
 
 @pytest.mark.parametrize(("stream", "shown"), [(io.StringIO(), True), (Terminal(), False)])

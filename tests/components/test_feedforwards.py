@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.errors import BadInput
-from cmacexp.feedforward.ilc import gaussian_taps
+from cmacexp.feedforward.ilc import WIDEST, gaussian_taps
 from cmacexp.feedforward.kernels import Smoothing, smooth
 from cmacexp.feedforward.rbf import activations, spacing, spread_out
 from cmacexp.loop import roll_out
@@ -47,7 +47,7 @@ def test_errors_fall_below_a_tenth_of_feedback_alone(make_config, name, scenario
 
 @pytest.mark.parametrize("cutoff", [5.0, 20.0, 40.0])
 def test_gain_of_the_low_pass_is_at_most_one_and_as_given_at_the_cutoff(cutoff):
-    taps, period = gaussian_taps(cutoff, 0.005), 0.005
+    taps, period = gaussian_taps(cutoff, 0.005, 600), 0.005
 
     def gain(hertz):
         return taps[0] + 2.0 * np.sum(taps[1:] * np.cos(2.0 * np.pi * hertz * period * np.arange(1, len(taps))))
@@ -59,7 +59,23 @@ def test_gain_of_the_low_pass_is_at_most_one_and_as_given_at_the_cutoff(cutoff):
 
 
 def test_a_cutoff_far_above_the_sampling_changes_nothing():
-    assert_array_equal(gaussian_taps(1e6, 0.005), [1.0])
+    assert_array_equal(gaussian_taps(1e6, 0.005, 600), [1.0])
+
+
+@pytest.mark.parametrize("samples", [600, 601])
+def test_a_low_pass_far_wider_than_a_cycle_is_the_mean_over_it(samples):
+    """As given by the Gaussian that is a little narrower; its taps are no more, however low the cutoff."""
+    before = np.random.default_rng(0).normal(size=(samples, 2))
+    limit = np.sqrt(np.log(2.0)) / (2.0 * np.pi * 0.005 * WIDEST * samples)
+    for cutoff, near in ((1.001 * limit, 1e-3), (0.999 * limit, 1e-12), (1e-300, 1e-12)):
+        taps = gaussian_taps(cutoff, 0.005, samples)
+        assert len(taps) <= 1 + 4.0 * WIDEST * samples
+        filtered = np.zeros_like(before)
+        for j in range(-len(taps) + 1, len(taps)):
+            filtered += taps[abs(j)] * np.roll(before, j, axis=0)
+        if len(taps) == samples // 2 + 1 and samples % 2 == 0:
+            assert taps[-1] == taps[0] / 2.0
+        assert_allclose(filtered, np.broadcast_to(before.mean(axis=0), before.shape), atol=near)
 
 
 def test_weights_are_smoothed_as_a_ring():

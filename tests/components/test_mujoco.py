@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support.command import cmacexp
 from support.grounds import still_ground
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, Diverged
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.leg import Leg, foot_position, foot_velocity, forward_dynamics, trigonometry
@@ -216,6 +216,60 @@ def test_the_plant_chooses_settings_that_walk_and_the_command_line_wins(make_con
 def test_bad_input_is_one_line(tmp_path, overrides, message):
     done = cmacexp(*overrides, folder=tmp_path)
     assert (done.returncode, done.stderr) == (2, f"error: {message}\n")
+
+
+STEP_AFTER = {"one_leg": "at step 1 (t = 0.005 s)", "quadruped": "at step 1 (t = 0.002 s)"}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "change", "place"),
+    [
+        ("one_leg", ("sensors=real", "sensors.velocity.bias=-999999999"), "joint 1 of leg 1"),
+        ("one_leg", ("machine.leg.mass_2=1e-12",), "joint 2 of leg 1"),
+        ("quadruped", ("sensors=real", "sensors.velocity.bias=-999999999"), "the body"),
+        ("quadruped", ("machine.leg.mass_2=1e-12",), "joint 2 of leg 1"),
+    ],
+)
+def test_a_warning_of_the_engine_ends_a_run_as_diverged(make_config, tmp_path, monkeypatch, scenario, change, place):
+    """The engine would put the machine back at its start and go on, and write a log into the current folder."""
+    monkeypatch.chdir(tmp_path)
+    plant = {"one_leg": "mujoco_leg", "quadruped": "mujoco_quadruped"}[scenario]
+    end = roll_out(make_scenario(make_config(f"scenario={scenario}", "cycles=1", f"plant={plant}", *change)))
+    reported = f"MuJoCo reports that the acceleration of {place} is not finite or huge"
+    assert (end.status, end.cause) == ("diverged", f"{STEP_AFTER[scenario]}: {reported}")
+    assert end.steps == len(end.samples) == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("array", "index", "cause"),
+    [
+        ("qpos", 0, "the position of joint 1 of leg 1"),
+        ("qvel", 3, "the velocity of joint 2 of leg 2"),
+    ],
+)
+def test_a_diverged_machine_stays_where_it_is(array, index, cause):
+    engine = MujocoEngine(legs_on_stand([LEG, LEG], 1.0), FREE, 1e-3)
+    engine.start(np.full((2, 2), 0.5))
+    getattr(engine.data, array)[index] = 1e11
+    with pytest.raises(Diverged, match=f"^MuJoCo reports that {cause} is not finite or huge$"):
+        engine.advance(np.zeros((2, 2)), 1)
+    assert np.abs(getattr(engine.data, array)).max() >= 1e11
+
+
+def test_a_handler_of_warnings_that_the_user_installed_stays(make_config):
+    import mujoco
+
+    def handler(message):
+        raise AssertionError(message)
+
+    mujoco.set_mju_user_warning(handler)
+    try:
+        end = roll_out(make_scenario(make_config("plant=mujoco_leg", "machine.leg.mass_2=1e-12")))
+        assert end.status == "diverged"
+        assert mujoco.get_mju_user_warning() is handler
+    finally:
+        mujoco.set_mju_user_warning(None)
 
 
 def test_without_mujoco_the_message_says_how_to_install_it(make_config, monkeypatch):

@@ -2,6 +2,9 @@
 
 import os
 import signal
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -9,12 +12,17 @@ import pyarrow.parquet as pq
 import pytest
 
 from cmacexp.config.compose import compose_config
-from cmacexp.data.tables import read_traces, steps_by_cycle
+from cmacexp.data.tables import Traces, read_traces, steps_by_cycle
+from cmacexp.data.trace_writer import TraceWriter
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.experiment import run_scenario
 from cmacexp.loop import run as rollouts
 from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.plants import AnalyticPlant
+from cmacexp.recording.run_view import make_view
+from cmacexp.report.animation import view_cycles
+from cmacexp.report.run_report import choose_cycles
 from cmacexp.score import score
 
 TABLES = ("trace.parquet", "metrics.parquet")
@@ -78,6 +86,81 @@ def test_a_thin_trace_holds_the_rows_asked_for_and_all_metrics(whole, tmp_path, 
         score(tmp_path)
 
 
+FALL = [*WALK, "posture.gain=0", "learning.start_cycle=1"]
+
+
+@pytest.fixture(scope="module")
+def fallen(tmp_path_factory):
+    """``fallen("record.cycles=[1]")`` gives the walk that falls, a cycle at a time; each is run once."""
+
+    @cache
+    def run(*record):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(rollouts, "MOST_ROWS", 2400)
+            done = run_scenario(compose_config([*FALL, *record]), tmp_path_factory.mktemp("fallen"))
+        assert done.status == "fell"
+        return done
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("record", "kept"),
+    [
+        ("record.cycles=[1]", lambda step, cycle: cycle == 1),
+        ("record.every_nth_step=7", lambda step, cycle: step % 7 == 0),
+    ],
+)
+def test_a_thin_trace_of_a_run_that_falls_has_its_last_steps(fallen, record, kept):
+    whole, thin = fallen(), fallen(record)
+    for name in ("trace.parquet", "body.parquet"):
+        full = pq.read_table(whole.folder / name)
+        step, cycle = full["step"].to_numpy(), full["cycle"].to_numpy()
+        rows = kept(step, cycle) | (step >= thin.manifest["steps"] - 100)
+        assert same(pq.read_table(thin.folder / name), full.filter(pa.array(rows)))
+    assert same(pq.read_table(thin.folder / "metrics.parquet"), pq.read_table(whole.folder / "metrics.parquet"))
+    with pytest.raises(BadRun, match=r"lacks steps \(record\."):
+        score(thin.folder)
+
+
+def pieces(lengths, legs=1):
+    """Traces of pieces of so many steps."""
+    ends = np.cumsum(lengths)
+    for start, end in zip(ends - lengths, ends, strict=True):
+        step = np.repeat(np.arange(start, end), legs)
+        yield Traces(pa.table({"step": step, "cycle": step // 40 + 1}), None)
+
+
+@pytest.mark.parametrize("completed", [True, False])
+@pytest.mark.parametrize("lengths", [[250], [40] * 6, [100, 99], [1] * 130, [200, 0], [30], [0]])
+def test_held_back_steps_are_written_once_in_order(lengths, completed, tmp_path):
+    record = replace(compose_config(["record=trace"]).record, every_nth_step=9, cycles=[1, 3])
+    written = []
+    writer = TraceWriter([SimpleNamespace(write_table=written.append)], record)
+    for traces in pieces(lengths):
+        writer.write(traces)
+    writer.finish(completed)
+    steps = np.concatenate([table["step"].to_numpy() for table in written] or [np.zeros(0)])
+    step = np.arange(sum(lengths))
+    thin = (step % 9 == 0) & np.isin(step // 40 + 1, [1, 3])
+    np.testing.assert_array_equal(steps, step[thin | (not completed) & (step >= len(step) - 100)])
+
+
+def test_cycles_of_a_thinned_run_that_fell_are_whole(fallen):
+    """The cycle in which it fell has more rows than a whole one, and is none."""
+    run, first = fallen("record.every_nth_step=7"), fallen("record.cycles=[1]")
+    whole = run.whole_cycles
+    assert whole == 1
+    assert max(steps_by_cycle(run.folder).values()) == steps_by_cycle(run.folder)[whole + 1]
+    assert [view.cycle[0] for view in view_cycles(run, [])] == [whole]
+    assert make_view(read_traces(run.folder), run.config).whole_cycles() == (1, whole)
+    assert choose_cycles(run, [])[-1] == whole
+    assert whole + 1 in steps_by_cycle(first.folder)
+    assert [view.cycle[0] for view in view_cycles(first, [])] == [1]
+    assert make_view(read_traces(first.folder), first.config).whole_cycles() == (1, 1)
+    assert choose_cycles(first, []) == [1]
+
+
 def test_steps_and_windows_are_read_back(whole, tmp_path):
     assert steps_by_cycle(whole) == dict.fromkeys(range(1, 5), 600)
     window = read_traces(whole, (2, 3), every=5)
@@ -122,3 +205,14 @@ def test_what_cannot_be_kept_ends_the_run_as_what_it_is():
 def test_records_that_cannot_be_are_told(override, message):
     with pytest.raises(BadInput, match=message):
         compose_config([override])
+
+
+def test_a_run_that_fails_before_its_first_step_has_the_columns_of_its_sensors(tmp_path):
+    class NoContact(AnalyticPlant):
+        def reset(self, setup):
+            raise RuntimeError("no contact to the robot")
+
+    config = compose_config(["sensors=real", "sensors.velocity.noise=0.1", "record=trace"])
+    run = run_scenario(config, tmp_path, prepared=make_scenario(config, plant=NoContact()))
+    assert (run.status, run.manifest["steps"]) == ("failed", 0)
+    assert "vx_measured" in pq.read_table(tmp_path / "trace.parquet").column_names
