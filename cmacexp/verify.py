@@ -5,7 +5,7 @@ import sys
 
 from cmacexp.cli.command import command
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import runs_below
+from cmacexp.data.discovery import everything_below
 from cmacexp.data.integrity import faults
 
 NOT_INTACT = 4
@@ -13,7 +13,7 @@ NOT_INTACT = 4
 
 def _verify(arguments: argparse.Namespace) -> int:
     intact = True
-    for folder in [run for given in arguments.folders for run in runs_below(given, reports=True)]:
+    for folder in [run for given in arguments.folders for run in everything_below(given)]:
         found = faults(folder)
         intact = intact and not found
         state = "NOT INTACT" if found else f"intact ({manifests.read(folder)['status']})"
