@@ -35,9 +35,9 @@ def is_finished(folder: Path, config: Config) -> bool:
 
 
 def _config_hash(folder: Path) -> str | None:
-    """Hash of the config that the manifest of a run holds; None without a readable manifest."""
+    """Hash of the config that the manifest of a run holds; None without an intact manifest of a run."""
     try:
-        return str(manifests.read(folder)["config_hash"])
+        return manifests.read(folder).get("config_hash")
     except BadRun:
         return None
 

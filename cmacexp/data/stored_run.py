@@ -33,7 +33,10 @@ class StoredRun:
     @cached_property
     def manifest(self) -> manifests.Manifest:
         """How it ended, and of what config."""
-        return manifests.read(self.folder)
+        manifest = manifests.read(self.folder)
+        if "kind" in manifest:
+            raise BadRun(f"{self.folder}: holds a {manifest['kind']}, not a run; give the folder of a run")
+        return manifest
 
     @property
     def config(self) -> dict[str, Any]:

@@ -9,9 +9,9 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import is_run
 from cmacexp.data.files import sha256, write_atomically
 from cmacexp.data.parquet import write_table
+from cmacexp.data.tables import TRACE
 from cmacexp.report.comparison import print_runs
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.report.terminal import activity, print_next
@@ -57,7 +57,7 @@ def _judge(jobs: Sequence[RunSummary], missing: int) -> str:
 
 def _write_tables(folder: Path, table: pa.Table, ended: str) -> None:
     """Write the table of a sweep, and a manifest with the hashes by which ``verify`` knows it."""
-    listed = not is_run(folder)  # the manifest of a run that a user gave as folder of the sweep stays
+    listed = not (folder / TRACE).exists()  # the manifest of a run whose folder is also that of the sweep stays
     if listed:
         (folder / manifests.NAME).unlink(missing_ok=True)
     write_table(table, folder / TABLE)

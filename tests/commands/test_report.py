@@ -289,7 +289,7 @@ def test_a_report_is_no_run_to_the_other_commands(sweep, printed):
     for command in ("score", "verify"):
         done = python("-m", f"cmacexp.{command}", str(sweep), folder=sweep.parent)
         assert done.returncode == 0, done.stderr
-    assert done.stdout.count(": intact (completed)") == 4
+    assert done.stdout.count(": intact (completed)") == 5, "the sweep, two runs, a report of one and of both"
 
 
 def test_final_and_best_are_of_whole_cycles(leg):

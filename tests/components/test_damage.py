@@ -271,6 +271,8 @@ def test_verify_finds_reports_inside_runs_and_their_files(leg, capsys):
     page = write_report(Report("T", "S", [], [leg / TRACE]), leg / "report")
     assert runs_below(leg) == [leg]
     assert everything_below(leg) == [leg, leg / "report"]
+    with pytest.raises(CmacexpError, match="holds a report, not a run"):
+        cmacexp.load(leg / "report")
     call(verify, leg)
     flip(page, random.Random(0))
     with pytest.raises(CmacexpError, match=str(verify.NOT_INTACT)):
