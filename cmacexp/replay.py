@@ -11,10 +11,11 @@ from cmacexp.cli.command import command
 from cmacexp.cli.viewer import open_window, require_display, serve_web
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, runs_below
+from cmacexp.data.hashes import find_fault, was_written
 from cmacexp.data.tables import BODY, RECORDING, steps_by_cycle
 from cmacexp.data.trace_writer import LAST_STEPS
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.report.terminal import activity
+from cmacexp.report.terminal import activity, say
 
 COMPARISONS = Path("outputs", "comparisons")
 """Default folder of comparisons."""
@@ -74,7 +75,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     from cmacexp.recording.write import write_recording
 
     manifest, kept = manifests.read(folder), _kept(folder)
-    _check_views(options, [(folder / BODY).exists()])
+    _check_views(options, [was_written(folder / BODY)])
     cycles = read_cycles(options.cycles, max(kept)) if options.cycles is not None else None
     window = make_window(kept, cycles, options.every)
     name = write_recording(folder, manifest, path, label=folder.resolve().name, window=window, names=options.views)
@@ -99,7 +100,7 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
         raise BadRun(
             f"{len(folders)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare"
         )
-    _check_views(options, [(folder / BODY).exists() for folder in folders])
+    _check_views(options, [was_written(folder / BODY) for folder in folders])
     cycles = None
     if options.cycles is not None:
         cycles = read_cycles(options.cycles, min(max(_kept(folder)) for folder in folders), "all runs")
@@ -144,9 +145,20 @@ def _read_options(arguments: argparse.Namespace) -> Options:
     return Options(arguments.cycles, views, None if every is None else int(every))
 
 
-def _replay(arguments: argparse.Namespace) -> int:
+def _read_kept(folder: Path) -> str | None:
+    """The name of the recording that a run has; None if there is none, or not the one that was written."""
     from cmacexp.recording.write import read_name
 
+    path, files = folder / RECORDING, manifests.read(folder)["files"]
+    if not path.exists():
+        return None
+    if fault := find_fault(path, files.get(RECORDING, "")):
+        say(f"{path}: {fault}; it is built anew", error=True)
+        return None
+    return read_name(path)
+
+
+def _replay(arguments: argparse.Namespace) -> int:
     options = _read_options(arguments)
     if arguments.web and arguments.no_viewer:
         raise BadInput("--no-viewer", True, "contradicts --web; leave out one")
@@ -157,7 +169,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     out = _out(arguments.out) if arguments.out is not None else None
     path = out or (_comparison_path(folders) if len(folders) > 1 else folders[0] / RECORDING)
     kept = len(folders) == 1 and out is None and options == Options() and not arguments.rebuild
-    shown = read_name(path) if kept and path.exists() else None
+    shown = _read_kept(folders[0]) if kept else None
     if shown is not None:
         shown += " (as it was built; --rebuild builds it anew)"
     else:

@@ -1,20 +1,27 @@
-"""``python -m cmacexp.verify DIR...``: which runs are intact."""
+"""``python -m cmacexp.verify DIR...``: which runs are intact; with ``--repeat``, whether they come out the same."""
 
 import argparse
 import sys
+from pathlib import Path
 
 from cmacexp.cli.command import command
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import runs_below
+from cmacexp.data.discovery import everything_below, require_place, runs_below
 from cmacexp.data.integrity import faults
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.errors import BadInput
 from cmacexp.report.terminal import activity
 
 NOT_INTACT = 4
 
 
 def _verify(arguments: argparse.Namespace) -> int:
+    if arguments.repeat:
+        return _repeat(arguments)
+    if arguments.out is not None:
+        raise BadInput("--out", arguments.out, "is for --repeat; add it")
     intact = True
-    for folder in [run for given in arguments.folders for run in runs_below(given, reports=True)]:
+    for folder in [each for given in arguments.folders for each in everything_below(given)]:
         with activity(f"checking {folder}"):
             found = faults(folder)
         intact = intact and not found
@@ -25,9 +32,41 @@ def _verify(arguments: argparse.Namespace) -> int:
     return 0 if intact else NOT_INTACT
 
 
+def _repeat(arguments: argparse.Namespace) -> int:
+    from cmacexp.cli.repeat import read_repeatable, repeat
+    from cmacexp.report.terminal import announce_compiling, progress
+
+    folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
+    if arguments.out is not None and len(folders) > 1:
+        raise BadInput("--out", arguments.out, f"is for one run, but {len(folders)} were given")
+    out = None if arguments.out is None else require_place("--out", Path(arguments.out))
+    announce_compiling()
+    equal = True
+    for folder in folders:
+        run = StoredRun(folder)
+        config = read_repeatable(run)
+        with progress(f"repeating {folder}", config.cycles, "cycles") as watch:
+            repetition = repeat(run, config, out, watch)
+        equal = equal and repetition.equal
+        print(f"{folder}: repeated, {'EQUAL' if repetition.equal else 'NOT EQUAL'}")
+        for line in repetition.lines:
+            print(f"  {line}")
+    return 0 if equal else NOT_INTACT
+
+
 def main() -> int:
-    """Run the command; exit code 0 if all runs are intact, 4 if one is not, 2 if there is none."""
-    return command("cmacexp.verify", "Check which runs are intact: every file is present and unchanged.", _verify)
+    """Run the command.
+
+    Returns:
+        The exit code: 0 if all is intact, or comes out the same; 4 if something is not; 2 if there is nothing.
+    """
+    description = (
+        "Check which runs, reports and tables of sweeps are intact: every file is present and unchanged. With "
+        "--repeat, run them again from their manifests and compare the bytes of every file."
+    )
+    flags = [("--repeat", "run again from the manifest, and compare what is written with what the run wrote")]
+    values = [("--out", "FOLDER", "with --repeat, where the repeated run is kept; unless given, it is removed")]
+    return command("cmacexp.verify", description, _verify, flags, values)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """Finding the runs below a folder."""
 
+import os
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from cmacexp.data import manifest as manifests
@@ -9,28 +11,74 @@ from cmacexp.errors import BadInput, BadRun
 def is_run(folder: Path) -> bool:
     """Whether ``folder`` is the folder of a run, complete or not."""
     named = any((folder / name).exists() for name in (manifests.NAME, "trace.parquet", ".hydra"))
-    return named and not manifests.is_report(folder)
+    return named and not manifests.lists_no_run(folder)
 
 
-def runs_below(folder: Path, reports: bool = False) -> list[Path]:
-    """``folder`` if it is a run, else all runs below it, in order.
+def _is_marked(folder: Path) -> bool:
+    return (folder / manifests.NAME).exists() or (folder / ".hydra").exists()
+
+
+def _walk(folder: Path, skip: Callable[[Path, str], None]) -> Iterator[Path]:
+    """``folder`` and all folders below it: also through links, into each once, not into hidden ones.
 
     Args:
-        folder: where to look.
-        reports: include folders of reports.
-
-    Raises:
-        BadRun: the folder does not exist or holds no run.
+        folder: where to begin.
+        skip: is called with a folder that cannot be read, and the reason.
     """
+    seen = set()
+    unreadable: list[OSError] = []
+    for place, inside, _ in os.walk(folder, onerror=unreadable.append, followlinks=True):
+        found = os.stat(place)
+        if (found.st_dev, found.st_ino) in seen:
+            inside.clear()
+            continue
+        seen.add((found.st_dev, found.st_ino))
+        path = Path(place)
+        inside[:] = sorted((name for name in inside if name[0] != "."), key=lambda n: ((path / n).is_symlink(), n))
+        yield path
+    for error in unreadable:
+        skip(Path(error.filename), error.strerror or "")
+
+
+def _require_folder(folder: Path) -> None:
     if not folder.is_dir():
         raise BadRun(f"{folder}: no such folder")
-    if is_run(folder) or (reports and manifests.is_report(folder)):
+
+
+def _require_some(folder: Path, found: Iterable[Path]) -> list[Path]:
+    if paths := sorted(found):
+        return paths
+    raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")
+
+
+def _refuse(folder: Path, reason: str) -> None:
+    raise BadRun(f"{folder}: cannot be read ({reason})")
+
+
+def runs_below(folder: Path) -> list[Path]:
+    """``folder`` if it is a run, else all runs below it, in order.
+
+    Raises:
+        BadRun: the folder does not exist, holds no run, or has one below it that cannot be read.
+    """
+    _require_folder(folder)
+    if is_run(folder):
         return [folder]
-    found = sorted({path.parent for path in folder.rglob("*") if path.name in (manifests.NAME, ".hydra")})
-    found = [path for path in found if reports or is_run(path)]
-    if not found:
-        raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")
-    return found
+    return _require_some(folder, (path for path in _walk(folder, _refuse) if _is_marked(path) and is_run(path)))
+
+
+def everything_below(folder: Path) -> list[Path]:
+    """All that can be verified: runs, reports and tables of sweeps from ``folder`` on, inside of runs too, in order.
+
+    A folder that cannot be read is one of them.
+
+    Raises:
+        BadRun: the folder does not exist, or holds nothing of the kind.
+    """
+    _require_folder(folder)
+    unreadable: list[Path] = []
+    found = {path for path in _walk(folder, lambda path, _: unreadable.append(path)) if _is_marked(path)}
+    return _require_some(folder, found.union(unreadable, [folder] if is_run(folder) else []))
 
 
 def require_place(key: str, folder: Path) -> Path:

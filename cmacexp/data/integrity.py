@@ -3,8 +3,10 @@
 from pathlib import Path
 
 from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.config.machine import MACHINES, QuadrupedMachine
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import sha256
+from cmacexp.data.hashes import find_fault
+from cmacexp.data.tables import BODY, BODY_METRICS, METRICS, METRICS_CSV, TRACE
 from cmacexp.data.weights import WEIGHTS, start_hash
 from cmacexp.errors import BadRun
 from cmacexp.jit.sources import code_hash
@@ -33,26 +35,35 @@ def is_finished(folder: Path, config: Config) -> bool:
 
 
 def _config_hash(folder: Path) -> str | None:
-    """Hash of the config that the manifest of a run holds; None without a readable manifest."""
+    """Hash of the config that the manifest of a run holds; None without an intact manifest of a run."""
     try:
-        return config_hash(manifests.read(folder)["config"])
+        return manifests.read(folder).get("config_hash")
     except BadRun:
         return None
 
 
+def _list_missing(manifest: manifests.Manifest) -> list[str]:
+    """Files that a run with a result must have, and that its manifest does not list."""
+    if "kind" in manifest or manifest["status"] not in RESULTS:
+        return []
+    machine = manifest["config"].get("machine")
+    walks = isinstance(machine, dict) and MACHINES.get(str(machine.get("kind"))) is QuadrupedMachine
+    names = (TRACE, METRICS, METRICS_CSV, *((BODY, BODY_METRICS) if walks else ()))
+    return [f"{name}: not listed in {manifests.NAME}" for name in names if name not in manifest["files"]]
+
+
 def faults(folder: Path) -> list[str]:
-    """Reasons why a run or a report is not intact; empty if it is."""
+    """Reasons why a run, a report or the table of a sweep is not intact; empty if it is."""
     try:
         manifest = manifests.read(folder)
     except BadRun as error:
         return [str(error).removeprefix(f"{folder}: ")]
-    found = []
-    for name, expected in manifest["files"].items():
-        path = folder / name
-        if not path.is_file():
-            found.append(f"{name}: missing")
-        elif sha256(path) != expected:
-            found.append(f"{name}: changed since it was written")
+    found = _list_missing(manifest)
+    found += [
+        f"{name}: {fault}"
+        for name, expected in manifest["files"].items()
+        if (fault := find_fault(folder / name, expected)) is not None
+    ]
     for name, expected in manifest.get("runs", {}).items():
         if _config_hash(folder / name) != expected:
             found.append(f"{name}: its config is not the one of the report")

@@ -1,5 +1,6 @@
-"""The manifest of a run: config, versions, how it ended, and hashes of its files; written last."""
+"""The manifest of a run: config, versions, how it ended, and hashes of its files and of itself; written last."""
 
+import hashlib
 import json
 import platform
 import subprocess
@@ -10,12 +11,15 @@ from typing import Any
 
 from cmacexp.config import config_hash
 from cmacexp.data.files import sha256, write_atomically
+from cmacexp.data.manifest_fields import LATER, find_wrong
+from cmacexp.data.manifest_fields import REPORT as REPORT
+from cmacexp.data.manifest_fields import SWEEP as SWEEP
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadRun
 
 NAME = "manifest.json"
-REPORT = "report"
-"""Kind of a manifest that lists a report and the runs of its numbers, not a run."""
+CHECKSUM = "checksum"
+"""Entry with the SHA-256 of all other entries; earlier versions wrote none."""
 PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk")
 
 Manifest = dict[str, Any]
@@ -50,6 +54,7 @@ def git_commit() -> str | None:
 
 def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: Any) -> Manifest:
     """The manifest of a run of a plain ``config``; the defaults are those of a run that took no step."""
+    config = json.loads(json.dumps(config))  # keys become text, as they will be read: the hash must be the same
     return {
         "status": status,
         "cause": cause,
@@ -66,35 +71,58 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
     }
 
 
+def _dump(manifest: Manifest) -> str:
+    """The text of a manifest, which ends with the checksum of what is before it."""
+    content = {key: value for key, value in manifest.items() if key != CHECKSUM}
+    checksum = hashlib.sha256(json.dumps(content, indent=2).encode()).hexdigest()
+    return json.dumps({**content, CHECKSUM: checksum}, indent=2) + "\n"
+
+
 def write(folder: Path, manifest: Manifest) -> None:
-    """Write the manifest of ``folder``, whole or not at all."""
+    """Write the manifest of ``folder`` with its checksum, whole or not at all."""
     with write_atomically(folder / NAME) as temporary:
-        temporary.write_text(json.dumps(manifest, indent=2) + "\n")
+        temporary.write_text(_dump(manifest), encoding="utf-8")
 
 
 def read(folder: Path) -> Manifest:
-    """The manifest of a run.
+    """The manifest of a run, a report or a sweep, checked; without its checksum.
+
+    One that has a checksum is accepted as it was written, to the last blank. One without, of an earlier version, must
+    have known entries alone.
 
     Raises:
-        BadRun: there is none, or it cannot be read.
+        BadRun: there is none, it cannot be read, it has changed, or an entry is missing or not what it must be.
     """
     path = folder / NAME
     try:
-        manifest: Manifest = json.loads(path.read_text())
-    except FileNotFoundError:
+        text = path.read_bytes().decode()
+        found = json.loads(text)
+        has_checksum = isinstance(found, dict) and CHECKSUM in found
+        changed = has_checksum and _dump(found) != text
+    except (FileNotFoundError, NotADirectoryError):
         raise BadRun(f"{folder}: no {NAME}: not the folder of a run, or the run was killed before its end") from None
-    except (json.JSONDecodeError, UnicodeDecodeError, OSError) as error:
-        raise BadRun(f"{path}: cannot be read ({error})") from None
-    missing = [key for key in ("status", "config", "files") if not isinstance(manifest, dict) or key not in manifest]
-    if missing:
-        raise BadRun(f"{path}: not the manifest of a run: it has no {', '.join(missing)}")
-    return manifest
+    except (ValueError, OSError, RecursionError) as error:
+        raise BadRun(f"{path}: cannot be read ({_describe(error)})") from None
+    if changed:
+        raise BadRun(f"{path}: changed since it was written; run it again")
+    if has_checksum:
+        del found[CHECKSUM]
+    if wrong := find_wrong(found, complete=has_checksum):
+        raise BadRun(f"{path}: not the manifest of a run: {wrong}; run it again")
+    manifest: Manifest = found
+    return manifest if "kind" in manifest else {**LATER, **manifest}
 
 
-def is_report(folder: Path) -> bool:
-    """Whether ``folder`` holds a report, not a run."""
+def _describe(error: Exception) -> str:
+    """Why a manifest cannot be read, in one line."""
+    reason = error.strerror if isinstance(error, OSError) else str(error)
+    return (reason or type(error).__name__).splitlines()[0]
+
+
+def lists_no_run(folder: Path) -> bool:
+    """Whether ``folder`` holds a report or the table of a sweep, not a run."""
     try:
-        return read(folder).get("kind") == REPORT
+        return "kind" in read(folder)
     except BadRun:
         return False
 

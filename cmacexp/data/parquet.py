@@ -1,6 +1,6 @@
 """Tables on disk, and their columns as arrays."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from cmacexp.data.files import write_atomically
+from cmacexp.data.hashes import require_intact
 from cmacexp.typing import Array, Mask
 
 
@@ -51,8 +52,12 @@ def write_table(table: pa.Table, path: Path) -> None:
 
 
 def read_groups(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
-    """The table that :func:`table_writer` wrote, or some columns of it, part by part."""
-    with pq.ParquetFile(path) as file:
+    """The table that :func:`table_writer` wrote, or some columns of it, part by part.
+
+    Raises:
+        BadRun: it is not as its run wrote it; so for all that reads tables.
+    """
+    with pq.ParquetFile(require_intact(path)) as file:
         for group in range(file.num_row_groups):
             yield file.read_row_group(group, columns)
 
@@ -65,8 +70,13 @@ def select_rows(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
 
 def read_table(path: Path) -> pa.Table:
     """The table that :func:`write_table` wrote."""
-    with pq.ParquetFile(path) as file:
+    with pq.ParquetFile(require_intact(path)) as file:
         return file.read()
+
+
+def read_cycles(path: Path, numbers: Sequence[int]) -> pa.Table:
+    """Rows of some cycles of a table; the others are never all in memory."""
+    return pq.read_table(require_intact(path), filters=[("cycle", "in", list(numbers))])
 
 
 def _contiguous(table: pa.Table, name: str) -> pa.Array:

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
+from omegaconf import OmegaConf
 
+from cmacexp.config import Config, to_config
 from cmacexp.config.schema import count_steps
 from cmacexp.data import manifest as manifests
-from cmacexp.data.parquet import read_table
+from cmacexp.data.parquet import read_cycles, read_table
 from cmacexp.data.tables import BODY, BODY_METRICS, METRICS, TRACE, Scores
-from cmacexp.errors import BadRun
+from cmacexp.errors import BadRun, CmacexpError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,7 +25,7 @@ class StoredRun:
     """A finished run; tables are read when they are asked for.
 
     Raises:
-        BadRun: on first use of a file that is missing or cannot be read.
+        BadRun: on first use of a file that is missing, has changed or cannot be read.
     """
 
     folder: Path
@@ -32,7 +33,10 @@ class StoredRun:
     @cached_property
     def manifest(self) -> manifests.Manifest:
         """How it ended, and of what config."""
-        return manifests.read(self.folder)
+        manifest = manifests.read(self.folder)
+        if "kind" in manifest:
+            raise BadRun(f"{self.folder}: holds a {manifest['kind']}, not a run; give the folder of a run")
+        return manifest
 
     @property
     def config(self) -> dict[str, Any]:
@@ -74,6 +78,7 @@ class StoredRun:
         return -(-int(self.manifest["steps"]) // self.steps_per_cycle)
 
     def _table(self, name: str, read: Callable[[Path], pa.Table] = read_table) -> "pd.DataFrame":
+        _ = self.manifest  # without one there is nothing that the table could be compared with
         try:
             return read(self.folder / name).to_pandas()
         except (OSError, ValueError) as error:
@@ -112,9 +117,21 @@ class StoredRun:
 
     def cycles(self, numbers: Sequence[int], name: str = TRACE) -> "pd.DataFrame":
         """Rows of some cycles of the trace, or of another table, without holding all of a long run in memory."""
-        return self._table(name, partial(pq.read_table, filters=[("cycle", "in", list(numbers))]))
+        return self._table(name, partial(read_cycles, numbers=numbers))
 
     def cycle(self, number: int, leg: int = 1) -> "pd.DataFrame":
         """Rows of one leg in one cycle; none if the run did not reach it."""
         trace = self.trace
         return trace[(trace["cycle"] == number) & (trace["leg"] == leg)]
+
+
+def read_config(run: StoredRun) -> Config:
+    """Read the typed config of a stored run.
+
+    Raises:
+        BadRun: another version with other fields wrote it.
+    """
+    try:
+        return to_config(OmegaConf.create(run.config))
+    except CmacexpError as error:
+        raise BadRun(f"{run.folder}: its config is not one of this version ({error}); run it again") from None

@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from cmacexp.data.files import write_atomically
+from cmacexp.data.hashes import was_written
 from cmacexp.data.parquet import as_array, read_groups, select_rows, write_table
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, make_schema, select_signals
 from cmacexp.errors import BadRun
@@ -42,7 +43,7 @@ def read_parts(path: Path, columns: list[str] | None = None) -> Iterator[pa.Tabl
     """A table of a run part by part, or some columns of it.
 
     Raises:
-        BadRun: it is missing or cannot be read.
+        BadRun: it is missing, has changed or cannot be read.
     """
     try:
         yield from read_groups(path, columns)
@@ -54,7 +55,7 @@ def steps_by_cycle(folder: Path) -> dict[int, int]:
     """Number of steps of each cycle in the trace of a run.
 
     Raises:
-        BadRun: it is missing or cannot be read.
+        BadRun: it is missing, has changed or cannot be read.
     """
     steps: dict[int, int] = {}
     for part in read_parts(folder / TRACE, ["cycle", "leg"]):
@@ -92,12 +93,11 @@ def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int =
         every: read one step in so many.
 
     Raises:
-        BadRun: one is missing or cannot be read.
+        BadRun: one is missing, has changed or cannot be read.
     """
     legs = _read(folder / TRACE, select_signals(LEG_SIGNALS), cycles, every)
-    return Traces(
-        legs, _read(folder / BODY, select_signals(BODY_SIGNALS), cycles, every) if (folder / BODY).exists() else None
-    )
+    walks = was_written(folder / BODY)
+    return Traces(legs, _read(folder / BODY, select_signals(BODY_SIGNALS), cycles, every) if walks else None)
 
 
 def write_memory(folder: Path, memory: Sequence[pa.Table]) -> list[str]:

@@ -10,7 +10,8 @@ import numpy as np
 from cmacexp.config import Config, to_plain
 from cmacexp.config.difference import differences
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import sha256, write_atomically
+from cmacexp.data.files import write_atomically
+from cmacexp.data.hashes import current_hash, require_intact
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.typing import Weights
 
@@ -56,8 +57,10 @@ def read_weights(config: Config) -> Weights | None:
         there = " ".join(f"{key}={value}" for key, value in apart.items())
         raise refusal(f"its weights were learnt with {there}; give the same here")
     try:
-        with np.load(folder / WEIGHTS, allow_pickle=False) as arrays:
+        with np.load(require_intact(folder / WEIGHTS), allow_pickle=False) as arrays:
             return dict(arrays)
+    except BadRun as error:
+        raise refusal(f"must hold the weights that its run wrote ({error})") from None
     except (OSError, ValueError, BadZipFile) as error:
         raise refusal(f"{WEIGHTS} cannot be read ({error}); run it again") from None
 
@@ -67,4 +70,4 @@ def start_hash(config: Config) -> str | None:
     if config.learning.start_from is None:
         return None
     path = Path(config.learning.start_from) / WEIGHTS
-    return sha256(path) if path.is_file() else None
+    return current_hash(path) if path.is_file() else None

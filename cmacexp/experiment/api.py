@@ -10,7 +10,8 @@ from typing import Any
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.compose import compose_config
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.errors import BadInput, BadRun
+from cmacexp.data.tables import METRICS
+from cmacexp.errors import BadInput
 from cmacexp.experiment.run import run_scenario
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.summary import format_cycles
@@ -25,23 +26,29 @@ class Run(StoredRun):
     def _summary(self) -> tuple[str, list[str], list[list[str]]]:
         """How it ended, in one line; titles and rows of its main metrics."""
         manifest = self.manifest
-        titles, rows = format_cycles(self.scores)
+        titles, rows = format_cycles(self.scores) if METRICS in manifest["files"] else ([], [])
         line = f"{self.folder}: {self.config.get('scenario')}, {self.ending}, {manifest['steps']} steps"
         return line, [f"{title} {unit}".rstrip() for title, unit in titles], rows
 
+    def _printed(self) -> tuple[str, list[str], list[list[str]]]:
+        """The same, of a damaged run the reason alone: a run is often printed in search of another mistake."""
+        try:
+            return self._summary()
+        except Exception as error:
+            return f"{type(self).__name__}({str(self.folder)!r}: {' '.join(str(error).split())})", [], []
+
     def __repr__(self) -> str:
         """How it ended, and its main metrics per cycle."""
-        try:
-            line, titles, rows = self._summary()
-        except (BadRun, OSError, KeyError) as error:
-            return f"{type(self).__name__}({str(self.folder)!r}: {error})"
+        line, titles, rows = self._printed()
         widths = [max(map(len, column)) for column in zip(titles, *rows, strict=True)]
         lines = ("  ".join(cell.rjust(n) for cell, n in zip(row, widths, strict=True)) for row in [titles, *rows])
         return "\n".join([line, *lines] if rows else [line])
 
     def _repr_html_(self) -> str:
         """The same for a notebook."""
-        line, titles, rows = self._summary()
+        line, titles, rows = self._printed()
+        if not rows:
+            return f"<p>{escape(line)}</p>"
         head = "".join(f"<th>{escape(title)}</th>" for title in titles)
         body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
         return f"<p>{escape(line)}</p><table><tr>{head}</tr>{body}</table>"

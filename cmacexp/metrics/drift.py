@@ -5,13 +5,15 @@ A drift is detected in the first cycle in which both tests hold: the last WINDOW
 ground that learning compensates, and the noise of sensors, do not rise in so many pairs of cycles.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.data.parquet import as_array
+from cmacexp.errors import BadRun
 from cmacexp.typing import Array, Mask
 
 WINDOW = 10
@@ -167,3 +169,15 @@ def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
     """The entry ``drift`` of a run's manifest: the fields of :class:`Drift`, or nothing."""
     drift = find_drift(metrics)
     return None if drift is None else drift._asdict()
+
+
+def read_drift_entry(entry: Mapping[str, Any] | None) -> Drift | None:
+    """What :func:`make_drift_entry` wrote.
+
+    Raises:
+        BadRun: it has other fields.
+    """
+    try:
+        return None if entry is None else Drift(**entry)
+    except TypeError:
+        raise BadRun(f"drift: must have {', '.join(Drift._fields)} alone; score the run again") from None

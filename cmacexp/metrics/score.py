@@ -3,6 +3,7 @@
 import numpy as np
 import pyarrow as pa
 
+from cmacexp.data.hashes import was_written
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, Traces, read_parts
 from cmacexp.metrics.block import Block, cut
@@ -100,10 +101,10 @@ def score_traces(run: StoredRun) -> Scores:
     scorer, folder = RunScorer(run.steps_per_cycle), run.folder
     for part in read_parts(folder / TRACE):
         scorer.add_legs(part)
-    if (folder / MEMORY).exists():
+    if was_written(folder / MEMORY):
         for part in read_parts(folder / MEMORY):
             scorer.add_memory(part)
-    if (folder / BODY).exists():
+    if was_written(folder / BODY):
         for part, legs in zip(read_parts(folder / BODY), read_parts(folder / TRACE), strict=True):
             scorer.add_body(add_true_margins(part, legs, run.config))
     return scorer.scores

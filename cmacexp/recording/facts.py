@@ -9,6 +9,7 @@ import pyarrow as pa
 import rerun as rr
 
 from cmacexp.config.difference import flat
+from cmacexp.data.hashes import was_written
 from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import read_table
 from cmacexp.data.tables import BODY_METRICS, METRICS, Scores
@@ -22,7 +23,7 @@ SIMPLE = (bool, int, float, str)
 def _last_metrics(folder: Path) -> dict[str, float]:
     """The metrics of the last whole cycle, legs pooled, in SI units; without undefined ones."""
     body = folder / BODY_METRICS
-    pooled = pool_legs(Scores(read_table(folder / METRICS), read_table(body) if body.exists() else None))
+    pooled = pool_legs(Scores(read_table(folder / METRICS), read_table(body) if was_written(body) else None))
     return {name: float(values[-1]) for name, values in pooled.items() if len(values) and math.isfinite(values[-1])}
 
 

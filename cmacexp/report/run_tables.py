@@ -8,7 +8,7 @@ from cmacexp.config.cmac import OUTPUTS, WORD_BYTES
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.body import BODY_METRICS
-from cmacexp.metrics.drift import Drift, format_drift
+from cmacexp.metrics.drift import format_drift, read_drift_entry
 from cmacexp.metrics.pooling import pool_legs
 from cmacexp.metrics.registry import ALL_METRICS, MAIN
 from cmacexp.metrics.summary import format_number
@@ -21,12 +21,12 @@ KEY_OF_FORCE = ("force_overshoot", "force_settling_time")
 
 def list_facts(run: StoredRun) -> Table:
     """How the run ended, its size, components, cost and versions."""
-    manifest, config = run.manifest, run.config
+    manifest, config, drift = run.manifest, run.config, read_drift_entry(run.manifest["drift"])
     per_step = 1e6 * manifest["rollout_seconds"] / manifest["steps"]
     facts = {
         "folder": str(run.folder),
         "ended": run.ending,
-        "drift": format_drift(Drift(**manifest["drift"])) if manifest.get("drift") else "not detected",
+        "drift": format_drift(drift) if drift else "not detected",
         "cycles": f"{run.whole_cycles} of {config['cycles']} requested, {config['gait']['cycle_time']:g} s each",
         "steps": f"{manifest['steps']} of {1e3 * config['sampling_period']:g} ms",
         "machine": str(config["machine"]["kind"]),

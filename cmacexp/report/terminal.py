@@ -11,7 +11,7 @@ from shlex import quote
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING
 from cmacexp.jit.compiler import call_before_compiling
-from cmacexp.metrics.drift import Drift, format_drift
+from cmacexp.metrics.drift import Drift, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs
 from cmacexp.report.terminal_tables import print_key, print_scores
 
@@ -90,8 +90,8 @@ def format_outcome(result: StoredRun, separator: str = ": ") -> str:
 
 def describe_drift(result: StoredRun) -> str:
     """The drift of the learning of a run, in one line; empty if there is none."""
-    drift = result.manifest["drift"]
-    return format_drift(Drift(**drift), " at the end") if drift else ""
+    drift = read_drift_entry(result.manifest["drift"])
+    return format_drift(drift, " at the end") if drift else ""
 
 
 def format_folder(folder: Path) -> str:

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from omegaconf import OmegaConf
 
-from cmacexp.config import Config, to_config
-from cmacexp.data.stored_run import StoredRun
-from cmacexp.errors import BadRun, CmacexpError
+from cmacexp.config import Config
+from cmacexp.data.stored_run import StoredRun, read_config
+from cmacexp.errors import BadRun
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import AFTER, OVER, Growth, change_sizes, predicted_growth, with_lead
@@ -84,18 +83,6 @@ class Analysis:
     def least_real(self, lead: int, delay: int = 0) -> float:
         """Least Re T over all frequencies and those places."""
         return min(spectra[DELAYS.index(delay)].least(lead) for spectra in self.places.values())
-
-
-def read_config(run: StoredRun) -> Config:
-    """Read the typed config of a stored run.
-
-    Raises:
-        BadRun: another version with other fields wrote it.
-    """
-    try:
-        return to_config(OmegaConf.create(run.config))
-    except CmacexpError as error:
-        raise BadRun(f"{run.folder}: its config is not one of this version ({error}); run it again") from None
 
 
 def _measure_lead(

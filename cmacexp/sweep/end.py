@@ -3,11 +3,15 @@
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 
+import pyarrow as pa
 import pyarrow.csv as pa_csv
 
-from cmacexp.data.files import write_atomically
+from cmacexp.data import manifest as manifests
+from cmacexp.data.files import sha256, write_atomically
 from cmacexp.data.parquet import write_table
+from cmacexp.data.tables import TRACE
 from cmacexp.report.comparison import print_runs
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.report.terminal import activity, print_next
@@ -33,10 +37,8 @@ def finish_sweep(sweep: Sweep) -> str:
     jobs, missing = results.jobs, max(0, sweep.planned.total() - len(results.jobs))
     if not jobs:
         return "failed"
-    table = make_table(results.rows())
-    write_table(table, sweep.folder / TABLE)
-    with write_atomically(sweep.folder / TABLE_CSV) as temporary:
-        pa_csv.write_csv(table, temporary)
+    ended = _judge(jobs, missing)
+    _write_tables(sweep.folder, make_table(results.rows()), ended)
     swept = [key for key in results.keys if len({str(job.config[key]) for job in jobs}) > 1]
     print_runs(jobs, swept, sweep.folder / TABLE_CSV)
     _print_counts(jobs, missing)
@@ -44,9 +46,27 @@ def finish_sweep(sweep: Sweep) -> str:
     if any(job.is_result for job in jobs):
         print_next(sweep.folder, {"report": "report"})
     print(sweep.folder / TABLE)
+    return ended
+
+
+def _judge(jobs: Sequence[RunSummary], missing: int) -> str:
     if all(job.bad_input for job in jobs):
         return "bad input"
     return "failed" if missing or not all(job.is_result for job in jobs) else "completed"
+
+
+def _write_tables(folder: Path, table: pa.Table, ended: str) -> None:
+    """Write the table of a sweep, and a manifest with the hashes by which ``verify`` knows it."""
+    listed = not (folder / TRACE).exists()  # the manifest of a run whose folder is also that of the sweep stays
+    if listed:
+        (folder / manifests.NAME).unlink(missing_ok=True)
+    write_table(table, folder / TABLE)
+    with write_atomically(folder / TABLE_CSV) as temporary:
+        pa_csv.write_csv(table, temporary)
+    if listed:
+        files = {name: sha256(folder / name) for name in (TABLE, TABLE_CSV)}
+        entries = {"versions": manifests.versions(), "files": files}
+        manifests.write(folder, {"kind": manifests.SWEEP, "status": ended, "config": {}, **entries})
 
 
 def _print_counts(jobs: Sequence[RunSummary], missing: int) -> None:

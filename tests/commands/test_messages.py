@@ -84,11 +84,16 @@ def make_folder(folder: Path) -> None:
     (folder / "empty").mkdir()
     cmacexp.run(RUN, folder / "run")
     cmacexp.run([*RUN, "record.cycles=[1]"], folder / "thinned")
-    for name in ("killed", "changed", "incomplete", "unreadable"):
+    learnt = cmacexp.run([*RUN, "record.weights=true"], folder / "learnt").folder
+    (learnt / "weights.npz").write_bytes(b"other")
+    for name in ("killed", "changed", "edited", "incomplete", "shapeless", "unreadable"):
         shutil.copytree(folder / "run", folder / "runs" / name)
     (folder / "runs" / "killed" / "manifest.json").unlink()
     (folder / "runs" / "incomplete" / "metrics.csv").unlink()
     (folder / "runs" / "unreadable" / "manifest.json").write_text("{")
+    (folder / "runs" / "shapeless" / "manifest.json").write_text('{"status": "completed", "config": [], "files": {}}')
+    edited = folder / "runs" / "edited" / "manifest.json"
+    edited.write_text(edited.read_text().replace("completed", "fell"))
     trace = folder / "runs" / "changed" / "trace.parquet"
     pq.write_table(pq.read_table(trace).slice(0, 600), trace)
 

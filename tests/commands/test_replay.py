@@ -1,6 +1,5 @@
 """Replay: recordings read back from the file and compared with the trace that another process left."""
 
-import json
 import os
 import signal
 import socket
@@ -15,6 +14,7 @@ import pandas as pd
 import pytest
 from rerun.chunk import RrdReader
 from support.command import cmacexp, python
+from support.manifests import accept, change_manifest
 
 from cmacexp.cli.viewer import DISPLAYS
 from cmacexp.config import to_plain
@@ -277,11 +277,11 @@ def test_a_run_without_a_step_is_one_line(copy, tmp_path):
     folder = copy("leg_none")
     trace = pd.read_parquet(folder / "trace.parquet")
     trace.iloc[:0].to_parquet(folder / "trace.parquet")
+    accept(folder, "trace.parquet")
     done = replay(folder, folder=tmp_path)
     assert done.returncode == 2
     assert done.stderr == f"error: {folder}: its trace kept none of its 2400 steps, there is nothing to show\n"
-    manifest = json.loads((folder / "manifest.json").read_text())
-    (folder / "manifest.json").write_text(json.dumps({**manifest, "steps": 0}))
+    change_manifest(folder, steps=0)
     assert (
         replay(folder, folder=tmp_path).stderr == f"error: {folder}: the run took no step, there is nothing to show\n"
     )

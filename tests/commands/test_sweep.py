@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import time
 
@@ -9,6 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.command import ROOT, cmacexp, python, started
+from support.manifests import change_manifest
+
+from cmacexp.data.discovery import runs_below
+from cmacexp.data.integrity import faults
 
 SWEEPER = '''
 import json
@@ -73,6 +78,16 @@ def test_both_tables_say_the_same(mixed):
     pd.testing.assert_frame_equal(table_of(mixed[0]), read, check_dtype=False)
 
 
+@pytest.mark.parametrize("name", ["sweep.parquet", "sweep.csv"])
+def test_a_changed_table_is_found(mixed, tmp_path, name):
+    folder = shutil.copytree(mixed[0], tmp_path / "s")
+    assert folder not in runs_below(folder), "a sweep is no run"
+    assert not faults(folder)
+    with (folder / name).open("ab") as file:
+        file.write(b" ")
+    assert faults(folder) == [f"{name}: changed since it was written"]
+
+
 def test_a_sweep_keeps_no_recording_unless_it_is_asked_for(mixed, tmp_path):
     assert not list(mixed[0].rglob("*.rrd"))
     cmacexp("-m", "seed=0", "cycles=1", "record=full", "hydra.sweep.dir=s", folder=tmp_path)
@@ -126,8 +141,7 @@ def test_resume_runs_what_is_missing_failed_or_of_another_config(tmp_path):
     swept = ["cmac.layers=8,10,16,32", "cycles=1"]
     cmacexp("-m", *swept, "hydra.sweep.dir=s", folder=tmp_path)
     (tmp_path / "s" / "0" / "manifest.json").unlink()
-    failed = json.loads((tmp_path / "s" / "1" / "manifest.json").read_text()) | {"status": "failed"}
-    (tmp_path / "s" / "1" / "manifest.json").write_text(json.dumps(failed))
+    change_manifest(tmp_path / "s" / "1", status="failed")
     kept = (tmp_path / "s" / "3" / "trace.parquet").stat().st_mtime_ns
     done = cmacexp("-m", "cmac.layers=8,10,20,32", "cycles=1", *RESUME, folder=tmp_path)
     assert done.returncode == 0, done.stderr

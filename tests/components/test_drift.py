@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support.command import cmacexp
 from support.made_traces import measure
+from support.manifests import change_manifest
 
 from cmacexp.metrics.drift import WINDOW, Drift, DriftDetector, find_drift, find_drift_cycles, measure_growth
 from cmacexp.score import score
@@ -115,7 +116,7 @@ def test_the_paper_s_law_is_seen_to_drift_before_cycle_100(drifting):
 def test_the_drift_is_known_from_the_trace_alone(drifting):
     folder, _ = drifting
     manifest = json.loads((folder / "manifest.json").read_text())
-    (folder / "manifest.json").write_text(json.dumps({**manifest, "drift": None}))
+    change_manifest(folder, drift=None)
     assert find_drift(score(folder).legs) == Drift(**manifest["drift"])
     assert json.loads((folder / "manifest.json").read_text())["drift"] == manifest["drift"]
 

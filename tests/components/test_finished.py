@@ -1,12 +1,11 @@
 """Which runs are taken for finished, and so are not run again; and reports that know what they rest on."""
 
-import json
-
 import pytest
+from support.manifests import change_manifest
 
 from cmacexp.config.compose import compose_config
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import runs_below
+from cmacexp.data.discovery import everything_below, runs_below
 from cmacexp.data.integrity import faults, is_finished
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import CmacexpError
@@ -25,11 +24,6 @@ def finished(tmp_path):
     config = compose_config(JOB)
     run_scenario(config, tmp_path / "run")
     return tmp_path / "run", config
-
-
-def change_manifest(folder, **values):
-    path = folder / "manifest.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), **values}))
 
 
 def test_a_whole_run_of_the_same_config_is_finished(finished):
@@ -135,4 +129,4 @@ def test_a_report_notices_a_config_that_was_changed_by_hand(finished, tmp_path):
 def test_a_report_is_no_run(finished, tmp_path):
     make_report(tmp_path / "report", finished[0])
     assert runs_below(tmp_path) == [finished[0]]
-    assert runs_below(tmp_path, reports=True) == [tmp_path / "report", finished[0]]
+    assert everything_below(tmp_path) == [tmp_path / "report", finished[0]]

@@ -1,0 +1,102 @@
+"""A run repeated from its manifest: whether this code, with these versions, writes the same bytes."""
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.data import manifest as manifests
+from cmacexp.data.hashes import find_fault
+from cmacexp.data.integrity import RESULTS
+from cmacexp.data.stored_run import StoredRun, read_config
+from cmacexp.data.tables import RECORDING
+from cmacexp.data.weights import start_hash
+from cmacexp.errors import BadInput, BadRun
+
+NOT_COMPARED = {RECORDING: "it holds the time at which it was written"}
+"""Files that are never written twice with the same bytes."""
+
+
+class Repetition(NamedTuple):
+    """What came of repeating a run."""
+
+    equal: bool
+    """Whether it ended as before, with the same bytes in every file that is compared."""
+    lines: list[str]
+    """One for each file, and one for whatever else is not the same as then."""
+
+
+def read_repeatable(run: StoredRun) -> Config:
+    """The config of a run that can be repeated.
+
+    Raises:
+        BadRun: it has no result, its manifest is damaged, or its config is not one of this version.
+        BadInput: the weights that it started from are missing or others.
+    """
+    if run.status not in RESULTS:
+        raise BadRun(f"{run.folder}: {run.status}; only a run that {' or '.join(RESULTS)} can be repeated")
+    config = read_config(run)
+    if start_hash(config) != run.manifest.get("start_weights"):
+        allowed = "must hold the weights that this run started from; they are missing or have changed"
+        raise BadInput("learning.start_from", config.learning.start_from, allowed)
+    return config
+
+
+def repeat(run: StoredRun, config: Config, folder: Path | None, watch: Callable[[int], None]) -> Repetition:
+    """Repeat a run, and compare what it writes with what its manifest lists.
+
+    Args:
+        run: that can be repeated.
+        config: its own.
+        folder: of the repeated run; None: a temporary one.
+        watch: as :func:`cmacexp.experiment.run_scenario` takes it.
+
+    Raises:
+        BadInput: a component cannot be imported, or ``folder`` is in use.
+        KeyboardInterrupt: it was interrupted.
+    """
+    from cmacexp.experiment import run_scenario
+
+    if folder is not None and folder.exists() and any(folder.iterdir()):
+        raise BadInput("--out", folder, "must be a new or an empty folder")
+    with TemporaryDirectory() as temporary:
+        again = run_scenario(config, folder or Path(temporary), watch)
+        if again.status == "interrupted":
+            raise KeyboardInterrupt
+        then, now = run.manifest, again.manifest
+    states = dict(_compare_files(run.folder, then["files"], now["files"]))
+    same = all(state == "equal" for name, state in states.items() if name not in NOT_COMPARED)
+    files = [f"{name}: {state}" for name, state in states.items()]
+    other = _compare_entries(then, now, config_hash(to_plain(config)))
+    return Repetition(same and again.ending == run.ending, [*files, *other])
+
+
+def _compare_files(folder: Path, then: Mapping[str, str], now: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """The name of each file, and how it compares with what the run wrote."""
+    for name in [*then, *(name for name in now if name not in then)]:
+        if name in NOT_COMPARED:
+            yield name, f"not compared: {NOT_COMPARED[name]}"
+        elif name not in then or name not in now:
+            yield name, f"differs: written only {'now' if name in now else 'then'}"
+        elif then[name] != now[name]:
+            yield name, "differs"
+        elif fault := find_fault(folder / name, then[name]):
+            yield name, f"equal to what the run wrote, but {folder / name} is {fault}"
+        else:
+            yield name, "equal"
+
+
+def _compare_entries(then: manifests.Manifest, now: manifests.Manifest, read_as: str) -> Iterator[str]:
+    """A line for whatever may explain other bytes."""
+    if then["config_hash"] != read_as:
+        yield "config: this version reads it with other fields or names"
+    for key in ("status", "cause", "steps", "code_hash", "git_commit"):
+        yield from _compare(key, then.get(key), now.get(key))
+    for name in {**then["versions"], **now["versions"]}:
+        yield from _compare(name, then["versions"].get(name), now["versions"].get(name))
+
+
+def _compare(name: str, then: Any, now: Any) -> Iterator[str]:
+    if then != now:
+        yield f"{name}: {then if then is not None else 'unknown'} then, {now if now is not None else 'unknown'} now"

@@ -1,0 +1,84 @@
+"""Whether a file of a run is as the run wrote it: everything that reads one asks here first."""
+
+import time
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from cmacexp.data import manifest as manifests
+from cmacexp.data.files import sha256
+from cmacexp.errors import BadRun
+
+RESOLUTION = 20_000_000
+"""Two changes of a file within so many nanoseconds may leave it the same times."""
+MOST_FILES = 4096
+"""Files whose hash is kept."""
+
+
+def _once(compute: Callable[[Path], Any]) -> Callable[[Path], Any]:
+    """``compute``, called again only for a path whose file has another size, inode or time since."""
+    cached = lru_cache(MOST_FILES)(lambda path, stamp: compute(path))
+
+    def lookup(path: Path) -> Any:
+        found = path.stat()
+        stamp = (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+        just_written = time.time_ns() - max(stamp[-2:]) < RESOLUTION
+        return compute(path) if just_written else cached(path, stamp)
+
+    return lookup
+
+
+_sha256: Callable[[Path], str] = _once(sha256)
+_read_files: Callable[[Path], Mapping[str, str]] = _once(lambda path: manifests.read(path.parent)["files"])
+
+
+def current_hash(path: Path) -> str:
+    """SHA-256 of a file as it is now; computed once while the file does not change."""
+    return _sha256(path)
+
+
+def _listed(folder: Path) -> Mapping[str, str] | None:
+    """Files of a run and their hashes; None while it is written, when it has no manifest yet."""
+    try:
+        return _read_files(folder / manifests.NAME)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+def find_fault(path: Path, expected: str) -> str | None:
+    """Why a file is not the one with the hash ``expected``; None: it is."""
+    try:
+        if not path.is_file():
+            return "missing"
+        return None if current_hash(path) == expected else "changed since it was written"
+    except OSError as error:
+        return f"cannot be read ({error.strerror or error})"
+
+
+def was_written(path: Path) -> bool:
+    """Whether the run in whose folder ``path`` lies wrote that file.
+
+    Raises:
+        BadRun: the manifest of the run is damaged.
+    """
+    listed = _listed(path.parent)
+    return path.exists() if listed is None else path.name in listed
+
+
+def require_intact(path: Path) -> Path:
+    """``path``, if this file of a run is as the run wrote it.
+
+    The files of a run that is still being written have nothing yet that they could be compared with.
+
+    Raises:
+        BadRun: it is missing, has changed, cannot be read, or the manifest of the run is damaged or does not list it.
+    """
+    listed = _listed(path.parent)
+    if listed is None:
+        return path
+    if path.name not in listed:
+        raise BadRun(f"{path}: the run did not write this file, its {manifests.NAME} does not list it")
+    if fault := find_fault(path, listed[path.name]):
+        raise BadRun(f"{path}: {fault}; run it again")
+    return path
