@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from cmacexp.data.version import __version__
-from cmacexp.interrupt import begin_command
+from cmacexp.jit.interrupt import begin_command
 
 if TYPE_CHECKING:
     from cmacexp.experiment.api import load, run

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.cli.study import FOLDER
-from cmacexp.interrupt import heed_interrupts
+from cmacexp.jit.interrupt import heed_interrupts
 from cmacexp.study.output import CLAIMS
 from cmacexp.study.study import load_study
 

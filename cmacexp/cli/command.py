@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from cmacexp.errors import CmacexpError
-from cmacexp.interrupt import end_command, heed_interrupts, interrupt_as_such
+from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such
 
 
 def command(

@@ -15,7 +15,7 @@ from cmacexp.config import config_folder, to_config
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.config.hydra_private import skip_mode_lookup
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
-from cmacexp.interrupt import end_command, heed_interrupts, interrupt_as_such, interrupt_held_back
+from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such, interrupt_held_back
 from cmacexp.sweep.start import SweepStart
 
 EXIT_CODES = {"completed": 0, "failed": 1, "bad input": 2, "fell": 3, "diverged": 3, "interrupted": 130}

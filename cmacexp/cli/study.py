@@ -10,7 +10,7 @@ from typing import NoReturn
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import require_place
 from cmacexp.errors import CmacexpError
-from cmacexp.interrupt import end_command, heed_interrupts, interrupt_as_such
+from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such
 from cmacexp.report.page import HTML
 from cmacexp.study.output import write_page, write_results
 from cmacexp.study.page import Evaluated, check_page, evaluate

@@ -30,7 +30,7 @@ from cmacexp.data.trace_writer import trace_writer
 from cmacexp.data.weights import WEIGHTS, start_hash, write_weights
 from cmacexp.errors import BadOutput, format_user_traceback
 from cmacexp.feedforward.network import BuiltInFeedforward
-from cmacexp.interrupt import interrupt_held_back
+from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.jit.sources import code_hash
 from cmacexp.loop import End, Samples, stream
 from cmacexp.loop.scenario import Scenario, make_scenario

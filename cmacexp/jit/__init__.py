@@ -1,1 +1,1 @@
-"""Compiled kernels: what numba compiles, when, and where the machine code is cached."""
+"""Compiled kernels: what numba compiles, when, and where machine code is cached; interrupts that wait for it."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property, update_wrapper
 from typing import cast
 
-from cmacexp.interrupt import interrupt_held_back, raise_if_interrupted
 from cmacexp.jit.cache_folder import cache_folder
+from cmacexp.jit.interrupt import interrupt_held_back, raise_if_interrupted
 from cmacexp.jit.kernels import Function, kernel, kernel_apart
 
 __all__ = [

@@ -5,8 +5,8 @@ import time
 import numpy as np
 
 from cmacexp.control.actuator import actuate
-from cmacexp.interrupt import interrupt_held_back, raise_if_interrupted
 from cmacexp.jit.compiler import program
+from cmacexp.jit.interrupt import interrupt_held_back, raise_if_interrupted
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.samples import write_samples as commit
 from cmacexp.loop.step import STOP, TAKEN, Loop, advance_plant, check, control, observe, predict

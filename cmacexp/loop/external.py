@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import Diverged
-from cmacexp.interrupt import interrupt_let_through
 from cmacexp.jit.compiler import program
+from cmacexp.jit.interrupt import interrupt_let_through
 from cmacexp.loop.samples import TRAVEL, make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import NO_METHOD, NOT_FINITE, STEP, STOP, TAKEN, Inputs, Loop, take_steps

@@ -14,8 +14,8 @@ from cmacexp.data.signals import ARRAYS
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
-from cmacexp.interrupt import interrupt_as_such, interrupt_held_back, raise_if_interrupted
 from cmacexp.jit.compiler import expect_steps
+from cmacexp.jit.interrupt import interrupt_as_such, interrupt_held_back, raise_if_interrupted
 from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.external import ExternalDriver

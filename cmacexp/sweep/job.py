@@ -11,8 +11,8 @@ from cmacexp.config import Config, to_config
 from cmacexp.data import manifest as manifests
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
-from cmacexp.interrupt import interrupt_as_such, interrupt_held_back
 from cmacexp.jit.compiler import expect_runs
+from cmacexp.jit.interrupt import interrupt_as_such, interrupt_held_back
 from cmacexp.sweep.start import count_jobs, select_run_overrides
 
 

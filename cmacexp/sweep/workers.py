@@ -10,7 +10,7 @@ from multiprocessing import active_children, get_context
 from typing import Any
 
 from cmacexp.errors import CmacexpError
-from cmacexp.interrupt import interrupt_blocked
+from cmacexp.jit.interrupt import interrupt_blocked
 from cmacexp.report.terminal import progress
 
 Each = Callable[[str, Callable[..., Any], Sequence[tuple[Any, ...]]], list[Any]]

@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from support.command import cmacexp
+from support.manifests import change_manifest
 
 import cmacexp as package
 from cmacexp.config.compose import compose_config
@@ -227,10 +228,8 @@ def test_what_is_no_component_is_not_called(here, tmp_path, target):
 
 def test_readers_of_a_run_do_not_import_what_its_manifest_names(here, tmp_path):
     run = package.run(["scenario=one_leg", "cycles=1", "record=trace"], tmp_path / "run")
-    manifest = json.loads((run.folder / "manifest.json").read_text())
-    for group in PARTS:
-        manifest["config"][group]["_target_"] = f"{here}_planted.Part"
-    (run.folder / "manifest.json").write_text(json.dumps(manifest))
+    planted = {group: {**run.config[group], "_target_": f"{here}_planted.Part"} for group in PARTS}
+    change_manifest(run.folder, config=run.config | planted)
     (tmp_path / f"{here}_planted.py").write_text("open('ran', 'w').close()")
     assert len(package.load(run.folder).trace) == 600
     score(run.folder)

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from cmacexp import interrupt
 from cmacexp.experiment import run as experiment
 from cmacexp.experiment import run_scenario
-from cmacexp.interrupt import interrupt_as_such, interrupt_held_back, interrupt_let_through, raise_if_interrupted
+from cmacexp.jit import interrupt
+from cmacexp.jit.interrupt import interrupt_as_such, interrupt_held_back, interrupt_let_through, raise_if_interrupted
 from cmacexp.loop import compiled, roll_out
 from cmacexp.loop.scenario import make_scenario
 

@@ -15,7 +15,7 @@ import pipelines
 from cmacexp.jit.sources import KERNEL_ROOMS, RESULT_ROOMS
 
 LAYERS = (
-    {"errors", "interrupt", "typing"},
+    {"errors", "typing"},
     {"jit"},
     {"config"},
     {"data"},
@@ -152,8 +152,8 @@ def test_what_a_kernel_uses_keys_the_cache_of_compiled_code():
 
 
 def test_the_code_hash_covers_all_that_a_result_depends_on():
-    without_effect = {"recording", "errors.py", "interrupt.py"}
-    assert rooms_with_suffix(reach("cmacexp.experiment.run")) <= {*RESULT_ROOMS, *without_effect}
+    only_shown = {"recording", "errors.py"}
+    assert rooms_with_suffix(reach("cmacexp.experiment.run")) <= {*RESULT_ROOMS, *only_shown}
 
 
 def test_files_are_short_and_public_names_documented():
