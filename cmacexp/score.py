@@ -5,11 +5,11 @@ import sys
 from pathlib import Path
 
 from cmacexp.cli.command import command
-from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.files import sha256
+from cmacexp.data.places import update_place
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, write_scores
+from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, METRICS_CSV, TRACE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.pooling import count_legs
@@ -23,17 +23,21 @@ def score(folder: Path) -> Scores:
 
     Raises:
         BadRun: it has no readable trace or manifest.
+        BadInput: another process writes to its folder.
     """
-    run = StoredRun(folder)
-    manifest, record = run.manifest, run.config["record"]
-    for name in (TRACE, BODY, MEMORY):
-        if name in manifest["files"] and sha256(folder / name) != manifest["files"][name]:
-            raise BadRun(f"{folder / name}: changed since it was written; run it again to score it")
-    for key in ("every_nth_step", "cycles"):
-        if record.get(key) not in (None, 1):
-            raise BadRun(f"{folder}: its trace lacks steps (record.{key}={record[key]}): metrics need all steps")
-    scores = score_traces(run)
-    manifests.update_files(folder, write_scores(folder, scores), drift=make_drift_entry(scores.legs))
+    with update_place(folder, (METRICS, METRICS_CSV, BODY_METRICS)) as place:
+        run = StoredRun(folder)
+        manifest, record = run.manifest, run.config["record"]
+        for name in (TRACE, BODY, MEMORY):
+            if name in manifest["files"] and sha256(folder / name) != manifest["files"][name]:
+                raise BadRun(f"{folder / name}: changed since it was written; run it again to score it")
+        for key in ("every_nth_step", "cycles"):
+            if record.get(key) not in (None, 1):
+                raise BadRun(f"{folder}: its trace lacks steps (record.{key}={record[key]}): metrics need all steps")
+        scores = score_traces(run)
+        names = write_scores(place.new, scores)
+        files = manifest["files"] | {name: sha256(place.new / name) for name in names}
+        place.commit({**manifest, "drift": make_drift_entry(scores.legs), "files": files})
     return scores
 
 

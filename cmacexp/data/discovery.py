@@ -3,12 +3,16 @@
 from pathlib import Path
 
 from cmacexp.data import manifest as manifests
+from cmacexp.data.files import NEW, place_of
 from cmacexp.errors import BadInput, BadRun
+
+HYDRA = ".hydra"
+"""Folder of Hydra's own record, in that of a run."""
 
 
 def is_run(folder: Path) -> bool:
     """Whether ``folder`` is the folder of a run, complete or not."""
-    named = any((folder / name).exists() for name in (manifests.NAME, "trace.parquet", ".hydra"))
+    named = any((folder / name).exists() for name in (manifests.NAME, "trace.parquet", HYDRA, NEW))
     return named and not manifests.is_report(folder)
 
 
@@ -26,7 +30,7 @@ def runs_below(folder: Path, reports: bool = False) -> list[Path]:
         raise BadRun(f"{folder}: no such folder")
     if is_run(folder) or (reports and manifests.is_report(folder)):
         return [folder]
-    found = sorted({path.parent for path in folder.rglob("*") if path.name in (manifests.NAME, ".hydra")})
+    found = sorted({place_of(path.parent) for path in folder.rglob("*") if path.name in (manifests.NAME, HYDRA)})
     found = [path for path in found if reports or is_run(path)]
     if not found:
         raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")

@@ -10,10 +10,11 @@ from typing import Any
 
 from cmacexp.config import config_hash
 from cmacexp.data.files import sha256, write_atomically
+from cmacexp.data.staging import LAST, finish_replacement
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadRun
 
-NAME = "manifest.json"
+NAME = LAST
 REPORT = "report"
 """Kind of a manifest that lists a report and the runs of its numbers, not a run."""
 PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk")
@@ -79,6 +80,8 @@ def read(folder: Path) -> Manifest:
         BadRun: there is none, or it cannot be read.
     """
     path = folder / NAME
+    if not path.exists():
+        finish_replacement(folder)
     try:
         manifest: Manifest = json.loads(path.read_text())
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Writing the traces of a run while it goes on."""
+"""Writing the traces of a run while it goes on, and keeping what has been written when the disk is full."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -8,9 +8,13 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.config.schema import RecordConfig
+from cmacexp.data.files import allocate
 from cmacexp.data.parquet import as_array, select_rows, table_writer
 from cmacexp.data.signals import Signal, make_schema
-from cmacexp.data.tables import BODY, TRACE, Traces
+from cmacexp.data.tables import BODY, METRICS, TRACE, Traces
+
+SPARE = ".spare"
+"""A file that only takes the space which the files that follow will need."""
 
 
 def _select_rows(table: pa.Table, record: RecordConfig) -> pa.Table:
@@ -26,8 +30,11 @@ def _select_rows(table: pa.Table, record: RecordConfig) -> pa.Table:
 @contextmanager
 def trace_writer(
     folder: Path, record: RecordConfig, legs: Sequence[Signal], body: Sequence[Signal] | None
-) -> Iterator[Callable[[Traces], None]]:
+) -> Iterator[Callable[[Traces, int], None]]:
     """A function that writes the traces of the next cycles; the files appear when the block ends without an error.
+
+    It takes the traces, and the bytes to keep free until the block ends for the files that follow. If there is no
+    room for all that, it writes nothing and raises ``DiskFull``; what has been written before stays whole.
 
     Args:
         folder: of the run.
@@ -39,11 +46,16 @@ def trace_writer(
     with ExitStack() as stack:
         files = [table_writer(folder / name, make_schema(signals)) for name, signals in columns.items()]
         writers = [stack.enter_context(file) for file in files]
+        spare = folder / SPARE
+        stack.callback(spare.unlink, missing_ok=True)
 
-        def write(traces: Traces) -> None:
-            for writer, table in zip(writers, traces, strict=False):
-                rows = _select_rows(table, record)
-                if rows.num_rows:
-                    writer.write_table(rows)
+        def write(traces: Traces, needed: int) -> None:
+            parts = [(w, _select_rows(table, record)) for w, table in zip(writers, traces, strict=False)]
+            parts = [(writer, rows) for writer, rows in parts if rows.num_rows]
+            for writer, rows in parts:
+                writer.reserve(rows)
+            allocate(spare, needed, folder / METRICS)
+            for writer, rows in parts:
+                writer.write_table(rows)
 
         yield write

@@ -47,9 +47,10 @@ def start(folder: Path, arguments: list[str]) -> int:
 
 
 def check(folder: Path) -> int:
-    """Hold every file under a final name to being whole; those that Hydra writes are its own."""
+    """Hold every file under a final name to being whole; hidden ones are on their way there."""
     for path in folder.rglob("*"):
-        if path.is_file() and not path.name.startswith(".") and ".hydra" not in path.parts:
+        hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
+        if path.is_file() and not hidden:
             if path.suffix == ".parquet":
                 assert pq.read_table(path).num_columns, path
             elif path.suffix == ".csv":
