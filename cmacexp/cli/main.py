@@ -15,7 +15,7 @@ from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.config.hydra_private import skip_mode_lookup
 from cmacexp.config.hydra_record import make_record
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
-from cmacexp.sweep.start import SweepStart
+from cmacexp.sweep.start import SweepRefused, SweepStart
 
 EXIT_CODES = {"completed": 0, "failed": 1, "bad input": 2, "fell": 3, "diverged": 3, "interrupted": 130}
 OUTCOMES = (
@@ -48,6 +48,8 @@ def main() -> int:
             task.outcome = ended if task.outcome == "completed" else task.outcome
     except KeyboardInterrupt:
         task.outcome = "interrupted"
+    except SweepRefused as refused:
+        task.outcome = _report_failure(refused.reason)
     except Exception as error:
         task.outcome = _report_failure(error)
     finally:

@@ -2,7 +2,6 @@
 
 import math
 import re
-import sys
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -76,6 +75,18 @@ class Sweep:
                 self._composable.add(kind)
 
 
+class SweepRefused(BaseException):
+    """A sweep cannot use its folder; no ``Exception``, because Hydra ignores those that a callback raises.
+
+    Args:
+        reason: why.
+    """
+
+    def __init__(self, reason: Exception):
+        super().__init__(reason)
+        self.reason = reason
+
+
 class SweepStart(Callback):
     """Called by Hydra when a sweep starts; see ``hydra.callbacks`` in ``conf/config.yaml``."""
 
@@ -84,12 +95,12 @@ class SweepStart(Callback):
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Prepare the sweep, before its jobs are made."""
-        SweepStart.sweep = sweep = Sweep(Path(config.hydra.sweep.dir))
+        sweep = Sweep(Path(config.hydra.sweep.dir))
         try:
             sweep.lock()
         except (BadInput, OSError) as error:
-            print(f"error: {error}", file=sys.stderr)
-            raise SystemExit(2 if isinstance(error, BadInput) else 1) from None  # Hydra ignores other exceptions
+            raise SweepRefused(error) from error
+        SweepStart.sweep = sweep
         typed = _keys(config.hydra.overrides.task)
         searched = map(str, OmegaConf.select(config, "hydra.sweeper.params") or {})
         if "record" not in {*typed, *searched}:

@@ -311,8 +311,8 @@ def test_score_replaces_all_metrics_or_none(first, monkeypatch):
 
 
 COMMANDS = {
-    "run": ([5, 23], ["cmacexp.cli.main", *JOB, "machine.mass=0.6", "hydra.run.dir=r"]),
-    "sweep": ([31], ["cmacexp.cli.main", "-m", *JOB, "machine.mass=0.6", "seed=0,1", "hydra.sweep.dir=s"]),
+    "run": ([23, 68], ["cmacexp.cli.main", *JOB, "machine.mass=0.6", "hydra.run.dir=r"]),
+    "sweep": ([120], ["cmacexp.cli.main", "-m", *JOB, "machine.mass=0.6", "seed=0,1", "hydra.sweep.dir=s"]),
     "score": ([9], ["cmacexp.score", "r"]),
     "report": ([], ["cmacexp.report.__main__", "r"]),
 }
