@@ -35,7 +35,7 @@ def name_refusal(path: Path, error: OSError) -> OSError:
     if error.errno not in REFUSED:
         return error
     kind, what = (DiskFull, "disk full: ") if error.errno in FULL else (OSError, "")
-    shown, reason = place_of(path.parent) / path.name, os.strerror(error.errno).lower()
+    shown, reason = Path(*(part for part in path.parts if part != NEW)), os.strerror(error.errno).lower()
     return kind(f"{what}{shown}: cannot be written: {reason}; make room, or choose another folder")
 
 

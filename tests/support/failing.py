@@ -103,12 +103,16 @@ def contents(folder: Path) -> dict[str, str]:
     return found
 
 
+NOTHING = "{}"
+"""The files of a job that failed where there was no earlier result."""
+
+
 def look(before: Path, folder: Path, after: dict[str, str]) -> None:
     """Each result must be whole, and be the earlier one or the new one."""
     earlier, now = contents(before), contents(folder)
     assert now.keys() >= earlier.keys(), "a result is gone"
     for name, value in now.items():
-        assert value in (earlier.get(name), after.get(name)), f"{name} is neither the earlier nor the new one"
+        assert value in (earlier.get(name, NOTHING), after.get(name)), f"{name}: neither the earlier nor the new"
 
 
 def fail(numbers: Iterable[int], again: bool, folder: Path, words: list[str]) -> int:
@@ -134,7 +138,7 @@ def fail(numbers: Iterable[int], again: bool, folder: Path, words: list[str]) ->
         said = folder.with_name("err").read_text()
         assert code in (0, 1, 2), (number, code, said)
         assert "Traceback" not in said, (number, said)
-        check(folder)
+        check(folder, ("completed", "failed"))
         look(before, folder, after)
         tried += 1
         if again:
