@@ -5,11 +5,12 @@ import sys
 from pathlib import Path
 
 from cmacexp.cli.command import command
-from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import runs_below
+from cmacexp.data.files import sha256
 from cmacexp.data.hashes import require_intact
+from cmacexp.data.places import update_place
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import TRACE, Scores, write_scores
+from cmacexp.data.tables import BODY_METRICS, METRICS, METRICS_CSV, TRACE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.pooling import count_legs
@@ -23,15 +24,19 @@ def score(folder: Path) -> Scores:
 
     Raises:
         BadRun: its trace or manifest is missing, has changed or cannot be read.
+        BadInput: another process writes to its folder.
     """
-    run = StoredRun(folder)
-    require_intact(folder / TRACE)  # a run without one has a config of any kind
-    record = run.config["record"]
-    for key in ("every_nth_step", "cycles"):
-        if record.get(key) not in (None, 1):
-            raise BadRun(f"{folder}: its trace lacks steps (record.{key}={record[key]}): metrics need all steps")
-    scores = score_traces(run)
-    manifests.update_files(folder, write_scores(folder, scores), drift=make_drift_entry(scores.legs))
+    with update_place(folder, (METRICS, METRICS_CSV, BODY_METRICS)) as place:
+        run = StoredRun(folder)
+        require_intact(folder / TRACE)  # a run without one has a config of any kind
+        record = run.config["record"]
+        for key in ("every_nth_step", "cycles"):
+            if record.get(key) not in (None, 1):
+                raise BadRun(f"{folder}: its trace lacks steps (record.{key}={record[key]}): metrics need all steps")
+        scores = score_traces(run)
+        names = write_scores(place.new, scores)
+        files = run.manifest["files"] | {name: sha256(place.new / name) for name in names}
+        place.commit({**run.manifest, "drift": make_drift_entry(scores.legs), "files": files})
     return scores
 
 

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import shutil
 import sys
 from pathlib import Path
 
@@ -14,9 +13,10 @@ from omegaconf import DictConfig
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.config.hydra_private import skip_mode_lookup
+from cmacexp.config.hydra_record import make_record
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such, interrupt_held_back
-from cmacexp.sweep.start import SweepStart
+from cmacexp.sweep.start import SweepRefused, SweepStart
 
 EXIT_CODES = {"completed": 0, "failed": 1, "bad input": 2, "fell": 3, "diverged": 3, "interrupted": 130}
 QUICK = 20_000
@@ -52,8 +52,13 @@ def main() -> int:
             task.outcome = ended if task.outcome == "completed" else task.outcome
     except KeyboardInterrupt:
         task.outcome = "interrupted"
+    except SweepRefused as refused:
+        task.outcome = _report_failure(refused.reason)
     except Exception as error:
         task.outcome = _report_failure(error)
+    finally:
+        if SweepStart.sweep is not None:
+            SweepStart.sweep.unlock()
     end_command()
     if task.outcome == "interrupted":
         print("interrupted", file=sys.stderr)
@@ -119,7 +124,7 @@ class _Task:
         if (warning := growth_warning(config, scenario)) is not None:
             say(warning, error=True)
         with progress(config.scenario, config.cycles, "cycles") as watch:
-            result = run_scenario(config, folder, watch, scenario, warn_of_drift)
+            result = run_scenario(config, folder, watch, scenario, warn_of_drift, make_record(composed))
         self.outcome = result.status
         print_summary(result)
         if result.status == "failed":
@@ -129,8 +134,9 @@ class _Task:
 
 def _remove_empty(folder: Path) -> None:
     """Remove the folder that Hydra made for a run, if the run left nothing in it."""
-    if {path.name for path in folder.glob("*")} == {".hydra"} and folder.resolve() != Path.cwd():
-        shutil.rmtree(folder)
+    if folder.resolve() != Path.cwd():
+        with contextlib.suppress(OSError):
+            folder.rmdir()
 
 
 def _report_failure(error: Exception) -> str:

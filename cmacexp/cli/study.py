@@ -3,15 +3,14 @@
 import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
-from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import require_place
 from cmacexp.errors import CmacexpError
 from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such
-from cmacexp.report.page import HTML
+from cmacexp.report.place import HTML, report_place
 from cmacexp.study.output import write_page, write_results
 from cmacexp.study.page import Evaluated, check_page, evaluate
 from cmacexp.study.requests import Request
@@ -22,6 +21,7 @@ from cmacexp.sweep.collect import Collected, collect
 from cmacexp.sweep.workers import workers
 
 FOLDER = Path("outputs/studies")
+FOLDER_KEY = "--folder"
 SEEDS = 3
 
 
@@ -70,14 +70,16 @@ def _write(path: Path, requests: Sequence[Request], collected: Collected, option
     rows = [read_row(*each, keys, study.measures) for each in found.values()]
     results = Results(rows)
     results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
-    (folder / manifests.NAME).unlink(missing_ok=True)  # what it lists is about to change
-    written = write_results(results, folder)
-    evaluated = evaluate(file, results, folder, options.quick)
     runs = {run.folder: str(run.manifest["config_hash"]) for run in results.runs}
-    inputs = [*written, *{run.folder / name for run in results.runs for name in run.manifest["files"]}]
+    inputs = list({run.folder / name for run in results.runs for name in run.manifest["files"]})
     key = state_key(file, options.quick, options.seeds)
-    write_page(study.title, study.question, [evaluated], inputs, runs, folder, key, options.quick)
-    return Written(evaluated, inputs, runs)
+    with report_place(folder, FOLDER_KEY) as place:
+        tables = write_results(results, place.new)
+        evaluated = evaluate(file, results, place.new, options.quick)
+        write_page(study.title, study.question, [evaluated], [*tables, *inputs], runs, place, key, options.quick)
+    inputs += [folder / path.name for path in tables]
+    figures = [folder / path.relative_to(place.new) for path in evaluated.files]
+    return Written(replace(evaluated, files=figures), inputs, runs)
 
 
 def write_studies(files: Sequence[StudyFile], options: Options) -> list[Written]:
@@ -116,7 +118,8 @@ def write_collection(name: str, title: str, question: str, files: Sequence[Study
     print_claims(studies)
     inputs = [path for each in written for path in each.inputs]
     runs = {path: config_hash for each in written for path, config_hash in each.runs.items()}
-    return write_page(title, question, studies, inputs, runs, folder, key, options.quick)
+    with report_place(folder, FOLDER_KEY) as place:
+        return write_page(title, question, studies, inputs, runs, place, key, options.quick)
 
 
 def print_claims(studies: Sequence[Evaluated]) -> None:
@@ -160,7 +163,7 @@ def command(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace,
     arguments = parser.parse_args()
     try:
         heed_interrupts()
-        options = Options(require_place("--folder", arguments.folder), arguments.quick, arguments.seeds)
+        options = Options(require_place(FOLDER_KEY, arguments.folder), arguments.quick, arguments.seeds)
         with interrupt_as_such():
             print(work(arguments, options))
     except KeyboardInterrupt:

@@ -5,17 +5,21 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from cmacexp.data import manifest as manifests
+from cmacexp.data.files import NEW
 from cmacexp.errors import BadInput, BadRun
+
+HYDRA = ".hydra"
+"""Folder of Hydra's own record, in that of a run."""
 
 
 def is_run(folder: Path) -> bool:
     """Whether ``folder`` is the folder of a run, complete or not."""
-    named = any((folder / name).exists() for name in (manifests.NAME, "trace.parquet", ".hydra"))
+    named = _is_marked(folder) or (folder / "trace.parquet").exists()
     return named and not manifests.lists_no_run(folder)
 
 
 def _is_marked(folder: Path) -> bool:
-    return (folder / manifests.NAME).exists() or (folder / ".hydra").exists()
+    return any((folder / name).exists() for name in (manifests.NAME, HYDRA, NEW))
 
 
 def _walk(folder: Path, skip: Callable[[Path, str], None]) -> Iterator[Path]:

@@ -1,6 +1,5 @@
 """The manifest of a run: config, versions, how it ended, and hashes of its files and of itself; written last."""
 
-import hashlib
 import json
 import platform
 import subprocess
@@ -14,12 +13,12 @@ from cmacexp.data.files import sha256, write_atomically
 from cmacexp.data.manifest_fields import LATER, find_wrong
 from cmacexp.data.manifest_fields import REPORT as REPORT
 from cmacexp.data.manifest_fields import SWEEP as SWEEP
+from cmacexp.data.manifest_text import CHECKSUM, dump
+from cmacexp.data.manifest_text import NAME as NAME
+from cmacexp.data.staging import finish_replacement
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadRun
 
-NAME = "manifest.json"
-CHECKSUM = "checksum"
-"""Entry with the SHA-256 of all other entries; earlier versions wrote none."""
 PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk")
 
 Manifest = dict[str, Any]
@@ -71,17 +70,10 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
     }
 
 
-def _dump(manifest: Manifest) -> str:
-    """The text of a manifest, which ends with the checksum of what is before it."""
-    content = {key: value for key, value in manifest.items() if key != CHECKSUM}
-    checksum = hashlib.sha256(json.dumps(content, indent=2).encode()).hexdigest()
-    return json.dumps({**content, CHECKSUM: checksum}, indent=2) + "\n"
-
-
 def write(folder: Path, manifest: Manifest) -> None:
     """Write the manifest of ``folder`` with its checksum, whole or not at all."""
     with write_atomically(folder / NAME) as temporary:
-        temporary.write_text(_dump(manifest), encoding="utf-8")
+        temporary.write_text(dump(manifest), encoding="utf-8")
 
 
 def read(folder: Path) -> Manifest:
@@ -94,11 +86,13 @@ def read(folder: Path) -> Manifest:
         BadRun: there is none, it cannot be read, it has changed, or an entry is missing or not what it must be.
     """
     path = folder / NAME
+    if not path.exists():
+        finish_replacement(folder)
     try:
         text = path.read_bytes().decode()
         found = json.loads(text)
         has_checksum = isinstance(found, dict) and CHECKSUM in found
-        changed = has_checksum and _dump(found) != text
+        changed = has_checksum and dump(found) != text
     except (FileNotFoundError, NotADirectoryError):
         raise BadRun(f"{folder}: no {NAME}: not the folder of a run, or the run was killed before its end") from None
     except (ValueError, OSError, RecursionError) as error:

@@ -1,7 +1,8 @@
 """Tables on disk, and their columns as arrays."""
 
+import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from cmacexp.data.files import write_atomically
+from cmacexp.data.files import allocate, write_atomically
 from cmacexp.data.hashes import require_intact
 from cmacexp.typing import Array, Mask
+
+HEADER_BYTES, COLUMN_BYTES, FOOTER_BYTES = 4096, 1024, 256
+"""More than Parquet needs besides the values: once, and for each column of a part, beside it and in the footer."""
 
 
 def arrow(values: NDArray[Any], kind: pa.DataType) -> pa.Array:
@@ -28,20 +32,60 @@ def arrow_strings(values: list[str]) -> pa.Array:
     return pa.StringArray.from_buffers(len(values), pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded)))
 
 
-@contextmanager
-def table_writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
-    """Write a table as Parquet part by part, a row group each, whole or not at all; same parts, same bytes."""
-    floats = [field.name for field in schema if pa.types.is_floating(field.type)]
-    with (
-        write_atomically(path) as temporary,
-        pq.ParquetWriter(
-            temporary,
+class TableWriter:
+    """A table that is being written as Parquet, a row group at a time; same parts, same bytes.
+
+    Args:
+        path: of the file at the end.
+        temporary: its path while it is written.
+        schema: of the table.
+    """
+
+    def __init__(self, path: Path, temporary: Path, schema: pa.Schema):
+        floats = [field.name for field in schema if pa.types.is_floating(field.type)]
+        self._path, self._temporary, self._columns = path, temporary, len(schema)
+        self._groups = self._reserved = 0
+        self._header = HEADER_BYTES + 2 * schema.serialize().size  # the footer repeats the schema as text
+        self._sink = pa.OSFile(str(temporary), "wb")
+        self._writer = pq.ParquetWriter(
+            self._sink,
             schema,
             compression="zstd",
             use_dictionary=[name for name in schema.names if name not in floats],
             column_encoding=dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
-        ) as writer,
-    ):
+        )
+
+    def reserve(self, parts: Sequence[pa.Table]) -> None:
+        """Take the space for more parts and for the footer, so that none can fail for want of it.
+
+        Raises:
+            DiskFull: there is no room; the message names the file.
+        """
+        footer = self._header + FOOTER_BYTES * self._columns * (self._groups + len(parts))
+        columns = [column for part in parts for column in part.columns]
+        values = sum(column.nbytes * (1 if column.type == pa.float64() else 2) for column in columns)
+        needed = self._sink.tell() + values + values // 64 + COLUMN_BYTES * len(columns) + footer
+        allocate(self._temporary, needed, self._path)
+        self._reserved = max(self._reserved, needed)
+
+    def write_table(self, part: pa.Table) -> None:
+        """Write a part."""
+        self._writer.write_table(part)
+        self._groups += 1
+
+    def close(self) -> None:
+        """Write the footer, and give back what was reserved beyond it."""
+        self._writer.close()
+        size = self._sink.tell()
+        self._sink.close()
+        if self._reserved > size:
+            os.truncate(self._temporary, size)
+
+
+@contextmanager
+def table_writer(path: Path, schema: pa.Schema) -> Iterator[TableWriter]:
+    """Write a table as Parquet part by part, a row group each, whole or not at all; same parts, same bytes."""
+    with write_atomically(path) as temporary, closing(TableWriter(path, temporary, schema)) as writer:
         yield writer
 
 

@@ -1,5 +1,5 @@
 """One run: from its config to its folder, and the same from Python."""
 
-from cmacexp.experiment.run import clear, run_scenario
+from cmacexp.experiment.run import run_scenario
 
-__all__ = ["clear", "run_scenario"]
+__all__ = ["run_scenario"]

@@ -1,7 +1,9 @@
 """One run from its config to its folder: closed loop, traces, metrics, recording, manifest."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +12,14 @@ import pyarrow as pa
 from cmacexp.config import Config, to_plain
 from cmacexp.control import HybridController, Learns
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import remove_leftovers, sha256
+from cmacexp.data.discovery import HYDRA
+from cmacexp.data.files import DiskFull, sha256
+from cmacexp.data.places import RUN_KEY, run_place
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, select_signals
+from cmacexp.data.staging import Place
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import (
     BODY,
-    BODY_METRICS,
-    MEMORY,
-    METRICS,
-    METRICS_CSV,
     RECORDING,
     TRACE,
     Traces,
@@ -28,7 +29,7 @@ from cmacexp.data.tables import (
 )
 from cmacexp.data.trace_writer import trace_writer
 from cmacexp.data.weights import WEIGHTS, start_hash, write_weights
-from cmacexp.errors import BadOutput, format_user_traceback
+from cmacexp.errors import BadInput, BadOutput, format_user_traceback
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.jit.sources import code_hash
@@ -42,14 +43,8 @@ from cmacexp.sensors.protocol import find_altered
 
 Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
 """Columns of the traces of the legs, and of the body if there is one."""
-
-
-def clear(folder: Path) -> None:
-    """Remove the files of an earlier run, its manifest first."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in (manifests.NAME, TRACE, BODY, MEMORY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING, WEIGHTS):
-        (folder / name).unlink(missing_ok=True)
-    remove_leftovers(folder)
+SPARE_BYTES, CYCLE_BYTES = 1 << 17, 1 << 11
+"""More than metrics and manifest take on the disk: once, and for each cycle and leg."""
 
 
 def _columns(scenario: Scenario) -> Columns:
@@ -79,44 +74,67 @@ def _roll_out(
     scorer: RunScorer,
     watch: Callable[[int], None],
     warn: Callable[[Drift], None],
-) -> tuple[End, list[str]]:
-    """Run, score, and write traces and memory; how the run ended, and the names of the files."""
-    columns, memory = _columns(scenario), list[pa.Table]()
-    with trace_writer(folder, scenario.setup.config.record, *columns) as writer:
+) -> tuple[End, list[str], list[DiskFull]]:
+    """Run, score, and write traces and memory; how the run ended, the names of the files, and what found no room."""
+    columns, config, memory = _columns(scenario), scenario.setup.config, list[pa.Table]()
+    kept, lost = 0, list[DiskFull]()
+
+    def stop_if_full(cycle: int) -> None:
+        if lost:
+            raise lost[0]
+        watch(cycle)
+
+    with trace_writer(folder, config.record, *columns) as writer:
 
         def take(samples: Samples) -> None:
+            nonlocal kept
             known, traces = scorer.drift, _assemble(scenario, columns, samples)
-            writer.write(traces)
+            steps, legs = samples.start + len(samples.legs), samples.legs.shape[1]
+            try:
+                writer.write(traces, SPARE_BYTES + CYCLE_BYTES * legs * -(-steps // config.steps_per_cycle))
+            except DiskFull as error:
+                lost.append(error)
+                return
+            kept = steps
             scorer.add(traces)
             if traces.memory is not None:
                 memory.append(traces.memory)
             if known is None and scorer.drift is not None:
                 warn(scorer.drift)
 
-        end = stream(scenario, take, watch)
+        end = stream(scenario, take, stop_if_full)
+        if lost and not kept:
+            raise lost[0]
         writer.finish(end.status == "completed")
+    if lost:
+        end = replace(end, steps=kept)
     names = [TRACE, BODY] if columns[1] else [TRACE]
-    return end, names + write_memory(folder, memory)
+    return end, names + write_memory(folder, memory), lost
 
 
-def _write_extras(scenario: Scenario, folder: Path, manifest: manifests.Manifest) -> list[str]:
+def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest, lost: list[DiskFull]) -> list[str]:
     """Write the weights and the recording if the config asks for them; the names of the files.
 
     Args:
         scenario: of the run.
-        folder: of the run, with its trace and metrics.
+        place: of the run, with its new trace and metrics.
         manifest: what is known of the run before its other files are written.
+        lost: what found no room so far; is extended.
     """
-    record, names = scenario.setup.config.record, list[str]()
-    if record.weights and isinstance(scenario.feedforward, Learns):
-        write_weights(folder, scenario.feedforward.learnt())
-        names.append(WEIGHTS)
-    if record.recording and (kept := steps_by_cycle(folder)):
-        from cmacexp.recording.window import make_window
-        from cmacexp.recording.write import write_recording
+    record, folder, names = scenario.setup.config.record, place.new, list[str]()
+    try:
+        if record.weights and isinstance(scenario.feedforward, Learns):
+            write_weights(folder, scenario.feedforward.learnt())
+            names.append(WEIGHTS)
+        if record.recording and not lost and (kept := steps_by_cycle(folder)):
+            from cmacexp.recording.window import make_window
+            from cmacexp.recording.write import write_recording
 
-        write_recording(folder, manifest, folder / RECORDING, window=make_window(kept))
-        names.append(RECORDING)
+            label, window = place.folder.name, make_window(kept)
+            write_recording(folder, manifest, folder / RECORDING, label=label, window=window)
+            names.append(RECORDING)
+    except DiskFull as error:
+        lost.append(error)
     return names
 
 
@@ -134,35 +152,60 @@ def _component_entries(scenario: Scenario) -> dict[str, Any]:
 @interrupt_held_back()  # the loop itself heeds it: what is done is written
 def run_scenario(
     config: Config,
-    folder: Path,
+    folder: Path | Place,
     watch: Callable[[int], None] = lambda cycle: None,
     prepared: Scenario | None = None,
     warn: Callable[[Drift], None] = lambda drift: None,
+    record: Mapping[str, str] | None = None,
 ) -> StoredRun:
     """Run a scenario and write its results to ``folder``.
 
     Args:
         config: a checked config.
-        folder: is made if missing; files of an earlier run in it are replaced.
+        folder: is made if missing; an earlier run in it is replaced at the end. Its place, if it is locked already.
         watch: is called with the number of cycles done so far, see :func:`cmacexp.loop.stream`.
         prepared: the scenario of ``config`` if it is already made.
         warn: is called once a drift is detected, while the run goes on; see :mod:`cmacexp.metrics.drift`.
+        record: Hydra's own record of the run, texts by file name.
 
     Returns:
-        The result; a run that diverged, failed or was interrupted keeps its results up to there, see ``status``.
+        The result; a run that diverged, failed, was interrupted or filled the disk keeps its results up to there.
 
     Raises:
-        BadInput: the machine cannot follow the plan; nothing was simulated or written.
-        OSError: the folder cannot be written.
+        BadInput: the machine cannot follow the plan, or the folder is in use or holds something else; nothing was
+            simulated or written.
+        OSError: the folder cannot be written, or the disk is full and an earlier run in the folder is kept instead.
     """
     began = time.perf_counter()
-    scenario, scorer = prepared or make_scenario(config), RunScorer(config.steps_per_cycle)
-    clear(folder)
-    end, names = _roll_out(scenario, folder, scorer, watch, warn)
+    scenario = prepared or make_scenario(config)
+    with nullcontext(folder) if isinstance(folder, Place) else run_place(folder) as place:
+        _refuse_own_weights(config, place.folder)
+        for name, text in (record or {}).items():
+            place.write_text(f"{HYDRA}/{name}", text)
+        manifest, lost = _write(scenario, place, watch, warn)
+        if lost and place.earlier:
+            raise lost[0]
+        place.commit({**manifest, "wall_seconds": time.perf_counter() - began})
+    return StoredRun(place.folder)
+
+
+def _refuse_own_weights(config: Config, folder: Path) -> None:
+    start = config.learning.start_from
+    if start is not None and Path(start).resolve() == folder.resolve():
+        raise BadInput("learning.start_from", start, f"is the folder of this run; choose another {RUN_KEY}")
+
+
+def _write(
+    scenario: Scenario, place: Place, watch: Callable[[int], None], warn: Callable[[Drift], None]
+) -> tuple[manifests.Manifest, list[DiskFull]]:
+    """Run, and write everything but the manifest; the manifest, and what found no room on the disk."""
+    config, folder = scenario.setup.config, place.new
+    scorer = RunScorer(config.steps_per_cycle)
+    end, names, lost = _roll_out(scenario, folder, scorer, watch, warn)
     scores = scorer.scores
     names += write_scores(folder, scores)
     manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps)
-    names += _write_extras(scenario, folder, manifest)
+    names += _write_extras(scenario, place, manifest, lost)
     entries = {
         **_component_entries(scenario),
         "code_hash": code_hash(),
@@ -170,10 +213,10 @@ def run_scenario(
         "learning_lead": scenario.setup.lead,
         "drift": make_drift_entry(scores.legs),
         "rollout_seconds": end.seconds,
-        "wall_seconds": time.perf_counter() - began,
         "files": {name: sha256(folder / name) for name in names},
     }
-    if end.error is not None and not isinstance(end.error, BadOutput):
+    if lost:
+        entries |= {"status": "failed", "cause": f"after step {end.steps}: {lost[0]}"}
+    elif end.error is not None and not isinstance(end.error, BadOutput):
         entries["traceback"] = format_user_traceback(end.error)
-    manifests.write(folder, manifest | entries)
-    return StoredRun(folder)
+    return manifest | entries, lost

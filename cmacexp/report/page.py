@@ -2,7 +2,6 @@
 
 import base64
 import hashlib
-import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date
@@ -11,13 +10,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import sha256, write_atomically
+from cmacexp.data.staging import Place
 from cmacexp.report.alt_text import describe
+from cmacexp.report.place import FIGURES, HTML, name_in, relative, report_place
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HTML, FIGURES, REPORT = "report.html", "figures", "report"
-"""The page and its figures in the folder of a report, and the folder of its report in that of a run."""
+REPORT = "report"
+"""The folder of its report in that of a run."""
 PNG, SVG = "png", "svg"
 HOW_TO_REPORT = "python -m cmacexp.report FOLDER makes the page of one run."
 
@@ -165,11 +166,6 @@ def save_figure(name: str, figure: "Figure", report: Path, png: bool = True) -> 
     return "data:image/svg+xml;base64," + base64.b64encode(files[-1].read_bytes()).decode(), files
 
 
-def relative(path: Path, folder: Path) -> str:
-    """``path`` relative to ``folder``."""
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
-
-
 def find_page(run: Path, folder: Path) -> str:
     """The page of a run relative to the folder of another report; empty if there is none yet."""
     page = run / REPORT / HTML
@@ -188,7 +184,7 @@ def _describe_origin() -> str:
 
 
 def write_report(report: Report, folder: Path, key: str | None = None, say: Callable[[str], None] = _ignore) -> Path:
-    """Write a report and its figures; the manifest last, with the hash of every file and of its inputs.
+    """Write a report and its figures in place of an earlier one.
 
     Args:
         report: its content.
@@ -198,30 +194,48 @@ def write_report(report: Report, folder: Path, key: str | None = None, say: Call
 
     Returns:
         The HTML file.
+
+    Raises:
+        BadInput: the folder is in use, or holds something else.
+        OSError: it cannot be written; an earlier report in it is as it was.
+    """
+    with report_place(folder) as place:
+        return write_report_in(place, report, key, say)
+
+
+def write_report_in(
+    place: Place, report: Report, key: str | None = None, say: Callable[[str], None] = _ignore
+) -> Path:
+    """:func:`write_report` where the folder is locked already; the manifest has the hash of every file and input.
+
+    Args:
+        place: of the report; inputs that are below ``place.new`` move with it.
+        report: as in :func:`write_report`.
+        key: likewise.
+        say: likewise.
+
+    Returns:
+        The HTML file.
     """
     from jinja2 import Environment, FileSystemLoader
 
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / manifests.NAME).unlink(missing_ok=True)
-    drawn = [draw(section, folder, say) for section in report.sections]
+    drawn = [draw(section, place.new, say) for section in report.sections]
     written = [file for _, files in drawn for file in files]
     environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True)
     page = environment.get_template("page.html").render(
         report=report, sections=[section for section, _ in drawn], origin=_describe_origin()
     )
-    with write_atomically(folder / HTML) as temporary:
-        temporary.write_text(page)
-    written.append(folder / HTML)
-    manifests.write(
-        folder,
+    place.write_text(HTML, page)
+    written.append(place.new / HTML)
+    place.commit(
         {
             "kind": manifests.REPORT,
             "status": "completed",
             "config": report.config,
             "key": key or hashlib.sha256(repr((report.title, report.config)).encode()).hexdigest(),
             "versions": manifests.versions(),
-            "runs": {relative(path, folder): of_config for path, of_config in report.runs.items()},
-            "files": {relative(path, folder): sha256(path) for path in [*written, *report.inputs]},
-        },
+            "runs": {relative(path, place.folder): of_config for path, of_config in report.runs.items()},
+            "files": {name_in(place, path): sha256(path) for path in [*written, *report.inputs]},
+        }
     )
-    return folder / HTML
+    return place.folder / HTML

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from cmacexp.data.tables import TRACE
 from cmacexp.report.markdown import MarkdownPage
-from cmacexp.report.page import Report, write_report
+from cmacexp.report.page import Report, write_report_in
+from cmacexp.report.place import report_place
 from cmacexp.stability import figures
 from cmacexp.stability.analysis import DELAYS, LEADS, Analysis, LeadGrowth
 from cmacexp.stability.mode import AFTER_LIFT_OFF, likeness
@@ -132,14 +133,16 @@ def _values(analysis: Analysis) -> dict[str, Any]:
 def write_stability_report(analysis: Analysis, folder: Path) -> Path:
     """Write the page of an analysis into ``folder``; returns the HTML file."""
     run = analysis.run
-    page = MarkdownPage(
-        Path(__file__).with_name("page.md"),
-        folder,
-        {name: partial(draw, analysis) for name, draw in FIGURES.items()},
-        {name: partial(tabulate, analysis) for name, tabulate in TABLES.items()},
-        _values(analysis),
-    )
     title = f"Stability of learning: {analysis.config.scenario}, {run.folder.resolve().name}"
     asked = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}, "cycle": analysis.own.place.calm}
-    sections = page.render("Does learning hold")
-    return write_report(Report(title, verdict(analysis), sections, [run.folder / TRACE, *page.files], asked), folder)
+    with report_place(folder) as place:
+        page = MarkdownPage(
+            Path(__file__).with_name("page.md"),
+            place.new,
+            {name: partial(draw, analysis) for name, draw in FIGURES.items()},
+            {name: partial(tabulate, analysis) for name, tabulate in TABLES.items()},
+            _values(analysis),
+        )
+        sections = page.render("Does learning hold")
+        inputs = [run.folder / TRACE, *page.files]
+        return write_report_in(place, Report(title, verdict(analysis), sections, inputs, asked))

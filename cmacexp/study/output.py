@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from cmacexp.data.files import write_atomically
 from cmacexp.data.parquet import write_table
-from cmacexp.report.page import Html, Report, Section, relative, write_report
+from cmacexp.data.staging import Place
+from cmacexp.report.page import Html, Report, Section, write_report_in
+from cmacexp.report.place import relative
 from cmacexp.study.page import QUICK, Evaluated, make_claims_section, make_reading_section
 from cmacexp.study.results import Results
 from cmacexp.study.statements import Found, Judged, Measured
@@ -26,7 +27,6 @@ def _to_arrow(frame: "pd.DataFrame") -> pa.Table:
 
 def write_results(results: Results, folder: Path) -> list[Path]:
     """Write the table of results, and every table that was computed; returns the files."""
-    folder.mkdir(parents=True, exist_ok=True)
     frames = {f"{name}.parquet": frame for name, frame in results.computed.items()}
     if results.rows:
         frames[RESULTS] = results.table
@@ -65,7 +65,7 @@ def _statements(claims: Mapping[str, Judged], findings: Mapping[str, Found], fol
 
 def write_page(
     title: str, question: str, studies: Sequence[Evaluated], inputs: Sequence[Path], runs: Mapping[Path, str],
-    folder: Path, key: str, quick: bool,
+    place: Place, key: str, quick: bool,
 ) -> Path:  # fmt: skip
     """Write the report of one study or of several together, and their statements.
 
@@ -75,11 +75,11 @@ def write_page(
         studies: whose sections follow each other.
         inputs: files that its numbers are computed from.
         runs: hash of the config of each run, by folder.
-        folder: of the report.
+        place: of the report.
         key: see :func:`cmacexp.study.state.state_key`.
         quick: whether the page says that it concludes nothing.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = place.folder
     claims = [judged for study in studies for judged in study.claims.values()]
     sections = [make_claims_section(claims, folder)] if claims else []
     sections += [Section("Quick run", [Html(f'<p class="banner">{QUICK}</p>')])] if quick else []
@@ -89,9 +89,8 @@ def write_page(
         if any(study.claims or study.findings for study in studies):
             sections.append(make_reading_section())
         statements = {study.name: _statements(study.claims, study.findings, folder) for study in studies}
-        with write_atomically(folder / CLAIMS) as temporary:
-            temporary.write_text(json.dumps(statements, indent=1, ensure_ascii=False) + "\n")
-        files.append(folder / CLAIMS)
+        place.write_text(CLAIMS, json.dumps(statements, indent=1, ensure_ascii=False) + "\n")
+        files.append(place.new / CLAIMS)
     config = {"studies": [study.name for study in studies], "quick": quick}
     report = Report(title, question, sections, sorted({*files, *inputs}), config, runs)
-    return write_report(report, folder, key)
+    return write_report_in(place, report, key)

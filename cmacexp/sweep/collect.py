@@ -7,8 +7,8 @@ from pathlib import Path
 
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.compose import compose_with_choices
-from cmacexp.data.files import alone_in
 from cmacexp.data.integrity import is_finished
+from cmacexp.data.places import run_place
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.report.terminal import announce_compiling
 from cmacexp.study.requests import Request
@@ -39,10 +39,9 @@ def _run(folder: Path, config: Config, runs: int) -> None:
 
     announce_compiling()
     expect_runs(runs)
-    folder.mkdir(parents=True, exist_ok=True)
-    with alone_in(folder):
+    with run_place(folder, wait=True) as place:
         if not is_finished(folder, config):  # another study may have run it while this one waited
-            run_scenario(config, folder)
+            run_scenario(config, place)
 
 
 def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before: Collected) -> Collected:

@@ -16,9 +16,8 @@ from cmacexp.report.comparison import print_runs
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.report.terminal import activity, print_next
 from cmacexp.sweep.results import make_table, read_results
-from cmacexp.sweep.start import Sweep
+from cmacexp.sweep.start import TABLE, TABLE_CSV, Sweep
 
-TABLE, TABLE_CSV = "sweep.parquet", "sweep.csv"
 MOST_FAILURES = 20
 """Failures that are listed; more are only counted."""
 

@@ -1,5 +1,7 @@
 """One job of a sweep, in whatever process: it prints a line, and leaves on disk how it ended."""
 
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +10,10 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config import Config, to_config
+from cmacexp.config.hydra_record import make_record
 from cmacexp.data import manifest as manifests
+from cmacexp.data.discovery import HYDRA
+from cmacexp.data.places import run_place
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.jit.compiler import expect_runs
@@ -31,15 +36,16 @@ def run_job(composed: DictConfig) -> float | None:
 
     announce_compiling()
     expect_runs(count_jobs())
+    record = make_record(composed)
     name = f"#{hydra.job.num} {' '.join(select_run_overrides(hydra.overrides.task))}"
     try:
         with interrupt_as_such():
             config = to_config(composed, hydra.runtime.choices)
             check_metric(config.optimize)
-            result = _run_unless_finished(config, folder)
+            result = _run_unless_finished(config, folder, record)
     except Exception as error:
         cause = _describe(error)
-        _write_failure(folder, composed, error, cause)
+        _write_failure(folder, composed, record, error, cause)
         say(f"error: #{hydra.job.num}: {cause}", error=True)
     else:
         if result is None:
@@ -54,7 +60,7 @@ def run_job(composed: DictConfig) -> float | None:
     return None if metric is None else read_objective(metric, read_summary(folder))
 
 
-def _run_unless_finished(config: Config, folder: Path) -> StoredRun | None:
+def _run_unless_finished(config: Config, folder: Path, record: Mapping[str, str]) -> StoredRun | None:
     """The run of a config; None if the sweep resumes and ``folder`` holds it already."""
     with interrupt_held_back():
         from cmacexp.data.integrity import is_finished
@@ -62,11 +68,12 @@ def _run_unless_finished(config: Config, folder: Path) -> StoredRun | None:
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.report.terminal import progress
 
-    if config.sweep.resume and is_finished(folder, config):
-        return None
     alone = HydraConfig.get().launcher._target_.endswith(".BasicLauncher")
-    with progress(config.scenario, config.cycles, "cycles", shown=alone) as watch:
-        return run_scenario(config, folder, watch, make_scenario(config))
+    with run_place(folder) as place:
+        if config.sweep.resume and is_finished(folder, config):
+            return None
+        with progress(config.scenario, config.cycles, "cycles", shown=alone) as watch:
+            return run_scenario(config, place, watch, make_scenario(config), record=record)
 
 
 def _describe(error: Exception) -> str:
@@ -75,18 +82,21 @@ def _describe(error: Exception) -> str:
     return " ".join(text.split())
 
 
-def _write_failure(folder: Path, composed: DictConfig, error: Exception, cause: str) -> None:
-    """Leave a manifest that names why there is no result, and nothing else."""
-    from cmacexp.experiment import clear
-
+def _write_failure(
+    folder: Path, composed: DictConfig, record: Mapping[str, str], error: Exception, cause: str
+) -> None:
+    """Leave a manifest that names why there is no result; an earlier run in the folder stays, with it beside."""
     manifest = manifests.make_manifest(_resolve(composed), "failed", cause, bad_input=isinstance(error, BadInput))
     if isinstance(error, BadComponent) or not isinstance(error, CmacexpError | OSError | MemoryError):
         manifest["traceback"] = format_user_traceback(error.raised if isinstance(error, BadComponent) else error)
-    try:
-        clear(folder)
-        manifests.write(folder, manifest)
-    except OSError:
-        pass  # a run without a manifest counts as not intact, and the terminal shows its cause
+    with suppress(OSError, BadInput), run_place(folder) as place:
+        # where this fails, the job counts as not completed, and the terminal shows its cause
+        for name, text in record.items():
+            place.write_text(f"{HYDRA}/{name}", text)
+        if place.earlier:
+            place.leave_failure(manifest)
+        else:
+            place.commit(manifest)
 
 
 def _resolve(composed: DictConfig) -> dict[str, Any]:

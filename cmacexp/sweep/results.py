@@ -11,6 +11,8 @@ import numpy as np
 import pyarrow as pa
 import yaml
 
+from cmacexp.data.discovery import HYDRA
+from cmacexp.data.files import place_of
 from cmacexp.data.parquet import arrow, arrow_strings
 from cmacexp.report.comparison import Row, make_rows
 from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
@@ -37,11 +39,12 @@ def read_results(sweep: Sweep) -> SweepResults:
     """The jobs of a sweep that were begun; not those that an earlier sweep left in its folder."""
     missing: Counter[tuple[str, ...]] = Counter(sweep.planned)
     jobs, all_overrides = [], []
-    for folder in sort_folders({path.parent for path in sweep.folder.rglob(".hydra")}):
-        overrides = select_run_overrides(_read_overrides(folder))
+    attempts = _find_attempts(sweep.folder)
+    for folder in sort_folders(attempts):
+        overrides = select_run_overrides(_read_overrides(attempts[folder]))
         if missing[tuple(overrides)] > 0 or not sweep.planned:  # a sweeper that searches need not plan its jobs
             missing[tuple(overrides)] -= 1
-            jobs.append(read_summary(folder))
+            jobs.append(replace(read_summary(attempts[folder]), folder=folder))
             all_overrides.append(overrides)
     texts = [dict(text.lstrip("+").partition("=")[::2] for text in overrides) for overrides in all_overrides]
     keys = list(dict.fromkeys(key for each in texts for key in each))
@@ -50,10 +53,16 @@ def read_results(sweep: Sweep) -> SweepResults:
     return SweepResults(jobs, keys, [" ".join(overrides) for overrides in all_overrides])
 
 
+def _find_attempts(folder: Path) -> dict[Path, Path]:
+    """The folder of each job below ``folder``, and the one in it that the last attempt left, if it left no result."""
+    found = sorted(path.parent.resolve() for path in folder.rglob(HYDRA))
+    return {place_of(path): path for path in found}  # what an attempt left comes after the folder of the job
+
+
 def _read_overrides(folder: Path) -> list[str]:
     """The overrides of a job, as Hydra recorded them; none if it was killed before."""
     try:
-        found = yaml.safe_load((folder / ".hydra" / "overrides.yaml").read_text())
+        found = yaml.safe_load((folder / HYDRA / "overrides.yaml").read_text())
     except (OSError, yaml.YAMLError):
         return []
     return [str(text) for text in found] if isinstance(found, list) else []

@@ -4,6 +4,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,14 @@ from hydra.plugins.sweeper import Sweeper
 from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.config.hydra_private import read_config_files_once
+from cmacexp.data.files import alone_in, remove_leftovers
+from cmacexp.data.staging import is_taken
 from cmacexp.errors import BadInput
 
+TABLE, TABLE_CSV = "sweep.parquet", "sweep.csv"
+"""The table of a sweep, in its folder."""
+FIRST_COLUMNS = ["run", "overrides"]
+SWEEP_KEY = "hydra.sweep.dir"
 DEFAULT = "record=trace"
 """Override of a sweep that does not set ``record``."""
 
@@ -31,7 +38,23 @@ class Sweep:
     def __init__(self, folder: Path):
         self.folder = folder
         self.planned: Counter[tuple[str, ...]] = Counter()
+        self._lock = ExitStack()
         self._composable: set[tuple[str, ...]] = set()
+
+    def lock(self) -> None:
+        """Keep other sweeps out of the folder until :meth:`unlock`.
+
+        Raises:
+            BadInput: another sweep runs there, or tables in it are not those of a sweep.
+            OSError: the folder cannot be written.
+        """
+        self._lock.enter_context(alone_in(self.folder, SWEEP_KEY))
+        remove_leftovers(self.folder, (TABLE, TABLE_CSV))
+        check_tables(self.folder)
+
+    def unlock(self) -> None:
+        """Let other sweeps use the folder."""
+        self._lock.close()
 
     def check(self, sweeper: Any, batch: Sequence[Sequence[str]]) -> None:
         """Note the next jobs, before they start, and compose one of each kind.
@@ -52,6 +75,18 @@ class Sweep:
                 self._composable.add(kind)
 
 
+class SweepRefused(BaseException):
+    """A sweep cannot use its folder; no ``Exception``, because Hydra ignores those that a callback raises.
+
+    Args:
+        reason: why.
+    """
+
+    def __init__(self, reason: Exception):
+        super().__init__(reason)
+        self.reason = reason
+
+
 class SweepStart(Callback):
     """Called by Hydra when a sweep starts; see ``hydra.callbacks`` in ``conf/config.yaml``."""
 
@@ -60,7 +95,12 @@ class SweepStart(Callback):
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Prepare the sweep, before its jobs are made."""
-        SweepStart.sweep = sweep = Sweep(Path(config.hydra.sweep.dir))
+        sweep = Sweep(Path(config.hydra.sweep.dir))
+        try:
+            sweep.lock()
+        except (BadInput, OSError) as error:
+            raise SweepRefused(error) from error
+        SweepStart.sweep = sweep
         typed = _keys(config.hydra.overrides.task)
         searched = map(str, OmegaConf.select(config, "hydra.sweeper.params") or {})
         if "record" not in {*typed, *searched}:
@@ -76,6 +116,30 @@ class SweepStart(Callback):
 
         Sweeper.validate_batch_is_legal = check  # type: ignore[method-assign, assignment]  # called by all sweepers
         read_config_files_once(GlobalHydra.instance().hydra)
+
+
+def check_tables(folder: Path) -> None:
+    """Refuse to replace tables that are not those of a sweep.
+
+    Raises:
+        BadInput: there is one; the message names it.
+    """
+    import pyarrow.parquet as pq  # here, because every command imports this file
+
+    for name, read in ((TABLE, lambda path: pq.read_schema(path).names), (TABLE_CSV, _read_head)):
+        path = folder / name
+        try:
+            ours = not is_taken(path) or read(path)[:2] == FIRST_COLUMNS
+        except (OSError, ValueError):
+            ours = False
+        if not ours:
+            raise BadInput(SWEEP_KEY, folder, f"holds another {name}; move that file, or choose another folder")
+
+
+def _read_head(path: Path) -> list[str]:
+    """The first names of columns of a table as text."""
+    with path.open("rb") as file:
+        return [name.strip('"') for name in file.read(1000).decode().splitlines()[0].split(",")]
 
 
 def count_jobs() -> float:

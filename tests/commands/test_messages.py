@@ -82,6 +82,8 @@ def make_folder(folder: Path) -> None:
     (folder / "my_mistake.py").write_text("import no_such_module\n")
     (folder / "my_syntax.py").write_text("def f(:\n")
     (folder / "empty").mkdir()
+    (folder / "tables").mkdir()
+    (folder / "tables" / "sweep.csv").write_text("a,b\n1,2\n")
     cmacexp.run(RUN, folder / "run")
     cmacexp.run([*RUN, "record.cycles=[1]"], folder / "thinned")
     learnt = cmacexp.run([*RUN, "record.weights=true"], folder / "learnt").folder

@@ -12,6 +12,7 @@ import pytest
 from support.command import ROOT, cmacexp, python
 
 from cmacexp.data.integrity import faults
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput
 
 KILLING = str(Path(__file__).parents[1] / "support" / "killing.py")
@@ -24,7 +25,7 @@ def test_a_run_killed_at_any_moment_leaves_nothing_broken_and_can_be_run_again(t
     assert done.returncode == 0, done.stderr
     assert cmacexp(*run, folder=tmp_path).returncode == 0
     assert not faults(tmp_path / "out")
-    assert not list((tmp_path / "out").glob(".*.part"))
+    assert not list((tmp_path / "out").glob(".cmacexp*"))
 
 
 def test_a_sweep_killed_at_any_moment_resumes_to_what_it_would_have_been(tmp_path):
@@ -37,7 +38,7 @@ def test_a_sweep_killed_at_any_moment_resumes_to_what_it_would_have_been(tmp_pat
         pd.read_parquet(folder / "out" / "sweep.parquet") for folder in (tmp_path, tmp_path / "other")
     )
     pd.testing.assert_frame_equal(resumed, undisturbed)
-    assert not list(tmp_path.rglob(".*.part"))
+    assert not list(tmp_path.rglob(".cmacexp*"))
 
 
 def on_a_small_disk(size: int, *arguments: str, folder: Path) -> subprocess.CompletedProcess:
@@ -52,21 +53,25 @@ def on_a_small_disk(size: int, *arguments: str, folder: Path) -> subprocess.Comp
     )
 
 
-@pytest.mark.parametrize(("size", "refused"), [(20_000, "trace.parquet"), (600_000, "recording.rrd")])
+@pytest.mark.parametrize(("size", "refused"), [(20_000, "trace.parquet"), (700_000, "recording.rrd")])
 def test_a_full_disk_is_a_clear_error_and_keeps_nothing_half_written(size, refused, tmp_path):
     done = on_a_small_disk(size, "cycles=5", "hydra.run.dir=out", folder=tmp_path)
     assert done.returncode == 1
     (told,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert "disk full: " in told
     assert f"{refused}: cannot be written" in told
     assert "Traceback" not in done.stderr
-    kept = {path.name for path in (tmp_path / "out").glob("*")} - {".hydra"}
-    whole = {"trace.parquet", "memory.parquet", "metrics.parquet", "metrics.csv"}
-    assert kept == (set() if refused == "trace.parquet" else whole)
-    assert all(pd.read_parquet(path).size for path in (tmp_path / "out").glob("*.parquet"))
+    if refused == "trace.parquet":
+        assert not (tmp_path / "out").exists()
+    else:
+        kept = {path.name for path in (tmp_path / "out").glob("*")} - {".hydra"}
+        assert kept == {"trace.parquet", "memory.parquet", "metrics.parquet", "metrics.csv", "manifest.json"}
+        assert not faults(tmp_path / "out")
+        assert StoredRun(tmp_path / "out").status == "failed"
 
 
 def test_a_full_disk_in_a_sweep_fails_the_jobs_that_do_not_fit(tmp_path):
-    done = on_a_small_disk(100_000, "-m", "cycles=1,20", "hydra.sweep.dir=out", folder=tmp_path)
+    done = on_a_small_disk(300_000, "-m", "cycles=1,20", "hydra.sweep.dir=out", folder=tmp_path)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     table = pd.read_parquet(tmp_path / "out" / "sweep.parquet")

@@ -10,7 +10,8 @@ from cmacexp.data.integrity import faults, is_finished
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import CmacexpError
 from cmacexp.experiment import run_scenario
-from cmacexp.report.page import HTML, Report, Section, Table, Text, write_report
+from cmacexp.report.page import Report, Section, Table, Text, write_report
+from cmacexp.report.place import HTML
 from cmacexp.study import Request
 from cmacexp.study.state import is_up_to_date
 from cmacexp.sweep.collect import collect

@@ -46,16 +46,17 @@ def start(folder: Path, arguments: list[str]) -> int:
     return forked(work)
 
 
-def check(folder: Path) -> int:
-    """Hold every file under a final name to being whole; those that Hydra writes are its own."""
+def check(folder: Path, statuses: tuple[str, ...] = ("completed",)) -> int:
+    """Hold every file under a final name to being whole; hidden ones are on their way there."""
     for path in folder.rglob("*"):
-        if path.is_file() and not path.name.startswith(".") and ".hydra" not in path.parts:
+        hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
+        if path.is_file() and not hidden:
             if path.suffix == ".parquet":
                 assert pq.read_table(path).num_columns, path
             elif path.suffix == ".csv":
                 assert path.read_bytes().endswith(b"\n"), path
             elif path.name == "manifest.json":
-                assert json.loads(path.read_text())["status"] == "completed", path
+                assert json.loads(path.read_text())["status"] in statuses, path
                 assert not faults(path.parent), path
     return 0
 

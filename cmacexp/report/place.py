@@ -1,0 +1,55 @@
+"""Folders whose report may be replaced, and those that hold something else."""
+
+import os
+from contextlib import AbstractContextManager
+from pathlib import Path, PurePosixPath
+
+from cmacexp.data import manifest as manifests
+from cmacexp.data.discovery import is_run
+from cmacexp.data.places import read_earlier
+from cmacexp.data.staging import Place, refuse_if_taken, replacing
+from cmacexp.errors import BadInput
+
+HTML, FIGURES = "report.html", "figures"
+"""The page and its figures in the folder of a report."""
+OUT_KEY = "--out"
+
+
+def _is_own(name: str) -> bool:
+    """Whether a file that a report lists is one that it wrote; the others, from which it was made, are elsewhere."""
+    return PurePosixPath(name).parent in (PurePosixPath(), PurePosixPath(FIGURES))
+
+
+def _find_report(folder: Path, key: str) -> frozenset[str]:
+    manifest = read_earlier(folder, key)
+    if (manifest is not None and manifest.get("kind") != manifests.REPORT) or (manifest is None and is_run(folder)):
+        raise BadInput(key, folder, "is the folder of a run; choose another")
+    earlier = frozenset(filter(_is_own, manifest["files"])) if manifest is not None else frozenset[str]()
+    if HTML not in earlier:
+        refuse_if_taken(folder, HTML, key)
+    return earlier
+
+
+def report_place(folder: Path, key: str = OUT_KEY) -> AbstractContextManager[Place]:
+    """Lock the folder of a report, see :func:`cmacexp.data.staging.replacing`.
+
+    Args:
+        folder: made if missing; may hold an earlier report, and other files.
+        key: what names it on the command line.
+
+    Raises:
+        BadInput: another process writes there, or the report would replace what is not of an earlier report.
+        OSError: the folder cannot be written.
+    """
+    return replacing(folder, key, _find_report)
+
+
+def relative(path: Path, folder: Path) -> str:
+    """``path`` relative to ``folder``."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+
+
+def name_in(place: Place, path: Path) -> str:
+    """The name of a file in the manifest of a report: of a new one where it will be, relative to the report."""
+    full, new = path.resolve(), place.new.resolve()
+    return full.relative_to(new).as_posix() if full.is_relative_to(new) else relative(path, place.folder)
