@@ -30,7 +30,7 @@ def read_quotable(folder: Path) -> Quotable:
     found: dict[str, dict[str, Any]] = {}
     for path in sorted(folder.glob(f"*/{CLAIMS}")):
         study = path.parent.name
-        if (statements := json.loads(path.read_text()).get(study)) is not None:
+        if (statements := json.loads(path.read_text(encoding="utf-8")).get(study)) is not None:
             found[study] = {
                 each["name"]: {"verdict": each["verdict"], "values": [c["shown"] for c in each["criteria"]]}
                 for each in statements
@@ -70,11 +70,11 @@ def main() -> None:
         return
     if not QUOTED.is_file():
         parser.error(f"--write-docs: {QUOTED} does not exist; run it from a checkout, where the documentation is")
-    before = json.loads(QUOTED.read_text())
+    before = json.loads(QUOTED.read_text(encoding="utf-8"))
     after = {**before, **read_quotable(FOLDER)}
     for page in PAGES:
-        page.write_text(renew(page.read_text(), before, after))
-    QUOTED.write_text(json.dumps(after, indent=1, ensure_ascii=False) + "\n")
+        page.write_text(renew(page.read_text(encoding="utf-8"), before, after), encoding="utf-8")
+    QUOTED.write_text(json.dumps(after, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import numpy as np
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange, spanning
 from cmacexp.cmac.use import memory_use
-from cmacexp.config import ComponentConfig
+from cmacexp.config import FeedforwardConfig
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Weights
@@ -14,7 +14,7 @@ from cmacexp.typing import Weights
 class CmacFeedforward(BuiltInFeedforward):
     """One CMAC per leg, addressed by planned joint values, trained by the feedback (Lin & Song 1997, section 4)."""
 
-    Config = ComponentConfig
+    Config = FeedforwardConfig
 
     def reset(self, setup: Setup) -> None:
         """Compute the cells of every sample; start with empty memories, or with those of an earlier run."""

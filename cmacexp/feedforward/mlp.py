@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.config import ComponentConfig, Config, choice, number
+from cmacexp.config import Config, FeedforwardConfig, choice, number
 from cmacexp.config.cmac import INPUTS, check_inputs
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import planned_inputs
@@ -36,7 +36,7 @@ class Perceptron:
     """
 
     @dataclass
-    class Config(ComponentConfig):
+    class Config(FeedforwardConfig):
         """Inputs, size and training of the network of one leg."""
 
         inputs: list[str] = choice(*INPUTS)

@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.cmac.quantiser import spanning
 from cmacexp.cmac.use import MemoryUse
-from cmacexp.config import ComponentConfig, Config, choice, number
+from cmacexp.config import Config, FeedforwardConfig, choice, number
 from cmacexp.config.cmac import INPUTS, check_inputs
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
@@ -58,7 +58,7 @@ class RadialBasis(BuiltInFeedforward):
     """
 
     @dataclass
-    class Config(ComponentConfig):
+    class Config(FeedforwardConfig):
         """Inputs, number and width of the Gaussians of one leg."""
 
         inputs: list[str] = choice(*INPUTS)

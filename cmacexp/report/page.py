@@ -210,7 +210,7 @@ def write_report(report: Report, folder: Path, key: str | None = None, say: Call
         report=report, sections=[section for section, _ in drawn], origin=_describe_origin()
     )
     with write_atomically(folder / HTML) as temporary:
-        temporary.write_text(page)
+        temporary.write_text(page, encoding="utf-8")
     written.append(folder / HTML)
     manifests.write(
         folder,

@@ -90,7 +90,7 @@ def write_page(
             sections.append(make_reading_section())
         statements = {study.name: _statements(study.claims, study.findings, folder) for study in studies}
         with write_atomically(folder / CLAIMS) as temporary:
-            temporary.write_text(json.dumps(statements, indent=1, ensure_ascii=False) + "\n")
+            temporary.write_text(json.dumps(statements, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         files.append(folder / CLAIMS)
     config = {"studies": [study.name for study in studies], "quick": quick}
     report = Report(title, question, sections, sorted({*files, *inputs}), config, runs)

@@ -53,7 +53,7 @@ def read_results(sweep: Sweep) -> SweepResults:
 def _read_overrides(folder: Path) -> list[str]:
     """The overrides of a job, as Hydra recorded them; none if it was killed before."""
     try:
-        found = yaml.safe_load((folder / ".hydra" / "overrides.yaml").read_text())
+        found = yaml.safe_load((folder / ".hydra" / "overrides.yaml").read_text(encoding="utf-8"))
     except (OSError, yaml.YAMLError):
         return []
     return [str(text) for text in found] if isinstance(found, list) else []
