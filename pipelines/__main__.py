@@ -1,13 +1,14 @@
 """``python -m pipelines``: lists the studies; with ``--write-docs``, renews what the documentation quotes of them."""
 
-import argparse
 import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cmacexp.cli.command import Parser
 from cmacexp.cli.study import FOLDER
+from cmacexp.report.outputs import keep_outputs
 from cmacexp.study.output import CLAIMS
 from cmacexp.study.study import load_study
 
@@ -61,7 +62,8 @@ def renew(text: str, before: Quotable, after: Quotable) -> str:
 
 def main() -> None:
     """Print the name, title and question of every study, or renew the documentation."""
-    parser = argparse.ArgumentParser(prog="python -m pipelines", description="List the studies.")
+    keep_outputs()
+    parser = Parser(prog="python -m pipelines", description="List the studies.")
     parser.add_argument("--write-docs", action="store_true", help=f"renew docs from the full studies in {FOLDER}")
     if not parser.parse_args().write_docs:
         for page in sorted(PIPELINES.glob("*.md")):
