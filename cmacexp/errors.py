@@ -15,6 +15,8 @@ EXTRAS = {
     "hydra/launcher/submitit_slurm": "cluster",
 }
 """Extras of this package, by the module or the option of Hydra that each installs."""
+LONGEST_VALUE = 240
+"""Characters of the longest value that a message quotes in full."""
 
 
 def format_install_command(wanted: str) -> str:
@@ -27,6 +29,19 @@ def suggest(name: str, names: Iterable[str], prefix: str = "") -> str:
     """The nearest of ``names``, as the end of a message; empty if none is near."""
     near = difflib.get_close_matches(name, list(names), 1)
     return f"; did you mean {prefix}{near[0]}?" if near else ""
+
+
+def format_value(value: object) -> str:
+    """A value as it stands in a message: the middle of a long one, such as a number of 400 digits, is left out."""
+    text = str(value)
+    if len(text) <= LONGEST_VALUE:
+        return text
+    return f"{text[: LONGEST_VALUE // 2]}...{text[-LONGEST_VALUE // 4 :]} ({len(text)} characters)"
+
+
+def in_one_line(text: str) -> str:
+    """A text with line breaks and whatever else a terminal cannot show written as in Python, e.g. ``\\n``."""
+    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
 
 
 def _is_user_code(frame: TracebackType) -> bool:
@@ -51,7 +66,10 @@ def format_user_traceback(error: BaseException) -> str:
 
 
 class CmacexpError(Exception):
-    """Base class: its message is meant for the user and is shown without a stack trace."""
+    """Base class: its message is meant for the user and is shown in one line, without a stack trace."""
+
+    def __str__(self) -> str:
+        return in_one_line(super().__str__())
 
 
 class BadInput(CmacexpError):
@@ -69,7 +87,7 @@ class BadInput(CmacexpError):
 
     def __str__(self) -> str:
         key, value, allowed, *_ = self.args
-        return f"{key}={value}: {allowed}"
+        return in_one_line(f"{key}={format_value(value)}: {allowed}")
 
 
 class BadComponent(BadInput):
@@ -86,6 +104,10 @@ class BadComponent(BadInput):
         super().__init__(key, value, " ".join(reason.split()))
         self.args = (*self.args, raised)
         self.raised = raised
+
+
+class WithoutEffect(UserWarning):
+    """An override has no effect; the message says what it needs. Issued by :func:`cmacexp.run`."""
 
 
 class BadOutput(CmacexpError):

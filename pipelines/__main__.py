@@ -1,14 +1,15 @@
 """``python -m pipelines``: lists the studies; with ``--write-docs``, renews what the documentation quotes of them."""
 
-import argparse
 import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cmacexp.cli.command import Parser
 from cmacexp.cli.study import FOLDER
 from cmacexp.jit.interrupt import heed_interrupts
+from cmacexp.report.outputs import keep_outputs
 from cmacexp.study.output import CLAIMS
 from cmacexp.study.study import load_study
 
@@ -31,7 +32,7 @@ def read_quotable(folder: Path) -> Quotable:
     found: dict[str, dict[str, Any]] = {}
     for path in sorted(folder.glob(f"*/{CLAIMS}")):
         study = path.parent.name
-        if (statements := json.loads(path.read_text()).get(study)) is not None:
+        if (statements := json.loads(path.read_text(encoding="utf-8")).get(study)) is not None:
             found[study] = {
                 each["name"]: {"verdict": each["verdict"], "values": [c["shown"] for c in each["criteria"]]}
                 for each in statements
@@ -62,8 +63,9 @@ def renew(text: str, before: Quotable, after: Quotable) -> str:
 
 def main() -> None:
     """Print the name, title and question of every study, or renew the documentation."""
+    keep_outputs()
     heed_interrupts()
-    parser = argparse.ArgumentParser(prog="python -m pipelines", description="List the studies.")
+    parser = Parser(prog="python -m pipelines", description="List the studies.")
     parser.add_argument("--write-docs", action="store_true", help=f"renew docs from the full studies in {FOLDER}")
     if not parser.parse_args().write_docs:
         for page in sorted(PIPELINES.glob("*.md")):
@@ -72,11 +74,11 @@ def main() -> None:
         return
     if not QUOTED.is_file():
         parser.error(f"--write-docs: {QUOTED} does not exist; run it from a checkout, where the documentation is")
-    before = json.loads(QUOTED.read_text())
+    before = json.loads(QUOTED.read_text(encoding="utf-8"))
     after = {**before, **read_quotable(FOLDER)}
     for page in PAGES:
-        page.write_text(renew(page.read_text(), before, after))
-    QUOTED.write_text(json.dumps(after, indent=1, ensure_ascii=False) + "\n")
+        page.write_text(renew(page.read_text(encoding="utf-8"), before, after), encoding="utf-8")
+    QUOTED.write_text(json.dumps(after, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -4,9 +4,19 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NoReturn
 
-from cmacexp.errors import CmacexpError
+from cmacexp.errors import CmacexpError, in_one_line
 from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such
+from cmacexp.report.outputs import keep_outputs
+
+
+class Parser(argparse.ArgumentParser):
+    """Reads the arguments of a command; says what is wrong with them in one line, as all errors are."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print what is wrong, and exit with code 2."""
+        self.exit(2, f"error: {in_one_line(message)}; {self.prog} --help shows how it is used\n")
 
 
 def command(
@@ -28,6 +38,7 @@ def command(
     Returns:
         The exit code: that of ``work``, 2 after an error that it raised, 130 if interrupted.
     """
+    keep_outputs()
     try:
         heed_interrupts()
         with interrupt_as_such():
@@ -36,7 +47,7 @@ def command(
         print("interrupted", file=sys.stderr)
         return 130
     except (CmacexpError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {in_one_line(str(error))}", file=sys.stderr)
         return 2
     finally:
         end_command()
@@ -45,7 +56,7 @@ def command(
 def _parse(
     name: str, description: str, flags: Sequence[tuple[str, str]], values: Sequence[tuple[str, str, str]]
 ) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog=f"python -m {name}", description=description)
+    parser = Parser(prog=f"python -m {name}", description=description)
     parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
     for flag, text in flags:
         parser.add_argument(flag, action="store_true", help=text)

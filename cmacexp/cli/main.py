@@ -3,6 +3,7 @@
 import contextlib
 import os
 import sys
+from argparse import ArgumentParser
 from pathlib import Path
 
 from hydra import main as hydra_main
@@ -10,20 +11,21 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
+from cmacexp.cli.command import Parser
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.config.hydra_private import skip_mode_lookup
 from cmacexp.config.hydra_record import make_record
-from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
+from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback, in_one_line
 from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such, interrupt_held_back
+from cmacexp.report.outputs import keep_outputs
 from cmacexp.sweep.start import SweepRefused, SweepStart
 
 EXIT_CODES = {"completed": 0, "failed": 1, "bad input": 2, "fell": 3, "diverged": 3, "interrupted": 130}
 QUICK = 20_000
 """Steps of all legs in a cycle that are planned in less than a second or two."""
 OUTCOMES = (
-    (BadInput, "bad input"),
-    (COMPOSITION_ERRORS, "bad input"),  # before OSError, which some of them are
+    ((BadInput, *COMPOSITION_ERRORS), "bad input"),  # before OSError, which some of them are
     ((CmacexpError, OSError, MemoryError), "failed"),
 )
 """Outcomes of errors that need no stack trace; any other error fails a sweep, or ends a run with its stack trace."""
@@ -35,6 +37,8 @@ def main() -> int:
     Returns:
         The exit code: 0 completed, 1 failed, 2 bad input and nothing simulated, 3 diverged or fell, 130 interrupted.
     """
+    keep_outputs()
+    ArgumentParser.error = Parser.error  # type: ignore  # Hydra's prints nine lines
     os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions reach the lines below, instead of Hydra's own printing
     skip_mode_lookup(sys.argv[1:])
     task = _Task()
@@ -55,7 +59,7 @@ def main() -> int:
     except SweepRefused as refused:
         task.outcome = _report_failure(refused.reason)
     except Exception as error:
-        task.outcome = _report_failure(error)
+        task.outcome = _report_failure(error, composing=not task.called)
     finally:
         if SweepStart.sweep is not None:
             SweepStart.sweep.unlock()
@@ -70,12 +74,15 @@ class _Task:
 
     Attributes:
         outcome: how the run ended; where Hydra calls nothing, as for ``--help``, ``completed``.
+        called: whether Hydra has composed a config.
     """
 
     def __init__(self) -> None:
         self.outcome = "completed"
+        self.called = False
 
     def __call__(self, composed: DictConfig) -> float | None:
+        self.called = True
         hydra = HydraConfig.get()
         if hydra.mode == RunMode.MULTIRUN:
             from cmacexp.sweep.job import run_job
@@ -85,8 +92,6 @@ class _Task:
         try:
             with interrupt_as_such():
                 self._run(composed, folder)
-        except (BrokenPipeError, SystemExit):  # the reader of the output has stopped; the run is on disk all the same
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except KeyboardInterrupt:
             _remove_empty(folder)
             raise
@@ -104,6 +109,7 @@ class _Task:
             raise BadInput("sweep.resume", True, "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR")
         with interrupt_held_back():  # some libraries cannot be imported by halves
             from cmacexp.experiment import run_scenario
+            from cmacexp.experiment.without_effect import warnings_of
             from cmacexp.loop.scenario import make_scenario
             from cmacexp.report.terminal import (
                 activity,
@@ -121,6 +127,8 @@ class _Task:
         steps = config.steps_per_cycle
         with activity(f"planning {steps} steps a cycle", shown=steps * config.legs > QUICK):
             scenario = make_scenario(config)
+        for text in warnings_of(config, HydraConfig.get().overrides.task, composed):
+            say(f"warning: {text}", error=True)
         if (warning := growth_warning(config, scenario)) is not None:
             say(warning, error=True)
         with progress(config.scenario, config.cycles, "cycles") as watch:
@@ -139,16 +147,22 @@ def _remove_empty(folder: Path) -> None:
             folder.rmdir()
 
 
-def _report_failure(error: Exception) -> str:
+def _report_failure(error: Exception, composing: bool = False) -> str:
     """Print why a command ended early, and the table of the jobs that its sweep has done; the outcome.
+
+    Args:
+        error: what ended it.
+        composing: whether Hydra raised it before there was a config: then the command line is the cause.
 
     Raises:
         Exception: ``error``, if it is an unexpected one outside a sweep.
     """
     outcome = next((outcome for kinds, outcome in OUTCOMES if isinstance(error, kinds)), None)
     if outcome is None and SweepStart.sweep is None:
-        raise error
-    message = _describe(error)
+        if not composing:
+            raise error
+        outcome = "bad input"
+    message = in_one_line(_describe(error, outcome == "bad input"))
     if outcome == "bad input" or SweepStart.sweep is None:
         print(f"error: {message}", file=sys.stderr)
         return outcome or "failed"
@@ -160,10 +174,10 @@ def _report_failure(error: Exception) -> str:
     return "failed"
 
 
-def _describe(error: Exception) -> str:
+def _describe(error: Exception, composing: bool) -> str:
     """The message of an error; what a custom component raised is printed with its stack trace before."""
     if isinstance(error, BadComponent):
         print(format_user_traceback(error.raised), file=sys.stderr, end="")
-    if isinstance(error, COMPOSITION_ERRORS):
+    if composing and not isinstance(error, CmacexpError):
         return explain_composition(error, sys.argv[1:])
     return str(error).strip() or type(error).__name__

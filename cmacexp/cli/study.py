@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
+from cmacexp.cli.command import Parser
 from cmacexp.data.discovery import require_place
 from cmacexp.errors import CmacexpError
 from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such
+from cmacexp.report.outputs import keep_outputs
 from cmacexp.report.place import HTML, report_place
 from cmacexp.study.output import write_page, write_results
 from cmacexp.study.page import Evaluated, check_page, evaluate
@@ -139,7 +141,8 @@ def print_claims(studies: Sequence[Evaluated]) -> None:
 
 def study_parser(name: str, description: str) -> argparse.ArgumentParser:
     """The options of every study."""
-    parser = argparse.ArgumentParser(prog=f"python -m {name}", description=description)
+    keep_outputs()
+    parser = Parser(prog=f"python -m {name}", description=description)
     parser.add_argument("--quick", action="store_true", help="fewer and shorter runs that only check the machinery")
     seeds = f"seeds of each run that depends on its seed (default: {SEEDS})"
     parser.add_argument("--seeds", type=_positive, default=SEEDS, metavar="N", help=seeds)

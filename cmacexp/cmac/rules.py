@@ -8,7 +8,7 @@ torque U over sum a_i^2, without a goal; the others are listed in :data:`RULES`.
 import math
 from typing import NamedTuple
 
-from cmacexp.config.schema import LearningConfig
+from cmacexp.config.schema import LEARNS, LearningConfig
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import kernel, kernel_apart, program
 from cmacexp.typing import Array, Cells
@@ -59,6 +59,15 @@ RULES = {
 
 
 PAPER = RULES["paper"].params
+
+
+def strength_needs() -> dict[str, str]:
+    """The rules that use each field of :class:`LearningConfig`, as what the field needs to have an effect."""
+    used: dict[str, list[str]] = {}
+    for name, rule in RULES.items():
+        for field in filter(None, (rule.strength, "window" if rule.params.teaches == NEIGHBOURS else "")):
+            used.setdefault(field, []).append(name)
+    return {f"learning.{field}": f"learning.rule={'|'.join(names)} and {LEARNS}" for field, names in used.items()}
 
 
 def find_rule(name: str) -> Rule:

@@ -1,9 +1,19 @@
 """Typed and checked configuration of a run."""
 
-from cmacexp.config.component import ComponentConfig
+from cmacexp.config.component import ComponentConfig, FeedforwardConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.folder import config_folder
 from cmacexp.config.load import config_hash, to_config, to_plain
 from cmacexp.config.schema import Config
 
-__all__ = ["ComponentConfig", "Config", "choice", "config_folder", "config_hash", "number", "to_config", "to_plain"]
+__all__ = [
+    "ComponentConfig",
+    "Config",
+    "FeedforwardConfig",
+    "choice",
+    "config_folder",
+    "config_hash",
+    "number",
+    "to_config",
+    "to_plain",
+]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from cmacexp.config.fields import choice, number
 from cmacexp.errors import BadInput
@@ -12,6 +13,8 @@ OUTPUTS = 2
 """Outputs of a CMAC: one torque for each joint of its leg."""
 WORD_BYTES = 8
 """Bytes of a CMAC weight, a float64."""
+ACTS = "learning.start_cycle at most cycles"
+"""What a feedforward needs to act in some cycle."""
 MOST_POSITIONS = 2**63
 """Most cells of a CMAC that can be numbered with 64 bits."""
 
@@ -19,6 +22,8 @@ MOST_POSITIONS = 2**63
 @dataclass
 class CmacConfig:
     """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
+
+    needs: ClassVar[str] = f"feedforward=cmac and {ACTS}"
 
     layers: int = number("", at_least=1, at_most=4096)
     """C, the number of quantisation functions, which is the generalisation size."""
@@ -28,11 +33,11 @@ class CmacConfig:
     """Memory of one CMAC; a word is a float64, so rows = memory_bytes / (8 x outputs)."""
     addressing: str = choice("hashed", "dense", "visited")
     """hashed: cells share rows by chance; dense: each has its own; visited: each that the path visits has its own."""
-    displacement: str = choice("diagonal", "odd_lattice", "parks_militzer")
+    displacement: str = choice("diagonal", "odd_lattice", "parks_militzer", needs=".layers above 1")
     """How the layers are shifted against each other; diagonal: as in the paper."""
     inputs: list[str] = choice(*INPUTS)
     """Planned joint values that address the memory (assumed)."""
-    range_factor: float = number("", at_least=1, at_most=1e6)
+    range_factor: float = number("", at_least=1, at_most=1e6, needs="learning.start_from=null")
     """Input range over the planned span, centred on its middle (assumed)."""
     receptive_field: str = choice("rectangular", "linear", "cubic")
     """Activation of a cell over its width: constant, as in the paper, or a B-spline (Lane et al. 1992)."""

@@ -4,10 +4,11 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from omegaconf import OmegaConf
 
+from cmacexp.config.cmac import ACTS
 from cmacexp.config.folder import config_folder
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput, suggest
@@ -47,6 +48,13 @@ class ComponentConfig:
     def memory_need(self, config: Config) -> MemoryNeed:
         """Memory that the component will need, where it can be a large part of all."""
         return MemoryNeed()
+
+
+@dataclass
+class FeedforwardConfig(ComponentConfig):
+    """Fields of a feedforward that acts from ``learning.start_cycle`` on."""
+
+    needs: ClassVar[str] = ACTS
 
 
 def config_class(component: Callable[..., object]) -> type[ComponentConfig] | None:

@@ -40,7 +40,7 @@ def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str
     for override in OverridesParser.create().parse_overrides([text for text in overrides if text not in options]):
         key = override.key_or_group
         exists = OmegaConf.select(config, key, default=_MISSING) is not _MISSING
-        if override.type != OverrideType.CHANGE or override.is_sweep_override() or not exists:
+        if override.type != OverrideType.CHANGE or override.package or override.is_sweep_override() or not exists:
             return _compose(overrides)  # it adds or removes a key, or is a mistake
         OmegaConf.update(config, key, override.value(), merge=True)
     return config, choices
@@ -63,13 +63,23 @@ def compose_with_choices(
     overrides: Sequence[str], config_dir: str | Path | None = None
 ) -> tuple[Config, dict[str, str]]:
     """:func:`compose_config`, with the option that is chosen in each group, e.g. ``{"feedforward": "cmac"}``."""
-    from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
+    composed, choices = compose_untyped(overrides, config_dir)
+    return to_config(composed, choices), choices
+
+
+def compose_untyped(
+    overrides: Sequence[str], config_dir: str | Path | None = None
+) -> tuple[DictConfig, dict[str, str]]:
+    """What :func:`cmacexp.config.to_config` takes: a config as Hydra composes it, and the options chosen in it.
+
+    Raises:
+        CmacexpError: Hydra cannot compose it.
+    """
+    from cmacexp.config.explain import explain_composition
 
     try:
         if config_dir is None:
-            composed = _compose_cached(overrides)
-        else:
-            composed = _compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"])
-    except COMPOSITION_ERRORS as error:
+            return _compose_cached(overrides)
+        return _compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"])
+    except Exception as error:  # Hydra expects no null among options, for example, and says so by a TypeError
         raise CmacexpError(explain_composition(error, overrides)) from error
-    return to_config(*composed), composed[1]

@@ -15,7 +15,7 @@ MOST_KEYS = 3
 
 
 @cache
-def _option(group: str, target: str) -> str:
+def find_option(group: str, target: str) -> str:
     """The option of a group that makes the class ``target``, else the name of the class."""
     target = NEW_NAMES.get(target, target)
     for path in sorted((config_folder() / group).glob("*.yaml")):
@@ -40,7 +40,7 @@ def flat(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
         if isinstance(value, Mapping):
             found |= flat(value, f"{before}{key}.")
         elif key == "_target_":
-            found[before[:-1]] = _option(before[:-1], value)
+            found[before[:-1]] = find_option(before[:-1], value)
         else:
             found[before + key] = value
     return found

@@ -12,17 +12,17 @@ from yaml import YAMLError
 
 from cmacexp.config.fields import listed
 from cmacexp.config.folder import config_folder
-from cmacexp.errors import format_install_command, suggest
+from cmacexp.errors import format_install_command, format_value, suggest
 
-COMPOSITION_ERRORS = (HydraException, OmegaConfBaseException, YAMLError, ValueError)
-"""What Hydra raises when a config cannot be composed."""
+COMPOSITION_ERRORS = (HydraException, OmegaConfBaseException, YAMLError)
+"""What Hydra raises on purpose when a config cannot be composed; overrides of unforeseen shape raise anything."""
 
 
 def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
     """The message of an error that Hydra raised, in one line.
 
     Args:
-        error: one of COMPOSITION_ERRORS.
+        error: what Hydra raised while it composed.
         overrides: the command line.
     """
     text, cause = " ".join(str(error).split()), error.__cause__
@@ -32,14 +32,18 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         return _explain_option(str(error.missing_cfg_file), error.options)
     if isinstance(error, OverrideParseException):
         reason = str(error).splitlines()[0]
-        return f"{error.override}: cannot be read ({reason}); write key=value, in quotes if the shell needs them"
-    if not isinstance(error, HydraException | OmegaConfBaseException):
+        if str(error.override) in reason:
+            reason = "it does not have the form of an override"
+        typed = format_value(error.override)
+        return f"{typed}: cannot be read ({reason}); write key=value, in quotes if the shell needs them"
+    if not isinstance(error, COMPOSITION_ERRORS):
         return f"a group takes the name of an option (cmac=one_leg), a field takes a value (cmac.layers=8): {text}"
     if isinstance(cause, OmegaConfBaseException) and "not in" in str(cause):
         key = str(cause.full_key or "")
         if key and not key.startswith("hydra"):
             return _explain_key(key, overrides)
-    return text + (f" ({str(cause).splitlines()[0]})" if cause else "")
+    reason = str(cause).splitlines()[0] if str(cause or "") else ""
+    return text if reason in text else f"{text} ({reason})"
 
 
 def _explain_option(path: str, options: Sequence[str]) -> str:

@@ -1,11 +1,17 @@
 """Config fields with their unit and range, and the one check of them all."""
 
+import inspect
 import math
 from collections.abc import Sequence
 from dataclasses import MISSING, field, fields, is_dataclass
-from typing import Any
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from cmacexp.errors import BadInput
+
+TYPES = {int: "a whole number", float: "a number", bool: "true or false", str: "a word"}
+"""Types of values in words."""
 
 
 def number(
@@ -16,20 +22,22 @@ def number(
     below: float | None = None,
     at_most: float | None = None,
     words: Sequence[str] = (),
+    needs: str = "",
     default: Any = MISSING,
 ) -> Any:
     """A dataclass field for a quantity in ``unit`` within the given range, or one of ``words``.
 
-    Shipped fields have no default: their values stand in ``conf/``.
+    Shipped fields have no default: their values stand in ``conf/``. What a field ``needs`` to have an effect is a
+    condition as :mod:`cmacexp.config.effect` describes it; empty: nothing.
     """
     bounds = {"above": above, "at_least": at_least, "below": below, "at_most": at_most}
     given = {name: bound for name, bound in bounds.items() if bound is not None}
-    return field(default=default, metadata={"unit": unit, "words": words, **given})
+    return field(default=default, metadata={"unit": unit, "words": words, "needs": needs, **given})
 
 
-def choice(*names: str, default: Any = MISSING) -> Any:
+def choice(*names: str, needs: str = "", default: Any = MISSING) -> Any:
     """A dataclass field for one of ``names``, or a list of some of them."""
-    return field(default=default, metadata={"choices": names})
+    return field(default=default, metadata={"choices": names, "needs": needs})
 
 
 def describe_range(metadata: dict[str, Any]) -> str:
@@ -46,7 +54,7 @@ def _plain(bound: float) -> str:
 
 
 def _within(value: float, metadata: dict[str, Any]) -> bool:
-    return math.isfinite(value) and (
+    return abs(value) < math.inf and (
         value > metadata.get("above", -math.inf)
         and value >= metadata.get("at_least", -math.inf)
         and value < metadata.get("below", math.inf)
@@ -60,7 +68,7 @@ def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
         for name in value if isinstance(value, list) else [value]:
             if name not in allowed:
                 raise BadInput(key, name, "choose from " + ", ".join(allowed))
-    else:
+    elif "unit" in metadata:
         unit, words = metadata["unit"], metadata["words"]
         for item in value if isinstance(value, list) else [value]:
             if words and isinstance(item, str | float) and item not in words:
@@ -69,21 +77,59 @@ def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
                 raise BadInput(key, item, describe_range(metadata) + (f" ({unit})" if unit else ""))
 
 
+@cache
+def _declared_types(schema: Any) -> dict[str, Any]:
+    """Types of the fields of a dataclass."""
+    return get_type_hints(schema)
+
+
+def _choices_of_type(declared: Any) -> tuple[Any, ...]:
+    return get_args(declared) if get_origin(declared) in (Union, UnionType) else (declared,)
+
+
+def _has_type(value: object, declared: Any) -> bool:
+    """Whether a value is of the type of its field, which an interpolation or a list inside a list may not be."""
+    for kind in _choices_of_type(declared):
+        if get_origin(kind) is list:
+            fits = isinstance(value, list) and all(_has_type(item, *get_args(kind)) for item in value)
+        else:
+            fits = kind is Any or (
+                isinstance(value, kind) if inspect.isclass(kind) and is_dataclass(kind) else type(value) is kind
+            )
+        if fits:
+            return True
+    return False
+
+
+def _describe_type(declared: Any) -> str:
+    """A type in words, e.g. ``must be a list of whole numbers, or null``."""
+    words = []
+    for kind in _choices_of_type(declared):
+        if get_origin(kind) is list:
+            words.append(f"a list in which each is {TYPES.get(get_args(kind)[0], 'a value')}")
+        else:
+            words.append("null" if kind is NoneType else TYPES.get(kind, "a group of fields"))
+    return "must be " + ", or ".join(words)
+
+
 def check_fields(node: object, prefix: str = "") -> None:
-    """Check every field of a config dataclass, and of those inside it, against its range.
+    """Check every field of a config dataclass, and of those inside it, against its type and range.
 
     Args:
         node: a config dataclass.
         prefix: the config key of ``node``, empty at the root.
 
     Raises:
-        BadInput: names the key, the value and the range of the first field outside it.
+        BadInput: names the key, the value, and the type or range of the first field outside it.
     """
     if not is_dataclass(node):
         return
     for each in fields(node):
         value = getattr(node, each.name)
         key = f"{prefix}.{each.name}" if prefix else each.name
+        declared = _declared_types(node.__class__)[each.name]
+        if not _has_type(value, declared):
+            raise BadInput(key, value, _describe_type(declared))
         if is_dataclass(value):
             check_fields(value, key)
         elif isinstance(value, dict):

@@ -32,6 +32,14 @@ PATTERNS = {
 """``transfer_first``: one leg, a cycle begins with lift-off. ``standing``: one leg. ``wave``: four legs; those of one
 side follow those of the other by half a cycle, and a rear foot touches down when the front foot of its side lifts
 (Lin & Song 1997, Fig. 14; the start of the cycle is assumed)."""
+LIFTS = f".pattern={'|'.join(name for name, pattern in PATTERNS.items() if pattern.lifts)}"
+"""What fields of the transfer need."""
+UNSTABLE = " or ".join(
+    f".pattern={name} and .duty_factor below {pattern.least_duty_factor:g}"
+    for name, pattern in PATTERNS.items()
+    if pattern.least_duty_factor
+)
+"""What the permission to run a gait that is not statically stable needs."""
 
 
 @dataclass
@@ -48,11 +56,11 @@ class GaitConfig:
     """Fraction of the cycle in which a foot supports."""
     stroke: float = number("m", at_least=0)
     """Travel of the foot on the ground during support (assumed)."""
-    lift: float = number("m", at_least=0)
+    lift: float = number("m", at_least=0, needs=LIFTS)
     """Apex of the transfer above the take-off point (assumed)."""
-    vertical: str = choice("cubic", "two_cubics")
+    vertical: str = choice("cubic", "two_cubics", needs=LIFTS)
     """cubic: one through both ends and the apex, its speed jumps (assumed); two_cubics: at rest at ends and apex."""
     load_ramp: float = number("s", at_least=0)
     """Time after touch-down over which a foot takes its desired force; 0: a step, as in the paper."""
-    allow_unstable: bool = field(kw_only=True)
+    allow_unstable: bool = field(kw_only=True, metadata={"needs": UNSTABLE})
     """Run a gait of four legs that is not statically stable."""

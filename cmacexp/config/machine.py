@@ -69,6 +69,10 @@ LEG_NAMES = tuple(key.replace("_", " ") for key in LEG_KEYS)
 """The same as words."""
 
 
+MASS_COUNTS = "plant=mujoco_quadruped or force_control.load_sharing=dynamic or .weight=null"
+"""What the mass of a body needs, which weighs as much as ``weight`` says wherever it does not move."""
+
+
 @dataclass
 class QuadrupedMachine:
     """Four legs under a body whose height, pitch and roll balance weight and moments (Lin & Song 1997, section 6)."""
@@ -80,7 +84,7 @@ class QuadrupedMachine:
     """What the machine is; decides its other fields."""
     hip_height: float = number("m", above=0.25)
     """Height of the hips above the undepressed ground that the feet are planned for, h0 (assumed)."""
-    body_mass: float = number("kg", above=0)
+    body_mass: float = number("kg", above=0, needs=MASS_COUNTS)
     """Mass of the body without its legs, for plants and plans in which it moves; 1 kg in the paper."""
     weight: float | None = number("N", above=0)
     """Load of all feet where leg masses do not load the body; 40 N in the paper; null: weight of all masses."""

@@ -4,13 +4,23 @@ Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do n
 """
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
-from cmacexp.config.cmac import CmacConfig
+from cmacexp.config.cmac import ACTS, CmacConfig
 from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.machine import QuadrupedMachine
+
+LEARNS = "feedforward!=none|inverse_dynamics"
+"""What fields of learning need beside :data:`ACTS`."""
+HASHED = "cmac.addressing=hashed and learning.start_from=null"
+"""What a CMAC needs to use the seed."""
+DRAWS = (
+    f"feedforward=mlp and {ACTS} or feedforward=cmac and {HASHED} and {ACTS} or sensors.*.noise above 0 "
+    "or sensors.*.noise_relative above 0 or sensors.*.dropout above 0 or sensors.*.fault.kind=noise"
+)
+"""What the seed needs: something that draws random numbers."""
 
 
 @dataclass
@@ -34,6 +44,8 @@ class ActuatorConfig:
 class PostureConfig:
     """Posture control of a body (Lin & Song 1997, section 6.2)."""
 
+    needs: ClassVar[str] = "machine.kind=quadruped"
+
     gain: float = number("", at_least=0)
     """Depth that a supporting foot is pushed down, over the height that its hip lacks; 0 switches it off."""
     rate_gain: float = number("", at_least=0)
@@ -48,13 +60,13 @@ class ForceControlConfig:
     """What the force error changes: depth (stiffness), speed (damping), both (combined), or the force (explicit)."""
     desired_force: float | None = number("N", above=0)
     """Force to press with in support, F_d; null under a body, whose weight is shared out among the feet."""
-    elasticity: float = number("m/N", at_least=0, at_most=1e6)
+    elasticity: float = number("m/N", at_least=0, at_most=1e6, needs=".method=stiffness|combined")
     """Depth that the reference gives way per force error, P_fn."""
-    admittance: float = number("m/(N s)", at_least=0, at_most=1e6)
+    admittance: float = number("m/(N s)", at_least=0, at_most=1e6, needs=".method=damping|combined")
     """Speed at which the reference gives way per force error, V_fn."""
-    force_gain: float = number("", above=0, at_most=1e9)
+    force_gain: float = number("", above=0, at_most=1e9, needs=".method=explicit")
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
-    load_sharing: str = choice("static", "dynamic")
+    load_sharing: str = choice("static", "dynamic", needs="machine.kind=quadruped")
     """What the feet of a body share; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
 
 
@@ -64,11 +76,11 @@ class PlausibilityConfig:
 
     enabled: bool
     """Whether it is on."""
-    tolerance: float = number("N", above=0, at_most=1e9)
+    tolerance: float = number("N", above=0, at_most=1e9, needs=".enabled=true")
     """Largest plausible difference from the force expected at the measured depth."""
-    relative_tolerance: float = number("", at_least=0, below=1)
+    relative_tolerance: float = number("", at_least=0, below=1, needs=".enabled=true")
     """Likewise over the expected force; at 1 a sensor stuck at zero would pass."""
-    patience: int = number("samples", at_least=1, at_most=10**6)
+    patience: int = number("samples", at_least=1, at_most=10**6, needs=".enabled=true")
     """A sensor is ignored for good after so many readings that are wrong by twice the tolerance."""
 
 
@@ -76,15 +88,19 @@ class PlausibilityConfig:
 class LearningConfig:
     """The learning rule (Lin & Song 1997, eq. 19, 20) and the strengths of the others."""
 
-    rule: str
+    needs: ClassVar[str] = f"feedforward!=none and {ACTS}"
+
+    rule: str = field(kw_only=True, metadata={"needs": LEARNS})
     """One of cmacexp/cmac/rules.py; each but the paper's has its strength in a field below."""
-    rate: float = number("", above=0, below=2)
+    rate: float = number("", above=0, below=2, needs=LEARNS)
     """Fraction of the error that a step corrects, beta; 50/256 in the paper."""
-    lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",))
+    lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",), needs=LEARNS)
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
-    start_cycle: int = number("", at_least=1, at_most=10**9)
+    start_cycle: int = number(
+        "", at_least=1, at_most=10**9, needs="feedforward!=none and .start_cycle at most cycles"
+    )
     """First cycle in which the feedforward learns and acts."""
-    start_from: str | None = field(kw_only=True)
+    start_from: str | None = field(kw_only=True, metadata={"needs": LEARNS})
     """Folder of a run with record.weights, from whose weights the feedforward starts; null: none."""
     regularisation: float = number("", at_least=0, at_most=1e6)
     """normalised: added to sum a_i^2, as a fraction of its mean along the plan; 0: the paper's rule."""
@@ -156,13 +172,14 @@ class Config:
     learning: LearningConfig
     record: RecordConfig
     sweep: SweepConfig
-    optimize: str | None
+    optimize: str | None = field(kw_only=True, metadata={"needs": "hydra.mode=MULTIRUN"})
     """Metric whose final value a job returns to the sweeper (see cmacexp/sweep/objective.py); null: none."""
     warn: bool
-    """Warn before a long run if its learning is predicted to diverge (see cmacexp/stability/warn.py)."""
+    """Warn of overrides without effect (see cmacexp/config/effect.py), and before a long run whose learning is
+    predicted to diverge (see cmacexp/stability/warn.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)
     """Gait cycles after which the run ends."""
-    seed: int = number("", at_least=0, below=2**32)
+    seed: int = number("", at_least=0, below=2**32, needs=DRAWS)
     """Seed of the hash of the CMAC's memory and of every component that draws random numbers."""
     sampling_period: float = number("s", at_least=1e-6, at_most=1e3)
     """Time between two steps of the loop, T_s."""

@@ -40,8 +40,8 @@ def read_earlier(folder: Path, key: str) -> manifests.Manifest | None:
 
 def _find_run(folder: Path, key: str) -> frozenset[str]:
     manifest = read_earlier(folder, key)
-    if manifest is not None and manifest.get("kind") == manifests.REPORT:
-        raise BadInput(key, folder, "holds a report; choose another folder")
+    if manifest is not None and "kind" in manifest:
+        raise BadInput(key, folder, f"holds a {manifest['kind']}; choose another folder")
     remove_leftovers(folder, (*RUN_FILES, manifests.NAME))
     earlier = frozenset(manifest["files"]) & frozenset(RUN_FILES) if manifest is not None else frozenset[str]()
     for name in RUN_FILES:

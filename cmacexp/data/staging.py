@@ -44,7 +44,7 @@ class Place:
         path = self.new / name
         path.parent.mkdir(parents=True, exist_ok=True)
         with write_atomically(path) as temporary:
-            temporary.write_text(text)
+            temporary.write_text(text, encoding="utf-8")
 
     def commit(self, manifest: dict[str, Any]) -> None:
         """Replace the earlier result; what interrupts this in the middle, :func:`finish_replacement` makes good.

@@ -1,5 +1,6 @@
 """Runs from Python, as from the command line: ``run`` one, ``load`` an old one."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -7,12 +8,14 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from cmacexp.config import to_config
 from cmacexp.config.component import COMPONENTS
-from cmacexp.config.compose import compose_config
+from cmacexp.config.compose import compose_untyped
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import METRICS
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, WithoutEffect
 from cmacexp.experiment.run import run_scenario
+from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.summary import format_cycles
 
@@ -86,17 +89,23 @@ def run(
     Raises:
         CmacexpError: it cannot be run; a ``BadInput`` names the key, the value and what is allowed.
         OSError: the folder cannot be written.
+
+    Warns:
+        WithoutEffect: of each override that nothing reads, unless ``warn=false`` is one of them.
     """
     config_overrides, named = _split(overrides)
     unknown = set(components) - set(COMPONENTS)
     if unknown:
         raise BadInput("run", ", ".join(sorted(unknown)), f"no such component; choose from {', '.join(COMPONENTS)}")
-    config = compose_config(config_overrides, config_dir)
+    composed, choices = compose_untyped(config_overrides, config_dir)
+    config = to_config(composed, choices)
     targets: dict[str, Any] = {
         key: {"_target_": f"{type(component).__module__}.{type(component).__qualname__}"}
         for key, component in components.items()
     }
     config = replace(config, **targets)
+    for text in warnings_of(config, config_overrides, composed):
+        warnings.warn(text, WithoutEffect, stacklevel=2)
     place = Path(folder) if folder is not None else named
     if place is None:
         place = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))

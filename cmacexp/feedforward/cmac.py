@@ -7,7 +7,7 @@ import numpy as np
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange, spanning
 from cmacexp.cmac.use import memory_use
-from cmacexp.config import ComponentConfig, Config
+from cmacexp.config import Config, FeedforwardConfig
 from cmacexp.config.component import MemoryNeed
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.planning.setup import Setup
@@ -23,7 +23,7 @@ class CmacFeedforward(BuiltInFeedforward):
     """One CMAC per leg, addressed by planned joint values, trained by the feedback (Lin & Song 1997, section 4)."""
 
     @dataclass
-    class Config(ComponentConfig):
+    class Config(FeedforwardConfig):
         """No fields of its own: those of ``cmac`` and ``learning``."""
 
         def memory_need(self, config: Config) -> MemoryNeed:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmacexp.cmac.use import MemoryUse
-from cmacexp.config import ComponentConfig, number
+from cmacexp.config import FeedforwardConfig, number
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, network
 from cmacexp.models.exponential import exponential
@@ -47,7 +47,7 @@ class IterativeLearning(BuiltInFeedforward):
     """
 
     @dataclass
-    class Config(ComponentConfig):
+    class Config(FeedforwardConfig):
         """The low-pass filter Q."""
 
         cutoff: float | None = number("Hz", above=0, at_most=1e6)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cmacexp.config import ComponentConfig, number
+from cmacexp.config import FeedforwardConfig, number
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
@@ -19,7 +19,7 @@ class InverseDynamics(BuiltInFeedforward):
     """
 
     @dataclass
-    class Config(ComponentConfig):
+    class Config(FeedforwardConfig):
         """Errors of the model."""
 
         mass_factor: float = number("", above=0, at_most=1e3)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.config import ComponentConfig, Config, choice, number
+from cmacexp.config import Config, FeedforwardConfig, choice, number
 from cmacexp.config.cmac import INPUTS, check_inputs
 from cmacexp.config.component import MemoryNeed
 from cmacexp.errors import BadInput
@@ -39,7 +39,7 @@ class Perceptron:
     """
 
     @dataclass
-    class Config(ComponentConfig):
+    class Config(FeedforwardConfig):
         """Inputs, size and training of the network of one leg."""
 
         inputs: list[str] = choice(*INPUTS)

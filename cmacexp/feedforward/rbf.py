@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.cmac.quantiser import spanning
 from cmacexp.cmac.use import MemoryUse
-from cmacexp.config import ComponentConfig, Config, choice, number
+from cmacexp.config import Config, FeedforwardConfig, choice, number
 from cmacexp.config.cmac import INPUTS, check_inputs
 from cmacexp.config.component import MemoryNeed
 from cmacexp.errors import BadInput
@@ -60,7 +60,7 @@ class RadialBasis(BuiltInFeedforward):
     """
 
     @dataclass
-    class Config(ComponentConfig):
+    class Config(FeedforwardConfig):
         """Inputs, number and width of the Gaussians of one leg."""
 
         inputs: list[str] = choice(*INPUTS)

@@ -57,7 +57,7 @@ class MarkdownPage:
 
         environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_finalize)
         try:
-            text = environment.from_string(self.template.read_text()).render(self.values)
+            text = environment.from_string(self.template.read_text(encoding="utf-8")).render(self.values)
         except UndefinedError as error:
             raise BadInput(
                 "page", self.template, f"{error.message}; it may use {listed(list(self.values))}"
@@ -88,7 +88,7 @@ def find_insertions(template: Path) -> list[tuple[str, str, int]]:
     from jinja2 import Environment, TemplateSyntaxError, nodes
 
     try:
-        tree = Environment().parse(template.read_text())
+        tree = Environment().parse(template.read_text(encoding="utf-8"))
     except TemplateSyntaxError as error:
         raise BadInput("page", template, f"line {error.lineno}: {error.message}") from error
     return [

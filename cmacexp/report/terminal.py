@@ -1,6 +1,5 @@
 """Printing in the terminal: that compiling takes place, how work goes on, how a run ended, what to do next."""
 
-import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ from cmacexp.data.tables import RECORDING
 from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.drift import Drift, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs
+from cmacexp.report.outputs import keep_outputs
 from cmacexp.report.terminal_tables import print_key, print_scores
 
 NEXT = {"report": "report", "replay": "replay"}
@@ -21,12 +21,9 @@ COMPILING = "compiling the control loop: takes up to half a minute, once; so man
 
 
 def say(text: str, error: bool = False) -> None:
-    """Print a line at once; a closed pipe does no harm to the run."""
-    stream = sys.stderr if error else sys.stdout
-    try:
-        print(text, file=stream, flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    """Print a line at once; an output that is closed does no harm to the run, in a worker process either."""
+    keep_outputs()
+    print(text, file=sys.stderr if error else sys.stdout, flush=True)
 
 
 @cache

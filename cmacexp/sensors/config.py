@@ -8,6 +8,10 @@ from cmacexp.errors import BadInput
 from cmacexp.sensors.channel import FAULTS, STUCK, WITHOUT_VALUE
 
 UNIT = "unit of the signal"
+IMPERFECT = (
+    ".noise above 0 or .noise_relative above 0 or .bias!=0 or .quantum above 0 or .delay above 0 or .dropout above 0"
+)
+"""What fields that say when and where a signal is imperfect need."""
 
 
 @dataclass
@@ -16,9 +20,9 @@ class FaultConfig:
 
     kind: str = choice(*FAULTS)
     """One of the faults in cmacexp/sensors/channel.py, which docs/sensors.md describes."""
-    start: float = number("s", at_least=0)
+    start: float = number("s", at_least=0, needs=".kind!=none")
     """When the sensor breaks."""
-    value: float = number(UNIT)
+    value: float = number(UNIT, needs=".kind!=none")
     """The bias, the stuck reading or the standard deviation of the noise; 0 for kinds without a value."""
 
     def check(self, key: str) -> None:
@@ -35,7 +39,7 @@ class FaultConfig:
 class LegFaultConfig(FaultConfig):
     """A fault in some legs."""
 
-    legs: list[int] | None = number("leg", at_least=1)
+    legs: list[int] | None = number("leg", at_least=1, needs=".kind!=none")
     """Legs whose sensor breaks, by their numbers; null: all."""
 
 
@@ -44,7 +48,7 @@ class SignalConfig:
     """Imperfections of one signal, in this order: delay, noise, bias, quantisation, drop-out, fault."""
 
     fault: FaultConfig
-    start: float = number("s", at_least=0)
+    start: float = number("s", at_least=0, needs=IMPERFECT)
     """From when; a fault has a start of its own."""
     noise: float = number(UNIT, at_least=0, at_most=1e9)
     """Standard deviation of white noise."""
@@ -58,7 +62,7 @@ class SignalConfig:
     """A reading is the value of so many samples before."""
     dropout: float = number("", at_least=0, below=1)
     """Probability that a sample is lost."""
-    dropout_reads: str = choice("last", "zero")
+    dropout_reads: str = choice("last", "zero", needs=".dropout above 0")
     """What a lost sample reads: the last good one, or 0."""
 
     @property
@@ -94,7 +98,7 @@ class LegSignalConfig(SignalConfig):
     """What alters a signal of some legs."""
 
     fault: LegFaultConfig
-    legs: list[int] | None = number("leg", at_least=1)
+    legs: list[int] | None = number("leg", at_least=1, needs=IMPERFECT)
     """Legs whose sensors this concerns, by their numbers; null: all."""
 
     def check(self, key: str, config: Config) -> None:

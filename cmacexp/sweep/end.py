@@ -12,6 +12,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.files import sha256, write_atomically
 from cmacexp.data.parquet import write_table
 from cmacexp.data.tables import TRACE
+from cmacexp.experiment.without_effect import warnings_of_sweep
 from cmacexp.report.comparison import print_runs
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.report.terminal import activity, print_next
@@ -42,6 +43,8 @@ def finish_sweep(sweep: Sweep) -> str:
     print_runs(jobs, swept, sweep.folder / TABLE_CSV)
     _print_counts(jobs, missing)
     _print_failures(jobs)
+    for text in warnings_of_sweep(sweep.kinds.values()):
+        print(f"warning: {text}", file=sys.stderr)
     if any(job.is_result for job in jobs):
         print_next(sweep.folder, {"report": "report"})
     print(sweep.folder / TABLE)

@@ -62,7 +62,7 @@ def _find_attempts(folder: Path) -> dict[Path, Path]:
 def _read_overrides(folder: Path) -> list[str]:
     """The overrides of a job, as Hydra recorded them; none if it was killed before."""
     try:
-        found = yaml.safe_load((folder / HYDRA / "overrides.yaml").read_text())
+        found = yaml.safe_load((folder / HYDRA / "overrides.yaml").read_text(encoding="utf-8"))
     except (OSError, yaml.YAMLError):
         return []
     return [str(text) for text in found] if isinstance(found, list) else []

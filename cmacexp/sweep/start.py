@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hydra.core.global_hydra import GlobalHydra
+from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from hydra.plugins.sweeper import Sweeper
 from omegaconf import DictConfig, OmegaConf
@@ -27,19 +28,29 @@ DEFAULT = "record=trace"
 """Override of a sweep that does not set ``record``."""
 
 
+class Jobs(NamedTuple):
+    """Jobs that choose the same options and set the same keys."""
+
+    composed: DictConfig
+    """What Hydra composes for the first of them."""
+    overrides: list[list[str]]
+    """Of the run, for each job."""
+
+
 class Sweep:
     """The sweep of this process.
 
     Attributes:
         folder: ``hydra.sweep.dir``.
         planned: how many jobs have which overrides, see :func:`select_run_overrides`.
+        kinds: the same jobs by their kind, see :meth:`check`.
     """
 
     def __init__(self, folder: Path):
         self.folder = folder
         self.planned: Counter[tuple[str, ...]] = Counter()
+        self.kinds: dict[tuple[str, ...], Jobs] = {}
         self._lock = ExitStack()
-        self._composable: set[tuple[str, ...]] = set()
 
     def lock(self) -> None:
         """Keep other sweeps out of the folder until :meth:`unlock`.
@@ -70,9 +81,13 @@ class Sweep:
         for overrides in batch:
             self.planned[tuple(select_run_overrides(overrides))] += 1
             kind = tuple(text if is_group(key) else key for text, key in ((o, o.split("=")[0]) for o in overrides))
-            if kind not in self._composable:
-                loader.load_sweep_config(sweeper.config, list(overrides))
-                self._composable.add(kind)
+            if kind not in self.kinds:
+                try:
+                    composed = loader.load_sweep_config(sweeper.config, list(overrides))
+                except (TypeError, ValueError) as error:  # of overrides whose shape Hydra does not foresee
+                    raise HydraException(str(error)) from error
+                self.kinds[kind] = Jobs(composed, [])
+            self.kinds[kind].overrides.append(select_run_overrides(overrides))
 
 
 class SweepRefused(BaseException):

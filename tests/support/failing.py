@@ -18,7 +18,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from support.killing import check, end_of, forked
 
-from cmacexp.data.discovery import runs_below
+from cmacexp.data.discovery import everything_below
 from cmacexp.data.integrity import faults
 from cmacexp.data.stored_run import StoredRun
 
@@ -96,7 +96,7 @@ def start(folder: Path, words: list[str], number: int | None) -> int:
 def contents(folder: Path) -> dict[str, str]:
     """What each run or report is: the hashes of what it computed."""
     found = {}
-    for place in runs_below(folder, reports=True):
+    for place in everything_below(folder):
         assert not faults(place), (place, faults(place))
         files = StoredRun(place).manifest["files"]
         found[str(place.relative_to(folder))] = json.dumps(files, sort_keys=True)

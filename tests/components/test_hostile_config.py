@@ -1,0 +1,182 @@
+"""Whatever is typed gives a config that holds what was asked, or one line that says what is wrong.
+
+``CMACEXP_EXAMPLES=2000`` tries so many command lines instead of a few, and makes the scenarios of valid ones.
+"""
+
+import os
+import signal
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from support.fields import leaves
+
+from cmacexp.config import config_folder, to_plain
+from cmacexp.config.component import COMPONENTS
+from cmacexp.config.compose import compose_config
+from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.loop.scenario import make_scenario
+
+ASKED = int(os.environ.get("CMACEXP_EXAMPLES", "0"))
+SECONDS = 60
+"""After so long a command line counts as one that hangs."""
+SCENARIOS = sorted(path.stem for path in (config_folder() / "scenario").glob("*.yaml"))
+GROUPS = sorted(path.name for path in config_folder().iterdir() if path.is_dir() and path.name != "for_plant")
+OPTIONS = sorted({path.stem for path in config_folder().glob("*/*.yaml")})
+DIGITS = "9" * 400
+VALUES = [*Path(__file__).with_name("hostile_values.txt").read_text("utf-8").splitlines(), "'a\nb'"]
+VALUES += [DIGITS, f"-{DIGITS}", f"0.{DIGITS}", "9" * 5000]
+TARGETS = ("os.system", "os", "cmacexp", "cmacexp.errors.BadInput", "cmacexp.plants.AnalyticPlant", "a..b", "a", "3")
+PREFIXES = ["", "", "", "", "", "", "", "++", "+"]
+
+
+WRONG = (
+    "",
+    "x",
+    "x.y",
+    "cmac.layerz",
+    "cmac.layers.x",
+    ".cmac",
+    "cmac.",
+    "a b",
+    "cmac@x",
+    "plant@machine",
+    "_target_",
+)
+
+
+@cache
+def keys() -> list[str]:
+    """Keys of fields and of the groups that hold them; in the long form also of richer options, and wrong ones."""
+    richer = ["sensors=real", *(f"feedforward={name}" for name in ("mlp", "rbf", "ilc", "inverse_dynamics"))]
+    options = [f"scenario={name}" for name in SCENARIOS] + (richer if ASKED else [])
+    found = [key for option in options for key, *_ in leaves(compose_config([option]))]
+    inner = [".".join(key.split(".")[:length]) for key in found for length in range(1, key.count(".") + 1)]
+    return list(dict.fromkeys([*found, *inner, *(WRONG if ASKED else ())]))
+
+
+KEYS = st.deferred(lambda: st.sampled_from(keys()))
+TARGET_KEYS = [f"{group}._target_" for group in COMPONENTS]
+FIELD = st.builds("{}{}={}".format, st.sampled_from(PREFIXES), KEYS, st.sampled_from(VALUES))
+OPTION = st.builds("{}={}".format, st.sampled_from(GROUPS), st.sampled_from([*OPTIONS, *VALUES]))
+TARGET = st.builds("{}={}".format, st.sampled_from(TARGET_KEYS), st.sampled_from(TARGETS))
+OVERRIDE = st.one_of(FIELD, FIELD, FIELD, OPTION, TARGET, st.builds("~{}".format, KEYS))
+LINES = st.builds(
+    lambda scenario, overrides: [f"scenario={scenario}", *overrides],
+    st.sampled_from(SCENARIOS),
+    st.lists(OVERRIDE, min_size=1, max_size=2),
+)
+
+
+@contextmanager
+def limited(line):
+    """A time limit."""
+
+    def late(*_):
+        raise AssertionError(f"{line} hangs")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(SECONDS)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+TRUE, FALSE = ("true", "yes", "y", "on", "1"), ("false", "no", "n", "off", "0")
+
+
+def is_asked(asked, got) -> bool:
+    """Whether a value of a config is the one that was typed."""
+    if isinstance(asked, dict):
+        return isinstance(got, dict) and all(
+            name in got and is_asked(each, got[name]) for name, each in asked.items()
+        )
+    if isinstance(asked, list):
+        return isinstance(got, list) and len(asked) == len(got) and all(map(is_asked, asked, got))
+    if isinstance(got, bool):
+        return str(asked).lower() in (TRUE if got else FALSE)
+    if isinstance(got, int | float):
+        return not isinstance(asked, bool) and float(asked) == got
+    return type(asked) is type(got) and asked == got
+
+
+def value_at(plain, key):
+    for name in key.split("."):
+        plain = plain[name]
+    return plain
+
+
+def check_values(line, plain):
+    """What each field was set to last is what the config holds."""
+    parsed = [each for each in OverridesParser.create().parse_overrides(line) if each.key_or_group not in GROUPS]
+    for i, each in enumerate(parsed):
+        key, later = each.key_or_group, [other.key_or_group for other in parsed[i + 1 :]]
+        touched = any(f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}.") for other in later)
+        if not (each.is_delete() or touched or "$" in each.input_line or key.endswith("_target_")):
+            value = each.value()
+            assert is_asked(getattr(value, "text", value), value_at(plain, key)), each.input_line
+
+
+def is_cheap(line, config) -> bool:
+    """Whether a scenario is made at once, and no class but ours is called for it."""
+    ours = not any("_target_" in text for text in line)
+    small = config.cmac.memory_bytes <= 2**22 and config.cmac.layers <= 256 and config.actuator.delay < 10**4
+    return ours and small and config.steps_per_cycle * config.legs <= 4000
+
+
+def try_line(line):
+    """Compose a command line; what it was refused with, or None."""
+    with limited(line):
+        try:
+            config = compose_config(line)
+            check_values(line, to_plain(config))
+            if ASKED and is_cheap(line, config):
+                make_scenario(config)
+        except CmacexpError as error:
+            refused = error
+        else:
+            return None
+    assert str(refused).isprintable(), f"{line}: {refused!r}"
+    return refused
+
+
+@settings(max_examples=ASKED or 25)
+@given(LINES)
+@example(["record.cycles=[[1]]"])
+@example(["machine.leg=${gait}"])
+def test_every_command_line_is_refused_in_one_line_or_gives_what_was_asked(line):
+    try_line(line)
+
+
+@pytest.mark.parametrize(
+    ("typed", "begins"),
+    [
+        (f"cycles={DIGITS}", "cycles=999"),
+        (f"gait.stroke=-{DIGITS}", "gait.stroke=-999"),
+        (f"record.cycles=[{DIGITS}]", "record.cycles=999"),
+        ("record.cycles=[[1]]", "record.cycles=[[1]]: must be a list in which each is a whole number, or null"),
+        ("gait.touch_down=${seed}", "gait.touch_down=0: must be a list in which each is a number, or null"),
+        ("cmac.inputs=${machine}", "cmac.inputs=LegMachine("),
+        ("machine.leg=${gait}", "machine.leg="),
+        ("machine.kind=[leg]", "machine.kind=['leg']: choose from"),
+        ("feedforward._target_=[]", "feedforward._target_=[]: must name a class"),
+        ("warn=3", "warn=3: must be true or false"),
+        ("learning.start_from=true", "learning.start_from=True: must be a word"),
+        ("cycles='a\nb'", "cycles=a\\nb: must be a whole number"),
+        ("plant=mujoco_quadruped", "plant=mujoco_quadruped: is not for machine.kind=leg"),
+        ("scenario=[null]", "a group takes the name of an option"),
+        ("gait=null", "a group takes the name of an option"),
+        ("scenario@x=quadruped", "Could not override 'scenario@x'"),
+    ],
+)
+def test_refused_in_one_short_line(typed, begins):
+    error = try_line([typed])
+    assert str(error).startswith(begins), str(error)
+    assert len(str(error)) < 600
+    assert isinstance(error, BadInput) or "=" not in begins.partition(":")[0]
