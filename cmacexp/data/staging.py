@@ -72,7 +72,7 @@ class Place:
         """
         failed = self.new.rename(self.folder / FAILED)
         with write_atomically(failed / LAST) as temporary:
-            temporary.write_text(dump(manifest))
+            temporary.write_text(dump(manifest), encoding="utf-8")
 
 
 def refuse_if_taken(folder: Path, name: str, key: str) -> None:

@@ -136,9 +136,10 @@ def pieces(lengths, legs=1):
 def test_held_back_steps_are_written_once_in_order(lengths, completed, tmp_path):
     record = replace(compose_config(["record=trace"]).record, every_nth_step=9, cycles=[1, 3])
     written = []
-    writer = TraceWriter([SimpleNamespace(write_table=written.append)], record)
+    file = SimpleNamespace(write_table=written.append, reserve=lambda parts: None)
+    writer = TraceWriter([file], record, tmp_path / "spare")
     for traces in pieces(lengths):
-        writer.write(traces)
+        writer.write(traces, needed=1)
     writer.finish(completed)
     steps = np.concatenate([table["step"].to_numpy() for table in written] or [np.zeros(0)])
     step = np.arange(sum(lengths))

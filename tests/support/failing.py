@@ -18,9 +18,9 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from support.killing import check, end_of, forked
 
+from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below
 from cmacexp.data.integrity import faults
-from cmacexp.data.stored_run import StoredRun
 
 NEVER = 100
 """Exit code of a command that has fewer writes."""
@@ -55,8 +55,8 @@ class Failing:
         setattr(owner, name, counted)
 
     def install(self) -> None:
-        def cut(path: Path, text: str) -> int:
-            with path.open("w") as file:
+        def cut(path: Path, text: str, encoding: str | None = None) -> int:
+            with path.open("w", encoding=encoding) as file:
                 file.write(text[: len(text) // 2])
                 file.flush()
                 self.count(path)
@@ -98,8 +98,9 @@ def contents(folder: Path) -> dict[str, str]:
     found = {}
     for place in everything_below(folder):
         assert not faults(place), (place, faults(place))
-        files = StoredRun(place).manifest["files"]
-        found[str(place.relative_to(folder))] = json.dumps(files, sort_keys=True)
+        manifest = manifests.read(place)
+        if manifest.get("kind") != manifests.SWEEP:  # its table may also list a job that failed
+            found[str(place.relative_to(folder))] = json.dumps(manifest["files"], sort_keys=True)
     return found
 
 
