@@ -90,6 +90,18 @@ def test_a_run_watched_in_parts_is_told_as_one_watched_at_once(size):
         assert_array_equal(np.concatenate(part), at_once)
 
 
+def test_a_drift_is_named_in_the_first_cycle_that_shows_it_with_its_leg():
+    """However late the other legs follow."""
+    n = np.arange(60.0)[:, None]
+    feedback = 1.03 ** np.maximum(0.0, n - np.array([30.0, 0.0, 12.0]))
+    detector = DriftDetector(3)
+    growth, started = detector.add(feedback)
+    cycle = int(np.flatnonzero(~np.isnan(started).all(axis=1))[0])
+    assert np.flatnonzero(~np.isnan(started[cycle])).tolist() == [1]
+    assert detector.first == Drift(int(started[cycle, 1]), 2, cycle + 1, growth[cycle, 1])
+    assert detector.first.growth == pytest.approx(1.03)
+
+
 def test_change_of_the_feedback_is_that_from_the_cycle_before():
     torque = np.repeat([1.0, 4.0, 2.0], 4)
     measured = measure("TTSS", rows=12, tau_feedback_1=torque, tau_feedback_2=0.0)

@@ -13,6 +13,7 @@ from cmacexp.errors import BadInput
 from cmacexp.models.leg import foot_position, foot_velocity, trigonometry
 from cmacexp.models.mechanism import get_leg
 from cmacexp.planning import make_plan
+from cmacexp.planning.columns import VY, Y
 from cmacexp.planning.foot_path import VERTICAL, cubic, line, quintic, two_cubics
 from cmacexp.planning.gait import make_timing
 from cmacexp.planning.machine import make_mechanism
@@ -160,6 +161,14 @@ def test_load_ramp_takes_the_desired_force_up_in_a_line(plan_of):
     assert_allclose(plan.desired[120:, 0, 1], 0.5 + wanted / 10.0)
     assert_allclose(plan.desired[120:, 0, 3], np.where(np.arange(480) < 20, 1.5, 0.0))
     assert_allclose(plan.reference[0, 120:, 0, 1], 0.5 + 0.215 * wanted)
+
+
+@pytest.mark.parametrize("ramp", [0.1, 0.25, 0.4])
+def test_the_planned_rate_of_the_load_adds_up_to_the_desired_depression(plan_of, ramp):
+    """No sample more than the ramp has."""
+    plan = plan_of("scenario=one_leg", f"gait.load_ramp={ramp}")
+    descent = 0.005 * np.where(plan.support[:, 0], plan.desired[:, 0, VY], 0.0).sum()
+    assert descent == pytest.approx(plan.desired[plan.support[:, 0], 0, Y].max() - 0.5)
 
 
 @pytest.mark.parametrize("overrides", [[], ["gait.load_ramp=0.2"], ["gait.vertical=two_cubics"]])

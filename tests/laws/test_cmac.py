@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from cmacexp.cmac.addressing import Address, address, address_batch, count_outsi
 from cmacexp.cmac.displacement import DISPLACEMENTS, displacement, least_distance
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange, quantise, spanning
+from cmacexp.cmac.visited import Visited
 from cmacexp.config.cmac import CmacConfig
 from cmacexp.errors import BadInput
 
@@ -294,3 +296,19 @@ def test_a_batch_has_the_addresses_of_its_inputs_one_by_one_compiled_or_not(addr
     address_batch.plain(cmac.address, inputs, plain)
     address_batch.compiled(cmac.address, inputs, compiled)
     assert expected.tolist() == plain.tolist() == compiled.tolist()
+
+
+def test_the_memory_that_visited_cells_ask_for_is_exactly_enough():
+    """What is refused leaves no trace."""
+    few, row_bytes = Visited(5, 16), 16
+    rows = few.assign_rows(np.array([[7, 3], [9, 7]], dtype=np.uint64))
+    assert rows.tolist() == [[0, 1], [2, 0]]
+    more = np.array([[1, 9, 2], [5, 6, 1]], dtype=np.uint64)
+    with pytest.raises(BadInput) as refused:
+        few.assign_rows(more)
+    assert few.positions.tolist() == [7, 3, 9]
+    named = int(re.search(r"at least (\d+) B", str(refused.value))[1])
+    enough, too_few = (Visited(named // row_bytes - less, row_bytes, few.positions) for less in (0, 1))
+    assert enough.assign_rows(more).tolist() == [[3, 2, 4], [5, 6, 3]]
+    with pytest.raises(BadInput):
+        too_few.assign_rows(more)

@@ -1,0 +1,71 @@
+"""The page of results: how many mutants each room has, and why those live that live."""
+
+import tomllib
+from collections import Counter, defaultdict
+from pathlib import Path
+from typing import Any
+
+from tests.mutants.mutations import Mutant
+from tests.mutants.trial import FIGURES_ONLY, INVALID, KILLED, SURVIVED
+
+EXPLAINED = Path(__file__).with_name("explained.toml")
+UNEXPLAINED = "not explained"
+
+
+def read_reasons() -> dict[tuple[str, str, str, str], str]:
+    """Why mutants survive, by path, line, old and new text."""
+    entries = tomllib.loads(EXPLAINED.read_text()).get("survivor", [])
+    return {(entry["path"], entry["line"], entry["old"], entry["new"]): entry["why"] for entry in entries}
+
+
+def in_room(path: str) -> str:
+    """The room of a file."""
+    return path.split("/")[1]
+
+
+def code(text: str) -> str:
+    """Text as code in a cell of a table."""
+    return "`" + " ".join(text.split()).replace("|", "\\|") + "`"
+
+
+def format_rooms(entries: list[dict[str, Any]]) -> list[str]:
+    """The table of rooms."""
+    counts: dict[str, Counter[str]] = defaultdict(Counter)
+    for entry in entries:
+        counts[in_room(entry["mutant"][0])][entry["result"]] += 1
+    counts["all"] = sum(counts.values(), Counter())
+    lines = [
+        "| room | mutants | killed | of these by recorded figures alone | survived | killed, % |",
+        "|---|---|---|---|---|---|",
+    ]
+    for room, count in counts.items():
+        killed, all_of_room = count[KILLED] + count[FIGURES_ONLY], count.total()
+        share = f"{100.0 * killed / all_of_room:.1f}"
+        lines.append(f"| {room} | {all_of_room} | {killed} | {count[FIGURES_ONLY]} | {count[SURVIVED]} | {share} |")
+    return lines
+
+
+def format_survivors(entries: list[dict[str, Any]]) -> list[str]:
+    """The table of survivors."""
+    reasons = read_reasons()
+    lines = ["| file | line | instead of | mutant | why it survives |", "|---|---|---|---|---|"]
+    for mutant in sorted(Mutant(*entry["mutant"]) for entry in entries if entry["result"] == SURVIVED):
+        why = reasons.get((mutant.path, mutant.context, mutant.old, mutant.new), UNEXPLAINED)
+        cells = (mutant.path.removeprefix("cmacexp/"), code(mutant.context), code(mutant.old), code(mutant.new), why)
+        lines.append(f"| {' | '.join(cells)} |")
+    return lines
+
+
+def write_page(page: Path, entries: list[dict[str, Any]], total: int, seed: int) -> None:
+    """Replace the results in ``page`` by those of ``entries``, a sample of ``total`` mutants drawn with ``seed``."""
+    from benchmarks.__main__ import replace_results  # imports the project, which no mutant may find imported
+
+    valid = [entry for entry in entries if entry["result"] != INVALID]
+    rooms, survivors = format_rooms(sorted(valid, key=lambda e: in_room(e["mutant"][0]))), format_survivors(valid)
+    head = (
+        f"{len(valid)} of {total} mutants, drawn with seed {seed}; {len(entries) - len(valid)} more that cannot be "
+        "imported do not count."
+    )
+    page.write_text(
+        replace_results(page.read_text(), "\n".join([head, "", *rooms, "", "### Survivors", "", *survivors]))
+    )
