@@ -96,12 +96,12 @@ def warnings_of_sweep(kinds: Iterable[tuple[DictConfig, Sequence[Sequence[str]]]
             return []
         if not config.warn:
             return []
-        effects, open_keys = _effects(config, "MULTIRUN"), {each.key for each in read_typed(jobs[0])}
+        effects, keys = _effects(config, "MULTIRUN"), dict.fromkeys(each.key for each in read_typed(jobs[0]))
         for overrides in jobs:
-            if not (open_keys := {key for key in open_keys if found.get(key) != ""}):
+            if not (keys := {key: None for key in keys if found.get(key) != ""}):
                 break
             typed = read_typed(overrides)
             own = effects._replace(values={**effects.values, **{each.key: each.value for each in typed}})
-            for key in open_keys:
+            for key in keys:
                 found[key] = _reason(key, own, plain)
     return [f"{key} has no effect in any job: {reason}" for key, reason in found.items() if reason]
