@@ -12,13 +12,13 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.tables import METRICS, METRICS_CSV, RECORDING, TRACE
 from cmacexp.data.weights import WEIGHTS
 
-RUN = ["scenario=one_leg", "cycles=1", "gait.cycle_time=1.5", "record=trace"]
+RUN = ["scenario=one_leg", "cycles=1", "gait.cycle_time=1.5", "learning.start_cycle=1"]
 OWN = "from cmacexp.control import HybridController\n\nclass Own(HybridController):\n    pass\n"
 
 
 @pytest.fixture(scope="module")
 def learnt(tmp_path_factory):
-    return cmacexp.run([*RUN, "record=full", "record.weights=true"], tmp_path_factory.mktemp("repeat") / "run").folder
+    return cmacexp.run([*RUN, "record.weights=true"], tmp_path_factory.mktemp("repeat") / "run").folder
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def test_a_file_that_changed_since_is_not_equal_though_the_run_repeats(run, repe
 
 
 def test_a_run_repeats_from_the_weights_that_it_started_from_alone(run, repeat, tmp_path):
-    later = cmacexp.run([*RUN, f"learning.start_from={run}"], tmp_path / "later").folder
+    later = cmacexp.run([*RUN, "record=trace", f"learning.start_from={run}"], tmp_path / "later").folder
     assert repeat(later)[0] == 0
     (run / WEIGHTS).write_bytes(b"other")
     code, lines, said = repeat(later)
@@ -90,7 +90,7 @@ def test_a_run_repeats_from_the_weights_that_it_started_from_alone(run, repeat, 
 def test_a_custom_component_has_to_be_importable(repeat, tmp_path, monkeypatch):
     (tmp_path / "own_controller.py").write_text(OWN)
     monkeypatch.chdir(tmp_path)
-    folder = cmacexp.run([*RUN, "controller._target_=own_controller.Own"], tmp_path / "own").folder
+    folder = cmacexp.run([*RUN, "record=trace", "controller._target_=own_controller.Own"], tmp_path / "own").folder
     assert repeat(folder)[0] == 0
     (tmp_path / "own_controller.py").unlink()
     monkeypatch.delitem(sys.modules, "own_controller")
