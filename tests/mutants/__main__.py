@@ -44,7 +44,7 @@ def all_mutants() -> dict[str, list[Mutant]]:
 
 def make_copy(folder: Path) -> Path:
     """Copy the project, with compiled files that are checked by the hash of their source, not by its time."""
-    ignored = shutil.ignore_patterns("__pycache__", "outputs", ".*")
+    ignored = shutil.ignore_patterns("__pycache__", "outputs", ".git", ".venv", ".hypothesis", ".*_cache")
     shutil.copytree(ROOT, folder, ignore=ignored)
     compiling = [sys.executable, "-m", "compileall", "-q", "--invalidation-mode", "checked-hash", "cmacexp"]
     subprocess.run(compiling, cwd=folder, check=True)

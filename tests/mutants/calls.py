@@ -118,7 +118,8 @@ def main() -> None:
     sys.addaudithook(refuse)
     calls = Calls(Path(package).resolve(), Path(out).resolve())
     sys.settrace(calls.trace)
-    pytest.main(["-n0", "-q", "--tb=native", "-p", "no:cacheprovider", *tests], plugins=[calls])
+    code = pytest.main(["-n0", "-q", "--tb=native", "-p", "no:cacheprovider", *tests], plugins=[calls])
+    sys.exit(0 if code in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED) else int(code))
 
 
 if __name__ == "__main__":
