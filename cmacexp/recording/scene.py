@@ -9,6 +9,8 @@ from cmacexp.recording.entities import Entities, points
 from cmacexp.recording.run_view import RunView
 from cmacexp.typing import Array
 
+FINE_ANGLE = 2e-3
+"""Drawn angles of links are multiples of this, rad: their ends move less than a pixel, and a recording is smaller."""
 PATH_POINTS = 150
 """Points of a drawn foot path."""
 EYES = {
@@ -79,7 +81,7 @@ def _turns(angles: Array) -> pa.Array:
     axes = np.tile(np.array([0.0, 1.0, 0.0], dtype=np.float32), len(angles))
     columns = [
         pa.FixedSizeListArray.from_arrays(pa.array(axes), type=kind.field("axis").type),
-        pa.array(angles.astype(np.float32)),
+        pa.array((np.round(angles / FINE_ANGLE) * FINE_ANGLE).astype(np.float32)),
     ]
     return pa.StructArray.from_arrays(columns, fields=list(kind))
 
