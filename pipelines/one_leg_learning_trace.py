@@ -40,8 +40,8 @@ def in_cycle(number: int, measure: Measure) -> Callable[[StoredRun], float]:
 
 
 def in_last_recorded(measure: Measure) -> Callable[[StoredRun], float]:
-    """The measure of the last cycle in the trace as one of a run."""
-    return lambda run: in_cycle(int(run.trace["cycle"].max()), measure)(run)
+    """The measure of the last whole cycle in the trace as one of a run."""
+    return lambda run: in_cycle(run.select_whole(run.trace["cycle"].unique().tolist())[-1], measure)(run)
 
 
 def phases(rows: pd.DataFrame) -> list[slice]:
