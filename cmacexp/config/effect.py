@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from cmacexp.config.component import COMPONENTS
-from cmacexp.config.difference import find_option
+from cmacexp.config.difference import flat
 from cmacexp.config.folder import config_folder
 from cmacexp.config.load import to_plain
 from cmacexp.config.schema import Config
@@ -28,7 +28,7 @@ class Effects(NamedTuple):
     """What a config holds, and what its fields need to have an effect."""
 
     values: Mapping[str, Any]
-    """By dotted keys; of a component the class, by the key of its group."""
+    """By dotted keys; of a component its option, by the key of its group, or the name of a custom class."""
     needs: Mapping[str, str]
     """Of fields and groups, by their keys; fields and groups without a need are missing."""
 
@@ -63,10 +63,8 @@ class Effects(NamedTuple):
 
     def _compare(self, key: str, relation: str, text: str) -> bool:
         value = self.values[key]
-        if key in COMPONENTS:
-            value = find_option(key, value)
-            if not (config_folder() / key / f"{value}.yaml").exists():
-                return True  # a custom component may use whatever it likes
+        if key in COMPONENTS and not (config_folder() / key / f"{value}.yaml").exists():
+            return True  # a custom component may use whatever it likes
         if relation in ("=", "!="):
             return (value in [yaml.safe_load(each) for each in text.split("|")]) == (relation == "=")
         bound = self.values[text] if text in self.values else float(text)
@@ -84,15 +82,7 @@ def read_effects(config: Config, more: Mapping[str, str], mode: str = "RUN") -> 
         more: needs, by key, that are declared elsewhere than beside the fields.
         mode: of the command, see :data:`MODE`.
     """
-    return Effects({**dict(_values(to_plain(config), "")), MODE: mode}, {**dict(_needs(config, "")), **more})
-
-
-def _values(node: Mapping[str, Any], before: str) -> Iterator[tuple[str, Any]]:
-    for name, value in node.items():
-        if isinstance(value, Mapping):
-            yield from _values(value, f"{before}{name}.")
-        else:
-            yield before[:-1] if name == "_target_" else f"{before}{name}", value
+    return Effects({**flat(to_plain(config)), MODE: mode}, {**dict(_needs(config, "")), **more})
 
 
 def _needs(node: Any, key: str) -> Iterator[tuple[str, str]]:

@@ -1,4 +1,7 @@
-"""Replacing a result as a whole: files are written beside the earlier ones, and take their place at the end."""
+"""Replacing a result as a whole: files are written beside the earlier ones, and take their place at the end.
+
+The manifest makes a result whole: it is removed before any other file changes, and comes last.
+"""
 
 import json
 import os
@@ -13,8 +16,6 @@ from cmacexp.data.files import FAILED, NEW, alone_in, write_atomically
 from cmacexp.data.manifest_text import NAME, dump
 from cmacexp.errors import BadInput
 
-LAST = NAME
-"""The file that makes a result whole: it is removed before any other file changes, and comes last."""
 OBSOLETE = ".obsolete.json"
 """Names of files of the earlier result that the new one does not have."""
 
@@ -61,7 +62,7 @@ class Place:
                 refuse_if_taken(self.folder, name, self.key)
         obsolete = [name for name in sorted(self.earlier) if not (self.new / name).exists()]
         self.write_text(OBSOLETE, json.dumps(obsolete))
-        self.write_text(LAST, dump(manifest))
+        self.write_text(NAME, dump(manifest))
         _replace(self.folder)
 
     def leave_failure(self, manifest: dict[str, Any]) -> None:
@@ -71,7 +72,7 @@ class Place:
             manifest: of the attempt.
         """
         failed = self.new.rename(self.folder / FAILED)
-        with write_atomically(failed / LAST) as temporary:
+        with write_atomically(failed / NAME) as temporary:
             temporary.write_text(dump(manifest), encoding="utf-8")
 
 
@@ -82,7 +83,7 @@ def refuse_if_taken(folder: Path, name: str, key: str) -> None:
         BadInput: so it is; the message names it.
     """
     if is_taken(folder / name):
-        reason = f"holds {name}, which is of no earlier result that {LAST} lists; move it, or choose another folder"
+        reason = f"holds {name}, which is of no earlier result that {NAME} lists; move it, or choose another folder"
         raise BadInput(key, folder, reason)
 
 
@@ -93,26 +94,24 @@ def _list_files(new: Path) -> list[str]:
 def _replace(folder: Path) -> None:
     """Move what has been written to its place; begun anew after a kill, it comes to the same end."""
     new = folder / NEW
-    (folder / LAST).unlink(missing_ok=True)
+    (folder / NAME).unlink(missing_ok=True)
     for name in json.loads((new / OBSOLETE).read_text()):
         (folder / name).unlink(missing_ok=True)
     for name in _list_files(new):
-        if name not in (LAST, OBSOLETE):
+        if name not in (NAME, OBSOLETE):
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (new / name).replace(folder / name)
-    (new / LAST).replace(folder / LAST)
+    (new / NAME).replace(folder / NAME)
     shutil.rmtree(new, ignore_errors=True)
 
 
-def finish_replacement(folder: Path) -> bool:
-    """Move a whole new result to its place, if a killed process did not come to that; whether it did anything."""
+def finish_replacement(folder: Path) -> None:
+    """Move a whole new result to its place, if a killed process did not come to that."""
     with suppress(BadInput, OSError):
-        if (folder / NEW / LAST).exists():
-            with alone_in(folder, LAST):
-                if (folder / NEW / LAST).exists():
+        if (folder / NEW / NAME).exists():
+            with alone_in(folder, NAME):
+                if (folder / NEW / NAME).exists():
                     _replace(folder)
-            return True
-    return False
 
 
 @contextmanager
@@ -134,7 +133,7 @@ def replacing(
     made = not folder.exists()
     try:
         with alone_in(folder, key, wait):
-            if (folder / NEW / LAST).exists():
+            if (folder / NEW / NAME).exists():
                 _replace(folder)
             place = Place(folder, key, find_earlier(folder, key))
             for leftover in (NEW, FAILED):
@@ -143,7 +142,7 @@ def replacing(
             try:
                 yield place
             finally:
-                if not (place.new / LAST).exists():
+                if not (place.new / NAME).exists():
                     shutil.rmtree(place.new, ignore_errors=True)
     finally:
         if made:

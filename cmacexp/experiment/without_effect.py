@@ -58,7 +58,7 @@ def _reason(key: str, effects: Effects, composed: DictConfig) -> str:
     known = any(each == key or each.startswith(f"{key}.") for each in effects.values)
     reason = f"needs {missing}" if (missing := effects.missing(key)) else ""
     if not known and group in effects.values and not key.endswith("._target_"):
-        reason = f"{effects.values[group]} does not take it"
+        reason = f"{group}={effects.values[group]} does not take it"
     used = reason and f"${{{key}}}" in str(OmegaConf.to_container(composed, resolve=False))
     return "" if used else reason
 

@@ -22,8 +22,9 @@ def _is_own(name: str) -> bool:
 
 def _find_report(folder: Path, key: str) -> frozenset[str]:
     manifest = read_earlier(folder, key)
-    if (manifest is not None and manifest.get("kind") != manifests.REPORT) or (manifest is None and is_run(folder)):
-        raise BadInput(key, folder, "is the folder of a run; choose another")
+    kind = manifest.get("kind", "run") if manifest is not None else "run" if is_run(folder) else manifests.REPORT
+    if kind != manifests.REPORT:
+        raise BadInput(key, folder, f"is the folder of a {kind}; choose another")
     earlier = frozenset(filter(_is_own, manifest["files"])) if manifest is not None else frozenset[str]()
     if HTML not in earlier:
         refuse_if_taken(folder, HTML, key)

@@ -5,7 +5,6 @@ Where other bits are meant, renew the digests with ``python tests/laws/test_bits
 
 import ast
 import hashlib
-import platform
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +74,6 @@ def test_the_bits_do_not_depend_on_the_vector_instructions_of_the_processor(tmp_
     assert without.stdout.split() == [digest(each) for each in RUNS]
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="sines of the plan come from the C library")
 def test_the_bits_are_those_of_all_supported_versions():
     assert [digest(each) for each in RUNS] == DIGESTS.read_text().split()
 
