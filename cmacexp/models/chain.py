@@ -1,0 +1,102 @@
+"""A leg of three hinges in space: kinematics by the product of exponentials (Brockett 1984).
+
+Frame of a hip: x forward, y down, z to the left; the first two are those of a planar leg. A hinge is given at joint
+angles of zero, by a point of its axis and the direction of the axis: no frames of links are needed.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.jit.compiler import kernel
+from cmacexp.models.sine import sine_cosine
+from cmacexp.typing import Array
+
+HINGES = 3
+HINGE_FIELDS = 6
+"""Numbers of a hinge in a row of a chain: a point of its axis (m), then the direction of the axis, of length 1."""
+CHAIN_FIELDS = HINGES * HINGE_FIELDS + 3
+"""Numbers of a chain: its hinges, from the body outwards, then the foot (m)."""
+
+Vector = tuple[float, float, float]
+
+
+class Kinematics(NamedTuple):
+    """Foot of a chain, m, and its Jacobian by columns: what each joint velocity adds to the foot's velocity."""
+
+    foot: Vector
+    hip: Vector
+    thigh: Vector
+    calf: Vector
+
+
+@kernel
+def cross(a: Vector, b: Vector) -> Vector:
+    """a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def turn(v: Vector, axis: Vector, sine: float, cosine: float) -> Vector:
+    """``v`` turned about an ``axis`` of length 1 through the origin (Rodrigues)."""
+    along = (axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]) * (1.0 - cosine)
+    beside = cross(axis, v)
+    return (
+        v[0] * cosine + beside[0] * sine + axis[0] * along,
+        v[1] * cosine + beside[1] * sine + axis[1] * along,
+        v[2] * cosine + beside[2] * sine + axis[2] * along,
+    )
+
+
+@kernel
+def hinge_point(chain: Array, n: int) -> Vector:
+    """A point of the axis of hinge ``n`` at joint angles of zero, m."""
+    return chain[6 * n], chain[6 * n + 1], chain[6 * n + 2]
+
+
+@kernel
+def hinge_axis(chain: Array, n: int) -> Vector:
+    """Direction of the axis of hinge ``n`` at joint angles of zero."""
+    return chain[6 * n + 3], chain[6 * n + 4], chain[6 * n + 5]
+
+
+@kernel
+def turn_at(chain: Array, n: int, place: Vector, sine: float, cosine: float) -> Vector:
+    """``place`` turned about hinge ``n``, m."""
+    at = hinge_point(chain, n)
+    moved = turn((place[0] - at[0], place[1] - at[1], place[2] - at[2]), hinge_axis(chain, n), sine, cosine)
+    return at[0] + moved[0], at[1] + moved[1], at[2] + moved[2]
+
+
+@kernel
+def lever(chain: Array, n: int, place: Vector) -> Vector:
+    """Velocity of ``place`` per velocity of hinge ``n``, m/rad."""
+    at = hinge_point(chain, n)
+    return cross(hinge_axis(chain, n), (place[0] - at[0], place[1] - at[1], place[2] - at[2]))
+
+
+@kernel
+def chain_kinematics(chain: Array, q1: float, q2: float, q3: float) -> Kinematics:
+    """Foot and Jacobian of ``chain`` (CHAIN_FIELDS,) at joint angles, rad.
+
+    The foot is turned about the outermost hinge first; each hinge turns what the ones outside it have made.
+    """
+    s1, c1 = sine_cosine(q1)
+    s2, c2 = sine_cosine(q2)
+    s3, c3 = sine_cosine(q3)
+    first, second = hinge_axis(chain, 0), hinge_axis(chain, 1)
+    foot = turn_at(chain, 2, (chain[18], chain[19], chain[20]), s3, c3)
+    calf = turn(turn(lever(chain, 2, foot), second, s2, c2), first, s1, c1)
+    foot = turn_at(chain, 1, foot, s2, c2)
+    thigh = turn(lever(chain, 1, foot), first, s1, c1)
+    foot = turn_at(chain, 0, foot, s1, c1)
+    return Kinematics(foot, lever(chain, 0, foot), thigh, calf)
+
+
+def chain_points(chain: Array, q: Array) -> Array:
+    """Points of the three hinges and the foot at joint angles ``q`` (3,), rad; (4, 3), m."""
+    points = [hinge_point(chain, n) for n in range(HINGES)] + [tuple(chain[18:21])]
+    for n in reversed(range(HINGES)):
+        sine, cosine = sine_cosine(float(q[n]))
+        points[n + 1 :] = [turn_at(chain, n, place, sine, cosine) for place in points[n + 1 :]]
+    return np.array(points)

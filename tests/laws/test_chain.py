@@ -1,0 +1,61 @@
+"""Laws of a leg of three hinges."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose
+
+from cmacexp.models.chain import CHAIN_FIELDS, HINGE_FIELDS, HINGES, chain_kinematics, chain_points
+from cmacexp.models.leg import Leg, foot_position, jacobian, trigonometry
+
+angles = st.floats(-3.1, 3.1)
+postures = st.tuples(angles, angles, angles)
+
+
+@st.composite
+def chains(draw):
+    chain = draw(arrays(float, CHAIN_FIELDS, elements=st.floats(-1.0, 1.0)))
+    for n in range(HINGES):
+        axis = chain[HINGE_FIELDS * n + 3 : HINGE_FIELDS * (n + 1)]
+        axis[:] = axis / np.linalg.norm(axis) if np.linalg.norm(axis) > 0.1 else [0.0, 0.0, 1.0]
+    return chain
+
+
+def planar_chain(leg):
+    """A chain whose last two hinges are those of a planar leg, along x at joint angles of zero."""
+    hinges = [[0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 0, 1], [leg.length_1, 0, 0, 0, 0, 1]]
+    return np.array([*np.ravel(hinges), leg.length_1 + leg.length_2, 0, 0], dtype=float)
+
+
+@given(chains(), postures)
+def test_the_jacobian_is_the_derivative_of_the_foot(chain, q):
+    h = 1e-6
+    columns = np.array(chain_kinematics(chain, *q)[1:])
+    steps = np.eye(HINGES) * h
+    derivative = [
+        (np.array(chain_kinematics(chain, *(q + step)).foot) - chain_kinematics(chain, *(q - step)).foot) / (2.0 * h)
+        for step in steps
+    ]
+    assert_allclose(columns, derivative, atol=1e-8)
+
+
+@given(chains(), postures)
+def test_hinges_keep_distances(chain, q):
+    def lengths(points):
+        return np.linalg.norm(np.diff(points, axis=0), axis=1)
+
+    assert_allclose(lengths(chain_points(chain, np.array(q))), lengths(chain_points(chain, np.zeros(3))), atol=1e-12)
+
+
+@given(chains(), postures)
+def test_the_last_point_is_the_foot(chain, q):
+    assert_allclose(chain_points(chain, np.array(q))[-1], chain_kinematics(chain, *q).foot, atol=1e-14)
+
+
+@given(st.floats(0.1, 1.0), st.floats(0.1, 1.0), angles, angles)
+def test_a_planar_leg_is_a_chain(length_1, length_2, q1, q2):
+    leg = Leg(length_1, length_2, 1.0, 1.0, 1.0)
+    trig, spatial = trigonometry(q1, q2), chain_kinematics(planar_chain(leg), 0.0, q1, q2)
+    assert_allclose(spatial.foot, [*foot_position(leg, trig), 0.0], atol=1e-14)
+    assert_allclose(np.transpose([spatial.thigh, spatial.calf])[:2].ravel(), jacobian(leg, trig), atol=1e-14)
