@@ -85,6 +85,23 @@ LEG_SIGNALS = (
 )
 """Of ``trace.parquet``: one row per step and leg."""
 
+SPATIAL_SIGNALS = (
+    Signal("z_desired", "m", "where the foot should really be, hip frame, z to the left", PLAN),
+    Signal("z_reference", "m", "what the controller is fed along z", CONTROLLER),
+    Signal("z", "m", "foot, hip frame, z to the left", PLANT, altered_by=("position",)),
+    Signal("vz", "m/s", "velocity of the foot in the hip frame", PLANT, altered_by=("position", "velocity")),
+    *(Signal(f"q{n}_desired", "rad", f"planned joint angle theta{n}", PLAN) for n in (1, 2, 3)),
+    Signal("q3", "rad", "joint angle theta3", PLANT, altered_by=("position",)),
+    Signal("dq3", "rad/s", "joint velocity", PLANT, altered_by=("velocity",)),
+    Signal("tau_feedback_3", "N m", "feedback torque of joint 3", CONTROLLER),
+    Signal("tau_feedforward_3", "N m", "feedforward torque of joint 3; the plant gets the sum of both", FEEDFORWARD),
+    *(
+        Signal(f"tau_force_{n}", "N m", f"part of tau_feedback_{n} that does not teach: J^T F_d", CONTROLLER)
+        for n in (1, 2, 3)
+    ),
+)
+"""Of ``trace.parquet`` of a robot, after :data:`LEG_SIGNALS`: what legs that move in space have besides."""
+
 TRUE_MARGIN_SIGNALS = (
     Signal(
         "true_stability_margin",
@@ -154,6 +171,16 @@ ARRAYS = {
     "reference": ("x_reference", "y_reference"),
 }
 """Signals in the arrays that components exchange; those up to ``travel`` are the fields of a measurement."""
+SPATIAL_ARRAYS = {
+    "q": "q3",
+    "dq": "dq3",
+    "foot": "z",
+    "velocity": "vz",
+    "feedback": "tau_feedback_3",
+    "feedforward": "tau_feedforward_3",
+    "reference": "z_reference",
+}
+"""The signal that an array of a robot holds in its third column."""
 
 
 def select_signals(

@@ -8,10 +8,23 @@ from pathlib import Path
 
 import pytest
 
-from cmacexp.data.signals import ARRAYS, BODY_SIGNALS, LEG_SIGNALS, MEMORY_SIGNALS, list_units
+from cmacexp.data.signals import (
+    ARRAYS,
+    BODY_SIGNALS,
+    LEG_SIGNALS,
+    MEMORY_SIGNALS,
+    SPATIAL_ARRAYS,
+    SPATIAL_SIGNALS,
+    list_units,
+)
 
 PAGE = Path(__file__).parents[2] / "docs" / "signals.md"
-FILES = {"`trace.parquet`": LEG_SIGNALS, "`body.parquet`": BODY_SIGNALS, "`memory.parquet`": MEMORY_SIGNALS}
+FILES = {
+    "`trace.parquet`": LEG_SIGNALS,
+    "`trace.parquet` of a robot": SPATIAL_SIGNALS,
+    "`body.parquet`": BODY_SIGNALS,
+    "`memory.parquet`": MEMORY_SIGNALS,
+}
 
 
 def table_of(head, rows):
@@ -31,8 +44,11 @@ def signals_table(signals):
 
 def arrays_table():
     return table_of(
-        ["array", "columns", "unit"],
-        [[f"`{name}`", ", ".join(ARRAYS[name]), unit] for name, unit in list_units().items()],
+        ["array", "columns", "third of a robot", "unit"],
+        [
+            [f"`{name}`", ", ".join(ARRAYS[name]), SPATIAL_ARRAYS.get(name, ""), unit]
+            for name, unit in list_units().items()
+        ],
     )
 
 
