@@ -7,7 +7,6 @@ from cmacexp.metrics.metric import LARGE, NEAR_ZERO
 from cmacexp.metrics.registry import ALL_METRICS, OF_A_ROBOT
 from cmacexp.report.run_summary import RunSummary
 
-
 ROBOT = "robot"
 """The kind of machine whose legs move in space."""
 
