@@ -15,7 +15,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA
 from cmacexp.data.files import DiskFull, sha256
 from cmacexp.data.places import RUN_KEY, run_place
-from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, select_signals
+from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
 from cmacexp.data.staging import Place
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import (
@@ -38,7 +38,7 @@ from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import assemble, assemble_body, assemble_memory
 from cmacexp.metrics.drift import Drift, make_drift_entry
 from cmacexp.metrics.score import RunScorer
-from cmacexp.models.mechanism import LEGS_UNDER_BODY
+from cmacexp.models.mechanism import PLANE, has_body
 from cmacexp.sensors.protocol import find_altered
 
 Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
@@ -50,9 +50,10 @@ SPARE_BYTES, CYCLE_BYTES = 1 << 17, 1 << 11
 def _columns(scenario: Scenario) -> Columns:
     """Columns of the traces; sensors that alter a signal, or are supervised, add some."""
     altered, watched = find_altered(scenario.sensors), scenario.setup.config.plausibility.enabled
-    walks = scenario.setup.mechanism.kind == LEGS_UNDER_BODY
-    legs = select_signals(LEG_SIGNALS, altered, watched)
-    return legs, select_signals(BODY_SIGNALS, altered) if walks else None
+    mechanism = scenario.setup.mechanism
+    table = LEG_SIGNALS if mechanism.axes == PLANE else (*LEG_SIGNALS, *SPATIAL_SIGNALS)
+    legs = select_signals(table, altered, watched)
+    return legs, select_signals(BODY_SIGNALS, altered) if has_body(mechanism) else None
 
 
 def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:

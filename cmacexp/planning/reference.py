@@ -95,7 +95,7 @@ def keeps_static_load(reference: str, feedforward_acts: bool) -> bool:
 
 
 def plan_reference(config: Config, support: Mask, hip_height: float, desired: Array, force: Array) -> Array:
-    """Input of the controller, (2, N, L, 7): the desired motion in transfer, the equations above in support.
+    """Input of the controller, (2, N, L, columns): the desired motion in transfer, the equations above in support.
 
     For a controller without K_ap and K_av they omit their terms in 1/K_a and K_av/K_ap.
     """
@@ -107,7 +107,7 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
         method.admittance,
         config.assumed_stiffness,
     )
-    reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS))
+    reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS[desired.shape[2] // 3]))
     copied = [X, Y, VX, VY]
     reference[..., copied], reference[..., FORCE_DESIRED] = desired[..., copied], force
     for stage in (BEFORE, ACTING):
