@@ -96,9 +96,14 @@ def check_pattern(config: Config) -> None:
             "gait.stroke", gait.stroke, f"must be 0 with gait.pattern={gait.pattern}, which never lifts a foot"
         )
     support_time, shortest = duty * gait.cycle_time, SHORTEST_RAMP * config.sampling_period
-    if gait.load_ramp and not shortest <= gait.load_ramp <= support_time - config.sampling_period:
-        raise BadInput(
-            "gait.load_ramp",
-            gait.load_ramp,
-            f"must be 0, or at least {shortest:g} s ({SHORTEST_RAMP} samples) and below {support_time:g} s (support)",
-        )
+    for key, ramp, other in (
+        ("load_ramp", gait.load_ramp, gait.unload_ramp),
+        ("unload_ramp", gait.unload_ramp, gait.load_ramp),
+    ):
+        longest = support_time - other
+        if ramp and not shortest <= ramp <= longest - config.sampling_period:
+            raise BadInput(
+                f"gait.{key}",
+                ramp,
+                f"must be 0, or at least {shortest:g} s ({SHORTEST_RAMP} samples) and below {longest:g} s (support)",
+            )

@@ -44,7 +44,7 @@ class ActuatorConfig:
 class PostureConfig:
     """Posture control of a body (Lin & Song 1997, section 6.2)."""
 
-    needs: ClassVar[str] = "machine.kind=quadruped"
+    needs: ClassVar[str] = "machine.kind=quadruped|robot"
 
     gain: float = number("", at_least=0)
     """Depth that a supporting foot is pushed down, over the height that its hip lacks; 0 switches it off."""
@@ -66,8 +66,10 @@ class ForceControlConfig:
     """Speed at which the reference gives way per force error, V_fn."""
     force_gain: float = number("", above=0, at_most=1e9, needs=".method=explicit")
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
-    load_sharing: str = choice("static", "dynamic", needs="machine.kind=quadruped")
+    load_sharing: str = choice("static", "dynamic", needs="machine.kind=quadruped|robot")
     """What the feet of a body share; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
+    load_rate: bool
+    """Whether the velocity reference in support contains the rate of the depression for F_d, dF_d/dt / K_n."""
 
 
 @dataclass
