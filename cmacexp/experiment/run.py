@@ -10,6 +10,7 @@ from typing import Any
 import pyarrow as pa
 
 from cmacexp.config import Config, to_plain
+from cmacexp.config.machine import RobotMachine
 from cmacexp.control import HybridController, Learns
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA
@@ -39,6 +40,7 @@ from cmacexp.loop.trace import assemble, assemble_body, assemble_memory
 from cmacexp.metrics.drift import Drift, make_drift_entry
 from cmacexp.metrics.score import RunScorer
 from cmacexp.models.mechanism import PLANE, has_body
+from cmacexp.planning.robot import find_robot
 from cmacexp.sensors.protocol import find_altered
 
 Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
@@ -150,6 +152,20 @@ def _component_entries(scenario: Scenario) -> dict[str, Any]:
     }
 
 
+def _robot_entry(scenario: Scenario) -> dict[str, Any]:
+    """How a robot is built, for views of its trace; nothing of other machines."""
+    machine, mechanism = scenario.setup.config.machine, scenario.setup.mechanism
+    if mechanism.chains is None or not isinstance(machine, RobotMachine):
+        return {}
+    return {
+        "robot": {
+            "chains": mechanism.chains.tolist(),
+            "hips": mechanism.hips.tolist(),
+            "foot_radius": float(find_robot(machine).legs.foot_radius.max()),
+        }
+    }
+
+
 @interrupt_held_back()  # the loop itself heeds it: what is done is written
 def run_scenario(
     config: Config,
@@ -209,6 +225,7 @@ def _write(
     names += _write_extras(scenario, place, manifest, lost)
     entries = {
         **_component_entries(scenario),
+        **_robot_entry(scenario),
         "code_hash": code_hash(),
         "start_weights": start_hash(config),
         "learning_lead": scenario.setup.lead,

@@ -112,3 +112,15 @@ def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desi
         allowed = f"{least[i, n]:.4g} to {largest[i, n]:.4g} rad"
         reason = f"{machine.joints[i][n]} would be at {angles[k, i, n]:.4g} rad at sample {k}, beyond its {allowed}"
         raise BadInput("gait.stroke", config.gait.stroke, f"{reason}; use a shorter one, or machine.hip_height")
+
+
+def find_centres(machine: RobotMachine, q: Array) -> Array:
+    """Centres of mass (3, N) of a robot in the body's frame, m, at joint angles ``q`` (N, 4, 3), rad."""
+    mujoco, robot = load_mujoco(), find_robot(machine)
+    origin, centres, data = find_stance(robot, machine.hip_height).origin, np.empty((3, len(q))), robot.at(robot.home)
+    for k, angles in enumerate(q):
+        data.qpos[robot.legs.qpos] = angles
+        mujoco.mj_kinematics(robot.model, data)
+        mujoco.mj_comPos(robot.model, data)
+        centres[:, k] = data.subtree_com[robot.legs.base] - origin
+    return centres
