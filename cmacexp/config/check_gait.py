@@ -2,7 +2,6 @@
 
 from cmacexp.config.fields import listed
 from cmacexp.config.gait import PATTERNS
-from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
@@ -61,7 +60,7 @@ def check_timing(config: Config) -> None:
 def check_legs(config: Config) -> None:
     """Check gait and desired force against the number of legs of the machine."""
     gait, force, kind = config.gait, config.force_control.desired_force, config.machine.kind
-    legs = 4 if isinstance(config.machine, QuadrupedMachine) else 1
+    legs = 4 if config.has_body else 1
     if config.legs != legs:
         fitting = [name for name, pattern in PATTERNS.items() if pattern.legs == legs]
         raise BadInput("gait.pattern", gait.pattern, f"with machine.kind={kind} choose from {listed(fitting)}")

@@ -34,12 +34,12 @@ def checkout_models() -> dict[str, Path]:
     return {name: path for name, path in paths.items() if path.is_file()}
 
 
-def find_model(name: str, path: str | None) -> Path:
+def find_model(name: str | None, path: str | None) -> Path:
     """The MJCF file of a robot.
 
     Args:
         name: of the model, e.g. ``go1``; it counts where no file is given.
-        path: of a file; None: it is looked up by name in the package, then in the checkout.
+        path: of a file; None: the name is looked up in the package, then in the checkout.
 
     Raises:
         BadInput: there is no such file, or no such model; says what to install or to set.
@@ -48,6 +48,8 @@ def find_model(name: str, path: str | None) -> Path:
         if not Path(path).is_file():
             raise BadInput("machine.path", path, "there is no such file; give the path of an MJCF file")
         return Path(path).resolve()
+    if name is None:
+        raise BadInput("machine.path", None, "must name the MJCF file of the robot: machine.path=FILE")
     package = package_models()
     models = checkout_models() | package
     if name in models:
