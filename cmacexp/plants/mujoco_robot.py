@@ -9,13 +9,14 @@ import numpy as np
 from cmacexp.config import ComponentConfig, choice, number
 from cmacexp.config.machine import RobotMachine
 from cmacexp.errors import BadInput, Diverged
+from cmacexp.models.mechanism import GEOMETRY_FIELDS, SPACE
 from cmacexp.planning.robot import find_robot, find_stance
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.mujoco_engine import WARNINGS
 from cmacexp.plants.mujoco_kernels import Measured, Touch
 from cmacexp.plants.protocol import Measurement
-from cmacexp.plants.robot_kernels import Contacts, Feet, RobotBodies, observing_robot, pressing_robot
+from cmacexp.plants.robot_kernels import Contacts, Feet, RobotBodies, Room, observing_robot, pressing_robot
 from cmacexp.robots.model import Robot, load_mujoco, warnings_dropped
 from cmacexp.typing import Array
 
@@ -115,11 +116,11 @@ class MujocoRobot:
         self.measured = Measured(
             np.empty(mechanism.shape), np.empty(mechanism.shape), np.empty(3), np.empty(3), np.empty(3)
         )
-        self._pressing = pressing_robot(touch, payload, self.origin, bodies, feet, self.contacts, np.zeros(3))
-        geometry = np.zeros((4, 12))
-        self._observing = observing_robot(
-            mechanism, ground, bodies, self.origin, self.q, self.dq, geometry, np.zeros((2, 3)), self.measured
-        )
+        origin, room = self.origin, Room(np.zeros(3), np.zeros((2, 3)), np.zeros((4, GEOMETRY_FIELDS[SPACE])))
+        # Compiled generators do not keep their arrays alive.
+        self._kept = (bodies, feet, room, mechanism)
+        self._pressing = pressing_robot(touch, payload, origin, bodies, feet, self.contacts, room)
+        self._observing = observing_robot(mechanism, ground, bodies, origin, self.q, self.dq, room, self.measured)
         next(self._pressing)
 
     def step(self, torque: Array) -> Measurement:
