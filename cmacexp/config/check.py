@@ -5,6 +5,7 @@ from cmacexp.config.check_gait import check_legs, check_pattern, check_timing
 from cmacexp.config.cmac import check_cmac
 from cmacexp.config.component import COMPONENTS, ComponentConfig
 from cmacexp.config.fields import check_fields
+from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.config.memory import check_memory
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
@@ -13,6 +14,12 @@ MOST_ROWS = 2**24
 """Steps times legs of the longest cycle, which is held in memory as a whole."""
 MOST_STEPS = 2**31 - 1
 """Steps of the longest run: the trace counts them in 32 bits."""
+
+
+def check_robot(config: Config) -> None:
+    """Check that the model of a robot can be found, and is a quadruped with three hinges a leg."""
+    if isinstance(config.machine, RobotMachine):
+        read_model(config.machine)
 
 
 def check_gains(config: Config) -> None:
@@ -55,6 +62,7 @@ def check(config: Config) -> None:
         BadInput: names the key, the value, what is allowed and how to mend it.
     """
     check_fields(config)
+    check_robot(config)
     check_timing(config)
     check_legs(config)
     check_stiffness_step(config)

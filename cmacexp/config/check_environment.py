@@ -1,6 +1,6 @@
 """Checks of ground and payload against the run: a change that has no effect is a mistake."""
 
-from cmacexp.config.machine import LegMachine, PointMassMachine, QuadrupedMachine
+from cmacexp.config.machine import BodyMachine
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
@@ -28,7 +28,7 @@ def check_stiffness_step(config: Config) -> None:
 def furthest_foot(config: Config) -> float:
     """The largest x in the world, m, at which a foot is planned to stand."""
     machine, half = config.machine, config.gait.stroke / 2.0
-    if not isinstance(machine, QuadrupedMachine):
+    if not isinstance(machine, BodyMachine):
         return half
     return half + config.body_speed * config.cycles * config.gait.cycle_time + max(x for x, _ in machine.hips)
 
@@ -49,7 +49,7 @@ def check_payload(config: Config) -> None:
     payload, machine, end = config.payload, config.machine, config.cycles * config.gait.cycle_time
     if not payload.weight:
         return
-    if isinstance(machine, LegMachine | PointMassMachine):
+    if not isinstance(machine, BodyMachine):
         raise BadInput(
             "payload.weight", payload.weight, f"must be 0 with machine.kind={machine.kind}: it has no body"
         )

@@ -2,7 +2,6 @@
 
 from cmacexp.config.fields import listed
 from cmacexp.config.gait import PATTERNS
-from cmacexp.config.machine import QuadrupedMachine
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
@@ -61,7 +60,7 @@ def check_timing(config: Config) -> None:
 def check_legs(config: Config) -> None:
     """Check gait and desired force against the number of legs of the machine."""
     gait, force, kind = config.gait, config.force_control.desired_force, config.machine.kind
-    legs = 4 if isinstance(config.machine, QuadrupedMachine) else 1
+    legs = 4 if config.has_body else 1
     if config.legs != legs:
         fitting = [name for name, pattern in PATTERNS.items() if pattern.legs == legs]
         raise BadInput("gait.pattern", gait.pattern, f"with machine.kind={kind} choose from {listed(fitting)}")
@@ -96,9 +95,14 @@ def check_pattern(config: Config) -> None:
             "gait.stroke", gait.stroke, f"must be 0 with gait.pattern={gait.pattern}, which never lifts a foot"
         )
     support_time, shortest = duty * gait.cycle_time, SHORTEST_RAMP * config.sampling_period
-    if gait.load_ramp and not shortest <= gait.load_ramp <= support_time - config.sampling_period:
-        raise BadInput(
-            "gait.load_ramp",
-            gait.load_ramp,
-            f"must be 0, or at least {shortest:g} s ({SHORTEST_RAMP} samples) and below {support_time:g} s (support)",
-        )
+    for key, ramp, other in (
+        ("load_ramp", gait.load_ramp, gait.unload_ramp),
+        ("unload_ramp", gait.unload_ramp, gait.load_ramp),
+    ):
+        longest = support_time - other
+        if ramp and not shortest <= ramp <= longest - config.sampling_period:
+            raise BadInput(
+                f"gait.{key}",
+                ramp,
+                f"must be 0, or at least {shortest:g} s ({SHORTEST_RAMP} samples) and below {longest:g} s (support)",
+            )

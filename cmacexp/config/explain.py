@@ -12,6 +12,7 @@ from yaml import YAMLError
 
 from cmacexp.config.fields import listed
 from cmacexp.config.folder import config_folder
+from cmacexp.config.robot_rule import find_mistake
 from cmacexp.errors import format_install_command, format_value, suggest
 
 COMPOSITION_ERRORS = (HydraException, OmegaConfBaseException, YAMLError)
@@ -25,6 +26,8 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
         error: what Hydra raised while it composed.
         overrides: the command line.
     """
+    if (mistake := find_mistake(error)) is not None:
+        return str(mistake)
     text, cause = " ".join(str(error).split()), error.__cause__
     if unresolved := re.match(r"Error resolving interpolation '\$\{(\w+)\}'", text):  # of conf/config.yaml
         return f"{unresolved[1]}=None: must be a group of fields; choose an option of conf/{unresolved[1]}"

@@ -32,6 +32,8 @@ PATTERNS = {
 """``transfer_first``: one leg, a cycle begins with lift-off. ``standing``: one leg. ``wave``: four legs; those of one
 side follow those of the other by half a cycle, and a rear foot touches down when the front foot of its side lifts
 (Lin & Song 1997, Fig. 14; the start of the cycle is assumed)."""
+LINEAR, COSINE = "linear", "cosine"
+"""Shapes of the ramps of the load."""
 LIFTS = f".pattern={'|'.join(name for name, pattern in PATTERNS.items() if pattern.lifts)}"
 """What fields of the transfer need."""
 UNSTABLE = " or ".join(
@@ -62,5 +64,9 @@ class GaitConfig:
     """cubic: one through both ends and the apex, its speed jumps (assumed); two_cubics: at rest at ends and apex."""
     load_ramp: float = number("s", at_least=0)
     """Time after touch-down over which a foot takes its desired force; 0: a step, as in the paper."""
+    unload_ramp: float = number("s", at_least=0, needs=LIFTS)
+    """Time before lift-off over which a foot gives up its desired force; 0: a step, as in the paper."""
+    ramp: str = choice(LINEAR, COSINE, needs=".load_ramp above 0 or .unload_ramp above 0")
+    """Shape of both ramps; cosine: without a jump of the rate at either end."""
     allow_unstable: bool = field(kw_only=True, metadata={"needs": UNSTABLE})
     """Run a gait of four legs that is not statically stable."""

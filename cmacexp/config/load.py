@@ -16,6 +16,7 @@ from cmacexp.config.component import COMPONENTS, ComponentConfig, config_class, 
 from cmacexp.config.fields import TYPES, listed
 from cmacexp.config.folder import config_folder
 from cmacexp.config.machine import MACHINES
+from cmacexp.config.robot_rule import find_mistake, register_rule
 from cmacexp.config.schema import Config
 from cmacexp.config.targets import NEW_NAMES, current_folder_importable, find_class, say_new_name
 from cmacexp.errors import BadInput
@@ -25,6 +26,7 @@ WITHOUT_EFFECT = ("record", "sweep", "optimize", "warn", "hydra")
 WITHOUT_OPTIONS = ("scenario", "cycles", "seed", "sampling_period", "reference", "sweep", "optimize", "warn")
 """Root keys that are not groups."""
 
+register_rule()
 
 FLAGS = ("true", "false", "yes", "no", "on", "off", "y", "n", "1", "0")
 """What can be typed for a flag."""
@@ -100,7 +102,7 @@ def to_config(composed: DictConfig, choices: Mapping[str, str] | None = None) ->
         typed, values = _with_schema(composed, choices)
         config = OmegaConf.to_object(typed)
     except OmegaConfBaseException as error:
-        raise _explain(error, composed, choices or {}) from error
+        raise find_mistake(error) or _explain(error, composed, choices or {}) from error
     assert isinstance(config, Config)
     _require_as_typed(values, config)
     check(config)

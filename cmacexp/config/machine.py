@@ -1,8 +1,10 @@
 """Geometry and masses of the machines."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 from cmacexp.config.fields import choice, number
+from cmacexp.robots.find import find_model
+from cmacexp.robots.model import Robot, read_robot
 
 
 @dataclass
@@ -109,4 +111,46 @@ class PointMassMachine:
     """Height of the mass above the undepressed ground at the start (assumed)."""
 
 
-MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine}
+@dataclass
+class RobotModel:
+    """Which model of a quadruped with three joints a leg; legs front left, front right, rear left, rear right."""
+
+    model: str | None = field(kw_only=True)
+    """Name under which an installed package or a checkout has the model; null: ``path`` says which."""
+    path: str | None = field(kw_only=True)
+    """MJCF file of the model; null: it is looked up by its name, never downloaded."""
+    joints: list[list[str]] = field(kw_only=True)
+    """Joints of each leg in the model: hip, thigh, calf."""
+    feet: list[str] = field(kw_only=True)
+    """Geoms of the feet in the model, spheres."""
+    home: list[float] = number("rad", at_least=-10, at_most=10)
+    """Joint angles of a leg at which the rule for the gains looks; the knee bends to this side."""
+
+
+def read_model(machine: RobotModel) -> Robot:
+    """The robot that a config names.
+
+    Raises:
+        BadInput: there is no such model, or it is no quadruped with three hinges a leg.
+    """
+    return read_robot(find_model(machine.model, machine.path), machine.joints, machine.feet, machine.home)
+
+
+@dataclass
+class RobotMachine(RobotModel):
+    """A robot as its model describes it: masses, geometry, limits and losses are those of the model."""
+
+    kind: str = choice("robot")
+    """What the machine is; decides its other fields."""
+    hip_height: float = number("m", above=0)
+    """Height of the thigh joints above the undepressed ground that the feet are planned for, h0."""
+
+    @property
+    def hips(self) -> list[tuple[float, float]]:
+        """Thigh joints 1 to 4 in the frame of the trunk, forward and left, m."""
+        return [(float(x), float(y)) for x, y in read_model(self).hinges[:, 1, :2]]
+
+
+BodyMachine = QuadrupedMachine | RobotMachine
+"""Machines with a body."""
+MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine, "robot": RobotMachine}

@@ -10,8 +10,10 @@ from cmacexp.config.cmac import ACTS, CmacConfig
 from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
-from cmacexp.config.machine import QuadrupedMachine
+from cmacexp.config.machine import BodyMachine
 
+HAS_BODY = "machine.kind=quadruped|robot"
+"""What fields of a body need."""
 LEARNS = "feedforward!=none|inverse_dynamics"
 """What fields of learning need beside :data:`ACTS`."""
 HASHED = "cmac.addressing=hashed and learning.start_from=null"
@@ -44,7 +46,7 @@ class ActuatorConfig:
 class PostureConfig:
     """Posture control of a body (Lin & Song 1997, section 6.2)."""
 
-    needs: ClassVar[str] = "machine.kind=quadruped"
+    needs: ClassVar[str] = HAS_BODY
 
     gain: float = number("", at_least=0)
     """Depth that a supporting foot is pushed down, over the height that its hip lacks; 0 switches it off."""
@@ -66,8 +68,10 @@ class ForceControlConfig:
     """Speed at which the reference gives way per force error, V_fn."""
     force_gain: float = number("", above=0, at_most=1e9, needs=".method=explicit")
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
-    load_sharing: str = choice("static", "dynamic", needs="machine.kind=quadruped")
+    load_sharing: str = choice("static", "dynamic", needs=HAS_BODY)
     """What the feet of a body share; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
+    load_rate: bool
+    """Whether the velocity reference in support contains the rate of the depression for F_d, dF_d/dt / K_n."""
 
 
 @dataclass
@@ -200,7 +204,7 @@ class Config:
     @property
     def has_body(self) -> bool:
         """Whether the machine is a body on legs."""
-        return isinstance(self.machine, QuadrupedMachine)
+        return isinstance(self.machine, BodyMachine)
 
     @property
     def body_speed(self) -> float:

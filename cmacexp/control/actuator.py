@@ -6,63 +6,65 @@ import numpy as np
 
 from cmacexp.config.schema import ActuatorConfig
 from cmacexp.jit.compiler import kernel
+from cmacexp.models.mechanism import Mechanism
 from cmacexp.typing import Array, Role, State
 
 
 class Actuator(NamedTuple):
     """Limits and delay of the torques of all joints, and their state."""
 
-    limit: float
-    """Largest absolute torque, N m; infinite for none."""
+    limit: tuple[float, ...]
+    """(J,): largest absolute torque of each joint of a leg, N m; infinite for none."""
     change: float
     """Largest change of a torque from one step to the next, N m; infinite for none."""
     delay: int
     """Samples from command to action."""
     line: Annotated[Array, Role("state", ring_axis=0)]
-    """(delay + 1, 2, L, 2): commanded feedback and feedforward of the last steps, N m; empty without a delay."""
+    """(delay + 1, 2, L, J): commanded feedback and feedforward of the last steps, N m; empty without a delay."""
     last: State
-    """(L, 2): torque of the last step, N m."""
+    """(L, J): torque of the last step, N m."""
 
 
-def new_actuator(config: ActuatorConfig, sampling_period: float, legs: int) -> Actuator:
+def new_actuator(config: ActuatorConfig, sampling_period: float, mechanism: Mechanism) -> Actuator:
     """Actuators at rest: until the first command arrives the torque is zero."""
+    legs, joints = mechanism.shape
     return Actuator(
-        config.limit,
+        tuple(min(config.limit, own) for own in mechanism.torque_limits or (float("inf"),) * joints),
         float("inf") if config.rate_limit is None else config.rate_limit * sampling_period,
         config.delay,
-        np.zeros((config.delay + 1 if config.delay else 0, 2, legs, 2)),
-        np.zeros((legs, 2)),
+        np.zeros((config.delay + 1 if config.delay else 0, 2, legs, joints)),
+        np.zeros((legs, joints)),
     )
 
 
 @kernel
-def saturate(limit: float, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Limit the torque of every joint to ``limit`` N m; the feedback is reduced first.
+def saturate(limit: tuple[float, ...], feedback: Array, feedforward: Array, torque: Array) -> None:
+    """Limit the torque of every joint to its ``limit``; the feedback is reduced first.
 
     Args:
-        limit: largest absolute torque; infinite for none.
-        feedback: (L, 2): reduced in place.
-        feedforward: (L, 2): reduced in place where it alone exceeds the limit.
-        torque: (L, 2): filled with the sum of both, the input of the plant.
+        limit: (J,): largest absolute torque, N m; infinite for none.
+        feedback: (L, J): reduced in place.
+        feedforward: (L, J): reduced in place where it alone exceeds the limit.
+        torque: (L, J): filled with the sum of both, the input of the plant.
     """
     for i in range(torque.shape[0]):
-        for j in range(2):
-            feedforward[i, j] = min(max(feedforward[i, j], -limit), limit)
+        for j in range(len(limit)):
+            feedforward[i, j] = min(max(feedforward[i, j], -limit[j]), limit[j])
             total = feedback[i, j] + feedforward[i, j]
-            if total > limit:
-                feedback[i, j] = limit - feedforward[i, j]
-            elif total < -limit:
-                feedback[i, j] = -limit - feedforward[i, j]
+            if total > limit[j]:
+                feedback[i, j] = limit[j] - feedforward[i, j]
+            elif total < -limit[j]:
+                feedback[i, j] = -limit[j] - feedforward[i, j]
             torque[i, j] = feedback[i, j] + feedforward[i, j]
 
 
 @kernel
 def postpone(actuator: Actuator, step: int, feedback: Array, feedforward: Array) -> None:
-    """Replace the torques of ``step`` by those of ``delay`` steps ago, zero before the first; all (L, 2)."""
+    """Replace the torques of ``step`` by those of ``delay`` steps ago, zero before the first; all (L, J)."""
     line = actuator.line
     now, then = step % line.shape[0], (step - actuator.delay) % line.shape[0]
     for i in range(feedback.shape[0]):
-        for j in range(2):
+        for j in range(len(actuator.limit)):
             line[now, 0, i, j], line[now, 1, i, j] = feedback[i, j], feedforward[i, j]
             feedback[i, j], feedforward[i, j] = line[then, 0, i, j], line[then, 1, i, j]
 
@@ -71,7 +73,7 @@ def postpone(actuator: Actuator, step: int, feedback: Array, feedforward: Array)
 def slow_down(actuator: Actuator, feedback: Array, feedforward: Array, torque: Array) -> None:
     """Limit the change of every torque to ``change`` N m; the difference is attributed to the feedback."""
     for i in range(torque.shape[0]):
-        for j in range(2):
+        for j in range(len(actuator.limit)):
             lowest, highest = actuator.last[i, j] - actuator.change, actuator.last[i, j] + actuator.change
             total = min(max(torque[i, j], lowest), highest)
             if total != torque[i, j]:
@@ -87,9 +89,9 @@ def actuate(actuator: Actuator, step: int, feedback: Array, feedforward: Array, 
     Args:
         actuator: limits and delay.
         step: counts from 0; steps must follow each other.
-        feedback: (L, 2), N m: commanded; replaced by the one that acts.
-        feedforward: (L, 2), N m: likewise.
-        torque: (L, 2): filled with the sum of both, the input of the plant.
+        feedback: (L, J), N m: commanded; replaced by the one that acts.
+        feedforward: (L, J), N m: likewise.
+        torque: (L, J): filled with the sum of both, the input of the plant.
     """
     if actuator.delay > 0:
         postpone(actuator, step, feedback, feedforward)

@@ -11,7 +11,7 @@ import numpy as np
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import Pose, depth
 from cmacexp.models.ground import contact_force
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism
+from cmacexp.models.mechanism import Mechanism, has_body
 from cmacexp.typing import Array, Clock, State
 
 LARGEST_INCREMENT = 1.0
@@ -52,9 +52,9 @@ def new_fault_status(legs: int) -> FaultStatus:
 def expected_force(params: FaultDetection, mechanism: Mechanism, i: int, foot: Array, pose: Pose) -> float:
     """Contact force that flat ground gives foot ``i`` at its measured depth, N (eq. 1).
 
-    ``foot`` (L, 2) is in the frames of the hips, ``pose`` is that of the body.
+    ``foot`` (L, J) is in the frames of the hips, ``pose`` is that of the body.
     """
-    if mechanism.kind == LEGS_UNDER_BODY:
+    if has_body(mechanism):
         hips = mechanism.hips
         return contact_force(params.stiffness, depth(pose, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]))
     return contact_force(params.stiffness, foot[i, 1] - mechanism.hip_height)

@@ -10,7 +10,7 @@ from cmacexp.control.hybrid_kernels import METHODS, HybridParams, HybridState, h
 from cmacexp.control.lead import discretise
 from cmacexp.control.protocol import Action
 from cmacexp.feedforward.protocol import Feedforward
-from cmacexp.models.mechanism import trigonometries
+from cmacexp.models.mechanism import GEOMETRY_FIELDS, update_geometry
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array
@@ -65,8 +65,8 @@ class HybridController:
                 float(check.patience),
             ),
         )
-        self.state = new_hybrid_state(setup.mechanism.legs.shape[0])
-        self.trig = np.zeros((setup.mechanism.legs.shape[0], 4))
+        self.state = new_hybrid_state(*setup.mechanism.shape)
+        self.geometry = np.zeros((setup.mechanism.shape[0], GEOMETRY_FIELDS[setup.mechanism.axes]))
         self.feedforward = feedforward
 
     @property
@@ -84,9 +84,9 @@ class HybridController:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""
         last: Array = self.state.learning_error.copy()
         m = measurement
-        trigonometries(self.params.mechanism, m.q, self.trig)
+        update_geometry(self.params.mechanism, m.q, self.geometry)
         hybrid_feedback(
-            self.params, self.state, reference.support, reference.values, self.trig,
+            self.params, self.state, reference.support, reference.values, self.geometry,
             m.foot, m.velocity, m.force, m.body, m.body_rate,
         )  # fmt: skip
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)

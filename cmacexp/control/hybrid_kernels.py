@@ -19,8 +19,18 @@ from cmacexp.control.fault_detection import (
 from cmacexp.control.lead import Lead, lead_step
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import LEVEL, Pose, depth, depth_rate, make_pose
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism, torque_for
-from cmacexp.planning.columns import FORCE_ADDED, FORCE_DESIRED, FORCE_REFERENCE, VX, VY, X, Y
+from cmacexp.models.mechanism import PLANE, Mechanism, has_body, press_foot
+from cmacexp.planning.columns import (
+    FORCE_ADDED,
+    FORCE_DESIRED,
+    FORCE_REFERENCE,
+    REFERENCE_VZ,
+    REFERENCE_Z,
+    VX,
+    VY,
+    X,
+    Y,
+)
 from cmacexp.typing import Array, Mask, Scratch, State
 
 STIFFNESS, DAMPING, COMBINED, EXPLICIT = range(4)
@@ -52,24 +62,24 @@ class HybridParams(NamedTuple):
 
 
 class HybridState(NamedTuple):
-    """LEAD states and results of the last step; L is the number of legs."""
+    """LEAD states and results of the last step, of L legs with J axes and joints each."""
 
     error: State
-    """(L, 2): weighted error of the last step, N."""
+    """(L, J): weighted error of the last step, N."""
     output: State
-    """(L, 2): LEAD output of the last step, U without the desired force, N."""
+    """(L, J): LEAD output of the last step, U without the desired force, N."""
     feedback: Scratch
-    """(L, 2): feedback torque J^T (U + F_d), N m."""
+    """(L, J): feedback torque J^T (U + F_d), N m."""
     learning_error: State
-    """(L, 2): learning error of a feedforward, J^T U, N m."""
+    """(L, J): learning error of a feedforward, J^T U, N m."""
     reference: Scratch
-    """(L, 2): x and y of the reference in the last step, with posture control, m."""
+    """(L, J): position of the reference in the last step, with posture control, m."""
     fault_status: FaultStatus
 
 
-def new_hybrid_state(legs: int) -> HybridState:
+def new_hybrid_state(legs: int, axes: int = len(PLANE)) -> HybridState:
     """LEAD states of zero."""
-    error, output, feedback, learning_error, reference = (np.zeros((legs, 2)) for _ in range(5))
+    error, output, feedback, learning_error, reference = (np.zeros((legs, axes)) for _ in range(5))
     return HybridState(error, output, feedback, learning_error, reference, new_fault_status(legs))
 
 
@@ -85,7 +95,7 @@ def posture_term(params: HybridParams, i: int, pose: Pose) -> float:
 
     ``pose`` is that of the body; h_i is the height of hip i.
     """
-    if params.mechanism.kind != LEGS_UNDER_BODY or params.posture_gain == 0.0:
+    if not has_body(params.mechanism) or params.posture_gain == 0.0:
         return 0.0
     hips = params.mechanism.hips
     return params.posture_gain * (params.mechanism.hip_height + depth(pose, hips[i, 0], hips[i, 1], 0.0))
@@ -98,7 +108,7 @@ def posture_rate_term(params: HybridParams, i: int, pose: Pose, rate: Array) -> 
     With the gain of :func:`posture_term` it is the derivative of that term, which the paper leaves out: a body with
     inertia rocks without it. ``rate`` (3,) is that of height, pitch and roll.
     """
-    if params.mechanism.kind != LEGS_UNDER_BODY or params.posture_rate_gain == 0.0:
+    if not has_body(params.mechanism) or params.posture_rate_gain == 0.0:
         return 0.0
     hips = params.mechanism.hips
     return params.posture_rate_gain * depth_rate(pose, rate, hips[i, 0], hips[i, 1])
@@ -117,8 +127,8 @@ def force_error(
 ) -> float:
     """Weighted error of the force control method, N (Lin & Song 1997, Fig. 2 to 5 and eq. 21).
 
-    ``reference`` (L, 7) is a row of the plan; ``y_reference`` and ``vy_reference`` are its y and vy with posture
-    control.
+    ``reference`` (L, columns) is a row of the plan; ``y_reference`` and ``vy_reference`` are its y and vy with
+    posture control.
     """
     if params.method == EXPLICIT:
         return params.force_gain * (reference[i, FORCE_REFERENCE] - force)
@@ -150,12 +160,23 @@ def control_force(
 
 
 @kernel
+def control_sideways(
+    params: HybridParams, state: HybridState, i: int, reference: Array, foot: Array, velocity: Array
+) -> None:
+    """Position control of leg ``i`` along z; fills ``state``."""
+    z, vz = reference[i, REFERENCE_Z], reference[i, REFERENCE_VZ]
+    error = position_error(params, z, vz, foot[i, 2], velocity[i, 2])
+    output = lead_step(params.lead, error, state.error[i, 2], state.output[i, 2])
+    state.reference[i, 2], state.error[i, 2], state.output[i, 2] = z, error, output
+
+
+@kernel
 def hybrid_feedback(
     params: HybridParams,
     state: HybridState,
     support: Mask,
     reference: Array,
-    trig: Array,
+    geometry: Array,
     foot: Array,
     velocity: Array,
     force: Array,
@@ -168,15 +189,15 @@ def hybrid_feedback(
         params: gains and geometry.
         state: of the last step, becomes that of this one.
         support: (L,): force control along y where true, position control elsewhere.
-        reference: (L, 7): a row of the plan, see :mod:`cmacexp.planning.columns`.
-        trig: (L, 4): sines and cosines of the measured joint angles, see :func:`trigonometries`.
-        foot: (L, 2): measured foot position, m.
-        velocity: (L, 2): measured foot velocity, m/s.
+        reference: (L, columns): a row of the plan, see :mod:`cmacexp.planning.columns`.
+        geometry: of the measured joint angles, see :func:`cmacexp.models.mechanism.update_geometry`.
+        foot: (L, J): measured foot position, m.
+        velocity: (L, J): measured foot velocity, m/s.
         force: (L,): measured contact force, N.
         body: (3,): measured height (m), pitch and roll (rad).
         body_rate: (3,): their measured rates, m/s and rad/s.
     """
-    pose = make_pose(body) if params.mechanism.kind == LEGS_UNDER_BODY else LEVEL
+    pose = make_pose(body) if has_body(params.mechanism) else LEVEL
     for i in range(support.shape[0]):
         x_error = position_error(params, reference[i, X], reference[i, VX], foot[i, 0], velocity[i, 0])
         y_reference = reference[i, Y]
@@ -194,8 +215,12 @@ def hybrid_feedback(
         uy = lead_step(params.lead, y_error, state.error[i, 1], state.output[i, 1])
         state.error[i, 0], state.error[i, 1] = x_error, y_error
         state.output[i, 0], state.output[i, 1] = ux, uy
-        learning_error = torque_for(params.mechanism, i, trig, ux, uy)
+        if len(params.mechanism.axes) > 2:
+            control_sideways(params, state, i, reference, foot, velocity)
+        press_foot(params.mechanism, i, geometry, state.output, uy, state.learning_error)
         added = reference[i, FORCE_ADDED]
-        feedback = torque_for(params.mechanism, i, trig, ux, uy + added) if added != 0.0 else learning_error
-        state.learning_error[i, 0], state.learning_error[i, 1] = learning_error
-        state.feedback[i, 0], state.feedback[i, 1] = feedback
+        if added != 0.0:
+            press_foot(params.mechanism, i, geometry, state.output, uy + added, state.feedback)
+        else:
+            for j in range(len(params.mechanism.axes)):
+                state.feedback[i, j] = state.learning_error[i, j]

@@ -1,12 +1,13 @@
-"""The LEAD compensator and its digital form."""
+"""The LEAD compensator."""
 
 from typing import NamedTuple
 
+from cmacexp.config.lead import lead_coefficients
 from cmacexp.jit.compiler import kernel
 
 
 class Lead(NamedTuple):
-    """Coefficients of the difference equation U_k = b0 E_k + b1 E_{k-1} - a1 U_{k-1}, DC gain 1."""
+    """Coefficients of the difference equation of :func:`cmacexp.config.lead.lead_coefficients`."""
 
     b0: float
     b1: float
@@ -14,20 +15,8 @@ class Lead(NamedTuple):
 
 
 def discretise(omega: float, alpha: float, sampling_period: float) -> Lead:
-    """Bilinear transform of (1 + s/omega)/(1 + s/(alpha omega)) (Lin & Song 1997, eq. 5, 6, with K_c = 1).
-
-    Args:
-        omega: lower corner frequency, rad/s.
-        alpha: upper over lower corner frequency.
-        sampling_period: T_s, s.
-    """
-    t0, t1 = 1.0 / omega, 1.0 / (alpha * omega)
-    scale = sampling_period + 2.0 * t1
-    return Lead(
-        (sampling_period + 2.0 * t0) / scale,
-        (sampling_period - 2.0 * t0) / scale,
-        (sampling_period - 2.0 * t1) / scale,
-    )
+    """The compensator with corner frequencies ``omega`` and ``alpha`` x ``omega``, rad/s, for a period in s."""
+    return Lead(*lead_coefficients(omega, alpha, sampling_period))
 
 
 @kernel

@@ -12,11 +12,11 @@ class Action(NamedTuple):
     """Joint torques of feedback and feedforward, apart, so that the trace shows the share of each."""
 
     feedback: Array
-    """(L, 2), N m."""
+    """(L, J), N m."""
     feedforward: Array
-    """(L, 2), N m."""
+    """(L, J), N m."""
     reference: Array | None = None
-    """(L, 2): x and y that the controller used, m; None: those of the plan."""
+    """(L, J): position that the controller used, m; None: those of the plan."""
 
 
 class Controller(Protocol):

@@ -1,9 +1,10 @@
 """Whether a run on disk is complete, unchanged, and the result of a given config."""
 
 from pathlib import Path
+from typing import get_args
 
 from cmacexp.config import Config, config_hash, to_plain
-from cmacexp.config.machine import MACHINES, QuadrupedMachine
+from cmacexp.config.machine import MACHINES, BodyMachine
 from cmacexp.data import manifest as manifests
 from cmacexp.data.hashes import find_fault
 from cmacexp.data.tables import BODY, BODY_METRICS, METRICS, METRICS_CSV, TRACE
@@ -47,7 +48,7 @@ def _list_missing(manifest: manifests.Manifest) -> list[str]:
     if "kind" in manifest or manifest["status"] not in RESULTS:
         return []
     machine = manifest["config"].get("machine")
-    walks = isinstance(machine, dict) and MACHINES.get(str(machine.get("kind"))) is QuadrupedMachine
+    walks = isinstance(machine, dict) and MACHINES.get(str(machine.get("kind"))) in get_args(BodyMachine)
     names = (TRACE, METRICS, METRICS_CSV, *((BODY, BODY_METRICS) if walks else ()))
     return [f"{name}: not listed in {manifests.NAME}" for name in names if name not in manifest["files"]]
 

@@ -10,12 +10,13 @@ from typing import Any
 import pyarrow as pa
 
 from cmacexp.config import Config, to_plain
+from cmacexp.config.machine import RobotMachine
 from cmacexp.control import HybridController, Learns
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA
 from cmacexp.data.files import DiskFull, sha256
 from cmacexp.data.places import RUN_KEY, run_place
-from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, select_signals
+from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
 from cmacexp.data.staging import Place
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import (
@@ -38,7 +39,8 @@ from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import assemble, assemble_body, assemble_memory
 from cmacexp.metrics.drift import Drift, make_drift_entry
 from cmacexp.metrics.score import RunScorer
-from cmacexp.models.mechanism import LEGS_UNDER_BODY
+from cmacexp.models.mechanism import PLANE, has_body
+from cmacexp.planning.robot import find_robot
 from cmacexp.sensors.protocol import find_altered
 
 Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
@@ -50,9 +52,10 @@ SPARE_BYTES, CYCLE_BYTES = 1 << 17, 1 << 11
 def _columns(scenario: Scenario) -> Columns:
     """Columns of the traces; sensors that alter a signal, or are supervised, add some."""
     altered, watched = find_altered(scenario.sensors), scenario.setup.config.plausibility.enabled
-    walks = scenario.setup.mechanism.kind == LEGS_UNDER_BODY
-    legs = select_signals(LEG_SIGNALS, altered, watched)
-    return legs, select_signals(BODY_SIGNALS, altered) if walks else None
+    mechanism = scenario.setup.mechanism
+    table = LEG_SIGNALS if mechanism.axes == PLANE else (*LEG_SIGNALS, *SPATIAL_SIGNALS)
+    legs = select_signals(table, altered, watched)
+    return legs, select_signals(BODY_SIGNALS, altered) if has_body(mechanism) else None
 
 
 def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
@@ -149,6 +152,20 @@ def _component_entries(scenario: Scenario) -> dict[str, Any]:
     }
 
 
+def _robot_entry(scenario: Scenario) -> dict[str, Any]:
+    """How a robot is built, for views of its trace; nothing of other machines."""
+    machine, mechanism = scenario.setup.config.machine, scenario.setup.mechanism
+    if mechanism.chains is None or not isinstance(machine, RobotMachine):
+        return {}
+    return {
+        "robot": {
+            "chains": mechanism.chains.tolist(),
+            "hips": mechanism.hips.tolist(),
+            "foot_radius": float(find_robot(machine).legs.foot_radius.max()),
+        }
+    }
+
+
 @interrupt_held_back()  # the loop itself heeds it: what is done is written
 def run_scenario(
     config: Config,
@@ -208,6 +225,7 @@ def _write(
     names += _write_extras(scenario, place, manifest, lost)
     entries = {
         **_component_entries(scenario),
+        **_robot_entry(scenario),
         "code_hash": code_hash(),
         "start_weights": start_hash(config),
         "learning_lead": scenario.setup.lead,

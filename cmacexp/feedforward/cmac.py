@@ -40,7 +40,7 @@ class CmacFeedforward(BuiltInFeedforward):
             ranges, self.seed = [spanning(own, config.cmac.range_factor) for own in inputs], config.seed
         else:
             ranges, self.seed = [InputRange(*ends) for ends in learnt["ranges"]], int(learnt["seed"])
-        self.cmacs = [Cmac(config.cmac, own, 2, self.seed) for own in ranges]
+        self.cmacs = [Cmac(config.cmac, own, setup.mechanism.shape[1], self.seed) for own in ranges]
         for i, cmac in enumerate(self.cmacs):
             if learnt is not None and cmac.visited is not None:
                 cmac.visited.positions = learnt[f"visited_{i + 1}"]
@@ -54,7 +54,7 @@ class CmacFeedforward(BuiltInFeedforward):
         self.memory = list(map(memory_use, self.cmacs, inputs, own_cells))
 
     def learnt(self) -> Weights:
-        """``weights`` (L, rows, 2), N m; ``ranges`` (L, 2, n) of the inputs, low and high; ``seed`` of the hash.
+        """``weights`` (L, rows, J), N m; ``ranges`` (L, 2, n) of the inputs, low and high; ``seed`` of the hash.
 
         With visited addressing also ``visited_1`` and so on, the cells of each leg in the order of their rows.
         """

@@ -79,5 +79,5 @@ class IterativeLearning(BuiltInFeedforward):
         self.memory = [MemoryUse(samples, samples, samples, 0, 0)] * legs
 
     def learnt(self) -> Weights:
-        """``weights`` (L, N, 2), N m."""
+        """``weights`` (L, N, J), N m."""
         return {"weights": self.params.weights.copy()}

@@ -5,11 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
+from cmacexp.config.machine import RobotMachine
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
 from cmacexp.planning.columns import Y
+from cmacexp.planning.robot_dynamics import planned_torques
 from cmacexp.planning.setup import Setup
+from cmacexp.typing import Array
 
 
 class InverseDynamics(BuiltInFeedforward):
@@ -33,6 +36,9 @@ class InverseDynamics(BuiltInFeedforward):
 
     def reset(self, setup: Setup) -> None:
         """Compute the torque of every sample of the cycle."""
+        if isinstance(setup.config.machine, RobotMachine):
+            self.params = known_torque(setup, self._torque_of_robot(setup))
+            return
         plan, factors = setup.plan, [self.length_factor] * 2 + [self.mass_factor] * 2 + [1.0]
         mechanism = setup.mechanism._replace(legs=setup.mechanism.legs * np.array(factors))
         torque = np.zeros((*plan.joints.shape[:2], 2))
@@ -43,3 +49,12 @@ class InverseDynamics(BuiltInFeedforward):
                 force = contact_force(setup.config.assumed_stiffness, depression)
                 torque[k, i] = planned_torque(mechanism, i, q, dq, ddq, force)
         self.params = known_torque(setup, torque)
+
+    def _torque_of_robot(self, setup: Setup) -> Array:
+        """Torque (N, L, 3), N m; without J^T F_d where the controller adds it."""
+        plan = setup.plan
+        added = setup.config.reference == "force_feedforward"
+        pressed = np.zeros_like(plan.force_desired) if added else plan.force_desired
+        return planned_torques(
+            setup.config, setup.mechanism, plan.joints, plan.force_desired, pressed, self.mass_factor
+        )

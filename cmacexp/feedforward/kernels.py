@@ -26,7 +26,7 @@ class LearningParams(NamedTuple):
     """U(k-1) trains the cells of step k-1-lead."""
     rule: RuleParams = PAPER
     plain: bool = False
-    """True for the paper's rule where all activations are 1, so that it needs none."""
+    """True for the paper's rule of two joints where all activations are 1, so that it needs none."""
     start_step: int = 0
     """First step of the run in which the network learns."""
     cells: Cells = EMPTY_CELLS
@@ -51,15 +51,15 @@ class FeedforwardParams(NamedTuple):
     """
 
     kind: int
-    """TABLE (torque known in advance), CMAC (all activations are 1) or WEIGHTED (by their activations)."""
+    """TABLE (torque known in advance), CMAC (two joints, activations of 1) or WEIGHTED (by their activations)."""
     torque: Array
-    """(N, L, 2): torque of the table, N m."""
+    """(N, L, J): torque of the table, N m."""
     cells: Cells
     """(N, L, C): active rows of the networks at the planned inputs."""
     activation: Array
     """(N, L, C): their activations; of WEIGHTED, and of a CMAC whose rule is not the paper's."""
     weights: State
-    """(L, rows, 2): weights of the networks, one per leg."""
+    """(L, rows, J): weights of the networks, one per leg."""
     learning: LearningParams
     smoothing: Smoothing
     log: WeightLog
@@ -67,7 +67,7 @@ class FeedforwardParams(NamedTuple):
 
 @kernel
 def smooth(weights: Array, smoothing: Smoothing) -> None:
-    """Filter ``weights`` (rows, 2) along their rows, the last of which is a neighbour of the first."""
+    """Filter ``weights`` (rows, J) along their rows, the last of which is a neighbour of the first."""
     taps, room = smoothing
     rows = weights.shape[0]
     for o in range(weights.shape[1]):
@@ -82,7 +82,7 @@ def smooth(weights: Array, smoothing: Smoothing) -> None:
 
 @kernel
 def learn(params: FeedforwardParams, i: int, step: int, sample: int, learning_error: Array) -> None:
-    """Train the network of leg ``i`` at ``sample`` with ``learning_error`` (2,), N m (eq. 20, 21).
+    """Train the network of leg ``i`` at ``sample`` with ``learning_error`` (J,), N m (eq. 20, 21).
 
     ``step`` counts from 0 over the whole run.
     """
@@ -105,14 +105,15 @@ def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning
         params: the feedforward; the weights of a network change in place.
         step: counts from 0 over the whole run.
         sample: this step's sample of the cycle, 0 to N - 1.
-        learning_error: (L, 2): of the last step, N m.
-        output: (L, 2): filled, N m.
+        learning_error: (L, J): of the last step, N m.
+        output: (L, J): filled, N m.
     """
     if sample == 0:
         log_cycle(params.log, params.weights)
     for i in range(output.shape[0]):
         if params.kind == TABLE:
-            output[i, 0], output[i, 1] = params.torque[sample, i, 0], params.torque[sample, i, 1]
+            for j in range(output.shape[1]):
+                output[i, j] = params.torque[sample, i, j]
         else:
             learn(params, i, step, (sample - 1 - params.learning.lead) % params.cells.shape[0], learning_error[i])
             if sample == 0 and params.smoothing.taps.shape[0] > 0:

@@ -92,8 +92,8 @@ class Perceptron:
         if setup.learnt is not None:
             self.middle, self.spread = setup.learnt["middle"], setup.learnt["spread"]
         self.paths = (paths - self.middle) / self.spread
-        self.torque = np.zeros((samples, legs, 2))
-        self.learning_error = np.zeros((samples, legs, 2))
+        self.torque = np.zeros((samples, legs, setup.mechanism.shape[1]))
+        self.learning_error = np.zeros((samples, legs, setup.mechanism.shape[1]))
         self.steps, self.scale = 0, np.zeros(legs)
         options = {"activation": "tanh", "solver": "adam", "alpha": 0.0, "batch_size": min(self.batch, samples)}
         options |= {"hidden_layer_sizes": (self.hidden,), "learning_rate_init": self.step_size}
@@ -118,7 +118,7 @@ class Perceptron:
         return {"middle": self.middle, "spread": self.spread, "scale": self.scale.copy(), **weights}
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Store the last step's feedback (L, 2), N m; return this step's torque (L, 2), N m."""
+        """Store the last step's feedback (L, J), N m; return this step's torque (L, J), N m."""
         samples = len(self.torque)
         self.learning_error[(reference.sample - 1 - self.lead) % samples] = learning_error
         if reference.sample == 0 and self.steps >= samples:

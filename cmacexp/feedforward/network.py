@@ -55,22 +55,23 @@ class BuiltInFeedforward(ABC):
         }
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Learn from the last step's feedback (L, 2), N m, then give this step's torque (L, 2), N m."""
+        """Learn from the last step's feedback (L, J), N m, then give this step's torque (L, J), N m."""
         output = np.zeros_like(learning_error)
         feedforward_step(self.params, reference.step, reference.sample, learning_error, output)
         return output
 
 
 def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
-    """Planned joint values (N, 2 x names) of leg ``i``: angles in rad, their velocities, accelerations."""
-    return setup.plan.joints[:, i, [column for name in names for column in JOINT_COLUMNS[name]]]
+    """Planned joint values (N, J x names) of leg ``i``: angles in rad, their velocities, accelerations."""
+    joints = setup.mechanism.shape[1]
+    return setup.plan.joints[:, i, [column for name in names for column in JOINT_COLUMNS[name][:joints]]]
 
 
 def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningParams:
     """How a network of these cells and activations (N, L, C) learns."""
     config = setup.config.learning
     rule = make_rule(config, activation)
-    plain = rule == PAPER and bool((activation == 1.0).all())
+    plain = rule == PAPER and bool((activation == 1.0).all()) and setup.mechanism.shape[1] == 2
     params = LearningParams(config.rate, setup.lead, rule, plain, setup.plan.start_step)
     if rule.teaches != NEIGHBOURS:
         return params
@@ -79,10 +80,14 @@ def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningParams:
 
 
 def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
-    """Params of a feedforward whose ``torque`` (N, L, 2), N m, is known in advance."""
-    legs = setup.mechanism.legs.shape[0]
+    """Params of a feedforward whose ``torque`` (N, L, J), N m, is known in advance."""
+    legs, joints = setup.mechanism.shape
     # One compiled loop serves all feedforwards: arrays that one does not use are minimal.
-    cells, activation, weights = np.zeros((1, legs, 1), np.uint32), np.zeros((1, legs, 1)), np.zeros((legs, 1, 2))
+    cells, activation, weights = (
+        np.zeros((1, legs, 1), np.uint32),
+        np.zeros((1, legs, 1)),
+        np.zeros((legs, 1, joints)),
+    )
     learning, log = LearningParams(0.0, 0), new_log(cells)
     return FeedforwardParams(TABLE, torque, cells, activation, weights, learning, NO_SMOOTHING, log)
 
@@ -95,23 +100,23 @@ def network(
     Args:
         setup: of the run.
         cells: (N, L, C): rows of the weights that are active at each sample of the cycle.
-        rows: number of weights of one leg for each of its two outputs.
+        rows: number of weights of one leg for each of its outputs, the torques of its joints.
         activation: (N, L, C): activation of each of them, 0 or more; None: all 1, as in a CMAC.
         taps: (K,): of a symmetric filter along the rows, once a cycle, from the middle outwards; None: no filter.
 
     Raises:
         BadInput: the learning rule does not fit the network.
     """
-    legs = setup.mechanism.legs.shape[0]
+    legs, joints = setup.mechanism.shape
     cells = np.ascontiguousarray(cells, dtype=np.uint32)
     counts = np.ones(cells.shape) if activation is None else np.ascontiguousarray(activation, dtype=float)
     learning = _learning(setup, cells, counts)
     return FeedforwardParams(
-        CMAC if (counts == 1.0).all() else WEIGHTED,
-        np.zeros((1, legs, 2)),
+        CMAC if (counts == 1.0).all() and joints == 2 else WEIGHTED,
+        np.zeros((1, legs, joints)),
         cells,
         np.zeros((1, legs, 1)) if learning.plain else counts,
-        np.zeros((legs, rows, 2)),
+        np.zeros((legs, rows, joints)),
         learning,
         NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows)),
         new_log(cells),

@@ -15,4 +15,4 @@ class NoFeedforward(BuiltInFeedforward):
 
     def reset(self, setup: Setup) -> None:
         """Set the torque to zero."""
-        self.params = known_torque(setup, np.zeros((*setup.plan.support.shape, 2)))
+        self.params = known_torque(setup, np.zeros((*setup.plan.support.shape, setup.mechanism.shape[1])))

@@ -17,7 +17,7 @@ class Feedforward(Protocol):
         ...
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
-        """Learn from the last step's feedback (L, 2), N m, then return this step's torque (L, 2), N m."""
+        """Learn from the last step's feedback (L, J), N m, then return this step's torque (L, J), N m."""
         ...
 
 

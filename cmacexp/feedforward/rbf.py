@@ -120,7 +120,7 @@ class RadialBasis(BuiltInFeedforward):
         self.memory = [MemoryUse(self.centres, number, number, 0, 0) for number in used]
 
     def learnt(self) -> Weights:
-        """``weights`` (L, centres, 2), N m; ``ranges`` (L, 2, n) of inputs; ``places`` (L, centres, n) in them."""
+        """``weights`` (L, centres, J), N m; ``ranges`` (L, 2, n) of inputs; ``places`` (L, centres, n) in them."""
         return {"weights": self.params.weights.copy(), "ranges": self.ranges, "places": self.places}
 
 

@@ -41,20 +41,23 @@ def new_log(cells: Cells) -> WeightLog:
 
 @kernel
 def weigh(log: WeightLog, weights: Array, entry: Array) -> None:
-    """Fill ``entry`` (L, 3) with the columns LOGGED of ``weights`` (L, rows, 2) now."""
+    """Fill ``entry`` (L, 3) with the columns LOGGED of ``weights`` (L, rows, J) now."""
     for i in range(weights.shape[0]):
         power, largest, count = 0.0, 0.0, 0
         for k in range(log.used[i]):
-            first, second = weights[i, log.rows[i, k], 0], weights[i, log.rows[i, k], 1]
-            power += first * first + second * second
-            largest = max(largest, abs(first), abs(second))
-            count += 1 if first != 0.0 or second != 0.0 else 0
+            row, square, peak = weights[i, log.rows[i, k]], 0.0, 0.0
+            for o in range(row.shape[0]):
+                square += row[o] * row[o]
+                peak = max(peak, abs(row[o]))
+            power += square
+            largest = max(largest, peak)
+            count += 1 if peak > 0.0 else 0
         entry[i, NORM], entry[i, LARGEST], entry[i, ROWS_USED] = math.sqrt(power), largest, count
 
 
 @kernel
 def log_cycle(log: WeightLog, weights: Array) -> None:
-    """Log the weights (L, rows, 2) at the start of a cycle."""
+    """Log the weights (L, rows, J) at the start of a cycle."""
     if log.begun[0] < log.values.shape[0]:
         weigh(log, weights, log.values[log.begun[0]])
     log.begun[0] += 1
@@ -68,7 +71,7 @@ def take(log: WeightLog, weights: Array, cycles: int) -> Array:
 
     Args:
         log: is emptied.
-        weights: (L, rows, 2): as the last of these cycles left them.
+        weights: (L, rows, J): as the last of these cycles left them.
         cycles: those that have passed, whether the networks acted in them or not.
 
     Returns:

@@ -37,7 +37,7 @@ def _make_observation(
     """Channels of the sensors, and the input of the controller: with perfect sensors the arrays of the plant."""
     sensors = scenario.sensors
     if external.sensors:
-        return None, new_observation(len(machine.force))
+        return None, new_observation(len(machine.force), scenario.setup.mechanism.axes)
     if isinstance(sensors, RealSensors) and sensors.sensing is not None:
         return sensors.sensing, sensors.observation
     return None, Observation(*(getattr(machine, name) for name in Observation._fields))
@@ -51,20 +51,20 @@ def make_loop(scenario: Scenario, external: External, guard: Guard) -> Loop:
         None if external.controller else scenario.controller,
         None if external.controller or external.feedforward else scenario.feedforward,
     )
-    legs = setup.mechanism.legs.shape[0]
-    machine = plant.state if isinstance(plant, AnalyticPlant) else new_state(legs)
+    mechanism = setup.mechanism
+    machine = plant.state if isinstance(plant, AnalyticPlant) else new_state(mechanism.shape[0], mechanism.axes)
     return Loop(
         setup.plan.support,
         setup.plan.reference,
         setup.plan.start_step,
-        setup.mechanism,
+        mechanism,
         plant.params if isinstance(plant, AnalyticPlant) else None,
         machine,
         *_make_observation(scenario, external, machine),
         controller.params if isinstance(controller, HybridController) else None,
-        controller.state if isinstance(controller, HybridController) else new_hybrid_state(legs),
+        controller.state if isinstance(controller, HybridController) else new_hybrid_state(*mechanism.shape),
         feedforward.params if isinstance(feedforward, BuiltInFeedforward) else None,
-        new_actuator(setup.config.actuator, setup.config.sampling_period, legs),
-        Torques(np.zeros((legs, 2)), np.zeros((legs, 2))),
+        new_actuator(setup.config.actuator, setup.config.sampling_period, mechanism),
+        Torques(np.zeros(mechanism.shape), np.zeros(mechanism.shape)),
         guard,
     )

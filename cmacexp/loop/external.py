@@ -109,9 +109,10 @@ class ExternalDriver:
         self.progress = np.zeros(3, dtype=np.int64)
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
         self.start = 0
+        legs, joints = self.state.q.shape
         self.divergence = ""
         """Cause that the plant itself reported, if it has diverged."""
-        self._run(*make_samples(0, len(self.state.q), False))
+        self._run(*make_samples(0, legs, False, joints))
 
     @property
     def taken(self) -> int:

@@ -19,7 +19,7 @@ from cmacexp.jit.interrupt import interrupt_as_such, interrupt_held_back, raise_
 from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.external import ExternalDriver
-from cmacexp.loop.samples import TRAVEL, WIDE_SAMPLES, make_samples, name_body_samples, name_samples
+from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, make_samples, name_body_samples, name_samples
 from cmacexp.loop.scenario import Scenario, announce_steps
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_guard
 from cmacexp.models.mechanism import POINT_MASS
@@ -106,15 +106,16 @@ class _Stream:
         self.scenario, self.config, self.point_mass = scenario, config, mechanism.kind == POINT_MASS
         self.guard = new_guard(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
         external = find_external(scenario) if fused else ALL_EXTERNAL
-        loop, legs = make_loop(scenario, external, self.guard), len(mechanism.legs)
+        loop, (legs, joints) = make_loop(scenario, external, self.guard), mechanism.shape
         self.driver: CompiledDriver | ExternalDriver
         if any(external):
             self.driver, cycles = ExternalDriver(scenario, loop, external), 1
         else:
             self.driver = CompiledDriver(loop)
             cycles = min(config.cycles, max(1, MOST_ROWS // (config.steps_per_cycle * legs)), MOST_CYCLES)
-        self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, _samples_measured(scenario))
-        names = WIDE_SAMPLES[: self.samples.shape[2]]
+        wide = _samples_measured(scenario)
+        self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
+        names = ALL_SAMPLES[: self.samples.shape[2]]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
         self.status, self.cause, self.seconds = "completed", "", 0.0
         self.error: Exception | None = None
@@ -188,7 +189,8 @@ def stream(
     """
     scenario.begin()
     if scenario.fault is not None:
-        keep(Samples(0, *make_samples(0, len(scenario.setup.mechanism.legs), _samples_measured(scenario)), None))
+        legs, joints = scenario.setup.mechanism.shape
+        keep(Samples(0, *make_samples(0, legs, _samples_measured(scenario), joints), None))
         return End(0, "failed", f"before the first step: {_format_error(scenario.fault)}", 0.0, scenario.fault)
     announce_steps(scenario.setup.config, len(scenario.setup.mechanism.legs))
     run = _Stream(scenario, fused)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cmacexp.control.hybrid_kernels import HybridState
-from cmacexp.data.signals import ARRAYS, BODY_SIGNALS, LEG_SIGNALS, list_samples
+from cmacexp.data.signals import ARRAYS, BODY_SIGNALS, LEG_SIGNALS, SPATIAL_SIGNALS, list_samples
 from cmacexp.jit.compiler import kernel
 from cmacexp.plants.kernels import PlantState
 from cmacexp.sensors.kernels import Observation
@@ -13,10 +13,12 @@ SAMPLES, BODY_SAMPLES = (list_samples(table, wide=False) for table in (LEG_SIGNA
 """Columns that every run samples of each leg, and of a body."""
 WIDE_SAMPLES, WIDE_BODY_SAMPLES = (list_samples(table, wide=True) for table in (LEG_SIGNALS, BODY_SIGNALS))
 """The same, followed by those that sensors may add."""
+ALL_SAMPLES = WIDE_SAMPLES + list_samples(SPATIAL_SIGNALS, wide=True)
+"""The same, followed by those of legs that move in space."""
 
 
 def _columns(names: str) -> tuple[int, ...]:
-    return tuple(WIDE_SAMPLES.index(name) for name in names.split())
+    return tuple(ALL_SAMPLES.index(name) for name in names.split())
 
 
 def _body_columns(names: str) -> tuple[int, ...]:
@@ -30,6 +32,10 @@ FORCE, FORCE_MEASURED, FORCE_TRUSTED = _columns("force force_measured force_trus
 X_REFERENCE, Y_REFERENCE = _columns("x_reference y_reference")
 TAU_FEEDBACK_1, TAU_FEEDBACK_2 = _columns("tau_feedback_1 tau_feedback_2")
 TAU_FEEDFORWARD_1, TAU_FEEDFORWARD_2 = _columns("tau_feedforward_1 tau_feedforward_2")
+Z, VZ, Q3, DQ3, Z_REFERENCE = _columns("z vz q3 dq3 z_reference")
+Z_MEASURED, VZ_MEASURED, Q3_MEASURED, DQ3_MEASURED = _columns("z_measured vz_measured q3_measured dq3_measured")
+TAU_FEEDBACK_3, TAU_FEEDFORWARD_3 = _columns("tau_feedback_3 tau_feedforward_3")
+TAU_FORCE_1, TAU_FORCE_2, TAU_FORCE_3 = _columns("tau_force_1 tau_force_2 tau_force_3")
 HEIGHT, PITCH, ROLL = _body_columns("height pitch roll")
 HEIGHT_RATE, PITCH_RATE, ROLL_RATE = _body_columns("height_rate pitch_rate roll_rate")
 HEIGHT_MEASURED, PITCH_MEASURED, ROLL_MEASURED = _body_columns("height_measured pitch_measured roll_measured")
@@ -42,7 +48,7 @@ TRAVEL = [BODY_SAMPLES.index(name) for name in ARRAYS["travel"]]
 
 def name_samples(samples: Array) -> dict[str, Array]:
     """Columns of leg samples (steps, L, columns), (steps, L) by name."""
-    return {name: samples[:, :, column] for column, name in enumerate(WIDE_SAMPLES[: samples.shape[2]])}
+    return {name: samples[:, :, column] for column, name in enumerate(ALL_SAMPLES[: samples.shape[2]])}
 
 
 def name_body_samples(samples: Array) -> dict[str, Array]:
@@ -50,11 +56,13 @@ def name_body_samples(samples: Array) -> dict[str, Array]:
     return {name: samples[:, column] for column, name in enumerate(WIDE_BODY_SAMPLES[: samples.shape[1]])}
 
 
-def make_samples(steps: int, legs: int, wide: bool) -> tuple[Array, Array]:
-    """Zeros for the samples of legs (steps, L, columns) and body (steps, columns)."""
+def make_samples(steps: int, legs: int, wide: bool, joints: int = 2) -> tuple[Array, Array]:
+    """Zeros for the samples of legs (steps, L, columns) and body (steps, columns); with a third joint always wide."""
+    spatial = joints > 2
+    columns = ALL_SAMPLES if spatial else WIDE_SAMPLES if wide else SAMPLES
     return (
-        np.zeros((steps, legs, len(WIDE_SAMPLES if wide else SAMPLES))),
-        np.zeros((steps, len(WIDE_BODY_SAMPLES if wide else BODY_SAMPLES))),
+        np.zeros((steps, legs, len(columns))),
+        np.zeros((steps, len(WIDE_BODY_SAMPLES if wide or spatial else BODY_SAMPLES))),
     )
 
 
@@ -70,7 +78,7 @@ def write_samples(
 ) -> None:
     """Write row ``k`` of samples (steps, L, columns) and body samples (steps, columns).
 
-    The torques are those that act: of ``control`` and ``feedforward`` (L, 2), N m, after the actuator.
+    The torques are those that act: of ``control`` and ``feedforward`` (L, J), N m, after the actuator.
     """
     body = machine.body
     body_samples[k, HEIGHT], body_samples[k, PITCH], body_samples[k, ROLL] = body[0], body[1], body[2]
@@ -86,6 +94,8 @@ def write_samples(
         row[TAU_FEEDFORWARD_1], row[TAU_FEEDFORWARD_2] = feedforward[i, 0], feedforward[i, 1]
     if samples.shape[2] > len(SAMPLES):
         write_measured(samples, body_samples, k, machine, observation, control)
+    if samples.shape[2] > len(WIDE_SAMPLES):
+        write_spatial(samples, k, machine, observation, control, feedforward)
 
 
 @kernel
@@ -104,3 +114,30 @@ def write_measured(
     row[HEIGHT_RATE], row[PITCH_RATE], row[ROLL_RATE] = true[0], true[1], true[2]
     row[HEIGHT_MEASURED], row[PITCH_MEASURED], row[ROLL_MEASURED] = body[0], body[1], body[2]
     row[HEIGHT_RATE_MEASURED], row[PITCH_RATE_MEASURED], row[ROLL_RATE_MEASURED] = rate[0], rate[1], rate[2]
+
+
+@kernel
+def write_spatial(
+    samples: Array,
+    k: int,
+    machine: PlantState,
+    observation: Observation,
+    control: HybridState,
+    feedforward: Array,
+) -> None:
+    """Write the columns of row ``k`` that legs with a third joint add."""
+    for i in range(samples.shape[1]):
+        row, teaching = samples[k, i], control.learning_error
+        row[Z], row[VZ], row[Q3], row[DQ3] = (
+            machine.foot[i, 2],
+            machine.velocity[i, 2],
+            machine.q[i, 2],
+            machine.dq[i, 2],
+        )
+        row[Z_MEASURED], row[VZ_MEASURED] = observation.foot[i, 2], observation.velocity[i, 2]
+        row[Q3_MEASURED], row[DQ3_MEASURED] = observation.q[i, 2], observation.dq[i, 2]
+        row[Z_REFERENCE] = control.reference[i, 2]
+        row[TAU_FEEDBACK_3], row[TAU_FEEDFORWARD_3] = control.feedback[i, 2], feedforward[i, 2]
+        row[TAU_FORCE_1] = control.feedback[i, 0] - teaching[i, 0]
+        row[TAU_FORCE_2] = control.feedback[i, 1] - teaching[i, 1]
+        row[TAU_FORCE_3] = control.feedback[i, 2] - teaching[i, 2]

@@ -17,6 +17,7 @@ from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
 from cmacexp.loop.validation import require_finite, take_measurement
 from cmacexp.planning import Plan, Setup, make_plan
+from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
 from cmacexp.plants import AnalyticPlant, Measurement, Plant
 from cmacexp.plants.protocol import STATE, get_state, new_measurement
@@ -64,9 +65,9 @@ def resolve_lead(config: Config, sensors: Sensors) -> int:
     return 1 + config.actuator.delay + (delay(uses_velocity) if delay else 0)
 
 
-def _start(config: Config, plan: Plan) -> Array:
+def _start(config: Config, plan: Plan, joints: int) -> Array:
     """Planned joint angles; a point mass starts where its config says, above the ground."""
-    start = plan.joints[0, :, :2].copy()
+    start = plan.joints[0][:, JOINT_COLUMNS["angle"][:joints]]
     if isinstance(config.machine, PointMassMachine):
         start[:, 1] = config.machine.hip_height - config.machine.start_clearance
     return np.ascontiguousarray(start)
@@ -88,7 +89,7 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     feedforward.reset(_own(setup, feedforward))
     controller.reset(_own(setup, controller), feedforward)
     sensors.reset(_own(setup, sensors))
-    first = new_measurement(setup.mechanism.legs.shape[0])
+    first = new_measurement(*setup.mechanism.shape)
     measured = plant.reset(_own(setup, plant))
     take_measurement(plant, "reset", measured, first)
     if not isinstance(plant, AnalyticPlant):  # its body may have no equilibrium: it has fallen, which is a result
@@ -124,8 +125,8 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     check_weights(config, components["feedforward"])
     plan = make_plan(config, mechanism, components["feedforward"].acts)
     lead = resolve_lead(config, components["sensors"])
-    setup = Setup(config, mechanism, plan, _start(config, plan), read_weights(config), lead)
-    first, fault = new_measurement(mechanism.legs.shape[0]), None
+    setup = Setup(config, mechanism, plan, _start(config, plan, mechanism.shape[1]), read_weights(config), lead)
+    first, fault = new_measurement(*mechanism.shape), None
     try:
         first = _reset(setup, components)
     except BadInput:

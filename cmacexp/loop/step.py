@@ -15,7 +15,7 @@ from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.jit.compiler import kernel
 from cmacexp.loop.samples import write_samples as commit
 from cmacexp.loop.stop import DIVERGED, RUNNING, Guard, stop_reason
-from cmacexp.models.mechanism import Mechanism, trigonometries
+from cmacexp.models.mechanism import Mechanism, update_geometry
 from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
 from cmacexp.plants.protocol import Measurement
@@ -32,7 +32,7 @@ returned a value that is not finite, or NO_METHOD."""
 
 
 class Torques(NamedTuple):
-    """Torques of one step, (L, 2) each, N m."""
+    """Torques of one step, (L, J) each, N m."""
 
     feedforward: Scratch
     total: Scratch
@@ -66,9 +66,9 @@ class Inputs(NamedTuple):
     sensors: Measurement | None
     controller: Measurement | None
     feedforward: Array | None
-    """(K, L, 2): learning error, N m; an external controller calls its feedforward itself."""
+    """(K, L, J): learning error, N m; an external controller calls its feedforward itself."""
     plant: Array | None
-    """(K, L, 2): torque, N m."""
+    """(K, L, J): torque, N m."""
 
 
 @kernel
@@ -80,10 +80,11 @@ def copy_vector(values: Array, rows: Array, k: int) -> None:
 
 @kernel
 def copy_matrix(values: Array, rows: Array | None, k: int) -> None:
-    """Copy ``values`` (L, 2) into row ``k``."""
+    """Copy ``values`` (L, J) into row ``k``."""
     if rows is not None:
         for i in range(values.shape[0]):
-            rows[k, i, 0], rows[k, i, 1] = values[i, 0], values[i, 1]
+            for j in range(values.shape[1]):
+                rows[k, i, j] = values[i, j]
 
 
 @kernel
@@ -101,9 +102,9 @@ def copy_measurement(source: PlantState | Observation, rows: Measurement | None,
 
 @kernel
 def is_finite(values: Array) -> bool:
-    """Whether all of ``values`` (L, 2) are finite."""
+    """Whether all of ``values`` (L, J) are finite."""
     for i in range(values.shape[0]):
-        for j in range(2):
+        for j in range(values.shape[1]):
             if not math.isfinite(values[i, j]):
                 return False
     return True
@@ -137,7 +138,7 @@ def observe(
 
 @kernel
 def predict(params: FeedforwardParams | None, step: int, sample: int, error: Array, torque: Array) -> None:
-    """The built-in feedforward, before the feedback: ``error`` (L, 2) is the learning error of the last step."""
+    """The built-in feedforward, before the feedback: ``error`` (L, J) is the learning error of the last step."""
     if params is not None:
         feedforward_step(params, step, sample, error, torque)
 
@@ -150,7 +151,7 @@ def control(
     if params is not None:
         hybrid_feedback(
             params, state, support, reference,
-            observation.trig, observation.foot, observation.velocity, observation.force,
+            observation.geometry, observation.foot, observation.velocity, observation.force,
             observation.body, observation.body_rate,
         )  # fmt: skip
 
@@ -233,7 +234,7 @@ def take_steps(
             elif acting:
                 predict(loop.feedforward, step, sample, loop.control_state.learning_error, loop.torques.feedforward)
             if new_joints:
-                trigonometries(loop.mechanism, loop.observation.q, loop.observation.trig)
+                update_geometry(loop.mechanism, loop.observation.q, loop.observation.geometry)
             stage = ACTING if acting else BEFORE
             control(
                 loop.control,

@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import depth, make_pose
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism
+from cmacexp.models.mechanism import POINT_MASS, Mechanism, has_body
 from cmacexp.typing import Array, Clock
 
 RUNNING, DIVERGED, FELL = range(3)
@@ -18,7 +18,9 @@ FASTEST_JOINT = 100.0
 STEEPEST = 0.5
 """A body pitched or rolled further has fallen, rad."""
 LOWEST_HIP = 0.25
-"""A hip below this has fallen, m above the undepressed ground."""
+"""A hip of the paper's machine below this has fallen, m above the undepressed ground."""
+LOWEST_SHARE = 0.5
+"""A hip of a robot below this share of its planned height has fallen."""
 LONGEST_UNSTABLE = 0.25
 """A body whose planned stability margin is negative for longer has fallen, s."""
 
@@ -29,6 +31,8 @@ class Guard(NamedTuple):
     mechanism: Mechanism
     margin: Array
     """(N,): planned stability margin over a cycle, m; NaN where there is none."""
+    lowest_hip: float
+    """Height below which a hip has fallen, m."""
     longest_unstable: int
     """Steps of LONGEST_UNSTABLE."""
     unstable: Clock
@@ -37,14 +41,16 @@ class Guard(NamedTuple):
 
 def new_guard(mechanism: Mechanism, margin: Array, sampling_period: float) -> Guard:
     """A guard at the start of a run."""
-    return Guard(mechanism, np.ascontiguousarray(margin), round(LONGEST_UNSTABLE / sampling_period), np.zeros(1))
+    lowest_hip = LOWEST_HIP if mechanism.chains is None else LOWEST_SHARE * mechanism.hip_height
+    longest_unstable = round(LONGEST_UNSTABLE / sampling_period)
+    return Guard(mechanism, np.ascontiguousarray(margin), lowest_hip, longest_unstable, np.zeros(1))
 
 
 @kernel
-def has_diverged(q: Array, dq: Array, foot: Array) -> bool:
+def has_diverged(mechanism: Mechanism, q: Array, dq: Array, foot: Array) -> bool:
     """Whether a value is not finite or a joint too fast."""
     for i in range(q.shape[0]):
-        for j in range(2):
+        for j in range(len(mechanism.axes)):
             if not (math.isfinite(q[i, j]) and math.isfinite(foot[i, j]) and abs(dq[i, j]) <= FASTEST_JOINT):
                 return True
     return False
@@ -57,7 +63,7 @@ def has_fallen(guard: Guard, body: Array) -> bool:
         return True
     hips, pose = guard.mechanism.hips, make_pose(body)
     for i in range(hips.shape[0]):
-        if -depth(pose, hips[i, 0], hips[i, 1], 0.0) < LOWEST_HIP:
+        if -depth(pose, hips[i, 0], hips[i, 1], 0.0) < guard.lowest_hip:
             return True
     return guard.unstable[0] > guard.longest_unstable
 
@@ -65,9 +71,9 @@ def has_fallen(guard: Guard, body: Array) -> bool:
 @kernel
 def stop_reason(guard: Guard, sample: int, q: Array, dq: Array, foot: Array, force: Array, body: Array) -> int:
     """RUNNING, DIVERGED or FELL at the start of a step, the ``sample`` of its cycle."""
-    if has_diverged(q, dq, foot):
+    if has_diverged(guard.mechanism, q, dq, foot):
         return DIVERGED
-    if guard.mechanism.kind == LEGS_UNDER_BODY:
+    if has_body(guard.mechanism):
         guard.unstable[0] = guard.unstable[0] + 1 if guard.margin[sample] < 0.0 else 0
         if has_fallen(guard, body):
             return FELL
@@ -99,8 +105,8 @@ def _explain_fall(guard: Guard, body: Array) -> str:
     pose = make_pose(body)
     heights = [-depth(pose, x, y, 0.0) for x, y in guard.mechanism.hips]
     lowest = int(np.argmin(heights))
-    if heights[lowest] < LOWEST_HIP:
-        return f"hip of leg {lowest + 1} at {heights[lowest]:.3f} m, below {LOWEST_HIP:g} m"
+    if heights[lowest] < guard.lowest_hip:
+        return f"hip of leg {lowest + 1} at {heights[lowest]:.3f} m, below {guard.lowest_hip:g} m"
     return f"planned stability margin negative for more than {LONGEST_UNSTABLE:g} s"
 
 
@@ -114,8 +120,8 @@ def describe_stop(
         status: DIVERGED or FELL.
         step: at whose start it stopped.
         sampling_period: s.
-        q: (L, 2): joint angles at that step, rad.
-        dq: (L, 2): joint velocities, rad/s.
+        q: (L, J): joint angles at that step, rad.
+        dq: (L, J): joint velocities, rad/s.
         body: (3,): height, pitch and roll.
         reported: cause that the plant reported; empty if it reported none.
     """

@@ -5,20 +5,23 @@ from collections.abc import Sequence
 import numpy as np
 import pyarrow as pa
 
-from cmacexp.config.machine import QuadrupedMachine
+from cmacexp.config.machine import QuadrupedMachine, RobotMachine
 from cmacexp.data.parquet import arrow, arrow_strings
 from cmacexp.data.signals import (
+    ARRAYS,
     BODY_SIGNALS,
     LEG_SIGNALS,
     MEMORY_SIGNALS,
     PHASES,
+    SPATIAL_ARRAYS,
     TRUE_MARGINS,
     Signal,
     make_schema,
     select_signals,
 )
-from cmacexp.planning.columns import X, Y
+from cmacexp.planning.columns import JOINT_COLUMNS, MOTION_COLUMNS, X, Y, Z
 from cmacexp.planning.plan import Plan
+from cmacexp.planning.robot import find_centres
 from cmacexp.planning.setup import Setup
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.planning.true_margins import Masses, true_margins
@@ -56,6 +59,10 @@ def assemble(
         "y_desired": plan.desired[sample, :, Y].ravel(),
         "force_desired": plan.force_desired[sample].ravel(),
     }
+    if plan.desired.shape[2] > MOTION_COLUMNS[2]:
+        known["z_desired"] = plan.desired[sample, :, Z].ravel()
+        for number, column in enumerate(JOINT_COLUMNS["angle"], start=1):
+            known[f"q{number}_desired"] = plan.joints[sample, :, column].ravel()
     phase = pa.DictionaryArray.from_arrays(arrow(plan.support[sample].ravel(), pa.int8()), arrow_strings(PHASES))
     arrays = [
         # flatten() copies: the loop uses the arrays of its samples again.
@@ -88,7 +95,12 @@ def assemble_body(
     planned = setup.plan.margins[step % config.steps_per_cycle]
     payload = make_payload(config.payload, config.sampling_period)
     body_mass = config.machine.body_mass if moves and isinstance(config.machine, QuadrupedMachine) else None
-    true = true_margins(Masses(setup.mechanism, body_mass, payload.load, step >= payload.start), legs, samples)
+    centre = None
+    if isinstance(config.machine, RobotMachine):
+        q = np.stack([legs[name] for name in (*ARRAYS["q"], SPATIAL_ARRAYS["q"])], axis=2)
+        centre = find_centres(config.machine, q)
+    masses = Masses(setup.mechanism, body_mass, payload.load, step >= payload.start, centre)
+    true = true_margins(masses, legs, samples)
     known = {
         **{name: values.copy() for name, values in samples.items()},  # the loop uses its arrays again
         "step": step,

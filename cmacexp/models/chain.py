@@ -18,7 +18,13 @@ HINGE_FIELDS = 6
 CHAIN_FIELDS = HINGES * HINGE_FIELDS + 3
 """Numbers of a chain: its hinges, from the body outwards, then the foot (m)."""
 
-Vector = tuple[float, float, float]
+Vector = tuple[Any, Any, Any]
+"""Three numbers, or three arrays of them: outside programs the kernels work on arrays as well."""
+Turn = tuple[Any, Any]
+"""Sine and cosine of an angle, or arrays of them."""
+MOST_ITERATIONS = 50
+CLOSE_ENOUGH = 1e-13
+"""Distance of a foot from its place at which the search for joint angles ends, m."""
 
 
 class Kinematics(NamedTuple):
@@ -77,13 +83,17 @@ def lever(chain: Array, n: int, place: Vector) -> Vector:
 
 @kernel
 def chain_kinematics(chain: Array, q1: float, q2: float, q3: float) -> Kinematics:
-    """Foot and Jacobian of ``chain`` (CHAIN_FIELDS,) at joint angles, rad.
+    """Foot and Jacobian of ``chain`` (CHAIN_FIELDS,) at joint angles, rad."""
+    return kinematics_at(chain, sine_cosine(q1), sine_cosine(q2), sine_cosine(q3))
+
+
+@kernel
+def kinematics_at(chain: Array, turn_1: Turn, turn_2: Turn, turn_3: Turn) -> Kinematics:
+    """Foot and Jacobian of ``chain`` from sine and cosine of each joint angle.
 
     The foot is turned about the outermost hinge first; each hinge turns what the ones outside it have made.
     """
-    s1, c1 = sine_cosine(q1)
-    s2, c2 = sine_cosine(q2)
-    s3, c3 = sine_cosine(q3)
+    (s1, c1), (s2, c2), (s3, c3) = turn_1, turn_2, turn_3
     first, second = hinge_axis(chain, 0), hinge_axis(chain, 1)
     foot = turn_at(chain, 2, (chain[18], chain[19], chain[20]), s3, c3)
     calf = turn(turn(lever(chain, 2, foot), second, s2, c2), first, s1, c1)
@@ -91,6 +101,49 @@ def chain_kinematics(chain: Array, q1: float, q2: float, q3: float) -> Kinematic
     thigh = turn(lever(chain, 1, foot), first, s1, c1)
     foot = turn_at(chain, 0, foot, s1, c1)
     return Kinematics(foot, lever(chain, 0, foot), thigh, calf)
+
+
+def batch_kinematics(chain: Array, q: Array) -> tuple[Array, Array]:
+    """Feet (N, 3), m, and Jacobians (N, 3, 3), m/rad, of one chain at ``q`` (N, 3), rad."""
+    turns = [(np.sin(angle), np.cos(angle)) for angle in q.T]
+    foot, *columns = (np.stack(np.broadcast_arrays(*each), axis=-1) for each in kinematics_at(chain, *turns))
+    return foot, np.stack(columns, axis=-1)
+
+
+def chain_angles(chain: Array, feet: Array, start: Array) -> Array:
+    """Joint angles (N, 3), rad, that put the foot at each of ``feet`` (N, 3), by Newton's method.
+
+    Args:
+        chain: (CHAIN_FIELDS,).
+        feet: m.
+        start: (3,) or (N, 3): where the search begins; it decides to which side the knee bends.
+
+    Returns:
+        NaN where it does not find any: the foot is out of reach.
+    """
+    q = np.broadcast_to(start, feet.shape).copy()
+    for _ in range(MOST_ITERATIONS):
+        foot, jacobian = batch_kinematics(chain, q)
+        missing = feet - foot
+        if np.abs(missing).max() < CLOSE_ENOUGH:
+            break
+        step = np.linalg.solve(jacobian, missing[..., None])[..., 0]
+        q += step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
+    q[np.abs(missing).max(axis=1) > 1e3 * CLOSE_ENOUGH] = np.nan
+    return q
+
+
+def chain_motion(chain: Array, q: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:
+    """Joint velocities and accelerations, (N, 3) each, that move the foot as given, (N, 3) each, m/s and m/s^2.
+
+    dJ/dt follows from central differences of J along the joint velocity.
+    """
+    _, jacobian = batch_kinematics(chain, q)
+    dq = np.linalg.solve(jacobian, velocity[..., None])[..., 0]
+    size = 1e-4 / np.maximum(np.abs(dq).max(axis=1, keepdims=True), 1.0)
+    (_, after), (_, before) = (batch_kinematics(chain, q + sign * size * dq) for sign in (1.0, -1.0))
+    turning = ((after - before) @ dq[..., None])[..., 0] / (2.0 * size)
+    return dq, np.linalg.solve(jacobian, (acceleration - turning)[..., None])[..., 0]
 
 
 def chain_points(chain: Array, q: Array) -> Array:

@@ -1,7 +1,8 @@
-"""The mechanism of a machine: legs or a point mass.
+"""The mechanism of a machine: planar legs, legs of three hinges, or a point mass.
 
 One set of kernels serves every machine: ``kind`` determines whether a "joint" is a joint of a leg or a Cartesian axis
-of a point mass. The first axis of arrays is that of the legs.
+of a point mass. The first axis of arrays is that of the L legs, the next that of the J joints of a leg, or of the J
+axes of its foot: x forward, y down, and z to the left where J = 3.
 """
 
 from typing import NamedTuple
@@ -9,27 +10,51 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.jit.compiler import kernel
-from cmacexp.models.leg import Leg, Trig, inverse_dynamics, joint_torque, trigonometry
+from cmacexp.models.chain import chain_kinematics
+from cmacexp.models.leg import Leg, Trig, foot_position, foot_velocity, inverse_dynamics, joint_torque, trigonometry
 from cmacexp.typing import Array
 
 POINT_MASS = 0
 LEGS_ON_STAND = 1
 LEGS_UNDER_BODY = 2
+CHAINS_UNDER_BODY = 3
+"""Legs of three hinges, of a robot."""
+PLANE, SPACE = (0, 1), (0, 1, 2)
+"""Axes along which a foot moves."""
+GEOMETRY_FIELDS = {PLANE: 4, SPACE: 12}
+"""Numbers that describe a leg at given joint angles; see :func:`update_geometry`."""
 
 
 class Mechanism(NamedTuple):
     """Geometry and masses of a machine; L is the number of its legs."""
 
     kind: int
-    """POINT_MASS, LEGS_ON_STAND or LEGS_UNDER_BODY."""
+    """POINT_MASS, LEGS_ON_STAND, LEGS_UNDER_BODY or CHAINS_UNDER_BODY."""
     legs: Array
-    """(L, 5): the fields of :class:`Leg`; of a point mass only ``mass_2`` counts."""
+    """(L, 5): the fields of :class:`Leg`; of a point mass only ``mass_2`` counts; of a robot the chains."""
     hip_height: float
     """Height of the hips above the undepressed ground, m; of a body its planned height, h0."""
     hips: Array
     """(L, 2): hips in the body frame, x forward and y left of the centre of gravity, m."""
     weight: float
     """Weight that the feet carry together, N; 0 without a body."""
+    axes: tuple[int, ...] = PLANE
+    """PLANE or SPACE; the compiler unrolls loops over its length."""
+    torque_limits: tuple[float, ...] = ()
+    """(J,): of the motors of a leg, N m; empty if the machine sets none."""
+    chains: Array | None = None
+    """(L, 21): see :mod:`cmacexp.models.chain`; None of planar legs, whose programs do without that code."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(L, J)."""
+        return len(self.legs), len(self.axes)
+
+
+@kernel
+def has_body(mechanism: Mechanism) -> bool:
+    """Whether the legs carry a body."""
+    return mechanism.kind >= LEGS_UNDER_BODY
 
 
 @kernel
@@ -40,28 +65,81 @@ def get_leg(mechanism: Mechanism, i: int) -> Leg:
 
 
 @kernel
-def get_trig(trig: Array, i: int) -> Trig:
-    """Row ``i`` of ``trig`` (L, 4), as :func:`trigonometries` fills it."""
-    return trig[i, 0], trig[i, 1], trig[i, 2], trig[i, 3]
+def get_trig(geometry: Array, i: int) -> Trig:
+    """Sines and cosines of the joint angles of planar leg ``i``, from ``geometry`` (L, 4)."""
+    return geometry[i, 0], geometry[i, 1], geometry[i, 2], geometry[i, 3]
 
 
 @kernel
-def trigonometries(mechanism: Mechanism, q: Array, trig: Array) -> None:
-    """Sines and cosines of the joint angles ``q`` (L, 2), rad; fills ``trig`` (L, 4). A point mass has none."""
+def update_geometry(mechanism: Mechanism, q: Array, geometry: Array) -> None:
+    """What feet and Jacobians follow from at joint angles ``q`` (L, J), rad; fills ``geometry``.
+
+    Of planar legs sines and cosines, (L, 4); of chains foot and Jacobian, (L, 12). A point mass needs none.
+    """
     if mechanism.kind != POINT_MASS:
         for i in range(q.shape[0]):
-            trig[i, 0], trig[i, 1], trig[i, 2], trig[i, 3] = trigonometry(q[i, 0], q[i, 1])
+            if mechanism.kind == CHAINS_UNDER_BODY:
+                update_chain(mechanism.chains, i, q, geometry)
+            else:
+                geometry[i, 0], geometry[i, 1], geometry[i, 2], geometry[i, 3] = trigonometry(q[i, 0], q[i, 1])
 
 
 @kernel
-def torque_for(mechanism: Mechanism, i: int, trig: Array, fx: float, fy: float) -> tuple[float, float]:
+def update_chain(chains: Array | None, i: int, q: Array, geometry: Array) -> None:
+    """Foot and Jacobian, column by column, of chain ``i`` at ``q`` (L, 3); fills its row of ``geometry`` (L, 12)."""
+    if chains is not None:
+        row = geometry[i]
+        foot, hip, thigh, calf = chain_kinematics(chains[i], q[i, 0], q[i, 1], q[i, 2])
+        row[0], row[1], row[2] = foot
+        row[3], row[4], row[5] = hip
+        row[6], row[7], row[8] = thigh
+        row[9], row[10], row[11] = calf
+
+
+@kernel
+def place_foot(mechanism: Mechanism, i: int, geometry: Array, foot: Array) -> None:
+    """Fill row ``i`` of ``foot`` (L, J), m, in the frame of the hip."""
+    if mechanism.kind == CHAINS_UNDER_BODY:
+        for j in range(len(mechanism.axes)):
+            foot[i, j] = geometry[i, j]
+    else:
+        foot[i, 0], foot[i, 1] = foot_position(get_leg(mechanism, i), get_trig(geometry, i))
+
+
+@kernel
+def move_foot(mechanism: Mechanism, i: int, geometry: Array, dq: Array, velocity: Array) -> None:
+    """J dtheta: fill row ``i`` of the ``velocity`` of feet (L, J), m/s, at joint velocities ``dq`` (L, J), rad/s."""
+    if mechanism.kind == CHAINS_UNDER_BODY:
+        for j in range(len(mechanism.axes)):
+            velocity[i, j] = 0.0
+            for n in range(len(mechanism.axes)):
+                velocity[i, j] += geometry[i, 3 + 3 * n + j] * dq[i, n]
+    else:
+        velocity[i, 0], velocity[i, 1] = foot_velocity(
+            get_leg(mechanism, i), get_trig(geometry, i), dq[i, 0], dq[i, 1]
+        )
+
+
+@kernel
+def press_foot(mechanism: Mechanism, i: int, geometry: Array, force: Array, down: float, torque: Array) -> None:
     """J^T U of leg ``i``, N m; J is the identity for a point mass (Lin & Song 1997, Fig. 1).
 
-    ``trig`` (L, 4) is filled by :func:`trigonometries`.
+    Args:
+        mechanism: the machine.
+        i: the leg.
+        geometry: filled by :func:`update_geometry`.
+        force: (L, J): U, N, but for its y.
+        down: U along y, N.
+        torque: (L, J): its row ``i`` is filled.
     """
-    if mechanism.kind == POINT_MASS:
-        return fx, fy
-    return joint_torque(get_leg(mechanism, i), get_trig(trig, i), fx, fy)
+    if mechanism.kind == CHAINS_UNDER_BODY:
+        for n in range(len(mechanism.axes)):
+            x, y, z = geometry[i, 3 + 3 * n], geometry[i, 4 + 3 * n], geometry[i, 5 + 3 * n]
+            torque[i, n] = x * force[i, 0] + y * down + z * force[i, 2]
+    elif mechanism.kind == POINT_MASS:
+        torque[i, 0], torque[i, 1] = force[i, 0], down
+    else:
+        torque[i, 0], torque[i, 1] = joint_torque(get_leg(mechanism, i), get_trig(geometry, i), force[i, 0], down)
 
 
 @kernel
@@ -88,3 +166,10 @@ def legs_on_stand(legs: list[Leg], hip_height: float) -> Mechanism:
 def legs_under_body(legs: list[Leg], hip_height: float, hips: list[tuple[float, float]], weight: float) -> Mechanism:
     """A machine whose body moves so that the feet carry ``weight`` N."""
     return Mechanism(LEGS_UNDER_BODY, np.array(legs, dtype=float), hip_height, np.array(hips, dtype=float), weight)
+
+
+def chains_under_body(
+    chains: Array, hip_height: float, hips: Array, weight: float, torque_limits: tuple[float, ...]
+) -> Mechanism:
+    """A machine of legs of three hinges, ``chains`` (L, 21), under a body that the feet carry, ``weight`` N."""
+    return Mechanism(CHAINS_UNDER_BODY, chains, hip_height, hips, weight, SPACE, torque_limits, chains)

@@ -2,10 +2,11 @@
 
 from cmacexp.config import Config
 from cmacexp.config.check_gait import TOLERANCE
-from cmacexp.config.machine import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine
+from cmacexp.config.machine import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine, RobotMachine
 from cmacexp.errors import BadInput
 from cmacexp.models.leg import GRAVITY, Leg
 from cmacexp.models.mechanism import Mechanism, legs_on_stand, legs_under_body, point_mass
+from cmacexp.planning.robot import make_robot_mechanism
 
 
 def compute_weight_of_masses(machine: QuadrupedMachine) -> float:
@@ -27,8 +28,10 @@ def make_leg(config: LegConfig) -> Leg:
     return Leg(config.length_1, config.length_2, config.mass_1, config.mass_2, knee)
 
 
-def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine) -> Mechanism:
+def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine | RobotMachine) -> Mechanism:
     """The machine that a config describes."""
+    if isinstance(machine, RobotMachine):
+        return make_robot_mechanism(machine)
     if isinstance(machine, PointMassMachine):
         return point_mass(machine.mass, machine.hip_height)
     if isinstance(machine, QuadrupedMachine):
@@ -44,7 +47,7 @@ def check_load_sharing(config: Config) -> None:
         BadInput: the machine has no body, or another weight.
     """
     machine = config.machine
-    if config.force_control.load_sharing == "static":
+    if config.force_control.load_sharing == "static" or isinstance(machine, RobotMachine):
         return
     if not isinstance(machine, QuadrupedMachine):
         raise BadInput(

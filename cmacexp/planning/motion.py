@@ -1,14 +1,36 @@
 """Desired motion and force of the feet over one cycle."""
 
+import math
+
 import numpy as np
 
 from cmacexp.config import Config
+from cmacexp.config.gait import COSINE
 from cmacexp.errors import BadInput
+from cmacexp.models.chain import chain_angles, chain_motion
 from cmacexp.models.ground import depression_for
 from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
 from cmacexp.models.mechanism import POINT_MASS, Mechanism, get_leg
 from cmacexp.planning.body_load import BodyLoad
-from cmacexp.planning.columns import AX, AY, DDQ1, DDQ2, DQ1, DQ2, Q1, Q2, VX, VY, X, Y
+from cmacexp.planning.columns import (
+    AX,
+    AY,
+    AZ,
+    DDQ1,
+    DDQ2,
+    DQ1,
+    DQ2,
+    JOINT_COLUMNS,
+    MOTION_COLUMNS,
+    Q1,
+    Q2,
+    VX,
+    VY,
+    VZ,
+    X,
+    Y,
+    Z,
+)  # fmt: skip
 from cmacexp.planning.foot_path import VERTICAL, line, quintic
 from cmacexp.planning.gait import Timing
 from cmacexp.planning.load_sharing import remove_pull, share_load
@@ -30,13 +52,15 @@ def plan_horizontal(config: Config, timing: Timing) -> Array:
 
 
 def plan_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> tuple[Array, Array]:
-    """Desired force (N, L), N, and its rate, N/s; it rises along a ramp if the gait has one.
+    """Desired force (N, L), N, and its rate, N/s; it rises and falls along ramps if the gait has them.
 
     One leg presses with F_d; under a body the feet (N, L, 2) share the load.
     """
-    elapsed, ramp = timing.sample * config.sampling_period, config.gait.load_ramp
-    rising = timing.support & (elapsed < ramp)
-    willing = np.where(timing.support, np.where(rising, elapsed / ramp if ramp else 1.0, 1.0), 0.0)
+    gait, elapsed = config.gait, timing.sample * config.sampling_period
+    left = timing.support_samples * config.sampling_period - elapsed
+    rising, rise_slope = make_ramp(gait.ramp, elapsed, gait.load_ramp)
+    falling, fall_slope = make_ramp(gait.ramp, left, gait.unload_ramp)
+    willing = np.where(timing.support, rising * falling, 0.0)
     force = config.force_control.desired_force
     if force is None:
         # The rate matters for the path of a soft foot only: the depression of a quadruped's is a few mm.
@@ -45,14 +69,26 @@ def plan_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> t
             # A swinging leg may briefly move the load slightly outside the three feet that are down.
             shared = remove_pull(shared)
         return shared, np.zeros_like(willing)
-    return force * willing, np.where(rising, force / ramp if ramp else 0.0, 0.0)
+    rise_rate = force * rise_slope * falling / (gait.load_ramp or 1.0)
+    fall_rate = force * fall_slope * rising / (gait.unload_ramp or 1.0)
+    return force * willing, np.where(timing.support, rise_rate - fall_rate, 0.0)
 
 
-def plan_motion(config: Config, timing: Timing, hip_height: float, force: Array, rate: Array) -> Array:
-    """Desired motion (N, L, 6) of every foot; in support at the depression that gives the desired force."""
+def make_ramp(shape: str, elapsed: Array, duration: float) -> tuple[Array, Array]:
+    """Share of a load, 0 to 1, after ``elapsed`` of ``duration`` s, and its rate times the duration."""
+    within = elapsed < duration
+    s = np.where(within, elapsed / (duration or 1.0), 1.0)
+    if shape == COSINE:
+        return 0.5 - 0.5 * np.cos(math.pi * s), np.where(within, 0.5 * math.pi * np.sin(math.pi * s), 0.0)
+    return s, np.where(within, 1.0, 0.0)
+
+
+def plan_motion(config: Config, timing: Timing, mechanism: Mechanism, force: Array, rate: Array) -> Array:
+    """Desired motion (N, L, columns) of every foot; in support at the depression that gives the desired force."""
     gait, stiffness = config.gait, config.assumed_stiffness
+    hip_height, axes = mechanism.hip_height, mechanism.shape[1]
     transfer_time = timing.transfer_samples * config.sampling_period
-    desired = np.zeros((*timing.support.shape, 6))
+    desired = np.zeros((*timing.support.shape, MOTION_COLUMNS[axes]))
     desired[..., [X, VX, AX]] = plan_horizontal(config, timing)
     for i in range(timing.support.shape[1]):
         support, s = timing.support[:, i], timing.progress[:, i]
@@ -105,3 +141,13 @@ def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
             joints[k, i, Q1], joints[k, i, Q2] = q1, q2
             joints[k, i, DQ1], joints[k, i, DQ2] = dq1, dq2
             joints[k, i, DDQ1], joints[k, i, DDQ2] = ddq1, ddq2
+
+
+def plan_chains(chains: Array, home: Array, desired: Array, joints: Array) -> None:
+    """:func:`plan_joints` for legs of three hinges, bent as at ``home`` (3,), rad; NaN beyond their reach."""
+    for i, chain in enumerate(chains):
+        path = desired[:, i]
+        q = chain_angles(chain, path[:, [X, Y, Z]], home)
+        dq, ddq = chain_motion(chain, q, path[:, [VX, VY, VZ]], path[:, [AX, AY, AZ]])
+        for name, values in (("angle", q), ("velocity", dq), ("acceleration", ddq)):
+            joints[:, i, JOINT_COLUMNS[name]] = values

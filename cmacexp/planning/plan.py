@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.config import Config
-from cmacexp.config.machine import QuadrupedMachine
+from cmacexp.config.machine import QuadrupedMachine, RobotMachine
 from cmacexp.models.ground import NEVER
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism
+from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, has_body
 from cmacexp.planning.body_load import BodyLoad, dynamic_load, static_load
 from cmacexp.planning.columns import X
 from cmacexp.planning.crossing import check_crossing
@@ -15,6 +15,8 @@ from cmacexp.planning.gait import Timing, make_timing
 from cmacexp.planning.motion import plan_force, plan_horizontal, plan_joints, plan_motion
 from cmacexp.planning.reach import check_reach
 from cmacexp.planning.reference import plan_reference
+from cmacexp.planning.robot import plan_robot
+from cmacexp.planning.robot_dynamics import compute_load
 from cmacexp.planning.stability import check_stability, margins
 from cmacexp.typing import Array, Mask
 
@@ -30,13 +32,13 @@ class Plan(NamedTuple):
     progress: Array
     """(N, L): 0 to 1 within the phase."""
     desired: Array
-    """(N, L, 6): desired motion of the foot; columns of arrays as in :mod:`cmacexp.planning.columns`."""
+    """(N, L, 6), of a robot (N, L, 9): desired motion of the foot; columns as in :mod:`cmacexp.planning.columns`."""
     joints: Array
-    """(N, L, 6): the same motion in joint angles, rad; of a point mass equal to ``desired``."""
+    """The same motion in joint angles, rad; of a point mass equal to ``desired``."""
     force_desired: Array
     """(N, L): desired contact force, N."""
     reference: Array
-    """(2, N, L, 7): reference of the controller, per stage."""
+    """(2, N, L, columns): reference of the controller, per stage."""
     margins: Array
     """(N, 3): stability margin, front and rear margin of a body over its planned support polygon, m; else NaN."""
     start_step: int
@@ -46,14 +48,25 @@ class Plan(NamedTuple):
 def _plan_under_load(
     config: Config, mechanism: Mechanism, timing: Timing, feet: Array, load: BodyLoad
 ) -> tuple[Array, Array, Array]:
-    """Desired motion (N, L, 6) of feet that share a load, the same in joint angles, and desired forces (N, L)."""
+    """Desired motion (N, L, columns) of feet that share a load, the same of joints, and desired forces (N, L)."""
     force, rate = plan_force(config, timing, feet, load)
-    desired = plan_motion(config, timing, mechanism.hip_height, force, rate)
+    desired = plan_motion(config, timing, mechanism, force, rate)
     joints = np.empty_like(desired)
+    if isinstance(config.machine, RobotMachine):
+        plan_robot(config, config.machine, mechanism, desired, joints)
+        return desired, joints, force
     if mechanism.kind != POINT_MASS:
         check_reach(config, mechanism, desired)
     plan_joints(mechanism, desired, joints)
     return desired, joints, force
+
+
+def _moving_load(config: Config, mechanism: Mechanism, desired: Array, joints: Array) -> BodyLoad:
+    """Gravity and inertia of all masses of a machine with a body along its planned motion."""
+    if isinstance(config.machine, RobotMachine):
+        return compute_load(config, joints)
+    assert isinstance(config.machine, QuadrupedMachine)
+    return dynamic_load(mechanism, config.machine.body_mass, desired, joints)
 
 
 def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
@@ -72,13 +85,13 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
     feet[..., X] = plan_horizontal(config, timing)[..., 0]
     feet += mechanism.hips
     planned_margins = margins(feet, timing.support)
-    if mechanism.kind == LEGS_UNDER_BODY:
+    if has_body(mechanism):
         check_stability(config, timing.support, planned_margins)
     load = static_load(mechanism.weight, len(feet))
     desired, joints, force = _plan_under_load(config, mechanism, timing, feet, load)
-    if isinstance(config.machine, QuadrupedMachine) and config.force_control.load_sharing == "dynamic":
+    if config.force_control.load_sharing == "dynamic":
         for _ in range(LOAD_PASSES):
-            load = dynamic_load(mechanism, config.machine.body_mass, desired, joints)
+            load = _moving_load(config, mechanism, desired, joints)
             desired, joints, force = _plan_under_load(config, mechanism, timing, feet, load)
     if mechanism.kind == LEGS_UNDER_BODY:
         check_crossing(config, mechanism, joints)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.config import Config
+from cmacexp.models.ground import depression_for
 from cmacexp.planning.columns import (
     ACTING,
     BEFORE,
@@ -95,9 +96,10 @@ def keeps_static_load(reference: str, feedforward_acts: bool) -> bool:
 
 
 def plan_reference(config: Config, support: Mask, hip_height: float, desired: Array, force: Array) -> Array:
-    """Input of the controller, (2, N, L, 7): the desired motion in transfer, the equations above in support.
+    """Input of the controller, (2, N, L, columns): the desired motion in transfer, the equations above in support.
 
-    For a controller without K_ap and K_av they omit their terms in 1/K_a and K_av/K_ap.
+    For a controller without K_ap and K_av they omit their terms in 1/K_a and K_av/K_ap. With ``load_rate`` the
+    velocity reference follows the depression for the desired force, which else the velocity gain would resist.
     """
     method = config.force_control
     gains = Gains(
@@ -107,7 +109,9 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
         method.admittance,
         config.assumed_stiffness,
     )
-    reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS))
+    # Around the cycle as a ring. Where the desired force jumps, so does its rate, for two samples.
+    rate = (np.roll(force, -1, axis=0) - np.roll(force, 1, axis=0)) / (2.0 * config.sampling_period)
+    reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS[desired.shape[2] // 3]))
     copied = [X, Y, VX, VY]
     reference[..., copied], reference[..., FORCE_DESIRED] = desired[..., copied], force
     for stage in (BEFORE, ACTING):
@@ -115,6 +119,8 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
         per_newton = SUPPORT_REFERENCES[method.method](gains, keeps)
         reference[stage, support, Y] = hip_height + per_newton.depression * force[support]
         reference[stage, support, VY] = per_newton.velocity * force[support]
+        if method.load_rate:
+            reference[stage, support, VY] += depression_for(gains.stiffness, rate[support])
         reference[stage, support, FORCE_REFERENCE] = per_newton.force * force[support]
         if config.reference == "force_feedforward":
             reference[stage, support, FORCE_ADDED] = force[support]

@@ -21,6 +21,8 @@ class Masses(NamedTuple):
     payload: Load
     carried: Mask
     """(N,): whether the payload is there."""
+    centre: Array | None = None
+    """(3, N): centre of gravity of a robot without payload in the body frame, m; None: it follows from masses."""
 
 
 def centre_of_gravity(masses: Masses, q1: Array, feet: Array) -> Array:
@@ -33,7 +35,9 @@ def centre_of_gravity(masses: Masses, q1: Array, feet: Array) -> Array:
     """
     mechanism, payload = masses.mechanism, masses.payload
     weight, moment = mechanism.weight, np.zeros((3, feet.shape[2]))
-    if masses.body_mass is not None:
+    if masses.centre is not None:
+        moment = weight * masses.centre
+    elif masses.body_mass is not None:
         (hip_x, hip_y), length = mechanism.hips.T[..., None], mechanism.legs[:, :1]
         knees = np.stack([hip_x + length * np.cos(q1), hip_y + 0.0 * q1, -length * np.sin(q1)])
         knee_mass, foot_mass = mechanism.legs[:, 2:3], mechanism.legs[:, 3:4]
@@ -50,12 +54,13 @@ def true_margins(masses: Masses, legs: Mapping[str, Array], body: Mapping[str, A
 
     Args:
         masses: of the machine.
-        legs: (N, L) by the names of the trace: x, y, q1, force.
+        legs: (N, L) by the names of the trace: x, y, q1, force; of a robot z too.
         body: (N,) by the names of its trace: pitch, roll.
     """
     down, q1, force = (np.ascontiguousarray(legs[name].T) for name in ("y", "q1", "force"))
     hip_x, hip_y = masses.mechanism.hips.T[..., None]
-    feet = np.stack([hip_x + legs["x"].T, hip_y + 0.0 * down, -down])
+    aside = legs["z"].T if "z" in legs else 0.0 * down
+    feet = np.stack([hip_x + legs["x"].T, hip_y + aside, -down])
     x, y, z = feet - centre_of_gravity(masses, q1, feet)[:, None]
     (sp, cp), (sr, cr) = ((np.sin(body[name]), np.cos(body[name])) for name in ("pitch", "roll"))
     level = np.stack([x * cp + (y * sr + z * cr) * sp, y * cr - z * sr])

@@ -16,8 +16,19 @@ from cmacexp.models.ground import (
     height_at,
     stiffness_under,
 )
-from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, get_leg, get_trig, trigonometries
+from cmacexp.models.leg import foot_velocity, forward_dynamics
+from cmacexp.models.mechanism import (
+    GEOMETRY_FIELDS,
+    LEGS_UNDER_BODY,
+    PLANE,
+    POINT_MASS,
+    Mechanism,
+    get_leg,
+    get_trig,
+    move_foot,
+    place_foot,
+    update_geometry,
+)
 from cmacexp.typing import Array, Clock, Scratch, State
 
 
@@ -47,13 +58,13 @@ class PlantState(NamedTuple):
     """State of a plant, measurable quantities that follow from it, and working arrays of the integration."""
 
     q: State
-    """(L, 2): joint angles, rad; of a point mass its position, m."""
+    """(L, J): joint angles, rad; of a point mass its position, m."""
     dq: State
-    """(L, 2): joint velocities."""
+    """(L, J): joint velocities."""
     foot: State
-    """(L, 2): foot in the frame of its hip, m."""
+    """(L, J): foot in the frame of its hip, m."""
     velocity: State
-    """(L, 2): of the foot, m/s."""
+    """(L, J): of the foot, m/s."""
     force: State
     """(L,): contact force, N."""
     body: State
@@ -72,21 +83,25 @@ class PlantState(NamedTuple):
     """(1,): distance that the body has covered, m."""
     clock: Clock
     """(1,): number of sampling periods since the start."""
-    trig: State
-    """(L, 4): sines and cosines of the joint angles."""
+    geometry: State
+    """Of the joint angles, see :func:`cmacexp.models.mechanism.update_geometry`."""
     stages: Scratch
     """(6, L, 2): joint angles and velocities of one stage of the integration, accelerations of all four."""
 
 
-def new_state(legs: int) -> PlantState:
+def new_state(legs: int, axes: tuple[int, ...] = PLANE) -> PlantState:
     """A state of zeros for ``legs`` legs."""
-    q, dq, foot, velocity = (np.zeros((legs, 2)) for _ in range(4))
+    q, dq, foot, velocity = (np.zeros((legs, len(axes))) for _ in range(4))
     force, stiffness, level, pressed = (np.zeros(legs) for _ in range(4))
-    body, body_rate, travel, spring = (np.zeros(shape) for shape in (3, 3, 1, (2, legs)))
-    clock, trig, stages = np.zeros(1), np.zeros((legs, 4)), np.zeros((6, legs, 2))
     return PlantState(
-        q, dq, foot, velocity, force, body, body_rate, stiffness, level, spring, pressed, travel, clock, trig, stages
-    )
+        q, dq, foot, velocity, force, np.zeros(3), np.zeros(3), stiffness, level,
+        spring=np.zeros((2, legs)),
+        pressed=pressed,
+        travel=np.zeros(1),
+        clock=np.zeros(1),
+        geometry=np.zeros((legs, GEOMETRY_FIELDS[axes])),
+        stages=np.zeros((6, legs, len(axes))),
+    )  # fmt: skip
 
 
 @kernel
@@ -97,7 +112,7 @@ def stand_force(params: PlantParams, i: int, dq: Array, state: PlantState) -> fl
         return contact_force(state.stiffness[i], depression)
     along, rate = dq[i, 0], dq[i, 1]
     if params.mechanism.kind != POINT_MASS:
-        along, rate = foot_velocity(get_leg(params.mechanism, i), get_trig(state.trig, i), dq[i, 0], dq[i, 1])
+        along, rate = foot_velocity(get_leg(params.mechanism, i), get_trig(state.geometry, i), dq[i, 0], dq[i, 1])
     rate += grade_at(params.ground, state.foot[i, 0]) * along
     return damped_force(state.stiffness[i], params.ground.damping, depression, rate)
 
@@ -140,12 +155,12 @@ def contact(params: PlantParams, q: Array, dq: Array, state: PlantState, time: f
     ``time``, s, has passed since the step began, and the body is at ``x``, m.
     """
     mechanism = params.mechanism
-    trigonometries(mechanism, q, state.trig)
+    update_geometry(mechanism, q, state.geometry)
     for i in range(q.shape[0]):
         if mechanism.kind == POINT_MASS:
             state.foot[i, 0], state.foot[i, 1] = q[i, 0], q[i, 1]
         else:
-            state.foot[i, 0], state.foot[i, 1] = foot_position(get_leg(mechanism, i), get_trig(state.trig, i))
+            place_foot(mechanism, i, state.geometry, state.foot)
     if params.ground.slope != 0.0:
         update_level(params.ground, mechanism.hips, state.foot, x, state.level)
     if mechanism.kind != LEGS_UNDER_BODY:
@@ -165,7 +180,7 @@ def accelerate(params: PlantParams, state: PlantState, dq: Array, tau: Array, dd
             ddq[i, 1] = (tau[i, 1] - state.force[i]) / leg.mass_2
         else:
             ddq[i, 0], ddq[i, 1] = forward_dynamics(
-                leg, get_trig(state.trig, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
+                leg, get_trig(state.geometry, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
             )
 
 
@@ -197,9 +212,7 @@ def observe(params: PlantParams, state: PlantState, time: float) -> None:
         if params.mechanism.kind == POINT_MASS:
             state.velocity[i, 0], state.velocity[i, 1] = state.dq[i, 0], state.dq[i, 1]
         else:
-            state.velocity[i, 0], state.velocity[i, 1] = foot_velocity(
-                get_leg(params.mechanism, i), get_trig(state.trig, i), state.dq[i, 0], state.dq[i, 1]
-            )
+            move_foot(params.mechanism, i, state.geometry, state.dq, state.velocity)
 
 
 @kernel

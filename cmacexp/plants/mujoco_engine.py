@@ -1,7 +1,5 @@
 """A machine in MuJoCo on the project's ground: the common code of one leg and four legs."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -13,6 +11,7 @@ from cmacexp.planning.setup import Setup
 from cmacexp.plants.kernels import Payload
 from cmacexp.plants.mujoco_kernels import Bodies, Touch, pressing, sticking
 from cmacexp.plants.mujoco_model import Torso, describe
+from cmacexp.robots.model import load_mujoco, warnings_dropped
 from cmacexp.typing import Array
 
 WARNINGS = {
@@ -22,31 +21,6 @@ WARNINGS = {
     "mjWARN_INERTIA": "the inertia at {} is nearly singular",
 }
 """Causes of divergence, by MuJoCo's names of its warnings; any other is reported by its name."""
-INSTALL = 'python -m pip install -e ".[mujoco]"'
-
-
-def load_mujoco() -> Any:
-    """The module ``mujoco``.
-
-    Raises:
-        BadInput: it is not installed.
-    """
-    try:
-        import mujoco
-    except ImportError as error:
-        raise BadInput("plant", "mujoco", f"MuJoCo is not installed: {INSTALL}") from error
-    return mujoco
-
-
-@contextmanager
-def warnings_dropped(mujoco: Any) -> Iterator[None]:
-    """Keep MuJoCo from writing its warnings to ``MUJOCO_LOG.TXT`` in the current folder; counters hold them too."""
-    handler = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda message: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(handler)
 
 
 class MujocoEngine:

@@ -15,6 +15,8 @@ from cmacexp.jit.compiler import kernel, program
 from cmacexp.models.ground import Ground, damped_force, grade_at, height_at
 from cmacexp.typing import Array
 
+Vector = tuple[float, float, float]
+
 
 class Touch(NamedTuple):
     """The contact of a foot with the ground."""
@@ -66,6 +68,34 @@ def speed(bodies: Bodies, body: int, first: int, axis: int) -> float:
 
 
 @kernel
+def ground_force(touch: Touch, stiffness: float, place: Array, velocity: Vector, anchor: Array) -> Vector:
+    """Force of the ground on a foot at ``place`` (3,), m, that sticks at ``anchor`` (2,), N."""
+    ground, (vx, vy, vz) = touch.ground, velocity
+    depression = height_at(ground.slope, ground.slope_start, place[0]) - place[2]
+    rate = grade_at(ground, place[0]) * vx - vz
+    normal = damped_force(stiffness, ground.damping, depression, rate)
+    ahead, aside = 0.0, 0.0
+    if touch.friction > 0.0:
+        ahead = -touch.stiffness * (place[0] - anchor[0]) - touch.damping * vx
+        aside = -touch.stiffness * (place[1] - anchor[1]) - touch.damping * vy
+        size, most = math.hypot(ahead, aside), touch.friction * normal
+        if size > most:
+            ahead *= most / size
+            aside *= most / size
+    return ahead, aside, normal
+
+
+@kernel
+def drag(touch: Touch, place: Array, force: float, anchor: Array) -> None:
+    """Move the point ``anchor`` (2,) where a foot at ``place`` (3,) sticks, if it slides or is in the air."""
+    dx, dy = place[0] - anchor[0], place[1] - anchor[1]
+    stretch, longest = math.hypot(dx, dy), touch.friction * force / touch.stiffness
+    if stretch > longest:
+        anchor[0] = place[0] - dx * longest / stretch
+        anchor[1] = place[1] - dy * longest / stretch
+
+
+@kernel
 def press(touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Array, anchor: Array) -> None:
     """Forces of the ground on the feet: fills ``force`` (L,), N, and ``bodies.pull``.
 
@@ -80,32 +110,17 @@ def press(touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Ar
     for i in range(force.shape[0]):
         shank = floats + 2 * i + 2
         first = 1 if floats else shank - 1
-        x, ground = bodies.place[shank, 0], touch.ground
-        depression = height_at(ground.slope, ground.slope_start, x) - bodies.place[shank, 2]
-        rate = grade_at(ground, x) * speed(bodies, shank, first, 0) - speed(bodies, shank, first, 2)
-        normal = damped_force(stiffness[i], ground.damping, depression, rate)
-        force[i] = bodies.pull[shank, 2] = normal
-        if touch.friction > 0.0:
-            for j in range(2):
-                stretch = bodies.place[shank, j] - anchor[i, j]
-                bodies.pull[shank, j] = -touch.stiffness * stretch
-                bodies.pull[shank, j] -= touch.damping * speed(bodies, shank, first, j)
-            size, most = math.hypot(bodies.pull[shank, 0], bodies.pull[shank, 1]), touch.friction * normal
-            if size > most:
-                bodies.pull[shank, 0] *= most / size
-                bodies.pull[shank, 1] *= most / size
+        velocity = speed(bodies, shank, first, 0), speed(bodies, shank, first, 1), speed(bodies, shank, first, 2)
+        pull = ground_force(touch, stiffness[i], bodies.place[shank], velocity, anchor[i])
+        bodies.pull[shank, 0], bodies.pull[shank, 1], bodies.pull[shank, 2] = pull
+        force[i] = bodies.pull[shank, 2]
 
 
 @kernel
 def stick(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Array) -> None:
     """Move the points where feet stick, ``anchor`` (L, 2), with feet that slide or are in the air."""
     for i in range(force.shape[0]):
-        shank = floats + 2 * i + 2
-        dx, dy = bodies.place[shank, 0] - anchor[i, 0], bodies.place[shank, 1] - anchor[i, 1]
-        stretch, longest = math.hypot(dx, dy), touch.friction * force[i] / touch.stiffness
-        if stretch > longest:
-            anchor[i, 0] = bodies.place[shank, 0] - dx * longest / stretch
-            anchor[i, 1] = bodies.place[shank, 1] - dy * longest / stretch
+        drag(touch, bodies.place[floats + 2 * i + 2], force[i], anchor[i])
 
 
 @kernel
@@ -121,6 +136,27 @@ def observe_stand(bodies: Bodies, hip_height: float, measured: Measured) -> None
 
 
 @kernel
+def observe_trunk(ground: Ground, at: Array, turn: Array, velocity: Array, spin: Array, measured: Measured) -> None:
+    """Measure pose, rates and travel of a body that floats; fills ``measured``.
+
+    Args:
+        ground: reference of the height of the body.
+        at: (3,): its origin in the world, m.
+        turn: (9,): its rotation matrix, row by row.
+        velocity: (3,): of its origin in the world, m/s.
+        spin: (3,): its angular velocity in its own frame, rad/s.
+        measured: is filled.
+    """
+    pitch, roll = -math.asin(turn[6]), math.atan2(turn[7], turn[8])
+    measured.pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
+    measured.pose[1], measured.pose[2] = pitch, roll
+    measured.pose_rate[0] = velocity[2] - grade_at(ground, at[0]) * velocity[0]
+    measured.pose_rate[1] = spin[1] * math.cos(roll) - spin[2] * math.sin(roll)
+    measured.pose_rate[2] = spin[0] + (spin[1] * math.sin(roll) + spin[2] * math.cos(roll)) * math.tan(pitch)
+    measured.travel[0], measured.travel[1], measured.travel[2] = at[0], at[1], math.atan2(turn[3], turn[0])
+
+
+@kernel
 def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, measured: Measured) -> None:
     """Measure body and feet of a machine that floats; fills ``measured``.
 
@@ -132,13 +168,7 @@ def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, meas
         measured: is filled.
     """
     turn, at, w = bodies.turn[1], bodies.place[1], torso[3:]
-    pitch, roll = -math.asin(turn[6]), math.atan2(turn[7], turn[8])
-    measured.pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
-    measured.pose[1], measured.pose[2] = pitch, roll
-    measured.pose_rate[0] = torso[2] - grade_at(ground, at[0]) * torso[0]
-    measured.pose_rate[1] = w[1] * math.cos(roll) - w[2] * math.sin(roll)
-    measured.pose_rate[2] = w[0] + (w[1] * math.sin(roll) + w[2] * math.cos(roll)) * math.tan(pitch)
-    measured.travel[0], measured.travel[1], measured.travel[2] = at[0], at[1], math.atan2(turn[3], turn[0])
+    observe_trunk(ground, at, turn, torso[:3], w, measured)
     for i in range(hips.shape[0]):
         shank = 2 * i + 3
         dx, dy, dz = bodies.place[shank, 0] - at[0], bodies.place[shank, 1] - at[1], bodies.place[shank, 2] - at[2]

@@ -9,16 +9,16 @@ from cmacexp.typing import Array
 
 
 class Measurement(NamedTuple):
-    """State of a machine at the start of a step; L is the number of its legs."""
+    """State of a machine at the start of a step, of L legs with J joints each, whose feet move along J axes."""
 
     q: Array
-    """(L, 2): joint angles, rad; of a point mass its position, m."""
+    """(L, J): joint angles, rad; of a point mass its position, m."""
     dq: Array
-    """(L, 2): joint velocities, rad/s."""
+    """(L, J): joint velocities, rad/s."""
     foot: Array
-    """(L, 2): foot in the frame of its hip, x forward, y down, m."""
+    """(L, J): foot in the frame of its hip, x forward, y down, where J = 3 z to the left, m."""
     velocity: Array
-    """(L, 2): of the foot in the frame of its hip, m/s."""
+    """(L, J): of the foot in the frame of its hip, m/s."""
     force: Array
     """(L,): contact force, N, positive pressing on the ground."""
     body: Array
@@ -39,9 +39,9 @@ def get_state(measurement: Measurement) -> tuple[Array, ...]:
     return tuple(measurement[: len(STATE)])  # type: ignore[arg-type]
 
 
-def new_measurement(legs: int) -> Measurement:
+def new_measurement(legs: int, axes: int = 2) -> Measurement:
     """A measurement of zeros of ``legs`` legs."""
-    q, dq, foot, velocity = (np.zeros((legs, 2)) for _ in range(4))
+    q, dq, foot, velocity = (np.zeros((legs, axes)) for _ in range(4))
     return Measurement(q, dq, foot, velocity, np.zeros(legs), np.zeros(3), np.zeros(3))
 
 
@@ -53,7 +53,7 @@ class Plant(Protocol):
         ...
 
     def step(self, torque: Array) -> Measurement:
-        """Hold ``torque`` (L, 2), N m, over one sampling period; measure the state after it.
+        """Hold ``torque`` (L, J), N m, over one sampling period; measure the state after it.
 
         Raises:
             Diverged: the engine of the plant reports that it has diverged (:class:`cmacexp.errors.Diverged`).

@@ -5,21 +5,26 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.jit.compiler import kernel, kernel_apart
-from cmacexp.models.leg import foot_position, foot_velocity
-from cmacexp.models.mechanism import POINT_MASS, Mechanism, get_leg, get_trig, trigonometries
+from cmacexp.models.mechanism import (
+    GEOMETRY_FIELDS,
+    PLANE,
+    POINT_MASS,
+    Mechanism,
+    move_foot,
+    place_foot,
+    update_geometry,
+)
 from cmacexp.plants.kernels import PlantState
 from cmacexp.plants.protocol import Measurement, get_state, new_measurement
 from cmacexp.sensors.channel import Sensing, read_channel
 from cmacexp.typing import Scratch
 
-OF_A_LEG = 5
-"""Channels of each leg: contact force, two joint angles, two joint velocities."""
 OF_A_BODY = 6
 """Channels of the body, after those of the legs: height, pitch, roll, and their rates."""
 
 
 class Observation(NamedTuple):
-    """Input of the controller: the fields of :class:`Measurement`, and the trigonometry of the joint angles."""
+    """Input of the controller: the fields of :class:`Measurement`, and what the Jacobians follow from."""
 
     q: Scratch
     dq: Scratch
@@ -28,13 +33,19 @@ class Observation(NamedTuple):
     force: Scratch
     body: Scratch
     body_rate: Scratch
-    trig: Scratch
-    """(L, 4): sines and cosines of the joint angles."""
+    geometry: Scratch
+    """Of the joint angles, see :func:`cmacexp.models.mechanism.update_geometry`."""
 
 
-def new_observation(legs: int) -> Observation:
+def new_observation(legs: int, axes: tuple[int, ...] = PLANE) -> Observation:
     """An observation of zeros of ``legs`` legs."""
-    return Observation._make((*get_state(new_measurement(legs)), np.zeros((legs, 4))))
+    return Observation._make((*get_state(new_measurement(legs, len(axes))), np.zeros((legs, GEOMETRY_FIELDS[axes]))))
+
+
+@kernel
+def channels_of_a_leg(joints: int) -> int:
+    """Channels of each leg: contact force, joint angles, joint velocities."""
+    return 1 + 2 * joints
 
 
 @kernel
@@ -43,20 +54,17 @@ def compute_feet(
 ) -> None:
     """Foot and velocity that follow from measured joints; the true ones where no sensor alters a joint."""
     position, velocity = sensing.kinematics
-    trigonometries(mechanism, observation.q, observation.trig)
+    update_geometry(mechanism, observation.q, observation.geometry)
     for i in range(observation.force.shape[0]):
-        for j in range(2):
+        for j in range(len(mechanism.axes)):
             observation.foot[i, j], observation.velocity[i, j] = true.foot[i, j], true.velocity[i, j]
             if mechanism.kind == POINT_MASS:
                 observation.foot[i, j], observation.velocity[i, j] = observation.q[i, j], observation.dq[i, j]
         if mechanism.kind != POINT_MASS:
-            leg, trig = get_leg(mechanism, i), get_trig(observation.trig, i)
             if position:
-                observation.foot[i, 0], observation.foot[i, 1] = foot_position(leg, trig)
+                place_foot(mechanism, i, observation.geometry, observation.foot)
             if position or velocity:
-                observation.velocity[i, 0], observation.velocity[i, 1] = foot_velocity(
-                    leg, trig, observation.dq[i, 0], observation.dq[i, 1]
-                )
+                move_foot(mechanism, i, observation.geometry, observation.dq, observation.velocity)
 
 
 @kernel_apart
@@ -64,14 +72,15 @@ def read_sensors(
     sensing: Sensing, mechanism: Mechanism, step: int, true: Measurement | PlantState, observation: Observation
 ) -> None:
     """Fill ``observation`` with the readings for the state ``true``; steps must follow each other from 0."""
-    legs = observation.force.shape[0]
+    legs, joints = observation.force.shape[0], len(mechanism.axes)
     for i in range(legs):
-        c = OF_A_LEG * i
+        c = channels_of_a_leg(joints) * i
         observation.force[i] = read_channel(sensing, c, step, true.force[i])
-        for j in range(2):
+        for j in range(joints):
             observation.q[i, j] = read_channel(sensing, c + 1 + j, step, true.q[i, j])
-            observation.dq[i, j] = read_channel(sensing, c + 3 + j, step, true.dq[i, j])
+            observation.dq[i, j] = read_channel(sensing, c + 1 + joints + j, step, true.dq[i, j])
+    c = channels_of_a_leg(joints) * legs
     for j in range(3):
-        observation.body[j] = read_channel(sensing, OF_A_LEG * legs + j, step, true.body[j])
-        observation.body_rate[j] = read_channel(sensing, OF_A_LEG * legs + 3 + j, step, true.body_rate[j])
+        observation.body[j] = read_channel(sensing, c + j, step, true.body[j])
+        observation.body_rate[j] = read_channel(sensing, c + 3 + j, step, true.body_rate[j])
     compute_feet(sensing, mechanism, true, observation)

@@ -10,12 +10,10 @@ from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.channel import CHANNEL, FAULTS, NO_FAULT, Channels, Sensing
 from cmacexp.sensors.config import RealSensorsConfig
-from cmacexp.sensors.kernels import OF_A_BODY, OF_A_LEG, new_observation, read_sensors
+from cmacexp.sensors.kernels import OF_A_BODY, channels_of_a_leg, new_observation, read_sensors
 from cmacexp.sensors.protocol import SIGNALS
 from cmacexp.typing import Counts
 
-OF_LEGS = {"force": (0,), "position": (1, 2), "velocity": (3, 4)}
-"""Channels of each signal within a leg."""
 OF_BODY = {"height": (0,), "tilt": (1, 2), "height_rate": (3,), "tilt_rate": (4, 5)}
 """Channels of each signal of the body."""
 IMPERFECTIONS = ("noise", "noise_relative", "bias", "quantum", "delay", "dropout")
@@ -47,19 +45,22 @@ def _channel(signal: Signal, leg: int, sampling_period: float) -> tuple[Any, ...
     return tuple(row.values())
 
 
-def _places(name: str, legs: int) -> list[int]:
-    """All channels of a signal."""
+def _places(name: str, legs: int, joints: int) -> list[int]:
+    """All channels of a signal of a machine with so many legs, of so many joints each."""
+    of_a_leg = channels_of_a_leg(joints)
     if name in OF_BODY:
-        return [OF_A_LEG * legs + place for place in OF_BODY[name]]
-    return [OF_A_LEG * i + place for i in range(legs) for place in OF_LEGS[name]]
+        return [of_a_leg * legs + place for place in OF_BODY[name]]
+    within = {"force": (0,), "position": range(1, 1 + joints), "velocity": range(1 + joints, of_a_leg)}
+    return [of_a_leg * i + place for i in range(legs) for place in within[name]]
 
 
-def _channels(signals: Mapping[str, Signal], legs: int, sampling_period: float) -> Channels:
+def _channels(signals: Mapping[str, Signal], legs: int, joints: int, sampling_period: float) -> Channels:
     """The channels of a machine, (C,)."""
-    channels = np.zeros(OF_A_LEG * legs + OF_A_BODY, CHANNEL)
+    of_a_leg = channels_of_a_leg(joints)
+    channels = np.zeros(of_a_leg * legs + OF_A_BODY, CHANNEL)
     for name in SIGNALS:
-        for place in _places(name, legs):
-            leg = 0 if name in OF_BODY else place // OF_A_LEG + 1
+        for place in _places(name, legs, joints):
+            leg = 0 if name in OF_BODY else place // of_a_leg + 1
             channels[place] = _channel(signals[name], leg, sampling_period)
     return channels
 
@@ -97,10 +98,11 @@ class RealSensors:
 
     def reset(self, setup: Setup) -> None:
         """Prepare every channel; forget earlier readings."""
-        legs = setup.mechanism.legs.shape[0]
-        channels = _channels(self.signals, legs, setup.config.sampling_period)
-        self.alters = tuple(name for name in SIGNALS if channels["alters"][_places(name, legs)].any())
-        self.mechanism, self.step, self.observation = setup.mechanism, 0, new_observation(legs)
+        legs, joints = setup.mechanism.shape
+        channels = _channels(self.signals, legs, joints, setup.config.sampling_period)
+        self.alters = tuple(name for name in SIGNALS if channels["alters"][_places(name, legs, joints)].any())
+        self.mechanism, self.step = setup.mechanism, 0
+        self.observation = new_observation(legs, setup.mechanism.axes)
         self.sensing = Sensing(
             ("position" in self.alters, "velocity" in self.alters),
             channels,

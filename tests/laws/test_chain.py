@@ -6,7 +6,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from cmacexp.models.chain import CHAIN_FIELDS, HINGE_FIELDS, HINGES, chain_kinematics, chain_points
+from cmacexp.models.chain import (
+    CHAIN_FIELDS,
+    HINGE_FIELDS,
+    HINGES,
+    batch_kinematics,
+    chain_angles,
+    chain_kinematics,
+    chain_motion,
+    chain_points,
+)
 from cmacexp.models.leg import Leg, foot_position, jacobian, trigonometry
 
 angles = st.floats(-3.1, 3.1)
@@ -65,3 +74,32 @@ def test_a_planar_leg_is_a_chain(length_1, length_2, q1, q2):
     trig, spatial = trigonometry(q1, q2), chain_kinematics(planar_chain(leg), 0.0, q1, q2)
     assert_allclose(spatial.foot, [*foot_position(leg, trig), 0.0], atol=1e-14)
     assert_allclose(np.transpose([spatial.thigh, spatial.calf])[:2].ravel(), jacobian(leg, trig), atol=1e-14)
+
+
+DOG = np.array([0, 0, 0, 1, 0, 0, 0, 0, 0.08, 0, 0, 1, 0, 0.2, 0.08, 0, 0, 1, 0, 0.42, 0.08], dtype=float)
+"""A leg like that of a robot: hip turns about x, thigh and calf about z, links down."""
+bent = st.tuples(st.floats(-0.5, 0.5), st.floats(0.2, 1.2), st.floats(-2.4, -0.6))
+
+
+@given(bent)
+def test_angles_put_the_foot_where_it_was(q):
+    q = np.array([q])
+    foot, _ = batch_kinematics(DOG, q)
+    assert_allclose(chain_angles(DOG, foot, np.array([0.0, 0.7, -1.5])), q, atol=1e-9)
+
+
+def test_a_foot_out_of_reach_has_no_angles():
+    assert np.isnan(chain_angles(DOG, np.array([[0.0, 1.0, 0.0]]), np.array([0.0, 0.7, -1.5]))).all()
+
+
+def test_joints_move_as_their_foot_does():
+    t = np.linspace(0.0, 1.0, 2001)
+    w = 2.0 * np.pi
+    x, z = 0.1 * np.sin(w * t), 0.08 + 0.02 * np.cos(w * t)
+    feet = np.stack([x, 0.3 + 0.05 * x, z], axis=1)
+    velocity, acceleration = np.gradient(feet, t, axis=0), np.gradient(np.gradient(feet, t, axis=0), t, axis=0)
+    q = chain_angles(DOG, feet, np.array([0.0, 0.7, -1.5]))
+    dq, ddq = chain_motion(DOG, q, velocity, acceleration)
+    inside = slice(5, -5)
+    assert_allclose(dq[inside], np.gradient(q, t, axis=0)[inside], atol=2e-5)
+    assert_allclose(ddq[inside], np.gradient(np.gradient(q, t, axis=0), t, axis=0)[inside], atol=2e-3)

@@ -17,6 +17,7 @@ from cmacexp.jit.sources import KERNEL_ROOMS, RESULT_ROOMS
 LAYERS = (
     {"errors", "typing"},
     {"jit"},
+    {"robots"},
     {"config"},
     {"data"},
     {"models"},

@@ -1,0 +1,82 @@
+"""``${rule:NAME}`` in a config: what the model of a robot and the rule for its gains say, as a number.
+
+It is resolved wherever the config is read, so that it follows machine, sampling period and LEAD compensator, and so
+that whoever types a number instead asks for nothing of the rule.
+"""
+
+from dataclasses import fields
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+
+from cmacexp.config.fields import check_fields
+from cmacexp.config.lead import lead_coefficients
+from cmacexp.config.machine import RobotModel, read_model
+from cmacexp.errors import BadInput
+from cmacexp.robots.rule import Basis, Gains, derive_basis, derive_gains
+
+DIGITS = 6
+"""Significant digits of a number by rule: the config, and its hash, are the same with another MuJoCo."""
+
+
+def rule_value(name: str, _root_: DictConfig) -> float:
+    """The value of ``${rule:NAME}``.
+
+    Args:
+        name: a field of :class:`cmacexp.robots.rule.Basis` or of :class:`cmacexp.robots.rule.Gains`.
+        _root_: the config.
+
+    Raises:
+        BadInput: there is no such name, the machine is no robot, or the rule does not serve it.
+    """
+    if name not in (*Basis._fields, *Gains._fields):
+        raise BadInput("${rule:...}", name, f"choose from {', '.join((*Basis._fields, *Gains._fields))}")
+    basis = derive_basis(read_model(_read_machine(_root_)))
+    value = getattr(basis if name in Basis._fields else _derive_gains(basis, _root_), name)
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _derive_gains(basis: Basis, root: DictConfig) -> Gains:
+    period = _read_number(root, "sampling_period")
+    if OmegaConf.select(root, "controller.lead_omega") is None:  # a custom controller without a compensator
+        return derive_gains(basis, period, 1.0)
+    omega, alpha = (_read_number(root, f"controller.lead_{name}") for name in ("omega", "alpha"))
+    return derive_gains(basis, period, lead_coefficients(omega, alpha, period)[0])
+
+
+def _read_number(root: DictConfig, key: str) -> float:
+    value = OmegaConf.select(root, key)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1e9:
+        raise BadInput(key, value, "must be a number above 0, from which gains follow by rule")
+    return float(value)
+
+
+def _read_machine(root: DictConfig) -> RobotModel:
+    """The fields that say which robot it is, of the types that they must have."""
+    kind = OmegaConf.select(root, "machine.kind")
+    if kind != "robot":
+        raise BadInput(
+            "machine.kind", kind, "must be robot where gains follow by rule: choose machine=go1, or scenario"
+        )
+    given = {each.name: _plain(OmegaConf.select(root, f"machine.{each.name}")) for each in fields(RobotModel)}
+    model = RobotModel(**given)
+    check_fields(model, "machine")
+    return model
+
+
+def _plain(value: Any) -> Any:
+    """A value as a config holds it once it has been typed."""
+    plain = OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
+    return [float(each) if type(each) is int else each for each in plain] if isinstance(plain, list) else plain
+
+
+def find_mistake(error: BaseException | None) -> BadInput | None:
+    """The mistake of the user among the causes of an error that OmegaConf raised while it resolved a rule, if any."""
+    while error is not None and not isinstance(error, BadInput):
+        error = error.__cause__ or error.__context__
+    return error
+
+
+def register_rule() -> None:
+    """Make ``${rule:NAME}`` known to OmegaConf."""
+    OmegaConf.register_new_resolver("rule", rule_value, replace=True)

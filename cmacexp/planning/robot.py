@@ -1,0 +1,126 @@
+"""A robot as the loop sees it: its legs as chains in the frames of their hips, and how it stands.
+
+Frame of the body: origin above the centre of mass of the robot that stands, at the height of the thigh joints; x
+forward, y left, z up, parallel to the trunk. Origin of a hip's frame: the thigh joint, moved with those of all other
+legs so that the feet, planned about these origins, have the centre of mass in their middle.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.config import Config
+from cmacexp.config.machine import LEG_NAMES, RobotMachine
+from cmacexp.errors import BadInput
+from cmacexp.models.chain import chain_angles
+from cmacexp.models.mechanism import Mechanism, chains_under_body
+from cmacexp.planning.columns import JOINT_COLUMNS
+from cmacexp.planning.motion import plan_chains
+from cmacexp.robots.find import find_model
+from cmacexp.robots.model import GRAVITY, Robot, load_mujoco, read_robot
+from cmacexp.typing import Array
+
+PASSES = 5
+"""The centre of mass depends on the legs, which depend on where it is: each pass reduces the error tenfold."""
+
+
+class Stance(NamedTuple):
+    """How a robot stands with its feet below its hips."""
+
+    origin: Array
+    """(3,): of the body's frame in that of the trunk, m."""
+    hips: Array
+    """(4, 3): origins of the hips' frames in the frame of the body, m."""
+    chains: Array
+    """(4, 21): see :mod:`cmacexp.models.chain`."""
+
+
+def find_robot(machine: RobotMachine) -> Robot:
+    """The robot that a config names.
+
+    Raises:
+        BadInput: there is no such model, or it is no quadruped with three hinges a leg.
+    """
+    return read_robot(find_model(machine.model, machine.path), machine.joints, machine.feet, machine.home)
+
+
+def to_hip(vectors: Array) -> Array:
+    """Vectors (..., 3) of the body's frame (forward, left, up) in that of a hip (forward, down, left)."""
+    return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
+
+
+def make_chains(robot: Robot, places: Array) -> Array:
+    """Chains (4, 21) of the legs in hips' frames whose origins are at ``places`` (4, 3) in the trunk's frame, m."""
+    points = to_hip(robot.hinges[..., :3] - places[:, None])
+    hinges = np.concatenate([points, to_hip(robot.hinges[..., 3:])], axis=-1)
+    return np.concatenate([hinges.reshape(len(places), -1), to_hip(robot.feet_at_zero - places)], axis=1)
+
+
+@lru_cache(maxsize=16)
+def find_stance(robot: Robot, hip_height: float) -> Stance:
+    """The stance with the hips ``hip_height`` (m) above the feet.
+
+    Raises:
+        BadInput: a leg does not reach that far.
+    """
+    mujoco, thighs = load_mujoco(), robot.hinges[:, 1, :3].copy()
+    thighs[:, 2] = thighs[:, 2].mean()
+    below, shift = np.array([[0.0, hip_height, 0.0]]), np.zeros(3)
+    for _ in range(PASSES):
+        chains = make_chains(robot, thighs + shift)
+        q = np.concatenate([chain_angles(chain, below, robot.home) for chain in chains])
+        if not np.isfinite(q).all():
+            reason = f"is out of reach of the legs, whose links are {sum(robot.links):.3g} m long together"
+            raise BadInput("machine.hip_height", hip_height, reason)
+        data = robot.at(q)
+        mujoco.mj_comPos(robot.model, data)
+        shift[:2] = data.subtree_com[robot.legs.base, :2] - thighs[:, :2].mean(axis=0)
+    origin = np.array([*data.subtree_com[robot.legs.base, :2], thighs[0, 2]])
+    return Stance(origin, thighs + shift - origin, chains)
+
+
+def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
+    """The machine of a robot.
+
+    Raises:
+        BadInput: there is no such model, it is no quadruped with three hinges a leg, or it cannot stand like that.
+    """
+    robot = find_robot(machine)
+    stance = find_stance(robot, machine.hip_height)
+    weight, limits = robot.mass * GRAVITY, tuple(robot.torque_limits.tolist())
+    hips = np.ascontiguousarray(stance.hips[:, :2])
+    return chains_under_body(stance.chains, machine.hip_height, hips, weight, limits)
+
+
+def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desired: Array, joints: Array) -> None:
+    """Joint angles, velocities and accelerations along ``desired`` (N, 4, 9); fills ``joints`` (N, 4, 9).
+
+    Raises:
+        BadInput: a foot is out of reach, or a joint leaves its range.
+    """
+    assert mechanism.chains is not None
+    plan_chains(mechanism.chains, np.array(machine.home), desired, joints)
+    angles = joints[..., JOINT_COLUMNS["angle"]]
+    if len(lost := np.argwhere(np.isnan(angles))):
+        k, i, _ = lost[0]
+        reason = f"the {LEG_NAMES[i]} foot is out of reach at sample {k}; use a shorter one, or machine.hip_height"
+        raise BadInput("gait.stroke", config.gait.stroke, reason)
+    least, largest = np.moveaxis(find_robot(machine).ranges, -1, 0)
+    if len(out := np.argwhere((angles < least) | (angles > largest))):
+        k, i, n = out[0]
+        allowed = f"{least[i, n]:.4g} to {largest[i, n]:.4g} rad"
+        reason = f"{machine.joints[i][n]} would be at {angles[k, i, n]:.4g} rad at sample {k}, beyond its {allowed}"
+        raise BadInput("gait.stroke", config.gait.stroke, f"{reason}; use a shorter one, or machine.hip_height")
+
+
+def find_centres(machine: RobotMachine, q: Array) -> Array:
+    """Centres of mass (3, N) of a robot in the body's frame, m, at joint angles ``q`` (N, 4, 3), rad."""
+    mujoco, robot = load_mujoco(), find_robot(machine)
+    origin, centres, data = find_stance(robot, machine.hip_height).origin, np.empty((3, len(q))), robot.at(robot.home)
+    for k, angles in enumerate(q):
+        data.qpos[robot.legs.qpos] = angles
+        mujoco.mj_kinematics(robot.model, data)
+        mujoco.mj_comPos(robot.model, data)
+        centres[:, k] = data.subtree_com[robot.legs.base] - origin
+    return centres

@@ -1,0 +1,93 @@
+"""Inverse dynamics of a robot along its plan, from its model: what ground and joints must give.
+
+The body stays level and moves at constant speed. MuJoCo computes the generalised forces of all masses, with the dry
+friction, damping and armature of the joints; the ground's share of them is what acts on the trunk.
+"""
+
+import copy
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cmacexp.config import Config
+from cmacexp.models.chain import batch_kinematics
+from cmacexp.models.mechanism import Mechanism
+from cmacexp.planning.body_load import BodyLoad
+from cmacexp.planning.columns import DDQ1, DDQ2, DDQ3, DQ1, DQ2, DQ3, Q1, Q2, Q3
+from cmacexp.planning.robot import find_robot, find_stance
+from cmacexp.robots.model import load_mujoco
+from cmacexp.typing import Array
+
+
+class Needs(NamedTuple):
+    """Generalised forces over a cycle of N samples."""
+
+    trunk: Array
+    """(N, 6): force on the body (N) in the world, and moment about its origin (N m)."""
+    joints: Array
+    """(N, 4, 3): torques without contact forces, N m."""
+
+
+def make_model(robot_model: Any, mass_factor: float = 1.0) -> Any:
+    """A copy of a model without contacts, its masses and inertias times ``mass_factor``."""
+    mujoco = load_mujoco()
+    model = copy.copy(robot_model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model.body_mass *= mass_factor
+    model.body_inertia *= mass_factor
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
+
+
+def compute_needs(config: Config, joints: Array, mass_factor: float = 1.0) -> Needs:
+    """What the planned motion of the ``joints`` (N, 4, 9) needs, with masses that may be wrong."""
+    mujoco, robot = load_mujoco(), find_robot(config.machine)
+    origin, legs = find_stance(robot, config.machine.hip_height).origin, robot.legs
+    model = make_model(robot.model, mass_factor)
+    data = mujoco.MjData(model)
+    data.qpos[legs.base_qpos + 3] = 1.0
+    data.qvel[legs.base_dof] = config.body_speed
+    needs = np.empty((len(joints), model.nv))
+    for k, sample in enumerate(joints):
+        data.qpos[legs.qpos], data.qvel[legs.dof] = sample[:, [Q1, Q2, Q3]], sample[:, [DQ1, DQ2, DQ3]]
+        data.qacc[legs.dof] = sample[:, [DDQ1, DDQ2, DDQ3]]
+        mujoco.mj_inverse(model, data)
+        needs[k] = data.qfrc_inverse
+    force, moment = needs[:, legs.base_dof : legs.base_dof + 3], needs[:, legs.base_dof + 3 : legs.base_dof + 6]
+    return Needs(np.concatenate([force, moment - np.cross(origin, force)], axis=1), needs[:, legs.dof])
+
+
+def compute_load(config: Config, joints: Array) -> BodyLoad:
+    """The load of the feet along the planned motion of the ``joints`` (N, 4, 9).
+
+    The horizontal force acts at the ground, ``hip_height`` below the body: it moves the centre of pressure.
+    """
+    force, moment = np.split(compute_needs(config, joints).trunk, 2, axis=1)
+    ahead, aside, up = force.T
+    height = config.machine.hip_height
+    centre = np.stack([-moment[:, 1] - height * ahead, moment[:, 0] - height * aside], axis=1) / up[:, None]
+    return BodyLoad(up, centre)
+
+
+def planned_torques(
+    config: Config, mechanism: Mechanism, joints: Array, load: Array, pressed: Array, mass_factor: float = 1.0
+) -> Array:
+    """Joint torques (N, 4, 3), N m, that let the robot move as planned, with masses that may be wrong.
+
+    Args:
+        config: of the run.
+        mechanism: of the robot.
+        joints: (N, 4, 9): planned.
+        load: (N, 4): vertical forces on the feet, N; they share the horizontal force alike.
+        pressed: (N, 4): those that these torques have to give.
+        mass_factor: masses of the model over the true ones.
+    """
+    assert mechanism.chains is not None
+    needs = compute_needs(config, joints, mass_factor)
+    share = load / load.sum(axis=1, keepdims=True)
+    ground = np.stack([needs.trunk[:, :1] * share, -pressed, needs.trunk[:, 1:2] * share], axis=-1)
+    torque = needs.joints.copy()
+    for i, chain in enumerate(mechanism.chains):
+        _, jacobian = batch_kinematics(chain, joints[:, i][:, [Q1, Q2, Q3]])
+        torque[:, i] -= np.einsum("kjn,kj->kn", jacobian, ground[:, i])
+    return torque

@@ -1,0 +1,158 @@
+"""A robot in MuJoCo, from its own model, on the project's elastic ground or on MuJoCo's rigid one."""
+
+import copy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cmacexp.config import ComponentConfig, choice, number
+from cmacexp.config.machine import RobotMachine
+from cmacexp.errors import BadInput, Diverged
+from cmacexp.models.mechanism import GEOMETRY_FIELDS, SPACE
+from cmacexp.planning.robot import find_robot, find_stance
+from cmacexp.planning.setup import Setup
+from cmacexp.plants.environment import make_ground, make_payload
+from cmacexp.plants.mujoco_engine import WARNINGS
+from cmacexp.plants.mujoco_kernels import Measured, Touch
+from cmacexp.plants.protocol import Measurement
+from cmacexp.plants.robot_kernels import Contacts, Feet, RobotBodies, Room, observing_robot, pressing_robot
+from cmacexp.robots.model import Robot, load_mujoco, warnings_dropped
+from cmacexp.typing import Array
+
+ELASTIC, RIGID = "elastic", "mujoco"
+
+
+class MujocoRobot:
+    """A robot under joint torques. Its feet touch the ground where their centres are at the height 0.
+
+    On elastic ground a spring and a damper hold a foot at the point where it touched down, as long as their force
+    stays within the limit of friction; beyond it the foot drags the point along.
+    """
+
+    @dataclass
+    class Config(ComponentConfig):
+        """Integration, ground, friction of the feet, and where the joints start."""
+
+        substeps: int = number("", at_least=1, at_most=10000)
+        """Steps of MuJoCo (semi-implicit Euler) per sampling period."""
+        contact: str = choice(ELASTIC, RIGID)
+        """elastic: the ground of the project, see ``terrain``; mujoco: MuJoCo's own contacts with a flat floor."""
+        friction: float = number("", above=0, at_most=10)
+        """Largest tangential over normal force of a foot (Coulomb)."""
+        friction_stiffness: float = number("N/m", above=0, at_most=1e7, needs=".contact=elastic")
+        """Stiffness of the spring that holds a sticking foot."""
+        friction_damping: float = number("N s/m", at_least=0, at_most=1e5, needs=".contact=elastic")
+        """Damping beside that spring."""
+        start_spread: float = number("rad", at_least=0, at_most=0.5)
+        """Largest difference of the joint angles at the start from the planned ones."""
+        start_seed: int = number("", at_least=0, below=2**32, needs=".start_spread above 0")
+        """Seed of the joint angles at the start."""
+
+    def __init__(
+        self,
+        substeps: int,
+        contact: str,
+        friction: float,
+        friction_stiffness: float,
+        friction_damping: float,
+        start_spread: float,
+        start_seed: int,
+    ):
+        self.substeps, self.contact = substeps, contact
+        self.grip = (friction, friction_stiffness, friction_damping)
+        self.start_spread, self.start_seed = start_spread, start_seed
+
+    def reset(self, setup: Setup) -> Measurement:
+        """Start near the planned joint angles, at rest, the body level at its planned height.
+
+        Raises:
+            BadInput: the machine is no robot, or its model cannot be used.
+        """
+        machine = setup.config.machine
+        if not isinstance(machine, RobotMachine):
+            raise BadInput("machine.kind", machine.kind, "must be robot with plant=mujoco_robot: use scenario=robot")
+        self.robot, self.mujoco = find_robot(machine), load_mujoco()
+        self.origin = find_stance(self.robot, machine.hip_height).origin
+        self.model = self._make_model(self.robot, setup.config.sampling_period / self.substeps)
+        self.data = self.mujoco.MjData(self.model)
+        draw = np.random.default_rng(self.start_seed)
+        legs, height = self.robot.legs, np.array([0.0, 0.0, machine.hip_height])
+        start = setup.start + draw.uniform(-self.start_spread, self.start_spread, setup.start.shape)
+        self.data.qpos[legs.base_qpos : legs.base_qpos + 7] = [*(height - self.origin), 1.0, 0.0, 0.0, 0.0]
+        self.data.qpos[legs.qpos] = start
+        self._begin(setup)
+        return self.measure()
+
+    def _make_model(self, robot: Robot, step: float) -> Any:
+        """The robot's model for the steps of this plant."""
+        mujoco = self.mujoco
+        model = copy.copy(robot.model)
+        model.opt.timestep, model.opt.integrator = step, mujoco.mjtIntegrator.mjINT_EULER
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_CONTACT
+        return model
+
+    def _begin(self, setup: Setup) -> None:
+        """Prepare contacts and measurements of the state in ``data``."""
+        config, data, legs, mechanism = setup.config, self.data, self.robot.legs, setup.mechanism
+        ground = make_ground(config.terrain, config.sampling_period)
+        touch, payload = Touch(ground, *self.grip), make_payload(config.payload, config.sampling_period)
+        self.warned = data.warning.number
+        bodies = RobotBodies(
+            data.geom_xpos,
+            data.cvel,
+            data.subtree_com,
+            data.xipos,
+            data.xfrc_applied,
+            data.xpos[legs.base],
+            data.xmat[legs.base],
+            data.qvel[legs.base_dof : legs.base_dof + 6],
+        )
+        feet = Feet(legs.foot_geom.astype(np.int64), legs.foot_body, legs.base)
+        self.q, self.dq = np.empty(mechanism.shape), np.empty(mechanism.shape)
+        self.mujoco.mj_step1(self.model, data)
+        anchor = data.geom_xpos[legs.foot_geom, :2].copy()
+        self.contacts = Contacts(np.zeros(4), np.zeros(4), anchor, np.zeros(1))
+        self.measured = Measured(
+            np.empty(mechanism.shape), np.empty(mechanism.shape), np.empty(3), np.empty(3), np.empty(3)
+        )
+        origin, room = self.origin, Room(np.zeros(3), np.zeros((2, 3)), np.zeros((4, GEOMETRY_FIELDS[SPACE])))
+        # Compiled generators do not keep their arrays alive.
+        self._kept = (bodies, feet, room, mechanism)
+        self._pressing = pressing_robot(touch, payload, origin, bodies, feet, self.contacts, room)
+        self._observing = observing_robot(mechanism, ground, bodies, origin, self.q, self.dq, room, self.measured)
+        next(self._pressing)
+
+    def step(self, torque: Array) -> Measurement:
+        """Hold ``torque`` (4, 3), N m, over one sampling period.
+
+        Raises:
+            Diverged: MuJoCo warns of its state.
+        """
+        self.data.qfrc_applied[self.robot.legs.dof] = torque
+        with warnings_dropped(self.mujoco):
+            for substep in range(self.substeps):
+                self.mujoco.mj_step2(self.model, self.data)
+                self.mujoco.mj_step1(self.model, self.data)
+                if self.warned.any():
+                    raise Diverged(self._explain_warning())
+                self.contacts.clock[0] += substep + 1 == self.substeps
+                next(self._pressing)
+        return self.measure()
+
+    def _explain_warning(self) -> str:
+        """The first of MuJoCo's warnings, in one line."""
+        kind = int(np.flatnonzero(self.warned)[0])
+        name = self.mujoco.mjtWarning(kind).name
+        dof = int(self.data.warning.lastinfo[kind])
+        joint = self.model.joint(int(self.model.dof_jntid[min(dof, self.model.nv - 1)])).name or "the trunk"
+        return f"MuJoCo reports that {WARNINGS[name].format(joint)}" if name in WARNINGS else f"MuJoCo reports {name}"
+
+    def measure(self) -> Measurement:
+        """A copy of the present state."""
+        legs = self.robot.legs
+        self.q[:], self.dq[:] = self.data.qpos[legs.qpos], self.data.qvel[legs.dof]
+        next(self._observing)
+        foot, velocity, pose, rate, travel = (part.copy() for part in self.measured)
+        force = self.contacts.force.copy()
+        return Measurement(self.q.copy(), self.dq.copy(), foot, velocity, force, pose, rate, travel)

@@ -1,0 +1,1 @@
+"""Models of real quadrupeds: where they come from, what they are, and gains by rule."""

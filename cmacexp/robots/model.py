@@ -1,0 +1,151 @@
+"""A quadruped with three hinges a leg, as its MJCF model describes it: geometry, masses, limits, losses."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmacexp.errors import BadInput
+from cmacexp.robots.legs import Legs, find_legs, torque_limits
+from cmacexp.typing import Array, Counts
+
+INSTALL = 'python -m pip install -e ".[mujoco]"'
+GRAVITY = 9.81
+"""Gravitational acceleration of every model, m/s^2."""
+
+Names = tuple[tuple[str, ...], ...]
+"""Names of joints, leg by leg."""
+
+
+def load_mujoco() -> Any:
+    """The module ``mujoco``.
+
+    Raises:
+        BadInput: it is not installed.
+    """
+    try:
+        import mujoco
+    except ImportError as error:
+        raise BadInput("plant", "mujoco", f"MuJoCo is not installed: {INSTALL}") from error
+    return mujoco
+
+
+@contextmanager
+def warnings_dropped(mujoco: Any) -> Iterator[None]:
+    """Keep MuJoCo from writing its warnings to ``MUJOCO_LOG.TXT`` in the current folder; counters hold them too."""
+    handler = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(handler)
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A quadruped, its legs in the order front left, front right, rear left, rear right.
+
+    Frame of the trunk: that of the body with the free joint, x forward, y left, z up.
+    """
+
+    path: Path
+    """Its MJCF file."""
+    model: Any
+    """MuJoCo's MjModel. It is shared: whoever changes it takes a copy."""
+    legs: Legs
+    """Where joints, bodies and feet of the legs stand in the model."""
+    home: Array
+    """(3,) joint angles at which the rule for the gains looks at a leg, rad."""
+    mass: float
+    """Total mass, kg."""
+    hinges: Array
+    """(4, 3, 6) at joint angles of zero in the frame of the trunk: a point of the axis (m), its direction."""
+    feet_at_zero: Array
+    """(4, 3) centres of the feet likewise, m."""
+    links: tuple[float, float]
+    """Distances of thigh joint and calf joint, l1, and of calf joint and foot, l2, at home, m."""
+    torque_limits: Array
+    """(3,) largest torque of hip, thigh and calf, the least of all legs, N m; infinite without a limit."""
+    ranges: Array
+    """(4, 3, 2) least and largest joint angle, rad; infinite without a limit."""
+    friction: Array
+    """(3,) dry friction of hip, thigh and calf, the most of all legs, N m."""
+    damping: Array
+    """(3,) likewise the damping, N m s/rad."""
+    armature: Array
+    """(3,) likewise the inertia of the rotor, kg m^2."""
+
+    def at(self, q: Array) -> Any:
+        """New data of MuJoCo: the trunk upright at the origin, every leg at ``q`` (3,) or (4, 3), rad, at rest."""
+        return place(self.model, load_mujoco().MjData(self.model), self.legs, q)
+
+
+def place(model: Any, data: Any, legs: Legs, q: Array) -> Any:
+    """Set joint angles ``q``, rad, under a trunk that is upright at the origin; ``data`` with its kinematics."""
+    data.qpos[legs.base_qpos : legs.base_qpos + 7] = [0, 0, 0, 1, 0, 0, 0]
+    data.qpos[legs.qpos] = q
+    load_mujoco().mj_kinematics(model, data)
+    return data
+
+
+def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str], home: Sequence[float]) -> Robot:
+    """The robot of an MJCF file; the last ones are kept.
+
+    Args:
+        path: of the file.
+        joints: names of hip, thigh and calf joint of each of the four legs.
+        feet: names of the geoms of the four feet.
+        home: joint angles at which the rule for the gains looks at a leg, rad.
+
+    Raises:
+        BadInput: MuJoCo is missing, cannot read the file, or the model is no quadruped with three hinges a leg.
+    """
+    names = tuple(tuple(leg) for leg in joints)
+    return _read(path, path.stat().st_mtime_ns, names, tuple(feet), tuple(home))
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], home: tuple[float, ...]) -> Robot:
+    """The robot of a file that was ``changed`` at that time."""
+    mujoco = load_mujoco()
+    model = _load(mujoco, path)
+    model.opt.gravity[:] = [0.0, 0.0, -GRAVITY]
+    legs = find_legs(mujoco, model, path, joints, feet)
+    data = place(model, mujoco.MjData(model), legs, np.array(home))
+    points = np.concatenate([data.xanchor[legs.joint[0]], data.geom_xpos[legs.foot_geom[:1]]])
+    _, length_1, length_2 = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    place(model, data, legs, np.zeros(3))
+    limited = model.jnt_limited[legs.joint].astype(bool)[..., None]
+    return Robot(
+        path=path,
+        model=model,
+        legs=legs,
+        home=np.array(home),
+        mass=float(model.body_subtreemass[legs.base]),
+        hinges=np.concatenate([data.xanchor[legs.joint], data.xaxis[legs.joint]], axis=-1),
+        feet_at_zero=data.geom_xpos[legs.foot_geom].copy(),
+        links=(float(length_1), float(length_2)),
+        torque_limits=torque_limits(mujoco, model, joints, legs.joint),
+        ranges=np.where(limited, model.jnt_range[legs.joint], [-np.inf, np.inf]),
+        friction=_most(model.dof_frictionloss, legs.dof),
+        damping=_most(model.dof_damping, legs.dof),
+        armature=_most(model.dof_armature, legs.dof),
+    )
+
+
+def _load(mujoco: Any, path: Path) -> Any:
+    """The model of a file, whatever MuJoCo raises in one line."""
+    try:
+        with warnings_dropped(mujoco):
+            return mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise BadInput("machine.path", path, f"MuJoCo cannot read it: {' '.join(str(error).split())}") from error
+
+
+def _most(values: Array, dof: Counts) -> Array:
+    """The largest value of all legs at each of the three joints."""
+    return values[dof].max(axis=0)

@@ -1,0 +1,163 @@
+"""One rule for the gains of every robot, from its masses, its legs and the sampling period.
+
+Where an equation has a constant, it was measured for this project: docs/robots.md.
+"""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.errors import BadInput
+from cmacexp.robots.legs import LEGS
+from cmacexp.robots.model import GRAVITY, Robot, load_mujoco
+
+STABLE_SHARE = 0.6
+"""Feedback of the velocity over what would stop the lightest foot within a sample; 1 falls on two robots."""
+DECAY_TIME = 0.1
+"""K_av / K_ap, and V_fn / P_fn as well, s."""
+BODY_RATE = 27.0
+"""Angular frequency of the body on its legs, rad/s."""
+YIELD = 0.25
+"""Part of the force error that the reference gives way, as a force of the position gain."""
+DEPTH = 0.003
+"""Depth to which a quarter of the weight sinks, m."""
+HEIGHT_OF_LINKS = 0.7
+"""Height of the hips over the length of the stretched leg."""
+PERIODS = ((0.001, 0.004), (0.002, 0.017), (0.004, 0.02))
+"""Sampling periods, s, each with the least m_f/m of the robots that walked with it."""
+RECOMMENDED = PERIODS[:2]
+"""Those at which robots walk as well as with a shorter one."""
+
+
+class Basis(NamedTuple):
+    """What follows from the model of a robot alone."""
+
+    mass: float
+    """Total mass, m, kg."""
+    foot_mass: float
+    """The lightest that a foot can feel, m_f, kg."""
+    sampling_period: float
+    """The longest that serves the robot well, s."""
+    hip_height: float
+    """Height of the thigh joints above the undepressed ground, m."""
+    stiffness: float
+    """K_n of the ground, N/m."""
+    damping: float
+    """Damping of the ground, N s/m."""
+
+    @property
+    def ratio(self) -> float:
+        """m_f/m."""
+        return self.foot_mass / self.mass
+
+
+class Gains(NamedTuple):
+    """What follows from that, the sampling period, and the LEAD compensator."""
+
+    position_gain: float
+    """K_ap, N/m."""
+    velocity_gain: float
+    """K_av, N s/m."""
+    posture_gain: float
+    """Depth that a foot is pushed down, over the height that its hip lacks."""
+    posture_rate_gain: float
+    """Likewise of their rates."""
+    elasticity: float
+    """P_fn, m/N."""
+    admittance: float
+    """V_fn, m/(N s)."""
+
+
+def compute_foot_mass(robot: Robot) -> float:
+    """The lightest that a foot of the robot can feel at home, kg.
+
+    It is the least eigenvalue of the inertia that a foot shows to a force while the trunk is held, (J M^-1 J^T)^-1,
+    M with the inertias of the rotors (Khatib 1987), of all legs.
+    """
+    mujoco, model, legs = load_mujoco(), robot.model, robot.legs
+    data = robot.at(robot.home)
+    mujoco.mj_fwdPosition(model, data)
+    inertia, jacobian = np.zeros((model.nv, model.nv)), np.zeros((3, model.nv))
+    for row, unit in zip(inertia, np.eye(model.nv), strict=True):
+        mujoco.mj_mulM(model, data, row, unit)
+    lightest = math.inf
+    for dof, geom in zip(legs.dof, legs.foot_geom, strict=True):
+        mujoco.mj_jacGeom(model, data, jacobian, None, int(geom))
+        foot = jacobian[:, dof]
+        mobility = foot @ np.linalg.solve(inertia[np.ix_(dof, dof)], foot.T)
+        lightest = min(lightest, 1.0 / float(np.linalg.eigvalsh(mobility)[-1]))
+    return lightest
+
+
+def recommend_period(ratio: float) -> float:
+    """The longest sampling period, s, at which a robot with m_f/m = ``ratio`` walks as well as with a shorter one.
+
+    Below the lightest feet that were measured the period shrinks with them, to a half, a fifth, a tenth and so on.
+    """
+    fitting = [period for period, least in RECOMMENDED if ratio > least]
+    if fitting:
+        return max(fitting)
+    period, least = PERIODS[0]
+    parts = (part * 10**power for power in range(12) for part in (2, 5, 10))
+    return next(period / part for part in parts if ratio > least / part)
+
+
+def require_period(ratio: float, period: float) -> None:
+    """Require a sampling period, s, that suits a robot with m_f/m = ``ratio``.
+
+    Raises:
+        BadInput: names a period that does.
+    """
+    shortest, least = PERIODS[0]
+    if period < shortest:
+        least *= period / shortest
+    else:
+        least = next((least for longest, least in PERIODS if period <= longest), math.inf)
+    if ratio <= least:
+        light = f"gains by rule fail where a foot feels {ratio:.2g} of the mass of the robot"
+        raise BadInput(
+            "sampling_period", period, f"is too long, {light}: use {recommend_period(ratio):g}, or set gains"
+        )
+
+
+@lru_cache(maxsize=16)
+def derive_basis(robot: Robot) -> Basis:
+    """What follows from a robot alone (measured for this project: docs/robots.md)."""
+    mass, foot_mass = robot.mass, compute_foot_mass(robot)
+    stiffness = mass * GRAVITY / LEGS / DEPTH
+    return Basis(
+        mass=mass,
+        foot_mass=foot_mass,
+        sampling_period=recommend_period(foot_mass / mass),
+        hip_height=HEIGHT_OF_LINKS * sum(robot.links),
+        stiffness=stiffness,
+        damping=math.sqrt(stiffness * mass / LEGS) / 4.0,
+    )
+
+
+def derive_gains(basis: Basis, sampling_period: float, lead_gain: float) -> Gains:
+    """The gains of a robot (measured for this project: docs/robots.md).
+
+    Args:
+        basis: of the robot.
+        sampling_period: of the run, T_s, s.
+        lead_gain: gain of the LEAD compensator for the newest error, b0.
+
+    Raises:
+        BadInput: the feet are too light for this period; names one that works.
+    """
+    require_period(basis.ratio, sampling_period)
+    velocity_gain = STABLE_SHARE * basis.foot_mass / (lead_gain * sampling_period)
+    position_gain = velocity_gain / DECAY_TIME
+    elasticity = YIELD / position_gain
+    return Gains(
+        position_gain=position_gain,
+        velocity_gain=velocity_gain,
+        # All feet together hold the body as a spring of BODY_RATE^2 m would, damped critically.
+        posture_gain=max(0.0, BODY_RATE**2 * basis.mass / (LEGS * position_gain) - 1.0),
+        posture_rate_gain=max(0.0, 2.0 * BODY_RATE * basis.mass / (LEGS * velocity_gain) - 1.0),
+        elasticity=elasticity,
+        admittance=DECAY_TIME * elasticity,
+    )

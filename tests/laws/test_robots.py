@@ -1,0 +1,155 @@
+"""Laws of the models of robots: geometry and inertia agree with MuJoCo, gains scale as their equations say."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from support.robots import MODELS, change, read
+
+from cmacexp.errors import BadInput
+from cmacexp.models.chain import chain_kinematics
+from cmacexp.robots.model import GRAVITY, load_mujoco
+from cmacexp.robots.rule import derive_basis, derive_gains, recommend_period, require_period
+
+TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""From the frame of the trunk (x forward, y left, z up) to that of a chain (x forward, y down, z left)."""
+
+
+def chains(robot):
+    """Chains of the four legs, about the origin of the trunk."""
+    hinges = np.concatenate([robot.hinges[..., :3] @ TURN.T, robot.hinges[..., 3:] @ TURN.T], axis=-1)
+    return np.concatenate([hinges.reshape(4, 18), robot.feet_at_zero @ TURN.T], axis=-1)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_feet_by_the_product_of_exponentials_are_those_of_mujoco(name):
+    robot = read(MODELS[name])
+    for q in np.random.default_rng(0).uniform(-3.0, 3.0, (20, 4, 3)):
+        data = robot.at(q)
+        feet = [chain_kinematics(chain, *angles).foot for chain, angles in zip(chains(robot), q, strict=True)]
+        assert_allclose(feet @ TURN, data.geom_xpos[robot.legs.foot_geom], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_foot_stands_in_its_body(name):
+    robot = read(MODELS[name])
+    legs, data = robot.legs, robot.at(robot.home)
+    turned = np.einsum("lij,lj->li", data.xmat[legs.foot_body].reshape(4, 3, 3), legs.foot_place)
+    assert_allclose(data.xpos[legs.foot_body] + turned, data.geom_xpos[legs.foot_geom], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_robot_can_have_gains_at_the_period_that_it_is_recommended(name):
+    basis = derive_basis(read(MODELS[name]))
+    assert all(value > 0.0 for value in derive_gains(basis, basis.sampling_period, 2.9))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_no_motion_of_a_foot_takes_less_energy_than_the_mass_that_it_feels(name):
+    mujoco, robot = load_mujoco(), read(MODELS[name])
+    model, data, foot_mass = robot.model, robot.at(robot.home), derive_basis(read(MODELS[name])).foot_mass
+    mujoco.mj_fwdPosition(model, data)
+    velocities = np.random.default_rng(1).normal(size=(300, 3))
+    masses = []
+    for dof, geom in zip(robot.legs.dof, robot.legs.foot_geom, strict=True):
+        jacobian = np.zeros((3, model.nv))
+        mujoco.mj_jacGeom(model, data, jacobian, None, int(geom))
+        for velocity in velocities:
+            data.qvel[:] = 0.0
+            data.qvel[dof] = np.linalg.solve(jacobian[:, dof], velocity)
+            mujoco.mj_energyVel(model, data)
+            masses.append(2.0 * data.energy[1] / (velocity @ velocity))
+    assert foot_mass <= min(masses) <= 1.05 * foot_mass
+
+
+@pytest.fixture(scope="module")
+def basis():
+    return derive_basis(read())
+
+
+def test_the_ground_yields_three_millimetres_to_a_standing_robot(basis):
+    assert basis.stiffness * 0.003 * 4 == pytest.approx(basis.mass * GRAVITY)
+
+
+def test_the_body_stands_on_its_legs_as_on_a_damped_spring(basis):
+    gains = derive_gains(basis, 0.002, 2.9)
+    stiffness = 4.0 * gains.position_gain * (1.0 + gains.posture_gain)
+    damping = 4.0 * gains.velocity_gain * (1.0 + gains.posture_rate_gain)
+    assert np.sqrt(stiffness / basis.mass) == pytest.approx(27.0)
+    assert damping == pytest.approx(2.0 * np.sqrt(stiffness * basis.mass))
+
+
+@pytest.mark.parametrize("scale", [0.5, 2.0])
+def test_robots_that_differ_in_scale_alone_differ_in_gains_alone_by_it(basis, scale):
+    heavier = basis._replace(mass=basis.mass * scale, foot_mass=basis.foot_mass * scale)
+    one, other = (derive_gains(each, 0.002, 2.9) for each in (basis, heavier))
+    assert_allclose(other[:2], np.multiply(one[:2], scale))
+    assert_allclose(other[2:4], one[2:4])
+    assert_allclose(other[4:], np.divide(one[4:], scale))
+
+
+def test_a_shorter_period_or_a_smaller_lead_allows_larger_gains(basis):
+    slow, fast, plain = (derive_gains(basis, *each) for each in ((0.002, 3.0), (0.001, 3.0), (0.001, 1.0)))
+    assert slow.velocity_gain < fast.velocity_gain < plain.velocity_gain
+    assert slow.position_gain / slow.velocity_gain == pytest.approx(plain.position_gain / plain.velocity_gain)
+
+
+@pytest.mark.parametrize("ratio", [1e-9, 1e-4, 0.003, 0.0042, 0.01, 0.0169, 0.0171, 0.2])
+def test_the_recommended_period_is_allowed_and_twice_of_it_is_not_unless_it_is_the_longest(ratio):
+    period = recommend_period(ratio)
+    require_period(ratio, period)
+    assert ratio >= 0.017 or refused(ratio, 10.0 * period)
+    assert 1.0 / period == pytest.approx(round(1.0 / period))
+
+
+def refused(ratio, period):
+    with pytest.raises(
+        BadInput, match=f"^sampling_period={period}: is too long, .* use {recommend_period(ratio):g},"
+    ):
+        require_period(ratio, period)
+    return True
+
+
+@pytest.mark.parametrize("name", sorted(set(MODELS) & {"go1", "go2", "mini_cheetah", "pegasus"}))
+def test_robots_that_walk_at_two_milliseconds_are_recommended_it(name):
+    assert derive_basis(read(MODELS[name])).sampling_period == 0.002
+
+
+@pytest.mark.parametrize("name", sorted(set(MODELS) & {"aliengo", "hyqreal1", "hyqreal2", "spot", "a2", "b2"}))
+def test_robots_with_lighter_feet_are_recommended_one_millisecond(name):
+    assert derive_basis(read(MODELS[name])).sampling_period == 0.001
+
+
+def test_masses_limits_and_losses_of_the_own_model_are_those_of_its_file():
+    robot = read()
+    assert robot.mass == pytest.approx(6.7 + 4 * (0.6 + 0.8 + 0.15 + 0.05))
+    assert_allclose(robot.torque_limits, [30.0, 30.0, 40.0])
+    assert_allclose([robot.armature, robot.damping, robot.friction], np.outer([0.01, 0.5, 0.2], np.ones(3)))
+    assert_allclose(robot.links, [0.2, np.hypot(0.21, 0.005)])
+    assert_allclose(robot.ranges[2], [[-0.9, 0.9], [-1.5, 3.5], [-2.7, -0.5]])
+    assert_allclose(robot.feet_at_zero[2], [-0.175, 0.14, -0.42])
+
+
+LIMITS = [
+    ('<motor ctrlrange="-40 40"/>', '<motor ctrlrange="-40 40" gear="2"/>', 80.0),
+    ('<motor ctrlrange="-40 40"/>', '<motor ctrlrange="-40 40" forcerange="-7 9" gear="2"/>', 14.0),
+    ('range="-2.7 -0.5"', 'range="-2.7 -0.5" actuatorfrcrange="-5 6"', 5.0),
+    ('<motor name="RL_calf" class="calf"', '<position name="RL_calf" kp="3" ctrlrange="-1 1"', 40.0),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "limit"), LIMITS)
+def test_the_least_limit_of_actuator_and_joint_counts(tmp_path, old, new, limit):
+    assert_allclose(read(change(tmp_path, old, new)).torque_limits, [30.0, 30.0, limit])
+
+
+def test_without_limits_the_torque_is_unlimited(tmp_path):
+    path = change(tmp_path, '<motor ctrlrange="-30 30"/>', "<motor/>")
+    assert_allclose(read(path).torque_limits, [np.inf, np.inf, 40.0])
+
+
+def test_a_file_that_changed_is_read_again(tmp_path):
+    path = change(tmp_path, 'mass="6"', 'mass="7"')
+    first = read(path)
+    assert read(path) is first
+    path.write_text(path.read_text().replace('mass="7"', 'mass="8"'))
+    assert read(path).mass == pytest.approx(first.mass + 1.0)

