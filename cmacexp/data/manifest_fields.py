@@ -49,16 +49,9 @@ NUMBER = Kind("a number", lambda value: isinstance(value, int | float) and not i
 WHOLE = Kind("a whole number from 0", lambda value: type(value) is int and value >= 0)
 HASH = Kind("a SHA-256", lambda value: isinstance(value, str) and bool(re.fullmatch("[0-9a-f]{64}", value)))
 CHOICE = Kind(f"{REPORT} or {SWEEP}", lambda value: value in (REPORT, SWEEP))
-ROBOT = make_record(
-    {
-        "chains": NUMBER.listed().listed(),
-        "hips": NUMBER.listed().listed(),
-        "foot_radius": NUMBER,
-        "names": TEXT.listed(),
-    }
-)
+ROBOT = make_record({"chains": NUMBER.listed().listed(), "hips": NUMBER.listed().listed(), "foot_radius": NUMBER})
 """Geometry of a robot's legs, from its model: chains as in :mod:`cmacexp.models.chain`, hips in the body frame
-(forward and left, m), radius of the feet (m), names."""
+(forward and left, m), radius of the feet (m)."""
 
 FIELDS = {
     "kind": CHOICE,

@@ -64,7 +64,7 @@ def _log_body(entities: Entities, view: RunView) -> None:
     )
     if not view.walks:
         return
-    hips = np.array([[*leg.hip, 0.0] for leg in view.legs])
+    hips = np.array([leg.joints()[0][0] for leg in view.legs]) + 0.0  # no negative zero
     half = (hips.max(axis=0) - hips.min(axis=0)) / 2.0
     half[2] = half[1] if view.is_robot else 0.008  # trunks of robots are about as high as they are wide
     middle = (hips.max(axis=0) + hips.min(axis=0)) / 2.0
