@@ -43,6 +43,17 @@ class RobotBodies(NamedTuple):
     """(6,): its velocity in the world, m/s, and its angular velocity in its own frame, rad/s."""
 
 
+class Room(NamedTuple):
+    """Working memory."""
+
+    load: Array
+    """(3,): where the payload acts."""
+    origin: Array
+    """(2, 3): place and velocity of the body's origin in the world."""
+    geometry: Array
+    """(L, 12): see :func:`cmacexp.models.mechanism.update_geometry`."""
+
+
 class Contacts(NamedTuple):
     """State of the contacts of L feet."""
 
@@ -103,8 +114,7 @@ def observe_robot(
     origin: Array,
     q: Array,
     dq: Array,
-    geometry: Array,
-    point: Array,
+    room: Room,
     measured: Measured,
 ) -> None:
     """Measure body and feet of a robot; fills ``measured``.
@@ -116,11 +126,10 @@ def observe_robot(
         origin: (3,): of the body's frame in that of the trunk, m.
         q: (L, 3): joint angles, rad.
         dq: (L, 3): joint velocities, rad/s.
-        geometry: (L, 12): is filled.
-        point: (2, 3): working memory: place and velocity of the origin.
+        room: is filled.
         measured: is filled.
     """
-    turn, spin = bodies.trunk_turn, bodies.trunk_rate[3:]
+    turn, spin, point, geometry = bodies.trunk_turn, bodies.trunk_rate[3:], room.origin, room.geometry
     moved = (
         spin[1] * origin[2] - spin[2] * origin[1],
         spin[2] * origin[0] - spin[0] * origin[2],
@@ -139,18 +148,19 @@ def observe_robot(
 
 @program
 def pressing_robot(
-    touch: Touch,
+    touch: Touch | None,
     payload: Payload,
     origin: Array,
     bodies: RobotBodies,
     feet: Feet,
     contacts: Contacts,
-    point: Array,
+    room: Room,
 ) -> Iterator[int]:
     """:func:`press_robot` and :func:`load_robot` whenever it is resumed."""
     while True:
-        press_robot(touch, bodies, feet, contacts)
-        load_robot(payload, origin, bodies, feet, contacts.clock[0], point)
+        if touch is not None:
+            press_robot(touch, bodies, feet, contacts)
+        load_robot(payload, origin, bodies, feet, contacts.clock[0], room.load)
         yield 0
 
 
@@ -162,11 +172,10 @@ def observing_robot(
     origin: Array,
     q: Array,
     dq: Array,
-    geometry: Array,
-    point: Array,
+    room: Room,
     measured: Measured,
 ) -> Iterator[int]:
     """:func:`observe_robot` whenever it is resumed."""
     while True:
-        observe_robot(mechanism, ground, bodies, origin, q, dq, geometry, point, measured)
+        observe_robot(mechanism, ground, bodies, origin, q, dq, room, measured)
         yield 0
