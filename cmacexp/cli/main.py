@@ -123,7 +123,7 @@ class _Task:
             from cmacexp.sweep.objective import check_metric
 
         announce_compiling()
-        check_metric(config.optimize)
+        check_metric(config.optimize, config.machine.kind)
         steps = config.steps_per_cycle
         with activity(f"planning {steps} steps a cycle", shown=steps * config.legs > QUICK):
             scenario = make_scenario(config)

@@ -32,6 +32,16 @@ class Kind(NamedTuple):
         return Kind(words, lambda value: isinstance(value, dict) and all(map(self.holds, value.values())))
 
 
+def make_record(fields: Mapping[str, Kind]) -> Kind:
+    """An object with these entries and no other."""
+    words = ", ".join(f"{name} ({kind.words})" for name, kind in fields.items())
+
+    def holds(value: Any) -> bool:
+        return isinstance(value, dict) and {*value} == {*fields} and all(fields[n].holds(value[n]) for n in fields)
+
+    return Kind(f"an object of {words}", holds)
+
+
 ANY = Kind("anything", lambda value: True)
 TEXT = Kind("text", lambda value: isinstance(value, str))
 FLAG = Kind("true or false", lambda value: isinstance(value, bool))
@@ -39,6 +49,9 @@ NUMBER = Kind("a number", lambda value: isinstance(value, int | float) and not i
 WHOLE = Kind("a whole number from 0", lambda value: type(value) is int and value >= 0)
 HASH = Kind("a SHA-256", lambda value: isinstance(value, str) and bool(re.fullmatch("[0-9a-f]{64}", value)))
 CHOICE = Kind(f"{REPORT} or {SWEEP}", lambda value: value in (REPORT, SWEEP))
+ROBOT = make_record({"chains": NUMBER.listed().listed(), "hips": NUMBER.listed().listed(), "foot_radius": NUMBER})
+"""Geometry of a robot's legs, from its model: chains as in :mod:`cmacexp.models.chain`, hips in the body frame
+(forward and left, m), radius of the feet (m)."""
 
 FIELDS = {
     "kind": CHOICE,
@@ -59,6 +72,7 @@ FIELDS = {
     "start_weights": HASH.or_null(),
     "learning_lead": ANY,
     "drift": NUMBER.named().or_null(),
+    "robot": ROBOT,
     "traceback": TEXT,
     "bad_input": FLAG,
     "key": TEXT,

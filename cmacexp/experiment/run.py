@@ -230,11 +230,11 @@ def _write(
     end, names, lost = _roll_out(scenario, folder, scorer, watch, warn)
     scores = scorer.scores
     names += write_scores(folder, scores)
-    manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps)
+    shape = _robot_entry(scenario)  # the recording draws it
+    manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps, **shape)
     names += _write_extras(scenario, place, manifest, lost)
     entries = {
         **_component_entries(scenario),
-        **_robot_entry(scenario),
         "code_hash": code_hash(),
         "start_weights": start_hash(config),
         "learning_lead": scenario.setup.lead,

@@ -12,6 +12,9 @@ from cmacexp.data.parquet import as_array, is_support
 from cmacexp.metrics.measures import largest
 from cmacexp.typing import Array, Mask
 
+SPATIAL = "z"
+"""The column that a trace has if its legs move in space: those of a robot."""
+
 
 class Rhythm(NamedTuple):
     """Durations that all cycles of a run share, from its first cycles."""
@@ -47,14 +50,18 @@ class Block:
     progress: Array
     time: Array
     error: Mapping[str, Array]
-    """x - x_desired and y - y_desired, m, by axis."""
+    """x - x_desired and y - y_desired, m, by axis; of a robot z - z_desired as well."""
     force: Array
     force_desired: Array
     feedback: Array
-    """(cycles, L, N, 2): N m."""
+    """(cycles, L, N, J): N m; of a robot without J^T F_d, which the plan knows and nothing has to learn."""
     feedforward: Array
     before: Array | None = None
-    """(L, N, 2): feedback of the cycle before the first of these; None if there was none."""
+    """(L, N, J): feedback of the cycle before the first of these; None if there was none."""
+    force_torque: Array | None = None
+    """(cycles, L, N, J): J^T F_d, N m, where the trace has it apart."""
+    joint_error: Array | None = None
+    """(cycles, L, N, J): q - q_desired, rad; None where the trace has no planned angles."""
 
     @cached_property
     def transfer(self) -> Mask:
@@ -72,8 +79,14 @@ class Block:
         return self.force - self.force_desired
 
     @cached_property
+    def torque(self) -> Array:
+        """(cycles, L, N, J): what the joints are driven with, N m."""
+        teaching = self.feedback + self.feedforward
+        return teaching if self.force_torque is None else teaching + self.force_torque
+
+    @cached_property
     def feedback_change(self) -> Array:
-        """(cycles, L, N, 2): change of the feedback from the cycle before, N m; NaN where there was none."""
+        """(cycles, L, N, J): change of the feedback from the cycle before, N m; NaN where there was none."""
         first = np.full_like(self.feedback[:1], np.nan) if self.before is None else self.before[None]
         return np.diff(np.concatenate([first, self.feedback]), axis=0)
 
@@ -113,20 +126,28 @@ def cut(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> B
     def columns(name: str) -> Array:
         return block(as_array(trace, name))
 
+    def joints(name: str) -> Array:
+        """Columns of the joints side by side; ``name`` has {} where their numbers are."""
+        return np.stack([columns(name.format(joint)) for joint in range(1, 3 + in_space)], axis=3)
+
+    in_space = SPATIAL in trace.column_names
     time, progress = columns("time"), columns("progress")
     valid, support = ~np.isnan(time), block(is_support(trace).astype(float)) == 1.0
+    feedback, force_torque = joints("tau_feedback_{}"), joints("tau_force_{}") if in_space else None
     return Block(
         before.rhythm if before else read_rhythm(time, progress, valid, support),
         valid,
         support,
         progress,
         time,
-        {axis: columns(axis) - columns(f"{axis}_desired") for axis in "xy"},
+        {axis: columns(axis) - columns(f"{axis}_desired") for axis in ("xyz" if in_space else "xy")},
         columns("force"),
         columns("force_desired"),
-        np.stack([columns(f"tau_feedback_{joint}") for joint in (1, 2)], axis=3),
-        np.stack([columns(f"tau_feedforward_{joint}") for joint in (1, 2)], axis=3),
+        feedback if force_torque is None else feedback - force_torque,
+        joints("tau_feedforward_{}"),
         before.feedback[-1] if before else None,
+        force_torque,
+        joints("q{}") - joints("q{}_desired") if in_space else None,
     )
 
 

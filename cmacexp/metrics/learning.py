@@ -21,6 +21,8 @@ LEARNED = (
     "feedback_rms",
 )
 """Metrics that learning should reduce."""
+LEARNED_IN_SPACE = ("transfer_rmse", "joint_rmse")
+"""Likewise, of a robot alone."""
 
 
 def ratio_to_first(value: Array) -> Array:
@@ -81,3 +83,7 @@ LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
     ),
 }
 """Columns that follow from those of all cycles, by name."""
+LEARNING_IN_SPACE: dict[str, Metric[Mapping[str, Array]]] = {
+    column: metric for name in LEARNED_IN_SPACE for column, metric in _make_columns(name).items()
+}
+"""Likewise, of a robot alone."""

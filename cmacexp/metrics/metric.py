@@ -64,6 +64,8 @@ class Shown(NamedTuple):
     """Whether its axes begin at zero; not for a height, of which only changes matter."""
     head: str = ""
     """A shorter title for the terminal, in lines; none where ``title`` is short."""
+    instead: str = ""
+    """The metric that is shown instead where a run has it: of a robot the distance, not each axis."""
 
 
 Of = TypeVar("Of")

@@ -1,13 +1,13 @@
 """Metrics of a run with one value per cycle: those of several legs pooled, as the registry says."""
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 import numpy as np
 
 from cmacexp.data.parquet import as_array
 from cmacexp.data.tables import Scores
 from cmacexp.metrics.metric import BODY, Shown
-from cmacexp.metrics.registry import ALL_METRICS, MAIN
+from cmacexp.metrics.registry import ALL_METRICS, MAIN, SHOWN
 from cmacexp.typing import Array
 
 
@@ -40,10 +40,21 @@ def describe_pooling(titles: Mapping[str, str]) -> str:
     return "; ".join(f"{pooling} of {', '.join(pooled)}" for pooling, pooled in poolings.items())
 
 
+def is_shown(name: str, values: Container[str], legs: int) -> bool:
+    """Whether tables and figures show one of the metrics that they can show.
+
+    Args:
+        name: of the metric.
+        values: names of those that the run has.
+        legs: number of legs.
+    """
+    return (legs == 1 or SHOWN[name].over_legs) and SHOWN[name].instead not in values
+
+
 def select_main(values: Mapping[str, Array], legs: int) -> dict[str, Shown]:
     """The main metrics that at least one cycle defines, for a run of so many legs."""
     return {
         name: shown
         for name, shown in MAIN.items()
-        if (legs == 1 or shown.over_legs) and not np.isnan(values.get(name, np.nan)).all()
+        if is_shown(name, values, legs) and not np.isnan(values.get(name, np.nan)).all()
     }

@@ -5,18 +5,21 @@ from typing import Any
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.force import FORCE
-from cmacexp.metrics.learning import LEARNING
+from cmacexp.metrics.learning import LEARNING, LEARNING_IN_SPACE
 from cmacexp.metrics.memory import MEMORY
 from cmacexp.metrics.metric import NEITHER, Metric, Shown
+from cmacexp.metrics.spatial import SPATIAL
 from cmacexp.metrics.torque import TORQUE
 from cmacexp.metrics.tracking import TRACKING
 
 OF_A_CYCLE: dict[str, Metric[Block]] = {**TRACKING, **FORCE, **TORQUE}
 """Those that follow from the trace of one cycle."""
+OF_A_ROBOT: dict[str, Metric[Any]] = {**SPATIAL, **LEARNING_IN_SPACE}
+"""Those that only a robot has, whose trace is one of legs that move in space."""
 METRICS: dict[str, Metric[Any]] = {**OF_A_CYCLE, **LEARNING, **MEMORY}
-"""Columns of ``metrics.parquet`` after ``cycle`` and ``leg``."""
-ALL_METRICS: dict[str, Metric[Any]] = {**METRICS, **BODY_METRICS}
-"""With those of ``body_metrics.parquet``."""
+"""Columns of ``metrics.parquet`` after ``cycle`` and ``leg``; of a robot :data:`OF_A_ROBOT` follow."""
+ALL_METRICS: dict[str, Metric[Any]] = {**TRACKING, **SPATIAL, **METRICS, **OF_A_ROBOT, **BODY_METRICS}
+"""All of these, and those of ``body_metrics.parquet``."""
 SHOWN: dict[str, Shown] = {name: metric.shown for name, metric in ALL_METRICS.items() if metric.shown}
 """How metrics appear in tables and figures."""
 MAIN: dict[str, Shown] = {name: shown for name, shown in SHOWN.items() if shown.main}

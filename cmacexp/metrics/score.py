@@ -10,11 +10,12 @@ from cmacexp.metrics.block import Block, cut
 from cmacexp.metrics.body import compute_body
 from cmacexp.metrics.drift import Drift, DriftDetector
 from cmacexp.metrics.earlier_body import add_true_margins
-from cmacexp.metrics.learning import LEARNING
+from cmacexp.metrics.learning import LEARNING, LEARNING_IN_SPACE
 from cmacexp.metrics.memory import MEMORY as MEMORY_METRICS
 from cmacexp.metrics.memory import split_columns
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
-from cmacexp.metrics.registry import METRICS, OF_A_CYCLE
+from cmacexp.metrics.registry import METRICS, OF_A_CYCLE, OF_A_ROBOT
+from cmacexp.metrics.spatial import SPATIAL
 from cmacexp.typing import Array
 
 
@@ -49,7 +50,8 @@ class RunScorer:
     def add_legs(self, trace: pa.Table) -> None:
         """Score the legs in the next cycles (:func:`cmacexp.loop.trace.assemble`)."""
         self._block = block = cut(trace, self.steps_per_cycle, self._block)
-        part = {name: metric.compute(block) for name, metric in OF_A_CYCLE.items()}
+        known = OF_A_CYCLE if block.joint_error is None else {**OF_A_CYCLE, **SPATIAL}
+        part = {name: metric.compute(block) for name, metric in known.items()}
         self._parts.append(part)
         feedback = part["feedback_rms"]
         self._detector = self._detector or DriftDetector(feedback.shape[1])
@@ -67,9 +69,11 @@ class RunScorer:
     @property
     def scores(self) -> Scores:
         """The metrics of all cycles so far; undefined is NaN."""
-        values = {name: np.concatenate([part[name] for part in self._parts]) for name in OF_A_CYCLE}
+        in_space = SPATIAL.keys() <= self._parts[0].keys()
+        values = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
         cycles, legs = next(iter(values.values())).shape
-        values |= {name: metric.compute(values) for name, metric in LEARNING.items()}
+        learning = {**LEARNING, **LEARNING_IN_SPACE} if in_space else LEARNING
+        values |= {name: metric.compute(values) for name, metric in learning.items()}
         memory = split_columns(pa.concat_tables(self._memory) if self._memory else None, cycles, legs)
         values |= {name: metric.compute(memory) for name, metric in MEMORY_METRICS.items()}
         index = {
@@ -77,7 +81,8 @@ class RunScorer:
             "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),
         }
         body = pa.concat_tables(self._body).combine_chunks() if self._body else None
-        return Scores(to_table(index, values, METRICS), body)
+        columns = {**METRICS, **OF_A_ROBOT} if in_space else METRICS
+        return Scores(to_table(index, values, columns), body)
 
 
 def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:

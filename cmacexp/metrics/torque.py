@@ -1,5 +1,7 @@
 """Torques: how large they are, and the share of the feedforward."""
 
+from functools import reduce
+
 import numpy as np
 
 from cmacexp.metrics.block import Block
@@ -21,19 +23,18 @@ from cmacexp.typing import Array, Mask
 
 
 def _joints(by: np.ufunc, torque: Array) -> Array:
-    """Both joints of ``torque`` (..., 2) as one number; ``by.reduce`` over an axis of two takes ten times as long."""
-    both: Array = by(torque[..., 0], torque[..., 1])
-    return both
+    """All joints of ``torque`` (..., J) as one number; ``by.reduce`` over the last axis takes ten times as long."""
+    return reduce(by, np.moveaxis(torque, -1, 0))
 
 
 def _torque_rms(torque: Array, valid: Mask) -> Array:
-    """Root mean square over both joints and the cycle, N m."""
-    return np.sqrt(mean(_joints(np.add, torque**2) / 2.0, valid))
+    """Root mean square over all joints and the cycle, N m."""
+    return np.sqrt(mean(_joints(np.add, torque**2) / torque.shape[-1], valid))
 
 
 def torque_peak(block: Block) -> Array:
     """Largest absolute joint torque, N m."""
-    return largest(_joints(np.maximum, np.abs(block.feedback + block.feedforward)), block.valid)
+    return largest(_joints(np.maximum, np.abs(block.torque)), block.valid)
 
 
 def feedforward_share(block: Block) -> Array:
@@ -46,7 +47,7 @@ def feedforward_share(block: Block) -> Array:
 TORQUE: dict[str, Metric[Block]] = {
     "feedback_rms": rms_error(
         "N m",
-        "RMS feedback torque, both joints",
+        "RMS feedback torque, all joints",
         "never",
         CONTRACT,
         lambda b: _torque_rms(b.feedback, b.valid),
@@ -54,14 +55,14 @@ TORQUE: dict[str, Metric[Block]] = {
     ),
     "feedback_change": rms_error(
         "N m",
-        "RMS change of the feedback torque from the cycle before, both joints",
+        "RMS change of the feedback torque from the cycle before, all joints",
         "the first cycle",
         BRISTOW,
         lambda b: _torque_rms(b.feedback_change, b.valid),
     ),
     "feedforward_rms": Metric(
         "N m",
-        "RMS feedforward torque, both joints",
+        "RMS feedforward torque, all joints",
         "never",
         CONTRACT,
         lambda b: _torque_rms(b.feedforward, b.valid),

@@ -4,16 +4,16 @@ from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import iae, ise, rms
 from cmacexp.metrics.metric import BRISTOW, GRAHAM_LATHROP, Metric, Shown, integral, rms_error
 
-_NO_TRANSFER, _NO_SUPPORT = "no sample of transfer", "no sample of support"
-_NO_PERIOD = f"{_NO_TRANSFER}, or one sample in all"
+NO_TRANSFER, NO_SUPPORT = "no sample of transfer", "no sample of support"
+_NO_PERIOD = f"{NO_TRANSFER}, or one sample in all"
 
 
 def _transfer_rmse(axis: str) -> Metric[Block]:
     meaning, shown = (
         f"RMS of {axis} - {axis}_desired in transfer",
-        Shown(f"transfer {axis}", "mm", 1e3, head=f"{axis}\nerror"),
+        Shown(f"transfer {axis}", "mm", 1e3, head=f"{axis}\nerror", instead="transfer_rmse"),
     )
-    return rms_error("m", meaning, _NO_TRANSFER, BRISTOW, lambda b: rms(b.error[axis], b.transfer), shown=shown)
+    return rms_error("m", meaning, NO_TRANSFER, BRISTOW, lambda b: rms(b.error[axis], b.transfer), shown=shown)
 
 
 def _transfer_iae(axis: str) -> Metric[Block]:
@@ -36,7 +36,7 @@ TRACKING: dict[str, Metric[Block]] = {
     "support_rmse_x": rms_error(
         "m",
         "RMS of x - x_desired in support",
-        _NO_SUPPORT,
+        NO_SUPPORT,
         BRISTOW,
         lambda b: rms(b.error["x"], b.support),
         shown=Shown("support x", "mm", 1e3, main=False),

@@ -156,9 +156,11 @@ def chain_motion(chain: Array, q: Array, velocity: Array, acceleration: Array) -
 
 
 def chain_points(chain: Array, q: Array) -> Array:
-    """Points of the three hinges and the foot at joint angles ``q`` (3,), rad; (4, 3), m."""
+    """Points of the three hinges and the foot at joint angles ``q`` (..., 3), rad; (..., 4, 3), m."""
     points = [hinge_point(chain, n) for n in range(HINGES)] + [tuple(chain[18:21])]
     for n in reversed(range(HINGES)):
-        sine, cosine = sine_cosine(float(q[n]))
+        angle: Any = q[..., n]  # the arithmetic of one posture is that of many
+        sine, cosine = np.sin(angle), np.cos(angle)
         points[n + 1 :] = [turn_at(chain, n, place, sine, cosine) for place in points[n + 1 :]]
-    return np.array(points)
+    own = [np.broadcast_to(coordinate, q.shape[:-1]) for place in points for coordinate in place]
+    return np.stack(own, axis=-1).reshape(*q.shape[:-1], HINGES + 1, 3)

@@ -33,7 +33,7 @@ def _contacts(view: RunView, leg: LegView) -> Iterator[Event]:
     """From each planned lift-off on the first step without force; from each planned touch-down on the first with."""
     for start in np.flatnonzero(np.diff(leg.support)) + 1:
         does, reached = ("touches down", leg["force"] > 0.0) if leg.support[start] else ("lifts", leg["force"] == 0.0)
-        figure = FIGURES.get((leg.number, does)) if view.walks else None
+        figure = None if view.is_robot or not view.walks else FIGURES.get((leg.number, does))
         who = f"foot {leg.number}" if view.walks else "the foot"
         yield Event(_first(reached, int(start)), f"{who} {does}" + (f" (as in Fig. {figure})" if figure else ""))
 
@@ -45,7 +45,8 @@ def _least_front_margins(view: RunView) -> Iterator[Event]:
     ends = np.flatnonzero(aloft & ~np.append(aloft[1:], False)) + 1
     for start, end in zip(starts, ends, strict=True):
         row = int(end - 1 - np.argmin(margin[start:end][::-1]))
-        yield Event(row, f"planned front margin least, {1e3 * margin[row]:.0f} mm, foot 2 aloft (as in Fig. 19)")
+        figure = "" if view.is_robot else " (as in Fig. 19)"
+        yield Event(row, f"planned front margin least, {1e3 * margin[row]:.0f} mm, foot 2 aloft{figure}")
 
 
 def find_events(view: RunView) -> list[Event]:

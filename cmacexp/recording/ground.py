@@ -19,6 +19,8 @@ GROUND_LENGTH = 0.7
 """Length of the ground that is drawn under one leg, m."""
 ABOVE_GROUND = 0.002
 """Height at which marks on the ground are drawn, m, so that they are visible."""
+FOOT = 0.018
+"""Radius of the ball that a planar leg, whose foot is a point, has as a foot, m."""
 DENT = 0.06
 """Half the length of the dent that a foot presses, m."""
 ASIDE = 0.025
@@ -42,7 +44,7 @@ def _log_dents(entities: Entities, view: RunView, feet: Array) -> None:
     if not view.walks:
         end = np.full_like(x, GROUND_LENGTH / 2.0)
         along, deep = np.concatenate([-end, along, end], axis=2), np.pad(deep, ((0, 0), (0, 0), (1, 1)))
-    surface = np.stack([along, np.broadcast_to(y, along.shape), view.ground_height(along) - deep], axis=3)
+    surface = np.stack([along, np.broadcast_to(y, along.shape), view.surface(along) - deep], axis=3)
     strips = round_points(surface.reshape(-1, *surface.shape[2:]))
     entities.log("world/ground", rr.LineStrips3D.from_fields(radii=[0.005], colors=[palette.GROUND]))
     entities.send_columns("world/ground", rr.LineStrips3D.columns(strips=strips))
@@ -54,7 +56,8 @@ def _log_feet(entities: Entities, view: RunView, feet: Array) -> None:
     changes = np.flatnonzero(np.any(np.diff(support, axis=0, prepend=~support[:1]), axis=1))
     colours = np.where(support[changes, :, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
     entities.log(
-        "world/feet", rr.Ellipsoids3D.from_fields(half_sizes=[[0.018] * 3] * len(view.legs), fill_mode="solid")
+        "world/feet",
+        rr.Ellipsoids3D.from_fields(half_sizes=[[view.foot_radius or FOOT] * 3] * len(view.legs), fill_mode="solid"),
     )
     entities.send_columns("world/feet", rr.Ellipsoids3D.columns(centers=points(feet)))
     entities.send_columns("world/feet", rr.Ellipsoids3D.columns(colors=colours.reshape(-1, 3)), rows=changes)
@@ -91,9 +94,9 @@ def _log_stability(entities: Entities, view: RunView, feet: Array) -> None:
     support = np.stack([leg.support for leg in view.legs], axis=1)
     way = view.way()[:, None]
     corners = _around(feet, support)
-    corners[..., 2] = view.ground_height(corners[..., 0]) + ABOVE_GROUND
+    corners[..., 2] = view.surface(corners[..., 0]) + ABOVE_GROUND
     plumb = np.repeat(way, corners.shape[1], axis=1)
-    plumb[:, 0, 2] = view.ground_height(way[:, 0, 0]) + ABOVE_GROUND
+    plumb[:, 0, 2] = view.surface(way[:, 0, 0]) + ABOVE_GROUND
     strips = round_points(np.stack([corners, plumb], axis=1).reshape(-1, *corners.shape[1:]))
     lines = rr.LineStrips3D.from_fields(radii=[0.004, 0.0015], colors=[palette.POLYGON, palette.COG])
     entities.log("world/support", lines)
@@ -109,13 +112,13 @@ def _log_slope(entities: Entities, view: RunView, feet: Array) -> None:
     bends = [first - DENT, *(b for b in [view.config["terrain"]["slope_start"]] if first < b < last), last]
     along = np.array(bends)
     sides = max(abs(leg.hip[1]) for leg in view.legs) + 2.0 * DENT
-    strips = [np.stack([along, np.full_like(along, y), view.ground_height(along)], axis=1) for y in (-sides, sides)]
+    strips = [np.stack([along, np.full_like(along, y), view.surface(along)], axis=1) for y in (-sides, sides)]
     entities.log("world/slope", rr.LineStrips3D(strips, radii=0.004, colors=palette.GROUND))
 
 
 def log_ground(entities: Entities, view: RunView) -> None:
     """Everything between feet and ground."""
-    feet = np.stack([view.in_world(leg.in_body(leg["x"], leg["y"])) for leg in view.legs], axis=1)
+    feet = np.stack([view.in_world(leg.foot()) for leg in view.legs], axis=1)
     _log_dents(entities, view, feet)
     _log_feet(entities, view, feet)
     if view.config["terrain"].get("slope"):

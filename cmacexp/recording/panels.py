@@ -109,7 +109,7 @@ class Panels:
     def _seen(self) -> Array:
         """Two corners of what the machine takes up, in the frame that moves with it, m."""
         view = self._view
-        up = np.array([0.0, 0.0, float(view.body["height"].mean())])
+        up = np.array([0.0, 0.0, float(view.body["height"].mean()) + view.foot_radius])
         points = np.concatenate([joint for leg in view.legs for joint in leg.joints()]) + up
         lowest = points.min(axis=0) - [0.0, 0.0, -LOWEST_NUMBER if view.walks else 0.0]
         return np.array([lowest, np.maximum(points.max(axis=0), [0.0, 0.0, FORCE_LENGTH])])
@@ -199,10 +199,10 @@ class Panels:
         return self._each_leg("error", "foot, actual minus desired, mm", "{}: actual minus desired, mm")
 
     def torques(self, number: int, before: str = "") -> list[rrb.TimeSeriesView]:
-        """Feedback and feedforward of both joints of one leg."""
-        names = ("torque of joint 1, N m", "torque of joint 2, N m")
+        """Feedback and feedforward of all joints of one leg."""
+        names = [f"torque of joint {n}, N m" for n in range(1, self._view.legs[0].count_joints + 1)]
         if self._view.legs[0].lengths is None:
-            names = ("Cartesian force along x, N", "Cartesian force along y, N")
+            names = ["Cartesian force along x, N", "Cartesian force along y, N"]
         return [self.plot(f"leg_{number}/torque_{i}", before + name) for i, name in enumerate(names, start=1)]
 
     def torque(self) -> Panel:
@@ -211,7 +211,8 @@ class Panels:
             return rrb.Vertical(*self.torques(1))
         legs = self._view.legs
         return rrb.Grid(
-            *(plot for leg in legs for plot in self.torques(leg.number, f"{leg.number} {leg.name}: ")), grid_columns=2
+            *(plot for leg in legs for plot in self.torques(leg.number, f"{leg.number} {leg.name}: ")),
+            grid_columns=legs[0].count_joints,
         )
 
     def events(self) -> Panel:

@@ -4,6 +4,7 @@ World: x forward, y left, z up, metres; the undepressed ground is z = 0 up to wh
 ``cmacexp/models/body.py``.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,7 @@ from cmacexp.config.machine import LEG_NAMES
 from cmacexp.config.schema import count_steps
 from cmacexp.data.parquet import as_array, is_support
 from cmacexp.data.tables import Traces
+from cmacexp.models.chain import HINGES, chain_points
 from cmacexp.models.ground import height_at
 from cmacexp.recording.window import Window
 from cmacexp.typing import Array, Mask
@@ -28,21 +30,43 @@ class LegView:
     name: str
     columns: dict[str, Array]
     support: Mask
-    lengths: tuple[float, float] | None
-    """Of thigh and shank, m; None without joints."""
+    lengths: tuple[float, ...] | None
+    """Of the links from the hip outwards, m; None without joints."""
     hip: tuple[float, float]
     """In the body frame, forward and left, m."""
+    chain: Array | None = None
+    """Of a leg that moves in space, as in :mod:`cmacexp.models.chain`."""
 
     def __getitem__(self, name: str) -> Array:
         return self.columns[name]
 
-    def in_body(self, x: Array, y: Array) -> Array:
-        """Points (n, 3) in the body frame from x forward, y down in the frame of the hip."""
-        return np.stack([x + self.hip[0], np.full_like(x, self.hip[1]), -y], axis=1)
+    @property
+    def axes(self) -> str:
+        """Those in which the foot moves: x forward, y down and, in space, z to the left."""
+        return "xy" if self.chain is None else "xyz"
 
-    def joints(self) -> tuple[Array, Array, Array]:
-        """Hip, knee and foot, (steps, 3) each, in the body frame, m; those of a point mass are all at its foot."""
-        foot = self.in_body(self["x"], self["y"])
+    @property
+    def count_joints(self) -> int:
+        """Number of joints, or of axes of a point mass."""
+        return len(self.axes)
+
+    def in_body(self, x: Array, y: Array, z: Array | float = 0.0) -> Array:
+        """Points (n, 3) in the body frame from x forward, y down, z to the left in the frame of the hip."""
+        return np.stack([x + self.hip[0], np.full_like(x, self.hip[1]) + z, -y], axis=1)
+
+    def foot(self, of: str = "", rows: slice | NDArray[np.intp] = slice(None)) -> Array:
+        """The foot (steps, 3) in the body frame, m; ``of`` ``_desired`` where it should be."""
+        return self.in_body(*(self[f"{axis}{of}"][rows] for axis in self.axes))
+
+    def joints(self) -> tuple[Array, ...]:
+        """Hip, knee and foot, (steps, 3) each, in the body frame, m; those of a point mass are all at its foot.
+
+        Of a leg that moves in space its three hinges and the foot.
+        """
+        foot = self.foot()
+        if self.chain is not None:
+            points = chain_points(self.chain, np.stack([self[f"q{n}"] for n in (1, 2, 3)], axis=1))
+            return tuple(self.in_body(*points[:, n].T) for n in range(points.shape[1]))
         if self.lengths is None:
             return foot, foot, foot
         q1, zero = self["q1"], np.zeros_like(self["q1"])
@@ -66,6 +90,8 @@ class RunView:
     """The name of the run, or the settings that distinguish it from those beside it."""
     root: str
     """Prefix of the paths of its entities in a recording."""
+    foot_radius: float = 0.0
+    """m: the ground that is seen is so far below the centre of a foot that touches it."""
 
     @property
     def walks(self) -> bool:
@@ -91,8 +117,20 @@ class RunView:
         c, s = np.cos(a), np.sin(a)
         return np.stack([c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z], axis=1)
 
+    @property
+    def is_robot(self) -> bool:
+        """Whether its legs move in space."""
+        return self.legs[0].chain is not None
+
+    def surface(self, x: Array) -> Array:
+        """z of the ground that is seen at ``x`` in the world, m."""
+        return self.ground_height(x) - self.foot_radius
+
     def ground_height(self, x: Array) -> Array:
-        """z of the undepressed ground at ``x`` in the world, m; flat where a config has no slope."""
+        """z of the centre of a foot that touches the undepressed ground at ``x`` in the world, m.
+
+        Flat where a config has no slope.
+        """
         terrain = self.config.get("terrain", {})
         return height_at(terrain.get("slope", 0.0), terrain.get("slope_start", 0.0), x)
 
@@ -111,39 +149,54 @@ class RunView:
         return np.stack([x, self.body["cog_y"], self.body["height"] + self.ground_height(x)], axis=1)
 
 
-def _leg_configs(config: dict[str, Any]) -> list[dict[str, Any]]:
+def _leg_configs(config: dict[str, Any], robot: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+    """How each leg is built, as the config says or, of a robot, what its model says."""
     machine = config["machine"]
+    if robot:
+        return [
+            {"hip_x": x, "hip_y": y, "chain": chain}
+            for (x, y), chain in zip(robot["hips"], robot["chains"], strict=True)
+        ]
     return list(machine["legs"].values()) if "legs" in machine else [machine.get("leg") or {}]
 
 
 def _leg(trace: pa.Table, rows: NDArray[np.intp], number: int, built: dict[str, Any]) -> LegView:
     skipped = {"step", "time", "cycle", "leg", "phase"}
+    chain = np.array(built["chain"]) if "chain" in built else None
     return LegView(
         number,
         LEG_NAMES[number - 1] if "hip_x" in built else "leg",
         {name: as_array(trace, name)[rows] for name in trace.column_names if name not in skipped},
         is_support(trace)[rows],
-        (built["length_1"], built["length_2"]) if "length_1" in built else None,
+        _lengths(built, chain),
         (built.get("hip_x", 0.0), built.get("hip_y", 0.0)),
+        chain,
     )
 
 
+def _lengths(built: dict[str, Any], chain: Array | None) -> tuple[float, ...] | None:
+    """Lengths of the links of a leg, m; None without joints."""
+    if chain is not None:
+        return tuple(np.linalg.norm(np.diff(chain_points(chain, np.zeros(HINGES)), axis=0), axis=1).tolist())
+    return (built["length_1"], built["length_2"]) if "length_1" in built else None
+
+
 def make_view(
-    traces: Traces, config: dict[str, Any], window: Window | None = None, label: str = "", root: str = ""
+    traces: Traces, manifest: Mapping[str, Any], window: Window | None = None, label: str = "", root: str = ""
 ) -> RunView:
     """The view of a run from its traces.
 
     Args:
         traces: the steps that are drawn.
-        config: as in the manifest.
+        manifest: of the run; of its entries ``config`` and, of a robot, ``robot``.
         window: which steps these are; None: all of them.
         label: name of the run.
         root: prefix of the paths of its entities in a recording.
     """
-    trace = traces.legs
-    number = as_array(trace, "leg")
-    rows = {i: np.flatnonzero(number == i) for i in range(1, len(_leg_configs(config)) + 1)}
-    legs = [_leg(trace, rows[i], i, leg) for i, leg in enumerate(_leg_configs(config), start=1)]
+    trace, config, robot = traces.legs, manifest["config"], manifest.get("robot")
+    number, built = as_array(trace, "leg"), _leg_configs(config, robot)
+    rows = {i: np.flatnonzero(number == i) for i in range(1, len(built) + 1)}
+    legs = [_leg(trace, rows[i], i, leg) for i, leg in enumerate(built, start=1)]
     time, step, cycle = (as_array(trace, name)[rows[1]] for name in ("time", "step", "cycle"))
     if traces.body is not None:
         body = {"yaw": np.zeros_like(time)}
@@ -153,4 +206,5 @@ def make_view(
         body = dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll"), still)
         body["height"] = still + config["machine"]["hip_height"]
     all_steps = Window(int(cycle[0]), int(cycle[-1]), 1, len(cycle))
-    return RunView(legs, time, step, cycle, body, config, window or all_steps, label, root)
+    radius = robot["foot_radius"] if robot else 0.0
+    return RunView(legs, time, step, cycle, body, config, window or all_steps, label, root, radius)

@@ -19,6 +19,8 @@ EYES = {
     "top": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
 }
 """Of each view of the sides, what is right, down and ahead for its eye, in the frame that moves with the machine."""
+LINK = 0.8
+"""Radius of a link in space over that of the foot, which is to be seen."""
 AWAY = 10.0
 """Distance of these eyes, m: so far away that parallel lines stay parallel; the viewer has no parallel projection."""
 HIGHEST_NUMBER, LOWEST_NUMBER = -0.06, -0.16
@@ -52,18 +54,19 @@ def _log_eyes(entities: Entities) -> None:
 def _log_body(entities: Entities, view: RunView) -> None:
     """The frames ``world/travel``, which moves on with the machine, and ``world/travel/body``, which tilts too."""
     way = view.way()
-    ground = way[:, 2] - view.body["height"]
+    ground = way[:, 2] - view.body["height"] - view.foot_radius
     entities.send_columns(
         "world/travel", rr.Transform3D.columns(translation=np.stack([way[:, 0], way[:, 1], ground], axis=1))
     )
-    up = np.stack([np.zeros_like(ground), np.zeros_like(ground), view.body["height"]], axis=1)
+    up = np.stack([np.zeros_like(ground), np.zeros_like(ground), view.body["height"] + view.foot_radius], axis=1)
     entities.send_columns(
         "world/travel/body", rr.Transform3D.columns(translation=up, quaternion=view.turn().astype(np.float32))
     )
     if not view.walks:
         return
-    hips = np.array([[*leg.hip, 0.0] for leg in view.legs])
-    half = (hips.max(axis=0) - hips.min(axis=0)) / 2.0 + [0.0, 0.0, 0.008]
+    hips = np.array([leg.joints()[0][0] for leg in view.legs]) + 0.0  # no negative zero
+    half = (hips.max(axis=0) - hips.min(axis=0)) / 2.0
+    half[2] = half[1] if view.is_robot else 0.008  # trunks of robots are about as high as they are wide
     middle = (hips.max(axis=0) + hips.min(axis=0)) / 2.0
     plate = rr.Boxes3D(centers=[middle], half_sizes=[half], colors=[palette.BODY], fill_mode="solid")
     entities.log("world/travel/body/plate", plate)
@@ -75,12 +78,14 @@ def _log_body(entities: Entities, view: RunView) -> None:
     entities.log("world/travel/body/nose", rr.LineStrips3D([nose], radii=0.006, colors=palette.THIGH))
 
 
-def _turns(angles: Array) -> pa.Array:
-    """Turns about the body's y by angles (n,), which the viewer takes as axis and angle: a third of a quaternion."""
+def _turns(angles: Array, axes: Array) -> pa.Array:
+    """Turns by angles (n,) about axes (n, 3) in the frame of the body.
+
+    The viewer takes them as axis and angle, where the axis is constant a third of a quaternion.
+    """
     kind = rr.components.RotationAxisAngleBatch(rr.RotationAxisAngle(axis=(0, 1, 0), radians=0)).as_arrow_array().type
-    axes = np.tile(np.array([0.0, 1.0, 0.0], dtype=np.float32), len(angles))
     columns = [
-        pa.FixedSizeListArray.from_arrays(pa.array(axes), type=kind.field("axis").type),
+        pa.FixedSizeListArray.from_arrays(pa.array(axes.astype(np.float32).ravel()), type=kind.field("axis").type),
         pa.array((np.round(angles / FINE_ANGLE) * FINE_ANGLE).astype(np.float32)),
     ]
     return pa.StructArray.from_arrays(columns, fields=list(kind))
@@ -88,41 +93,69 @@ def _turns(angles: Array) -> pa.Array:
 
 def _log_links(entities: Entities, view: RunView) -> None:
     """Thighs, shanks, and knees: capsules along +z, turned to point along the angle of the link from +x, y down."""
-    legs = [(leg, *leg.lengths) for leg in view.legs if leg.lengths is not None]
-    if not legs:
+    if view.is_robot:
+        _log_links_in_space(entities, view)
         return
-    number = len(legs)
-    hips, knees, _ = (np.stack(joint, axis=1) for joint in zip(*(leg.joints() for leg, _, _ in legs), strict=True))
-    q1, q2 = (np.stack([leg[name] for leg, _, _ in legs], axis=1) for name in ("q1", "q2"))
+    lengths = [leg.lengths for leg in view.legs if leg.lengths is not None]
+    if not lengths:
+        return
+    number = len(lengths)
+    hips, knees, _ = (np.stack(joint, axis=1) for joint in zip(*(leg.joints() for leg in view.legs), strict=True))
+    q1, q2 = (np.stack([leg[name] for leg in view.legs], axis=1) for name in ("q1", "q2"))
     angles = np.concatenate([q1 + np.pi / 2.0, q1 + q2 + np.pi / 2.0, np.zeros_like(q1)], axis=1)
     links = rr.Capsules3D.from_fields(
-        lengths=[upper for _, upper, _ in legs] + [lower for _, _, lower in legs] + [0.0] * number,
+        lengths=[upper for upper, _ in lengths] + [lower for _, lower in lengths] + [0.0] * number,
         radii=[0.012] * 2 * number + [0.016] * number,
         colors=[palette.THIGH] * number + [palette.SHANK] * number + [palette.THIGH] * number,
         fill_mode="solid",
     )
     entities.log("world/travel/body/links", links)
+    axes = np.tile([0.0, 1.0, 0.0], (angles.size, 1))
     moving = rr.Capsules3D.columns(
-        translations=points(hips, knees, knees), rotation_axis_angles=_turns(angles.ravel())
+        translations=points(hips, knees, knees), rotation_axis_angles=_turns(angles.ravel(), axes)
     )
     entities.send_columns("world/travel/body/links", moving)
     entities.log("world/travel/body/hips", make_balls(hips[0], 0.02, palette.DESIRED))
+
+
+def _log_links_in_space(entities: Entities, view: RunView) -> None:
+    """Links between the hinges and the foot of each leg: capsules along +z, turned to point to the next joint."""
+    lengths = [length for leg in view.legs for length in leg.lengths or ()]
+    joints = np.stack([np.stack(leg.joints(), axis=1) for leg in view.legs], axis=1)  # (steps, legs, joints, 3)
+    along = np.diff(joints, axis=2).reshape(-1, 3)
+    # A turn straight from +z to the direction d is one about (-d_y, d_x, 0).
+    beside = np.hypot(along[:, 0], along[:, 1])
+    level = np.where(beside > 0.0, beside, 1.0)
+    axes = np.stack([-along[:, 1], np.where(beside > 0.0, along[:, 0], 1.0), np.zeros_like(beside)], axis=1)
+    axes /= level[:, None]
+    number = len(lengths) // len(view.legs)
+    links = rr.Capsules3D.from_fields(
+        lengths=lengths,
+        radii=[LINK * view.foot_radius] * len(lengths),
+        colors=([palette.THIGH] * (number - 1) + [palette.SHANK]) * len(view.legs),
+        fill_mode="solid",
+    )
+    entities.log("world/travel/body/links", links)
+    starts = joints[:, :, :-1].reshape(len(joints), -1, 3)
+    turns = _turns(np.arctan2(beside, along[:, 2]), np.round(axes / FINE_ANGLE) * FINE_ANGLE)
+    moving = rr.Capsules3D.columns(translations=points(starts), rotation_axis_angles=turns)
+    entities.send_columns("world/travel/body/links", moving)
 
 
 def _log_paths(entities: Entities, view: RunView) -> None:
     """The desired paths, and the actual ones in the first and in the last whole cycle, in the frame of the body."""
     first, last = view.whole_cycles()
     shown = {
-        "desired": (first, "x_desired", "y_desired", palette.DESIRED),
-        "first_cycle": (first, "x", "y", palette.FIRST_CYCLE),
-        "last_cycle": (last, "x", "y", palette.LAST_CYCLE),
+        "desired": (first, "_desired", palette.DESIRED),
+        "first_cycle": (first, "", palette.FIRST_CYCLE),
+        "last_cycle": (last, "", palette.LAST_CYCLE),
     }
     if first == last:
         del shown["first_cycle"]
-    for name, (cycle, x, y, colour) in shown.items():
+    for name, (cycle, of, colour) in shown.items():
         rows = np.flatnonzero(view.cycle == cycle)
         rows = rows[:: max(1, len(rows) // PATH_POINTS)]
-        strips = [leg.in_body(leg[x][rows], leg[y][rows]) for leg in view.legs]
+        strips = [leg.foot(of, rows) for leg in view.legs]
         entities.log(f"world/travel/body/path/{name}", rr.LineStrips3D(strips, radii=[0.003], colors=[colour]))
 
 
@@ -132,7 +165,7 @@ def _log_numbers(entities: Entities, view: RunView) -> None:
     for leg in view.legs:
         low = HIGHEST_NUMBER if leg.number in (1, 4) else LOWEST_NUMBER
         middle = (leg["x_desired"].min() + leg["x_desired"].max()) / 2.0
-        places.append([leg.hip[0] + middle, leg.hip[1], low])
+        places.append([leg.hip[0] + middle, leg.foot("_desired")[:, 1].mean(), low])
     numbers = rr.Points3D(
         places, radii=0.001, colors=(0, 0, 0), labels=[str(leg.number) for leg in view.legs], show_labels=True
     )

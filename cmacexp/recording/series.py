@@ -14,6 +14,12 @@ Line = tuple[str, Array, tuple[int, ...]]
 """Name, values (steps,), colour."""
 SERIES = "series"
 """The entity of all plots: as one it has the times of the steps once."""
+AXES = {
+    "x": ("x forward", palette.ACTUAL),
+    "y": ("y down", palette.FIRST_CYCLE),
+    "z": ("z left", palette.LAST_CYCLE),
+}
+"""Names and colours of errors along the axes."""
 GAIT_BAR = 9.0
 """Thickness of a bar of the gait diagram, in pixels."""
 
@@ -29,12 +35,12 @@ def _force_lines(leg: LegView) -> list[Line]:
 
 
 def _leg_lines(leg: LegView) -> dict[str, list[Line]]:
-    error = {name: 1e3 * (leg[name] - leg[f"{name}_desired"]) for name in ("x", "y")}
+    error = {name: 1e3 * (leg[name] - leg[f"{name}_desired"]) for name in leg.axes}
     lines: dict[str, list[Line]] = {
         "force": _force_lines(leg),
-        "error": [("x forward", error["x"], palette.ACTUAL), ("y down", error["y"], palette.FIRST_CYCLE)],
+        "error": [(AXES[axis][0], values, AXES[axis][1]) for axis, values in error.items()],
     }
-    for joint in (1, 2):
+    for joint in range(1, leg.count_joints + 1):
         lines[f"torque_{joint}"] = [
             ("feedback", leg[f"tau_feedback_{joint}"], palette.FEEDBACK),
             ("feedforward", leg[f"tau_feedforward_{joint}"], palette.FEEDFORWARD),

@@ -43,7 +43,7 @@ class Cycle(NamedTuple):
     view: RunView
     number: int
     places: Array
-    """Hip, knee and foot of each leg, (steps, legs, 3, 3), mm."""
+    """Joints and foot of each leg, (steps, legs, joints + 1, 3), mm."""
     desired: Array
     """Where the feet should be, (steps, legs, 3), mm."""
     ink: str
@@ -65,7 +65,7 @@ def make_cycles(views: Sequence[RunView]) -> list[Cycle]:
             view,
             int(view.cycle[0]),
             joints(view),
-            np.stack([in_travel(view, leg.in_body(leg["x_desired"], leg["y_desired"])) for leg in view.legs], axis=1),
+            np.stack([in_travel(view, leg.foot("_desired")) for leg in view.legs], axis=1),
             PATHS[min(place, 1)],
         )
         for place, view in enumerate(views)
@@ -96,7 +96,7 @@ def _draw_machine(axes: "Axes", cycle: Cycle, k: int, limits: Limits) -> None:
     draw_side(axes, cycle.view, cycle.places, k, depression_scale(cycle.view))
     for leg in range(len(cycle.view.legs)):
         axes.plot(*cycle.desired[:, leg, [0, 2]].T, color=DESIRED, lw=1.0, zorder=5)
-        axes.plot(*cycle.places[: k + 1, leg, 2][:, [0, 2]].T, color=cycle.ink, lw=1.6, zorder=6)
+        axes.plot(*cycle.places[: k + 1, leg, -1][:, [0, 2]].T, color=cycle.ink, lw=1.6, zorder=6)
     axes.set(xlim=limits.x, ylim=limits.z, aspect="equal", xticks=[], yticks=[])
     axes.axis("off")
     axes.text(0.02, 0.0, "grey: desired foot paths", color=DESIRED, transform=axes.transAxes)
@@ -185,7 +185,7 @@ def view_cycles(run: StoredRun, asked: Sequence[int]) -> list[RunView]:
             "--cycles", text, f"write up to {MOST_CYCLES} whole cycles from {whole[0]} to {last} for --gif"
         )
     cycles = asked or sorted({whole[0], whole[-1]})
-    return [make_view(read_traces(run.folder, (cycle, cycle)), run.config) for cycle in cycles]
+    return [make_view(read_traces(run.folder, (cycle, cycle)), run.manifest) for cycle in cycles]
 
 
 def write_animation(views: Sequence[RunView], path: Path) -> int:

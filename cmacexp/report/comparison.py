@@ -2,14 +2,14 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cmacexp.metrics.metric import Shown
-from cmacexp.metrics.registry import MAIN, RANKED
+from cmacexp.metrics.registry import MAIN, OF_A_ROBOT, RANKED
 from cmacexp.metrics.summary import format_number, shorten
 from cmacexp.report.run_summary import RunSummary, format_value
 from cmacexp.report.terminal_tables import head, print_key, print_table
@@ -34,9 +34,15 @@ def make_rows(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[Row]:
     for name, run in zip(make_names(runs), runs, strict=True):
         row: Row = {"run": name, **{key: run.config.get(key) for key in keys}}
         row |= {"status": run.status, "cause": run.cause, "cycles_done": run.cycles}
-        row |= {f"final_{metric}": run.final(metric) for metric in dict.fromkeys([*run.metrics, *MAIN])}
-        rows.append(row | {f"best_{metric}": run.best(metric) for metric in RANKED})
+        final = dict.fromkeys([*run.metrics, *_omit_robots(runs, MAIN)])
+        row |= {f"final_{metric}": run.final(metric) for metric in final}
+        rows.append(row | {f"best_{metric}": run.best(metric) for metric in _omit_robots(runs, RANKED)})
     return rows
+
+
+def _omit_robots(runs: Sequence[RunSummary], names: Iterable[str]) -> list[str]:
+    """Names of metrics without those that robots alone have, if no run is one of a robot."""
+    return [name for name in names if name not in OF_A_ROBOT or any(name in run.metrics for run in runs)]
 
 
 def tabulate_runs(

@@ -9,6 +9,7 @@ import numpy as np
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY
+from cmacexp.metrics.block import SPATIAL
 from cmacexp.report.style import DASHES, DESIRED, SERIES
 from cmacexp.typing import Array
 
@@ -41,6 +42,13 @@ class FigureData:
     """Between two samples, s."""
     legs: int
     has_joints: bool
+    axes: str
+    """Those in which a foot moves: x and y and, of a robot, z; there are as many joints."""
+
+    @property
+    def in_space(self) -> bool:
+        """Whether the legs move in space: those of a robot."""
+        return SPATIAL in self.axes
 
     def select(self, cycle: int, leg: int) -> "pd.DataFrame":
         """The trace of one leg in one cycle."""
@@ -77,7 +85,8 @@ def read_figure_data(run: StoredRun, cycles: Sequence[int]) -> FigureData:
     body = run.cycles(cycles, BODY) if run.walks else None
     has_joints = bool(trace["q1"].notna().any())
     times = run.config["gait"]["cycle_time"], run.config["sampling_period"]
-    return FigureData(cycles, trace, body, *times, int(trace["leg"].max()), has_joints)
+    axes = "xyz" if SPATIAL in trace.columns else "xy"
+    return FigureData(cycles, trace, body, *times, int(trace["leg"].max()), has_joints, axes)
 
 
 def mark(index: int) -> dict[str, Any]:

@@ -34,18 +34,18 @@ def in_travel(view: RunView, points: Array) -> Array:
 
 
 def joints(view: RunView) -> Array:
-    """Hip, knee and foot of each leg (steps, legs, 3, 3) in the frame that moves with the machine, mm."""
+    """Joints and foot of each leg (steps, legs, joints + 1, 3) in the frame that moves with the machine, mm."""
     legs = [np.stack([in_travel(view, joint) for joint in leg.joints()], axis=1) for leg in view.legs]
     return np.stack(legs, axis=1)
 
 
 def draw_leg(axes: "Axes", points: Array, near: bool, aloft: bool) -> None:
-    """Hip, knee and foot (3, 2), mm; of the far side paler, light blue while in transfer."""
+    """Joints and foot (n, 2), mm; of the far side paler, light blue while in transfer."""
     ink = ALOFT if aloft else NEAR if near else FAR
     order = 4 if near else 2
     axes.plot(*points.T, color=ink, lw=3.0 if near else 2.4, solid_capstyle="round", zorder=order)
-    axes.plot(*points[:2].T, "o", ms=4.5, color="white", mec=ink, mew=1.3, zorder=order + 0.5)
-    axes.plot(*points[2], "o", ms=5.5, color=ink, zorder=order + 0.5)
+    axes.plot(*points[:-1].T, "o", ms=4.5, color="white", mec=ink, mew=1.3, zorder=order + 0.5)
+    axes.plot(*points[-1], "o", ms=5.5, color=ink, zorder=order + 0.5)
 
 
 def draw_side(axes: "Axes", view: RunView, places: Array, k: int, depression: float) -> None:
@@ -54,18 +54,18 @@ def draw_side(axes: "Axes", view: RunView, places: Array, k: int, depression: fl
     Args:
         axes: where.
         view: the run.
-        places: of its :func:`joints`, (steps, legs, 3, 3).
+        places: of its :func:`joints`, (steps, legs, joints + 1, 3).
         k: step of the view.
         depression: factor by which drawn depressions exceed the true ones.
     """
-    stiffness = float(view.config["terrain"]["stiffness"])
+    stiffness, surface = float(view.config["terrain"]["stiffness"]), -MM * view.foot_radius
     for leg, points in sorted(zip(view.legs, places[k], strict=True), key=lambda pair: is_near(pair[0])):
         draw_leg(axes, points[:, [0, 2]], is_near(leg), not leg.support[k])
-        x, deep = points[2, 0], -MM * depression * leg["force"][k] / stiffness
-        axes.fill([x - DENT, x, x + DENT], [0.0, deep, 0.0], color=GROUND, lw=0.0, zorder=3)
+        x, deep = points[-1, 0], surface - MM * depression * leg["force"][k] / stiffness
+        axes.fill([x - DENT, x, x + DENT], [surface, deep, surface], color=GROUND, lw=0.0, zorder=3)
     if view.walks:
         hips = places[k][:, 0, [0, 2]]
         ends = hips[[hips[:, 0].argmin(), hips[:, 0].argmax()]] + [0.0, BODY / 2.0]
         for ink, width in ((NEAR, 9.0), (colour(palette.BODY), 7.0)):
             axes.plot(*ends.T, color=ink, lw=width, solid_capstyle="round", zorder=3.5)
-    axes.axhline(0.0, color=GROUND, lw=1.2, zorder=1)
+    axes.axhline(surface, color=GROUND, lw=1.2, zorder=1)

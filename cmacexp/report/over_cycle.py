@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cmacexp.config.machine import LEG_NAMES
 from cmacexp.report.figure_data import DESIRED_LINE, SUPPORT, FigureData, legend_below, widen
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, label, new_figure
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
+JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
+"""Names of joints, by their number."""
 CLOCK = "time in the cycle, s"
 SHADED = "The planned support is shaded."
 
@@ -71,6 +75,7 @@ PANELS: dict[str, tuple[Callable[["Axes", FigureData, int], None], str]] = {
         partial(_error, axis="y"),
         "Error of the foot along y, down; in support relative to the depression at the desired force",
     ),
+    "error_z": (partial(_error, axis="z"), "Error of the foot along z, to the left"),
 }
 
 
@@ -86,7 +91,9 @@ def _flip_foot(axes: "Axes") -> None:
 
 def draw_tracking(data: FigureData) -> list[Drawing]:
     """Foot path, force and errors over the chosen cycles: one figure for one leg, else one for each."""
-    names = list(PANELS) if moves_along_x(data) else ["force", "error_y"]
+    names = (
+        ["foot", "force", *(f"error_{axis}" for axis in data.axes)] if moves_along_x(data) else ["force", "error_y"]
+    )
     if data.legs == 1:
         figure, axes = new_figure(-(-len(names) // 2), 2, 2.7)
         for ax, name in zip(axes, names, strict=True):
@@ -111,26 +118,32 @@ def _draw_legs(data: FigureData, name: str) -> Drawing:
 
 
 def draw_torques(data: FigureData) -> Drawing:
-    """Feedback and feedforward of both joints in the last chosen cycle."""
+    """Feedback and feedforward of all joints in the last chosen cycle; of a robot J^T F_d apart, as in metrics."""
     cycle = data.cycles[-1]
-    names = ("joint 1, hip", "joint 2, knee") if data.has_joints else ("along x", "along y")
+    joints = range(1, len(data.axes) + 1)
+    names = JOINTS[len(data.axes)] if data.has_joints else ("along x", "along y")
     unit = "torque, N m" if data.has_joints else "force, N"
-    figure, axes = new_figure(data.legs, 2, 2.6 if data.legs == 1 else 1.7, sharex=True)
-    learns = bool(data.trace[["tau_feedforward_1", "tau_feedforward_2"]].to_numpy().any())
-    for index, ax in enumerate(axes):
-        leg, joint = index // 2 + 1, index % 2 + 1
+    figure, axes = new_figure(data.legs, len(joints), 2.6 if data.legs == 1 else 1.7, sharex=True)
+    learns = bool(data.trace[[f"tau_feedforward_{joint}" for joint in joints]].to_numpy().any())
+    for ax, (leg, joint) in zip(axes, product(range(1, data.legs + 1), joints), strict=True):
         rows = data.select(cycle, leg)
         _shade_support(ax, data, leg)
-        time = data.time_in_cycle(rows)
-        ax.plot(time, rows[f"tau_feedback_{joint}"], color=FEEDBACK, label="feedback")
+        time, feedback = data.time_in_cycle(rows), rows[f"tau_feedback_{joint}"]
+        if data.in_space:
+            ax.plot(time, rows[f"tau_force_{joint}"], label="for the desired force", **DESIRED_LINE)
+            feedback = feedback - rows[f"tau_force_{joint}"]
+        ax.plot(time, feedback, color=FEEDBACK, label="feedback")
         if learns:
             ax.plot(time, rows[f"tau_feedforward_{joint}"], "--", color=FEEDFORWARD, label="feedforward")
         name = f"{data.leg_name(leg)}: " if data.legs > 1 else ""
+        if data.in_space:  # three beside each other are narrow
+            name = f"{leg} {LEG_NAMES[leg - 1]}: "
         label(ax, name + names[joint - 1], CLOCK if leg == data.legs else "", unit)
         ax.set_xlim(0, data.duration)
     legend_below(figure, axes[0])
     torques = "Feedback and feedforward" if learns else "Feedback"
-    caption = f"{torques} in cycle {cycle}; the plant receives their sum.{_describe_shade(data)}"
+    known = " and the torque of the desired force, which the plan knows," if data.in_space else ""
+    caption = f"{torques}{known} in cycle {cycle}; the plant receives their sum.{_describe_shade(data)}"
     return Drawing("torques", figure, caption)
 
 

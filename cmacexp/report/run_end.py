@@ -38,13 +38,15 @@ def _draw_end_of_body(data: FigureData) -> "Figure":
 
 def _draw_end_of_legs(data: FigureData) -> "Figure":
     figure, axes = new_figure(1, 2, 2.6)
-    speeds, unit = (("dq1", "dq2"), "joint speed, rad/s") if data.has_joints else (("vx", "vy"), "speed, m/s")
+    count = len(data.axes)
+    joints, unit = [f"dq{n}" for n in range(1, count + 1)], "joint speed, rad/s"
+    speeds, unit = (joints, unit) if data.has_joints else (["vx", "vy"], "speed, m/s")
     for leg in range(1, data.legs + 1):
         own = data.trace[data.trace["leg"] == leg].tail(LAST_STEPS)
         whose = f"leg {leg} " if data.legs > 1 else ""
         for index, name in enumerate(speeds):
             part = f"joint {index + 1}" if data.has_joints else "along " + "xy"[index]
-            axes[0].plot(own["time"], own[name], label=whose + part, **mark(2 * (leg - 1) + index))
+            axes[0].plot(own["time"], own[name], label=whose + part, **mark(count * (leg - 1) + index))
         axes[1].plot(own["time"], own["force"], label=whose + "force", **mark(leg - 1))
     label(axes[0], "speed", "time, s", unit)
     label(axes[1], "contact force", "time, s", "force, N")

@@ -14,8 +14,8 @@ from cmacexp.data.integrity import RESULTS, faults
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, TRACE
 from cmacexp.errors import BadRun
-from cmacexp.metrics.pooling import count_legs, pool_legs
-from cmacexp.metrics.registry import ALL_METRICS, MAIN
+from cmacexp.metrics.pooling import count_legs, is_shown, pool_legs
+from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.typing import Array
 
 TABLES = (TRACE, BODY, MEMORY, METRICS, BODY_METRICS)
@@ -48,7 +48,7 @@ class RunSummary:
 
     def shows(self, name: str) -> bool:
         """Whether tables and figures show one of the main metrics for this run."""
-        return self.legs == 1 or MAIN[name].over_legs
+        return is_shown(name, self.metrics, self.legs)
 
     def final(self, name: str) -> float:
         """A metric of the last whole cycle; NaN if there is none."""

@@ -9,7 +9,7 @@ from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.drift import format_drift, read_drift_entry
-from cmacexp.metrics.pooling import pool_legs
+from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS, MAIN
 from cmacexp.metrics.summary import format_number
 from cmacexp.report.page import Section, Table, Text
@@ -44,12 +44,11 @@ def list_facts(run: StoredRun) -> Table:
 def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     """The few metrics that say most of a run, in the cycles that are shown."""
     pooled = pool_legs(run.scores)
-    key = {name: MAIN[name] for name in (*KEY, *KEY_OF_FORCE, *BODY_METRICS) if name in MAIN and name in pooled}
+    main = select_main(pooled, count_legs(run.scores))
     rows = []
-    for name, shown in key.items():
-        values = shown.factor * pooled[name]
-        if (shown.over_legs or not run.walks) and not np.isnan(values).all():
-            numbers = [format_number(values[cycle - 1]) for cycle in cycles]
+    for name in (*KEY, *KEY_OF_FORCE, *BODY_METRICS):
+        if shown := main.get(name):
+            numbers = [format_number(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
             rows.append([shown.title, ALL_METRICS[name].meaning, shown.unit, *numbers])
     caption = "Key metrics" + (", pooled over the legs" if run.walks else "")
     titles = ["metric", "meaning", "unit", *(f"cycle {cycle}" for cycle in cycles)]

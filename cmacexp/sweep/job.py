@@ -41,7 +41,7 @@ def run_job(composed: DictConfig) -> float | None:
     try:
         with interrupt_as_such():
             config = to_config(composed, hydra.runtime.choices)
-            check_metric(config.optimize)
+            check_metric(config.optimize, config.machine.kind)
             result = _run_unless_finished(config, folder, record)
     except Exception as error:
         cause = _describe(error)

@@ -4,18 +4,27 @@ import math
 
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.metric import LARGE, NEAR_ZERO
-from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.metrics.registry import ALL_METRICS, OF_A_ROBOT
 from cmacexp.report.run_summary import RunSummary
 
+ROBOT = "robot"
+"""The kind of machine whose legs move in space."""
 
-def check_metric(name: str | None) -> None:
-    """Check that ``optimize`` names a metric.
+
+def list_metrics(kind: str) -> list[str]:
+    """Names of the metrics that a kind of machine has."""
+    return [name for name in ALL_METRICS if kind == ROBOT or name not in OF_A_ROBOT]
+
+
+def check_metric(name: str | None, kind: str) -> None:
+    """Check that ``optimize`` names a metric that the ``kind`` of machine has.
 
     Raises:
         BadInput: names the nearest metric and all others.
     """
-    if name is not None and name not in ALL_METRICS:
-        raise BadInput("optimize", name, f"choose from {', '.join(ALL_METRICS)}, or null{suggest(name, ALL_METRICS)}")
+    known = list_metrics(kind)
+    if name is not None and name not in known:
+        raise BadInput("optimize", name, f"choose from {', '.join(known)}, or null{suggest(name, known)}")
 
 
 def read_objective(name: str, run: RunSummary) -> float:

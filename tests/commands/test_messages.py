@@ -25,10 +25,9 @@ from cmacexp.errors import CmacexpError
 from cmacexp.loop import roll_out, stop
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import Drift, format_drift
-from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.plants.mujoco_model import check_inertia
 from cmacexp.report.terminal import COMPILING
-from cmacexp.sweep.objective import check_metric
+from cmacexp.sweep.objective import check_metric, list_metrics
 
 PAGE = Path(__file__).with_name("messages.txt")
 COMPONENTS = """
@@ -104,7 +103,7 @@ def run_config(overrides: list[str]) -> str:
     """What a run with these overrides says of its mistake, or how it ended."""
     try:
         config = compose_config(overrides)
-        check_metric(config.optimize)
+        check_metric(config.optimize, config.machine.kind)
         end = roll_out(make_scenario(config))
     except CmacexpError as error:
         return f"error: {error}"
@@ -156,7 +155,7 @@ NAMES = {
 
 
 LISTS = {
-    "METRICS": ", ".join(ALL_METRICS),
+    "METRICS": ", ".join(list_metrics("leg")),
     "GAITS OF ONE LEG": listed(name for name, gait in PATTERNS.items() if gait.legs == 1),
     "GAITS OF FOUR LEGS": listed(name for name, gait in PATTERNS.items() if gait.legs == 4),
 }

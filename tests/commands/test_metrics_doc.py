@@ -11,13 +11,15 @@ import pytest
 from cmacexp.metrics import compute
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import CONTRACT, CYCLE, LEG, Metric
-from cmacexp.metrics.registry import METRICS
+from cmacexp.metrics.registry import METRICS, OF_A_ROBOT
 from cmacexp.metrics.step import StepInfo
 
 PAGE = Path(__file__).parents[2] / "docs" / "metrics.md"
+LEGS, ROBOT = "`metrics.parquet`", "`metrics.parquet` of a robot"
 COLUMNS = {
-    "metrics.parquet": {"cycle": CYCLE, "leg": LEG, **METRICS},
-    "body_metrics.parquet": {"cycle": CYCLE, **BODY_METRICS},
+    LEGS: {"cycle": CYCLE, "leg": LEG, **METRICS},
+    ROBOT: OF_A_ROBOT,
+    "`body_metrics.parquet`": {"cycle": CYCLE, **BODY_METRICS},
 }
 HEAD = ["column", "unit", "definition", "over legs", "better", "NaN where", "source"]
 
@@ -41,7 +43,7 @@ def table_of(columns):
 
 def table_below(text, heading):
     """The first table below a heading, with where it stands."""
-    return re.compile(r"(?:^\|.*\n)+", re.MULTILINE).search(text, text.index(f"\n## `{heading}`\n"))
+    return re.compile(r"(?:^\|.*\n)+", re.MULTILINE).search(text, text.index(f"\n## {heading}\n"))
 
 
 def write():
@@ -56,12 +58,14 @@ def test_the_page_has_every_column_with_unit_definition_and_source(heading):
     assert table_below(PAGE.read_text(), heading)[0] == table_of(COLUMNS[heading])
 
 
-def test_the_page_speaks_of_the_columns_that_are_written():
+@pytest.mark.parametrize("headings", [[LEGS], [LEGS, ROBOT]], ids=["plane", "space"])
+def test_the_page_speaks_of_the_columns_that_are_written(headings):
     from support.made_traces import make_trace  # not where this file runs as a script
 
-    table = compute(make_trace("TTSS"), 4)
-    assert table.column_names == list(COLUMNS["metrics.parquet"])
-    for name, column in COLUMNS["metrics.parquet"].items():
+    table = compute(make_trace("TTSS", in_space=ROBOT in headings), 4)
+    columns = {name: column for heading in headings for name, column in COLUMNS[heading].items()}
+    assert table.column_names == list(columns)
+    for name, column in columns.items():
         about = table.schema.field(name).metadata
         assert [about[key].decode() for key in (b"unit", b"meaning", b"undefined", b"source")] == [*column[:4]]
 

@@ -6,7 +6,7 @@ import pytest
 from cmacexp.data.tables import Scores
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
-from cmacexp.metrics.registry import MAIN, METRICS
+from cmacexp.metrics.registry import MAIN, METRICS, OF_A_ROBOT
 from cmacexp.report import terminal_tables
 from cmacexp.report.comparison import print_runs
 from cmacexp.report.run_summary import RunSummary
@@ -14,14 +14,14 @@ from cmacexp.report.terminal import format_folder
 from cmacexp.report.terminal_tables import head, print_key, print_scores, print_table
 
 
-def make_scores(legs, cycles):
-    values = {name: np.full((cycles, legs), 9.0) for name in METRICS}
+def make_scores(legs, cycles, metrics=METRICS):
+    values = {name: np.full((cycles, legs), 9.0) for name in metrics}
     if legs == 1:
         values["force_rmse_three_feet"][:] = np.nan
     cycle, leg = np.repeat(np.arange(1, cycles + 1), legs), np.tile(np.arange(1, legs + 1), cycles)
     body = {name: np.full(cycles, 0.009) for name in BODY_METRICS}
     own = to_table({"cycle": (CYCLE, np.arange(1, cycles + 1))}, body, BODY_METRICS) if legs > 1 else None
-    return Scores(to_table({"cycle": (CYCLE, cycle), "leg": (LEG, leg)}, values, METRICS), own)
+    return Scores(to_table({"cycle": (CYCLE, cycle), "leg": (LEG, leg)}, values, metrics), own)
 
 
 @pytest.fixture
@@ -34,10 +34,10 @@ def numbers_in(text):
     return [line.split() for line in text.splitlines() if line.split()[:1] and line.split()[0].isdecimal()]
 
 
-@pytest.mark.parametrize("legs", [1, 4])
-def test_the_table_of_a_run_fits_80_columns_in_one_piece(legs, narrow, capsys, tmp_path):
+@pytest.mark.parametrize(("legs", "metrics"), [(1, METRICS), (4, METRICS), (4, {**METRICS, **OF_A_ROBOT})])
+def test_the_table_of_a_run_fits_80_columns_in_one_piece(legs, metrics, narrow, capsys, tmp_path):
     narrow(80)
-    names = print_scores(make_scores(legs, 5), tmp_path)
+    names = print_scores(make_scores(legs, 5, metrics), tmp_path)
     print_key(names, legs)
     printed = capsys.readouterr().out
     assert max(map(len, printed.splitlines())) <= 80

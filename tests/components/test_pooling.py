@@ -26,7 +26,7 @@ from cmacexp.metrics.metric import (
     to_table,
 )
 from cmacexp.metrics.pooling import pool_legs
-from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, SHOWN
+from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, SHOWN
 from cmacexp.metrics.summary import format_cycles, format_number
 from cmacexp.report.comparison import format_runs, make_rows
 from cmacexp.report.per_cycle import KEY, PANELS, draw_metrics
@@ -46,7 +46,8 @@ BY_NAME = {
 def expected(scores):
     """Pooled by the names in the registry, worked out without its functions."""
     found = {}
-    for name, metric in ALL_METRICS.items():
+    for name in [*scores.legs.column_names[2:], *scores.body.column_names[1:]]:
+        metric = ALL_METRICS[name]
         table = scores.body if name in BODY_METRICS else scores.legs
         rows = as_array(table, name).reshape(2, -1).tolist()
         known = [[value for value in row if not math.isnan(value)] for row in rows]
@@ -54,31 +55,37 @@ def expected(scores):
     return found
 
 
-@pytest.fixture(scope="module")
-def walk(tmp_path_factory):
+@pytest.fixture(scope="module", params=[METRICS, {**METRICS, **OF_A_ROBOT}], ids=["plane", "space"])
+def walk(request, tmp_path_factory):
     """A walk of two cycles whose metrics are replaced by ones that tell every pooling from every other."""
     folder = tmp_path_factory.mktemp("pooling") / "walk"
     cmacexp("scenario=quadruped", "cycles=2", "record=trace", f"hydra.run.dir={folder}", folder=folder.parent)
     rng = np.random.default_rng(3)
-    legs = {name: rng.normal(0.5, 2.0, (2, 4)) for name in METRICS}
+    legs = {name: rng.normal(0.5, 2.0, (2, 4)) for name in request.param}
     for index, values in enumerate(legs.values()):
         values[index % 2, index % 4] = math.nan
     legs["force_iae"][:] = math.nan
     cycle, leg = np.repeat([1, 2], 4), np.tile([1, 2, 3, 4], 2)
     body = {name: rng.normal(0.5, 2.0, 2) for name in BODY_METRICS}
     scores = Scores(
-        to_table({"cycle": (CYCLE, cycle), "leg": (LEG, leg)}, legs, METRICS),
+        to_table({"cycle": (CYCLE, cycle), "leg": (LEG, leg)}, legs, request.param),
         to_table({"cycle": (CYCLE, np.array([1, 2]))}, body, BODY_METRICS),
     )
     manifests.update_files(folder, write_scores(folder, scores))
     return load(folder), expected(scores)
 
 
+def select_shown(values, shown=MAIN):
+    """The metrics that are shown of several legs, of a robot without those that the distance replaces."""
+    replaced = [f"transfer_rmse_{axis}" for axis in "xyz"] if "transfer_rmse" in values else []
+    return {name: s for name, s in shown.items() if s.over_legs and name in values and name not in replaced}
+
+
 def test_the_pools_follow_their_names(walk):
     run, values = walk
     pooled = pool_legs(run.scores)
-    assert list(pooled) == list(ALL_METRICS)
-    for name in ALL_METRICS:
+    assert list(pooled) == list(values)
+    for name in values:
         np.testing.assert_allclose(pooled[name], values[name], rtol=1e-14, err_msg=name)
     assert np.isnan(pooled["force_iae"]).all()
 
@@ -86,7 +93,7 @@ def test_the_pools_follow_their_names(walk):
 def test_terminal_and_notebook_show_the_pooled_values(walk):
     run, values = walk
     titles, rows = format_cycles(run.scores)
-    main = {name: shown for name, shown in MAIN.items() if shown.over_legs}
+    main = select_shown(values)
     assert titles == [("cycle", ""), *((shown.title, shown.unit) for shown in main.values())]
     for cycle, row in enumerate(rows):
         numbers = [format_number(values[name][cycle] * shown.factor) for name, shown in main.items()]
@@ -100,13 +107,13 @@ def test_the_report_of_a_run_shows_the_pooled_values(walk):
     parts = {section.title: section.parts for section in report.sections}
     (table,) = parts["All metrics"][-1].parts
     rows = {name: rest for name, *rest in table.rows}
-    assert set(rows) == set(ALL_METRICS) - {"force_iae"}
+    assert set(rows) == set(values) - {"force_iae"}
     for name, (_, pooling, _, *numbers) in rows.items():
         assert pooling == ALL_METRICS[name].pooling.name
         assert numbers == [f"{value:.4g}" if value == value else "-" for value in values[name]], name
     (key,) = parts["In short"]
-    shown = {ALL_METRICS[name].meaning: (name, MAIN[name]) for name in MAIN if MAIN[name].over_legs}
-    assert len(key.rows) >= len(KEY)
+    shown = {ALL_METRICS[name].meaning: (name, main) for name, main in select_shown(values).items()}
+    assert set(KEY) & set(select_shown(values)) <= {shown[meaning][0] for _, meaning, *_ in key.rows}
     for title, meaning, unit, *numbers in key.rows:
         name, main = shown[meaning]
         assert (title, unit) == main[:2]
@@ -117,7 +124,7 @@ def test_the_figure_of_a_run_draws_the_pooled_values(walk):
     run, values = walk
     drawing = draw_metrics(run, "N m")
     drawn = [line.get_ydata() for axes in drawing.figure.axes for line in axes.lines]
-    names = [name for _, names in PANELS.values() for name in names if SHOWN[name].over_legs]
+    names = [name for _, names in PANELS.values() for name in names if name in select_shown(values, SHOWN)]
     assert len(drawn) == len(names)
     for line, name in zip(drawn, names, strict=True):
         np.testing.assert_allclose(line, SHOWN[name].factor * np.array(values[name]), err_msg=name)
@@ -133,24 +140,25 @@ def test_sweep_table_and_objective_take_the_pooled_values(walk):
     run, values = walk
     summary = read_summary(run.folder)
     (row,) = make_rows([summary], [])
-    for name, metric in ALL_METRICS.items():
+    for name in values:
         np.testing.assert_allclose(row[f"final_{name}"], values[name][1], rtol=1e-14, err_msg=name)
-        final = values[name][1]
+        metric, final = ALL_METRICS[name], values[name][1]
         sought = abs(final) if metric.better == NEAR_ZERO else final
         if not math.isnan(sought):
             assert read_objective(name, summary) == pytest.approx(sought, rel=1e-14)
     sought = {SMALL: min, LARGE: max, NEAR_ZERO: lambda values: min(values, key=abs)}
-    for name in JUDGED:
+    for name in JUDGED.keys() & values.keys():
         known = [value for value in values[name] if value == value]
         assert row[f"best_{name}"] == pytest.approx(sought[ALL_METRICS[name].better](known), rel=1e-14)
     titles, ((*_, status, cycles, first, _, _, _, share, _, _, _),) = format_runs([summary], [])
-    assert titles[3:8] == ["transfer x\nmm", "transfer y\nmm", "force rmse\nN", "three feet\nN", "feedforward\n%"]
-    assert (status, cycles, first) == ("completed", "2", format_number(1e3 * values["transfer_rmse_x"][1]))
+    assert titles[3:] == [f"{shown.title}\n{shown.unit}" for shown in select_shown(values).values()]
+    error = next(iter(select_shown(values)))
+    assert (status, cycles, first) == ("completed", "2", format_number(1e3 * values[error][1]))
     assert share == format_number(100.0 * values["feedforward_share"][1])
 
 
 def test_poolings_and_directions_of_families():
-    for name, metric in METRICS.items():
+    for name, metric in ALL_METRICS.items():
         if name.endswith("_ratio"):
             assert (metric.pooling, metric.better) == (MEAN, SMALL)
         elif name.endswith(("_cycles_to_1_e", "_time")):

@@ -62,6 +62,12 @@ def test_the_last_point_is_the_foot(chain, q):
     assert_allclose(chain_points(chain, np.array(q))[-1], chain_kinematics(chain, *q).foot, atol=1e-14)
 
 
+@given(chains(), arrays(float, (2, 5, 3), elements=angles))
+def test_points_of_many_postures_are_those_of_each(chain, q):
+    each = [[chain_points(chain, posture) for posture in row] for row in q]
+    assert_allclose(chain_points(chain, q), each, atol=1e-15)
+
+
 @given(st.floats(0.1, 1.0), st.floats(0.1, 1.0), angles, angles)
 def test_a_planar_leg_is_a_chain(length_1, length_2, q1, q2):
     leg = Leg(length_1, length_2, 1.0, 1.0, 1.0)
