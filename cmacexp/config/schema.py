@@ -20,7 +20,8 @@ HASHED = "cmac.addressing=hashed and learning.start_from=null"
 """What a CMAC needs to use the seed."""
 DRAWS = (
     f"feedforward=mlp and {ACTS} or feedforward=cmac|cmac_on_model and {HASHED} and {ACTS} "
-    "or sensors.*.noise above 0 or sensors.*.noise_relative above 0 or sensors.*.dropout above 0 or sensors.*.fault.kind=noise"
+    "or sensors.*.noise above 0 or sensors.*.noise_relative above 0 or sensors.*.dropout above 0 "
+    "or sensors.*.fault.kind=noise"
 )
 """What the seed needs: something that draws random numbers."""
 

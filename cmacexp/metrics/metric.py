@@ -65,7 +65,7 @@ class Shown(NamedTuple):
     head: str = ""
     """A shorter title for the terminal, in lines; none where ``title`` is short."""
     instead: str = ""
-    """The metric that these tables show instead where a run has it: of a robot the distance, not each axis."""
+    """The metric that is shown instead where a run has it: of a robot the distance, not each axis."""
 
 
 Of = TypeVar("Of")

@@ -7,7 +7,7 @@ import numpy as np
 from cmacexp.data.parquet import as_array
 from cmacexp.data.tables import Scores
 from cmacexp.metrics.metric import BODY, Shown
-from cmacexp.metrics.registry import ALL_METRICS, MAIN
+from cmacexp.metrics.registry import ALL_METRICS, MAIN, SHOWN
 from cmacexp.typing import Array
 
 
@@ -41,14 +41,14 @@ def describe_pooling(titles: Mapping[str, str]) -> str:
 
 
 def is_shown(name: str, values: Container[str], legs: int) -> bool:
-    """Whether tables show one of the main metrics.
+    """Whether tables and figures show one of the metrics that they can show.
 
     Args:
         name: of the metric.
         values: names of those that the run has.
         legs: number of legs.
     """
-    return (legs == 1 or MAIN[name].over_legs) and MAIN[name].instead not in values
+    return (legs == 1 or SHOWN[name].over_legs) and SHOWN[name].instead not in values
 
 
 def select_main(values: Mapping[str, Array], legs: int) -> dict[str, Shown]:

@@ -23,7 +23,9 @@ from cmacexp.typing import Array
 ELASTIC, RIGID = "elastic", "mujoco"
 FLOOR = "floor of cmacexp"
 SOLREF = (0.01, 1.0)
-"""Time constant (s) and damping ratio of MuJoCo's contacts: as stiff as steps of 1 ms allow, five to a constant."""
+"""Time constant (s) and damping ratio of MuJoCo's contacts."""
+SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
+"""Their impedance, MuJoCo's own; some models have soft feet, which a plan for a rigid floor knows nothing of."""
 
 
 class MujocoRobot:
@@ -124,7 +126,7 @@ class MujocoRobot:
         model.geom_contype[:], model.geom_conaffinity[:] = 0, 0
         model.geom_contype[touching[-1]], model.geom_conaffinity[self.feet] = 1, 1
         model.geom_friction[touching, 0], model.geom_condim[touching] = self.grip[0], 3
-        model.geom_solref[touching] = SOLREF
+        model.geom_solref[touching], model.geom_solimp[touching], model.geom_priority[touching] = SOLREF, SOLIMP, 0
         return model
 
     def _begin(self, setup: Setup) -> None:

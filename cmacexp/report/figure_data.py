@@ -45,6 +45,11 @@ class FigureData:
     axes: str
     """Those in which a foot moves: x and y and, of a robot, z; there are as many joints."""
 
+    @property
+    def in_space(self) -> bool:
+        """Whether the legs move in space: those of a robot."""
+        return SPATIAL in self.axes
+
     def select(self, cycle: int, leg: int) -> "pd.DataFrame":
         """The trace of one leg in one cycle."""
         return self.trace[(self.trace["cycle"] == cycle) & (self.trace["leg"] == leg)]

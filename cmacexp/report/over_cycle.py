@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cmacexp.config.machine import LEG_NAMES
 from cmacexp.report.figure_data import DESIRED_LINE, SUPPORT, FigureData, legend_below, widen
 from cmacexp.report.page import Drawing
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, label, new_figure
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("joint 1, hip", "joint 2, thigh", "joint 3, knee")}
+JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
 """Names of joints, by their number."""
 CLOCK = "time in the cycle, s"
 SHADED = "The planned support is shaded."
@@ -117,7 +118,7 @@ def _draw_legs(data: FigureData, name: str) -> Drawing:
 
 
 def draw_torques(data: FigureData) -> Drawing:
-    """Feedback and feedforward of all joints in the last chosen cycle."""
+    """Feedback and feedforward of all joints in the last chosen cycle; of a robot J^T F_d apart, as in metrics."""
     cycle = data.cycles[-1]
     joints = range(1, len(data.axes) + 1)
     names = JOINTS[len(data.axes)] if data.has_joints else ("along x", "along y")
@@ -127,16 +128,22 @@ def draw_torques(data: FigureData) -> Drawing:
     for ax, (leg, joint) in zip(axes, product(range(1, data.legs + 1), joints), strict=True):
         rows = data.select(cycle, leg)
         _shade_support(ax, data, leg)
-        time = data.time_in_cycle(rows)
-        ax.plot(time, rows[f"tau_feedback_{joint}"], color=FEEDBACK, label="feedback")
+        time, feedback = data.time_in_cycle(rows), rows[f"tau_feedback_{joint}"]
+        if data.in_space:
+            ax.plot(time, rows[f"tau_force_{joint}"], label="for the desired force", **DESIRED_LINE)
+            feedback = feedback - rows[f"tau_force_{joint}"]
+        ax.plot(time, feedback, color=FEEDBACK, label="feedback")
         if learns:
             ax.plot(time, rows[f"tau_feedforward_{joint}"], "--", color=FEEDFORWARD, label="feedforward")
         name = f"{data.leg_name(leg)}: " if data.legs > 1 else ""
+        if data.in_space:  # three beside each other are narrow
+            name = f"{leg} {LEG_NAMES[leg - 1]}: "
         label(ax, name + names[joint - 1], CLOCK if leg == data.legs else "", unit)
         ax.set_xlim(0, data.duration)
     legend_below(figure, axes[0])
     torques = "Feedback and feedforward" if learns else "Feedback"
-    caption = f"{torques} in cycle {cycle}; the plant receives their sum.{_describe_shade(data)}"
+    known = " and the torque of the desired force, which the plan knows," if data.in_space else ""
+    caption = f"{torques}{known} in cycle {cycle}; the plant receives their sum.{_describe_shade(data)}"
     return Drawing("torques", figure, caption)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.metrics.pooling import describe_pooling, is_shown, pool_legs
+from cmacexp.metrics.pooling import count_legs, describe_pooling, is_shown, pool_legs
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.report.figure_data import legend_above, legend_below, logarithmic, mark, spans_decades, widen
 from cmacexp.report.page import Drawing
@@ -20,10 +20,7 @@ MOST_MARKED = 30
 """A run of at most so many cycles has markers; a longer one has lines alone and a logarithmic axis."""
 KEY = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse", "joint_rmse", "force_rmse", "feedforward_share")
 """The metrics that say most of each leg; tables show those that the run has."""
-POSITIONS = (
-    *("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse_z", "transfer_rmse"),
-    *("support_rmse_x", "support_rmse_z"),
-)
+POSITIONS = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse", "support_rmse_x", "support_rmse_z")
 PANELS = {
     "tracking error": ("RMS", POSITIONS),
     "error of the joints": ("RMS", ("joint_rmse",)),
@@ -54,10 +51,11 @@ def scale(axes: "Axes", last: int, values: Array, from_zero: bool = True) -> Non
 
 def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
     """The main metrics per cycle, pooled over the legs."""
+    scores, pooled = run.scores, pool_legs(run.scores)
     values = {
-        name: SHOWN[name].factor * pooled
-        for name, pooled in pool_legs(run.scores).items()
-        if name in SHOWN and (SHOWN[name].over_legs or not run.walks) and np.isfinite(pooled).any() and pooled.any()
+        name: SHOWN[name].factor * own
+        for name, own in pooled.items()
+        if name in SHOWN and is_shown(name, pooled, count_legs(scores)) and np.isfinite(own).any() and own.any()
     }
     panels = {title: [name for name in names if name in values] for title, (_, names) in PANELS.items()}
     panels = {title: names for title, names in panels.items() if names}

@@ -75,10 +75,10 @@ def walk(request, tmp_path_factory):
     return load(folder), expected(scores)
 
 
-def select_shown(values):
-    """The main metrics of several legs, of a robot without those that the distance replaces."""
-    replaced = ("transfer_rmse_x", "transfer_rmse_y") if "transfer_rmse" in values else ()
-    return {name: s for name, s in MAIN.items() if s.over_legs and name in values and name not in replaced}
+def select_shown(values, shown=MAIN):
+    """The metrics that are shown of several legs, of a robot without those that the distance replaces."""
+    replaced = [f"transfer_rmse_{axis}" for axis in "xyz"] if "transfer_rmse" in values else []
+    return {name: s for name, s in shown.items() if s.over_legs and name in values and name not in replaced}
 
 
 def test_the_pools_follow_their_names(walk):
@@ -124,7 +124,7 @@ def test_the_figure_of_a_run_draws_the_pooled_values(walk):
     run, values = walk
     drawing = draw_metrics(run, "N m")
     drawn = [line.get_ydata() for axes in drawing.figure.axes for line in axes.lines]
-    names = [name for _, names in PANELS.values() for name in names if SHOWN[name].over_legs and name in values]
+    names = [name for _, names in PANELS.values() for name in names if name in select_shown(values, SHOWN)]
     assert len(drawn) == len(names)
     for line, name in zip(drawn, names, strict=True):
         np.testing.assert_allclose(line, SHOWN[name].factor * np.array(values[name]), err_msg=name)
