@@ -1,4 +1,4 @@
-"""What all commands over folders of runs share."""
+"""What the commands share, most of which work on folders of runs."""
 
 import argparse
 import sys
@@ -19,21 +19,28 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"error: {in_one_line(message)}; {self.prog} --help shows how it is used\n")
 
 
+def add_folders(parser: Parser) -> None:
+    """The positional arguments of most commands: ``folders``."""
+    parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
+
+
 def command(
     name: str,
     description: str,
     work: Callable[[argparse.Namespace], int],
     flags: Sequence[tuple[str, str]] = (),
     values: Sequence[tuple[str, str, str]] = (),
+    positional: Callable[[Parser], None] = add_folders,
 ) -> int:
-    """Run a command over folders of runs.
+    """Run a command, over folders of runs unless it takes other arguments.
 
     Args:
         name: of the module, ``cmacexp.score``.
         description: what it does, for ``--help``.
-        work: takes the parsed arguments (``folders``, each flag, each value) and returns the exit code.
+        work: takes the parsed arguments (positional ones, each flag, each value) and returns the exit code.
         flags: options without a value, each with its help.
         values: options with a value (text, None by default), each with its metavar and its help.
+        positional: adds its positional arguments.
 
     Returns:
         The exit code: that of ``work``, 2 after an error that it raised, 130 if interrupted.
@@ -42,7 +49,7 @@ def command(
     try:
         heed_interrupts()
         with interrupt_as_such():
-            return work(_parse(name, description, flags, values))
+            return work(_parse(name, description, flags, values, positional))
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
@@ -54,10 +61,14 @@ def command(
 
 
 def _parse(
-    name: str, description: str, flags: Sequence[tuple[str, str]], values: Sequence[tuple[str, str, str]]
+    name: str,
+    description: str,
+    flags: Sequence[tuple[str, str]],
+    values: Sequence[tuple[str, str, str]],
+    positional: Callable[[Parser], None],
 ) -> argparse.Namespace:
     parser = Parser(prog=f"python -m {name}", description=description)
-    parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
+    positional(parser)
     for flag, text in flags:
         parser.add_argument(flag, action="store_true", help=text)
     for option, metavar, text in values:

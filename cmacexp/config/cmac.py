@@ -23,7 +23,7 @@ MOST_POSITIONS = 2**63
 class CmacConfig:
     """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
 
-    needs: ClassVar[str] = f"feedforward=cmac and {ACTS}"
+    needs: ClassVar[str] = f"feedforward=cmac|cmac_on_model and {ACTS}"
 
     layers: int = number("", at_least=1, at_most=4096)
     """C, the number of quantisation functions, which is the generalisation size."""

@@ -8,6 +8,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 
 from cmacexp.config.folder import config_folder
 from cmacexp.config.load import to_config
+from cmacexp.config.robot_rule import find_mistake
 from cmacexp.config.schema import Config
 from cmacexp.errors import CmacexpError
 
@@ -39,7 +40,7 @@ def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str
     config, choices = copy.deepcopy(_composed[options])
     for override in OverridesParser.create().parse_overrides([text for text in overrides if text not in options]):
         key = override.key_or_group
-        exists = OmegaConf.select(config, key, default=_MISSING) is not _MISSING
+        exists = OmegaConf.select(config, key, default=_MISSING, throw_on_resolution_failure=False) is not _MISSING
         if override.type != OverrideType.CHANGE or override.package or override.is_sweep_override() or not exists:
             return _compose(overrides)  # it adds or removes a key, or is a mistake
         OmegaConf.update(config, key, override.value(), merge=True)
@@ -82,4 +83,4 @@ def compose_untyped(
             return _compose_cached(overrides)
         return _compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"])
     except Exception as error:  # Hydra expects no null among options, for example, and says so by a TypeError
-        raise CmacexpError(explain_composition(error, overrides)) from error
+        raise find_mistake(error) or CmacexpError(explain_composition(error, overrides)) from error

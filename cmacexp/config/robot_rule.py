@@ -55,9 +55,7 @@ def _read_machine(root: DictConfig) -> RobotModel:
     """The fields that say which robot it is, of the types that they must have."""
     kind = OmegaConf.select(root, "machine.kind")
     if kind != "robot":
-        raise BadInput(
-            "machine.kind", kind, "must be robot where gains follow by rule: choose machine=go1, or scenario"
-        )
+        raise BadInput("machine.kind", kind, "must be robot where settings follow from its model: choose machine=go1")
     given = {each.name: _plain(OmegaConf.select(root, f"machine.{each.name}")) for each in fields(RobotModel)}
     model = RobotModel(**given)
     check_fields(model, "machine")

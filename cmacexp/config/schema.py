@@ -19,8 +19,9 @@ LEARNS = "feedforward!=none|inverse_dynamics"
 HASHED = "cmac.addressing=hashed and learning.start_from=null"
 """What a CMAC needs to use the seed."""
 DRAWS = (
-    f"feedforward=mlp and {ACTS} or feedforward=cmac and {HASHED} and {ACTS} or sensors.*.noise above 0 "
-    "or sensors.*.noise_relative above 0 or sensors.*.dropout above 0 or sensors.*.fault.kind=noise"
+    f"feedforward=mlp and {ACTS} or feedforward=cmac|cmac_on_model and {HASHED} and {ACTS} "
+    "or sensors.*.noise above 0 or sensors.*.noise_relative above 0 or sensors.*.dropout above 0 "
+    "or sensors.*.fault.kind=noise"
 )
 """What the seed needs: something that draws random numbers."""
 
@@ -70,7 +71,7 @@ class ForceControlConfig:
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
     load_sharing: str = choice("static", "dynamic", needs=HAS_BODY)
     """What the feet of a body share; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
-    load_rate: bool
+    load_rate: bool = field(kw_only=True)
     """Whether the velocity reference in support contains the rate of the depression for F_d, dF_d/dt / K_n."""
 
 

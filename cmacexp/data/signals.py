@@ -102,6 +102,12 @@ SPATIAL_SIGNALS = (
 )
 """Of ``trace.parquet`` of a robot, after :data:`LEG_SIGNALS`: what legs that move in space have besides."""
 
+MODEL_SIGNALS = tuple(
+    Signal(f"tau_model_{n}", "N m", f"part of tau_feedforward_{n} that a model gives, before the actuator", PLAN)
+    for n in (1, 2, 3)
+)
+"""Of ``trace.parquet`` of a run whose feedforward learns on top of a model, one for each joint of a leg."""
+
 TRUE_MARGIN_SIGNALS = (
     Signal(
         "true_stability_margin",

@@ -16,7 +16,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA
 from cmacexp.data.files import DiskFull, sha256
 from cmacexp.data.places import RUN_KEY, run_place
-from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
+from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MODEL_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
 from cmacexp.data.staging import Place
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import (
@@ -42,6 +42,7 @@ from cmacexp.metrics.score import RunScorer
 from cmacexp.models.mechanism import PLANE, has_body
 from cmacexp.planning.robot import find_robot
 from cmacexp.sensors.protocol import find_altered
+from cmacexp.typing import Array
 
 Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
 """Columns of the traces of the legs, and of the body if there is one."""
@@ -54,8 +55,16 @@ def _columns(scenario: Scenario) -> Columns:
     altered, watched = find_altered(scenario.sensors), scenario.setup.config.plausibility.enabled
     mechanism = scenario.setup.mechanism
     table = LEG_SIGNALS if mechanism.axes == PLANE else (*LEG_SIGNALS, *SPATIAL_SIGNALS)
+    if _known_torque(scenario) is not None:
+        table = (*table, *MODEL_SIGNALS[: mechanism.shape[1]])
     legs = select_signals(table, altered, watched)
     return legs, select_signals(BODY_SIGNALS, altered) if has_body(mechanism) else None
+
+
+def _known_torque(scenario: Scenario) -> Array | None:
+    """Torque (N, L, J) of a model that a built-in feedforward learns on top of, N m."""
+    feedforward = scenario.feedforward
+    return feedforward.known if isinstance(feedforward, BuiltInFeedforward) else None
 
 
 def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
@@ -68,7 +77,7 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
         body = assemble_body(scenario.setup, samples.body_columns(), legs, moves, start, columns[1])
     if samples.memory is not None:
         memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)
-    return Traces(assemble(plan, legs, period, start, columns[0]), body, memory)
+    return Traces(assemble(plan, legs, period, start, columns[0], _known_torque(scenario)), body, memory)
 
 
 def _roll_out(

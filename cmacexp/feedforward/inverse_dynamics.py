@@ -6,6 +6,7 @@ import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.config.machine import RobotMachine
+from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, known_torque
 from cmacexp.models.ground import contact_force
 from cmacexp.models.mechanism import planned_torque
@@ -36,9 +37,12 @@ class InverseDynamics(BuiltInFeedforward):
 
     def reset(self, setup: Setup) -> None:
         """Compute the torque of every sample of the cycle."""
+        self.params = known_torque(setup, self.compute_torque(setup))
+
+    def compute_torque(self, setup: Setup) -> Array:
+        """Torque (N, L, J) of every sample of the cycle, N m."""
         if isinstance(setup.config.machine, RobotMachine):
-            self.params = known_torque(setup, self._torque_of_robot(setup))
-            return
+            return self._torque_of_robot(setup)
         plan, factors = setup.plan, [self.length_factor] * 2 + [self.mass_factor] * 2 + [1.0]
         mechanism = setup.mechanism._replace(legs=setup.mechanism.legs * np.array(factors))
         torque = np.zeros((*plan.joints.shape[:2], 2))
@@ -48,13 +52,19 @@ class InverseDynamics(BuiltInFeedforward):
                 depression = plan.desired[k, i, Y] - mechanism.hip_height
                 force = contact_force(setup.config.assumed_stiffness, depression)
                 torque[k, i] = planned_torque(mechanism, i, q, dq, ddq, force)
-        self.params = known_torque(setup, torque)
+        return torque
 
     def _torque_of_robot(self, setup: Setup) -> Array:
-        """Torque (N, L, 3), N m; without J^T F_d where the controller adds it."""
-        plan = setup.plan
-        added = setup.config.reference == "force_feedforward"
-        pressed = np.zeros_like(plan.force_desired) if added else plan.force_desired
+        """Likewise, from its model; without J^T F_d where the controller adds it.
+
+        Raises:
+            BadInput: the links of the model cannot have another length.
+        """
+        if self.length_factor != 1.0:
+            reason = "must be 1 with machine.kind=robot, whose links are those of its model"
+            raise BadInput("feedforward.length_factor", self.length_factor, reason)
+        plan, adds = setup.plan, setup.config.reference == "force_feedforward"
+        pressed = np.zeros_like(plan.force_desired) if adds else plan.force_desired
         return planned_torques(
             setup.config, setup.mechanism, plan.joints, plan.force_desired, pressed, self.mass_factor
         )

@@ -53,7 +53,7 @@ class FeedforwardParams(NamedTuple):
     kind: int
     """TABLE (torque known in advance), CMAC (two joints, activations of 1) or WEIGHTED (by their activations)."""
     torque: Array
-    """(N, L, J): torque of the table, N m."""
+    """(N, L, J): known torque, N m: all of a table's, or what a network adds to; (1, L, J) of a network alone."""
     cells: Cells
     """(N, L, C): active rows of the networks at the planned inputs."""
     activation: Array
@@ -122,3 +122,6 @@ def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning
                 read(params.weights[i], params.cells[sample, i], output[i])
             else:
                 read_weighted(params.weights[i], params.cells[sample, i], params.activation[sample, i], output[i])
+            if params.torque.shape[0] > 1:
+                for j in range(output.shape[1]):
+                    output[i, j] += params.torque[sample, i, j]

@@ -34,6 +34,8 @@ class BuiltInFeedforward(ABC):
 
     acts = True
     params: FeedforwardParams
+    known: Array | None = None
+    """(N, L, J): torque of a model that a network adds to, N m; None: there is none."""
     memory: Sequence[MemoryUse] = ()
     """How the memory of each leg is used; empty without memory."""
 

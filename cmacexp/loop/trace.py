@@ -12,6 +12,7 @@ from cmacexp.data.signals import (
     BODY_SIGNALS,
     LEG_SIGNALS,
     MEMORY_SIGNALS,
+    MODEL_SIGNALS,
     PHASES,
     SPATIAL_ARRAYS,
     TRUE_MARGINS,
@@ -35,6 +36,7 @@ def assemble(
     sampling_period: float,
     start: int = 0,
     columns: Sequence[Signal] = select_signals(LEG_SIGNALS),
+    model: Array | None = None,
 ) -> pa.Table:
     """The trace of a run, or of a part of it, from the plan and the samples.
 
@@ -44,6 +46,7 @@ def assemble(
         sampling_period: T_s, s.
         start: step of the first row.
         columns: of the trace, see :func:`select_signals`.
+        model: (N, L, J): torque of a model that the feedforward learns on top of, N m; None: there is none.
     """
     steps, legs = samples["x"].shape
     period = plan.support.shape[0]
@@ -63,6 +66,10 @@ def assemble(
         known["z_desired"] = plan.desired[sample, :, Z].ravel()
         for number, column in enumerate(JOINT_COLUMNS["angle"], start=1):
             known[f"q{number}_desired"] = plan.joints[sample, :, column].ravel()
+    if model is not None:
+        acting = (step >= plan.start_step)[:, None]
+        for joint in range(model.shape[2]):
+            known[MODEL_SIGNALS[joint].name] = np.where(acting, model[sample, :, joint], 0.0).ravel()
     phase = pa.DictionaryArray.from_arrays(arrow(plan.support[sample].ravel(), pa.int8()), arrow_strings(PHASES))
     arrays = [
         # flatten() copies: the loop uses the arrays of its samples again.

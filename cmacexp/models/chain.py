@@ -103,11 +103,20 @@ def kinematics_at(chain: Array, turn_1: Turn, turn_2: Turn, turn_3: Turn) -> Kin
     return Kinematics(foot, lever(chain, 0, foot), thigh, calf)
 
 
+def _solve(columns: Array, vectors: Array) -> Array:
+    """x with A x = v (N, 3) for each matrix A (N, 3, 3), by Cramer's rule; not finite where A is singular."""
+    a, b, c = np.moveaxis(columns, -1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        parts = [(vectors * np.cross(b, c)), (vectors * np.cross(c, a)), (vectors * np.cross(a, b))]
+        scaled: Array = np.stack([part.sum(axis=1) for part in parts], axis=1)
+        return scaled / (a * np.cross(b, c)).sum(axis=1, keepdims=True)
+
+
 def batch_kinematics(chain: Array, q: Array) -> tuple[Array, Array]:
     """Feet (N, 3), m, and Jacobians (N, 3, 3), m/rad, of one chain at ``q`` (N, 3), rad."""
-    turns = [(np.sin(angle), np.cos(angle)) for angle in q.T]
-    foot, *columns = (np.stack(np.broadcast_arrays(*each), axis=-1) for each in kinematics_at(chain, *turns))
-    return foot, np.stack(columns, axis=-1)
+    first, second, third = ((np.sin(angle), np.cos(angle)) for angle in q.T)
+    found = [np.stack(np.broadcast_arrays(*each), axis=-1) for each in kinematics_at(chain, first, second, third)]
+    return found[0], np.stack(found[1:], axis=-1)
 
 
 def chain_angles(chain: Array, feet: Array, start: Array) -> Array:
@@ -125,11 +134,11 @@ def chain_angles(chain: Array, feet: Array, start: Array) -> Array:
     for _ in range(MOST_ITERATIONS):
         foot, jacobian = batch_kinematics(chain, q)
         missing = feet - foot
-        if np.abs(missing).max() < CLOSE_ENOUGH:
+        if not np.fmax.reduce(np.abs(missing), axis=None) > CLOSE_ENOUGH:  # NaN does not count
             break
-        step = np.linalg.solve(jacobian, missing[..., None])[..., 0]
+        step = _solve(jacobian, missing)
         q += step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
-    q[np.abs(missing).max(axis=1) > 1e3 * CLOSE_ENOUGH] = np.nan
+    q[~(np.abs(missing).max(axis=1) <= 1e3 * CLOSE_ENOUGH)] = np.nan
     return q
 
 
@@ -139,11 +148,11 @@ def chain_motion(chain: Array, q: Array, velocity: Array, acceleration: Array) -
     dJ/dt follows from central differences of J along the joint velocity.
     """
     _, jacobian = batch_kinematics(chain, q)
-    dq = np.linalg.solve(jacobian, velocity[..., None])[..., 0]
+    dq = _solve(jacobian, velocity)
     size = 1e-4 / np.maximum(np.abs(dq).max(axis=1, keepdims=True), 1.0)
     (_, after), (_, before) = (batch_kinematics(chain, q + sign * size * dq) for sign in (1.0, -1.0))
     turning = ((after - before) @ dq[..., None])[..., 0] / (2.0 * size)
-    return dq, np.linalg.solve(jacobian, (acceleration - turning)[..., None])[..., 0]
+    return dq, _solve(jacobian, acceleration - turning)
 
 
 def chain_points(chain: Array, q: Array) -> Array:

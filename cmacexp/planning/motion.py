@@ -56,8 +56,8 @@ def plan_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> t
 
     One leg presses with F_d; under a body the feet (N, L, 2) share the load.
     """
-    gait, elapsed = config.gait, timing.sample * config.sampling_period
-    left = timing.support_samples * config.sampling_period - elapsed
+    gait, elapsed = config.gait, np.asarray(timing.sample * config.sampling_period, dtype=float)
+    left: Array = timing.support_samples * config.sampling_period - elapsed
     rising, rise_slope = make_ramp(gait.ramp, elapsed, gait.load_ramp)
     falling, fall_slope = make_ramp(gait.ramp, left, gait.unload_ramp)
     willing = np.where(timing.support, rising * falling, 0.0)

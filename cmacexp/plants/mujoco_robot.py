@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.config import ComponentConfig, choice, number
+from cmacexp.config import ComponentConfig, Config, choice, number
 from cmacexp.config.machine import RobotMachine
 from cmacexp.errors import BadInput, Diverged
 from cmacexp.models.mechanism import GEOMETRY_FIELDS, SPACE
@@ -17,10 +17,15 @@ from cmacexp.plants.mujoco_engine import WARNINGS
 from cmacexp.plants.mujoco_kernels import Measured, Touch
 from cmacexp.plants.protocol import Measurement
 from cmacexp.plants.robot_kernels import Contacts, Feet, RobotBodies, Room, observing_robot, pressing_robot
-from cmacexp.robots.model import Robot, load_mujoco, warnings_dropped
+from cmacexp.robots.model import load_mujoco, warnings_dropped
 from cmacexp.typing import Array
 
 ELASTIC, RIGID = "elastic", "mujoco"
+FLOOR = "floor of cmacexp"
+SOLREF = (0.01, 1.0)
+"""Time constant (s) and damping ratio of MuJoCo's contacts."""
+SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
+"""Their impedance, MuJoCo's own; some models have soft feet, which a plan for a rigid floor knows nothing of."""
 
 
 class MujocoRobot:
@@ -49,6 +54,15 @@ class MujocoRobot:
         start_seed: int = number("", at_least=0, below=2**32, needs=".start_spread above 0")
         """Seed of the joint angles at the start."""
 
+        def check(self, config: Config) -> None:
+            """Check that MuJoCo's floor is asked for nothing but to be flat and rigid."""
+            terrain = config.terrain
+            changed = {"slope": terrain.slope, "patch_spread": terrain.patch_spread, "step_time": terrain.step_time}
+            for key, value in changed.items() if self.contact == RIGID else ():
+                if value:
+                    reason = f"has no effect with plant.contact={RIGID}, a flat rigid floor; use plant=mujoco_robot"
+                    raise BadInput(f"terrain.{key}", value, reason)
+
     def __init__(
         self,
         substeps: int,
@@ -62,6 +76,7 @@ class MujocoRobot:
         self.substeps, self.contact = substeps, contact
         self.grip = (friction, friction_stiffness, friction_damping)
         self.start_spread, self.start_seed = start_spread, start_seed
+        self._wrench = np.zeros(6)
 
     def reset(self, setup: Setup) -> Measurement:
         """Start near the planned joint angles, at rest, the body level at its planned height.
@@ -74,7 +89,7 @@ class MujocoRobot:
             raise BadInput("machine.kind", machine.kind, "must be robot with plant=mujoco_robot: use scenario=robot")
         self.robot, self.mujoco = find_robot(machine), load_mujoco()
         self.origin = find_stance(self.robot, machine.hip_height).origin
-        self.model = self._make_model(self.robot, setup.config.sampling_period / self.substeps)
+        self.model = self._make_model(machine, setup.config.sampling_period / self.substeps)
         self.data = self.mujoco.MjData(self.model)
         draw = np.random.default_rng(self.start_seed)
         legs, height = self.robot.legs, np.array([0.0, 0.0, machine.hip_height])
@@ -84,19 +99,42 @@ class MujocoRobot:
         self._begin(setup)
         return self.measure()
 
-    def _make_model(self, robot: Robot, step: float) -> Any:
+    def _make_model(self, machine: RobotMachine, step: float) -> Any:
         """The robot's model for the steps of this plant."""
-        mujoco = self.mujoco
-        model = copy.copy(robot.model)
+        mujoco, disable = self.mujoco, self.mujoco.mjtDisableBit
+        model = self._make_floor(machine) if self.contact == RIGID else copy.copy(self.robot.model)
         model.opt.timestep, model.opt.integrator = step, mujoco.mjtIntegrator.mjINT_EULER
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_CONTACT
+        model.opt.disableflags |= disable.mjDSBL_AUTORESET
+        if self.contact == ELASTIC:
+            model.opt.disableflags |= disable.mjDSBL_CONTACT
+        return model
+
+    def _make_floor(self, machine: RobotMachine) -> Any:
+        """The robot's model with a rigid floor, which touches its feet and nothing else."""
+        spec = self.mujoco.MjSpec.from_file(str(self.robot.path))
+        floor = spec.worldbody.add_geom(
+            type=self.mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[0.0, 0.0, 1.0],
+            pos=[0.0, 0.0, -float(self.robot.legs.foot_radius.max())],
+            name=FLOOR,
+        )
+        with warnings_dropped(self.mujoco):
+            model = spec.compile()
+        model.opt.gravity[:] = self.robot.model.opt.gravity
+        self.feet = np.array([model.geom(name).id for name in machine.feet])
+        touching = np.array([*self.feet, model.geom(floor.name).id])
+        model.geom_contype[:], model.geom_conaffinity[:] = 0, 0
+        model.geom_contype[touching[-1]], model.geom_conaffinity[self.feet] = 1, 1
+        model.geom_friction[touching, 0], model.geom_condim[touching] = self.grip[0], 3
+        model.geom_solref[touching], model.geom_solimp[touching], model.geom_priority[touching] = SOLREF, SOLIMP, 0
         return model
 
     def _begin(self, setup: Setup) -> None:
         """Prepare contacts and measurements of the state in ``data``."""
         config, data, legs, mechanism = setup.config, self.data, self.robot.legs, setup.mechanism
         ground = make_ground(config.terrain, config.sampling_period)
-        touch, payload = Touch(ground, *self.grip), make_payload(config.payload, config.sampling_period)
+        touch = Touch(ground, *self.grip) if self.contact == ELASTIC else None
+        payload = make_payload(config.payload, config.sampling_period)
         self.warned = data.warning.number
         bodies = RobotBodies(
             data.geom_xpos,
@@ -108,10 +146,12 @@ class MujocoRobot:
             data.xmat[legs.base],
             data.qvel[legs.base_dof : legs.base_dof + 6],
         )
-        feet = Feet(legs.foot_geom.astype(np.int64), legs.foot_body, legs.base)
+        if self.contact == ELASTIC:
+            self.feet = legs.foot_geom
+        feet = Feet(self.feet.astype(np.int64), legs.foot_body, legs.base)
         self.q, self.dq = np.empty(mechanism.shape), np.empty(mechanism.shape)
         self.mujoco.mj_step1(self.model, data)
-        anchor = data.geom_xpos[legs.foot_geom, :2].copy()
+        anchor = data.geom_xpos[self.feet, :2].copy()
         self.contacts = Contacts(np.zeros(4), np.zeros(4), anchor, np.zeros(1))
         self.measured = Measured(
             np.empty(mechanism.shape), np.empty(mechanism.shape), np.empty(3), np.empty(3), np.empty(3)
@@ -122,6 +162,17 @@ class MujocoRobot:
         self._pressing = pressing_robot(touch, payload, origin, bodies, feet, self.contacts, room)
         self._observing = observing_robot(mechanism, ground, bodies, origin, self.q, self.dq, room, self.measured)
         next(self._pressing)
+        if self.contact == RIGID:
+            self.mujoco.mj_forward(self.model, data)
+            self._read_forces()
+
+    def _read_forces(self) -> None:
+        """Normal forces of MuJoCo's contacts in the last step, N."""
+        self.contacts.force[:] = 0.0
+        for k in range(self.data.ncon):
+            geoms = self.data.contact.geom[k]
+            self.mujoco.mj_contactForce(self.model, self.data, k, self._wrench)
+            self.contacts.force[np.isin(self.feet, geoms)] += self._wrench[0]
 
     def step(self, torque: Array) -> Measurement:
         """Hold ``torque`` (4, 3), N m, over one sampling period.
@@ -133,6 +184,8 @@ class MujocoRobot:
         with warnings_dropped(self.mujoco):
             for substep in range(self.substeps):
                 self.mujoco.mj_step2(self.model, self.data)
+                if self.contact == RIGID:
+                    self._read_forces()
                 self.mujoco.mj_step1(self.model, self.data)
                 if self.warned.any():
                     raise Diverged(self._explain_warning())

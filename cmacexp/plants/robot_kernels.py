@@ -148,7 +148,7 @@ def observe_robot(
 
 @program
 def pressing_robot(
-    touch: Touch,
+    touch: Touch | None,
     payload: Payload,
     origin: Array,
     bodies: RobotBodies,
@@ -158,7 +158,8 @@ def pressing_robot(
 ) -> Iterator[int]:
     """:func:`press_robot` and :func:`load_robot` whenever it is resumed."""
     while True:
-        press_robot(touch, bodies, feet, contacts)
+        if touch is not None:
+            press_robot(touch, bodies, feet, contacts)
         load_robot(payload, origin, bodies, feet, contacts.clock[0], room.load)
         yield 0
 

@@ -41,6 +41,20 @@ class Legs:
     """(4,) m."""
 
 
+def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], home: Sequence[float]) -> None:
+    """Require names for four legs of three joints, and an angle for each of the three.
+
+    Raises:
+        BadInput: names the config key.
+    """
+    if len(joints) != LEGS or any(len(leg) != JOINTS for leg in joints):
+        raise BadInput("machine.joints", _shape(joints), "must be four lists of three names: hip, thigh, calf")
+    if len(home) != JOINTS:
+        raise BadInput("machine.home", list(home), "must be three angles: hip, thigh, calf")
+    if len(feet) != LEGS or len(set(feet)) != LEGS:
+        raise BadInput("machine.feet", ", ".join(feet), "must be four names of geoms, a different one for each leg")
+
+
 def find_legs(mujoco: Any, model: Any, path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str]) -> Legs:
     """The legs of a model.
 
@@ -54,10 +68,6 @@ def find_legs(mujoco: Any, model: Any, path: Path, joints: Sequence[Sequence[str
     Raises:
         BadInput: the model lacks one of them, or moves otherwise than a trunk on four legs of three hinges.
     """
-    if len(joints) != LEGS or any(len(leg) != JOINTS for leg in joints):
-        raise BadInput("machine.joints", _shape(joints), "must be four lists of three names: hip, thigh, calf")
-    if len(feet) != LEGS or len(set(feet)) != LEGS:
-        raise BadInput("machine.feet", ", ".join(feet), "must be four names of geoms, a different one for each leg")
     joint = np.array([[_find_joint(mujoco, model, name) for name in leg] for leg in joints])
     foot = np.array([_find_foot(mujoco, model, name) for name in feet])
     free = _find_free(mujoco, model, path)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.errors import BadInput
-from cmacexp.robots.legs import Legs, find_legs, torque_limits
+from cmacexp.robots.legs import Legs, find_legs, require_names, torque_limits
 from cmacexp.typing import Array, Counts
 
 INSTALL = 'python -m pip install -e ".[mujoco]"'
@@ -102,10 +102,10 @@ def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str],
         home: joint angles at which the rule for the gains looks at a leg, rad.
 
     Raises:
-        BadInput: MuJoCo is missing, cannot read the file, or the model is no quadruped with three hinges a leg.
+        BadInput: MuJoCo is missing or cannot read the file, or the model is no quadruped with three hinges a leg.
     """
-    names = tuple(tuple(leg) for leg in joints)
-    return _read(path, path.stat().st_mtime_ns, names, tuple(feet), tuple(home))
+    require_names(joints, feet, home)
+    return _read(path, path.stat().st_mtime_ns, tuple(tuple(leg) for leg in joints), tuple(feet), tuple(home))
 
 
 @lru_cache(maxsize=16)

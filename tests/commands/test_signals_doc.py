@@ -13,6 +13,7 @@ from cmacexp.data.signals import (
     BODY_SIGNALS,
     LEG_SIGNALS,
     MEMORY_SIGNALS,
+    MODEL_SIGNALS,
     SPATIAL_ARRAYS,
     SPATIAL_SIGNALS,
     list_units,
@@ -22,6 +23,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "signals.md"
 FILES = {
     "`trace.parquet`": LEG_SIGNALS,
     "`trace.parquet` of a robot": SPATIAL_SIGNALS,
+    "`trace.parquet` with a model": MODEL_SIGNALS,
     "`body.parquet`": BODY_SIGNALS,
     "`memory.parquet`": MEMORY_SIGNALS,
 }

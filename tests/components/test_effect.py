@@ -149,7 +149,7 @@ def test_what_is_declared_can_be_read(scenario):
     [
         (["payload.x=0.1"], ["payload.x=0.1 has no effect: needs payload.weight above 0"]),
         (["payload={x: 0.1}"], ["payload={x: 0.1} has no effect: needs payload.weight above 0"]),
-        (["posture.gain=3"], ["posture.gain=3 has no effect: needs machine.kind=quadruped"]),
+        (["posture.gain=3"], ["posture.gain=3 has no effect: needs machine.kind=quadruped|robot"]),
         (["cycles=3", "cycles=4"], ["cycles=3 has no effect: cycles=4 comes after it"]),
         (
             ["learning.leakage=0.1"],
@@ -186,7 +186,7 @@ def test_a_sweep_warns_once_of_what_has_no_effect_in_any_job(tmp_path):
     done = command("-m", *DROP, *swept, "hydra.sweep.dir=sweep", folder=tmp_path)
     warnings = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
     assert warnings == [
-        "warning: posture.gain has no effect in any job: needs machine.kind=quadruped",
+        "warning: posture.gain has no effect in any job: needs machine.kind=quadruped|robot",
         "warning: seed has no effect in any job: needs feedforward=cmac and learning.start_cycle at most cycles",
     ]
 

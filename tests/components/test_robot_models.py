@@ -82,6 +82,11 @@ def test_names_that_do_not_fit_the_model_are_refused(joints, feet, message):
         read_robot(OWN, joints, feet, HOME)
 
 
+def test_a_home_of_two_angles_is_refused():
+    with pytest.raises(BadInput, match=r"^machine\.home=\[0\.9, -1\.8\]: must be three angles: hip, thigh, calf$"):
+        read(home=[0.9, -1.8])
+
+
 def test_a_foot_on_the_thigh_is_refused(tmp_path):
     path = change(tmp_path, '<geom name="FL"', '<geom name="calf"')
     path.write_text(

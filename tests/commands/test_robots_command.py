@@ -1,0 +1,66 @@
+"""``python -m cmacexp.robots``: a robot and what follows from its model, as text of 80 columns."""
+
+import shutil
+
+import pytest
+from support.command import python
+from support.robots import OWN, read
+
+from cmacexp.config.compose import compose_config
+from cmacexp.robots.__main__ import joint_rows, setting_rows
+from cmacexp.robots.rule import derive_basis
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a quote in its name, and a model in it."""
+    found = tmp_path_factory.mktemp("it's")
+    shutil.copy(OWN, found)
+    return found
+
+
+@pytest.fixture(scope="module")
+def shown(folder):
+    return python("-m", "cmacexp.robots", "robot.xml", "controller.position_gain=123", folder=folder)
+
+
+def test_a_robot_is_shown_in_eighty_columns(shown, folder):
+    assert (shown.returncode, shown.stderr) == (0, "")
+    path, *lines = shown.stdout.splitlines()
+    assert path == str(folder / "robot.xml")
+    assert max(map(len, lines)) <= 80
+
+
+def test_it_shows_masses_limits_and_settings(shown):
+    found = {line.split("  ")[0]: line.split() for line in shown.stdout.splitlines()}
+    basis = derive_basis(read())
+    assert f"mass {basis.mass:.3g} kg" in shown.stdout
+    assert f"a foot feels {basis.foot_mass:.3g} kg" in shown.stdout
+    assert found["largest torque"][-3:] == ["30", "30", "40"]
+    assert found["least angle, all legs"][-3:] == ["-0.9", "-1.5", "-2.7"]
+    assert found["controller.position_gain"][1:] == ["N/m", "123"]
+    assert found["machine.hip_height"][1:] == ["m", f"{basis.hip_height:.3g}"]
+
+
+def test_every_row_of_a_table_has_a_cell_for_each_column():
+    config = compose_config(["scenario=robot", "machine=mjcf", f"machine.path={OWN}"])
+    assert {len(row) for row in joint_rows(read())} == {5}
+    assert {len(row) for row in setting_rows(config)} == {3}
+
+
+def test_a_mistake_is_one_line_and_exit_code_2(folder):
+    found = python("-m", "cmacexp.robots", "robot.xml", "machine.feet=[FL,FR,RL,paw]", folder=folder)
+    assert found.returncode == 2
+    assert found.stderr.startswith("error: machine.feet=paw: is no geom of the model")
+    assert len(found.stderr.splitlines()) == 1
+
+
+def test_hydra_shows_what_follows_by_rule(folder):
+    """``--cfg job --resolve`` prints numbers, or one line that says what is wrong."""
+    robot = ("scenario=robot", "machine=mjcf", "machine.path=robot.xml", "--cfg", "job", "--resolve")
+    shown = python("-m", "cmacexp", *robot, folder=folder)
+    assert (shown.returncode, "${" in shown.stdout) == (0, False)
+    refused = python("-m", "cmacexp", *robot, "sampling_period=0.005", folder=folder)
+    assert refused.returncode == 2
+    assert refused.stderr.startswith("error: sampling_period=0.005: is too long")
+    assert len(refused.stderr.splitlines()) == 1
