@@ -11,7 +11,7 @@ from cmacexp.recording.axes import LEGEND_ROOM, Range, Times
 from cmacexp.recording.events import EVENTS
 from cmacexp.recording.ground import FORCE_LENGTH
 from cmacexp.recording.run_view import RunView
-from cmacexp.recording.scene import EYES, LOWEST_NUMBER, MM, eye_path
+from cmacexp.recording.scene import EYES, LOWEST_NUMBER, MM, eye_path, find_trunk
 from cmacexp.recording.series import SERIES, collect_series, component
 from cmacexp.typing import Array
 
@@ -27,6 +27,8 @@ SHARES = {
 }
 """Heights of the panels of a walk; those of one leg are 1 for each plot."""
 BACKGROUND = [245, 245, 245]
+PAPER_SIZE = 0.95
+"""Distance of front and rear hips and height of the hips of the paper's quadruped together, m."""
 BORDER = 60.0
 """Seen around the machine from its sides, mm."""
 
@@ -111,6 +113,9 @@ class Panels:
         view = self._view
         up = np.array([0.0, 0.0, float(view.body["height"].mean()) + view.foot_radius])
         points = np.concatenate([joint for leg in view.legs for joint in leg.joints()]) + up
+        if view.is_robot:
+            middle, half = find_trunk(view)
+            points = np.concatenate([points, [middle + half + up]])
         lowest = points.min(axis=0) - [0.0, 0.0, -LOWEST_NUMBER if view.walks else 0.0]
         return np.array([lowest, np.maximum(points.max(axis=0), [0.0, 0.0, FORCE_LENGTH])])
 
@@ -158,8 +163,16 @@ class Panels:
     def scene(self) -> Panel:
         """A walk in space; one leg, which moves in a plane, from its right side."""
         if self._view.walks:
-            return self._perspective((0.85, -1.0, 0.65), (0.0, 0.0, 0.22))
+            size = self._size()
+            return self._perspective((0.85 * size, -1.0 * size, 0.65 * size), (0.0, 0.0, 0.22 * size))
         return self._parallel("right side", self._title)
+
+    def _size(self) -> float:
+        """Length and height of a robot over those of the paper's quadruped, for which the eye is placed."""
+        view = self._view
+        if not view.is_robot:
+            return 1.0
+        return float(2.0 * find_trunk(view)[1][0] + view.body["height"].mean()) / PAPER_SIZE
 
     def sides(self) -> Panel:
         """A walk from front, side and top."""

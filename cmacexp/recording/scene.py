@@ -51,6 +51,14 @@ def _log_eyes(entities: Entities) -> None:
         )
 
 
+def find_trunk(view: RunView) -> tuple[Array, Array]:
+    """Middle and half the size of the box that joins the hips, (3,) each, in the body frame, m."""
+    hips = np.array([leg.joints()[0][0] for leg in view.legs]) + 0.0  # no negative zero
+    half = (hips.max(axis=0) - hips.min(axis=0)) / 2.0
+    half[2] = half[1] if view.is_robot else 0.008  # trunks of robots are about as high as they are wide
+    return (hips.max(axis=0) + hips.min(axis=0)) / 2.0, half
+
+
 def _log_body(entities: Entities, view: RunView) -> None:
     """The frames ``world/travel``, which moves on with the machine, and ``world/travel/body``, which tilts too."""
     way = view.way()
@@ -64,10 +72,7 @@ def _log_body(entities: Entities, view: RunView) -> None:
     )
     if not view.walks:
         return
-    hips = np.array([leg.joints()[0][0] for leg in view.legs]) + 0.0  # no negative zero
-    half = (hips.max(axis=0) - hips.min(axis=0)) / 2.0
-    half[2] = half[1] if view.is_robot else 0.008  # trunks of robots are about as high as they are wide
-    middle = (hips.max(axis=0) + hips.min(axis=0)) / 2.0
+    middle, half = find_trunk(view)
     plate = rr.Boxes3D(centers=[middle], half_sizes=[half], colors=[palette.BODY], fill_mode="solid")
     entities.log("world/travel/body/plate", plate)
     nose = [
@@ -118,16 +123,20 @@ def _log_links(entities: Entities, view: RunView) -> None:
     entities.log("world/travel/body/hips", make_balls(hips[0], 0.02, palette.DESIRED))
 
 
+def turn_from_up(along: Array) -> tuple[Array, Array]:
+    """Angles (n,), rad, and axes (n, 3) of length 1 of the turns straight from +z to directions (n, 3)."""
+    x, y, z = along.T
+    beside = np.hypot(x, y)
+    turned = beside > 0.0  # else any axis will do
+    level = np.where(turned, beside, 1.0)
+    return np.arctan2(beside, z), np.stack([-y / level, np.where(turned, x, 1.0) / level, np.zeros_like(z)], axis=1)
+
+
 def _log_links_in_space(entities: Entities, view: RunView) -> None:
     """Links between the hinges and the foot of each leg: capsules along +z, turned to point to the next joint."""
     lengths = [length for leg in view.legs for length in leg.lengths or ()]
     joints = np.stack([np.stack(leg.joints(), axis=1) for leg in view.legs], axis=1)  # (steps, legs, joints, 3)
-    along = np.diff(joints, axis=2).reshape(-1, 3)
-    # A turn straight from +z to the direction d is one about (-d_y, d_x, 0).
-    beside = np.hypot(along[:, 0], along[:, 1])
-    level = np.where(beside > 0.0, beside, 1.0)
-    axes = np.stack([-along[:, 1], np.where(beside > 0.0, along[:, 0], 1.0), np.zeros_like(beside)], axis=1)
-    axes /= level[:, None]
+    angles, axes = turn_from_up(np.diff(joints, axis=2).reshape(-1, 3))
     number = len(lengths) // len(view.legs)
     links = rr.Capsules3D.from_fields(
         lengths=lengths,
@@ -137,7 +146,7 @@ def _log_links_in_space(entities: Entities, view: RunView) -> None:
     )
     entities.log("world/travel/body/links", links)
     starts = joints[:, :, :-1].reshape(len(joints), -1, 3)
-    turns = _turns(np.arctan2(beside, along[:, 2]), np.round(axes / FINE_ANGLE) * FINE_ANGLE)
+    turns = _turns(angles, np.round(axes / FINE_ANGLE) * FINE_ANGLE)
     moving = rr.Capsules3D.columns(translations=points(starts), rotation_axis_angles=turns)
     entities.send_columns("world/travel/body/links", moving)
 

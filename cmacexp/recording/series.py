@@ -41,11 +41,22 @@ def _leg_lines(leg: LegView) -> dict[str, list[Line]]:
         "error": [(AXES[axis][0], values, AXES[axis][1]) for axis, values in error.items()],
     }
     for joint in range(1, leg.count_joints + 1):
-        lines[f"torque_{joint}"] = [
-            ("feedback", leg[f"tau_feedback_{joint}"], palette.FEEDBACK),
-            ("feedforward", leg[f"tau_feedforward_{joint}"], palette.FEEDFORWARD),
-        ]
+        lines[f"torque_{joint}"] = _torque_lines(leg, joint)
     return lines
+
+
+def _torque_lines(leg: LegView, joint: int) -> list[Line]:
+    """Feedback and feedforward; of a robot J^T F_d, which the plan knows, apart from the feedback."""
+    feedback, feedforward = leg[f"tau_feedback_{joint}"], leg[f"tau_feedforward_{joint}"]
+    lines: list[Line] = []
+    if leg.chain is not None:
+        known = leg[f"tau_force_{joint}"]
+        lines, feedback = [("for desired force", known, palette.DESIRED)], feedback - known
+    return [
+        *lines,
+        ("feedback", feedback, palette.FEEDBACK),
+        ("feedforward", feedforward, palette.FEEDFORWARD),
+    ]
 
 
 def _margin_lines(body: dict[str, Array]) -> list[Line]:
