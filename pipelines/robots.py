@@ -11,21 +11,22 @@ from cmacexp.cli.study import main
 from cmacexp.study import Results, Study
 from cmacexp.study.samples import share_of_time
 from pipelines.robots_findings import FINDINGS
-from pipelines.robots_runs import CMAC, FEEDFORWARDS, LEAD, LEARNERS, LEFT_OUT, PLANAR, TRIED, runs
+from pipelines.robots_runs import CMAC, FEEDFORWARDS, LEAD, LEARNERS, LEFT_OUT, PLANAR, STARTS, TRIED, runs
 from pipelines.robots_tables import FIGURES, TABLES
 
 
 def values(results: Results) -> dict[str, Any]:
     """Configs and counts that the page names."""
-    learning = results.select(part=FEEDFORWARDS, kind=CMAC)
+    disturbed = results.select(part=STARTS)
     return {
         "tried": TRIED,
-        "learning": learning.run.config,
+        "learning": results.select(part=FEEDFORWARDS, kind=CMAC).run.config,
+        "disturbed": disturbed.run.config,
         "compared": min(results.select(part=FEEDFORWARDS, kind=list(LEARNERS)).values("cycles")),
         "left_out": results.select(part=LEFT_OUT).run.config,
         "drifted": results.select(part=LEAD).value("cycles"),
         "planar": results.select(part=PLANAR).run.config,
-        "starts": len(learning.values("seed")),
+        "starts": len(disturbed.values("seed")),
     }
 
 

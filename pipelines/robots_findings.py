@@ -12,6 +12,7 @@ from cmacexp.study.statements import Limit, percent
 from cmacexp.typing import Array
 from pipelines.robots_runs import (
     ALONE,
+    BY_RULE,
     CMAC,
     DRIFTED,
     EARLY,
@@ -30,6 +31,8 @@ from pipelines.robots_runs import (
     PLANAR,
     POSTURE_RATE,
     ROBOTS,
+    SHORT,
+    STARTS,
     TRIED,
     TRIED_FOR,
     WITH_LEAD,
@@ -136,12 +139,12 @@ def _felt(name: str) -> Finding:
     """Whether a part of the method is worth its while; a walk that falls without it has an infinite error."""
 
     def sample(results: Results) -> Array:
-        whole = results.select(part=FEEDFORWARDS, robot=TRIED, kind=CMAC)
+        whole = results.select(part=STARTS, period=BY_RULE)
         return _over(results.select(part=LEFT_OUT, without=name).at(TRIED_FOR, FORCE), whole.at(TRIED_FOR, FORCE))
 
     words = f"force error of cycle {TRIED_FOR} without it, over that with every part"
     return Finding(
-        [Criterion(words, sample, at_least(FELT), of={"part": [FEEDFORWARDS, LEFT_OUT], "robot": TRIED})],
+        [Criterion(words, sample, at_least(FELT), of={"part": [STARTS, LEFT_OUT], "robot": TRIED})],
         yes=f"“{name}” lowers the force error.",
         no=f"“{name}” does not clearly lower the force error.",
     )
@@ -201,9 +204,14 @@ FINDINGS = {
         no=f"On the wrong model CMAC is not as accurate as alone by cycle {EARLY} on every robot.",
     ),
     "lasts": Finding(
-        _completed(part=FEEDFORWARDS, kind=CMAC),
-        yes=f"Walks from disturbed starts last {LONG} cycles.",
-        no=f"Some walks from disturbed starts do not last {LONG} cycles.",
+        _completed(part=STARTS, period=SHORT),
+        yes=f"Sampled every millisecond, walks from disturbed starts last {LONG} cycles.",
+        no=f"Sampled every millisecond, some walks from disturbed starts do not last {LONG} cycles.",
+    ),
+    "lasts_by_rule": Finding(
+        _completed(part=STARTS, period=BY_RULE),
+        yes=f"With the period by rule, walks from disturbed starts last {LONG} cycles, too.",
+        no=f"With the period by rule, some walks from disturbed starts do not last {LONG} cycles.",
     ),
     "further": Finding(
         _completed(part=OTHERS),

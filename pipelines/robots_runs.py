@@ -8,14 +8,8 @@ from cmacexp.study import Request, grid
 
 ALONE, EXACT, HEAVY = "feedback alone", "exact model", "model 20 % too heavy"
 CMAC, ON_MODEL, ILC, RBF = "CMAC", "CMAC on that model", "ILC", "RBF"
-FEEDFORWARDS, OTHERS, GROUND, LEFT_OUT, LEAD, PLANAR = (
-    "feedforwards",
-    "others",
-    "ground",
-    "left out",
-    "lead",
-    "planar",
-)
+FEEDFORWARDS, STARTS, OTHERS, GROUND, LEFT_OUT = "feedforwards", "starts", "others", "ground", "left out"
+LEAD, PLANAR = "lead", "planar"
 """The parts of the study."""
 WITH_LEAD, WITHOUT_LEAD = "lead of one sample", "no lead"
 ROBOTS = {
@@ -60,9 +54,12 @@ WITHOUT = {
     "LEAD compensator": ("controller.lead_alpha=1",),
 }
 """What takes each part of the method away."""
+BY_RULE, SHORT = "period by rule", "period of 1 ms"
+PERIODS = {BY_RULE: (), SHORT: ("sampling_period=0.001",)}
+"""Sampling periods of the disturbed walks."""
 LEADS = {WITH_LEAD: (), WITHOUT_LEAD: ("learning.lead=0",)}
 START = ("plant.start_spread=0.05", "plant.start_seed=${seed}")
-"""Every joint starts up to 0.05 rad off the plan; seeds differ in that and in the hash."""
+"""A disturbed walk: every joint starts up to 0.05 rad off the plan; seeds differ in that and in the hash."""
 SETTLED = 6
 """Cycles of feedforwards that learn nothing: their walks repeat themselves from the fifth on."""
 QUICK = 2
@@ -76,16 +73,19 @@ TRIED_FOR, DRIFTED = 25, 200
 def _walks(cycles: int, *overrides: str, seeded: bool = False, **more: Any) -> list[Request]:
     """Walks of robots; the trace of the last cycle is kept."""
     kept = (f"cycles={cycles}", f"record.cycles=[{cycles}]")
-    return grid("scenario=robot", *START, *kept, *overrides, seeded=seeded, **more)
+    return grid("scenario=robot", *kept, *overrides, seeded=seeded, **more)
 
 
 def _with_feedforwards(quick: bool) -> list[Request]:
-    """The first robots with every feedforward; those that learn once for each seed."""
+    """The first robots with every feedforward, and with a CMAC from disturbed starts; learners for each seed."""
     robots, kinds = ({TRIED: ROBOTS[TRIED]}, BOTH) if quick else (ROBOTS, MODELS | LEARNERS)
     found = []
+    for period, texts in PERIODS.items():
+        cycles, chosen = QUICK if quick else LONG, {"part": STARTS, "period": period}
+        found += _walks(cycles, *LEARNERS[CMAC], *START, *texts, seeded=True, over={"robot": robots}, **chosen)
     for kind, texts in kinds.items():
         learns = kind in LEARNERS
-        cycles = QUICK if quick else LONG if kind == CMAC else JUDGED if learns else SETTLED
+        cycles = QUICK if quick else JUDGED if learns else SETTLED
         found += _walks(cycles, *texts, seeded=learns, over={"robot": robots}, part=FEEDFORWARDS, kind=kind)
     return found
 
@@ -96,7 +96,7 @@ def _elsewhere(quick: bool) -> list[Request]:
     found = []
     for part, robots, texts, cycles in (
         (GROUND, ROBOTS, ("plant=mujoco_robot_rigid",), JUDGED),
-        (OTHERS, FURTHER, (), EARLY),
+        (OTHERS, FURTHER, START, EARLY),
     ):
         for kind, feedforward in BOTH.items():
             lasts = QUICK if quick else cycles if kind == CMAC else SETTLED
@@ -113,7 +113,7 @@ def runs(quick: bool) -> list[Request]:
     """
     load_mujoco()
     find_model("go1", None)
-    tried = {TRIED: ROBOTS[TRIED]}
+    tried, trial = {TRIED: ROBOTS[TRIED]}, (*LEARNERS[CMAC], *START)
     early, tried_for, drifted = [QUICK] * 3 if quick else [EARLY, TRIED_FOR, DRIFTED]
     without = {POSTURE_RATE: WITHOUT[POSTURE_RATE]} if quick else WITHOUT
     rates = {"force_control.load_rate": ["false", "true"]}
@@ -121,7 +121,7 @@ def runs(quick: bool) -> list[Request]:
     return [
         *_with_feedforwards(quick),
         *_elsewhere(quick),
-        *_walks(tried_for, seeded=True, over={"robot": tried, "without": without}, part=LEFT_OUT),
-        *_walks(drifted, over={"robot": tried, "lead": LEADS}, part=LEAD),
+        *_walks(tried_for, *trial, seeded=True, over={"robot": tried, "without": without}, part=LEFT_OUT),
+        *_walks(drifted, *trial, over={"robot": tried, "lead": LEADS}, part=LEAD),
         *grid(*planar, over=rates, seeded=True, part=PLANAR),
     ]

@@ -10,8 +10,9 @@ from cmacexp.study import Results, draw
 from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.interval import estimate
 from cmacexp.study.tables import completed, cross_tabulate, ends, tabulate
+from cmacexp.typing import Array
 from pipelines.robots_findings import FEEDBACK, FORCE, JOINTS, POSITION, SHARE, TILT, judged, last
-from pipelines.robots_runs import CMAC, FEEDFORWARDS, GROUND, LEAD, LEARNERS, LEFT_OUT, LONG, OTHERS
+from pipelines.robots_runs import FEEDFORWARDS, GROUND, LEAD, LEARNERS, LEFT_OUT, LONG, OTHERS, STARTS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,13 +43,9 @@ def draw_lead(results: Results) -> "Figure":
     return draw([over_cycles(results.select(part=LEAD), FEEDBACK, "lead", log="y")], columns=1)
 
 
-def _pair(results: Results, cycle: int) -> str:
-    """Transfer and force error of one feedforward, in a cycle if it learns; of a walk that fell infinite."""
-    kind = results.value("kind")
-    found = [
-        format_number(SHOWN[name].factor * estimate(judged(results, name, kind, cycle)).value)
-        for name in (POSITION, FORCE)
-    ]
+def _pair(measure: Callable[[str], Array]) -> str:
+    """Transfer and force error, estimated from the measured values of a metric; of a walk that fell infinite."""
+    found = [format_number(SHOWN[name].factor * estimate(measure(name)).value) for name in (POSITION, FORCE)]
     return " / ".join(found)
 
 
@@ -56,18 +53,22 @@ def table_feedforwards(results: Results) -> "pd.DataFrame":
     """Errors of every robot with every feedforward, when learners are compared."""
     own = results.select(part=FEEDFORWARDS)
     cycle = min(results.select(kind=list(LEARNERS), part=FEEDFORWARDS).values("cycles"))
-    return cross_tabulate(own, ("kind", "feedforward"), ("robot", ""), partial(_pair, cycle=cycle))
+
+    def cell(walks: Results) -> str:
+        return _pair(lambda name: judged(walks, name, walks.value("kind"), cycle))
+
+    return cross_tabulate(own, ("kind", "feedforward"), ("robot", ""), cell)
 
 
 def table_learning(results: Results) -> "pd.DataFrame":
-    """Errors of every robot with a CMAC as it learns."""
-    own = results.select(part=FEEDFORWARDS, kind=CMAC)
+    """Errors of every robot with a CMAC from disturbed starts as it learns."""
+    own = results.select(part=STARTS)
     columns: dict[str, Any] = {
-        f"cycle {cycle}, mm / N": partial(_pair, cycle=cycle)
+        f"cycle {cycle}, mm / N": lambda walks, cycle=cycle: _pair(partial(walks.at, cycle))
         for cycle in (1, 2, 5, 10, 20, 50, LONG)
         if cycle <= own.value("cycles")
     }
-    return tabulate(own, {"robot": "robot"}, columns | {"completed": completed})
+    return tabulate(own, {"robot": "robot", "period": "sampled with"}, columns | {"completed": completed})
 
 
 def _table(results: Results, by: dict[str, str]) -> "pd.DataFrame":
