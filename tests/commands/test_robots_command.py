@@ -57,10 +57,10 @@ def test_a_mistake_is_one_line_and_exit_code_2(folder):
 
 def test_hydra_shows_what_follows_by_rule(folder):
     """``--cfg job --resolve`` prints numbers, or one line that says what is wrong."""
-    robot = ("scenario=robot", "machine=mjcf", "machine.path=robot.xml", "--cfg", "job", "--resolve")
-    shown = python("-m", "cmacexp", *robot, folder=folder)
+    words = ("-m", "cmacexp", "--cfg", "job", "--resolve", "scenario=robot", "machine=mjcf", "machine.path=robot.xml")
+    shown = python(*words, folder=folder)
     assert (shown.returncode, "${" in shown.stdout) == (0, False)
-    refused = python("-m", "cmacexp", *robot, "sampling_period=0.005", folder=folder)
+    refused = python(*words, "sampling_period=0.005", folder=folder)
     assert refused.returncode == 2
     assert refused.stderr.startswith("error: sampling_period=0.005: is too long")
     assert len(refused.stderr.splitlines()) == 1

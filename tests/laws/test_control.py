@@ -263,7 +263,7 @@ torque_pairs = st.lists(st.floats(-100.0, 100.0), min_size=4, max_size=4)
 def test_limited_torque_is_the_sum_of_its_parts_and_feedback_gives_way_first(limit, feedback, feedforward):
     asked_feedback, asked_feedforward = np.reshape(feedback, (2, 2)), np.reshape(feedforward, (2, 2))
     feedback, feedforward, torque = asked_feedback.copy(), asked_feedforward.copy(), np.empty((2, 2))
-    saturate(limit, feedback, feedforward, torque)
+    saturate((limit, limit), feedback, feedforward, torque)
     assert np.array_equal(torque, feedback + feedforward)
     assert np.abs(torque).max() <= limit * (1.0 + 1e-15)
     assert_allclose(torque, np.clip(asked_feedback + np.clip(asked_feedforward, -limit, limit), -limit, limit))
@@ -274,7 +274,7 @@ def test_limited_torque_is_the_sum_of_its_parts_and_feedback_gives_way_first(lim
 def test_torque_without_limit_is_left_alone(feedback, feedforward):
     asked_feedback, asked_feedforward = np.reshape(feedback, (2, 2)), np.reshape(feedforward, (2, 2))
     feedback, feedforward, torque = asked_feedback.copy(), asked_feedforward.copy(), np.empty((2, 2))
-    saturate(math.inf, feedback, feedforward, torque)
+    saturate((math.inf, math.inf), feedback, feedforward, torque)
     assert np.array_equal(feedback, asked_feedback)
     assert np.array_equal(feedforward, asked_feedforward)
     assert np.array_equal(torque, asked_feedback + asked_feedforward)

@@ -25,8 +25,8 @@ def test_a_measurement_has_the_arrays_of_the_table():
         assert values is None or np.shape(values)[-1] == len(ARRAYS[name]) or name == "force"
 
 
-def test_an_observation_has_the_arrays_of_a_measurement_and_the_trigonometry_of_its_joints():
-    assert Observation._fields == (*STATE, "trig")
+def test_an_observation_has_the_arrays_of_a_measurement_and_the_geometry_of_its_legs():
+    assert Observation._fields == (*STATE, "geometry")
     shapes = [values.shape for values in get_state(new_measurement(4))]
     assert [values.shape for values in new_observation(4)] == [*shapes, (4, 4)]
 
