@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.jit.compiler import kernel
-from cmacexp.models.leg import Leg, Trig, inverse_dynamics, joint_torque, trigonometry
+from cmacexp.models.leg import Leg, Trig, inverse_dynamics, joint_torque, trigonometry, turned_trigonometry
 from cmacexp.typing import Array
 
 POINT_MASS = 0
@@ -51,6 +51,16 @@ def trigonometries(mechanism: Mechanism, q: Array, trig: Array) -> None:
     if mechanism.kind != POINT_MASS:
         for i in range(q.shape[0]):
             trig[i, 0], trig[i, 1], trig[i, 2], trig[i, 3] = trigonometry(q[i, 0], q[i, 1])
+
+
+@kernel
+def turned_trigonometries(mechanism: Mechanism, q: Array, trig: Array, near_q: Array, near: Array) -> None:
+    """:func:`trigonometries` in less time, from ``near`` (L, 4) of angles ``near_q`` (L, 2) close to ``q``."""
+    if mechanism.kind != POINT_MASS:
+        for i in range(q.shape[0]):
+            trig[i, 0], trig[i, 1], trig[i, 2], trig[i, 3] = turned_trigonometry(
+                q[i, 0], q[i, 1], get_trig(near, i), near_q[i, 0], near_q[i, 1]
+            )
 
 
 @kernel

@@ -17,7 +17,15 @@ from cmacexp.models.ground import (
     stiffness_under,
 )
 from cmacexp.models.leg import foot_position, foot_velocity, forward_dynamics
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, Mechanism, get_leg, get_trig, trigonometries
+from cmacexp.models.mechanism import (
+    LEGS_UNDER_BODY,
+    POINT_MASS,
+    Mechanism,
+    get_leg,
+    get_trig,
+    trigonometries,
+    turned_trigonometries,
+)
 from cmacexp.typing import Array, Clock, Scratch, State
 
 
@@ -76,6 +84,8 @@ class PlantState(NamedTuple):
     """(L, 4): sines and cosines of the joint angles."""
     stages: Scratch
     """(6, L, 2): joint angles and velocities of one stage of the integration, accelerations of all four."""
+    stage_trig: Scratch
+    """(L, 4): as ``trig``, of one stage."""
 
 
 def new_state(legs: int) -> PlantState:
@@ -83,21 +93,23 @@ def new_state(legs: int) -> PlantState:
     q, dq, foot, velocity = (np.zeros((legs, 2)) for _ in range(4))
     force, stiffness, level, pressed = (np.zeros(legs) for _ in range(4))
     body, body_rate, travel, spring = (np.zeros(shape) for shape in (3, 3, 1, (2, legs)))
-    clock, trig, stages = np.zeros(1), np.zeros((legs, 4)), np.zeros((6, legs, 2))
+    clock, stages = np.zeros(1), np.zeros((6, legs, 2))
+    trig, stage_trig = (np.zeros((legs, 4)) for _ in range(2))
     return PlantState(
-        q, dq, foot, velocity, force, body, body_rate, stiffness, level, spring, pressed, travel, clock, trig, stages
-    )
+        q, dq, foot, velocity, force, body, body_rate, stiffness, level, spring, pressed, travel, clock, trig, stages,
+        stage_trig,
+    )  # fmt: skip
 
 
 @kernel
-def stand_force(params: PlantParams, i: int, dq: Array, state: PlantState) -> float:
+def stand_force(params: PlantParams, i: int, dq: Array, trig: Array, state: PlantState) -> float:
     """Contact force, N, of foot ``i`` whose hip does not move, at joint velocities ``dq`` (L, 2)."""
     depression = state.foot[i, 1] - params.mechanism.hip_height - state.level[i]
     if params.ground.damping == 0.0:
         return contact_force(state.stiffness[i], depression)
     along, rate = dq[i, 0], dq[i, 1]
     if params.mechanism.kind != POINT_MASS:
-        along, rate = foot_velocity(get_leg(params.mechanism, i), get_trig(state.trig, i), dq[i, 0], dq[i, 1])
+        along, rate = foot_velocity(get_leg(params.mechanism, i), get_trig(trig, i), dq[i, 0], dq[i, 1])
     rate += grade_at(params.ground, state.foot[i, 0]) * along
     return damped_force(state.stiffness[i], params.ground.damping, depression, rate)
 
@@ -134,29 +146,28 @@ def balance_body(params: PlantParams, state: PlantState, time: float) -> bool:
 
 
 @kernel
-def contact(params: PlantParams, q: Array, dq: Array, state: PlantState, time: float, x: float) -> None:
+def contact(params: PlantParams, q: Array, dq: Array, trig: Array, state: PlantState, time: float, x: float) -> None:
     """Compute feet and contact forces at joint angles ``q`` and velocities ``dq``, each (L, 2); fills ``state``.
 
-    ``time``, s, has passed since the step began, and the body is at ``x``, m.
+    ``trig`` (L, 4) is of ``q``; ``time``, s, has passed since the step began, and the body is at ``x``, m.
     """
     mechanism = params.mechanism
-    trigonometries(mechanism, q, state.trig)
     for i in range(q.shape[0]):
         if mechanism.kind == POINT_MASS:
             state.foot[i, 0], state.foot[i, 1] = q[i, 0], q[i, 1]
         else:
-            state.foot[i, 0], state.foot[i, 1] = foot_position(get_leg(mechanism, i), get_trig(state.trig, i))
+            state.foot[i, 0], state.foot[i, 1] = foot_position(get_leg(mechanism, i), get_trig(trig, i))
     if params.ground.slope != 0.0:
         update_level(params.ground, mechanism.hips, state.foot, x, state.level)
     if mechanism.kind != LEGS_UNDER_BODY:
         for i in range(q.shape[0]):
-            state.force[i] = stand_force(params, i, dq, state)
+            state.force[i] = stand_force(params, i, dq, trig, state)
     elif not balance_body(params, state, time):
         state.body[0] = math.nan
 
 
 @kernel
-def accelerate(params: PlantParams, state: PlantState, dq: Array, tau: Array, ddq: Array) -> None:
+def accelerate(params: PlantParams, state: PlantState, dq: Array, trig: Array, tau: Array, ddq: Array) -> None:
     """Joint accelerations under ``tau`` and the forces in ``state``; fills ``ddq`` (Lin & Song 1997, eq. 2)."""
     for i in range(dq.shape[0]):
         leg = get_leg(params.mechanism, i)
@@ -165,7 +176,7 @@ def accelerate(params: PlantParams, state: PlantState, dq: Array, tau: Array, dd
             ddq[i, 1] = (tau[i, 1] - state.force[i]) / leg.mass_2
         else:
             ddq[i, 0], ddq[i, 1] = forward_dynamics(
-                leg, get_trig(state.trig, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
+                leg, get_trig(trig, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
             )
 
 
@@ -190,7 +201,8 @@ def update_depression(params: PlantParams, state: PlantState) -> None:
 @kernel
 def observe(params: PlantParams, state: PlantState, time: float) -> None:
     """Update feet, forces and velocities of ``state`` to its joints, ``time`` (s) after their last update."""
-    contact(params, state.q, state.dq, state, time, state.travel[0])
+    trigonometries(params.mechanism, state.q, state.trig)
+    contact(params, state.q, state.dq, state.trig, state, time, state.travel[0])
     if params.ground.damping != 0.0 and params.mechanism.kind == LEGS_UNDER_BODY:
         update_depression(params, state)
     for i in range(state.q.shape[0]):
@@ -203,35 +215,37 @@ def observe(params: PlantParams, state: PlantState, time: float) -> None:
 
 
 @kernel
+def stage(
+    params: PlantParams, state: PlantState, time: float, velocity: Array, acceleration: Array, tau: Array, ddq: Array
+) -> None:
+    """A stage of a step: accelerations ``time`` (s) after its start, reached at ``velocity`` and ``acceleration``.
+
+    All arrays are (L, 2). Fills ``ddq``, and ``state.stages[1]``, which may be ``velocity``, with the new velocities.
+    """
+    q, dq, trig = state.stages[0], state.stages[1], state.stage_trig
+    for i in range(state.q.shape[0]):
+        for j in range(2):
+            q[i, j] = state.q[i, j] + time * velocity[i, j]
+            dq[i, j] = state.dq[i, j] + time * acceleration[i, j]
+    # From the sines at the start of the step, which are computed anew in each step: errors do not add up.
+    turned_trigonometries(params.mechanism, q, trig, state.q, state.trig)
+    contact(params, q, dq, trig, state, time, state.travel[0] + params.speed * time)
+    accelerate(params, state, dq, trig, tau, ddq)
+
+
+@kernel
 def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None:
     """One classical fourth-order step of ``params.step``; contact forces act inside every stage.
 
-    Feet and forces in ``state`` must belong to its joints; after the step they are those of the last stage.
+    Sines, feet and forces in ``state`` must belong to its joints; after the step they do not, until :func:`observe`.
     """
-    h = params.step
-    s = state.stages
-    q, dq, k1, k2, k3, k4 = s[0], s[1], s[2], s[3], s[4], s[5]
-    legs, half_way = state.q.shape[0], state.travel[0] + 0.5 * params.speed * h
-    accelerate(params, state, state.dq, tau, k1)
-    for i in range(legs):
-        for j in range(2):
-            q[i, j] = state.q[i, j] + 0.5 * h * state.dq[i, j]
-            dq[i, j] = state.dq[i, j] + 0.5 * h * k1[i, j]
-    contact(params, q, dq, state, 0.5 * h, half_way)
-    accelerate(params, state, dq, tau, k2)
-    for i in range(legs):
-        for j in range(2):
-            q[i, j] = state.q[i, j] + 0.5 * h * dq[i, j]
-            dq[i, j] = state.dq[i, j] + 0.5 * h * k2[i, j]
-    contact(params, q, dq, state, 0.5 * h, half_way)
-    accelerate(params, state, dq, tau, k3)
-    for i in range(legs):
-        for j in range(2):
-            q[i, j] = state.q[i, j] + h * dq[i, j]
-            dq[i, j] = state.dq[i, j] + h * k3[i, j]
-    contact(params, q, dq, state, h, state.travel[0] + params.speed * h)
-    accelerate(params, state, dq, tau, k4)
-    for i in range(legs):
+    h, s = params.step, state.stages
+    dq, k1, k2, k3, k4 = s[1], s[2], s[3], s[4], s[5]
+    accelerate(params, state, state.dq, state.trig, tau, k1)
+    stage(params, state, 0.5 * h, state.dq, k1, tau, k2)
+    stage(params, state, 0.5 * h, dq, k2, tau, k3)
+    stage(params, state, h, dq, k3, tau, k4)
+    for i in range(state.q.shape[0]):
         for j in range(2):
             # The velocities of the stages are dq, dq + h/2 k1, dq + h/2 k2, dq + h k3: their weighted sum is this.
             state.q[i, j] += h * state.dq[i, j] + h * h / 6.0 * (k1[i, j] + k2[i, j] + k3[i, j])
