@@ -95,7 +95,7 @@ def update_geometry(mechanism: Mechanism, q: Array, geometry: Array) -> None:
 
 @kernel
 def turn_geometry(mechanism: Mechanism, q: Array, geometry: Array, near_q: Array, near: Array) -> None:
-    """:func:`update_geometry` of planar legs in less time, from ``near`` of ``near_q`` (L, 2), angles close to ``q``."""
+    """:func:`update_geometry` of planar legs in less time, from ``near`` of ``near_q`` (L, 2), close to ``q``."""
     if mechanism.kind != POINT_MASS:
         for i in range(q.shape[0]):
             geometry[i, 0], geometry[i, 1], geometry[i, 2], geometry[i, 3] = turned_trigonometry(
