@@ -94,7 +94,7 @@ class Walk:
 @cache
 def walk_in(folder: Path) -> Walk:
     """The walk of the stored run in a folder; read once in a process."""
-    return Walk(make_view(read_traces(folder), StoredRun(folder).config))
+    return Walk(make_view(read_traces(folder), StoredRun(folder).manifest))
 
 
 def contacts(walk: Walk, cycle: int) -> dict[str, float]:

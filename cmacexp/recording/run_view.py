@@ -12,8 +12,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from cmacexp.config.machine import LEG_NAMES
-from cmacexp.config.schema import count_steps
+from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import as_array, is_support
+from cmacexp.data.stored_run import select_whole
 from cmacexp.data.tables import Traces
 from cmacexp.models.ground import height_at
 from cmacexp.recording.window import Window
@@ -59,7 +60,7 @@ class RunView:
     cycle: Array
     body: dict[str, Array]
     """Columns of ``body.parquet``; of a stand only its constant position and orientation."""
-    config: dict[str, Any]
+    manifest: Manifest
     window: Window
     """Which of its steps these are."""
     label: str
@@ -68,20 +69,19 @@ class RunView:
     """Prefix of the paths of its entities in a recording."""
 
     @property
+    def config(self) -> dict[str, Any]:
+        """As plain dictionaries."""
+        return dict(self.manifest["config"])
+
+    @property
     def walks(self) -> bool:
         """Whether there is a body on legs."""
         return len(self.legs) > 1
 
     def whole_cycles(self) -> tuple[int, int]:
         """The first cycle and the last whole one; of a run without a whole cycle, its last."""
-        thinning = self.config.get("record", {}).get("every_nth_step", 1)
-        period = count_steps(self.config["gait"]["cycle_time"], self.config["sampling_period"])
-        cycles, counts = np.unique(self.cycle, return_counts=True)
-        # A run that did not complete keeps its last steps, thinned or not; else steps may be left out at the end.
-        left_out = self.window.every * (thinning if (self.step % thinning == 0).all() else 1)
-        ended = self.step[-1] + left_out >= cycles * period
-        whole = cycles[ended & (counts + 1 >= period // (thinning * self.window.every))]
-        return int(cycles[0]), int((whole if len(whole) else cycles)[-1])
+        shown = np.unique(self.cycle).tolist()
+        return shown[0], (select_whole(self.manifest, shown) or shown)[-1]
 
     def turn(self) -> Array:
         """Orientation of the body as quaternions (steps, 4), x y z w: roll about x, pitch about y, yaw about z."""
@@ -129,18 +129,18 @@ def _leg(trace: pa.Table, rows: NDArray[np.intp], number: int, built: dict[str, 
 
 
 def make_view(
-    traces: Traces, config: dict[str, Any], window: Window | None = None, label: str = "", root: str = ""
+    traces: Traces, manifest: Manifest, window: Window | None = None, label: str = "", root: str = ""
 ) -> RunView:
     """The view of a run from its traces.
 
     Args:
         traces: the steps that are drawn.
-        config: as in the manifest.
+        manifest: how the run ended, and of what config.
         window: which steps these are; None: all of them.
         label: name of the run.
         root: prefix of the paths of its entities in a recording.
     """
-    trace = traces.legs
+    trace, config = traces.legs, manifest["config"]
     number = as_array(trace, "leg")
     rows = {i: np.flatnonzero(number == i) for i in range(1, len(_leg_configs(config)) + 1)}
     legs = [_leg(trace, rows[i], i, leg) for i, leg in enumerate(_leg_configs(config), start=1)]
@@ -153,4 +153,4 @@ def make_view(
         body = dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll"), still)
         body["height"] = still + config["machine"]["hip_height"]
     all_steps = Window(int(cycle[0]), int(cycle[-1]), 1, len(cycle))
-    return RunView(legs, time, step, cycle, body, config, window or all_steps, label, root)
+    return RunView(legs, time, step, cycle, body, manifest, window or all_steps, label, root)

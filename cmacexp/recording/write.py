@@ -103,7 +103,7 @@ def read_entry(folder: Path, manifest: Manifest, window: Window, label: str, roo
         root: prefix of the paths of its entities.
     """
     traces = read_traces(folder, window.cycles, window.every)
-    return RunEntry(make_view(traces, manifest["config"], window, label, root), make_facts(folder, manifest))
+    return RunEntry(make_view(traces, manifest, window, label, root), make_facts(folder, manifest))
 
 
 def write_recording(
