@@ -4,6 +4,7 @@ Python raises an interrupt between any two instructions. In the midst of an impo
 damages what is being made; in a function that a library calls back, Python prints the interrupt and drops it.
 """
 
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -37,6 +38,18 @@ def _is_heeded() -> bool:
     return is_main and signal.getsignal(signal.SIGINT) not in (signal.SIG_IGN, None)
 
 
+def _interrupt_again() -> None:
+    """Interrupt the main thread as the keyboard does."""
+    if Keyboard.blocked:  # one that is sent to the thread itself would wait for ever
+        os.kill(os.getpid(), signal.SIGINT)
+    elif hasattr(signal, "pthread_kill"):
+        import threading
+
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+    else:
+        signal.raise_signal(signal.SIGINT)
+
+
 @contextmanager
 def interrupt_held_back() -> Iterator[None]:
     """Hold back an interrupt until the end, or until :func:`raise_if_interrupted`; a second one is raised at once."""
@@ -53,7 +66,7 @@ def interrupt_held_back() -> Iterator[None]:
         Keyboard.holds = held
         if Keyboard.waits and not held:
             Keyboard.waits = False
-            signal.raise_signal(signal.SIGINT)
+            _interrupt_again()
 
 
 @contextmanager
@@ -104,6 +117,7 @@ def block_interrupts_of_children() -> None:
         _start_tracker()
         threading.Thread(target=threading.Event().wait, daemon=True).start()
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        Keyboard.blocked = True
 
 
 @contextmanager
@@ -160,7 +174,7 @@ def _raise_again(dropped: Any) -> None:
     if isinstance(dropped.exc_value, KeyboardInterrupt):
         import threading
 
-        threading.Timer(SOON, signal.pthread_kill, (threading.main_thread().ident, signal.SIGINT)).start()
+        threading.Timer(SOON, _interrupt_again).start()
     else:
         sys.__unraisablehook__(dropped)
 

@@ -24,6 +24,8 @@ class Keyboard:
     waits = False
     """Whether one does."""
     is_command = False
+    blocked = False
+    """Whether the main thread blocks them, so that another one receives them for it."""
 
 
 def handle(number: int, frame: "FrameType | None") -> None:
