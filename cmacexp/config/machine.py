@@ -4,6 +4,9 @@ from dataclasses import dataclass, fields
 
 from cmacexp.config.fields import choice, number
 
+QUADRUPED = "machine.kind=quadruped"
+"""What fields that concern a body, or choose among legs, need to have an effect."""
+
 
 @dataclass
 class LinksConfig:

@@ -10,7 +10,7 @@ from cmacexp.config.cmac import ACTS, CmacConfig
 from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
-from cmacexp.config.machine import QuadrupedMachine
+from cmacexp.config.machine import QUADRUPED, QuadrupedMachine
 
 LEARNS = "feedforward!=none|inverse_dynamics"
 """What fields of learning need beside :data:`ACTS`."""
@@ -44,7 +44,7 @@ class ActuatorConfig:
 class PostureConfig:
     """Posture control of a body (Lin & Song 1997, section 6.2)."""
 
-    needs: ClassVar[str] = "machine.kind=quadruped"
+    needs: ClassVar[str] = QUADRUPED
 
     gain: float = number("", at_least=0)
     """Depth that a supporting foot is pushed down, over the height that its hip lacks; 0 switches it off."""
@@ -66,7 +66,7 @@ class ForceControlConfig:
     """Speed at which the reference gives way per force error, V_fn."""
     force_gain: float = number("", above=0, at_most=1e9, needs=".method=explicit")
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
-    load_sharing: str = choice("static", "dynamic", needs="machine.kind=quadruped")
+    load_sharing: str = choice("static", "dynamic", needs=QUADRUPED)
     """What the feet of a body share; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
 
 
