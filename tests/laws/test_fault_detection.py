@@ -55,7 +55,7 @@ def test_the_statistic_is_the_largest_sum_of_the_last_excesses(deviations):
 def test_the_measured_force_is_used_until_its_sensor_is_excluded_and_for_ever_without_detection(
     make_config, scenario, method
 ):
-    controller = make_scenario(make_config(f"scenario={scenario}")).controller
+    controller = make_scenario(make_config(f"scenario={scenario}", "feedforward=none")).controller
     mechanism = controller.params.mechanism
     pose = LEVEL._replace(height=mechanism.hip_height)
     foot = np.full((len(mechanism.legs), 2), mechanism.hip_height + 0.02)
