@@ -36,7 +36,7 @@ typedef struct {
 
 typedef struct { double s1, c1, s12, c12; } Trig;
 
-/* cmacexp/models/sine.py: sine and cosine without the C library, the same terms in the same order. */
+/* cmacexp/models/sine.py, as turn(): sine and cosine without the C library, the same terms in the same order. */
 static void sine_cosine(double angle, double *sine, double *cosine) {
     const double rounding = 6755399441055744.0;
     const double s3 = -1.0 / 6, s5 = 1.0 / 120, s7 = -1.0 / 5040, s9 = 1.0 / 362880, s11 = -1.0 / 39916800,
@@ -65,6 +65,23 @@ static Trig trigonometry(const double *q) {
     return t;
 }
 
+static void turn(double *sine, double *cosine, double by) {
+    const double s3 = -1.0 / 6, s5 = 1.0 / 120, s7 = -1.0 / 5040, c4 = 1.0 / 24, c6 = -1.0 / 720, c8 = 1.0 / 40320;
+    double x2 = by * by, s0 = *sine, c0 = *cosine;
+    double s = by + by * x2 * (s3 + x2 * (s5 + x2 * s7));
+    double lost = x2 * (0.5 - x2 * (c4 + x2 * (c6 + x2 * c8)));
+    *sine = s0 + (c0 * s - s0 * lost);
+    *cosine = c0 - (s0 * s + c0 * lost);
+}
+
+static Trig turned_trigonometry(const double *q, Trig near, const double *near_q) {
+    double by_1 = q[0] - near_q[0], by_12 = by_1 + (q[1] - near_q[1]);
+    if (!(fabs(by_1) <= 0.0625 && fabs(by_12) <= 0.0625)) return trigonometry(q);
+    turn(&near.s1, &near.c1, by_1);
+    turn(&near.s12, &near.c12, by_12);
+    return near;
+}
+
 static void jacobian(const Law *law, Trig t, double j[4]) {
     j[1] = -law->length_2 * t.s12;
     j[3] = law->length_2 * t.c12;
@@ -79,13 +96,11 @@ static void joint_torque(const Law *law, Trig t, double fx, double fy, double *t
     tau[1] = j[1] * fx + j[3] * fy;
 }
 
-static Trig contact(const Law *law, const double *q, double *foot, double *force) {
-    Trig t = trigonometry(q);
+static void contact(const Law *law, Trig t, double *foot, double *force) {
     foot[0] = law->length_1 * t.c1 + law->length_2 * t.c12;
     foot[1] = law->length_1 * t.s1 + law->length_2 * t.s12;
     double depression = foot[1] - law->hip_height;
     *force = depression > 0.0 ? law->stiffness * depression : 0.0;
-    return t;
 }
 
 static void accelerate(const Law *law, Trig t, const double *dq, const double *tau, double force, double *ddq) {
@@ -110,19 +125,23 @@ static void advance(const Law *law, State *s, Trig *trig, const double *tau) {
     Trig t;
     accelerate(law, *trig, s->dq, tau, s->force, k[0]);
     for (int i = 0; i < 2; i++) q[i] = s->q[i] + 0.5 * h * s->dq[i], dq[i] = s->dq[i] + 0.5 * h * k[0][i];
-    t = contact(law, q, foot, &force);
+    t = turned_trigonometry(q, *trig, s->q);
+    contact(law, t, foot, &force);
     accelerate(law, t, dq, tau, force, k[1]);
     for (int i = 0; i < 2; i++) q[i] = s->q[i] + 0.5 * h * dq[i], dq[i] = s->dq[i] + 0.5 * h * k[1][i];
-    t = contact(law, q, foot, &force);
+    t = turned_trigonometry(q, *trig, s->q);
+    contact(law, t, foot, &force);
     accelerate(law, t, dq, tau, force, k[2]);
     for (int i = 0; i < 2; i++) q[i] = s->q[i] + h * dq[i], dq[i] = s->dq[i] + h * k[2][i];
-    t = contact(law, q, foot, &force);
+    t = turned_trigonometry(q, *trig, s->q);
+    contact(law, t, foot, &force);
     accelerate(law, t, dq, tau, force, k[3]);
     for (int i = 0; i < 2; i++) {
         s->q[i] += h * s->dq[i] + h * h / 6.0 * (k[0][i] + k[1][i] + k[2][i]);
         s->dq[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
     }
-    *trig = contact(law, s->q, s->foot, &s->force);
+    *trig = trigonometry(s->q);
+    contact(law, *trig, s->foot, &s->force);
     jacobian(law, *trig, j);
     s->velocity[0] = j[0] * s->dq[0] + j[1] * s->dq[1];
     s->velocity[1] = j[2] * s->dq[0] + j[3] * s->dq[1];

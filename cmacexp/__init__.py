@@ -1,14 +1,16 @@
 """Learned feedforward (CMAC) for hybrid position/force control of legs: Lin & Song 1997 and beyond."""
 
-from typing import TYPE_CHECKING, Any
+from cmacexp.jit.keyboard import begin_command
 
-from cmacexp.data.version import __version__
-from cmacexp.jit.interrupt import begin_command
+begin_command()  # before what follows is imported, which takes as long as all before
+
+from typing import TYPE_CHECKING, Any  # noqa: E402
+
+from cmacexp.data.version import __version__  # noqa: E402
 
 if TYPE_CHECKING:
     from cmacexp.experiment.api import load, run
 
-begin_command()
 __all__ = ["__version__", "load", "run"]
 
 

@@ -5,13 +5,15 @@ import hashlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from cmacexp.cli.command import command
 from cmacexp.cli.viewer import open_window, require_display, serve_web
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import is_run, runs_below
+from cmacexp.data.discovery import is_run, require_place, runs_below
+from cmacexp.data.files import sha256
 from cmacexp.data.hashes import find_fault, was_written
+from cmacexp.data.places import update_place
 from cmacexp.data.tables import BODY, RECORDING, steps_by_cycle
 from cmacexp.data.trace_writer import LAST_STEPS
 from cmacexp.errors import BadInput, BadRun
@@ -69,7 +71,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
 
     Raises:
         BadRun: the run has no readable trace or manifest, or no step.
-        BadInput: the run does not have the requested cycles, views or steps.
+        BadInput: the run does not have the requested cycles, views or steps, or another process writes to its folder.
     """
     from cmacexp.recording.window import make_window, read_cycles
     from cmacexp.recording.write import write_recording
@@ -78,9 +80,14 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     _check_views(options, [was_written(folder / BODY)])
     cycles = read_cycles(options.cycles, max(kept)) if options.cycles is not None else None
     window = make_window(kept, cycles, options.every)
-    name = write_recording(folder, manifest, path, label=folder.resolve().name, window=window, names=options.views)
+    shown: dict[str, Any] = {"label": folder.resolve().name, "window": window, "names": options.views}
     if path == folder / RECORDING:
-        manifests.update_files(folder, [RECORDING])
+        with update_place(folder, [RECORDING]) as place:
+            manifest = manifests.read(folder)  # of the run that is there now
+            name = write_recording(folder, manifest, place.new / RECORDING, **shown)
+            place.commit({**manifest, "files": manifest["files"] | {RECORDING: sha256(place.new / RECORDING)}})
+    else:
+        name = write_recording(folder, manifest, path, **shown)
     return name + window.hint + _describe_thinning(manifest)
 
 
@@ -132,6 +139,9 @@ def _out(given: str) -> Path:
     path = Path(given)
     if path.suffix != ".rrd":
         raise BadInput("--out", given, "must end in .rrd")
+    if path.is_dir():
+        raise BadInput("--out", given, "is a folder; name a file")
+    require_place("--out", path.parent)
     if any(is_run(parent) for parent in path.resolve().parents):
         raise BadInput("--out", given, "must lie outside the folders of runs")
     return path
@@ -150,9 +160,9 @@ def _read_kept(folder: Path) -> str | None:
     from cmacexp.recording.write import read_name
 
     path, files = folder / RECORDING, manifests.read(folder)["files"]
-    if not path.exists():
+    if not path.exists() or RECORDING not in files:
         return None
-    if fault := find_fault(path, files.get(RECORDING, "")):
+    if fault := find_fault(path, files[RECORDING]):
         say(f"{path}: {fault}; it is built anew", error=True)
         return None
     return read_name(path)

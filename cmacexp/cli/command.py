@@ -11,12 +11,15 @@ from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_suc
 from cmacexp.report.outputs import keep_outputs
 
 
-class Parser(argparse.ArgumentParser):
-    """Reads the arguments of a command; says what is wrong with them in one line, as all errors are."""
+def report_usage(parser: argparse.ArgumentParser, message: str) -> NoReturn:
+    """Print what is wrong with the arguments of a command, in one line as all errors are, and exit with code 2."""
+    parser.exit(2, f"error: {in_one_line(message)}; {parser.prog} --help shows how it is used\n")
 
-    def error(self, message: str) -> NoReturn:
-        """Print what is wrong, and exit with code 2."""
-        self.exit(2, f"error: {in_one_line(message)}; {self.prog} --help shows how it is used\n")
+
+class Parser(argparse.ArgumentParser):
+    """Reads the arguments of a command."""
+
+    error = report_usage
 
 
 def add_folders(parser: Parser) -> None:

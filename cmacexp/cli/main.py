@@ -3,7 +3,6 @@
 import contextlib
 import os
 import sys
-from argparse import ArgumentParser
 from pathlib import Path
 
 from hydra import main as hydra_main
@@ -11,10 +10,10 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
-from cmacexp.cli.command import Parser
+from cmacexp.cli.command import report_usage
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
-from cmacexp.config.hydra_private import skip_mode_lookup
+from cmacexp.config.hydra_private import report_parser_errors, skip_mode_lookup
 from cmacexp.config.hydra_record import make_record
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback, in_one_line
 from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such, interrupt_held_back
@@ -22,8 +21,6 @@ from cmacexp.report.outputs import keep_outputs
 from cmacexp.sweep.start import SweepRefused, SweepStart
 
 EXIT_CODES = {"completed": 0, "failed": 1, "bad input": 2, "fell": 3, "diverged": 3, "interrupted": 130}
-QUICK = 20_000
-"""Steps of all legs in a cycle that are planned in less than a second or two."""
 OUTCOMES = (
     ((BadInput, *COMPOSITION_ERRORS), "bad input"),  # before OSError, which some of them are
     ((CmacexpError, OSError, MemoryError), "failed"),
@@ -38,7 +35,7 @@ def main() -> int:
         The exit code: 0 completed, 1 failed, 2 bad input and nothing simulated, 3 diverged or fell, 130 interrupted.
     """
     keep_outputs()
-    ArgumentParser.error = Parser.error  # type: ignore  # Hydra's prints nine lines
+    report_parser_errors(report_usage)
     os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions reach the lines below, instead of Hydra's own printing
     skip_mode_lookup(sys.argv[1:])
     task = _Task()
@@ -114,6 +111,7 @@ class _Task:
             from cmacexp.report.terminal import (
                 activity,
                 announce_compiling,
+                describe_planning,
                 print_summary,
                 progress,
                 say,
@@ -124,8 +122,7 @@ class _Task:
 
         announce_compiling()
         check_metric(config.optimize, config.machine.kind)
-        steps = config.steps_per_cycle
-        with activity(f"planning {steps} steps a cycle", shown=steps * config.legs > QUICK):
+        with activity(describe_planning(config)):
             scenario = make_scenario(config)
         for text in warnings_of(config, HydraConfig.get().overrides.task, composed):
             say(f"warning: {text}", error=True)

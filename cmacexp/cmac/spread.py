@@ -2,12 +2,15 @@
 
 import numpy as np
 
+from cmacexp.config.memory import available_memory
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import kernel_apart
 from cmacexp.typing import Array, Cells
 
 MOST_ENTRIES = 2**27
 """Largest number of active weights, over all steps of a cycle and their neighbours, in :func:`spread_shares`."""
+SAMPLE_BYTES, ACTIVE_BYTES, WEIGHT_BYTES = 400, 16, 24
+"""Bytes of a sample of one leg, of each of its active weights, and of each weight that learns from its error."""
 
 
 def binomial(window: int) -> Array:
@@ -20,6 +23,41 @@ def binomial(window: int) -> Array:
     for _ in range(2 * window):
         taps = np.convolve(taps, [0.5, 0.5])
     return taps
+
+
+def estimate_memory(cells: Cells, window: int) -> float:
+    """Bytes that :func:`spread_shares` needs at most; a weight learns from an error if it is active near its sample.
+
+    Args:
+        cells: (N, L, C): active weights of each sample of the cycle.
+        window: samples on each side.
+    """
+    samples, legs, active = cells.shape
+    entered = (cells != np.roll(cells, 1, axis=0)).sum(axis=2)
+    total = np.cumsum(np.concatenate([entered, entered[: 2 * window]]), axis=0)
+    most = active + (total[2 * window : samples + 2 * window] - total[:samples]).max(initial=0)
+    return float(samples * legs * (SAMPLE_BYTES + ACTIVE_BYTES * active + WEIGHT_BYTES * most))
+
+
+def _check_window(cells: Cells, window: int) -> None:
+    """Check that a window is shorter than the cycle, and that the machine has the memory and time for it.
+
+    Raises:
+        BadInput: it is not.
+    """
+    samples = len(cells)
+    if 2 * window + 1 > samples:
+        raise BadInput("learning.window", window, f"must be below {(samples + 1) // 2}, half the samples of a cycle")
+    if cells.size * (2 * window + 1) > MOST_ENTRIES:
+        raise BadInput(
+            "learning.window", window, f"must be below {MOST_ENTRIES // (2 * cells.size)} with this network"
+        )
+    needed, available = estimate_memory(cells, window), available_memory()
+    if needed > available:
+        need = (
+            f"needs about {needed / 1e9:.1f} GB with {samples} steps a cycle, but there are {available / 1e9:.1f} GB"
+        )
+        raise BadInput("learning.window", window, f"{need}: take a smaller one, or a larger sampling_period")
 
 
 def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, Array]:
@@ -38,12 +76,7 @@ def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, 
         BadInput: the window is wider than the cycle, or needs too much memory.
     """
     samples, legs, active = cells.shape
-    if 2 * window + 1 > samples:
-        raise BadInput("learning.window", window, f"must be below {(samples + 1) // 2}, half the samples of a cycle")
-    if cells.size * (2 * window + 1) > MOST_ENTRIES:
-        raise BadInput(
-            "learning.window", window, f"must be below {MOST_ENTRIES // (2 * cells.size)} with this network"
-        )
+    _check_window(cells, window)
     power = (activation**2).sum(axis=2, keepdims=True)
     share = np.divide(activation, power, out=np.zeros_like(activation), where=power > 0.0)
     taps = np.repeat(binomial(window), active)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.cmac.addressing import address_batch, count_outside
+from cmacexp.cmac.changes import find_entered
 from cmacexp.cmac.network import Cmac
 from cmacexp.config.cmac import MOST_POSITIONS
 from cmacexp.typing import Array, Cells
@@ -28,12 +29,13 @@ class MemoryUse(NamedTuple):
 def memory_use(cmac: Cmac, inputs: Array, cells: Cells) -> MemoryUse:
     """Use of the memory of ``cmac`` by a path of inputs (samples, n), whose rows are ``cells`` (samples, C)."""
     params = cmac.address
-    used, row_of = np.unique(cells, return_inverse=True)
     clipped = count_outside(params.ranges, inputs)
     if cmac.layers * params.resolution_elements ** inputs.shape[1] > MOST_POSITIONS:
+        used = np.unique(cells[find_entered(cells)])
         return MemoryUse(params.rows, len(used), None, None, clipped)
     positions = np.empty((len(inputs), cmac.layers), dtype=np.uint64)
     address_batch(params._replace(hashed=False), inputs, positions)
-    visited, first = np.unique(positions, return_index=True)
-    shared = np.bincount(row_of.ravel()[first], minlength=len(used))
-    return MemoryUse(params.rows, len(used), len(visited), int(shared[shared > 1].sum()), clipped)
+    entered = find_entered(positions)
+    visited, first = np.unique(positions[entered], return_index=True)
+    used, sharing = np.unique(cells[entered][first], return_counts=True)
+    return MemoryUse(params.rows, len(used), len(visited), int(sharing[sharing > 1].sum()), clipped)

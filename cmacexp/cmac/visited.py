@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cmacexp.cmac.changes import find_entered
 from cmacexp.errors import BadInput
 from cmacexp.typing import Cells
 
@@ -26,13 +27,12 @@ class Visited:
     positions: Positions = field(default_factory=lambda: np.zeros(0, dtype=np.uint64))
 
     def assign_rows(self, positions: Positions) -> Cells:
-        """Rows of cells, in an array of any shape; new cells get the next rows, in the order of this array.
+        """Rows (samples, C) of cells (samples, C); new cells get the next rows, in the order of this array.
 
         Raises:
             BadInput: there are more cells than rows; no row is assigned.
         """
-        flat = positions.ravel()
-        new, first = np.unique(flat, return_index=True)
+        new, first = np.unique(positions[find_entered(positions)], return_index=True)
         fresh = ~np.isin(new, self.positions)
         known = np.concatenate([self.positions, new[fresh][np.argsort(first[fresh])]])
         if len(known) > self.rows:
@@ -44,5 +44,5 @@ class Visited:
             )
         self.positions = known
         order = np.argsort(known)
-        rows: Cells = order[np.searchsorted(known, flat, sorter=order)].astype(np.uint32)
-        return rows.reshape(positions.shape)
+        rows: Cells = order[np.searchsorted(known, positions, sorter=order)].astype(np.uint32)
+        return rows

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from cmacexp.config.fields import number
+from cmacexp.config.machine import HAS_BODY
 
 
 @dataclass
@@ -25,7 +26,9 @@ class TerrainConfig:
     """When the stiffness steps; null: never."""
     step_factor: float = number("", at_least=1e-3, at_most=1e3, needs=".step_time!=null")
     """K_n after the step over that before it."""
-    step_legs: list[int] | None = number("", at_least=1, at_most=4, needs=".step_time!=null and .step_factor!=1")
+    step_legs: list[int] | None = number(
+        "", at_least=1, at_most=4, needs=f".step_time!=null and .step_factor!=1 and {HAS_BODY}"
+    )
     """Legs under which it steps, by their numbers; null: all."""
     slope: float = number("", above=-1, below=1)
     """Rise of the ground over distance, m/m; 0: flat. Its vertical stiffness is that of flat ground."""

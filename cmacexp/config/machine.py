@@ -6,6 +6,9 @@ from cmacexp.config.fields import choice, number
 from cmacexp.robots.find import find_model
 from cmacexp.robots.model import Robot, read_robot
 
+HAS_BODY = "machine.kind=quadruped|robot"
+"""What fields that concern a body, or choose among legs, need to have an effect."""
+
 
 @dataclass
 class LinksConfig:

@@ -7,8 +7,8 @@ from cmacexp.config.component import COMPONENTS, ComponentConfig, MemoryNeed
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
-PROGRAM = 260e6
-"""Bytes of the program itself, its libraries included."""
+PROGRAM = 320e6
+"""Bytes of the program itself, its libraries and compiling included."""
 PLAN = 245
 """Bytes per sample and leg of a cycle that its plan needs."""
 LOOP = 530

@@ -10,10 +10,8 @@ from cmacexp.config.cmac import ACTS, CmacConfig
 from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
-from cmacexp.config.machine import BodyMachine
+from cmacexp.config.machine import HAS_BODY, BodyMachine
 
-HAS_BODY = "machine.kind=quadruped|robot"
-"""What fields of a body need."""
 LEARNS = "feedforward!=none|inverse_dynamics"
 """What fields of learning need beside :data:`ACTS`."""
 HASHED = "cmac.addressing=hashed and learning.start_from=null"

@@ -8,7 +8,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.files import NEW
 from cmacexp.errors import BadInput, BadRun
 
-HYDRA = ".hydra"
+HYDRA_FOLDER = ".hydra"
 """Folder of Hydra's own record, in that of a run."""
 
 
@@ -19,7 +19,7 @@ def is_run(folder: Path) -> bool:
 
 
 def _is_marked(folder: Path) -> bool:
-    return any((folder / name).exists() for name in (manifests.NAME, HYDRA, NEW))
+    return any((folder / name).exists() for name in (manifests.NAME, HYDRA_FOLDER, NEW))
 
 
 def _walk(folder: Path, skip: Callable[[Path, str], None]) -> Iterator[Path]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.config import config_hash
-from cmacexp.data.files import sha256, write_atomically
+from cmacexp.data.files import write_atomically
 from cmacexp.data.manifest_fields import LATER, find_wrong
 from cmacexp.data.manifest_fields import REPORT as REPORT
 from cmacexp.data.manifest_fields import SWEEP as SWEEP
@@ -119,10 +119,3 @@ def lists_no_run(folder: Path) -> bool:
         return "kind" in read(folder)
     except BadRun:
         return False
-
-
-def update_files(folder: Path, names: list[str], **entries: Any) -> None:
-    """Put the present hash of rewritten files, and other new entries, into the manifest of ``folder``."""
-    manifest = {**read(folder), **entries}
-    manifest["files"].update({name: sha256(folder / name) for name in names})
-    write(folder, manifest)

@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import HYDRA
+from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import FAILED, LOCK, NEW, remove_leftovers
 from cmacexp.data.staging import Place, is_taken, refuse_if_taken, replacing
 from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, METRICS_CSV, RECORDING, TRACE
@@ -44,14 +44,18 @@ def _find_run(folder: Path, key: str) -> frozenset[str]:
         raise BadInput(key, folder, f"holds a {manifest['kind']}; choose another folder")
     remove_leftovers(folder, (*RUN_FILES, manifests.NAME))
     earlier = frozenset(manifest["files"]) & frozenset(RUN_FILES) if manifest is not None else frozenset[str]()
+    recorded = manifest is None and (folder / HYDRA_FOLDER).exists()
     for name in RUN_FILES:
+        if recorded and is_taken(folder / name):  # up to 0.2 a run that was killed left them so
+            reason = f"holds {name} but no {manifests.NAME}, as a run of an earlier version that was killed; "
+            raise BadInput(key, folder, f"{reason}move or delete that folder, then repeat the command")
         if name not in earlier:
             refuse_if_taken(folder, name, key)
-    if manifest is None and (folder / HYDRA).exists():
-        others = set(os.listdir(folder)) - {HYDRA, NEW, FAILED, LOCK}
+    if recorded:
+        others = set(os.listdir(folder)) - {HYDRA_FOLDER, NEW, FAILED, LOCK}
         if others:  # a run that was killed leaves nothing else
-            reason = f"holds the results of another program ({min(others)}); choose another folder, or remove {HYDRA}"
-            raise BadInput(key, folder, reason)
+            reason = f"holds the results of another program ({min(others)}); "
+            raise BadInput(key, folder, f"{reason}choose another folder, or remove {HYDRA_FOLDER}")
     return earlier
 
 

@@ -1,6 +1,6 @@
 """A run on disk: its manifest, and its tables as DataFrames."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -18,6 +18,25 @@ from cmacexp.errors import BadRun, CmacexpError
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+def _count_steps(config: Mapping[str, Any]) -> int:
+    return count_steps(config["gait"]["cycle_time"], config["sampling_period"])
+
+
+def _count_whole(manifest: manifests.Manifest) -> int:
+    return int(manifest["steps"]) // _count_steps(manifest["config"])
+
+
+def select_whole(manifest: manifests.Manifest, kept: Iterable[int]) -> list[int]:
+    """Those of the cycles in a trace that are whole there, but for the thinning of their steps.
+
+    Args:
+        manifest: of the run.
+        kept: cycles of which the trace has a step; a run that did not complete keeps its last steps.
+    """
+    asked = manifest["config"].get("record", {}).get("cycles")
+    return [cycle for cycle in kept if cycle <= _count_whole(manifest) and (asked is None or cycle in asked)]
 
 
 @dataclass(frozen=True)
@@ -56,21 +75,16 @@ class StoredRun:
     @property
     def steps_per_cycle(self) -> int:
         """Samples of one cycle."""
-        return count_steps(self.config["gait"]["cycle_time"], self.config["sampling_period"])
+        return _count_steps(self.config)
 
     @property
     def whole_cycles(self) -> int:
         """Number of cycles that the run completed."""
-        return int(self.manifest["steps"]) // self.steps_per_cycle
+        return _count_whole(self.manifest)
 
     def select_whole(self, kept: Iterable[int]) -> list[int]:
-        """Those of the cycles in the trace that are whole there, but for the thinning of their steps.
-
-        Args:
-            kept: cycles of which the trace has a step; a run that did not complete keeps its last steps.
-        """
-        asked = self.config.get("record", {}).get("cycles")
-        return [cycle for cycle in kept if cycle <= self.whole_cycles and (asked is None or cycle in asked)]
+        """Those of the cycles ``kept`` in the trace that are whole, see :func:`select_whole`."""
+        return select_whole(self.manifest, kept)
 
     @property
     def last_cycle(self) -> int:

@@ -13,7 +13,7 @@ from cmacexp.config import Config, to_plain
 from cmacexp.config.machine import RobotMachine
 from cmacexp.control import HybridController, Learns
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import HYDRA
+from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import DiskFull, sha256
 from cmacexp.data.places import RUN_KEY, run_place
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MODEL_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
@@ -207,7 +207,7 @@ def run_scenario(
     with nullcontext(folder) if isinstance(folder, Place) else run_place(folder) as place:
         _refuse_own_weights(config, place.folder)
         for name, text in (record or {}).items():
-            place.write_text(f"{HYDRA}/{name}", text)
+            place.write_text(f"{HYDRA_FOLDER}/{name}", text)
         manifest, lost = _write(scenario, place, watch, warn)
         if lost and place.earlier:
             raise lost[0]

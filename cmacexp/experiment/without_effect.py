@@ -12,7 +12,7 @@ from cmacexp.config import Config, to_config
 from cmacexp.config.effect import Effects, read_effects
 from cmacexp.errors import CmacexpError, format_value
 
-HYDRA = "hydra"
+HYDRA_GROUP = "hydra"
 """First part of keys that are Hydra's, not the run's."""
 
 
@@ -31,7 +31,7 @@ def read_typed(overrides: Sequence[str]) -> list[Typed]:
     found = []
     for override in parsed:
         key = override.key_or_group
-        own = re.split(r"[./@]", key)[0] != HYDRA
+        own = re.split(r"[./@]", key)[0] != HYDRA_GROUP
         if own and not override.is_delete() and not override.is_sweep_override():
             found += [
                 Typed(place, value, str(override.input_line)) for place, value in _leaves(key, override.value())
@@ -89,7 +89,7 @@ def warnings_of_sweep(kinds: Iterable[tuple[DictConfig, Sequence[Sequence[str]]]
     """
     found: dict[str, str] = {}
     for composed, jobs in kinds:
-        plain = OmegaConf.masked_copy(composed, [str(key) for key in composed if key != HYDRA])
+        plain = OmegaConf.masked_copy(composed, [str(key) for key in composed if key != HYDRA_GROUP])
         try:
             config = to_config(plain)
         except CmacexpError:  # its jobs say what is wrong

@@ -1,22 +1,27 @@
 """One CMAC per leg as a feedforward."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange, spanning
+from cmacexp.cmac.receptive_field import RECTANGULAR
 from cmacexp.cmac.use import memory_use
 from cmacexp.config import Config, FeedforwardConfig
 from cmacexp.config.component import MemoryNeed
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.planning.setup import Setup
-from cmacexp.typing import Weights
+from cmacexp.typing import Array, Weights
 
-CELL_BYTES = 16
-"""Bytes of an active cell in the tables of a cycle, while they are made: its row twice, its activation."""
-VISIT_BYTES = 38
-"""Bytes of an active cell of one leg while the cells that its path visits are counted, which sorts them."""
+ROW_BYTES, ACTIVATION_BYTES = 4, 8
+"""Bytes of an active cell in the tables of a cycle: its row, and its activation where that is not always 1."""
+FIND_BYTES, ASSIGN_BYTES, SORT_BYTES = 10, 28, 30
+"""Bytes of an active cell of one leg while visited cells are counted, while each is given a row of its own, and of a
+cell that is new at its sample, which is sorted."""
+CROSSINGS = 4
+"""How often an input of a path goes through its span in a cycle."""
 
 
 class CmacFeedforward(BuiltInFeedforward):
@@ -27,10 +32,19 @@ class CmacFeedforward(BuiltInFeedforward):
         """No fields of its own: those of ``cmac`` and ``learning``."""
 
         def memory_need(self, config: Config) -> MemoryNeed:
-            """Of the cells of every sample: tables of all legs, and finding those that one leg visits."""
-            cells = config.steps_per_cycle * config.cmac.layers
-            size = cells * (CELL_BYTES * config.legs + VISIT_BYTES)
-            return MemoryNeed(size, "cmac.layers", config.cmac.layers)
+            """Of the cells of every sample, and of copies of the weights: those to start from, and those to keep."""
+            cmac, legs = config.cmac, config.legs
+            weighted = cmac.receptive_field != "rectangular" or config.learning.rule != "paper"
+            table = legs * (ROW_BYTES + ACTIVATION_BYTES * weighted)
+            inputs, steps = 2 * len(cmac.inputs), config.steps_per_cycle
+            new = CROSSINGS * inputs * cmac.resolution_elements / cmac.range_factor  # in each layer, in a cycle
+            search = ASSIGN_BYTES if cmac.addressing == "visited" else FIND_BYTES
+            cells = steps * cmac.layers * (table + search + SORT_BYTES * min(1.0, new / steps))
+            copies = config.record.weights + 2 * (config.learning.start_from is not None)
+            weights = legs * cmac.memory_bytes * copies
+            if weights > cells:
+                return MemoryNeed(cells + weights, "cmac.memory_bytes", cmac.memory_bytes)
+            return MemoryNeed(cells + weights, "cmac.layers", cmac.layers)
 
     def reset(self, setup: Setup) -> None:
         """Compute the cells of every sample; start with empty memories, or with those of an earlier run."""
@@ -44,14 +58,26 @@ class CmacFeedforward(BuiltInFeedforward):
         for i, cmac in enumerate(self.cmacs):
             if learnt is not None and cmac.visited is not None:
                 cmac.visited.positions = learnt[f"visited_{i + 1}"]
-        own_cells = [cmac.cells(own) for cmac, own in zip(self.cmacs, inputs, strict=True)]
-        activation = np.stack([cmac.activation(own) for cmac, own in zip(self.cmacs, inputs, strict=True)], axis=1)
-        self.params = network(setup, np.stack(own_cells, axis=1), self.cmacs[0].address.rows, activation)
+        cells = np.empty((len(inputs[0]), len(inputs), config.cmac.layers), dtype=np.uint32)
+        for i, (cmac, own) in enumerate(zip(self.cmacs, inputs, strict=True)):
+            cells[:, i] = cmac.cells(own)
+        self.params = network(setup, cells, self.cmacs[0].address.rows, self._activations(inputs))
         for cmac, own in zip(self.cmacs, self.params.weights, strict=True):
             cmac.weights = own
         if learnt is not None:
             self.params.weights[:] = learnt["weights"]
-        self.memory = list(map(memory_use, self.cmacs, inputs, own_cells))
+        self.memory = [
+            memory_use(cmac, own, cells[:, i]) for i, (cmac, own) in enumerate(zip(self.cmacs, inputs, strict=True))
+        ]
+
+    def _activations(self, inputs: Sequence[Array]) -> Array | None:
+        """Of the cells of all legs, (N, L, C); None: all are 1."""
+        if self.cmacs[0].receptive_field == RECTANGULAR:
+            return None
+        activations = np.empty((len(inputs[0]), len(inputs), self.cmacs[0].layers))
+        for i, (cmac, own) in enumerate(zip(self.cmacs, inputs, strict=True)):
+            activations[:, i] = cmac.activation(own)
+        return activations
 
     def learnt(self) -> Weights:
         """``weights`` (L, rows, J), N m; ``ranges`` (L, 2, n) of the inputs, low and high; ``seed`` of the hash.

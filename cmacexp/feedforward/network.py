@@ -69,12 +69,11 @@ def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
     return setup.plan.joints[:, i, [column for name in names for column in JOINT_COLUMNS[name][:joints]]]
 
 
-def _learning(setup: Setup, cells: Cells, activation: Array) -> LearningParams:
-    """How a network of these cells and activations (N, L, C) learns."""
+def _learning(setup: Setup, cells: Cells, activation: Array, binary: bool) -> LearningParams:
+    """How a network of these cells and activations (N, L, C) learns; ``binary``: two joints, activations of 1."""
     config = setup.config.learning
     rule = make_rule(config, activation)
-    plain = rule == PAPER and bool((activation == 1.0).all()) and setup.mechanism.shape[1] == 2
-    params = LearningParams(config.rate, setup.lead, rule, plain, setup.plan.start_step)
+    params = LearningParams(config.rate, setup.lead, rule, rule == PAPER and binary, setup.plan.start_step)
     if rule.teaches != NEIGHBOURS:
         return params
     spread_cells, share = spread_shares(cells, activation, config.window)
@@ -111,13 +110,15 @@ def network(
     """
     legs, joints = setup.mechanism.shape
     cells = np.ascontiguousarray(cells, dtype=np.uint32)
-    counts = np.ones(cells.shape) if activation is None else np.ascontiguousarray(activation, dtype=float)
-    learning = _learning(setup, cells, counts)
+    # The paper's law is written for the two joints of a planar leg.
+    binary = joints == 2 and (activation is None or bool((activation == 1.0).all()))
+    counts = np.broadcast_to(1.0, cells.shape) if activation is None else activation  # which takes no memory
+    learning = _learning(setup, cells, counts, binary)
     return FeedforwardParams(
-        CMAC if (counts == 1.0).all() and joints == 2 else WEIGHTED,
+        CMAC if binary else WEIGHTED,
         np.zeros((1, legs, joints)),
         cells,
-        np.zeros((1, legs, 1)) if learning.plain else counts,
+        np.zeros((1, legs, 1)) if learning.plain else np.ascontiguousarray(counts, dtype=float),
         np.zeros((legs, rows, joints)),
         learning,
         NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows)),

@@ -81,10 +81,10 @@ class RadialBasis(BuiltInFeedforward):
                 )
 
         def memory_need(self, config: Config) -> MemoryNeed:
-            """Of the distances of every sample of a leg from every centre, along each input and in all."""
+            """Of the distances of every sample of a leg, or of every centre, from every centre, along each input."""
             inputs = 2 * len(self.inputs)
-            size = 8 * config.steps_per_cycle * self.centres * (inputs + 1)
-            return MemoryNeed(size, "feedforward.centres", self.centres)
+            samples = max(config.steps_per_cycle * (inputs + 1), self.centres * (2 * inputs + 1))
+            return MemoryNeed(8 * samples * self.centres, "feedforward.centres", self.centres)
 
     def __init__(self, inputs: Sequence[str], centres: int, active: int, width: float):
         self.inputs = list(inputs)

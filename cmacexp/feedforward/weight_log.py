@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from cmacexp.cmac.changes import find_entered
 from cmacexp.data.signals import FEEDFORWARD, MEMORY_SIGNALS
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import CLOCK, Array, Cells, Clock, Counts
@@ -31,7 +32,7 @@ class WeightLog(NamedTuple):
 
 def new_log(cells: Cells) -> WeightLog:
     """An empty log of networks whose active rows are ``cells`` (N, L, C)."""
-    legs = [np.unique(cells[:, i]) for i in range(cells.shape[1])]
+    legs = [np.unique(own[find_entered(own)]) for own in np.moveaxis(cells, 1, 0)]
     rows = np.zeros((len(legs), max(map(len, legs))), dtype=np.uint32)
     for own, found in zip(rows, legs, strict=True):
         own[: len(found)] = found

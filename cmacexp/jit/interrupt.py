@@ -4,39 +4,19 @@ Python raises an interrupt between any two instructions. In the midst of an impo
 damages what is being made; in a function that a library calls back, Python prints the interrupt and drops it.
 """
 
-import os.path
+import os
 import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
 from typing import Any
 
-# No other module is imported here: until begin_command an interrupt ends a command with a stack trace.
+from cmacexp.jit.keyboard import Keyboard, handle
 
 SOON = 0.01
 """Seconds until an interrupt is raised again that a function called by a library has dropped."""
-COMMANDS = ("cmacexp", "pipelines")
-"""Packages whose modules are commands, and the name of the script."""
 
-
-class _Keyboard:
-    """Interrupts of this process."""
-
-    holds = False
-    """Whether an interrupt waits."""
-    waits = False
-    """Whether one does."""
-    is_command = False
-
-
-def _handle(number: int, frame: FrameType | None) -> None:
-    """Note an interrupt that has to wait; a second one does not."""
-    if _Keyboard.holds and not _Keyboard.waits:
-        _Keyboard.waits = True
-        return
-    _Keyboard.waits = False
-    raise KeyboardInterrupt
+CAN_BLOCK = hasattr(signal, "pthread_sigmask")
 
 
 def raise_if_interrupted() -> None:
@@ -45,8 +25,8 @@ def raise_if_interrupted() -> None:
     Raises:
         KeyboardInterrupt: there was one.
     """
-    if _Keyboard.waits:
-        _Keyboard.waits = False
+    if Keyboard.waits:
+        Keyboard.waits = False
         raise KeyboardInterrupt
 
 
@@ -58,50 +38,104 @@ def _is_heeded() -> bool:
     return is_main and signal.getsignal(signal.SIGINT) not in (signal.SIG_IGN, None)
 
 
+def _interrupt_again() -> None:
+    """Interrupt the main thread as the keyboard does."""
+    if Keyboard.blocked:  # one that is sent to the thread itself would wait for ever
+        os.kill(os.getpid(), signal.SIGINT)
+    elif hasattr(signal, "pthread_kill"):
+        import threading
+
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+    else:
+        signal.raise_signal(signal.SIGINT)
+
+
 @contextmanager
 def interrupt_held_back() -> Iterator[None]:
     """Hold back an interrupt until the end, or until :func:`raise_if_interrupted`; a second one is raised at once."""
     if not _is_heeded():
         yield
         return
-    handler, held = signal.getsignal(signal.SIGINT), _Keyboard.holds
-    _Keyboard.holds, _Keyboard.waits = True, held and _Keyboard.waits
-    signal.signal(signal.SIGINT, _handle)
+    handler, held = signal.getsignal(signal.SIGINT), Keyboard.holds
+    Keyboard.holds, Keyboard.waits = True, held and Keyboard.waits
+    signal.signal(signal.SIGINT, handle)
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, handler)
-        _Keyboard.holds = held
-        if _Keyboard.waits and not held:
-            _Keyboard.waits = False
-            signal.raise_signal(signal.SIGINT)
+        Keyboard.holds = held
+        if Keyboard.waits and not held:
+            Keyboard.waits = False
+            _interrupt_again()
 
 
 @contextmanager
 def interrupt_let_through() -> Iterator[None]:
     """Raise an interrupt at once, also inside :func:`interrupt_held_back`: around code that may take any time."""
-    held = _Keyboard.holds
+    held = Keyboard.holds
     if not (held and _is_heeded()):
         yield
         return
-    _Keyboard.holds = False
+    Keyboard.holds = False
     try:
         raise_if_interrupted()
         yield
     finally:
-        _Keyboard.holds = held
+        Keyboard.holds = held
+
+
+def _start_tracker() -> None:
+    """Start what Python starts before its first process of :mod:`multiprocessing`, and then unblocks interrupts."""
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()
 
 
 @contextmanager
 def interrupt_blocked() -> Iterator[None]:
     """Have processes that begin meanwhile inherit that they are not interrupted; this one is afterwards."""
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    if not CAN_BLOCK:
+        yield
+        return
+    _start_tracker()
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield
     finally:
-        if hasattr(signal, "pthread_sigmask"):
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+
+
+def block_interrupts_of_children() -> None:
+    """Have all processes that this one begins from now on inherit that they are not interrupted; this one still is.
+
+    The main thread and those that it starts block interrupts, one other thread lets them through to Python, which
+    raises them in the main thread.
+    """
+    if CAN_BLOCK and _is_heeded():
+        import threading
+
+        _start_tracker()
+        threading.Thread(target=threading.Event().wait, daemon=True).start()
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        Keyboard.blocked = True
+
+
+@contextmanager
+def interrupt_unblocked() -> Iterator[None]:
+    """Heed interrupts in a process that began without, also one that has come since.
+
+    Raises:
+        KeyboardInterrupt: there was one.
+    """
+    if not CAN_BLOCK:
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    try:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])  # raises one that has come
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -122,31 +156,14 @@ def interrupt_as_such() -> Iterator[None]:
         raise
 
 
-def _name_command() -> str:
-    """The module that Python runs, or the name of its script."""
-    if sys.argv[:1] == ["-m"]:  # Python imports the packages of the module that follows
-        return sys.orig_argv[sys.orig_argv.index("-m") + 1]
-    main = sys.modules["__main__"]
-    spec, file = getattr(main, "__spec__", None), getattr(main, "__file__", None)
-    return str(spec.name) if spec is not None else os.path.basename(file or "")
-
-
-def begin_command() -> None:
-    """Hold back interrupts while a command imports its modules, until :func:`heed_interrupts`; else do nothing."""
-    is_default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if is_default and _name_command().partition(".")[0] in COMMANDS:
-        signal.signal(signal.SIGINT, _handle)
-        _Keyboard.holds = _Keyboard.is_command = True
-
-
 def heed_interrupts() -> None:
-    """Raise interrupts from now on, also the one that has come since :func:`begin_command`.
+    """Raise interrupts from now on, also the one that has come since :func:`cmacexp.jit.keyboard.begin_command`.
 
     Raises:
         KeyboardInterrupt: there was one.
     """
-    if _Keyboard.is_command:
-        _Keyboard.holds = False
+    if Keyboard.is_command:
+        Keyboard.holds = False
         if hasattr(signal, "pthread_kill"):
             sys.unraisablehook = _raise_again
         raise_if_interrupted()
@@ -157,13 +174,13 @@ def _raise_again(dropped: Any) -> None:
     if isinstance(dropped.exc_value, KeyboardInterrupt):
         import threading
 
-        threading.Timer(SOON, signal.pthread_kill, (threading.main_thread().ident, signal.SIGINT)).start()
+        threading.Timer(SOON, _interrupt_again).start()
     else:
         sys.__unraisablehook__(dropped)
 
 
 def end_command() -> None:
     """Ignore interrupts while a command, which has done its work, leaves Python."""
-    if _Keyboard.is_command:
+    if Keyboard.is_command:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         exec("")  # else Python, after an interrupt in code that a library executed as text, kills itself by a signal

@@ -28,7 +28,7 @@ SPATIAL: dict[str, Metric[Block]] = {
         NO_TRANSFER,
         BRISTOW,
         lambda b: rms(b.error["z"], b.transfer),
-        shown=Shown("transfer z", "mm", 1e3, instead="transfer_rmse"),
+        shown=Shown("transfer z", "mm", 1e3, head="z\nerror", instead="transfer_rmse"),
     ),
     "transfer_rmse": rms_error(
         "m",

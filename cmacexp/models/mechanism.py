@@ -11,7 +11,16 @@ import numpy as np
 
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.chain import chain_kinematics
-from cmacexp.models.leg import Leg, Trig, foot_position, foot_velocity, inverse_dynamics, joint_torque, trigonometry
+from cmacexp.models.leg import (
+    Leg,
+    Trig,
+    foot_position,
+    foot_velocity,
+    inverse_dynamics,
+    joint_torque,
+    trigonometry,
+    turned_trigonometry,
+)
 from cmacexp.typing import Array
 
 POINT_MASS = 0
@@ -82,6 +91,16 @@ def update_geometry(mechanism: Mechanism, q: Array, geometry: Array) -> None:
                 update_chain(mechanism.chains, i, q, geometry)
             else:
                 geometry[i, 0], geometry[i, 1], geometry[i, 2], geometry[i, 3] = trigonometry(q[i, 0], q[i, 1])
+
+
+@kernel
+def turn_geometry(mechanism: Mechanism, q: Array, geometry: Array, near_q: Array, near: Array) -> None:
+    """:func:`update_geometry` of planar legs in less time, from ``near`` of ``near_q`` (L, 2), close to ``q``."""
+    if mechanism.kind != POINT_MASS:
+        for i in range(q.shape[0]):
+            geometry[i, 0], geometry[i, 1], geometry[i, 2], geometry[i, 3] = turned_trigonometry(
+                q[i, 0], q[i, 1], get_trig(near, i), near_q[i, 0], near_q[i, 1]
+            )
 
 
 @kernel

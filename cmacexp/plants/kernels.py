@@ -27,6 +27,7 @@ from cmacexp.models.mechanism import (
     get_trig,
     move_foot,
     place_foot,
+    turn_geometry,
     update_geometry,
 )
 from cmacexp.typing import Array, Clock, Scratch, State
@@ -87,6 +88,8 @@ class PlantState(NamedTuple):
     """Of the joint angles, see :func:`cmacexp.models.mechanism.update_geometry`."""
     stages: Scratch
     """(6, L, 2): joint angles and velocities of one stage of the integration, accelerations of all four."""
+    stage_geometry: Scratch
+    """As ``geometry``, of one stage."""
 
 
 def new_state(legs: int, axes: tuple[int, ...] = PLANE) -> PlantState:
@@ -101,18 +104,19 @@ def new_state(legs: int, axes: tuple[int, ...] = PLANE) -> PlantState:
         clock=np.zeros(1),
         geometry=np.zeros((legs, GEOMETRY_FIELDS[axes])),
         stages=np.zeros((6, legs, len(axes))),
+        stage_geometry=np.zeros((legs, GEOMETRY_FIELDS[axes])),
     )  # fmt: skip
 
 
 @kernel
-def stand_force(params: PlantParams, i: int, dq: Array, state: PlantState) -> float:
+def stand_force(params: PlantParams, i: int, dq: Array, geometry: Array, state: PlantState) -> float:
     """Contact force, N, of foot ``i`` whose hip does not move, at joint velocities ``dq`` (L, 2)."""
     depression = state.foot[i, 1] - params.mechanism.hip_height - state.level[i]
     if params.ground.damping == 0.0:
         return contact_force(state.stiffness[i], depression)
     along, rate = dq[i, 0], dq[i, 1]
     if params.mechanism.kind != POINT_MASS:
-        along, rate = foot_velocity(get_leg(params.mechanism, i), get_trig(state.geometry, i), dq[i, 0], dq[i, 1])
+        along, rate = foot_velocity(get_leg(params.mechanism, i), get_trig(geometry, i), dq[i, 0], dq[i, 1])
     rate += grade_at(params.ground, state.foot[i, 0]) * along
     return damped_force(state.stiffness[i], params.ground.damping, depression, rate)
 
@@ -149,29 +153,30 @@ def balance_body(params: PlantParams, state: PlantState, time: float) -> bool:
 
 
 @kernel
-def contact(params: PlantParams, q: Array, dq: Array, state: PlantState, time: float, x: float) -> None:
+def contact(
+    params: PlantParams, q: Array, dq: Array, geometry: Array, state: PlantState, time: float, x: float
+) -> None:
     """Compute feet and contact forces at joint angles ``q`` and velocities ``dq``, each (L, 2); fills ``state``.
 
-    ``time``, s, has passed since the step began, and the body is at ``x``, m.
+    ``geometry`` is of ``q``; ``time``, s, has passed since the step began, and the body is at ``x``, m.
     """
     mechanism = params.mechanism
-    update_geometry(mechanism, q, state.geometry)
     for i in range(q.shape[0]):
         if mechanism.kind == POINT_MASS:
             state.foot[i, 0], state.foot[i, 1] = q[i, 0], q[i, 1]
         else:
-            place_foot(mechanism, i, state.geometry, state.foot)
+            place_foot(mechanism, i, geometry, state.foot)
     if params.ground.slope != 0.0:
         update_level(params.ground, mechanism.hips, state.foot, x, state.level)
     if mechanism.kind != LEGS_UNDER_BODY:
         for i in range(q.shape[0]):
-            state.force[i] = stand_force(params, i, dq, state)
+            state.force[i] = stand_force(params, i, dq, geometry, state)
     elif not balance_body(params, state, time):
         state.body[0] = math.nan
 
 
 @kernel
-def accelerate(params: PlantParams, state: PlantState, dq: Array, tau: Array, ddq: Array) -> None:
+def accelerate(params: PlantParams, state: PlantState, dq: Array, geometry: Array, tau: Array, ddq: Array) -> None:
     """Joint accelerations under ``tau`` and the forces in ``state``; fills ``ddq`` (Lin & Song 1997, eq. 2)."""
     for i in range(dq.shape[0]):
         leg = get_leg(params.mechanism, i)
@@ -180,7 +185,7 @@ def accelerate(params: PlantParams, state: PlantState, dq: Array, tau: Array, dd
             ddq[i, 1] = (tau[i, 1] - state.force[i]) / leg.mass_2
         else:
             ddq[i, 0], ddq[i, 1] = forward_dynamics(
-                leg, get_trig(state.geometry, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
+                leg, get_trig(geometry, i), dq[i, 0], dq[i, 1], tau[i, 0], tau[i, 1], state.force[i]
             )
 
 
@@ -205,7 +210,8 @@ def update_depression(params: PlantParams, state: PlantState) -> None:
 @kernel
 def observe(params: PlantParams, state: PlantState, time: float) -> None:
     """Update feet, forces and velocities of ``state`` to its joints, ``time`` (s) after their last update."""
-    contact(params, state.q, state.dq, state, time, state.travel[0])
+    update_geometry(params.mechanism, state.q, state.geometry)
+    contact(params, state.q, state.dq, state.geometry, state, time, state.travel[0])
     if params.ground.damping != 0.0 and params.mechanism.kind == LEGS_UNDER_BODY:
         update_depression(params, state)
     for i in range(state.q.shape[0]):
@@ -216,35 +222,37 @@ def observe(params: PlantParams, state: PlantState, time: float) -> None:
 
 
 @kernel
+def stage(
+    params: PlantParams, state: PlantState, time: float, velocity: Array, acceleration: Array, tau: Array, ddq: Array
+) -> None:
+    """A stage of a step: accelerations ``time`` (s) after its start, reached at ``velocity`` and ``acceleration``.
+
+    All arrays are (L, 2). Fills ``ddq``, and ``state.stages[1]``, which may be ``velocity``, with the new velocities.
+    """
+    q, dq, geometry = state.stages[0], state.stages[1], state.stage_geometry
+    for i in range(state.q.shape[0]):
+        for j in range(2):
+            q[i, j] = state.q[i, j] + time * velocity[i, j]
+            dq[i, j] = state.dq[i, j] + time * acceleration[i, j]
+    # From the sines at the start of the step, which are computed anew in each step: errors do not add up.
+    turn_geometry(params.mechanism, q, geometry, state.q, state.geometry)
+    contact(params, q, dq, geometry, state, time, state.travel[0] + params.speed * time)
+    accelerate(params, state, dq, geometry, tau, ddq)
+
+
+@kernel
 def runge_kutta_step(params: PlantParams, state: PlantState, tau: Array) -> None:
     """One classical fourth-order step of ``params.step``; contact forces act inside every stage.
 
-    Feet and forces in ``state`` must belong to its joints; after the step they are those of the last stage.
+    Sines, feet and forces in ``state`` must belong to its joints; after the step they do not, until :func:`observe`.
     """
-    h = params.step
-    s = state.stages
-    q, dq, k1, k2, k3, k4 = s[0], s[1], s[2], s[3], s[4], s[5]
-    legs, half_way = state.q.shape[0], state.travel[0] + 0.5 * params.speed * h
-    accelerate(params, state, state.dq, tau, k1)
-    for i in range(legs):
-        for j in range(2):
-            q[i, j] = state.q[i, j] + 0.5 * h * state.dq[i, j]
-            dq[i, j] = state.dq[i, j] + 0.5 * h * k1[i, j]
-    contact(params, q, dq, state, 0.5 * h, half_way)
-    accelerate(params, state, dq, tau, k2)
-    for i in range(legs):
-        for j in range(2):
-            q[i, j] = state.q[i, j] + 0.5 * h * dq[i, j]
-            dq[i, j] = state.dq[i, j] + 0.5 * h * k2[i, j]
-    contact(params, q, dq, state, 0.5 * h, half_way)
-    accelerate(params, state, dq, tau, k3)
-    for i in range(legs):
-        for j in range(2):
-            q[i, j] = state.q[i, j] + h * dq[i, j]
-            dq[i, j] = state.dq[i, j] + h * k3[i, j]
-    contact(params, q, dq, state, h, state.travel[0] + params.speed * h)
-    accelerate(params, state, dq, tau, k4)
-    for i in range(legs):
+    h, s = params.step, state.stages
+    dq, k1, k2, k3, k4 = s[1], s[2], s[3], s[4], s[5]
+    accelerate(params, state, state.dq, state.geometry, tau, k1)
+    stage(params, state, 0.5 * h, state.dq, k1, tau, k2)
+    stage(params, state, 0.5 * h, dq, k2, tau, k3)
+    stage(params, state, h, dq, k3, tau, k4)
+    for i in range(state.q.shape[0]):
         for j in range(2):
             # The velocities of the stages are dq, dq + h/2 k1, dq + h/2 k2, dq + h k3: their weighted sum is this.
             state.q[i, j] += h * state.dq[i, j] + h * h / 6.0 * (k1[i, j] + k2[i, j] + k3[i, j])

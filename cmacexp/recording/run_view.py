@@ -13,8 +13,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from cmacexp.config.machine import LEG_NAMES
-from cmacexp.config.schema import count_steps
+from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import as_array, is_support
+from cmacexp.data.stored_run import select_whole
 from cmacexp.data.tables import Traces
 from cmacexp.models.chain import HINGES, chain_points
 from cmacexp.models.ground import height_at
@@ -83,7 +84,7 @@ class RunView:
     cycle: Array
     body: dict[str, Array]
     """Columns of ``body.parquet``; of a stand only its constant position and orientation."""
-    config: dict[str, Any]
+    manifest: Manifest
     window: Window
     """Which of its steps these are."""
     label: str
@@ -94,20 +95,19 @@ class RunView:
     """m: the ground that is seen is so far below the centre of a foot that touches it."""
 
     @property
+    def config(self) -> dict[str, Any]:
+        """As plain dictionaries."""
+        return dict(self.manifest["config"])
+
+    @property
     def walks(self) -> bool:
         """Whether there is a body on legs."""
         return len(self.legs) > 1
 
     def whole_cycles(self) -> tuple[int, int]:
         """The first cycle and the last whole one; of a run without a whole cycle, its last."""
-        thinning = self.config.get("record", {}).get("every_nth_step", 1)
-        period = count_steps(self.config["gait"]["cycle_time"], self.config["sampling_period"])
-        cycles, counts = np.unique(self.cycle, return_counts=True)
-        # A run that did not complete keeps its last steps, thinned or not; else steps may be left out at the end.
-        left_out = self.window.every * (thinning if (self.step % thinning == 0).all() else 1)
-        ended = self.step[-1] + left_out >= cycles * period
-        whole = cycles[ended & (counts + 1 >= period // (thinning * self.window.every))]
-        return int(cycles[0]), int((whole if len(whole) else cycles)[-1])
+        shown = np.unique(self.cycle).tolist()
+        return shown[0], (select_whole(self.manifest, shown) or shown)[-1]
 
     def turn(self) -> Array:
         """Orientation of the body as quaternions (steps, 4), x y z w: roll about x, pitch about y, yaw about z."""
@@ -182,13 +182,13 @@ def _lengths(built: dict[str, Any], chain: Array | None) -> tuple[float, ...] | 
 
 
 def make_view(
-    traces: Traces, manifest: Mapping[str, Any], window: Window | None = None, label: str = "", root: str = ""
+    traces: Traces, manifest: Manifest, window: Window | None = None, label: str = "", root: str = ""
 ) -> RunView:
     """The view of a run from its traces.
 
     Args:
         traces: the steps that are drawn.
-        manifest: of the run; of its entries ``config`` and, of a robot, ``robot``.
+        manifest: of the run: how it ended, its config and, of a robot, how that is built.
         window: which steps these are; None: all of them.
         label: name of the run.
         root: prefix of the paths of its entities in a recording.
@@ -207,4 +207,4 @@ def make_view(
         body["height"] = still + config["machine"]["hip_height"]
     all_steps = Window(int(cycle[0]), int(cycle[-1]), 1, len(cycle))
     radius = robot["foot_radius"] if robot else 0.0
-    return RunView(legs, time, step, cycle, body, config, window or all_steps, label, root, radius)
+    return RunView(legs, time, step, cycle, body, manifest, window or all_steps, label, root, radius)

@@ -11,6 +11,7 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.comparison import print_runs
 from cmacexp.report.page import REPORT, write_report
+from cmacexp.report.place import picture_place
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import read_summary, sort_folders
 from cmacexp.report.sweep_report import make_sweep_report
@@ -41,11 +42,10 @@ def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
 
 
 def _animate(folder: Path, cycles: str | None, out: Path) -> Path:
-    from cmacexp.report.animation import ANIMATION, view_cycles, write_animation
+    from cmacexp.report.animation import ANIMATION, is_animation, view_cycles, write_animation
 
     views, path = view_cycles(StoredRun(folder), _parse_cycles(cycles) if cycles else []), out / ANIMATION
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with activity(f"drawing {path}"):
+    with picture_place(out, ANIMATION, is_animation), activity(f"drawing {path}"):
         write_animation(views, path)
     return path
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 ANIMATION = "animation.gif"
+COMMENT = b"cmacexp: cycles of a run"
+"""In the picture, by which it is known."""
 MOST_CYCLES = 3
 """More side by side are too narrow."""
 WIDTH, HEIGHT, DPI = 8.0, 4.8, 100
@@ -188,6 +190,17 @@ def view_cycles(run: StoredRun, asked: Sequence[int]) -> list[RunView]:
     return [make_view(read_traces(run.folder, (cycle, cycle)), run.manifest) for cycle in cycles]
 
 
+def is_animation(path: Path) -> bool:
+    """Whether a file is a moving picture of a run, which may be replaced; those of 0.2.0 do not say so."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            return bool(picture.info.get("comment") == COMMENT)
+    except (OSError, ValueError):
+        return False
+
+
 def write_animation(views: Sequence[RunView], path: Path) -> int:
     """Write cycles of a run side by side as a GIF that plays one cycle in its own time, again and again.
 
@@ -215,5 +228,6 @@ def write_animation(views: Sequence[RunView], path: Path) -> int:
             append_images=shared[1:],
             duration=1000 / FRAMES_PER_SECOND,
             loop=0,
+            comment=COMMENT,
         )
     return count

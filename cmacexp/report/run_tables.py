@@ -12,6 +12,7 @@ from cmacexp.metrics.drift import format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS, MAIN
 from cmacexp.metrics.summary import format_number
+from cmacexp.models.chain import HINGES
 from cmacexp.report.page import Section, Table, Text
 from cmacexp.report.per_cycle import KEY
 
@@ -29,7 +30,7 @@ def list_facts(run: StoredRun) -> Table:
         "drift": format_drift(drift) if drift else "not detected",
         "cycles": f"{run.whole_cycles} of {config['cycles']} requested, {config['gait']['cycle_time']:g} s each",
         "steps": f"{manifest['steps']} of {1e3 * config['sampling_period']:g} ms",
-        "machine": str(config["machine"]["kind"]),
+        "machine": " ".join(str(config["machine"][key]) for key in ("kind", "model") if config["machine"].get(key)),
         "feedforward": str(config["feedforward"]["_target_"]).rpartition(".")[2],
         "force control": f"{config['force_control']['method']}, reference {config['reference']}",
         "closed loop": f"{per_step:.2f} us a step, the whole run {manifest['wall_seconds']:.2f} s",
@@ -95,13 +96,13 @@ def list_memory(run: StoredRun) -> list[Section]:
     uses = run.manifest["memory"]
     if not uses:
         return []
-    rows = []
+    rows, outputs = [], HINGES if "robot" in run.manifest else OUTPUTS
     for leg, use in enumerate(uses, 1):
         cells, shared = use["cells_visited"], use["cells_colliding"]
         colliding = "not counted" if cells is None else f"{shared} ({shared / cells:.1%})" if cells else "0"
         used = f"{use['rows_used']} ({use['rows_used'] / use['rows']:.1%})"
         visited = "not counted" if cells is None else cells
-        size = use["rows"] * OUTPUTS * WORD_BYTES
+        size = use["rows"] * outputs * WORD_BYTES
         row = (_leg_name(leg, len(uses)), size, use["rows"], used, visited, colliding, use["clipped"])
         rows.append([str(cell) for cell in row])
     titles = ["network of leg", "memory, B", "rows", "rows used", "cells visited", "cells that share a row"]

@@ -1,12 +1,15 @@
 """Printing in the terminal: that compiling takes place, how work goes on, how a run ended, what to do next."""
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from shlex import quote
+from threading import Event, Thread
 
+from cmacexp.config import Config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING
 from cmacexp.jit.compiler import call_before_compiling
@@ -17,6 +20,8 @@ from cmacexp.report.terminal_tables import print_key, print_scores
 
 NEXT = {"report": "report", "replay": "replay"}
 """Commands that show more of a run, with their purpose."""
+LATE, OFTEN = 2.0, 10.0
+"""Seconds of work after which a log has its first line of it, and the next at the earliest."""
 COMPILING = "compiling the control loop: takes up to half a minute, once; so many steps repay it"
 
 
@@ -33,8 +38,31 @@ def announce_compiling() -> None:
 
 
 @contextmanager
+def _lines(describe: Callable[[], str], shown: bool) -> Iterator[None]:
+    """What a terminal would show, for a log: a line on stderr after :data:`LATE`, then now and then until the end."""
+    if not shown:
+        yield
+        return
+    ended, began = Event(), time.monotonic()
+
+    def write() -> None:
+        wait = LATE
+        while not ended.wait(wait):
+            say(describe(), error=True)
+            wait = max(OFTEN, (time.monotonic() - began) / 10.0)  # work of hours fills no pages
+
+    writer = Thread(target=write, daemon=True)
+    writer.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        writer.join()
+
+
+@contextmanager
 def progress(what: str, total: int, unit: str = "", shown: bool = True) -> Iterator[Callable[[int], None]]:
-    """A progress bar while work takes place, if ``shown`` and the output is a terminal; gives what moves it.
+    """A progress bar while work takes place, lines if the output is no terminal; gives what moves it.
 
     Args:
         what: is being done.
@@ -43,7 +71,9 @@ def progress(what: str, total: int, unit: str = "", shown: bool = True) -> Itera
         shown: False where several processes would draw over each other's bars.
     """
     if not (shown and sys.stderr.isatty()):
-        yield lambda done: None
+        parts = [0]
+        with _lines(lambda: f"{what}: {parts[0]}/{total} {unit}".rstrip(), shown):
+            yield lambda done: parts.__setitem__(0, done)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -56,20 +86,27 @@ def progress(what: str, total: int, unit: str = "", shown: bool = True) -> Itera
 
 @contextmanager
 def activity(what: str, shown: bool = True) -> Iterator[Callable[[str], None]]:
-    """``what`` is being done stands on stderr, if that is a terminal; gives ``say(text)`` for what is done next.
+    """``what`` is being done is shown on stderr, a terminal or not; gives ``show(text)`` for what is done next.
 
     Args:
         what: is being done.
-        shown: False where it is done at once: to show it takes a tenth of a second.
+        shown: as for :func:`progress`.
     """
     if not (shown and sys.stderr.isatty()):
-        yield lambda text: None
+        done = [what]
+        with _lines(lambda: f"{done[0]} ...", shown):
+            yield lambda text: done.__setitem__(0, text)
         return
     from rich.console import Console
     from rich.markup import escape
 
     with Console(stderr=True, highlight=False).status(escape(what)) as status:
         yield lambda text: status.update(escape(text))
+
+
+def describe_planning(config: Config) -> str:
+    """What is being done before the first step of a run."""
+    return f"planning {config.steps_per_cycle} steps a cycle"
 
 
 def warn_of_drift(drift: Drift) -> None:

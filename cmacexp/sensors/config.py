@@ -4,14 +4,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 from cmacexp.config import ComponentConfig, Config, choice, number
+from cmacexp.config.machine import HAS_BODY
 from cmacexp.errors import BadInput
 from cmacexp.sensors.channel import FAULTS, STUCK, WITHOUT_VALUE
 
 UNIT = "unit of the signal"
-IMPERFECT = (
-    ".noise above 0 or .noise_relative above 0 or .bias!=0 or .quantum above 0 or .delay above 0 or .dropout above 0"
+IMPERFECTIONS = (
+    ".noise above 0",
+    ".noise_relative above 0",
+    ".bias!=0",
+    ".quantum above 0",
+    ".delay above 0",
+    ".dropout above 0",
 )
-"""What fields that say when and where a signal is imperfect need."""
+IMPERFECT = " or ".join(IMPERFECTIONS)
+"""What the field that says when a signal is imperfect needs."""
 
 
 @dataclass
@@ -39,7 +46,7 @@ class FaultConfig:
 class LegFaultConfig(FaultConfig):
     """A fault in some legs."""
 
-    legs: list[int] | None = number("leg", at_least=1, needs=".kind!=none")
+    legs: list[int] | None = number("leg", at_least=1, needs=f".kind!=none and {HAS_BODY}")
     """Legs whose sensor breaks, by their numbers; null: all."""
 
 
@@ -98,7 +105,9 @@ class LegSignalConfig(SignalConfig):
     """What alters a signal of some legs."""
 
     fault: LegFaultConfig
-    legs: list[int] | None = number("leg", at_least=1, needs=IMPERFECT)
+    legs: list[int] | None = number(
+        "leg", at_least=1, needs=" or ".join(f"{each} and {HAS_BODY}" for each in IMPERFECTIONS)
+    )
     """Legs whose sensors this concerns, by their numbers; null: all."""
 
     def check(self, key: str, config: Config) -> None:

@@ -12,15 +12,16 @@ from omegaconf.errors import OmegaConfBaseException
 from cmacexp.config import Config, to_config
 from cmacexp.config.hydra_record import make_record
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import HYDRA
+from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.places import run_place
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.jit.compiler import expect_runs
-from cmacexp.jit.interrupt import interrupt_as_such, interrupt_held_back
-from cmacexp.sweep.start import count_jobs, select_run_overrides
+from cmacexp.jit.interrupt import interrupt_as_such, interrupt_held_back, interrupt_unblocked
+from cmacexp.sweep.start import count_jobs, is_alone, select_run_overrides
 
 
+@interrupt_unblocked()
 def run_job(composed: DictConfig) -> float | None:
     """Run one job of a sweep; a failure is left on disk and does not end the sweep.
 
@@ -66,14 +67,16 @@ def _run_unless_finished(config: Config, folder: Path, record: Mapping[str, str]
         from cmacexp.data.integrity import is_finished
         from cmacexp.experiment import run_scenario
         from cmacexp.loop.scenario import make_scenario
-        from cmacexp.report.terminal import progress
+        from cmacexp.report.terminal import activity, describe_planning, progress
 
-    alone = HydraConfig.get().launcher._target_.endswith(".BasicLauncher")
+    alone = is_alone(HydraConfig.get().launcher)
     with run_place(folder) as place:
         if config.sweep.resume and is_finished(folder, config):
             return None
+        with activity(describe_planning(config), shown=alone):
+            scenario = make_scenario(config)
         with progress(config.scenario, config.cycles, "cycles", shown=alone) as watch:
-            return run_scenario(config, place, watch, make_scenario(config), record=record)
+            return run_scenario(config, place, watch, scenario, record=record)
 
 
 def _describe(error: Exception) -> str:
@@ -92,7 +95,7 @@ def _write_failure(
     with suppress(OSError, BadInput), run_place(folder) as place:
         # where this fails, the job counts as not completed, and the terminal shows its cause
         for name, text in record.items():
-            place.write_text(f"{HYDRA}/{name}", text)
+            place.write_text(f"{HYDRA_FOLDER}/{name}", text)
         if place.earlier:
             place.leave_failure(manifest)
         else:

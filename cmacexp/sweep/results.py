@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import yaml
 
-from cmacexp.data.discovery import HYDRA
+from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import place_of
 from cmacexp.data.parquet import arrow, arrow_strings
 from cmacexp.report.comparison import Row, make_rows
@@ -55,14 +55,14 @@ def read_results(sweep: Sweep) -> SweepResults:
 
 def _find_attempts(folder: Path) -> dict[Path, Path]:
     """The folder of each job below ``folder``, and the one in it that the last attempt left, if it left no result."""
-    found = sorted(path.parent.resolve() for path in folder.rglob(HYDRA))
+    found = sorted(path.parent.resolve() for path in folder.rglob(HYDRA_FOLDER))
     return {place_of(path): path for path in found}  # what an attempt left comes after the folder of the job
 
 
 def _read_overrides(folder: Path) -> list[str]:
     """The overrides of a job, as Hydra recorded them; none if it was killed before."""
     try:
-        found = yaml.safe_load((folder / HYDRA / "overrides.yaml").read_text(encoding="utf-8"))
+        found = yaml.safe_load((folder / HYDRA_FOLDER / "overrides.yaml").read_text(encoding="utf-8"))
     except (OSError, yaml.YAMLError):
         return []
     return [str(text) for text in found] if isinstance(found, list) else []

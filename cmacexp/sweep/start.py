@@ -19,6 +19,7 @@ from cmacexp.config.hydra_private import read_config_files_once
 from cmacexp.data.files import alone_in, remove_leftovers
 from cmacexp.data.staging import is_taken
 from cmacexp.errors import BadInput
+from cmacexp.jit.interrupt import block_interrupts_of_children
 
 TABLE, TABLE_CSV = "sweep.parquet", "sweep.csv"
 """The table of a sweep, in its folder."""
@@ -116,6 +117,8 @@ class SweepStart(Callback):
         except (BadInput, OSError) as error:
             raise SweepRefused(error) from error
         SweepStart.sweep = sweep
+        if not is_alone(config.hydra.launcher):
+            block_interrupts_of_children()
         typed = _keys(config.hydra.overrides.task)
         searched = map(str, OmegaConf.select(config, "hydra.sweeper.params") or {})
         if "record" not in {*typed, *searched}:
@@ -155,6 +158,11 @@ def _read_head(path: Path) -> list[str]:
     """The first names of columns of a table as text."""
     with path.open("rb") as file:
         return [name.strip('"') for name in file.read(1000).decode().splitlines()[0].split(",")]
+
+
+def is_alone(launcher: DictConfig) -> bool:
+    """Whether jobs run one after the other, in the process of the sweep."""
+    return str(launcher._target_).endswith(".BasicLauncher")
 
 
 def count_jobs() -> float:

@@ -19,6 +19,8 @@ from support.manifests import accept, change_manifest
 from cmacexp.cli.viewer import DISPLAYS
 from cmacexp.config import to_plain
 from cmacexp.config.difference import labels
+from cmacexp.data.files import alone_in
+from cmacexp.data.integrity import faults
 from cmacexp.data.tables import steps_by_cycle
 from cmacexp.recording.entities import FINENESS
 from cmacexp.recording.window import MOST_STEPS, make_window, read_cycles
@@ -169,9 +171,33 @@ def test_a_recording_that_is_there_is_kept_until_another_is_asked_for(copy, tmp_
 
 def test_a_damaged_recording_is_built_anew(copy, tmp_path):
     folder = copy("leg_none")
+    replay(folder, "--cycles", "1", folder=tmp_path)
     (folder / "recording.rrd").write_bytes(b"rubbish")
     assert "cycles 1 to 4, every step\n" in replay(folder, folder=tmp_path).stdout
     assert len(lines(folder / "recording.rrd", "leg_1/force")[0]) == 2400
+
+
+def test_a_recording_is_not_built_where_another_command_writes(copy, tmp_path):
+    run = copy("leg_cmac")
+    before = sorted(run.iterdir())
+    with alone_in(run, "key"):
+        refused = replay(run, folder=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr == f"error: DIR={run}: another command writes here; wait for its end, or choose another\n"
+    assert sorted(run.iterdir()) == before
+    assert replay(run, folder=tmp_path).returncode == 0
+    assert not faults(run)
+    assert sorted(run.iterdir()) == sorted([*before, run / "recording.rrd"])
+
+
+def test_a_recording_of_the_user_is_not_replaced(copy, tmp_path):
+    run = copy("leg_cmac")
+    (run / "recording.rrd").write_text("mine")
+    refused = replay(run, folder=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.startswith(f"error: DIR={run}: holds recording.rrd, which is of no earlier result")
+    assert len(refused.stderr.splitlines()) == 1
+    assert (run / "recording.rrd").read_text() == "mine"
 
 
 def test_a_long_run_is_thinned_and_says_so(tmp_path):
@@ -232,6 +258,17 @@ def test_what_cannot_be_shown_is_one_line(arguments, runs):
     assert BAD[arguments] in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert not list(runs.rglob("*.rrd"))
+
+
+def test_where_no_file_can_be_is_one_line(runs, tmp_path):
+    (tmp_path / "file").touch()
+    (tmp_path / "folder.rrd").mkdir()
+    for out, reason in {
+        "file/film.rrd": "--out=file: must be a folder, which is created if missing; file is a file",
+        "folder.rrd": "--out=folder.rrd: is a folder; name a file",
+    }.items():
+        refused = replay(runs / "leg_cmac", "--out", out, folder=tmp_path)
+        assert (refused.returncode, refused.stderr) == (2, f"error: {reason}\n")
 
 
 def test_without_a_display_one_line_says_what_to_do(runs):

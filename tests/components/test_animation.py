@@ -6,9 +6,12 @@ from PIL import Image
 from support.views import make_walk
 
 import cmacexp
+from cmacexp.data.files import alone_in
 from cmacexp.report import animation
 from cmacexp.report.__main__ import main
 from cmacexp.report.machine import joints
+
+RUN = ("cycles=3", "gait.cycle_time=1.5", "record=trace")
 
 
 def test_joints_are_hip_knee_and_foot_in_mm():
@@ -46,8 +49,42 @@ def test_a_picture_plays_for_the_time_of_one_cycle_and_again(tmp_path, monkeypat
 def test_the_command_leaves_it_beside_the_page(tmp_path, monkeypatch):
     """``docs/recordings.md``, of one leg and in fewer frames."""
     monkeypatch.setattr(animation, "FRAMES_PER_SECOND", 0.5)
-    run = cmacexp.run(["cycles=3", "gait.cycle_time=1.5", "record=trace"], tmp_path / "run")
+    run = cmacexp.run(RUN, tmp_path / "run")
     monkeypatch.setattr("sys.argv", ["report", str(run.folder), "--gif", "--cycles", "1,3"])
     assert main() == 0
     with Image.open(tmp_path / "run" / "report" / "animation.gif") as picture:
         assert picture.n_frames == 2
+
+
+def animate(monkeypatch, folder, out):
+    monkeypatch.setattr("sys.argv", ["report", str(folder), "--gif", "--out", str(out)])
+    return main()
+
+
+@pytest.fixture
+def stored(tmp_path):
+    return cmacexp.run(RUN, tmp_path / "run").folder
+
+
+def test_a_picture_replaces_an_earlier_one_alone(monkeypatch, stored, tmp_path, capsys):
+    monkeypatch.setattr(animation, "FRAMES_PER_SECOND", 0.5)
+    assert [animate(monkeypatch, stored, tmp_path / "out") for _ in range(2)] == [0, 0]
+    (tmp_path / "own").mkdir()
+    own = tmp_path / "own" / "animation.gif"
+    Image.new("L", (2, 2)).save(own)
+    before = own.read_bytes()
+    capsys.readouterr()
+    assert animate(monkeypatch, stored, own.parent) == 2
+    assert capsys.readouterr().err.startswith(
+        f"error: --out={own.parent}: holds animation.gif, which is of no earlier"
+    )
+    assert own.read_bytes() == before
+
+
+def test_a_picture_is_not_put_into_the_folder_of_a_run_or_one_in_use(monkeypatch, stored, tmp_path, capsys):
+    assert animate(monkeypatch, stored, stored) == 2
+    assert capsys.readouterr().err == f"error: --out={stored}: is the folder of a run; choose another\n"
+    with alone_in(tmp_path / "out", "key"):
+        assert animate(monkeypatch, stored, tmp_path / "out") == 2
+    assert "another command writes here" in capsys.readouterr().err
+    assert not list(tmp_path.rglob("*.gif"))

@@ -1,6 +1,7 @@
-"""Whatever is typed gives a config that holds what was asked, or one line that says what is wrong.
+"""Whatever is typed gives a scenario that holds what was asked, or one line that says what is wrong.
 
-``CMACEXP_EXAMPLES=2000`` tries so many command lines instead of a few, and makes the scenarios of valid ones.
+A command line takes the same way as in the command, up to the first step. ``CMACEXP_EXAMPLES=2000`` tries so many
+instead of some hundred.
 """
 
 import os
@@ -15,10 +16,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from support.fields import leaves
 
-from cmacexp.config import config_folder, to_plain
+from cmacexp.config import config_folder, to_config, to_plain
 from cmacexp.config.component import COMPONENTS
-from cmacexp.config.compose import compose_config
+from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.loop.scenario import make_scenario
 
 ASKED = int(os.environ.get("CMACEXP_EXAMPLES", "0"))
@@ -31,7 +33,6 @@ DIGITS = "9" * 400
 VALUES = [*Path(__file__).with_name("hostile_values.txt").read_text("utf-8").splitlines(), "'a\nb'"]
 VALUES += [DIGITS, f"-{DIGITS}", f"0.{DIGITS}", "9" * 5000]
 TARGETS = ("os.system", "os", "cmacexp", "cmacexp.errors.BadInput", "cmacexp.plants.AnalyticPlant", "a..b", "a", "3")
-PREFIXES = ["", "", "", "", "", "", "", "++", "+"]
 
 
 WRONG = (
@@ -50,26 +51,58 @@ WRONG = (
 
 
 @cache
+def fields_of(scenario) -> dict[str, tuple[object, dict]]:
+    """Value and declaration of each field, by key."""
+    return {key: rest for key, *rest in leaves(compose_config([f"scenario={scenario}"]))}
+
+
+@cache
 def keys() -> list[str]:
     """Keys of fields and of the groups that hold them; in the long form also of richer options, and wrong ones."""
     richer = ["sensors=real", *(f"feedforward={name}" for name in ("mlp", "rbf", "ilc", "inverse_dynamics"))]
-    options = [f"scenario={name}" for name in SCENARIOS] + (richer if ASKED else [])
-    found = [key for option in options for key, *_ in leaves(compose_config([option]))]
+    found = [key for name in SCENARIOS for key in fields_of(name)]
+    found += [key for option in (richer if ASKED else ()) for key, *_ in leaves(compose_config([option]))]
     inner = [".".join(key.split(".")[:length]) for key in found for length in range(1, key.count(".") + 1)]
     return list(dict.fromkeys([*found, *inner, *(WRONG if ASKED else ())]))
 
 
+def near(value, declared) -> list[str]:
+    """Values about that of a field and about the bounds of its range, in the ways in which they may be typed."""
+    if isinstance(value, bool):
+        return ["true", "no", "ON", "0"]
+    bounds = [declared[name] for name in ("above", "at_least", "below", "at_most") if name in declared]
+    numbers = [each for each in (value, *bounds) if isinstance(each, int | float)]
+    if isinstance(value, int):
+        texts = [text for each in numbers for text in (f"{each:.0f}", f"{each + 1:_.0f}", f"{each // 2:+.0f}")]
+    else:
+        around = [each for number in numbers for each in (number, number / 2, number * (1 + 2**-52))]
+        texts = [text for each in around for text in (f"{each!r}", f"{each:g}", f"{each:.17E}")]
+    names = [text for name in declared.get("choices", ()) for text in (name, f"'{name}'", f"[{name}]")]
+    return [*texts, *names, *declared.get("words", ()), *(["null"] if value is None else [])]
+
+
+def near_in(scenario) -> list[str]:
+    return [f"{key}={text}" for key, rest in fields_of(scenario).items() for text in near(*rest)]
+
+
 KEYS = st.deferred(lambda: st.sampled_from(keys()))
 TARGET_KEYS = [f"{group}._target_" for group in COMPONENTS]
-FIELD = st.builds("{}{}={}".format, st.sampled_from(PREFIXES), KEYS, st.sampled_from(VALUES))
+FIELD = st.builds("{}={}".format, KEYS, st.sampled_from(VALUES))
+ADDED = st.builds("{}{}".format, st.sampled_from(["+", "++"]), FIELD)
 OPTION = st.builds("{}={}".format, st.sampled_from(GROUPS), st.sampled_from([*OPTIONS, *VALUES]))
 TARGET = st.builds("{}={}".format, st.sampled_from(TARGET_KEYS), st.sampled_from(TARGETS))
-OVERRIDE = st.one_of(FIELD, FIELD, FIELD, OPTION, TARGET, st.builds("~{}".format, KEYS))
-LINES = st.builds(
-    lambda scenario, overrides: [f"scenario={scenario}", *overrides],
-    st.sampled_from(SCENARIOS),
-    st.lists(OVERRIDE, min_size=1, max_size=2),
-)
+SET = st.one_of(FIELD, FIELD, FIELD, FIELD, TARGET)
+COMPOSED = st.one_of(OPTION, ADDED, st.builds("~{}".format, KEYS))
+"""What Hydra composes anew, which takes as long as ten of the others."""
+
+
+@st.composite
+def lines(draw, override):
+    """Command lines with an override of a kind, some that may well be valid, or both."""
+    scenario = draw(st.sampled_from(SCENARIOS))
+    valid = st.sampled_from(near_in(scenario))
+    kinds = (valid,), (valid, valid), (override,), (valid, override)
+    return [f"scenario={scenario}", *draw(st.one_of(st.tuples(*kind) for kind in kinds))]
 
 
 @contextmanager
@@ -131,25 +164,34 @@ def is_cheap(line, config) -> bool:
 
 
 def try_line(line):
-    """Compose a command line; what it was refused with, or None."""
+    """Do with a command line what the command does before the first step; what it was refused with, or None."""
     with limited(line):
         try:
-            config = compose_config(line)
+            composed, choices = compose_untyped(line)
+            config = to_config(composed, choices)
             check_values(line, to_plain(config))
-            if ASKED and is_cheap(line, config):
+            warnings = warnings_of(config, line, composed)
+            if is_cheap(line, config):
                 make_scenario(config)
         except CmacexpError as error:
+            said = [str(error)]
             refused = error
         else:
-            return None
-    assert str(refused).isprintable(), f"{line}: {refused!r}"
+            said, refused = warnings, None
+    assert all(text.isprintable() for text in said), f"{line}: {said!r}"
     return refused
 
 
-@settings(max_examples=ASKED or 25)
-@given(LINES)
+@settings(max_examples=ASKED * 3 // 4 or 100)
+@given(lines(SET))
 @example(["record.cycles=[[1]]"])
 @example(["machine.leg=${gait}"])
+def test_every_value_is_refused_in_one_line_or_is_that_of_the_run(line):
+    try_line(line)
+
+
+@settings(max_examples=ASKED // 4 or 8)
+@given(lines(COMPOSED))
 def test_every_command_line_is_refused_in_one_line_or_gives_what_was_asked(line):
     try_line(line)
 

@@ -32,3 +32,21 @@ def test_a_command_gives_the_same_without_private_names(kind, tmp_path):
         assert done.stderr.splitlines()[-1] == changed
         files.append({path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*.parquet"))})
     assert files[0] == files[1] != {}
+
+
+WRONG = """
+import argparse, sys
+from cmacexp.cli.main import main
+before = argparse.ArgumentParser.error
+sys.argv = ["cmacexp", "--unheard-of"]
+try:
+    main()
+except SystemExit as end:
+    print(end.code, argparse.ArgumentParser.error is before)
+"""
+
+
+def test_a_wrong_option_is_one_line_and_the_parsers_of_others_stay_as_they_are(tmp_path):
+    done = python("-c", WRONG, folder=tmp_path)
+    assert done.stdout == "2 True\n"
+    assert done.stderr == "error: unrecognized arguments: --unheard-of; cmacexp --help shows how it is used\n"

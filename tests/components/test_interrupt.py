@@ -1,17 +1,28 @@
 """Ctrl-C: it waits where it would do harm, is never lost, and all steps that were taken are kept."""
 
+import ast
 import json
 import os
 import signal
+import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from support.command import python
 
+import cmacexp
 from cmacexp.experiment import run as experiment
 from cmacexp.experiment import run_scenario
-from cmacexp.jit import interrupt
-from cmacexp.jit.interrupt import interrupt_as_such, interrupt_held_back, interrupt_let_through, raise_if_interrupted
+from cmacexp.jit import interrupt, keyboard
+from cmacexp.jit.interrupt import (
+    interrupt_as_such,
+    interrupt_held_back,
+    interrupt_let_through,
+    interrupt_unblocked,
+    raise_if_interrupted,
+)
 from cmacexp.loop import compiled, roll_out
 from cmacexp.loop.scenario import make_scenario
 
@@ -91,6 +102,81 @@ def test_an_error_that_a_library_makes_of_an_interrupt_is_one():
         compose()
     with pytest.raises(AttributeError), interrupt_as_such():
         raise AttributeError("of another cause")
+
+
+def test_the_package_holds_back_interrupts_before_it_imports_anything_else():
+    first, second = ast.parse(Path(cmacexp.__file__).read_text()).body[1:3]
+    assert (ast.unparse(first), ast.unparse(second)) == (
+        "from cmacexp.jit.keyboard import begin_command",
+        "begin_command()",
+    )
+    top = ast.parse(Path(keyboard.__file__).read_text()).body
+    assert {ast.unparse(each) for each in top if isinstance(each, ast.Import | ast.ImportFrom)} == {
+        "import os.path",
+        "import signal",
+        "import sys",
+    }
+
+
+CHILDREN = """
+import os, signal, subprocess, sys, time
+from types import SimpleNamespace
+from cmacexp.jit import interrupt
+from cmacexp.jit.interrupt import block_interrupts_of_children, interrupt_blocked, interrupt_held_back
+ASK = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
+
+def ask():
+    return subprocess.run([sys.executable, "-c", ASK], capture_output=True, text=True).stdout.strip()
+
+def wait_after(work):
+    try:
+        work()
+        for _ in range(1000):
+            time.sleep(0.01)
+    except KeyboardInterrupt:
+        return "interrupted"
+
+def press():
+    return wait_after(lambda: os.kill(os.getpid(), signal.SIGINT))
+
+@interrupt_held_back()
+def press_and_go_on():
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.05)
+
+def drop():
+    interrupt._raise_again(SimpleNamespace(exc_value=KeyboardInterrupt()))
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+with interrupt_blocked():
+    print(ask())
+print(ask(), press())
+block_interrupts_of_children()
+print(ask(), press(), press(), wait_after(press_and_go_on), wait_after(drop))
+"""
+
+
+def test_children_begin_without_being_interrupted_and_their_parent_is(tmp_path):
+    done = python("-c", CHILDREN, folder=tmp_path)
+    assert done.stdout.split() == ["True", "False", "interrupted", "True", *["interrupted"] * 4], done.stderr
+
+
+def test_a_process_that_began_without_heeds_an_interrupt_as_soon_as_it_can():
+    def press_here():  # not one of the threads that libraries have started meanwhile
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        press_here()
+        with pytest.raises(KeyboardInterrupt), interrupt_unblocked():
+            pytest.fail("is raised before")
+        assert signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+        with pytest.raises(KeyboardInterrupt), interrupt_unblocked():
+            press_here()
+        press_here()  # waits again
+    finally:
+        with pytest.raises(KeyboardInterrupt):
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 
 
 @pytest.mark.parametrize("feedforward", ["cmac", "ilc"])

@@ -144,6 +144,19 @@ def test_the_folder_of_a_run_killed_before_its_end_can_be_used(tmp_path):
     assert not list((tmp_path / "r").glob(".*"))
 
 
+def test_the_message_of_a_run_that_an_earlier_version_did_not_finish_says_how_to_go_on(first):
+    (first / ".hydra").mkdir()
+    (first / "manifest.json").unlink()
+    before = state_of(first)
+    with pytest.raises(BadInput) as raised:
+        run(first)
+    assert str(raised.value) == (
+        f"hydra.run.dir={first}: holds trace.parquet but no manifest.json, as a run of an earlier version that was "
+        "killed; move or delete that folder, then repeat the command"
+    )
+    assert state_of(first) == before
+
+
 def test_bad_input_leaves_an_earlier_run_as_it_was(tmp_path):
     assert cmacexp(*JOB, "hydra.run.dir=r", folder=tmp_path).returncode == 0
     before = state_of(tmp_path / "r")

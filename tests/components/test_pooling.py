@@ -6,8 +6,8 @@ import statistics
 import numpy as np
 import pytest
 from support.command import cmacexp
+from support.manifests import accept
 
-from cmacexp.data import manifest as manifests
 from cmacexp.data.parquet import as_array
 from cmacexp.data.tables import Scores, write_scores
 from cmacexp.experiment.api import load
@@ -71,7 +71,7 @@ def walk(request, tmp_path_factory):
         to_table({"cycle": (CYCLE, cycle), "leg": (LEG, leg)}, legs, request.param),
         to_table({"cycle": (CYCLE, np.array([1, 2]))}, body, BODY_METRICS),
     )
-    manifests.update_files(folder, write_scores(folder, scores))
+    accept(folder, *write_scores(folder, scores))
     return load(folder), expected(scores)
 
 

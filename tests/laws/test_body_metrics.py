@@ -59,3 +59,7 @@ def test_true_margins_added_to_a_trace_are_those_that_a_run_computes(make_config
         assert_array_equal(added[name].to_numpy(), body[name].to_numpy())
     assert np.isfinite(body[TRUE_MARGINS[0]].to_numpy()).any()
     assert_allclose(added["height"].to_numpy(), body["height"].to_numpy())
+
+
+def test_cycles_count_from_1_unless_another_is_the_first():
+    assert compute_body(drawn(0, 15), 7)["cycle"].to_pylist() == [1, 2, 3]

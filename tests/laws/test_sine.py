@@ -1,6 +1,7 @@
-"""The project's sine and cosine against those of the C library."""
+"""The project's sine and cosine against those of the C library, and their turn against exact arithmetic."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -8,10 +9,16 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from cmacexp.jit.compiler import program
-from cmacexp.models.sine import FURTHEST, sine_cosine
+from cmacexp.models.leg import trigonometry, turned_trigonometry
+from cmacexp.models.sine import FURTHEST, LARGEST_TURN, sine_cosine, turn
 
 compiled = program(sine_cosine).compiled
+compiled_turn = program(turn).compiled
 angles = st.one_of(st.floats(-4.0, 4.0), st.floats(-1e5, 1e5), st.integers(-99, 99).map(lambda n: n * math.pi / 4))
+
+turns = st.floats(-LARGEST_TURN, LARGEST_TURN)
+joints = st.floats(-2.0, 2.0)
+"""Of which the sum of two is at most 4 rad."""
 
 
 def close(value, exact, angle):
@@ -38,3 +45,53 @@ def test_plain_python_gives_the_same_bits(angle):
 def test_an_angle_too_large_has_none(angle):
     for pair in (sine_cosine(angle), compiled(angle)):
         assert np.isnan(pair).all()
+
+
+def turn_exactly(s, c, by):
+    """Sine and cosine as fractions; the series leave out less than 1e-24 of them."""
+    s, c, by = Fraction(s), Fraction(c), Fraction(by)
+    sine = sum((-1) ** n * by ** (2 * n + 1) / math.factorial(2 * n + 1) for n in range(6))
+    cosine = sum((-1) ** n * by ** (2 * n) / math.factorial(2 * n) for n in range(7))
+    return s * cosine + c * sine, c * cosine - s * sine
+
+
+@given(angles, turns)
+@example(0.0, LARGEST_TURN)
+@example(0.7, -LARGEST_TURN)
+def test_a_turn_is_within_2e_16_of_the_exact_one(angle, by):
+    pair = sine_cosine(angle)
+    for value, exact in zip(turn(*pair, by), turn_exactly(*pair, by), strict=True):
+        assert abs(Fraction(value) - exact) < 2e-16
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="needs numbers of more digits than doubles have")
+def test_no_turn_of_many_is_further_than_2e_16_from_the_exact_one():
+    rng, angle = np.random.default_rng(0), np.linspace(-math.pi, math.pi, 400_000)
+    s, c = np.sin(angle), np.cos(angle)
+    for by in (rng.uniform(-LARGEST_TURN, LARGEST_TURN, len(angle)), np.full(len(angle), LARGEST_TURN)):
+        sine, cosine = np.sin(by.astype(np.longdouble)), np.cos(by.astype(np.longdouble))
+        turned_s, turned_c = turn(s, c, by)
+        assert abs(turned_s - (s * cosine + c * sine)).max() < 2e-16
+        assert abs(turned_c - (c * cosine - s * sine)).max() < 2e-16
+
+
+@given(angles, turns)
+def test_plain_python_turns_to_the_same_bits(angle, by):
+    pair = sine_cosine(angle)
+    assert np.array(turn(*pair, by)).tobytes() == np.array(compiled_turn(*pair, by)).tobytes()
+
+
+@given(joints, joints, turns, turns)
+def test_turned_sines_of_a_leg_are_those_of_its_joints(q1, q2, by_1, by_2):
+    near = trigonometry(q1, q2)
+    turned = turned_trigonometry(q1 + by_1, q2 + by_2, near, q1, q2)
+    np.testing.assert_allclose(turned, trigonometry(q1 + by_1, q2 + by_2), rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "by", [(0.07, 0.0), (0.0, -0.07), (0.05, 0.05), (-3.0, 3.0), (math.nan, 0.0), (math.inf, 0.0)]
+)
+def test_beyond_the_largest_turn_the_sines_of_a_leg_are_computed_anew(by):
+    q1, q2 = 1.0 + by[0], 0.5 + by[1]
+    turned = turned_trigonometry(q1, q2, (9.0, 9.0, 9.0, 9.0), 1.0, 0.5)
+    np.testing.assert_array_equal(turned, trigonometry(q1, q2))

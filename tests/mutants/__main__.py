@@ -5,28 +5,36 @@ code, until one fails.
 """
 
 import argparse
+import importlib
 import json
 import os
-import shutil
-import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from itertools import repeat
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.mutants.mutations import Mutant, find_mutants, sample
 from tests.mutants.page import write_page
-from tests.mutants.trial import SURVIVED, Copy, try_mutant, warm_up
+from tests.mutants.session import OPTIONS, ROOT, TESTS, Collected, call_apart, record_calls
+from tests.mutants.trial import SURVIVED, choose_tests, is_early, judge, run_imported, run_replaced
 
-ROOT = Path(__file__).parents[2]
 ROOMS = ("models", "cmac", "planning", "feedforward", "control", "metrics")
 FILES = ("plants/kernels.py", "sensors/kernels.py", "loop/step.py", "loop/stop.py")
 """The mathematics: rooms and files of the package."""
-TESTS = ("tests/laws", "tests/components")
-"""What calls it in the process of the test."""
+WARM = (
+    "numpy", "numpy.polynomial", "scipy.linalg", "scipy.signal", "scipy.optimize", "scipy.spatial", "scipy.stats",
+    "pandas", "pyarrow.parquet", "numba", "hydra", "hypothesis", "yaml", "rich", "sklearn.neural_network",
+)  # fmt: skip
+"""Libraries that are imported once for all mutants."""
+MOST_TIME = 120
+"""A mutant whose tests compute for longer, s, has no end: it is killed."""
 LEAST = 3
 """Mutants of each file that has so many."""
 
@@ -42,21 +50,26 @@ def all_mutants() -> dict[str, list[Mutant]]:
     return {path: mutants for path, mutants in found.items() if mutants}
 
 
-def make_copy(folder: Path) -> Path:
-    """Copy the project, with compiled files that are checked by the hash of their source, not by its time."""
-    ignored = shutil.ignore_patterns("__pycache__", "outputs", ".git", ".venv", ".hypothesis", ".*_cache")
-    shutil.copytree(ROOT, folder, ignore=ignored)
-    compiling = [sys.executable, "-m", "compileall", "-q", "--invalidation-mode", "checked-hash", "cmacexp"]
-    subprocess.run(compiling, cwd=folder, check=True)
-    return folder
+def warm_up() -> None:
+    """Import libraries, but nothing of the project, before processes are forked."""
+    os.environ.update(NUMBA_DISABLE_JIT="1", PYTHONDONTWRITEBYTECODE="1", PYTHONPATH=str(ROOT))
+    os.chdir(ROOT)
+    for name in WARM:
+        importlib.import_module(name)
+    if "cmacexp" in sys.modules:
+        raise RuntimeError("the project is imported already: its mutants would not be")
 
 
-def record_calls(copy: Path, out: Path) -> dict[str, Any]:
-    """Run the tests once without a fault; what :mod:`tests.mutants.calls` records of those that pass."""
-    if not out.exists():
-        command = [sys.executable, "tests/mutants/calls.py", "cmacexp", str(out), *TESTS]
-        subprocess.run(command, cwd=copy, check=True, env={**os.environ, "PYTHONPATH": str(copy)})
-    return json.loads(out.read_text())
+def read_calls(recorded: Path, workers: int) -> dict[str, Any]:
+    """What the tests call, from a file; made first if there is none."""
+    if not recorded.exists():
+        with ProcessPoolExecutor(workers, get_context("fork")) as pool:
+            found = list(pool.map(partial(call_apart, record_calls), range(workers), repeat(workers)))
+        seconds, calls = (
+            {test: value for part in found for test, value in part[of].items()} for of in ("seconds", "calls")
+        )
+        recorded.write_text(json.dumps({"seconds": seconds, "calls": calls, "early": found[0]["early"]}))
+    return json.loads(recorded.read_text())
 
 
 def read_results(log: Path) -> dict[Mutant, dict[str, Any]]:
@@ -65,20 +78,47 @@ def read_results(log: Path) -> dict[Mutant, dict[str, Any]]:
     return {Mutant(*result["mutant"]): result for result in map(json.loads, lines)}
 
 
+def share_out(work: Callable[[Mutant], dict[str, Any]], mutants: list[Mutant], log: Path, workers: int) -> None:
+    """Do ``work`` for each mutant in as many processes as there are workers, and log each result at once."""
+
+    def do(own: list[Mutant]) -> None:
+        for mutant in own:
+            result = work(mutant)
+            with log.open("a") as file:
+                file.write(json.dumps(result) + "\n")
+            print(f"{result['result']}: {mutant.path}:{mutant.line} {mutant.old} -> {mutant.new}", flush=True)
+
+    processes = [get_context("fork").Process(target=do, args=(mutants[n::workers],)) for n in range(workers)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+    if any(process.exitcode for process in processes):
+        raise RuntimeError("a process has failed")
+
+
 def try_mutants(todo: list[Mutant], folder: Path, log: Path, workers: int) -> None:
-    """Try mutants, some at the same time, and log each result at once."""
+    """Try mutants; those whose code runs while the project is imported first, as this process must not import it."""
     warm_up()
-    with tempfile.TemporaryDirectory(prefix="mutants-") as copies:
-        free = get_context("fork").Queue()
-        projects = [make_copy(Path(copies) / str(number)) for number in range(workers)]
-        record = record_calls(projects[0], folder / "calls.json")
-        for project in projects:
-            free.put(project)
-        with ProcessPoolExecutor(workers, get_context("fork"), Copy.take, (free,)) as pool:
-            for number, result in enumerate(pool.map(partial(try_mutant, record), todo), 1):
-                with log.open("a") as file:
-                    file.write(json.dumps(result) + "\n")
-                print(f"{number}/{len(todo)} {result['result']} {Mutant(*result['mutant'])}", flush=True)
+    record = read_calls(folder / "calls.json", workers)
+    tests = {mutant: choose_tests(mutant, record) for mutant in todo}
+    early = [mutant for mutant in todo if is_early(mutant, record)]
+
+    def import_it(mutant: Mutant) -> dict[str, Any]:
+        failed = call_apart(run_imported, mutant, tests[mutant], most=MOST_TIME)
+        return judge(mutant, tests[mutant], failed)
+
+    share_out(import_it, early, log, workers)
+    replaced = [mutant for mutant in todo if mutant not in early]
+
+    def use(items: dict[str, pytest.Item]) -> None:
+        def replace_it(mutant: Mutant) -> dict[str, Any]:
+            own = [items[test] for test in tests[mutant]]
+            return judge(mutant, tests[mutant], call_apart(run_replaced, mutant, own, most=MOST_TIME))
+
+        share_out(replace_it, replaced, log, workers)
+
+    pytest.main([*OPTIONS, *TESTS], plugins=[Collected(use)])
 
 
 def main() -> None:

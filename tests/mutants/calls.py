@@ -1,27 +1,30 @@
-"""A plugin of pytest: which functions each test calls, and how long it takes.
+"""Which functions of the package each test calls, and how long it takes.
 
-What a test calls in its call belongs to it alone. What runs in its set-up, or while its file is imported, may serve
-the other tests of the file too and belongs to all of them.
+The package is imported so that each of its functions reports that it is called: this takes less than tracing. What a
+test calls in its call belongs to it alone. What runs in its set-up may serve the other tests of the file too and
+belongs to all of them.
 """
 
-import json
-import os
+import ast
+import builtins
 import signal
 import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.abc import MetaPathFinder
+from importlib.machinery import PathFinder, SourceFileLoader
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import Phase, settings
 
 LONGEST = 4
 """Tests that take longer, s, are too slow to run against every mutant."""
-
-
 EXAMPLES = 8
+REPORT = "__report_call__"
 
 
 class Unfit(BaseException):
@@ -57,31 +60,79 @@ def take_few_examples() -> None:
     settings.load_profile("mutants")
 
 
+class Reporting(ast.NodeTransformer):
+    """Lets every function of a file report that file and its first line, as a mutant has them."""
+
+    def __init__(self, file: str):
+        self.file = file
+
+    def _report(self, line: int) -> ast.Call:
+        return ast.Call(ast.Name(REPORT, ast.Load()), [ast.Constant((self.file, line))], [])
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        """Report first, after the docstring."""
+        self.generic_visit(node)
+        first = min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
+        node.body.insert(ast.get_docstring(node) is not None, ast.Expr(self._report(first)))
+        return node
+
+    def visit_Lambda(self, node: ast.Lambda) -> ast.AST:
+        """Report, which is false, or compute."""
+        self.generic_visit(node)
+        node.body = ast.BoolOp(ast.Or(), [self._report(node.lineno), node.body])
+        return node
+
+
+class ReportingLoader(SourceFileLoader):
+    """Imports a file of the package whose functions report their calls."""
+
+    package = Path()
+
+    def get_code(self, fullname):
+        tree = Reporting(str(Path(self.path).relative_to(self.package))).visit(
+            ast.parse(Path(self.path).read_bytes())
+        )
+        return compile(ast.fix_missing_locations(tree), self.path, "exec")
+
+
+class ReportingFinder(MetaPathFinder):
+    """Finds the package for :class:`ReportingLoader`."""
+
+    def find_spec(self, fullname, path=None, target=None):
+        if fullname.partition(".")[0] != ReportingLoader.package.name:
+            return None
+        spec = PathFinder.find_spec(fullname, path)
+        if spec and isinstance(spec.loader, SourceFileLoader):
+            spec.loader = ReportingLoader(fullname, spec.loader.path)
+        return spec
+
+
 class Calls:
-    """Records the calls of functions of files below ``package``, and writes them to ``out``."""
+    """Records the calls of functions of files in the folder ``package``, which must not be imported yet."""
 
-    def __init__(self, package: Path, out: Path):
-        self.prefix, self.out = f"{package}{os.sep}", out
-        self.now = ""
-        self.called = defaultdict(set)
-        self.seconds, self.failed = defaultdict(float), set()
+    def __init__(self, package: Path):
+        self.prefix, self.now = str(package), ""
+        self.called: dict[str, set[tuple[str, int]]] = defaultdict(set)
+        self.early: set[tuple[str, int]] = set()
+        """Called while a file of the package is imported."""
+        self.seconds: dict[str, float] = {}
+        self.failed: set[str] = set()
+        ReportingLoader.package = package
+        sys.meta_path.insert(0, ReportingFinder())
+        setattr(builtins, REPORT, self.report)
 
-    def trace(self, frame, event, arg):
-        """Called by the interpreter for every call of a Python function, but for none of its lines."""
-        code = frame.f_code
-        if code.co_filename.startswith(self.prefix):
-            self.called[self.now].add((code.co_filename[len(self.prefix) :], code.co_firstlineno))
-
-    def pytest_configure(self):
-        take_few_examples()
-
-    def pytest_make_collect_report(self, collector):
-        self.now = collector.nodeid
+    def report(self, function: tuple[str, int]) -> None:
+        """Note that a function is called."""
+        self.called[self.now].add(function)
+        if not self.now:
+            frame = sys._getframe(1)
+            while frame := frame.f_back:  # type: ignore[assignment]
+                if frame.f_code.co_name == "<module>" and frame.f_code.co_filename.startswith(self.prefix):
+                    self.early.add(function)
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_setup(self, item):
         self.now = item.nodeid.partition("::")[0]
-        sys.settrace(self.trace)  # again: it ends where a test is stopped
         with limit(4 * LONGEST):  # it may serve many tests
             return (yield)
 
@@ -102,25 +153,9 @@ class Calls:
         if not report.passed:
             self.failed.add(report.nodeid)
 
-    def pytest_sessionfinish(self):
-        """Write the calls of the tests that passed, and of their files."""
-        sys.settrace(None)
-        recorded = {
-            name: {"seconds": self.seconds[name], "calls": sorted(self.called[name])}
-            for name in {*self.called, *self.seconds} - self.failed
-        }
-        self.out.write_text(json.dumps(recorded))
-
-
-def main() -> None:
-    """``calls.py PACKAGE OUT TEST...``."""
-    package, out, *tests = sys.argv[1:]
-    sys.addaudithook(refuse)
-    calls = Calls(Path(package).resolve(), Path(out).resolve())
-    sys.settrace(calls.trace)
-    code = pytest.main(["-n0", "-q", "--tb=native", "-p", "no:cacheprovider", *tests], plugins=[calls])
-    sys.exit(0 if code in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED) else int(code))
-
-
-if __name__ == "__main__":
-    main()
+    @property
+    def record(self) -> dict[str, Any]:
+        """Of the tests that passed, by name: seconds. Of them and their files: calls. And the early calls."""
+        seconds = {test: time for test, time in self.seconds.items() if test not in self.failed}
+        calls = {test: sorted(called) for test, called in self.called.items() if test not in self.failed}
+        return {"seconds": seconds, "calls": calls, "early": sorted(self.early)}

@@ -35,7 +35,7 @@ class Mutant(NamedTuple):
     path: str
     line: int
     function: int
-    """First line of the innermost function that holds it, decorators included; 0 outside of functions."""
+    """First line of the innermost function that runs it, decorators included; 0 outside of functions."""
     start: int
     end: int
     old: str
@@ -128,11 +128,13 @@ def find_mutants(path: str, source: str) -> list[Mutant]:
             start, end = span(changed)
             line = lines[changed.lineno - 1].decode().strip()
             found.append(Mutant(path, changed.lineno, function, start, end, text(changed), new, line))
+        inside, defaults = function, []
         if isinstance(node, ast.FunctionDef | ast.Lambda):
             decorators = getattr(node, "decorator_list", [])
-            function = min([node.lineno, *(decorator.lineno for decorator in decorators)])
+            inside = min([node.lineno, *(decorator.lineno for decorator in decorators)])
+            defaults = [*node.args.defaults, *node.args.kw_defaults]
         for part in parts(node):
-            visit(part, function)
+            visit(part, function if part in defaults else inside)
 
     visit(ast.parse(source), 0)
     return list(dict.fromkeys(found))  # 1.0 + 1.0 is 2.0 * 1.0

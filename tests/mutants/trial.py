@@ -1,175 +1,127 @@
-"""One mutant: the tests that it has to pass, and the process in which they run."""
+"""One mutant: the tests that it has to pass, and how they run with it."""
 
-import importlib
-import os
-import signal
+import gc
+import importlib.util
 import sys
-import time
-from itertools import groupby
+from collections.abc import Iterator
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
+from types import CodeType, FunctionType
 from typing import Any
 
 import pytest
 
-from tests.mutants.calls import LONGEST, limit, take_few_examples
 from tests.mutants.mutations import Mutant
+from tests.mutants.session import OPTIONS, ROOT, Collected, run_until_failure
 
-FIGURES = "tests/laws/test_golden.py"
+FIGURES = ("tests/laws/test_golden.py", "tests/laws/test_bits.py")
 """Figures of an earlier version: they find almost every fault and explain none, so they run last."""
-BUDGET = 30.0
-"""Time of the tests of a mutant, s, before the figures: the quickest of them that fit are run."""
-SLOWEST = 10 * LONGEST
-"""A test that computes for longer, s, fails."""
-HANGING = 180.0
-"""A mutant whose tests last longer, s, waits for something: it is killed."""
-CANNOT_START = 77
-WARM = (
-    "numpy", "numpy.polynomial", "scipy.linalg", "scipy.signal", "scipy.optimize", "scipy.spatial", "scipy.stats",
-    "pandas", "pyarrow.parquet", "numba", "hydra", "hypothesis", "yaml", "rich", "sklearn.neural_network",
-)  # fmt: skip
-"""Libraries that are imported once for all mutants."""
+BUDGET = 20.0
+"""Time of the tests of a mutant, s, but the figures: the quickest that fit are run."""
 KILLED, SURVIVED, FIGURES_ONLY, INVALID = "killed", "survived", "killed by figures only", "invalid"
+CANNOT_START = "cannot be imported"
+NO_END = "no end"
 
 
-def warm_up() -> None:
-    """Import libraries, but nothing of the project, before processes are forked."""
-    os.environ.update(NUMBA_DISABLE_JIT="1", PYTHONDONTWRITEBYTECODE="1")
-    for name in WARM:
-        importlib.import_module(name)
-    if "cmacexp" in sys.modules:
-        raise RuntimeError("the project is imported already: its mutants would not be")
+def codes(code: CodeType) -> Iterator[CodeType]:
+    """A piece of code and all within it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from codes(constant)
 
 
-class Copy:
-    """The copy of the project of a worker."""
+def run_replaced(mutant: Mutant, items: list[pytest.Item]) -> str:
+    """Replace the code of the functions that hold the fault, and run the tests."""
+    path, source = str(ROOT / mutant.path), (ROOT / mutant.path).read_bytes()
+    before, after = (codes(compile(text, path, "exec")) for text in (source, mutant.apply(source)))
+    changed = {old: new for old, new in zip(before, after, strict=True) if old != new}
+    functions = [found for found in gc.get_objects() if isinstance(found, FunctionType)]
+    for function in functions:
+        if function.__code__.co_filename == path and function.__code__ in changed:
+            function.__code__ = changed[function.__code__]
+    return run_until_failure(items)
 
-    root = Path()
+
+class Mutated(SourceFileLoader):
+    """Imports a file with a fault."""
+
+    def __init__(self, name: str, mutant: Mutant):
+        super().__init__(name, str(ROOT / mutant.path))
+        self.mutant = mutant
 
     @classmethod
-    def take(cls, free: Any) -> None:
-        """Take one of the ``free`` copies."""
-        cls.root = free.get()
+    def install(cls, mutant: Mutant) -> str:
+        """Have the module of ``mutant`` imported with its fault; the name of the module."""
+        module = mutant.path.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
+        sys.meta_path.insert(0, cls(module, mutant))
+        return module
+
+    def find_spec(self, name, path=None, target=None):
+        return importlib.util.spec_from_loader(name, self) if name == self.name else None
+
+    def get_code(self, fullname):
+        return compile(self.mutant.apply(Path(self.path).read_bytes()), self.path, "exec")
+
+
+def run_imported(mutant: Mutant, tests: list[str]) -> str:
+    """Import the project with the fault, and run the tests."""
+    try:
+        importlib.import_module(Mutated.install(mutant))
+    except BaseException:
+        return CANNOT_START
+    failed = []
+
+    def run(items: dict[str, pytest.Item]) -> None:
+        failed.append(run_until_failure([items[test] for test in tests if test in items]))
+
+    files = dict.fromkeys(test.partition("::")[0] for test in tests)
+    code = pytest.main([*OPTIONS, *files], plugins=[Collected(run)])
+    return failed[0] if failed else f"pytest ends with {code}"
+
+
+def is_early(mutant: Mutant, record: dict[str, Any]) -> bool:
+    """Whether code that holds the fault runs while the project is imported."""
+    return not mutant.function or [mutant.path.removeprefix("cmacexp/"), mutant.function] in record["early"]
 
 
 def choose_tests(mutant: Mutant, record: dict[str, Any]) -> list[str]:
-    """Tests that call the function of the mutant, those of the quickest file first.
+    """Tests that call the function of the mutant, as many of the quickest as fit, those of the quickest file first.
 
     A mutant outside of functions has the tests of all functions of its file, or of its room if there is none.
     """
     name = mutant.path.removeprefix("cmacexp/")
     room = name.partition("/")[0]
-    of_file = any(path == name for calls in record.values() for path, _ in calls["calls"])
+    of_file = any(path == name for calls in record["calls"].values() for path, _ in calls)
 
     def calls(test: str) -> bool:
-        called = record.get(test, {"calls": ()})["calls"]
+        called = record["calls"].get(test, ())
         if mutant.function:
             return [name, mutant.function] in called
         return any(path == name if of_file else path.startswith(f"{room}/") for path, _ in called)
 
+    seconds: dict[str, float] = record["seconds"]
+    calling = [test for test in seconds if calls(test) or calls(test.partition("::")[0])]
     chosen: dict[str, list[str]] = {}
-    for test in record:
-        file, inside, _ = test.partition("::")
-        if inside and (calls(test) or calls(file)):
+    spent = 0.0
+    for test in sorted(calling, key=seconds.__getitem__):
+        file = test.partition("::")[0]
+        if file in FIGURES or spent + seconds[test] < BUDGET:
+            spent += seconds[test]
             chosen.setdefault(file, []).append(test)
-    seconds = {test: record[test]["seconds"] for tests in chosen.values() for test in tests}
-    ordered, spent = [], 0.0
-    for file in sorted(chosen, key=lambda file: (file == FIGURES, sum(seconds[test] for test in chosen[file]))):
-        for test in sorted(chosen[file], key=seconds.__getitem__):
-            if spent + seconds[test] < BUDGET or file == FIGURES:
-                spent += seconds[test]
-                ordered.append(test)
-    return ordered
+    files = sorted(chosen, key=lambda file: (file in FIGURES, sum(seconds[test] for test in chosen[file])))
+    return [test for file in files for test in chosen[file]]
 
 
-class Chosen:
-    """A plugin of pytest: the chosen tests in their order, and the first that fails."""
-
-    def __init__(self, tests: list[str]):
-        self.order = {test: number for number, test in enumerate(tests)}
-        self.failed = ""
-
-    def pytest_configure(self):
-        take_few_examples()
-
-    def pytest_collection_modifyitems(self, items):
-        items[:] = sorted((item for item in items if item.nodeid in self.order), key=lambda i: self.order[i.nodeid])
-
-    @pytest.hookimpl(wrapper=True)
-    def pytest_runtest_protocol(self, item):
-        with limit(SLOWEST):
-            return (yield)
-
-    def pytest_runtest_logreport(self, report):
-        if report.failed and not self.failed:
-            self.failed = report.nodeid
-
-    pytest_collectreport = pytest_runtest_logreport
-
-
-def run_tests(root: Path, module: str, tests: list[str]) -> None:
-    """Run ``tests`` in the copy at ``root``; ends the process."""
-    os.setsid()
-    os.chdir(root)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    os.dup2(nowhere, 2)
-    os.environ["PYTHONPATH"] = str(root)
-    sys.path[:0] = [str(root)]
-    try:
-        importlib.import_module(module)
-    except BaseException:
-        os._exit(CANNOT_START)
-    code = 0
-    for file, chosen in groupby(tests, lambda test: test.partition("::")[0]):  # collect no file in vain
-        plugin = Chosen(list(chosen))
-        code = pytest.main(["-n0", "-q", "-x", "--tb=native", "-p", "no:cacheprovider", file], plugins=[plugin])
-        if code:
-            (root / "failed.txt").write_text(plugin.failed)
-            break
-    os._exit(code)
-
-
-def wait(process: int) -> int | None:
-    """Exit code of a process, negative if a signal ended it; None if it hangs."""
-    until = time.monotonic() + HANGING
-    while time.monotonic() < until:
-        ended, status = os.waitpid(process, os.WNOHANG)
-        if ended:
-            return os.waitstatus_to_exitcode(status)
-        time.sleep(0.02)
-    os.killpg(process, signal.SIGKILL)
-    os.waitpid(process, 0)
-    return None
-
-
-def try_mutant(record: dict[str, Any], mutant: Mutant) -> dict[str, Any]:
-    """Make the fault in the copy, run its tests, and undo it."""
-    tests = choose_tests(mutant, record)
-    path, found = Copy.root / mutant.path, Copy.root / "failed.txt"
-    source = path.read_bytes()
-    found.unlink(missing_ok=True)
-    path.write_bytes(mutant.apply(source))
-    try:
-        process = os.fork()
-        if not process:
-            run_tests(Copy.root, mutant.path.removesuffix(".py").replace("/", "."), tests)
-        code = wait(process)
-    finally:
-        path.write_bytes(source)
-    by = found.read_text() if found.exists() else f"ended with {code}"
-    match code:
-        case 0:
+def judge(mutant: Mutant, tests: list[str], failed: str | None) -> dict[str, Any]:
+    """The result of a mutant; ``failed`` is the test that found it, nothing, or None if the tests did not end."""
+    match failed:
+        case "":
             result = SURVIVED
-        case _ if code == CANNOT_START:
+        case _ if failed == CANNOT_START:
             result = INVALID
-        case 1 | 2 if by.startswith(FIGURES):
+        case str() if failed.startswith(FIGURES):
             result = FIGURES_ONLY
-        case 1 | 2 if by:
-            result = KILLED
-        case None:
-            result = KILLED
-        case _ if code < 0:
-            result = KILLED
         case _:
-            raise RuntimeError(f"the tests end with {code} for {mutant}")
-    return {"mutant": list(mutant), "result": result, "by": by, "tests": len(tests)}
+            result = KILLED
+    return {"mutant": list(mutant), "result": result, "by": NO_END if failed is None else failed, "tests": len(tests)}

@@ -41,7 +41,7 @@ def a_walk(force=None, cycles=3) -> Walk:
     body |= dict(zip(TRUE_MARGINS, true.T, strict=True))
     step = np.arange(len(zero))
     window = Window(1, cycles, 1, len(zero))
-    return Walk(RunView(legs, step * PERIOD, step, step // STEPS + 1, body, {}, window, "made", ""))
+    return Walk(RunView(legs, step * PERIOD, step, step // STEPS + 1, body, {"config": {}}, window, "made", ""))
 
 
 def changed(rows, leg, value):

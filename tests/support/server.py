@@ -8,10 +8,19 @@ import json
 import os
 import runpy
 import sys
+import threading
 import traceback
 from typing import NoReturn
 
-IMPORTED = ("cmacexp.cli.main", "cmacexp.experiment", "cmacexp.report.page", "pandas", "rerun", "matplotlib.pyplot")
+IMPORTED = (
+    "cmacexp.cli.main",
+    "cmacexp.experiment",
+    "cmacexp.report.terminal",
+    "cmacexp.report.page",
+    "pandas",
+    "rerun",
+    "matplotlib.pyplot",
+)
 
 
 def execute(folder: str, output: str, errors: str, words: list[str]) -> NoReturn:
@@ -38,6 +47,8 @@ def execute(folder: str, output: str, errors: str, words: list[str]) -> NoReturn
 if __name__ == "__main__":
     for name in IMPORTED:
         importlib.import_module(name)
+    # How busy the machine is decides which lines of progress come after seconds.
+    vars(sys.modules["cmacexp.report.terminal"])["LATE"] = threading.TIMEOUT_MAX
     for line in sys.stdin:
         process = os.fork()
         if not process:

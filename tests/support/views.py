@@ -30,8 +30,9 @@ def make_walk(number=1, error=0.0, force=10.0) -> RunView:
     body = {"height": zero + 0.5, "margin_front": np.linspace(0.2, 0.1, STEPS)}
     body |= dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll", "stability_margin", "margin_rear"), zero)
     config = {"terrain": {"stiffness": 1e4}, "gait": {"cycle_time": 0.1 * STEPS}, "sampling_period": 0.1}
+    manifest = {"config": config, "steps": number * STEPS}
     return RunView(
-        legs, 0.1 * step, step, np.full(STEPS, number), body, config, Window(number, number, 1, STEPS), "made", ""
+        legs, 0.1 * step, step, np.full(STEPS, number), body, manifest, Window(number, number, 1, STEPS), "made", ""
     )
 
 

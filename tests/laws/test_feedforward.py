@@ -1,0 +1,205 @@
+"""Laws of feedforwards: which torque is given when, what feedback teaches, and from which step on."""
+
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from cmacexp.cmac.rules import DECAYING, NEIGHBOURS, PAPER, RULES, RuleParams, train_by_rule
+from cmacexp.feedforward import InverseDynamics, IterativeLearning, Perceptron, RadialBasis
+from cmacexp.feedforward.kernels import LearningParams, feedforward_step
+from cmacexp.feedforward.network import known_torque, network
+from cmacexp.feedforward.rbf import activations, spread_out
+from cmacexp.feedforward.weight_log import new_log, weigh
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.models.ground import NEVER
+from cmacexp.planning.columns import JOINT_COLUMNS
+from cmacexp.planning.setup import Setup
+
+SHORT = ("scenario=quadruped", "gait.cycle_time=0.2", "gait.lift=0.005")
+SAMPLES, LEGS, ROWS = 40, 4, 25
+
+
+@pytest.fixture(scope="module")
+def setup(make_config):
+    return make_scenario(make_config(*SHORT, "learning.start_cycle=1")).setup
+
+
+def make_network(setup, activation=None, **learning):
+    """A network of three random rows at each sample, and of random weights."""
+    rng = np.random.default_rng(1)
+    cells = np.stack([rng.permutation(ROWS)[:3] for _ in range(SAMPLES * LEGS)]).reshape(SAMPLES, LEGS, 3)
+    params = network(setup, cells, ROWS, activation)
+    params.weights[:] = rng.normal(size=params.weights.shape)
+    return params._replace(learning=params.learning._replace(**learning))
+
+
+def some_activation():
+    return np.random.default_rng(2).uniform(0.1, 1.0, (SAMPLES, LEGS, 3))
+
+
+def taught(params, step, error):
+    """Change of the weights by one step."""
+    before = params.weights.copy()
+    feedforward_step(params, step, step % SAMPLES, error, np.zeros((LEGS, 2)))
+    return params.weights - before
+
+
+def test_a_setup_without_more_has_learnt_nothing_and_no_lead_and_stays_as_it_is(setup):
+    plain = Setup(setup.config, setup.mechanism, setup.plan, setup.start)
+    assert (plain.learnt, plain.lead) == (None, 0)
+    with pytest.raises(FrozenInstanceError):
+        plain.lead = 1  # type: ignore[misc]
+
+
+# What is given
+
+
+def test_a_known_torque_is_that_of_the_sample_for_every_leg_and_joint(setup):
+    torque, output = np.random.default_rng(0).normal(size=(SAMPLES, LEGS, 2)), np.zeros((LEGS, 2))
+    params = known_torque(setup, torque)
+    for step in range(2 * SAMPLES):
+        feedforward_step(params, step, step % SAMPLES, np.ones((LEGS, 2)), output)
+        assert_array_equal(output, torque[step % SAMPLES])
+    assert not params.weights.any()
+
+
+@pytest.mark.parametrize("activation", [None, some_activation()], ids=["plain", "weighted"])
+def test_a_network_gives_the_sum_of_its_active_weights(setup, activation):
+    params, output = make_network(setup, activation), np.zeros((LEGS, 2))
+    shares = np.ones((SAMPLES, LEGS, 3)) if activation is None else activation
+    for sample in range(SAMPLES):
+        feedforward_step(params, sample, sample, np.zeros((LEGS, 2)), output)
+        for leg in range(LEGS):
+            expected = shares[sample, leg] @ params.weights[leg, params.cells[sample, leg]]
+            assert_allclose(output[leg], expected, atol=1e-12)
+
+
+def test_only_without_a_feedforward_there_is_none_that_acts(setup, make_config):
+    nothing = make_scenario(make_config(*SHORT, "feedforward=none"))
+    assert not nothing.feedforward.acts
+    assert nothing.setup.plan.start_step == NEVER
+    assert all(each.acts for each in (IterativeLearning, InverseDynamics, Perceptron, RadialBasis))
+
+
+# What is learnt
+
+
+@pytest.mark.parametrize("lead", [0, 2, -1, SAMPLES + 3])
+@pytest.mark.parametrize("activation", [None, some_activation()], ids=["plain", "weighted"])
+def test_an_error_moves_the_output_of_its_own_sample_by_rate_times_error(setup, activation, lead):
+    """That of the step before, less the lead; on all legs and around the end of the cycle."""
+    params = make_network(setup, activation, rate=0.3, lead=lead)
+    shares = np.ones((SAMPLES, LEGS, 3)) if activation is None else activation
+    rng = np.random.default_rng(3)
+    for step in (0, 1, 2, 17, SAMPLES - 1, SAMPLES):
+        error = rng.normal(size=(LEGS, 2))
+        change, own = taught(params, step, error), (step - 1 - lead) % SAMPLES
+        for leg in range(LEGS):
+            rows = params.cells[own, leg]
+            assert_allclose(shares[own, leg] @ change[leg, rows], 0.3 * error[leg], atol=1e-12)
+            assert not np.delete(change[leg], rows, axis=0).any()
+
+
+@pytest.mark.parametrize("name", [name for name, rule in RULES.items() if rule.params.teaches != NEIGHBOURS])
+def test_a_network_learns_by_its_rule(setup, name):
+    activation, error = some_activation(), np.random.default_rng(4).normal(size=(LEGS, 2))
+    rule = RULES[name].params._replace(strength=0.5)
+    params = make_network(setup, activation, rule=rule, plain=False, rate=0.4)
+    expected = params.weights.copy()
+    for leg in range(LEGS):
+        train_by_rule(rule, expected[leg], params.cells[6, leg], activation[6, leg], error[leg], 0.4)
+    assert taught(params, 7, error).any()
+    assert_array_equal(params.weights, expected)
+
+
+@pytest.mark.parametrize("start", [None, 0, SAMPLES, 7 * SAMPLES])
+def test_a_rate_decays_by_the_cycles_since_learning_began(setup, start):
+    rule, later = RuleParams(rate=DECAYING, strength=2.0), {} if start is None else {"start_step": start}
+    learning = LearningParams(0.6, 0, rule, **later)
+    params = make_network(setup, some_activation())._replace(learning=learning)
+    error = np.ones((LEGS, 2))
+    for cycle in range(4):
+        for sample in (0, 1, SAMPLES - 1):
+            step = (start or 0) + cycle * SAMPLES + sample
+            change, own = taught(params, step, error), (sample - 1) % SAMPLES
+            moved = some_activation()[own, 0] @ change[0, params.cells[own, 0]]
+            assert_allclose(moved, 0.6 / (1.0 + cycle / 2.0))
+
+
+def test_learning_begins_with_the_first_cycle_that_the_config_names(make_config):
+    for cycle in (1, 3):
+        params = make_scenario(make_config(*SHORT, f"learning.start_cycle={cycle}", "cycles=3")).feedforward.params
+        assert params.learning.start_step == (cycle - 1) * SAMPLES
+        assert params.learning.rule == PAPER
+
+
+# What is logged
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
+def test_weights_in_use_are_weighed_and_no_others(seed, share):
+    """Norm and largest of the weights of the rows in use, and how many rows have a weight other than 0."""
+    rng = np.random.default_rng(seed)
+    cells = rng.integers(0, ROWS, (5, LEGS, 2)).astype(np.uint32)
+    weights = rng.normal(size=(LEGS, ROWS, 2)) * (rng.random((LEGS, ROWS, 2)) < share)
+    entry = np.full((LEGS, 3), np.nan)
+    weigh(new_log(cells), weights, entry)
+    for leg in range(LEGS):
+        used = weights[leg, np.unique(cells[:, leg])]
+        assert_allclose(entry[leg, :2], [np.linalg.norm(used), np.abs(used).max()])
+        assert entry[leg, 2] == np.count_nonzero(used.any(axis=1))
+
+
+# Radial basis functions
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.floats(0.05, 5.0))
+def test_activations_sum_up_to_one_and_fall_with_the_distance(seed, active, width):
+    rng = np.random.default_rng(seed)
+    points, centres = rng.normal(size=(7, 2)), rng.normal(size=(6, 2))
+    cells, activation = activations(points, centres, width, active)
+    distance = np.linalg.norm(points[:, None] - centres, axis=2)
+    assert cells.shape == activation.shape == (7, active)
+    assert_allclose(activation.sum(axis=1), 1.0)
+    for own, rows, heights in zip(distance, cells, activation, strict=True):
+        assert_array_equal(rows, np.argsort(own)[:active])
+        # A ratio of Gaussians; in logarithms, as long as they can be told from 0.
+        ratio = (own[rows[0]] ** 2 - own[rows] ** 2) / (2.0 * width**2)
+        assert_allclose(heights, heights[0] * np.exp(ratio), rtol=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 12))
+def test_each_centre_is_the_point_farthest_from_those_before(seed, number):
+    points = np.random.default_rng(seed).normal(size=(15, 3))
+    centres = spread_out(points, number)
+    assert_array_equal(centres[0], points[0])
+    for k in range(1, number):
+        away = np.linalg.norm(points[:, None] - centres[:k], axis=2).min(axis=1)
+        assert_array_equal(centres[k], points[away.argmax()])
+
+
+@pytest.mark.parametrize("inputs", [["angle"], ["angle", "velocity"]])
+def test_centres_are_on_the_path_scaled_to_its_span(setup, inputs):
+    rbf = RadialBasis(inputs, centres=SAMPLES, active=3, width=1.0)
+    rbf.reset(setup)
+    columns = [column for name in inputs for column in JOINT_COLUMNS[name]]
+    assert rbf.params.cells.shape == rbf.params.activation.shape == (SAMPLES, LEGS, 3)
+    for leg in range(LEGS):
+        path = setup.plan.joints[:, leg, columns]
+        scaled = (path - path.min(axis=0)) / np.ptp(path, axis=0)
+        found = rbf.places[leg]
+        assert_allclose(found[np.lexsort(found.T)], scaled[np.lexsort(scaled.T)], atol=1e-12)
+        assert_allclose(found[rbf.params.cells[:, leg, 0]], scaled, atol=1e-12)  # the nearest is the sample itself
+
+
+def test_its_activations_do_not_depend_on_the_unit_of_its_inputs(setup):
+    stretched = setup.plan.joints * [2.0, 0.5, 4.0, 8.0, 1.0, 1.0]
+    one, other = (RadialBasis(["angle", "velocity"], centres=9, active=4, width=1.0) for _ in range(2))
+    one.reset(setup)
+    other.reset(replace(setup, plan=setup.plan._replace(joints=stretched)))
+    assert_array_equal(one.params.cells, other.params.cells)
+    assert_allclose(one.params.activation, other.params.activation, atol=1e-9)

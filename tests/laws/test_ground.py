@@ -1,0 +1,76 @@
+"""Laws of the ground: patches, steps of its stiffness, slope; and of the level pose of what stands on it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from cmacexp.models.body import LEVEL, STEEPEST, Load, balance, depth, depth_rate, make_pose
+from cmacexp.models.ground import grade_at, height_at, stiffness_at, stiffness_under
+from cmacexp.plants.environment import make_ground
+
+places = st.floats(-30.0, 30.0)
+HIPS = np.array([[0.225, 0.225], [0.225, -0.225], [-0.225, 0.225], [-0.225, -0.225]])
+
+
+def ground_of(make_config, *overrides):
+    config = make_config("scenario=quadruped", *overrides)
+    return make_ground(config.terrain, config.sampling_period)
+
+
+@given(places, places, st.floats(0.01, 1.0), st.integers(0, 2**32 - 1))
+def test_patches_deviate_in_proportion_to_the_spread(make_config, x, y, spread, seed):
+    """From nothing to as much as the stiffness itself."""
+    ground = ground_of(make_config)._replace(patch_size=0.15, patch_seed=seed)
+    whole, part = (
+        stiffness_at(ground._replace(patch_spread=s), x, y) / ground.stiffness - 1.0 for s in (1.0, spread)
+    )
+    assert -1.0 <= whole <= 1.0
+    assert whole != 0.0
+    assert_allclose(part, spread * whole, atol=1e-12)
+
+
+@pytest.mark.parametrize("legs", [None, [1], [2, 3], [4], [1, 2, 3, 4]])
+def test_a_step_of_stiffness_is_under_the_legs_it_names_or_under_all(make_config, legs):
+    named = [] if legs is None else [f"terrain.step_legs={legs}"]
+    config = make_config("scenario=quadruped", "terrain.step_time=0.5", "terrain.step_factor=3", *named)
+    ground = make_ground(config.terrain, config.sampling_period)
+    for leg in range(4):
+        before, after = (stiffness_under(ground, leg, step, 0.0, 0.0) for step in (99, 100))
+        assert before == ground.stiffness
+        assert after == ground.stiffness * (3.0 if legs is None or leg + 1 in legs else 1.0)
+
+
+@given(st.floats(-0.9, 0.9), st.floats(-1.0, 1.0), places)
+def test_the_grade_is_the_derivative_of_the_height(flat, slope, start, x):
+    ground = flat._replace(slope=slope, slope_start=start)
+    if abs(x - start) > 1e-3:
+        rise = height_at(slope, start, x + 1e-4) - height_at(slope, start, x - 1e-4)
+        assert grade_at(ground, x) == pytest.approx(rise / 2e-4, abs=1e-6)
+
+
+def test_a_level_pose_is_that_of_a_body_at_height_0_without_tilt():
+    assert make_pose(np.zeros(3)) == LEVEL
+
+
+@given(*[st.floats(-0.5, 0.5)] * 7)
+def test_depth_changes_at_its_rate(pitch, roll, dh, dp, dr, x, y):
+    body, rate, short = np.array([0.5, pitch, roll]), np.array([dh, dp, dr]), 1e-6
+    after, before = (depth(make_pose(body + s * short * rate), x, y, 0.0) for s in (1.0, -1.0))
+    assert depth_rate(make_pose(body), rate, x, y) == pytest.approx((after - before) / (2.0 * short), abs=1e-8)
+
+
+@pytest.mark.parametrize("angle", [1, 2])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_search_that_begins_beyond_the_steepest_tilt_finds_nothing_either_way(angle, way):
+    """Though a body that begins a little less steep finds its balance."""
+    foot, stiffness, force = np.tile([0.0, 0.5], (4, 1)), np.full(4, 1e4), np.zeros(4)
+    for tilt, found in ((STEEPEST + 1e-6, False), (0.2, True)):
+        body = np.array([0.5, 0.0, 0.0])
+        body[angle] = way * tilt
+        assert balance(HIPS, foot, stiffness, np.zeros(4), Load(40.0, 0.0, 0.0), body, force) == found
+    assert_allclose(body[1:], 0.0, atol=1e-9)
+    assert math.isclose(force.sum(), 40.0, rel_tol=1e-9)

@@ -1,0 +1,114 @@
+"""Laws of the tables of cycles: which metrics they show, which cycles of a long run, and how legs are pooled."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.made_traces import make_trace
+
+from cmacexp.data.tables import Scores
+from cmacexp.metrics.metric import NEITHER
+from cmacexp.metrics.pooling import count_legs, describe_pooling, pool_legs, select_main
+from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, RANKED, SHOWN
+from cmacexp.metrics.score import RunScorer
+from cmacexp.metrics.summary import BETWEEN, ENDS, MOST_ROWS, format_cycles, format_number, shorten, tabulate_cycles
+from cmacexp.typing import Array
+
+
+def random_scores(legs, cycles=3, seed=0):
+    """Metrics of a trace of noise."""
+    rng, rows = np.random.default_rng(seed), 6 * cycles
+    torques = {f"tau_{part}_{joint}" for part in ("feedback", "feedforward") for joint in (1, 2)}
+    columns = {name: rng.normal(size=(rows, legs)) for name in ("x", "y", *sorted(torques))}
+    columns |= {"force": rng.uniform(0.5, 1.5, (rows, legs)), "force_desired": 1.0}
+    scorer = RunScorer(6)
+    scorer.add_legs(make_trace("TTSSSS", rows, legs, **columns))
+    return scorer.scores
+
+
+def columns(table) -> dict[str, Array]:
+    return {name: np.asarray(table[name]) for name in table.column_names}
+
+
+@given(st.integers(0, 400))
+def test_a_long_table_keeps_its_ends_and_rows_between_them_at_even_distances(number):
+    rows = list(range(number))
+    kept = shorten(rows)
+    if number <= MOST_ROWS:
+        assert kept == rows
+    else:
+        assert len(kept) == 2 * ENDS + BETWEEN < number
+        assert kept[:ENDS] == rows[:ENDS]
+        assert kept[-ENDS:] == rows[-ENDS:]
+        gaps = np.diff(kept[ENDS - 1 : -ENDS + 1])
+        assert gaps.min() >= 1
+        assert np.ptp(gaps) <= 1
+
+
+@pytest.mark.parametrize("legs", [1, 2, 4])
+def test_legs_are_counted_and_pooled_cycle_by_cycle(legs):
+    scores = random_scores(legs)
+    assert count_legs(scores) == legs
+    pooled, table = pool_legs(scores), columns(scores.legs)
+    assert set(pooled) == set(METRICS)
+    for name, values in pooled.items():
+        assert values.shape == (3,)
+        for cycle in range(3):
+            own = table[name][table["cycle"] == cycle + 1]
+            alone = ALL_METRICS[name].pooling.pool(own)
+            assert values[cycle] == pytest.approx(float(alone), nan_ok=True)
+
+
+def test_of_no_row_there_is_one_leg():
+    assert count_legs(Scores(random_scores(2).legs.slice(0, 0), None)) == 1
+
+
+def test_a_main_metric_is_shown_if_one_cycle_defines_it_and_it_suits_the_number_of_legs():
+    undefined = dict.fromkeys(MAIN, np.array([math.nan, math.nan]))
+    assert select_main(undefined, 1) == {}
+    assert select_main({}, 4) == {}
+    for name, shown in MAIN.items():
+        values = undefined | {name: np.array([math.nan, 2.0])}
+        assert select_main(values, 1) == {name: shown}
+        assert select_main(values, 4) == ({name: shown} if shown.over_legs else {})
+
+
+@pytest.mark.parametrize("legs", [1, 4])
+def test_a_table_has_a_row_of_each_cycle_and_a_column_of_each_main_metric_in_its_unit(legs):
+    scores = random_scores(legs, cycles=5)
+    main, rows = tabulate_cycles(scores)
+    pooled = pool_legs(scores)
+    assert main == select_main(pooled, legs) != {}
+    assert [row[0] for row in rows] == ["1", "2", "3", "4", "5"]
+    for cycle, (_, *cells) in enumerate(rows):
+        assert cells == [format_number(shown.factor * pooled[name][cycle]) for name, shown in main.items()]
+    titles, short = format_cycles(scores)
+    assert titles == [("cycle", ""), *((shown.title, shown.unit) for shown in main.values())]
+    assert short == rows
+
+
+def test_a_metric_is_judged_and_ranked_if_one_of_two_values_is_the_better_one():
+    for name, metric in ALL_METRICS.items():
+        best = metric.find_best(np.array([1.0, 2.0]))
+        assert math.isnan(best) == (metric.better == NEITHER)
+        assert (name in JUDGED) == (name in MAIN and not math.isnan(best))
+        assert (name in RANKED) == (name in SHOWN and not math.isnan(best))
+
+
+def test_every_title_is_named_once_with_its_pooling_and_those_of_a_body_not_at_all():
+    titles = {name: name.upper() for name in ALL_METRICS}
+    parts = dict(part.split(" of ") for part in describe_pooling(titles).split("; "))
+    named = [title for part in parts.values() for title in part.split(", ")]
+    assert sorted(named) == sorted(titles[name] for name in METRICS)
+    for name in METRICS:
+        assert titles[name] in parts[ALL_METRICS[name].pooling.name].split(", ")
+
+
+@given(st.floats(-1e9, 1e9))
+def test_a_number_is_shown_to_three_decimals_or_three_digits(value):
+    shown = format_number(value)
+    assert len(shown) <= 9
+    assert float(shown) == pytest.approx(value, rel=0.005, abs=5.01e-4)
+    assert format_number(math.nan) == "-"
