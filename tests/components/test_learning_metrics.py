@@ -40,6 +40,7 @@ def test_without_a_first_value_nothing_is_known_of_learning(first):
         ([1.0, 2.0, 1.0, 0.5], [NOTHING] * 4),
         ([1.0, NOTHING, 0.2], [NOTHING, NOTHING, 2.0]),
         ([1.0, 0.2, NOTHING], [NOTHING, 1.0, 1.0]),
+        ([1.0, math.exp(-1.0)], [NOTHING, 1.0]),  # at most 1/e
         ([1.0], [NOTHING]),
         ([1.0, 0.0], [NOTHING, 1.0]),
     ],

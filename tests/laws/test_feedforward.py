@@ -154,6 +154,35 @@ def test_weights_in_use_are_weighed_and_no_others(seed, share):
         assert entry[leg, 2] == np.count_nonzero(used.any(axis=1))
 
 
+# Iterative learning
+
+
+@pytest.mark.parametrize("cutoff", [None, 30.0, 1e6])
+def test_torques_of_a_cycle_are_filtered_at_its_start_alone_and_only_with_a_cutoff(setup, cutoff):
+    """A lone torque stays as large in all, and is spread unless the cutoff is far above the sampling."""
+    ilc, output = IterativeLearning(cutoff), np.zeros((LEGS, 2))
+    ilc.reset(setup)
+    ilc.params.weights[:, 7] = 1.0
+    for step in range(1, SAMPLES + 1):
+        before = ilc.params.weights.copy()
+        feedforward_step(ilc.params, step, step % SAMPLES, np.zeros((LEGS, 2)), output)
+        changed = not np.array_equal(ilc.params.weights, before)
+        assert changed == (step == SAMPLES and cutoff == 30.0)
+        assert_array_equal(output, ilc.params.weights[:, step % SAMPLES])
+    assert_allclose(ilc.params.weights.sum(axis=1), 1.0)
+
+
+def test_feedback_of_a_sample_is_learnt_at_that_sample(setup):
+    ilc = IterativeLearning(None)
+    ilc.reset(setup)
+    error = np.random.default_rng(5).normal(size=(LEGS, 2))
+    for step in (4, 0, SAMPLES):
+        change = taught(ilc.params, step, error)
+        own = (step - 1) % SAMPLES
+        assert_allclose(change[:, own], setup.config.learning.rate * error)
+        assert not np.delete(change, own, axis=1).any()
+
+
 # Radial basis functions
 
 

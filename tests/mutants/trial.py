@@ -16,7 +16,7 @@ from tests.mutants.session import OPTIONS, ROOT, Collected, run_until_failure
 
 FIGURES = ("tests/laws/test_golden.py", "tests/laws/test_bits.py")
 """Figures of an earlier version: they find almost every fault and explain none, so they run last."""
-BUDGET = 20.0
+BUDGET = 10.0
 """Time of the tests of a mutant, s, but the figures: the quickest that fit are run."""
 KILLED, SURVIVED, FIGURES_ONLY, INVALID = "killed", "survived", "killed by figures only", "invalid"
 CANNOT_START = "cannot be imported"

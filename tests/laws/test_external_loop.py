@@ -1,0 +1,74 @@
+"""Laws of the loop with external components: that a component is external changes no bit of a run."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from cmacexp.loop import roll_out
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.loop.step import ACT, MEASURE, NO_METHOD, NOT_FINITE, PREDICT, STEP, STOP, TAKEN
+
+SHORT = ("gait.cycle_time=0.2", "gait.lift=0.005", "cycles=3", "learning.start_cycle=2")
+"""A cycle of 40 samples."""
+CALLED = {"sensors": "measure", "controller": "act", "feedforward": "predict", "plant": "step"}
+
+
+class External:
+    """Does what a built-in component does, and counts its calls."""
+
+    def __init__(self, component):
+        self.component, self.calls = component, dict.fromkeys(CALLED.values(), 0)
+
+    def __getattr__(self, name):
+        inner = getattr(self.component, name)
+        if name not in CALLED.values():
+            return inner
+
+        def counted(*arguments):
+            self.calls[name] += 1
+            return inner(*arguments)
+
+        return counted
+
+
+def run(config, *groups, fused=True):
+    """A run in which these components are external, and these components."""
+    scenario = make_scenario(config)
+    external = {group: External(getattr(scenario, group)) for group in groups}
+    return roll_out(dataclasses.replace(scenario, **external), fused=fused), external
+
+
+@pytest.mark.parametrize("scenario", ["one_leg", "quadruped"])
+@pytest.mark.parametrize(
+    "groups", [(), *((group,) for group in CALLED), ("sensors", "plant"), tuple(CALLED)], ids=str
+)
+def test_a_run_has_the_same_bits_whichever_components_are_external(make_config, scenario, groups):
+    sensors = ("sensors=real", "sensors.position.bias=1e-3", "sensors.force.bias=0.1")
+    config = make_config(f"scenario={scenario}", *SHORT, *sensors)
+    built_in, _ = run(config)
+    mixed, external = run(config, *groups, fused=bool(groups))
+    steps = len(built_in.samples)
+    assert steps == (120 if scenario == "one_leg" else 42)  # four legs cannot walk so fast: they fall
+    assert mixed.status == built_in.status
+    assert_array_equal(mixed.samples, built_in.samples)
+    assert_array_equal(mixed.body_samples, built_in.body_samples)
+    assert np.abs(mixed.columns()["tau_feedforward_1"][41:]).max() > 0.0
+    for group, component in external.items():
+        asked = steps
+        if group == "feedforward":  # not before it acts; and a controller calls the one that it was given
+            asked = 0 if "controller" in groups else steps - 40
+        assert component.calls[CALLED[group]] == asked
+
+
+@pytest.mark.parametrize("fused", [True, False])
+def test_a_machine_that_cannot_stand_falls_before_its_first_step(make_config, fused):
+    soft = ("terrain.stiffness=50", "terrain.assumed_stiffness=1e4", "feedforward=none")
+    fallen, _ = run(make_config("scenario=quadruped", *SHORT, "learning.start_cycle=1", *soft), fused=fused)
+    assert (fallen.status, len(fallen.samples)) == ("fell", 0)
+
+
+def test_codes_of_methods_and_of_progress_are_distinct():
+    assert len({MEASURE, ACT, PREDICT, STEP, NO_METHOD}) == 5
+    assert sorted((TAKEN, STOP, NOT_FINITE)) == [0, 1, 2]

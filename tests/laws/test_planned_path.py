@@ -1,0 +1,65 @@
+"""Laws of the planned motion of a foot, whatever its gait and load."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from cmacexp.planning.columns import AX, AY, VX, VY, X, Y
+
+PERIOD = 0.005
+GAITS = [
+    ("scenario=one_leg",),
+    ("scenario=one_leg", "gait.load_ramp=0.1", "gait.vertical=two_cubics"),
+    ("scenario=quadruped",),
+    ("scenario=quadruped", "gait.load_ramp=0.06"),
+    ("scenario=quadruped", "gait.vertical=two_cubics", "machine.legs.left_front.length_1=0.4"),
+]
+gaits = pytest.mark.parametrize("gait", GAITS, ids=lambda gait: " ".join(gait[1:]) or gait[0])
+
+
+def legs_of(plan):
+    """Support and motion of each leg over a cycle that begins with its touch-down."""
+    for leg in range(plan.support.shape[1]):
+        support = plan.support[:, leg]
+        first = int(np.flatnonzero(support & ~np.roll(support, 1))[0])
+        yield np.roll(support, -first), np.roll(plan.desired[:, leg], -first, axis=0)
+
+
+@gaits
+def test_in_support_a_foot_moves_back_at_the_speed_of_the_body_and_presses_with_its_force(plan_of, make_config, gait):
+    plan, config = plan_of(*gait), make_config(*gait)
+    speed = config.gait.stroke / (plan.support[:, 0].sum() * PERIOD)
+    for support, motion in legs_of(plan):
+        assert_allclose(motion[support, VX], -speed)
+        assert_allclose(np.diff(motion[support, X]), -speed * PERIOD)
+        assert motion[0, X] == pytest.approx(config.gait.stroke / 2.0)
+        assert_array_equal(motion[support][:, [AX, AY]], 0.0)
+    depth = plan.desired[..., Y] - config.machine.hip_height
+    assert_allclose((depth * config.assumed_stiffness)[plan.support], plan.force_desired[plan.support], atol=1e-9)
+
+
+@gaits
+def test_a_transfer_begins_where_support_ended_and_ends_where_the_next_begins(plan_of, make_config, gait):
+    """In height to the sample, at both ends of the polynomial; in between it rises by the lift."""
+    plan, config = plan_of(*gait), make_config(*gait)
+    for support, motion in legs_of(plan):
+        down, up = motion[support], motion[~support]
+        samples, lift = len(up), config.gait.lift
+        assert_allclose(up[0, Y], down[-1, Y], atol=1e-12)
+        half = up[samples // 2, Y] if samples % 2 == 0 else up[samples // 2 : samples // 2 + 2, Y].mean()
+        assert half == pytest.approx(down[-1, Y] - lift, abs=0.02 * lift)
+        # The sample after the last one would be the first in support.
+        s = np.arange(samples) / samples
+        ends = [np.polynomial.Polynomial.fit(s[part], up[part, Y], 3)(end)
+                for part, end in ((slice(0, 6), 0.0), (slice(-6, None), 1.0))]  # fmt: skip
+        assert_allclose(ends, [down[-1, Y], down[0, Y]], atol=1e-7)
+
+
+@gaits
+def test_between_samples_of_a_transfer_velocity_is_what_the_acceleration_adds_up_to(plan_of, gait):
+    for support, motion in legs_of(plan_of(*gait)):
+        up = motion[~support]
+        for place, rate in ((X, VX), (Y, VY), (VX, AX), (VY, AY)):
+            middle = (up[1:, rate] + up[:-1, rate]) / 2.0
+            curved = np.abs(np.diff(up[:, rate])).max()  # or jumps, as at the apex of two cubics
+            assert_allclose(np.diff(up[:, place]), PERIOD * middle, atol=PERIOD * curved)
