@@ -39,7 +39,7 @@ class CmacConfig:
     """Planned joint values that address the memory (assumed)."""
     range_factor: float = number("", at_least=1, at_most=1e6, needs="learning.start_from=null")
     """Input range over the planned span, centred on its middle (assumed)."""
-    receptive_field: str = choice("rectangular", "linear", "cubic")
+    receptive_field: str = choice("rectangular", "linear", "cubic", needs=".layers above 1")
     """Activation of a cell over its width: constant, as in the paper, or a B-spline (Lane et al. 1992)."""
 
 

@@ -1,6 +1,6 @@
 """What fields declare to need for an effect is compared with the results of runs.
 
-A field whose need is met must change a file of the run at some value; those whose need is not met, all changed at
+A field whose need is met must change a trace of the run at some value; those whose need is not met, all changed at
 once, must change none. ``CMACEXP_EFFECTS=1`` compares all fields of all these commands, which
 takes some 10 minutes.
 """
@@ -17,7 +17,7 @@ from cmacexp.cmac.rules import RULES, strength_needs
 from cmacexp.config.check import check
 from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.config.effect import read_effects
-from cmacexp.data.tables import MEMORY
+from cmacexp.data.tables import BODY, TRACE
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.experiment import run_scenario
 from cmacexp.experiment.without_effect import warnings_of
@@ -27,6 +27,14 @@ SAMPLE = 8
 """Fields with an effect that the short form compares, of each of its commands."""
 LEG = ("scenario=one_leg", "cycles=2", "learning.start_cycle=1", "gait.cycle_time=0.6", "sampling_period=0.01")
 DROP = ("scenario=force_step", "gait.cycle_time=0.6", "sampling_period=0.01")
+MUJOCO_WALK = (
+    "scenario=quadruped",
+    "plant=mujoco_quadruped",
+    "cycles=1",
+    "learning.start_cycle=1",
+    "gait.cycle_time=0.6",
+)
+"""With the sampling period of its option: with a longer one it diverges within a few steps."""
 BESIDE = ("sensors=real", "sensors.position.bias=0.001", "sensors.velocity.bias=0.001")
 """A mass that seems to be beside its path, which without errors of its position leaves gains without effect."""
 WALK = (
@@ -46,8 +54,11 @@ FAULTS = [
     ("sensors=real", *(f"sensors.{signal}.fault.{each}" for each in (f"kind={kind}", f"value={value}", "start=0.2")))
     for signal, kind, value in (("position", "last", 0), ("velocity", "value", 0.1), ("force", "bias", 0.3))
 ]
+FEW_CELLS = ("cmac.inputs=[angle]", "cmac.layers=4", "cmac.resolution_elements=4", "cmac.memory_bytes=1024")
+WATCHED = ("plausibility=force", "plausibility.relative_tolerance=0.3")
+"""Narrow enough to exclude a sensor."""
 WEIGHTS = "learning.start_from=weights"
-SHORT = (LEG, (*DROP, "sensors=real", "sensors.force.bias=1.5", "plausibility=force"), WALK)
+SHORT = (LEG, (*DROP, "sensors=real", "sensors.force.bias=0.6", "sensors.force.start=0.4", *WATCHED), WALK)
 """Commands of the short form."""
 COMMANDS = (
     *SHORT,
@@ -69,27 +80,30 @@ COMMANDS = (
     (*LEG, "terrain.damping=1"),
     (*LEG, "terrain.step_time=0.3", "terrain.step_factor=0.5"),
     (*LEG, "terrain.slope=0.1"),
-    *((*LEG, f"cmac.addressing={name}") for name in ("dense", "visited")),
+    (*LEG, "cmac.addressing=visited"),
+    (*LEG, *FEW_CELLS, "cmac.addressing=dense"),
     (*LEG, "cmac.receptive_field=linear"),
-    (*LEG, "cmac.layers=1"),
+    (*LEG, "cmac.layers=1", "cmac.memory_bytes=256"),
     (*LEG, "plant=mujoco_leg"),
     (*LEG, "learning.start_cycle=3"),
     (*LEG, WEIGHTS),
     (*LEG, "learning.lead=auto"),
     (*WALK, "payload.weight=3"),
     (*WALK, "machine.weight=null"),
-    (*WALK, "force_control.load_sharing=dynamic"),
+    (*WALK, "force_control.load_sharing=dynamic", "machine.weight=null"),
     (*WALK, "posture.gain=0"),
     (*WALK, "feedforward=none", "sensors=real", "sensors.tilt.noise=0.01"),
     (*WALK, "terrain.slope=0.02"),
     (*WALK, "terrain.step_time=0.3", "terrain.step_factor=0.8"),
-    (*WALK, "plant=mujoco_quadruped", "sampling_period=0.01"),
-    (*WALK, "plant=mujoco_quadruped", "sampling_period=0.01", "payload.weight=3", "plant.start_spread=0.01"),
+    MUJOCO_WALK,
+    (*MUJOCO_WALK, "payload.weight=3", "plant.start_spread=0.01"),
 )
 FACTORS = (1.1, 0.0, 2.0, 0.5, 1.01, 0.9, 10.0, 0.1, 1000.0, 1e-3)
-LISTS = ([1], [2], [2, 3], [0.3], [0.0, 0.5, 0.85, 0.35], ["angle"])
+LISTS = ([1], [2], [2, 3], [0.3], [0.0, 0.5, 0.85, 0.35], ["velocity"])
 ROUNDS = 4 if ALL else 2
 """How often the fields without effect are changed, to other values each time."""
+LIMIT = "cmac.memory_bytes"
+"""A limit alone, unless cells are hashed to it: too low a value is refused, any other gives the same run."""
 INTERPOLATED = "machine.leg."
 """Fields that others take their values from."""
 NOT_COMPARED = (
@@ -98,6 +112,7 @@ NOT_COMPARED = (
     "optimize",
     "warn",
     "scenario",
+    "cycles",
     "gait.cycle_time",
     "sampling_period",
     "machine.kind",
@@ -110,13 +125,15 @@ class Command:
     def __init__(self, overrides, folder):
         self.folder, self.weights = folder, folder / "weights"
         if WEIGHTS in overrides:
-            kept = compose_config([*LEG, "record=trace", "record.weights=true", "cmac.layers=16"])
+            kept = compose_config([*LEG, "record=trace", "record.weights=true"])
             run_scenario(kept, self.weights)
         overrides = [text.replace(WEIGHTS, f"learning.start_from={self.weights}") for text in overrides]
         self.overrides = [*overrides, "record=trace"]
         self.composed, _ = compose_untyped(self.overrides)
         self.config = compose_config(self.overrides)
         self.fields = [each for each in leaves(self.config) if not each[0].startswith(NOT_COMPARED)]
+        if self.config.cmac.addressing != "hashed":
+            self.fields = [each for each in self.fields if each[0] != LIMIT]
         typed = {key: f"{key}={'null' if value is None else value}" for key, value, _ in self.fields}
         lines = warnings_of(self.config, list(typed.values()), self.composed)
         self.idle = {key for key in typed if any(line.startswith(f"{key}=") for line in lines)}
@@ -124,9 +141,9 @@ class Command:
         self.files = self.results(self.config)
 
     def results(self, config):
-        """Hashes of the files of a run, but for that which also says how large the memory of its CMACs is."""
+        """Hashes of the traces of a run: all else follows from them, or says how large the memory of a network is."""
         files = run_scenario(config, self.folder / str(next(self.numbers))).manifest["files"]
-        return {name: value for name, value in files.items() if name != MEMORY}
+        return {name: value for name, value in files.items() if name in (TRACE, BODY)}
 
     def other_values(self, key, value, declared):
         """Other values of a field; some of them may not be allowed."""
@@ -137,7 +154,8 @@ class Command:
         if isinstance(value, bool):
             return [not value]
         if isinstance(value, list):
-            return [[each * 2 if isinstance(each, float) else each for each in value], value[:1], *LISTS, None]
+            doubled = [each * 2 if isinstance(each, float) else each for each in value]
+            return [each for each in (doubled, value[:1], *LISTS, None) if each != value]
         if "choices" in declared:
             return [name for name in declared["choices"] if name != value]
         if isinstance(value, str):
@@ -159,7 +177,7 @@ class Command:
         return config
 
     def changes(self, key, value, declared):
-        """Whether some value of a field changes a file of the run; None if no other is allowed."""
+        """Whether some value of a field changes a trace; None if no other is allowed."""
         allowed = False
         for other in self.other_values(key, value, declared):
             try:
@@ -172,7 +190,7 @@ class Command:
         return False if allowed else None
 
     def idle_changed(self, keys, number):
-        """Which of some fields without effect were changed at once, and the files of the run then.
+        """Which of some fields without effect were changed at once, and the traces then.
 
         Each has another value that is allowed, the search for which begins at ``number``.
         """
@@ -194,9 +212,10 @@ class Command:
         try:
             return changed, self.results(config)
         except BadInput as error:
-            if error.key not in changed:
+            allowed = [key for key in changed if key not in str(error)]
+            if allowed == changed:
                 raise
-            return self.idle_changed([key for key in changed if key != error.key], number)
+            return self.idle_changed(allowed, number)
 
 
 def set_value(config, key, value):
