@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from cmacexp.control import CmacFeedforward, HybridController
+from cmacexp.feedforward.network import planned_inputs as of_leg
 from cmacexp.loop.scenario import Scenario
 from cmacexp.models.mechanism import LEGS_ON_STAND
-from cmacexp.planning.columns import FORCE_DESIRED, JOINT_COLUMNS
+from cmacexp.planning.columns import FORCE_DESIRED
 from cmacexp.plants import AnalyticPlant
 from cmacexp.typing import Array
 
@@ -73,8 +74,7 @@ def build(layers: int, inputs: int) -> ctypes.CDLL:
 
 def planned_inputs(scenario: Scenario) -> Array:
     """Planned inputs (N, n) of the CMAC of the first leg."""
-    chosen = [column for name in scenario.setup.config.cmac.inputs for column in JOINT_COLUMNS[name]]
-    return np.ascontiguousarray(scenario.setup.plan.joints[:, 0, chosen])
+    return np.ascontiguousarray(of_leg(scenario.setup, 0, scenario.setup.config.cmac.inputs))
 
 
 def _tables(scenario: Scenario) -> dict[str, np.ndarray]:

@@ -64,8 +64,8 @@ class GaitConfig:
     """cubic: one through both ends and the apex, its speed jumps (assumed); two_cubics: at rest at ends and apex."""
     load_ramp: float = number("s", at_least=0)
     """Time after touch-down over which a foot takes its desired force; 0: a step, as in the paper."""
-    unload_ramp: float = number("s", at_least=0, needs=LIFTS)
-    """Time before lift-off over which a foot gives up its desired force; 0: a step, as in the paper."""
+    unload_ramp: float = number("s", at_least=0)
+    """Time before the end of support over which a foot gives up its desired force; 0: a step, as in the paper."""
     ramp: str = choice(LINEAR, COSINE, needs=".load_ramp above 0 or .unload_ramp above 0")
     """Shape of both ramps; cosine: without a jump of the rate at either end."""
     allow_unstable: bool = field(kw_only=True, metadata={"needs": UNSTABLE})

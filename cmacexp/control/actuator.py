@@ -1,12 +1,12 @@
 """The actuators: delay, limit and rate limit of the commanded torques."""
 
+import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from cmacexp.config.schema import ActuatorConfig
 from cmacexp.jit.compiler import kernel
-from cmacexp.models.mechanism import Mechanism
 from cmacexp.typing import Array, Role, State
 
 
@@ -25,11 +25,20 @@ class Actuator(NamedTuple):
     """(L, J): torque of the last step, N m."""
 
 
-def new_actuator(config: ActuatorConfig, sampling_period: float, mechanism: Mechanism) -> Actuator:
-    """Actuators at rest: until the first command arrives the torque is zero."""
-    legs, joints = mechanism.shape
+def new_actuator(
+    config: ActuatorConfig, sampling_period: float, legs: int, motors: tuple[float, ...] = (math.inf, math.inf)
+) -> Actuator:
+    """Actuators at rest: until the first command arrives the torque is zero.
+
+    Args:
+        config: limits and delay of all joints.
+        sampling_period: T_s, s.
+        legs: number of legs.
+        motors: (J,): largest absolute torque of each joint of a leg, N m, which the config can only lower.
+    """
+    joints = len(motors)
     return Actuator(
-        tuple(min(config.limit, own) for own in mechanism.torque_limits or (float("inf"),) * joints),
+        tuple(min(config.limit, own) for own in motors),
         float("inf") if config.rate_limit is None else config.rate_limit * sampling_period,
         config.delay,
         np.zeros((config.delay + 1 if config.delay else 0, 2, legs, joints)),

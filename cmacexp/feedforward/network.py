@@ -65,7 +65,7 @@ class BuiltInFeedforward(ABC):
 
 def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
     """Planned joint values (N, J x names) of leg ``i``: angles in rad, their velocities, accelerations."""
-    joints = setup.mechanism.shape[1]
+    joints = setup.plan.joints.shape[2] // len(JOINT_COLUMNS)
     return setup.plan.joints[:, i, [column for name in names for column in JOINT_COLUMNS[name][:joints]]]
 
 

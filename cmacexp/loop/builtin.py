@@ -64,7 +64,9 @@ def make_loop(scenario: Scenario, external: External, guard: Guard) -> Loop:
         controller.params if isinstance(controller, HybridController) else None,
         controller.state if isinstance(controller, HybridController) else new_hybrid_state(*mechanism.shape),
         feedforward.params if isinstance(feedforward, BuiltInFeedforward) else None,
-        new_actuator(setup.config.actuator, setup.config.sampling_period, mechanism),
+        new_actuator(
+            setup.config.actuator, setup.config.sampling_period, mechanism.shape[0], mechanism.torque_limits
+        ),
         Torques(np.zeros(mechanism.shape), np.zeros(mechanism.shape)),
         guard,
     )

@@ -5,6 +5,7 @@ of a point mass. The first axis of arrays is that of the L legs, the next that o
 axes of its foot: x forward, y down, and z to the left where J = 3.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -49,8 +50,8 @@ class Mechanism(NamedTuple):
     """Weight that the feet carry together, N; 0 without a body."""
     axes: tuple[int, ...] = PLANE
     """PLANE or SPACE; the compiler unrolls loops over its length."""
-    torque_limits: tuple[float, ...] = ()
-    """(J,): of the motors of a leg, N m; empty if the machine sets none."""
+    torque_limits: tuple[float, ...] = (math.inf, math.inf)
+    """(J,): of the motors of a leg, N m."""
     chains: Array | None = None
     """(L, 21): see :mod:`cmacexp.models.chain`; None of planar legs, whose programs do without that code."""
 

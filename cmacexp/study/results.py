@@ -145,6 +145,9 @@ class Results:
     def end(self, name: str, cycles: int = LAST_CYCLES) -> Array:
         """(runs,): median of a metric over the last cycles; of a run that did not complete, the worst value."""
         worst = worst_value(name)
+        done = [row.summary for row in self.rows if row.summary.status == "completed"]
+        if any(name not in summary.metrics for summary in done):
+            raise BadInput("metric", name, "these machines do not have it; a robot has all")
         return np.array(
             [
                 float(np.median(row.summary.metrics[name][-cycles:])) if row.summary.status == "completed" else worst

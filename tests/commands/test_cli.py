@@ -92,7 +92,7 @@ def test_force_step_leaves_joints_and_unused_references_empty(tmp_path):
 
 
 BAD = {
-    "scenario=one_lag": "choose from force_step, one_leg, quadruped, quadruped_lasting; did you mean one_leg?",
+    "scenario=one_lag": "choose from force_step, one_leg, quadruped, quadruped_lasting, robot; did you mean one_leg?",
     "cmca=one_leg": "cmac, controller",
     "a=[": "cannot be read",
     "cmac=null": "a group takes the name of an option",

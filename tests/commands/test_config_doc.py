@@ -6,6 +6,7 @@ import runpy
 import pytest
 from support.command import ROOT
 from support.pages import PAGES
+from support.robots import OWN
 
 from cmacexp.config import schema
 
@@ -16,6 +17,7 @@ CONFIGS = (
     ["scenario=quadruped", "plant=mujoco_quadruped", "feedforward=mlp"],
     ["scenario=force_step"],
     ["scenario=one_leg", "feedforward=inverse_dynamics"],
+    ["scenario=robot", "machine=mjcf", f"machine.path={OWN}"],
 )
 """Together they have every field."""
 

@@ -280,10 +280,10 @@ ANSWERS = {
     "array": (lambda a: a.feedback, "act returned an array of shape (1, 2): expected"),
     "flat": (
         lambda a: a._replace(feedback=np.zeros(2)),
-        "returned feedback of shape (2,): expected (L, 2) = (1, 2) float64",
+        "returned feedback of shape (2,): expected (L, J) = (1, 2) float64",
     ),
-    "text": (lambda a: a._replace(feedforward="much"), "returned feedforward of type str: expected (L, 2) = (1, 2)"),
-    "ragged": (lambda a: a._replace(feedback=[[1.0], [1.0, 2.0]]), "returned feedback of type list: expected (L, 2)"),
+    "text": (lambda a: a._replace(feedforward="much"), "returned feedforward of type str: expected (L, J) = (1, 2)"),
+    "ragged": (lambda a: a._replace(feedback=[[1.0], [1.0, 2.0]]), "returned feedback of type list: expected (L, J)"),
     "complex": (lambda a: a._replace(feedback=np.zeros((1, 2), complex)), "returned feedback of type ndarray"),
     "NaN": (
         lambda a: a._replace(feedback=np.array([[0.0, np.nan]])),
@@ -326,7 +326,7 @@ def test_numbers_of_any_kind_are_taken(make_config, values):
 @pytest.mark.parametrize(
     ("key", "method", "told"),
     [
-        ("plant", "step", "Odd.step returned q of shape (2, 2): expected (L, 2) = (1, 2) float64, rad"),
+        ("plant", "step", "Odd.step returned q of shape (2, 2): expected (L, J) = (1, 2) float64, rad"),
         ("sensors", "measure", "Odd.measure returned q of shape (2, 2)"),
         ("plant", "reset", "before the first step: Odd.reset returned q of shape (2, 2)"),
         ("feedforward", "predict", "Odd.predict returned torque of shape (2, 2)"),

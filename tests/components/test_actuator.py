@@ -10,7 +10,7 @@ from cmacexp.loop.scenario import make_scenario
 
 def act(feedback, feedforward, limit=np.inf, change=np.inf, delay=0):
     """Feedback, feedforward and torque that act, (steps, 3), of those commanded to one joint."""
-    actuator = Actuator(limit, change, delay, np.zeros((delay + 1, 2, 1, 2)), np.zeros((1, 2)))
+    actuator = Actuator((limit, limit), change, delay, np.zeros((delay + 1, 2, 1, 2)), np.zeros((1, 2)))
     rows = []
     for step, (back, forward) in enumerate(zip(feedback, feedforward, strict=True)):
         parts = [np.array([[value, 0.0]]) for value in (back, forward, 0.0)]

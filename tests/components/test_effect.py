@@ -18,6 +18,9 @@ def warned(overrides):
     return warnings_of(compose_config(overrides), overrides, composed)
 
 
+CMACS = "needs feedforward=cmac|cmac_on_model"
+
+
 @pytest.mark.parametrize("scenario", ["one_leg", "force_step", "quadruped", "quadruped_lasting"])
 def test_what_is_declared_can_be_read(scenario):
     for key, _, declared in leaves(compose_config([f"scenario={scenario}"])):
@@ -46,9 +49,15 @@ def test_what_is_declared_can_be_read(scenario):
             ["learning.leakage=0.1 has no effect: needs learning.rule=leakage|zero_phase"],
         ),
         (["learning.rule=leakage", "learning.leakage=0.1"], []),
-        (["feedforward=none", "cmac.layers=8"], ["cmac.layers=8 has no effect: needs feedforward=cmac"]),
-        (["feedforward=none", "cmac=quadruped"], ["cmac=quadruped has no effect: needs feedforward=cmac"]),
-        (["feedforward=none", "seed=1"], ["seed=1 has no effect: needs feedforward=cmac"]),
+        (
+            ["feedforward=none", "cmac.layers=8"],
+            [f"cmac.layers=8 has no effect: {CMACS}"],
+        ),
+        (
+            ["feedforward=none", "cmac=quadruped"],
+            [f"cmac=quadruped has no effect: {CMACS}"],
+        ),
+        (["feedforward=none", "seed=1"], [f"seed=1 has no effect: {CMACS}"]),
         (["feedforward=none", "seed=1", "sensors=noisy_force"], []),
         (["feedforward=none", "reference=aware"], []),
         (
@@ -78,7 +87,7 @@ def test_warnings(overrides, expected):
         ((), "plausibility", ("enabled",), "plausibility.enabled=true"),
         ((), "payload", ("weight",), "payload.weight above 0"),
         (("sensors=real",), "sensors.force.fault", ("kind",), "sensors.force.fault.kind!=none"),
-        (("feedforward=none",), "cmac", (), "feedforward=cmac"),
+        (("feedforward=none",), "cmac", (), "feedforward=cmac|cmac_on_model"),
         (("feedforward=none",), "learning", (), "feedforward!=none"),
         (("learning.start_cycle=9",), "cmac", (), "learning.start_cycle at most cycles"),
         (("learning.start_cycle=9",), "learning", ("start_cycle",), "learning.start_cycle at most cycles"),
@@ -102,7 +111,7 @@ def test_a_sweep_warns_once_of_what_has_no_effect_in_any_job(tmp_path):
     warnings = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
     assert warnings == [
         "warning: posture.gain has no effect in any job: needs machine.kind=quadruped|robot",
-        "warning: seed has no effect in any job: needs feedforward=cmac and learning.start_cycle at most cycles",
+        f"warning: seed has no effect in any job: {CMACS} and learning.start_cycle at most cycles",
     ]
 
 

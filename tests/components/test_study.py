@@ -137,8 +137,8 @@ def test_a_cycle_after_the_end_of_a_completed_run_is_an_error_not_the_worst_valu
 
 
 def test_an_unknown_metric_or_measure_names_the_nearest():
-    for wrong in (lambda r: r.end("transfer_rmse_z"), lambda r: r.at(1, "transfer_rmse_z")):
-        with pytest.raises(BadInput, match=r"metric=transfer_rmse_z: choose from .* did you mean transfer_rmse"):
+    for wrong in (lambda r: r.end("transfer_rmse_w"), lambda r: r.at(1, "transfer_rmse_w")):
+        with pytest.raises(BadInput, match=r"metric=transfer_rmse_w: choose from .* did you mean transfer_rmse"):
             wrong(made(0.1))
     with pytest.raises(BadInput, match="measure=mass: choose from none"):
         made(0.1).measure("mass")

@@ -11,7 +11,7 @@ from support.made_traces import make_trace
 from cmacexp.data.tables import Scores
 from cmacexp.metrics.metric import NEITHER
 from cmacexp.metrics.pooling import count_legs, describe_pooling, pool_legs, select_main
-from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, RANKED, SHOWN
+from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, RANKED, SHOWN
 from cmacexp.metrics.score import RunScorer
 from cmacexp.metrics.summary import BETWEEN, ENDS, MOST_ROWS, format_cycles, format_number, shorten, tabulate_cycles
 from cmacexp.typing import Array
@@ -70,7 +70,8 @@ def test_a_main_metric_is_shown_if_one_cycle_defines_it_and_it_suits_the_number_
     assert select_main(undefined, 1) == {}
     assert select_main({}, 4) == {}
     for name, shown in MAIN.items():
-        values = undefined | {name: np.array([math.nan, 2.0])}
+        values = {each: own for each, own in undefined.items() if each != shown.instead}
+        values |= {name: np.array([math.nan, 2.0])}
         assert select_main(values, 1) == {name: shown}
         assert select_main(values, 4) == ({name: shown} if shown.over_legs else {})
 
@@ -101,8 +102,9 @@ def test_every_title_is_named_once_with_its_pooling_and_those_of_a_body_not_at_a
     titles = {name: name.upper() for name in ALL_METRICS}
     parts = dict(part.split(" of ") for part in describe_pooling(titles).split("; "))
     named = [title for part in parts.values() for title in part.split(", ")]
-    assert sorted(named) == sorted(titles[name] for name in METRICS)
-    for name in METRICS:
+    of_legs = {**METRICS, **OF_A_ROBOT}
+    assert sorted(named) == sorted(titles[name] for name in of_legs)
+    for name in of_legs:
         assert titles[name] in parts[ALL_METRICS[name].pooling.name].split(", ")
 
 
