@@ -15,6 +15,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from support.fields import leaves
+from support.robots import OWN
 
 from cmacexp.config import config_folder, to_config, to_plain
 from cmacexp.config.component import COMPONENTS
@@ -50,10 +51,16 @@ WRONG = (
 )
 
 
+def based_on(scenario) -> list[str]:
+    """A valid command line; robots are not installed everywhere, but the project's own model is there."""
+    own = ["machine=mjcf", f"machine.path={OWN}"] if scenario == "robot" else []
+    return [f"scenario={scenario}", *own]
+
+
 @cache
 def fields_of(scenario) -> dict[str, tuple[object, dict]]:
     """Value and declaration of each field, by key."""
-    return {key: rest for key, *rest in leaves(compose_config([f"scenario={scenario}"]))}
+    return {key: rest for key, *rest in leaves(compose_config(based_on(scenario)))}
 
 
 @cache
@@ -102,7 +109,7 @@ def lines(draw, override):
     scenario = draw(st.sampled_from(SCENARIOS))
     valid = st.sampled_from(near_in(scenario))
     kinds = (valid,), (valid, valid), (override,), (valid, override)
-    return [f"scenario={scenario}", *draw(st.one_of(st.tuples(*kind) for kind in kinds))]
+    return [*based_on(scenario), *draw(st.one_of(st.tuples(*kind) for kind in kinds))]
 
 
 @contextmanager
