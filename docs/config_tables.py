@@ -6,7 +6,7 @@ mkdocs fills the page when it builds the site, so an addition to the config need
 import inspect
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import Field, fields, is_dataclass
+from dataclasses import Field, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import NoneType
@@ -26,6 +26,8 @@ PLACE = re.compile("<!-- fields: begin -->.*<!-- fields: end -->", flags=re.DOTA
 """Where they stand in the page."""
 SCENARIOS = ("one_leg", "force_step", "quadruped")
 """Whose defaults are shown; the first is that of the command line."""
+MODEL = Path(__file__).parents[1] / "tests" / "support" / "robot.xml"
+"""Stands for models of robots that are not installed."""
 GROUPS = [
     name for name, kind in Config.__annotations__.items() if kind is not str and (config_folder() / name).is_dir()
 ]
@@ -119,7 +121,15 @@ def with_option(group: str, option: str) -> Any:
             return getattr(composed(f"scenario={scenario}", f"{group}={option}")[0], group)
         except CmacexpError as error:
             failed = error
+    if group == "machine":
+        return describe_robot(option)
     raise failed
+
+
+def describe_robot(option: str) -> Any:
+    """The node of a robot, whose model need not be installed; what follows from the model is shown as its rule."""
+    node = composed("scenario=robot", f"machine={option}", f"machine.path={MODEL}")[0].machine
+    return replace(node, path=None, hip_height="${rule:hip_height}")
 
 
 def describe_option(path: Path) -> str:
