@@ -13,11 +13,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support.made_traces import make_trace
 
 from cmacexp.data.signals import TRUE_MARGINS
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import Scores, Traces
+from cmacexp.experiment import run_scenario
 from cmacexp.metrics.metric import NEITHER
 from cmacexp.metrics.pooling import count_legs, describe_pooling, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, RANKED, SHOWN
-from cmacexp.metrics.score import RunScorer
+from cmacexp.metrics.score import RunScorer, score_traces
 from cmacexp.metrics.summary import BETWEEN, ENDS, MOST_ROWS, format_cycles, format_number, shorten, tabulate_cycles
 from cmacexp.typing import Array
 
@@ -107,6 +109,19 @@ def test_a_run_in_parts_of_whole_cycles_has_the_scores_of_the_run(cuts):
         assert one.column_names == other.column_names
         for name, values in columns(one).items():
             assert_array_equal(values, columns(other)[name], err_msg=name)
+
+
+@pytest.mark.parametrize("scenario", ["one_leg", "quadruped"])
+def test_stored_traces_have_the_scores_of_their_run(make_config, tmp_path, scenario):
+    short = ("gait.cycle_time=0.2", "gait.lift=0.005", "cycles=3", "learning.start_cycle=2", "record=trace")
+    run_scenario(make_config(f"scenario={scenario}", *short), tmp_path)
+    run = StoredRun(tmp_path)
+    assert "weight_norm" in columns(run.scores.legs)
+    assert (run.scores.body is None) == (scenario == "one_leg")
+    for one, other in zip(score_traces(run), run.scores, strict=True):
+        if one is not None:
+            for name, values in columns(one).items():
+                assert_array_equal(values, columns(other)[name], err_msg=name)
 
 
 def test_torques_are_measured_over_the_whole_cycle_both_joints_alike():
