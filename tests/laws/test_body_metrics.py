@@ -14,9 +14,12 @@ from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.trace import assemble, assemble_body
 from cmacexp.metrics import compute_body
 from cmacexp.metrics.earlier_body import add_true_margins
+from cmacexp.models.body import Load
+from cmacexp.planning.machine import make_mechanism
+from cmacexp.planning.true_margins import Masses, true_margins
 
 COLUMNS = ("height", "pitch", "roll", "stability_margin", "margin_front", "margin_rear", *TRUE_MARGINS)
-SHORT = ("scenario=quadruped", "gait.cycle_time=0.2", "cycles=1", "gait.lift=0.005")
+SHORT = ("scenario=quadruped", "feedforward=none", "gait.cycle_time=0.2", "cycles=1", "gait.lift=0.005")
 PAYLOAD = ("payload.weight=5", "payload.x=0.05", "payload.y=-0.03", "payload.time=0.1")
 
 
@@ -59,6 +62,29 @@ def test_true_margins_added_to_a_trace_are_those_that_a_run_computes(make_config
         assert_array_equal(added[name].to_numpy(), body[name].to_numpy())
     assert np.isfinite(body[TRUE_MARGINS[0]].to_numpy()).any()
     assert_allclose(added["height"].to_numpy(), body["height"].to_numpy())
+
+
+@pytest.mark.parametrize("yaw", [None, 0.0, 0.01])
+@pytest.mark.parametrize("carries", [True, False])
+def test_legs_count_for_the_margins_where_the_plant_moves_the_body(make_config, yaw, carries):
+    """Which has turned then; a payload counts from its time on."""
+    config, rng = make_config("scenario=quadruped", *(PAYLOAD if carries else ())), np.random.default_rng(0)
+    mechanism, rows = make_mechanism(config.machine), 30
+    of_legs = {"x": rng.normal(0.0, 0.05, (rows, 4)), "y": rng.normal(0.5, 0.01, (rows, 4))}
+    of_legs |= {"q1": rng.normal(1.0, 0.1, (rows, 4)), "force": rng.normal(5.0, 4.0, (rows, 4))}
+    of_body = {"pitch": rng.normal(0.0, 0.05, rows), "roll": rng.normal(0.0, 0.05, rows)}
+    body = pa.table({"step": np.arange(rows), **of_body})
+    if yaw is not None:
+        body = body.append_column("yaw", pa.array(np.full(rows, yaw)))
+    plain = to_plain(config)
+    if not carries:
+        del plain["payload"]
+    added = add_true_margins(body, pa.table({name: values.ravel() for name, values in of_legs.items()}), plain)
+    load = Load(5.0, 0.05, -0.03) if carries else Load(0.0, 0.0, 0.0)
+    masses = Masses(mechanism, config.machine.body_mass if yaw else None, load, np.arange(rows) >= 20)
+    expected = true_margins(masses, of_legs, of_body)
+    assert_allclose([added[name].to_numpy() for name in TRUE_MARGINS], expected.T)
+    assert np.isfinite(expected).any()
 
 
 def test_cycles_count_from_1_unless_another_is_the_first():

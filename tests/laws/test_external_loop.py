@@ -65,7 +65,9 @@ def test_a_run_has_the_same_bits_whichever_components_are_external(make_config, 
 @pytest.mark.parametrize("fused", [True, False])
 def test_a_machine_that_cannot_stand_falls_before_its_first_step(make_config, fused):
     soft = ("terrain.stiffness=50", "terrain.assumed_stiffness=1e4", "feedforward=none")
-    fallen, _ = run(make_config("scenario=quadruped", *SHORT, "learning.start_cycle=1", *soft), fused=fused)
+    config = make_config("scenario=quadruped", *SHORT, "learning.start_cycle=1", *soft)
+    assert np.isnan(make_scenario(config).first.body[0])  # no height has a balance
+    fallen, _ = run(config, fused=fused)
     assert (fallen.status, len(fallen.samples)) == ("fell", 0)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.cmac.rules import DECAYING, NEIGHBOURS, PAPER, RULES, RuleParams, train_by_rule
-from cmacexp.feedforward import InverseDynamics, IterativeLearning, Perceptron, RadialBasis
+from cmacexp.feedforward import CmacFeedforward, InverseDynamics, IterativeLearning, Perceptron, RadialBasis
 from cmacexp.feedforward.kernels import LearningParams, feedforward_step
 from cmacexp.feedforward.network import known_torque, network
 from cmacexp.feedforward.rbf import activations, spread_out
@@ -135,6 +135,25 @@ def test_learning_begins_with_the_first_cycle_that_the_config_names(make_config)
         params = make_scenario(make_config(*SHORT, f"learning.start_cycle={cycle}", "cycles=3")).feedforward.params
         assert params.learning.start_step == (cycle - 1) * SAMPLES
         assert params.learning.rule == PAPER
+
+
+@pytest.mark.parametrize("addressing", ["hashed", "visited"])
+def test_cmacs_that_go_on_from_what_was_learnt_give_the_same_torque(setup, addressing):
+    """Also on a path that visits other cells before."""
+    cmac = replace(setup.config.cmac, addressing=addressing)
+    first, again = CmacFeedforward(), CmacFeedforward()
+    first.reset(replace(setup, config=replace(setup.config, cmac=cmac)))
+    first.params.weights[:] = np.random.default_rng(6).normal(size=first.params.weights.shape)
+    learnt = first.learnt()
+    assert ("visited_4" in learnt) == (addressing == "visited")
+    turned = setup.plan._replace(joints=np.roll(setup.plan.joints, 5, axis=0))
+    again.reset(replace(setup, config=replace(setup.config, cmac=cmac, seed=9), plan=turned, learnt=learnt))
+    one, other = np.zeros((2, LEGS, 2))
+    for sample in range(SAMPLES):
+        feedforward_step(first.params, 1, sample, np.zeros((LEGS, 2)), one)
+        feedforward_step(again.params, 1, (sample + 5) % SAMPLES, np.zeros((LEGS, 2)), other)
+        assert_array_equal(one, other)
+        assert one.all()
 
 
 # What is logged

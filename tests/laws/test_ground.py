@@ -8,9 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import LEVEL, STEEPEST, Load, balance, depth, depth_rate, make_pose
 from cmacexp.models.ground import grade_at, height_at, stiffness_at, stiffness_under
 from cmacexp.plants.environment import make_ground
+from cmacexp.plants.kernels import advance
 
 places = st.floats(-30.0, 30.0)
 HIPS = np.array([[0.225, 0.225], [0.225, -0.225], [-0.225, 0.225], [-0.225, -0.225]])
@@ -49,6 +51,18 @@ def test_the_grade_is_the_derivative_of_the_height(flat, slope, start, x):
     if abs(x - start) > 1e-3:
         rise = height_at(slope, start, x + 1e-4) - height_at(slope, start, x - 1e-4)
         assert grade_at(ground, x) == pytest.approx(rise / 2e-4, abs=1e-6)
+
+
+def test_under_each_foot_of_a_body_the_ground_is_as_high_as_where_the_foot_is(make_config):
+    slope = ("terrain.slope=0.05", "terrain.slope_start=0.1")
+    plant = make_scenario(make_config("scenario=quadruped", "feedforward=none", *slope)).plant
+    params, state = plant.params, plant.state
+    for _ in range(4):
+        x, places = state.travel[0], state.travel[0] + params.mechanism.hips[:, 0] + state.foot[:, 0]
+        rise = height_at(0.05, 0.1, places) - height_at(0.05, 0.1, x)
+        assert_allclose(state.level, -rise, atol=1e-12)
+        assert np.ptp(rise) > 1e-3
+        advance(params, state, np.zeros((4, 2)))
 
 
 def test_a_level_pose_is_that_of_a_body_at_height_0_without_tilt():

@@ -198,6 +198,14 @@ def test_forces_go_with_the_weight():
     assert_allclose(share(feet, weight=80.0), 2.0 * share(feet))
 
 
+@pytest.mark.parametrize("feet", [[(0.3, 0.2), (-0.2, -0.2)], [(0.3, 0.2), (0.2, -0.2), (-0.3, 0.1)],
+                                  [(0.3, 0.2), (0.2, -0.2), (-0.3, 0.2), (-0.35, -0.2)]], ids=len)  # fmt: skip
+def test_forces_do_not_depend_on_the_unit_of_length(feet):
+    """Nor does it, which of the conditions follow from the others, as on two feet."""
+    for unit in (1e-4, 1e4):
+        assert_allclose(share(unit * np.array(feet)), share(feet), rtol=1e-9)
+
+
 # The ramp
 
 RAMPS = [0.05, 0.1, 0.15]

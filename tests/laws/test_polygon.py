@@ -12,7 +12,7 @@ from cmacexp.models.leg import foot_position, trigonometry
 from cmacexp.models.mechanism import get_leg
 from cmacexp.planning.crossing import check_crossing, joints_in_plane
 from cmacexp.planning.machine import make_mechanism
-from cmacexp.planning.stability import polygon
+from cmacexp.planning.stability import margins, polygon
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(3, 30))
@@ -81,3 +81,10 @@ def test_legs_cross_where_links_of_one_side_meet(quadruped):
         with pytest.raises(BadInput, match=f"would cross at t = {first * config.sampling_period:.3f} s"):
             check_crossing(config, mechanism, joints)
     assert 10 < sum(found) < 50
+
+
+@pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+def test_a_foot_on_an_edge_or_within_changes_no_margin(scale):
+    corners = scale * np.array([[0.3, 0.2], [0.25, -0.2], [-0.3, 0.1], [-0.2, -0.3]])
+    for more in ((corners[0] + corners[1]) / 2.0, 0.25 * corners[2] + 0.75 * corners[3], np.zeros(2)):
+        assert_allclose(margins(np.vstack([corners, more])), margins(corners), rtol=1e-9)

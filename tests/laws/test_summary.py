@@ -1,30 +1,44 @@
 """Laws of the tables of cycles: which metrics they show, which cycles of a long run, and how legs are pooled."""
 
 import math
+import statistics
+from itertools import pairwise
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from support.made_traces import make_trace
 
-from cmacexp.data.tables import Scores
+from cmacexp.data.signals import TRUE_MARGINS
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.tables import Scores, Traces
+from cmacexp.experiment import run_scenario
 from cmacexp.metrics.metric import NEITHER
 from cmacexp.metrics.pooling import count_legs, describe_pooling, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, RANKED, SHOWN
-from cmacexp.metrics.score import RunScorer
+from cmacexp.metrics.score import RunScorer, score_traces
 from cmacexp.metrics.summary import BETWEEN, ENDS, MOST_ROWS, format_cycles, format_number, shorten, tabulate_cycles
 from cmacexp.typing import Array
 
+BODY_COLUMNS = ("height", "pitch", "roll", "stability_margin", "margin_front", "margin_rear", *TRUE_MARGINS)
 
-def random_scores(legs, cycles=3, seed=0):
-    """Metrics of a trace of noise."""
+
+def random_trace(legs, cycles=3, seed=0):
+    """A trace of noise, six samples a cycle."""
     rng, rows = np.random.default_rng(seed), 6 * cycles
     torques = {f"tau_{part}_{joint}" for part in ("feedback", "feedforward") for joint in (1, 2)}
     columns = {name: rng.normal(size=(rows, legs)) for name in ("x", "y", *sorted(torques))}
     columns |= {"force": rng.uniform(0.5, 1.5, (rows, legs)), "force_desired": 1.0}
+    return make_trace("TTSSSS", rows, legs, **columns)
+
+
+def random_scores(legs, cycles=3):
+    """Its metrics."""
     scorer = RunScorer(6)
-    scorer.add_legs(make_trace("TTSSSS", rows, legs, **columns))
+    scorer.add_legs(random_trace(legs, cycles))
     return scorer.scores
 
 
@@ -59,6 +73,73 @@ def test_legs_are_counted_and_pooled_cycle_by_cycle(legs):
             own = table[name][table["cycle"] == cycle + 1]
             alone = ALL_METRICS[name].pooling.pool(own)
             assert values[cycle] == pytest.approx(float(alone), nan_ok=True)
+
+
+def by_hand(values):
+    """What the names of poolings promise."""
+    return {
+        "mean": statistics.fmean(values),
+        "RMS": math.sqrt(statistics.fmean(value**2 for value in values)),
+        "largest": max(values),
+        "smallest": min(values),
+        "": statistics.fmean(values),
+    }
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=4), st.integers(0, 3))
+def test_poolings_do_what_their_names_say_with_the_legs_that_define_a_metric(values, undefined):
+    for metric in ALL_METRICS.values():
+        name, pool = metric.pooling.name, metric.pooling.pool
+        both = np.array([[*values, *[math.nan] * undefined], [math.nan] * (len(values) + undefined)])
+        assert_allclose(pool(both), [by_hand(values)[name], math.nan], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("cuts", [(), (1,), (2, 3)])
+def test_a_run_in_parts_of_whole_cycles_has_the_scores_of_the_run(cuts):
+    trace = random_trace(2, cycles=4)
+    body = pa.table({name: np.random.default_rng(1).normal(size=24) for name in BODY_COLUMNS})
+    parts, whole = RunScorer(6), RunScorer(6)
+    whole.add_legs(trace)
+    whole.add_body(body)
+    ends = [0, *cuts, 4]
+    for begin, end in pairwise(ends):
+        rows = 6 * (end - begin)
+        parts.add(Traces(trace.slice(12 * begin, 2 * rows), body.slice(6 * begin, rows), None))
+    for one, other in zip(parts.scores, whole.scores, strict=True):
+        assert one.column_names == other.column_names
+        for name, values in columns(one).items():
+            assert_array_equal(values, columns(other)[name], err_msg=name)
+
+
+@pytest.mark.parametrize("scenario", ["one_leg", "quadruped"])
+def test_stored_traces_have_the_scores_of_their_run(make_config, tmp_path, scenario):
+    short = ("gait.cycle_time=0.2", "gait.lift=0.005", "cycles=3", "learning.start_cycle=2", "record=trace")
+    run_scenario(make_config(f"scenario={scenario}", *short), tmp_path)
+    run = StoredRun(tmp_path)
+    assert "weight_norm" in columns(run.scores.legs)
+    assert (run.scores.body is None) == (scenario == "one_leg")
+    for one, other in zip(score_traces(run), run.scores, strict=True):
+        if one is not None:
+            for name, values in columns(one).items():
+                assert_array_equal(values, columns(other)[name], err_msg=name)
+
+
+def test_torques_are_measured_over_the_whole_cycle_both_joints_alike():
+    trace = random_trace(1, cycles=3).to_pandas()
+    found = columns(random_scores(1).legs)
+    for cycle in range(3):
+        own = trace[trace["cycle"] == cycle + 1]
+        feedback, forward = (
+            own[[f"tau_{part}_{j}" for j in (1, 2)]].to_numpy() for part in ("feedback", "feedforward")
+        )
+        expected = {
+            "feedback_rms": np.sqrt((feedback**2).mean()),
+            "feedforward_rms": np.sqrt((forward**2).mean()),
+            "torque_peak": np.abs(feedback + forward).max(),
+            "feedforward_peak": np.abs(forward).max(),
+            "feedforward_share": np.abs(forward).sum() / (np.abs(forward) + np.abs(feedback)).sum(),
+        }
+        assert {name: found[name][cycle] for name in expected} == pytest.approx(expected)
 
 
 def test_of_no_row_there_is_one_leg():

@@ -93,7 +93,8 @@ class FirstFailure:
 def run_until_failure(items: list[pytest.Item]) -> str:
     """Run collected tests; the name of the first that fails, or nothing."""
     first = FirstFailure()
-    items[0].config.pluginmanager.register(first)
+    for item in items[:1]:
+        item.config.pluginmanager.register(first)
     for item, following in pairwise([*items, None]):
         item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
         if first.failed:

@@ -4,6 +4,7 @@ import gc
 import importlib.util
 import sys
 from collections.abc import Iterator
+from functools import cache
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType, FunctionType
@@ -16,7 +17,7 @@ from tests.mutants.session import OPTIONS, ROOT, Collected, run_until_failure
 
 FIGURES = ("tests/laws/test_golden.py", "tests/laws/test_bits.py")
 """Figures of an earlier version: they find almost every fault and explain none, so they run last."""
-BUDGET = 10.0
+BUDGET = 30.0
 """Time of the tests of a mutant, s, but the figures: the quickest that fit are run."""
 KILLED, SURVIVED, FIGURES_ONLY, INVALID = "killed", "survived", "killed by figures only", "invalid"
 CANNOT_START = "cannot be imported"
@@ -80,6 +81,13 @@ def run_imported(mutant: Mutant, tests: list[str]) -> str:
     return failed[0] if failed else f"pytest ends with {code}"
 
 
+@cache
+def read_source(file: str) -> str:
+    """The text of a file of tests; nothing if there is none."""
+    path = ROOT / file
+    return path.read_text() if path.exists() else ""
+
+
 def is_early(mutant: Mutant, record: dict[str, Any]) -> bool:
     """Whether code that holds the fault runs while the project is imported."""
     return not mutant.function or [mutant.path.removeprefix("cmacexp/"), mutant.function] in record["early"]
@@ -88,23 +96,26 @@ def is_early(mutant: Mutant, record: dict[str, Any]) -> bool:
 def choose_tests(mutant: Mutant, record: dict[str, Any]) -> list[str]:
     """Tests that call the function of the mutant, as many of the quickest as fit, those of the quickest file first.
 
-    A mutant outside of functions has the tests of all functions of its file, or of its room if there is none.
+    A mutant outside of functions has the tests of files that import its file, and those that call a function of it.
     """
     name = mutant.path.removeprefix("cmacexp/")
-    room = name.partition("/")[0]
-    of_file = any(path == name for calls in record["calls"].values() for path, _ in calls)
+    module = mutant.path.removesuffix(".py").replace("/", ".")
 
     def calls(test: str) -> bool:
         called = record["calls"].get(test, ())
         if mutant.function:
             return [name, mutant.function] in called
-        return any(path == name if of_file else path.startswith(f"{room}/") for path, _ in called)
+        return any(path == name for path, _ in called)
 
     seconds: dict[str, float] = record["seconds"]
-    calling = [test for test in seconds if calls(test) or calls(test.partition("::")[0])]
+    files = dict.fromkeys(test.partition("::")[0] for test in seconds)
+    importing = {file for file in files if not mutant.function and f"from {module} import" in read_source(file)}
+    calling = [
+        test for test in seconds if (file := test.partition("::")[0]) in importing or calls(test) or calls(file)
+    ]
     chosen: dict[str, list[str]] = {}
     spent = 0.0
-    for test in sorted(calling, key=seconds.__getitem__):
+    for test in sorted(calling, key=lambda test: (test.partition("::")[0] not in importing, seconds[test])):
         file = test.partition("::")[0]
         if file in FIGURES or spent + seconds[test] < BUDGET:
             spent += seconds[test]
