@@ -156,6 +156,16 @@ def test_cmacs_that_go_on_from_what_was_learnt_give_the_same_torque(setup, addre
         assert one.all()
 
 
+@pytest.mark.parametrize("scenario", ["one_leg", "quadruped"])
+@pytest.mark.parametrize("layers", [1, 8])
+def test_the_memory_that_a_cmac_is_said_to_need_holds_the_tables_of_all_its_legs(make_config, scenario, layers):
+    config = make_config(*SHORT, f"scenario={scenario}", f"cmac.layers={layers}", "learning.rule=normalised")
+    params = make_scenario(config).feedforward.params
+    need = CmacFeedforward.Config("").memory_need(config)
+    assert need.bytes >= params.cells.nbytes + params.activation.nbytes
+    assert (need.key, need.value) == ("cmac.layers", layers)
+
+
 # What is logged
 
 
