@@ -15,7 +15,7 @@ from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Counts
 
-LONGEST_CALL = 0.1
+LONGEST_CALL = 0.3
 """Seconds that the steps of one call of the program may take: it does not heed Ctrl-C."""
 
 

@@ -31,7 +31,7 @@ from cmacexp.typing import Array
 MOST_ROWS = 1 << 15
 """Rows of leg samples in memory: a long run needs no more than a short one.
 
-Entering the compiled program costs some 12 us, as much as dozens of steps.
+Entering the compiled program costs some 20 us, as much as dozens of steps.
 """
 JOINTS = (*ARRAYS["q"], *ARRAYS["dq"])
 """Signals that are undefined for a point mass, measured or not."""
