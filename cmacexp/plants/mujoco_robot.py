@@ -24,8 +24,8 @@ ELASTIC, RIGID = "elastic", "mujoco"
 FLOOR = "floor of cmacexp"
 SOLREF = (0.01, 1.0)
 """Time constant (s) and damping ratio of MuJoCo's contacts."""
-SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
-"""Their impedance, MuJoCo's own; some models have soft feet, which a plan for a rigid floor knows nothing of."""
+SOLIMP = (0.99, 0.99, 0.001, 0.5, 2.0)
+"""Their impedance: with MuJoCo's own, 0.9 to 0.95, feet sink as deep as into the elastic ground."""
 
 
 class MujocoRobot:
@@ -122,10 +122,12 @@ class MujocoRobot:
             model = spec.compile()
         model.opt.gravity[:] = self.robot.model.opt.gravity
         self.feet = np.array([model.geom(name).id for name in machine.feet])
+        self.leg_of = {int(geom): leg for leg, geom in enumerate(self.feet)}
         touching = np.array([*self.feet, model.geom(floor.name).id])
         model.geom_contype[:], model.geom_conaffinity[:] = 0, 0
         model.geom_contype[touching[-1]], model.geom_conaffinity[self.feet] = 1, 1
         model.geom_friction[touching, 0], model.geom_condim[touching] = self.grip[0], 3
+        model.geom_margin[touching], model.geom_gap[touching] = 0.0, 0.0
         model.geom_solref[touching], model.geom_solimp[touching], model.geom_priority[touching] = SOLREF, SOLIMP, 0
         return model
 
@@ -167,12 +169,11 @@ class MujocoRobot:
             self._read_forces()
 
     def _read_forces(self) -> None:
-        """Normal forces of MuJoCo's contacts in the last step, N."""
+        """Normal forces of MuJoCo's contacts in the last step, N; a plane comes before the sphere that touches it."""
         self.contacts.force[:] = 0.0
-        for k in range(self.data.ncon):
-            geoms = self.data.contact.geom[k]
+        for k, (_, foot) in enumerate(self.data.contact.geom.tolist()):
             self.mujoco.mj_contactForce(self.model, self.data, k, self._wrench)
-            self.contacts.force[np.isin(self.feet, geoms)] += self._wrench[0]
+            self.contacts.force[self.leg_of[foot]] += self._wrench[0]
 
     def step(self, torque: Array) -> Measurement:
         """Hold ``torque`` (4, 3), N m, over one sampling period.
