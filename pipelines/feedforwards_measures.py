@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cmacexp.config.cmac import OUTPUTS, WORD_BYTES
+from cmacexp.config.cmac import WORD_BYTES
 from cmacexp.config.compose import compose_config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.models.mechanism import PLANE
 from cmacexp.study import Results
 from cmacexp.study.samples import plane_error
 from cmacexp.typing import Array
@@ -75,7 +76,7 @@ def bytes_held(run: StoredRun) -> float:
 def bytes_used(run: StoredRun) -> float:
     """Of :func:`bytes_held`, those that the path reads; what is read on the way to the weights counts as used."""
     idle = sum(use["rows"] - use["rows_used"] for use in run.manifest.get("memory") or ())
-    return bytes_held(run) - float(idle * OUTPUTS * WORD_BYTES)
+    return bytes_held(run) - float(idle * len(PLANE) * WORD_BYTES)
 
 
 def measure_costs(results: Results) -> "pd.DataFrame":

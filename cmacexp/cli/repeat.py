@@ -91,7 +91,7 @@ def _compare_entries(then: manifests.Manifest, now: manifests.Manifest, read_as:
     """A line for whatever may explain other bytes."""
     if then["config_hash"] != read_as:
         yield "config: this version reads it with other fields or names"
-    for key in ("status", "cause", "steps", "code_hash", "git_commit"):
+    for key in ("status", "cause", "steps", "code_hash", "git_commit", "model_hash"):
         yield from _compare(key, then.get(key), now.get(key))
     for name in {**then["versions"], **now["versions"]}:
         yield from _compare(name, then["versions"].get(name), now["versions"].get(name))

@@ -72,7 +72,7 @@ def check(config: Config) -> None:
     check_length(config)
     check_record(config)
     check_gains(config)
-    check_cmac(config.cmac)
+    check_cmac(config.cmac, config.joints)
     check_actuator(config)
     for group in COMPONENTS:
         component = getattr(config, group)

@@ -9,8 +9,6 @@ from cmacexp.errors import BadInput
 
 INPUTS = ("angle", "velocity", "acceleration")
 """Planned joint values that can be inputs of a network."""
-OUTPUTS = 2
-"""Outputs of a CMAC: one torque for each joint of its leg."""
 WORD_BYTES = 8
 """Bytes of a CMAC weight, a float64."""
 ACTS = "learning.start_cycle at most cycles"
@@ -83,11 +81,11 @@ def check_inputs(key: str, inputs: Sequence[str]) -> None:
         raise BadInput(key, inputs, f"must name at least one of {', '.join(INPUTS)}, each once")
 
 
-def check_cmac(cmac: CmacConfig) -> None:
-    """Check the inputs of a CMAC, and that its memory suffices for them.
+def check_cmac(cmac: CmacConfig, joints: int) -> None:
+    """Check the inputs of a CMAC, and that its memory suffices for them, and for a torque of each of the ``joints``.
 
     Raises:
         BadInput: one of both is wrong.
     """
     check_inputs("cmac.inputs", cmac.inputs)
-    check_memory(cmac, 2 * len(cmac.inputs), OUTPUTS)
+    check_memory(cmac, joints * len(cmac.inputs), joints)

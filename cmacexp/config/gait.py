@@ -37,9 +37,10 @@ LINEAR, COSINE = "linear", "cosine"
 LIFTS = f".pattern={'|'.join(name for name, pattern in PATTERNS.items() if pattern.lifts)}"
 """What fields of the transfer need."""
 UNSTABLE = " or ".join(
-    f".pattern={name} and .duty_factor below {pattern.least_duty_factor:g}"
+    f".pattern={name} and {changed}"
     for name, pattern in PATTERNS.items()
     if pattern.least_duty_factor
+    for changed in (f".duty_factor below {pattern.least_duty_factor:g}", ".touch_down!=null")
 )
 """What the permission to run a gait that is not statically stable needs."""
 

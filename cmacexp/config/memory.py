@@ -9,10 +9,10 @@ from cmacexp.errors import BadInput
 
 PROGRAM = 320e6
 """Bytes of the program itself, its libraries and compiling included."""
-PLAN = 245
-"""Bytes per sample and leg of a cycle that its plan needs."""
-LOOP = 530
-"""Bytes per sample and leg that a cycle of samples, its trace and its metrics need beside the plan."""
+PLAN = {2: 245, 3: 520}
+"""Bytes per sample and leg of a cycle that its plan needs, by the number of joints of a leg."""
+LOOP = {2: 530, 3: 940}
+"""Bytes per sample and leg that a cycle of samples, its trace and its metrics need beside the plan, likewise."""
 CAUSE = 10.0
 """A component that needs so many times what plan and loop do is too large; else there are too many samples."""
 GROUPS = Path("/sys/fs/cgroup")
@@ -46,7 +46,7 @@ def estimate_memory(config: Config) -> tuple[float, MemoryNeed]:
     components = (getattr(config, group) for group in COMPONENTS)
     needs = [each.memory_need(config) for each in components if isinstance(each, ComponentConfig)]
     largest = max(needs, key=lambda need: need.bytes, default=MemoryNeed())
-    return PROGRAM + rows * PLAN + max(rows * LOOP, largest.bytes), largest
+    return PROGRAM + rows * PLAN[config.joints] + max(rows * LOOP[config.joints], largest.bytes), largest
 
 
 def check_memory(config: Config) -> None:
@@ -59,9 +59,9 @@ def check_memory(config: Config) -> None:
     available = available_memory()
     if needed <= available:
         return
-    steps = config.steps_per_cycle
+    steps, plan, loop = config.steps_per_cycle, PLAN[config.joints], LOOP[config.joints]
     need = f"needs about {needed / 1e9:.1f} GB with {steps} steps a cycle, but there are {available / 1e9:.1f} GB"
-    if component.bytes > CAUSE * (PLAN + LOOP) * steps * config.legs:
+    if component.bytes > CAUSE * (plan + loop) * steps * config.legs:
         raise BadInput(component.key, component.value, f"{need}: take a smaller one, or a larger sampling_period")
-    also = f", or a smaller {component.key}" if component.bytes > LOOP * steps * config.legs else ""
+    also = f", or a smaller {component.key}" if component.bytes > loop * steps * config.legs else ""
     raise BadInput("sampling_period", config.sampling_period, f"{need}: take a larger one{also}")

@@ -10,7 +10,7 @@ from cmacexp.config.cmac import ACTS, CmacConfig
 from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
-from cmacexp.config.machine import HAS_BODY, BodyMachine
+from cmacexp.config.machine import HAS_BODY, BodyMachine, RobotMachine
 
 LEARNS = "feedforward!=none|inverse_dynamics"
 """What fields of learning need beside :data:`ACTS`."""
@@ -199,6 +199,11 @@ class Config:
     def legs(self) -> int:
         """Number of legs."""
         return PATTERNS[self.gait.pattern].legs
+
+    @property
+    def joints(self) -> int:
+        """Joints of a leg; two numbers in the place of angles for a leg as a point mass."""
+        return 3 if isinstance(self.machine, RobotMachine) else 2
 
     @property
     def has_body(self) -> bool:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import get_args
 
 from cmacexp.config import Config, config_hash, to_plain
-from cmacexp.config.machine import MACHINES, BodyMachine
+from cmacexp.config.machine import MACHINES, BodyMachine, model_hash
 from cmacexp.data import manifest as manifests
 from cmacexp.data.hashes import find_fault
 from cmacexp.data.tables import BODY, BODY_METRICS, METRICS, METRICS_CSV, TRACE
@@ -20,8 +20,8 @@ def is_finished(folder: Path, config: Config) -> bool:
     """Whether ``folder`` holds the whole result of ``config``, made by the code as it is now.
 
     A run is finished if its manifest has the status of a result and the same hashes of config and code, every file
-    that it lists exists unchanged, its traces have the requested rows, its weights are stored if requested, and the
-    weights that it started from have not changed. The code of custom components is not compared.
+    that it lists exists unchanged, its traces have the requested rows, its weights are stored if requested, and
+    neither the weights that it started from nor a robot's model have changed. Custom components are not compared.
     """
     try:
         manifest = manifests.read(folder)
@@ -30,6 +30,7 @@ def is_finished(folder: Path, config: Config) -> bool:
     plain, kept = to_plain(config), manifest["config"].get("record", {})
     same = manifest.get("config_hash") == config_hash(plain) and manifest.get("code_hash") == code_hash()
     same = same and manifest.get("start_weights") == start_hash(config)
+    same = same and manifest.get("model_hash") == model_hash(config.machine)
     as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
     has_weights = WEIGHTS in manifest["files"] or not config.record.weights
     return same and as_thin and has_weights and manifest["status"] in RESULTS and not faults(folder)

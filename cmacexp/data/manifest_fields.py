@@ -73,6 +73,7 @@ FIELDS = {
     "learning_lead": ANY,
     "drift": NUMBER.named().or_null(),
     "robot": ROBOT,
+    "model_hash": HASH.or_null(),
     "traceback": TEXT,
     "bad_input": FLAG,
     "key": TEXT,

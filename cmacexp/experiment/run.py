@@ -10,7 +10,7 @@ from typing import Any
 import pyarrow as pa
 
 from cmacexp.config import Config, to_plain
-from cmacexp.config.machine import RobotMachine
+from cmacexp.config.machine import RobotMachine, model_hash
 from cmacexp.control import HybridController, Learns
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
@@ -237,6 +237,7 @@ def _write(
         **_component_entries(scenario),
         "code_hash": code_hash(),
         "start_weights": start_hash(config),
+        "model_hash": model_hash(config.machine),
         "learning_lead": scenario.setup.lead,
         "drift": make_drift_entry(scores.legs),
         "rollout_seconds": end.seconds,

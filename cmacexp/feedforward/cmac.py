@@ -36,7 +36,7 @@ class CmacFeedforward(BuiltInFeedforward):
             cmac, legs = config.cmac, config.legs
             weighted = cmac.receptive_field != "rectangular" or config.learning.rule != "paper"
             table = legs * (ROW_BYTES + ACTIVATION_BYTES * weighted)
-            inputs, steps = 2 * len(cmac.inputs), config.steps_per_cycle
+            inputs, steps = config.joints * len(cmac.inputs), config.steps_per_cycle
             new = CROSSINGS * inputs * cmac.resolution_elements / cmac.range_factor  # in each layer, in a cycle
             search = ASSIGN_BYTES if cmac.addressing == "visited" else FIND_BYTES
             cells = steps * cmac.layers * (table + search + SORT_BYTES * min(1.0, new / steps))

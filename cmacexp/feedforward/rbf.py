@@ -82,7 +82,7 @@ class RadialBasis(BuiltInFeedforward):
 
         def memory_need(self, config: Config) -> MemoryNeed:
             """Of the distances of every sample of a leg, or of every centre, from every centre, along each input."""
-            inputs = 2 * len(self.inputs)
+            inputs = config.joints * len(self.inputs)
             samples = max(config.steps_per_cycle * (inputs + 1), self.centres * (2 * inputs + 1))
             return MemoryNeed(8 * samples * self.centres, "feedforward.centres", self.centres)
 

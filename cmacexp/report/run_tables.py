@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cmacexp.config.cmac import OUTPUTS, WORD_BYTES
+from cmacexp.config.cmac import WORD_BYTES
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.body import BODY_METRICS
@@ -12,7 +12,7 @@ from cmacexp.metrics.drift import format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS, MAIN
 from cmacexp.metrics.summary import format_number
-from cmacexp.models.chain import HINGES
+from cmacexp.models.mechanism import PLANE, SPACE
 from cmacexp.report.page import Section, Table, Text
 from cmacexp.report.per_cycle import KEY
 
@@ -96,7 +96,7 @@ def list_memory(run: StoredRun) -> list[Section]:
     uses = run.manifest["memory"]
     if not uses:
         return []
-    rows, outputs = [], HINGES if "robot" in run.manifest else OUTPUTS
+    rows, outputs = [], len(SPACE if "robot" in run.manifest else PLANE)
     for leg, use in enumerate(uses, 1):
         cells, shared = use["cells_visited"], use["cells_colliding"]
         colliding = "not counted" if cells is None else f"{shared} ({shared / cells:.1%})" if cells else "0"

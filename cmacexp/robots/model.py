@@ -1,9 +1,10 @@
 """A quadruped with three hinges a leg, as its MJCF model describes it: geometry, masses, limits, losses."""
 
+import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +79,14 @@ class Robot:
     """(3,) likewise the damping, N m s/rad."""
     armature: Array
     """(3,) likewise the inertia of the rotor, kg m^2."""
+
+    @cached_property
+    def model_hash(self) -> str:
+        """SHA-256 of what this version of MuJoCo makes of the file and of those that it includes."""
+        mujoco = load_mujoco()
+        compiled = np.empty(mujoco.mj_sizeModel(self.model), dtype=np.uint8)
+        mujoco.mj_saveModel(self.model, None, compiled)
+        return hashlib.sha256(compiled.tobytes()).hexdigest()
 
     def at(self, q: Array) -> Any:
         """New data of MuJoCo: the trunk upright at the origin, every leg at ``q`` (3,) or (4, 3), rad, at rest."""

@@ -83,7 +83,7 @@ class Loop:
     def __init__(self, scenario: Scenario):
         external = find_external(scenario)
         if any(external) or scenario.fault is not None:
-            raise NotPredictable("external components cannot be linearised")
+            raise NotPredictable("only a loop of built-in components with an analytic plant can be linearised")
         setup = scenario.setup
         config, legs = setup.config, setup.mechanism.legs.shape[0]
         guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)

@@ -2,6 +2,7 @@
 
 import pytest
 from support.manifests import change_manifest
+from support.robots import change
 
 from cmacexp.config.compose import compose_config
 from cmacexp.data import manifest as manifests
@@ -45,6 +46,18 @@ def test_a_run_that_broke_off_or_that_other_code_made_is_not(finished, change):
     folder, config = finished
     change_manifest(folder, **change)
     assert not is_finished(folder, config)
+
+
+def test_a_run_of_a_robot_whose_model_changed_is_not(tmp_path):
+    model = change(tmp_path, 'mass="6"', 'mass="6.0"')
+    walk = ["scenario=robot", "machine=mjcf", f"machine.path={model}", "cycles=1", "gait.cycle_time=0.4"]
+    steps = ["gait.load_ramp=0", "gait.unload_ramp=0", "gait.stroke=0.01", "gait.lift=0.01", "feedforward=none"]
+    config = compose_config([*walk, *steps, "record=trace"])
+    run_scenario(config, tmp_path / "run")
+    model.write_text(model.read_text().replace('mass="6.0"', 'mass="6"'))
+    assert is_finished(tmp_path / "run", config), "a number in other words is the same model"
+    model.write_text(model.read_text().replace('mass="6"', 'mass="6.1"'))
+    assert not is_finished(tmp_path / "run", config)
 
 
 @pytest.mark.parametrize("status", ["fell", "diverged"])

@@ -4,17 +4,19 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from support.robots import OWN
 
 from cmacexp.cmac import spread
 from cmacexp.cmac.spread import spread_shares
 from cmacexp.config import memory
-from cmacexp.config.memory import LOOP, PROGRAM, available_memory, estimate_memory
+from cmacexp.config.memory import LOOP, PLAN, PROGRAM, available_memory, estimate_memory
 from cmacexp.errors import BadInput
 from cmacexp.experiment import run_scenario
 from cmacexp.loop.scenario import make_scenario
 
 LAYERS = ("cmac.layers=64", "cmac.memory_bytes=16384")
 RUN = ("scenario=one_leg", "cycles=1", "record=trace")
+ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}")
 
 
 def measure_peak(work):
@@ -37,12 +39,22 @@ def test_a_component_takes_about_as_much_memory_as_estimated(make_config, overri
     assert estimate_memory(config)[0] - PROGRAM == pytest.approx(peak, rel=0.5)
 
 
-def test_a_loop_takes_about_as_much_memory_as_estimated(make_config, tmp_path):
-    config = make_config(*RUN, "feedforward=none")
-    scenario = make_scenario(config)
-    run_scenario(make_config(*RUN, "feedforward=none", "sampling_period=0.1"), tmp_path)  # imports
-    peak = measure_peak(lambda: run_scenario(config, tmp_path, prepared=scenario))
-    assert LOOP * config.steps_per_cycle == pytest.approx(peak, rel=0.5)
+@pytest.mark.parametrize(
+    ("coarse", "fine", "machine"),
+    [("0.005", "0.0005", ("scenario=one_leg",)), ("0.001", "0.0005", ROBOT)],
+    ids=["one_leg", "robot"],
+)
+def test_plan_and_loop_take_about_as_much_memory_as_estimated(make_config, tmp_path, coarse, fine, machine):
+    def make(period):
+        return make_config(*RUN, *machine, "feedforward=none", "learning.start_cycle=1", f"sampling_period={period}")
+
+    config = make(fine)
+    run_scenario(make(coarse), tmp_path)  # imports
+    rows, made = config.steps_per_cycle * config.legs, []
+    planning = measure_peak(lambda: made.append(make_scenario(config)))
+    assert PLAN[config.joints] * rows == pytest.approx(planning, rel=0.5)
+    running = measure_peak(lambda: run_scenario(config, tmp_path, prepared=made[0]))
+    assert LOOP[config.joints] * rows == pytest.approx(running, rel=0.5)
 
 
 NEEDS = {
