@@ -70,7 +70,7 @@ class ForceControlConfig:
     load_sharing: str = choice("static", "dynamic", needs=HAS_BODY)
     """What the feet of a body share; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
     load_rate: bool = field(kw_only=True)
-    """Whether the velocity reference in support contains the rate of the depression for F_d, dF_d/dt / K_n."""
+    """Whether the reference in support contains the rate of the depression for F_d, and its lag on damped ground."""
 
 
 @dataclass

@@ -121,3 +121,25 @@ def damped_spring(stiffness: float, damping: float, before: float, time: float) 
 def depression_for(stiffness: float, force: Array) -> Array:
     """D_a = F / K_n, m: the depression at which the ground carries ``force`` N (eq. 1)."""
     return force / stiffness
+
+
+def damped_depression(stiffness: float, damping: float, force: Array, time: float) -> Array:
+    """The solution D of K_n D + c dD/dt = F, m: depressions at which ground with damping carries changing forces.
+
+    Args:
+        stiffness: K_n, N/m.
+        damping: c, N s/m.
+        force: (N, L): F over a cycle, which is a ring, straight between its samples.
+        time: between two samples, s.
+    """
+    depression = depression_for(stiffness, force)
+    if damping == 0.0:
+        return depression
+    lag = damping / stiffness / time
+    decay = math.exp(-1.0 / lag)
+    late = lag * (1.0 - decay)
+    follows = (1.0 - late) * depression + (late - decay) * np.roll(depression, 1, axis=0)
+    for _ in range(2):  # once more, from where the ring ends
+        for k in range(len(follows)):
+            depression[k] = decay * depression[k - 1] + follows[k]
+    return depression

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.config import Config
-from cmacexp.models.ground import depression_for
+from cmacexp.models.ground import damped_depression, depression_for
 from cmacexp.planning.columns import (
     ACTING,
     BEFORE,
@@ -99,7 +99,8 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
     """Input of the controller, (2, N, L, columns): the desired motion in transfer, the equations above in support.
 
     For a controller without K_ap and K_av they omit their terms in 1/K_a and K_av/K_ap. With ``load_rate`` the
-    velocity reference follows the depression for the desired force, which else the velocity gain would resist.
+    reference follows the depression as the desired force changes: the velocity gain would resist that, and on ground
+    with damping the depression lags behind.
     """
     method = config.force_control
     gains = Gains(
@@ -109,8 +110,10 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
         method.admittance,
         config.assumed_stiffness,
     )
-    # Around the cycle as a ring. Where the desired force jumps, so does its rate, for two samples.
-    rate = (np.roll(force, -1, axis=0) - np.roll(force, 1, axis=0)) / (2.0 * config.sampling_period)
+    static = depression_for(gains.stiffness, force)
+    depression = damped_depression(gains.stiffness, config.terrain.damping, force, config.sampling_period)
+    # Around the cycle as a ring. Where the depression jumps, so does its rate, for two samples.
+    rate = (np.roll(depression, -1, axis=0) - np.roll(depression, 1, axis=0)) / (2.0 * config.sampling_period)
     reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS[desired.shape[2] // 3]))
     copied = [X, Y, VX, VY]
     reference[..., copied], reference[..., FORCE_DESIRED] = desired[..., copied], force
@@ -120,7 +123,8 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
         reference[stage, support, Y] = hip_height + per_newton.depression * force[support]
         reference[stage, support, VY] = per_newton.velocity * force[support]
         if method.load_rate:
-            reference[stage, support, VY] += depression_for(gains.stiffness, rate[support])
+            reference[stage, support, Y] += (depression - static)[support]
+            reference[stage, support, VY] += rate[support]
         reference[stage, support, FORCE_REFERENCE] = per_newton.force * force[support]
         if config.reference == "force_feedforward":
             reference[stage, support, FORCE_ADDED] = force[support]

@@ -10,7 +10,14 @@ from numpy.testing import assert_allclose
 
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import LEVEL, STEEPEST, Load, balance, depth, depth_rate, make_pose
-from cmacexp.models.ground import grade_at, height_at, stiffness_at, stiffness_under
+from cmacexp.models.ground import (
+    damped_depression,
+    depression_for,
+    grade_at,
+    height_at,
+    stiffness_at,
+    stiffness_under,
+)
 from cmacexp.plants.environment import make_ground
 from cmacexp.plants.kernels import advance
 
@@ -63,6 +70,24 @@ def test_under_each_foot_of_a_body_the_ground_is_as_high_as_where_the_foot_is(ma
         assert_allclose(state.level, -rise, atol=1e-12)
         assert np.ptp(rise) > 1e-3
         advance(params, state, np.zeros((4, 2)))
+
+
+@given(st.floats(1e3, 1e5), st.floats(0.1, 20.0), st.integers(1, 5))
+def test_a_depression_lags_behind_its_force_as_a_first_order_filter_does(stiffness, lag, waves):
+    """Around a cycle, whatever the lag in samples: a sinusoid is multiplied by 1 / (1 + i w c / K)."""
+    samples, step = 2000, 0.001
+    phase = 2.0 * np.pi * waves * np.arange(samples) / samples
+    force = np.stack([50.0 + 40.0 * np.sin(phase), 50.0 + 40.0 * np.cos(phase)], axis=1)
+    found = damped_depression(stiffness, lag * step * stiffness, force, step)
+    expected = 40.0 / stiffness / (1.0 + 2j * np.pi * waves * lag / samples) * np.exp(1j * phase)
+    assert_allclose(found, 50.0 / stiffness + np.stack([expected.imag, expected.real], axis=1), atol=1e-3 / stiffness)
+
+
+@given(st.floats(1e3, 1e5), st.floats(0.0, 0.02))
+def test_a_little_damping_changes_little_and_none_nothing(stiffness, lag):
+    force = np.random.default_rng(0).uniform(0.0, 100.0, (50, 4))
+    found = damped_depression(stiffness, lag * stiffness * 0.001, force, 0.001)
+    assert_allclose(found, depression_for(stiffness, force), rtol=0, atol=(lag + 1e-12) * 100.0 / stiffness)
 
 
 def test_a_level_pose_is_that_of_a_body_at_height_0_without_tilt():
