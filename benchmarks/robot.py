@@ -1,0 +1,47 @@
+"""A step of a robot: the whole loop, in which MuJoCo is called from Python, against MuJoCo's own step."""
+
+from collections.abc import Callable
+from typing import Any
+
+from benchmarks.loop import per_step
+from benchmarks.timing import Table, compared, in_turn, make_config, stopwatch
+from cmacexp.errors import BadInput
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.plants.mujoco_robot import MujocoRobot
+
+PLANTS = {"elastic ground": "mujoco_robot", "rigid floor": "mujoco_robot_rigid"}
+ROBOT = "go1"
+TARGET = "80 us"
+STEPS = 1_000
+
+
+def own_step(plant: Any) -> Callable[[], float]:
+    """A worker: seconds a step of MuJoCo alone, of a robot that falls."""
+    mujoco, model = plant.mujoco, plant.model
+    data = mujoco.MjData(model)
+
+    def fall() -> None:
+        mujoco.mj_resetData(model, data)
+        for _ in range(STEPS):
+            mujoco.mj_step1(model, data)
+            mujoco.mj_step2(model, data)
+
+    timed = stopwatch(fall)
+    return lambda: timed() / STEPS
+
+
+def tables(quick: bool) -> list[Table]:
+    """All of this file; nothing without MuJoCo or the model."""
+    rows = []
+    for ground, plant in PLANTS.items():
+        try:
+            config = make_config("scenario=robot", f"machine={ROBOT}", f"plant={plant}", "cycles=2")
+        except BadInput as missing:
+            return [Table(f"A robot: not measured ({missing})", [])]
+        made = make_scenario(config).plant
+        assert isinstance(made, MujocoRobot)
+        times = in_turn({"loop": per_step(config), "mujoco": own_step(made)}, 3 if quick else 15)
+        period = f"{config.sampling_period * 1e3:g} ms"
+        what = f"{ROBOT}, {ground}, sampled every {period}"
+        rows.append(compared(times, what, "loop", "mujoco", "MuJoCo's own step", TARGET))
+    return [Table("A robot, a step of the loop", rows, "MuJoCo alone: the robot falls, onto the rigid floor where there is one.")]
