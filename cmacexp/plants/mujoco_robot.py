@@ -118,6 +118,8 @@ class MujocoRobot:
             pos=[0.0, 0.0, -float(self.robot.legs.foot_radius.max())],
             name=FLOOR,
         )
+        for geom in (floor, *map(spec.geom, machine.feet)):
+            geom.contype = geom.conaffinity = 1  # without them MuJoCo compiles a geom that can never touch anything
         with warnings_dropped(self.mujoco):
             model = spec.compile()
         model.opt.gravity[:] = self.robot.model.opt.gravity
