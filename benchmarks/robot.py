@@ -44,4 +44,5 @@ def tables(quick: bool) -> list[Table]:
         period = f"{config.sampling_period * 1e3:g} ms"
         what = f"{ROBOT}, {ground}, sampled every {period}"
         rows.append(compared(times, what, "loop", "mujoco", "MuJoCo's own step", TARGET))
-    return [Table("A robot, a step of the loop", rows, "MuJoCo alone: the robot falls, onto the rigid floor where there is one.")]
+    note = "MuJoCo alone: the robot falls, onto the rigid floor where there is one."
+    return [Table("A robot, a step of the loop", rows, note)]
