@@ -1,6 +1,7 @@
 """Figures and tables of the study of robots."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +25,8 @@ SHOWN_OF_ROBOTS = (POSITION, FORCE, JOINTS, TILT, SHARE)
 def draw_learning(results: Results, name: str) -> "Figure":
     """A metric over the cycles, a panel for each robot, a line for each feedforward that learns."""
     learning = results.select(part=FEEDFORWARDS, kind=list(LEARNERS))
-    panels = [over_cycles(own, name, "kind", log="y", title=robot) for robot, own in learning.by("robot").items()]
-    return draw(panels)
+    panels = {robot: over_cycles(own, name, "kind", log="y") for robot, own in learning.by("robot").items()}
+    return draw([replace(panel, title=robot) for robot, panel in panels.items()])
 
 
 def draw_left_out(results: Results) -> "Figure":
