@@ -77,7 +77,8 @@ def find_stance(robot: Robot, hip_height: float) -> Stance:
         mujoco.mj_comPos(robot.model, data)
         shift[:2] = data.subtree_com[robot.legs.base, :2] - thighs[:, :2].mean(axis=0)
     origin = np.array([*data.subtree_com[robot.legs.base, :2], thighs[0, 2]])
-    return Stance(origin, thighs + shift - origin, chains)
+    hips = thighs + shift
+    return Stance(origin, hips - origin, make_chains(robot, hips))
 
 
 def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
