@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support.command import cmacexp
@@ -41,6 +42,26 @@ def test_a_trend_that_starts_after_learning_is_named_with_its_cycle():
     assert abs(started - 20) <= 3
     # 1.03^n reaches 1.5 after 14 cycles; the level is the median of ten.
     assert 34 <= named <= 42
+
+
+@pytest.mark.parametrize(("end", "harms"), [(0.0145, False), (0.0165, True)])
+def test_feedback_that_is_small_against_its_highest_level_may_rise(end, harms):
+    """Below 1.5 % of it: RISE times LEAST."""
+    rising = 1e-3 * 1.01 ** np.arange(1000.0)
+    found = first_detected([*np.ones(20), *rising[rising < end]])
+    assert (found is not None) == harms
+
+
+@pytest.mark.parametrize("drifts", [True, False])
+def test_the_first_drift_of_a_run_is_read_from_its_metrics(drifts):
+    feedback = np.stack([np.ones(60), (1.03 if drifts else 1.0) ** np.arange(60.0)], axis=1)
+    detector = DriftDetector(2)
+    growth, started = detector.add(feedback)
+    cycle, leg = (each.ravel() for each in np.mgrid[1:61, 1:3])
+    table = {"cycle": cycle, "leg": leg, "drift_cycle": started.ravel(), "feedback_growth": growth.ravel()}
+    found = find_drift(pa.table(table))
+    assert (found and found._replace(growth=0.0)) == (detector.first and detector.first._replace(growth=0.0))
+    assert (found is not None) == drifts
 
 
 def test_a_slow_trend_is_named_too_though_its_window_hardly_rises():

@@ -9,6 +9,7 @@ from cmacexp.experiment import run_scenario
 from cmacexp.feedforward.weight_log import LOGGED, MOST_CYCLES
 from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.score import score
 
 SHORT = ("gait.cycle_time=0.5", "gait.lift=0.11")
@@ -85,3 +86,9 @@ def test_without_weights_nothing_is_told_of_them(make_config, tmp_path, feedforw
     metrics = pd.read_parquet(tmp_path / METRICS)
     assert metrics[["weight_norm", "weight_largest", "memory_used", "cells_colliding"]].isna().all(axis=None)
     assert not (tmp_path / MEMORY).exists()
+
+
+def test_memory_is_used_up_where_every_row_is():
+    measure = ALL_METRICS["memory_used"].compute
+    rows = np.array([4.0, 8.0, 8.0])
+    np.testing.assert_allclose(measure({"rows": rows, "rows_used": np.array([4.0, 8.0, 2.0])}), [1.0, 1.0, 0.25])

@@ -119,6 +119,11 @@ def least_distance_by_hand(vector, layers):
     return min(sum(min(s, layers - s) ** 2 for s in shift) for shift in shifts)
 
 
+@pytest.mark.parametrize(("layers", "inputs"), [(2, 1), (2, 5), (3, 2), (6, 4)])
+def test_cells_shifted_alike_along_every_input_are_apart_by_its_diagonal(layers, inputs):
+    assert least_distance(np.ones((1, inputs), dtype=np.int64), layers) == inputs
+
+
 @pytest.mark.parametrize(("layers", "inputs"), [(5, 2), (7, 3), (8, 3), (9, 2), (12, 3), (16, 2), (16, 3), (13, 2)])
 def test_parks_militzer_is_the_best_of_all_vectors(layers, inputs):
     coprime = [c for c in range(1, layers) if math.gcd(c, layers) == 1]

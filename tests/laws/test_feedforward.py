@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.cmac.rules import DECAYING, NEIGHBOURS, PAPER, RULES, RuleParams, train_by_rule
+from cmacexp.errors import BadInput
 from cmacexp.feedforward import CmacFeedforward, InverseDynamics, IterativeLearning, Perceptron, RadialBasis
+from cmacexp.feedforward.cmac_on_model import CmacOnModel
 from cmacexp.feedforward.kernels import LearningParams, feedforward_step
 from cmacexp.feedforward.network import known_torque, network
 from cmacexp.feedforward.rbf import activations, spread_out
@@ -261,3 +263,29 @@ def test_its_activations_do_not_depend_on_the_unit_of_its_inputs(setup):
     other.reset(replace(setup, plan=setup.plan._replace(joints=stretched)))
     assert_array_equal(one.params.cells, other.params.cells)
     assert_allclose(one.params.activation, other.params.activation, atol=1e-9)
+
+
+def test_a_model_without_factors_is_exact(make_config):
+    planned = make_scenario(make_config(*SHORT, "feedforward=inverse_dynamics")).setup
+    exact = InverseDynamics(1.0, 1.0).compute_torque(planned)
+    assert_array_equal(InverseDynamics().compute_torque(planned), exact)
+    alone = CmacOnModel()
+    alone.reset(planned)
+    assert_array_equal(alone.known, exact)
+
+
+def test_torques_learnt_for_as_many_samples_are_gone_on_from_and_no_others(setup):
+    learnt = np.random.default_rng(3).normal(size=(LEGS, SAMPLES, 2))
+    feedforward = IterativeLearning(None)
+    feedforward.reset(replace(setup, learnt={"weights": learnt}))
+    assert_array_equal(feedforward.params.weights, learnt)
+    with pytest.raises(BadInput, match=f"has weights for {SAMPLES - 1} samples, this cycle has {SAMPLES}"):
+        feedforward.reset(replace(setup, learnt={"weights": learnt[:, 1:]}))
+
+
+def test_radial_basis_functions_share_no_memory_and_clip_no_input(setup):
+    feedforward = RadialBasis(["angle"], 12, 3, 0.5)
+    feedforward.reset(setup)
+    for use in feedforward.memory:
+        assert (use.cells_colliding, use.clipped) == (0, 0)
+        assert use.rows_used == use.cells_visited <= use.rows == 12

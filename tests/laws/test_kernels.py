@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.feedforward.kernels import feedforward_step
 from cmacexp.feedforward.none import NoFeedforward
+from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.step import copy_measurement
 from cmacexp.models.body import Load, Slope, newton_step
@@ -96,3 +97,13 @@ def test_an_external_component_is_given_what_the_loop_has():
     copy_measurement(observed, rows, 1)
     for given_rows, own in zip(get_state(rows), get_state(observed), strict=True):
         assert_array_equal(given_rows, [np.zeros(own.shape), own])
+
+
+def test_a_point_mass_moves_as_fast_as_its_place_changes(make_config):
+    config = make_config("scenario=force_step", "cycles=1")
+    columns = roll_out(make_scenario(config)).columns()
+    for place, speed in (("x", "vx"), ("y", "vy")):
+        moved = np.diff(columns[place][:, 0])
+        mean = 0.5 * config.sampling_period * (columns[speed][1:, 0] + columns[speed][:-1, 0])
+        assert_allclose(moved, mean, atol=0.02 * np.abs(mean).max() + 1e-15)
+    assert np.abs(columns["vy"]).max() > 0.01

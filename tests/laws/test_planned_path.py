@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from cmacexp.errors import BadInput
+from cmacexp.planning.body_load import dynamic_load
 from cmacexp.planning.columns import AX, AY, VX, VY, X, Y
+from cmacexp.planning.machine import make_mechanism
+from cmacexp.planning.motion import check_apex
 from cmacexp.planning.reference import keeps_static_load
 
 PERIOD = 0.005
@@ -70,3 +74,49 @@ def test_between_samples_of_a_transfer_velocity_is_what_the_acceleration_adds_up
 def test_the_term_of_the_static_load_is_kept_while_feedback_holds_it(acts):
     kept = {name: keeps_static_load(name, acts) for name in ("literal", "aware", "force_feedforward")}
     assert kept == {"literal": True, "aware": not acts, "force_feedforward": False}
+
+
+@pytest.mark.parametrize("damping", [0, 20])
+def test_with_the_rate_of_the_load_the_reference_moves_as_its_velocity_says(plan_of, damping):
+    """Of a foot in support; without that rate its velocity reference is 0."""
+    walk = ("scenario=quadruped", "gait.load_ramp=0.12", "gait.unload_ramp=0.12", f"terrain.damping={damping}")
+    method = ("force_control.elasticity=0", "force_control.admittance=0", "reference=force_feedforward")
+    moving, still = (plan_of(*walk, *method, f"force_control.load_rate={on}") for on in ("true", "false"))
+    for leg, support in enumerate(moving.support.T):
+        motion, at_rest = moving.reference[1, :, leg], still.reference[1, :, leg]
+        inner = support & np.roll(support, 1) & np.roll(support, -1)  # the ends jump, where the foot lifts
+        change = np.roll(motion[:, Y], -1) - np.roll(motion[:, Y], 1)
+        assert_allclose(change[inner], 2.0 * PERIOD * motion[inner, VY], atol=1e-12)
+        assert np.abs(motion[inner, VY]).max() > 0.01
+        assert_array_equal(at_rest[support, VY], 0.0)
+
+
+@pytest.mark.parametrize("gap", [0.02, -0.02])
+@pytest.mark.parametrize(("lift", "refused"), [(0.0249, True), (0.0251, False)])
+def test_one_cubic_between_different_depths_needs_room_whichever_is_deeper(make_config, gap, lift, refused):
+    config = make_config("scenario=quadruped", "gait.vertical=cubic", f"gait.lift={lift}")
+    if refused:
+        with pytest.raises(BadInput, match=r"gait\.lift"):
+            check_apex(config, gap)
+    else:
+        check_apex(config, gap)
+
+
+@pytest.mark.parametrize("links", [(0.35, 0.25), (0.25, 0.35)])
+def test_a_leg_reaches_as_far_as_both_its_links(plan_of, links):
+    leg = [f"machine.leg.length_{n}={length}" for n, length in enumerate(links, 1)]
+    stand = ("scenario=one_leg", "gait=standing", *leg)
+    depth = 10.0 / 10_000.0  # F / K_n
+    load = ("force_control.desired_force=10", "terrain.stiffness=10000")
+    plan_of(*stand, *load, f"machine.hip_height={sum(links) - depth - 1e-3}")
+    with pytest.raises(BadInput, match=f"reaches only {sum(links):.3f} m"):
+        plan_of(*stand, *load, f"machine.hip_height={sum(links) - depth + 1e-3}")
+
+
+def test_the_mean_load_of_a_walk_is_the_weight_of_all_masses(make_config, plan_of):
+    """Whatever accelerates comes to rest again within a cycle, knees and feet of different masses too."""
+    walk = ("scenario=quadruped", "machine.leg.mass_1=0.3", "machine.leg.mass_2=0.1", "gait.vertical=two_cubics")
+    config, plan = make_config(*walk), plan_of(*walk)
+    load = dynamic_load(make_mechanism(config.machine), config.machine.body_mass, plan.desired, plan.joints)
+    weight = 9.81 * (config.machine.body_mass + 4 * (0.3 + 0.1))
+    assert load.force.mean() == pytest.approx(weight, rel=2e-3)

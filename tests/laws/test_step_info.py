@@ -148,3 +148,14 @@ def test_a_support_has_the_metrics_of_the_response_of_its_force():
     metrics = measure("TT" + "S" * len(RESPONSE), force=[0.0, 0.0, *RESPONSE], force_desired=1.0)
     names = StepInfo._fields
     assert_allclose([metrics[f"force_{name}"][0] for name in names], [getattr(BY_HAND, n) for n in names], atol=1e-12)
+
+
+@pytest.mark.parametrize(("uneven", "refused"), [(1e-9, False), (1e-4, True)])
+def test_times_are_even_to_a_millionth_of_their_step(uneven, refused):
+    times = PERIOD * np.arange(len(RESPONSE))
+    times[3] += uneven * PERIOD
+    if refused:
+        with pytest.raises(ValueError, match="evenly spaced"):
+            step_info(times, RESPONSE, 1.0)
+    else:
+        assert_allclose(step_info(times, RESPONSE, 1.0), respond(RESPONSE), rtol=1e-6, atol=1e-12)
