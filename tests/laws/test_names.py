@@ -13,6 +13,7 @@ from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.schema import ForceControlConfig
 from cmacexp.control.hybrid_kernels import METHODS
 from cmacexp.feedforward import Perceptron, RadialBasis
+from cmacexp.planning import columns
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.gait import compute_touch_downs
 from cmacexp.planning.reference import SUPPORT_REFERENCES
@@ -50,3 +51,21 @@ def test_a_gait_has_options_with_which_it_is_valid(name, make_config):
         phases = compute_touch_downs(name, options[option].duty_factor)
         assert len(phases) == pattern.legs
         assert all(0.0 <= phase < 1.0 for phase in phases)
+
+
+REFERENCE = ("X", "Y", "VX", "VY", "FORCE_REFERENCE", "FORCE_ADDED", "FORCE_DESIRED")
+MOTION = ("X", "Y", "VX", "VY", "AX", "AY")
+
+
+@pytest.mark.parametrize(
+    ("count", "plane", "space"),
+    [
+        (columns.REFERENCE_COLUMNS, REFERENCE, ("REFERENCE_Z", "REFERENCE_VZ")),
+        (columns.MOTION_COLUMNS, MOTION, ("Z", "VZ", "AZ")),
+        (columns.MOTION_COLUMNS, ("Q1", "Q2", "DQ1", "DQ2", "DDQ1", "DDQ2"), ("Q3", "DQ3", "DDQ3")),
+    ],
+)
+def test_every_column_of_a_plan_has_a_name_and_no_two_the_same(count, plane, space):
+    for axes, names in ((2, plane), (3, plane + space)):
+        assert sorted(getattr(columns, name) for name in names) == list(range(count[axes]))
+    assert set(count) == {2, 3}
