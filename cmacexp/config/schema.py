@@ -202,7 +202,7 @@ class Config:
 
     @property
     def joints(self) -> int:
-        """Joints of a leg; two numbers in the place of angles for a leg as a point mass."""
+        """Joints of a leg; of a point mass its two axes, which stand in their place."""
         return 3 if isinstance(self.machine, RobotMachine) else 2
 
     @property

@@ -21,7 +21,8 @@ def is_finished(folder: Path, config: Config) -> bool:
 
     A run is finished if its manifest has the status of a result and the same hashes of config and code, every file
     that it lists exists unchanged, its traces have the requested rows, its weights are stored if requested, and
-    neither the weights that it started from nor a robot's model have changed. Custom components are not compared.
+    neither the weights that it started from nor a robot's model have changed. The code of custom components is not
+    compared.
     """
     try:
         manifest = manifests.read(folder)

@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.mix import MASK, mix
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 
 Places = TypeVar("Places", float, Array)
 
@@ -123,23 +123,26 @@ def depression_for(stiffness: float, force: Array) -> Array:
     return force / stiffness
 
 
-def damped_depression(stiffness: float, damping: float, force: Array, time: float) -> Array:
-    """The solution D of K_n D + c dD/dt = F, m: depressions at which ground with damping carries changing forces.
+def damped_depression(stiffness: float, damping: float, force: Array, support: Mask, time: float) -> Array:
+    """Depressions D with K_n D + c dD/dt = F, m, at which ground with damping carries changing forces.
+
+    The cycle is a ring, in which F is straight between samples. A foot that touches down begins at F / K_n.
 
     Args:
         stiffness: K_n, N/m.
         damping: c, N s/m.
-        force: (N, L): F over a cycle, which is a ring, straight between its samples.
+        force: (N, L): F, N.
+        support: (N, L): whether the foot is down.
         time: between two samples, s.
     """
     depression = depression_for(stiffness, force)
-    if damping == 0.0:
-        return depression
     lag = damping / stiffness / time
-    decay = math.exp(-1.0 / lag)
-    late = lag * (1.0 - decay)
+    if lag == 0.0:
+        return depression
+    decay, late = math.exp(-1.0 / lag), -lag * math.expm1(-1.0 / lag)
     follows = (1.0 - late) * depression + (late - decay) * np.roll(depression, 1, axis=0)
+    goes_on = support & np.roll(support, 1, axis=0)
     for _ in range(2):  # once more, from where the ring ends
         for k in range(len(follows)):
-            depression[k] = decay * depression[k - 1] + follows[k]
+            depression[k] = np.where(goes_on[k], decay * depression[k - 1] + follows[k], depression[k])
     return depression

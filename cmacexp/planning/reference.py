@@ -110,10 +110,6 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
         method.admittance,
         config.assumed_stiffness,
     )
-    static = depression_for(gains.stiffness, force)
-    depression = damped_depression(gains.stiffness, config.terrain.damping, force, config.sampling_period)
-    # Around the cycle as a ring. Where the depression jumps, so does its rate, for two samples.
-    rate = (np.roll(depression, -1, axis=0) - np.roll(depression, 1, axis=0)) / (2.0 * config.sampling_period)
     reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS[desired.shape[2] // 3]))
     copied = [X, Y, VX, VY]
     reference[..., copied], reference[..., FORCE_DESIRED] = desired[..., copied], force
@@ -122,10 +118,14 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
         per_newton = SUPPORT_REFERENCES[method.method](gains, keeps)
         reference[stage, support, Y] = hip_height + per_newton.depression * force[support]
         reference[stage, support, VY] = per_newton.velocity * force[support]
-        if method.load_rate:
-            reference[stage, support, Y] += (depression - static)[support]
-            reference[stage, support, VY] += rate[support]
         reference[stage, support, FORCE_REFERENCE] = per_newton.force * force[support]
         if config.reference == "force_feedforward":
             reference[stage, support, FORCE_ADDED] = force[support]
+    if method.load_rate:
+        period, damping = config.sampling_period, config.terrain.damping
+        depression = damped_depression(gains.stiffness, damping, force, support, period)
+        # The cycle is a ring. Where the depression jumps, so does its rate, for two samples.
+        rate = (np.roll(depression, -1, axis=0) - np.roll(depression, 1, axis=0)) / (2.0 * period)
+        reference[:, support, Y] += (depression - depression_for(gains.stiffness, force))[support]
+        reference[:, support, VY] += rate[support]
     return reference

@@ -25,7 +25,8 @@ FLOOR = "floor of cmacexp"
 SOLREF = (0.01, 1.0)
 """Time constant (s) and damping ratio of MuJoCo's contacts."""
 SOLIMP = (0.99, 0.99, 0.001, 0.5, 2.0)
-"""Their impedance: with MuJoCo's own, 0.9 to 0.95, feet sink as deep as into the elastic ground."""
+"""Their impedance, whatever a model says: some have soft feet, and with MuJoCo's default, 0.9 to 0.95, feet sink as
+deep as into the elastic ground."""
 
 
 class MujocoRobot:
@@ -130,6 +131,9 @@ class MujocoRobot:
         model.geom_contype[touching[-1]], model.geom_conaffinity[self.feet] = 1, 1
         model.geom_friction[touching, 0], model.geom_condim[touching] = self.grip[0], 3
         model.geom_margin[touching], model.geom_gap[touching] = 0.0, 0.0
+        model.pair_margin[:] = -1.0  # pairs of geoms that a model lists touch whatever else it says: these never do
+        model.opt.disableflags &= ~int(self.mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        model.opt.enableflags &= ~int(self.mujoco.mjtEnableBit.mjENBL_OVERRIDE)
         model.geom_solref[touching], model.geom_solimp[touching], model.geom_priority[touching] = SOLREF, SOLIMP, 0
         return model
 

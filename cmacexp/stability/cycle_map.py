@@ -27,7 +27,7 @@ NUDGE = 1e-6
 
 
 class NotPredictable(CmacexpError):
-    """The loop cannot be linearised: external components, no learning, or a run that ends at once."""
+    """The loop cannot be linearised: external components or MuJoCo, no learning, or a run that ends at once."""
 
 
 class Declared(NamedTuple):

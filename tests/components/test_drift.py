@@ -10,7 +10,7 @@ from support.command import cmacexp
 from support.made_traces import measure
 from support.manifests import change_manifest
 
-from cmacexp.metrics.drift import WINDOW, Drift, DriftDetector, find_drift, find_drift_cycles, measure_growth
+from cmacexp.metrics.drift import RISE, WINDOW, Drift, DriftDetector, find_drift, find_drift_cycles, measure_growth
 from cmacexp.score import score
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -44,11 +44,10 @@ def test_a_trend_that_starts_after_learning_is_named_with_its_cycle():
     assert 34 <= named <= 42
 
 
-@pytest.mark.parametrize(("end", "harms"), [(0.0145, False), (0.0165, True)])
-def test_feedback_that_is_small_against_its_highest_level_may_rise(end, harms):
-    """Below 1.5 % of it: RISE times LEAST."""
+@pytest.mark.parametrize(("share", "harms"), [(0.97, False), (1.1, True)])
+def test_feedback_that_is_small_against_its_highest_level_may_rise(share, harms):
     rising = 1e-3 * 1.01 ** np.arange(1000.0)
-    found = first_detected([*np.ones(20), *rising[rising < end]])
+    found = first_detected([*np.ones(20), *rising[rising < share * RISE * 0.01]])
     assert (found is not None) == harms
 
 

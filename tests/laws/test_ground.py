@@ -18,7 +18,7 @@ from cmacexp.models.ground import (
     stiffness_at,
     stiffness_under,
 )
-from cmacexp.plants.environment import make_ground
+from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.kernels import advance
 
 places = st.floats(-30.0, 30.0)
@@ -72,13 +72,19 @@ def test_under_each_foot_of_a_body_the_ground_is_as_high_as_where_the_foot_is(ma
         advance(params, state, np.zeros((4, 2)))
 
 
-@given(st.floats(1e3, 1e5), st.floats(0.1, 20.0), st.integers(1, 5))
+def test_what_never_happens_is_beyond_the_longest_run(flat, make_config):
+    longest = 1_000_000 * make_config("scenario=quadruped").steps_per_cycle
+    assert flat.step_at > longest
+    assert make_payload(make_config("scenario=quadruped").payload, 0.005).start > longest
+
+
+@given(st.floats(1e3, 1e5), st.floats(0.1, 150.0), st.integers(1, 5))
 def test_a_depression_lags_behind_its_force_as_a_first_order_filter_does(stiffness, lag, waves):
     """Around a cycle, whatever the lag in samples: a sinusoid is multiplied by 1 / (1 + i w c / K)."""
     samples, step = 2000, 0.001
     phase = 2.0 * np.pi * waves * np.arange(samples) / samples
     force = np.stack([50.0 + 40.0 * np.sin(phase), 50.0 + 40.0 * np.cos(phase)], axis=1)
-    found = damped_depression(stiffness, lag * step * stiffness, force, step)
+    found = damped_depression(stiffness, lag * step * stiffness, force, np.ones(force.shape, dtype=bool), step)
     expected = 40.0 / stiffness / (1.0 + 2j * np.pi * waves * lag / samples) * np.exp(1j * phase)
     assert_allclose(found, 50.0 / stiffness + np.stack([expected.imag, expected.real], axis=1), atol=1e-3 / stiffness)
 
@@ -86,8 +92,18 @@ def test_a_depression_lags_behind_its_force_as_a_first_order_filter_does(stiffne
 @given(st.floats(1e3, 1e5), st.floats(0.0, 0.02))
 def test_a_little_damping_changes_little_and_none_nothing(stiffness, lag):
     force = np.random.default_rng(0).uniform(0.0, 100.0, (50, 4))
-    found = damped_depression(stiffness, lag * stiffness * 0.001, force, 0.001)
+    found = damped_depression(stiffness, lag * stiffness * 0.001, force, np.ones(force.shape, dtype=bool), 0.001)
     assert_allclose(found, depression_for(stiffness, force), rtol=0, atol=(lag + 1e-12) * 100.0 / stiffness)
+
+
+@given(st.floats(0.0, 1e9))
+def test_a_foot_that_touches_down_begins_without_what_it_left_behind(damping):
+    support = np.arange(20)[:, None] < 8
+    force = np.where(support, 30.0 + np.arange(20.0)[:, None], 0.0)
+    found = damped_depression(1e4, damping, force, support, 0.001)
+    assert found[0, 0] == depression_for(1e4, force)[0, 0]
+    assert np.isfinite(found).all()
+    assert not found[~support].any()
 
 
 def test_a_level_pose_is_that_of_a_body_at_height_0_without_tilt():

@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.errors import BadInput
 from cmacexp.planning.body_load import dynamic_load
-from cmacexp.planning.columns import AX, AY, VX, VY, X, Y
+from cmacexp.planning.columns import AX, AY, FORCE_DESIRED, VX, VY, X, Y
 from cmacexp.planning.machine import make_mechanism
-from cmacexp.planning.motion import check_apex
+from cmacexp.planning.motion import check_apex, make_ramp
 from cmacexp.planning.reference import keeps_static_load
 
 PERIOD = 0.005
@@ -77,9 +79,10 @@ def test_the_term_of_the_static_load_is_kept_while_feedback_holds_it(acts):
 
 
 @pytest.mark.parametrize("damping", [0, 20])
-def test_with_the_rate_of_the_load_the_reference_moves_as_its_velocity_says(plan_of, damping):
-    """Of a foot in support; without that rate its velocity reference is 0."""
+def test_with_the_rate_of_the_load_the_reference_moves_as_its_velocity_says(make_config, plan_of, damping):
+    """Of a foot in support, K_n D + c dD/dt is the desired force; without that rate its velocity reference is 0."""
     walk = ("scenario=quadruped", "gait.load_ramp=0.12", "gait.unload_ramp=0.12", f"terrain.damping={damping}")
+    config = make_config(*walk)
     method = ("force_control.elasticity=0", "force_control.admittance=0", "reference=force_feedforward")
     moving, still = (plan_of(*walk, *method, f"force_control.load_rate={on}") for on in ("true", "false"))
     for leg, support in enumerate(moving.support.T):
@@ -87,14 +90,18 @@ def test_with_the_rate_of_the_load_the_reference_moves_as_its_velocity_says(plan
         inner = support & np.roll(support, 1) & np.roll(support, -1)  # the ends jump, where the foot lifts
         change = np.roll(motion[:, Y], -1) - np.roll(motion[:, Y], 1)
         assert_allclose(change[inner], 2.0 * PERIOD * motion[inner, VY], atol=1e-12)
+        depth, force = motion[inner, Y] - config.machine.hip_height, motion[inner, FORCE_DESIRED]
+        balance = config.terrain.stiffness * depth + damping * motion[inner, VY] - force
+        assert np.median(np.abs(balance)) < 1e-2 * np.abs(damping * motion[inner, VY]).max() + 1e-9
         assert np.abs(motion[inner, VY]).max() > 0.01
         assert_array_equal(at_rest[support, VY], 0.0)
 
 
 @pytest.mark.parametrize("gap", [0.02, -0.02])
-@pytest.mark.parametrize(("lift", "refused"), [(0.0249, True), (0.0251, False)])
-def test_one_cubic_between_different_depths_needs_room_whichever_is_deeper(make_config, gap, lift, refused):
-    config = make_config("scenario=quadruped", "gait.vertical=cubic", f"gait.lift={lift}")
+@pytest.mark.parametrize(("share", "refused"), [(1.249, True), (1.251, False)])
+def test_one_cubic_between_different_depths_needs_room_whichever_is_deeper(make_config, gap, share, refused):
+    """A lift of at least 5/4 of the gap."""
+    config = make_config("scenario=quadruped", "gait.vertical=cubic", f"gait.lift={share * abs(gap)}")
     if refused:
         with pytest.raises(BadInput, match=r"gait\.lift"):
             check_apex(config, gap)
@@ -120,3 +127,30 @@ def test_the_mean_load_of_a_walk_is_the_weight_of_all_masses(make_config, plan_o
     load = dynamic_load(make_mechanism(config.machine), config.machine.body_mass, plan.desired, plan.joints)
     weight = 9.81 * (config.machine.body_mass + 4 * (0.3 + 0.1))
     assert load.force.mean() == pytest.approx(weight, rel=2e-3)
+
+
+@pytest.mark.parametrize("shape", ["linear", "cosine"])
+@given(st.floats(0.01, 2.0), st.floats(0.0, 3.0))
+def test_a_ramp_rises_from_nothing_to_all_at_its_rate(shape, duration, part):
+    at, near = part * duration, 1e-6 * duration
+    (share, rate), (before, _), (after, _) = (
+        make_ramp(shape, np.array([max(time, 0.0)]), duration) for time in (at, at - near, at + near)
+    )
+    assert 0.0 <= share <= 1.0
+    assert make_ramp(shape, np.array([0.0, duration]), duration)[0].tolist() == [0.0, 1.0]
+    if abs(part - 1.0) > 1e-5 and part > 1e-5:
+        assert_allclose(rate / duration, (after - before) / (2.0 * near), atol=1e-3 / duration)
+
+
+@pytest.mark.parametrize(
+    ("key", "overrides"),
+    [
+        ("terrain.stiffness", ("terrain.stiffness=25", "force_control.desired_force=10")),
+        ("machine.hip_height", ("machine.hip_height=0.62",)),
+        ("gait.stroke", ("gait.stroke=0.9",)),
+    ],
+)
+def test_of_a_foot_out_of_reach_that_is_named_which_takes_it_there(plan_of, key, overrides):
+    with pytest.raises(BadInput) as refused:
+        plan_of("scenario=one_leg", *overrides)
+    assert refused.value.key == key

@@ -81,6 +81,12 @@ SAME_FLOOR = {
     "soft feet": (FEET, f'{FEET} solref="0.05 1" solimp="0.5 0.6 0.01" priority="3"'),
     "feet that touch nothing": (FEET, 'size="0.02"'),
     "no floor": (OWN_FLOOR, ""),
+    "a pair": ("<actuator>", '<contact><pair geom1="FL" geom2="floor"/></contact><actuator>'),
+    "a pair of feet": ("<actuator>", '<contact><pair geom1="FL" geom2="FR" margin="1"/></contact><actuator>'),
+    "contacts switched off": (
+        "<worldbody>",
+        '<option><flag contact="disable" override="enable"/></option><worldbody>',
+    ),
 }
 
 

@@ -6,6 +6,7 @@ code, until one fails.
 
 import argparse
 import importlib
+import importlib.util
 import json
 import os
 import sys
@@ -33,6 +34,8 @@ WARM = (
     "pandas", "pyarrow.parquet", "numba", "hydra", "hypothesis", "yaml", "rich", "sklearn.neural_network",
 )  # fmt: skip
 """Libraries that are imported once for all mutants."""
+OPTIONAL = ("mujoco",)
+"""The same of an extra; it asks another process for a library while it is imported, which no test of a mutant may."""
 MOST_TIME = 120
 """A mutant whose tests compute for longer, s, has no end: it is killed."""
 LEAST = 3
@@ -54,7 +57,7 @@ def warm_up() -> None:
     """Import libraries, but nothing of the project, before processes are forked."""
     os.environ.update(NUMBA_DISABLE_JIT="1", PYTHONDONTWRITEBYTECODE="1", PYTHONPATH=str(ROOT))
     os.chdir(ROOT)
-    for name in WARM:
+    for name in (*WARM, *filter(importlib.util.find_spec, OPTIONAL)):
         importlib.import_module(name)
     if "cmacexp" in sys.modules:
         raise RuntimeError("the project is imported already: its mutants would not be")
