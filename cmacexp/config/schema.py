@@ -11,6 +11,7 @@ from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.machine import HAS_BODY, BodyMachine, RobotMachine
+from cmacexp.robots.legs import JOINTS
 
 LEARNS = "feedforward!=none|inverse_dynamics"
 """What fields of learning need beside :data:`ACTS`."""
@@ -203,7 +204,7 @@ class Config:
     @property
     def joints(self) -> int:
         """Joints of a leg; of a point mass its two axes, which stand in their place."""
-        return 3 if isinstance(self.machine, RobotMachine) else 2
+        return JOINTS if isinstance(self.machine, RobotMachine) else 2
 
     @property
     def has_body(self) -> bool:

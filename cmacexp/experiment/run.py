@@ -10,7 +10,7 @@ from typing import Any
 import pyarrow as pa
 
 from cmacexp.config import Config, to_plain
-from cmacexp.config.machine import RobotMachine, model_hash
+from cmacexp.config.machine import RobotMachine, model_hash, read_model
 from cmacexp.control import HybridController, Learns
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
@@ -40,7 +40,6 @@ from cmacexp.loop.trace import assemble, assemble_body, assemble_memory
 from cmacexp.metrics.drift import Drift, make_drift_entry
 from cmacexp.metrics.score import RunScorer
 from cmacexp.models.mechanism import PLANE, has_body
-from cmacexp.planning.robot import find_robot
 from cmacexp.sensors.protocol import find_altered
 from cmacexp.typing import Array
 
@@ -170,7 +169,7 @@ def _robot_entry(scenario: Scenario) -> dict[str, Any]:
         "robot": {
             "chains": mechanism.chains.tolist(),
             "hips": mechanism.hips.tolist(),
-            "foot_radius": float(find_robot(machine).legs.foot_radius.max()),
+            "foot_radius": float(read_model(machine).legs.foot_radius.max()),
         }
     }
 

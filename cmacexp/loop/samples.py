@@ -128,12 +128,8 @@ def write_spatial(
     """Write the columns of row ``k`` that legs with a third joint add."""
     for i in range(samples.shape[1]):
         row, teaching = samples[k, i], control.learning_error
-        row[Z], row[VZ], row[Q3], row[DQ3] = (
-            machine.foot[i, 2],
-            machine.velocity[i, 2],
-            machine.q[i, 2],
-            machine.dq[i, 2],
-        )
+        row[Z], row[VZ] = machine.foot[i, 2], machine.velocity[i, 2]
+        row[Q3], row[DQ3] = machine.q[i, 2], machine.dq[i, 2]
         row[Z_MEASURED], row[VZ_MEASURED] = observation.foot[i, 2], observation.velocity[i, 2]
         row[Q3_MEASURED], row[DQ3_MEASURED] = observation.q[i, 2], observation.dq[i, 2]
         row[Z_REFERENCE] = control.reference[i, 2]

@@ -12,7 +12,7 @@ from cmacexp.data.parquet import as_array, is_support
 from cmacexp.metrics.measures import largest
 from cmacexp.typing import Array, Mask
 
-SPATIAL = "z"
+THIRD_AXIS = "z"
 """The column that a trace has if its legs move in space: those of a robot."""
 
 
@@ -130,7 +130,7 @@ def cut(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> B
         """Columns of the joints side by side; ``name`` has {} where their numbers are."""
         return np.stack([columns(name.format(joint)) for joint in range(1, 3 + in_space)], axis=3)
 
-    in_space = SPATIAL in trace.column_names
+    in_space = THIRD_AXIS in trace.column_names
     time, progress = columns("time"), columns("progress")
     valid, support = ~np.isnan(time), block(is_support(trace).astype(float)) == 1.0
     feedback, force_torque = joints("tau_feedback_{}"), joints("tau_force_{}") if in_space else None

@@ -15,7 +15,9 @@ from cmacexp.typing import Array
 HINGES = 3
 HINGE_FIELDS = 6
 """Numbers of a hinge in a row of a chain: a point of its axis (m), then the direction of the axis, of length 1."""
-CHAIN_FIELDS = HINGES * HINGE_FIELDS + 3
+FOOT = HINGES * HINGE_FIELDS
+"""Where the foot begins in a row of a chain."""
+CHAIN_FIELDS = FOOT + 3
 """Numbers of a chain: its hinges, from the body outwards, then the foot (m)."""
 
 Vector = tuple[Any, Any, Any]
@@ -57,13 +59,15 @@ def turn(v: Vector, axis: Vector, sine: float, cosine: float) -> Vector:
 @kernel
 def hinge_point(chain: Array, n: int) -> Vector:
     """A point of the axis of hinge ``n`` at joint angles of zero, m."""
-    return chain[6 * n], chain[6 * n + 1], chain[6 * n + 2]
+    k = HINGE_FIELDS * n
+    return chain[k], chain[k + 1], chain[k + 2]
 
 
 @kernel
 def hinge_axis(chain: Array, n: int) -> Vector:
     """Direction of the axis of hinge ``n`` at joint angles of zero."""
-    return chain[6 * n + 3], chain[6 * n + 4], chain[6 * n + 5]
+    k = HINGE_FIELDS * n + 3
+    return chain[k], chain[k + 1], chain[k + 2]
 
 
 @kernel
@@ -95,7 +99,7 @@ def kinematics_at(chain: Array, turn_1: Turn, turn_2: Turn, turn_3: Turn) -> Kin
     """
     (s1, c1), (s2, c2), (s3, c3) = turn_1, turn_2, turn_3
     first, second = hinge_axis(chain, 0), hinge_axis(chain, 1)
-    foot = turn_at(chain, 2, (chain[18], chain[19], chain[20]), s3, c3)
+    foot = turn_at(chain, 2, (chain[FOOT], chain[FOOT + 1], chain[FOOT + 2]), s3, c3)
     calf = turn(turn(lever(chain, 2, foot), second, s2, c2), first, s1, c1)
     foot = turn_at(chain, 1, foot, s2, c2)
     thigh = turn(lever(chain, 1, foot), first, s1, c1)
@@ -157,7 +161,7 @@ def chain_motion(chain: Array, q: Array, velocity: Array, acceleration: Array) -
 
 def chain_points(chain: Array, q: Array) -> Array:
     """Points of the three hinges and the foot at joint angles ``q`` (..., 3), rad; (..., 4, 3), m."""
-    points = [hinge_point(chain, n) for n in range(HINGES)] + [tuple(chain[18:21])]
+    points = [hinge_point(chain, n) for n in range(HINGES)] + [tuple(chain[FOOT:])]
     for n in reversed(range(HINGES)):
         angle: Any = q[..., n]  # the arithmetic of one posture is that of many
         sine, cosine = np.sin(angle), np.cos(angle)

@@ -11,14 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.config import Config
-from cmacexp.config.machine import LEG_NAMES, RobotMachine
+from cmacexp.config.machine import LEG_NAMES, RobotMachine, read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.chain import chain_angles
 from cmacexp.models.mechanism import Mechanism, chains_under_body
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.motion import plan_chains
-from cmacexp.robots.find import find_model
-from cmacexp.robots.model import GRAVITY, Robot, load_mujoco, read_robot
+from cmacexp.robots.model import GRAVITY, Robot, load_mujoco
 from cmacexp.typing import Array
 
 PASSES = 5
@@ -34,15 +33,6 @@ class Stance(NamedTuple):
     """(4, 3): origins of the hips' frames in the frame of the body, m."""
     chains: Array
     """(4, 21): see :mod:`cmacexp.models.chain`."""
-
-
-def find_robot(machine: RobotMachine) -> Robot:
-    """The robot that a config names.
-
-    Raises:
-        BadInput: there is no such model, or it is no quadruped with three hinges a leg.
-    """
-    return read_robot(find_model(machine.model, machine.path), machine.joints, machine.feet, machine.home)
 
 
 def to_hip(vectors: Array) -> Array:
@@ -87,7 +77,7 @@ def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
     Raises:
         BadInput: there is no such model, it is no quadruped with three hinges a leg, or it cannot stand like that.
     """
-    robot = find_robot(machine)
+    robot = read_model(machine)
     stance = find_stance(robot, machine.hip_height)
     weight, limits = robot.mass * GRAVITY, tuple(robot.torque_limits.tolist())
     hips = np.ascontiguousarray(stance.hips[:, :2])
@@ -107,7 +97,7 @@ def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desi
         k, i, _ = lost[0]
         reason = f"the {LEG_NAMES[i]} foot is out of reach at sample {k}; use a shorter one, or machine.hip_height"
         raise BadInput("gait.stroke", config.gait.stroke, reason)
-    least, largest = np.moveaxis(find_robot(machine).ranges, -1, 0)
+    least, largest = np.moveaxis(read_model(machine).ranges, -1, 0)
     if len(out := np.argwhere((angles < least) | (angles > largest))):
         k, i, n = out[0]
         allowed = f"{least[i, n]:.4g} to {largest[i, n]:.4g} rad"
@@ -117,7 +107,7 @@ def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desi
 
 def find_centres(machine: RobotMachine, q: Array) -> Array:
     """Centres of mass (3, N) of a robot in the body's frame, m, at joint angles ``q`` (N, 4, 3), rad."""
-    mujoco, robot = load_mujoco(), find_robot(machine)
+    mujoco, robot = load_mujoco(), read_model(machine)
     origin, centres, data = find_stance(robot, machine.hip_height).origin, np.empty((3, len(q))), robot.at(robot.home)
     for k, angles in enumerate(q):
         data.qpos[robot.legs.qpos] = angles

@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmacexp.config import Config
+from cmacexp.config.machine import read_model
 from cmacexp.models.chain import batch_kinematics
 from cmacexp.models.mechanism import Mechanism
 from cmacexp.planning.body_load import BodyLoad
 from cmacexp.planning.columns import DDQ1, DDQ2, DDQ3, DQ1, DQ2, DQ3, Q1, Q2, Q3
-from cmacexp.planning.robot import find_robot, find_stance
-from cmacexp.robots.model import load_mujoco
+from cmacexp.planning.robot import find_stance
+from cmacexp.robots.model import load_mujoco, place
 from cmacexp.typing import Array
 
 
@@ -41,11 +42,10 @@ def make_model(robot_model: Any, mass_factor: float = 1.0) -> Any:
 
 def compute_needs(config: Config, joints: Array, mass_factor: float = 1.0) -> Needs:
     """What the planned motion of the ``joints`` (N, 4, 9) needs, with masses that may be wrong."""
-    mujoco, robot = load_mujoco(), find_robot(config.machine)
+    mujoco, robot = load_mujoco(), read_model(config.machine)
     origin, legs = find_stance(robot, config.machine.hip_height).origin, robot.legs
     model = make_model(robot.model, mass_factor)
-    data = mujoco.MjData(model)
-    data.qpos[legs.base_qpos + 3] = 1.0
+    data = place(model, mujoco.MjData(model), legs, robot.home)
     data.qvel[legs.base_dof] = config.body_speed
     needs = np.empty((len(joints), model.nv))
     for k, sample in enumerate(joints):

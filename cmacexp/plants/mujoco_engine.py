@@ -1,5 +1,6 @@
 """A machine in MuJoCo on the project's ground: the common code of one leg and four legs."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,22 @@ WARNINGS = {
     "mjWARN_INERTIA": "the inertia at {} is nearly singular",
 }
 """Causes of divergence, by MuJoCo's names of its warnings; any other is reported by its name."""
+
+
+def explain_warning(mujoco: Any, data: Any, name_joint: Callable[[int], str]) -> str:
+    """The first of MuJoCo's warnings, in one line.
+
+    Args:
+        mujoco: the module.
+        data: with a warning.
+        name_joint: names the joint to which one of its velocities belongs.
+    """
+    kind = int(np.flatnonzero(data.warning.number)[0])
+    name, velocity = mujoco.mjtWarning(kind).name, int(data.warning.lastinfo[kind])
+    if name == "mjWARN_BADQPOS":  # a body that floats has a position, of its quaternion, more than velocities
+        velocity = max(0, velocity - (len(data.qpos) - len(data.qvel)))
+    cause = f"that {WARNINGS[name].format(name_joint(velocity))}" if name in WARNINGS else name
+    return f"MuJoCo reports {cause}"
 
 
 class MujocoEngine:
@@ -96,22 +113,17 @@ class MujocoEngine:
                 finally:
                     self.mujoco.set_mjcb_passive(None)
                 if self.warned.any():
-                    raise Diverged(self._explain_warning())
+                    raise Diverged(explain_warning(self.mujoco, self.data, self._name_joint))
                 self.clock += step + 1 == steps
                 self._update_bodies()
                 if self.touch.friction > 0.0:
                     next(self._sticking)
                 self.update_stiffness()
 
-    def _explain_warning(self) -> str:
-        """The first of MuJoCo's warnings, in one line."""
-        kind = int(np.flatnonzero(self.warned)[0])
-        name = self.mujoco.mjtWarning(kind).name
-        # Joints of the legs are the last of MuJoCo's coordinates; those of the body, if it floats, come before.
-        coordinates = self.data.qpos if name == "mjWARN_BADQPOS" else self.data.qvel
-        joint = int(self.data.warning.lastinfo[kind]) - (len(coordinates) - 2 * self.legs)
-        place = "the body" if joint < 0 else f"joint {joint % 2 + 1} of leg {joint // 2 + 1}"
-        return f"MuJoCo reports that {WARNINGS[name].format(place)}" if name in WARNINGS else f"MuJoCo reports {name}"
+    def _name_joint(self, velocity: int) -> str:
+        """The joint to which one of MuJoCo's velocities belongs; those of the legs are the last."""
+        joint = velocity - (len(self.data.qvel) - 2 * self.legs)
+        return "the body" if joint < 0 else f"joint {joint % 2 + 1} of leg {joint // 2 + 1}"
 
     def _press(self, model: Any = None, data: Any = None) -> None:
         next(self._pressing)

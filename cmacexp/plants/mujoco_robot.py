@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from cmacexp.config import ComponentConfig, Config, choice, number
-from cmacexp.config.machine import RobotMachine
+from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.errors import BadInput, Diverged
 from cmacexp.models.mechanism import GEOMETRY_FIELDS, SPACE
-from cmacexp.planning.robot import find_robot, find_stance
+from cmacexp.planning.robot import find_stance
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
-from cmacexp.plants.mujoco_engine import WARNINGS
+from cmacexp.plants.mujoco_engine import explain_warning
 from cmacexp.plants.mujoco_kernels import Measured, Touch
 from cmacexp.plants.protocol import Measurement
 from cmacexp.plants.robot_kernels import Contacts, Feet, RobotBodies, Room, observing_robot, pressing_robot
@@ -88,7 +88,7 @@ class MujocoRobot:
         machine = setup.config.machine
         if not isinstance(machine, RobotMachine):
             raise BadInput("machine.kind", machine.kind, "must be robot with plant=mujoco_robot: use scenario=robot")
-        self.robot, self.mujoco = find_robot(machine), load_mujoco()
+        self.robot, self.mujoco = read_model(machine), load_mujoco()
         self.origin = find_stance(self.robot, machine.hip_height).origin
         self.model = self._make_model(machine, setup.config.sampling_period / self.substeps)
         self.data = self.mujoco.MjData(self.model)
@@ -195,18 +195,14 @@ class MujocoRobot:
                     self._read_forces()
                 self.mujoco.mj_step1(self.model, self.data)
                 if self.warned.any():
-                    raise Diverged(self._explain_warning())
+                    raise Diverged(explain_warning(self.mujoco, self.data, self._name_joint))
                 self.contacts.clock[0] += substep + 1 == self.substeps
                 next(self._pressing)
         return self.measure()
 
-    def _explain_warning(self) -> str:
-        """The first of MuJoCo's warnings, in one line."""
-        kind = int(np.flatnonzero(self.warned)[0])
-        name = self.mujoco.mjtWarning(kind).name
-        dof = int(self.data.warning.lastinfo[kind])
-        joint = self.model.joint(int(self.model.dof_jntid[min(dof, self.model.nv - 1)])).name or "the trunk"
-        return f"MuJoCo reports that {WARNINGS[name].format(joint)}" if name in WARNINGS else f"MuJoCo reports {name}"
+    def _name_joint(self, velocity: int) -> str:
+        """The joint to which one of MuJoCo's velocities belongs."""
+        return self.model.joint(int(self.model.dof_jntid[velocity])).name or "the trunk"
 
     def measure(self) -> Measurement:
         """A copy of the present state."""

@@ -9,7 +9,7 @@ import numpy as np
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY
-from cmacexp.metrics.block import SPATIAL
+from cmacexp.metrics.block import THIRD_AXIS
 from cmacexp.report.style import DASHES, DESIRED, SERIES
 from cmacexp.typing import Array
 
@@ -48,7 +48,7 @@ class FigureData:
     @property
     def in_space(self) -> bool:
         """Whether the legs move in space: those of a robot."""
-        return SPATIAL in self.axes
+        return THIRD_AXIS in self.axes
 
     def select(self, cycle: int, leg: int) -> "pd.DataFrame":
         """The trace of one leg in one cycle."""
@@ -85,7 +85,7 @@ def read_figure_data(run: StoredRun, cycles: Sequence[int]) -> FigureData:
     body = run.cycles(cycles, BODY) if run.walks else None
     has_joints = bool(trace["q1"].notna().any())
     times = run.config["gait"]["cycle_time"], run.config["sampling_period"]
-    axes = "xyz" if SPATIAL in trace.columns else "xy"
+    axes = "xyz" if THIRD_AXIS in trace.columns else "xy"
     return FigureData(cycles, trace, body, *times, int(trace["leg"].max()), has_joints, axes)
 
 

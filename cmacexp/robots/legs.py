@@ -35,8 +35,6 @@ class Legs:
     """(4,) geoms of the feet."""
     foot_body: Counts
     """(4,) bodies to which they are fixed."""
-    foot_place: Array
-    """(4, 3) centres of the feet in the frames of these bodies, m."""
     foot_radius: Array
     """(4,) m."""
 
@@ -87,7 +85,6 @@ def find_legs(mujoco: Any, model: Any, path: Path, joints: Sequence[Sequence[str
         dof=model.jnt_dofadr[joint].astype(np.int64),
         foot_geom=foot,
         foot_body=model.geom_bodyid[foot].astype(np.int64),
-        foot_place=model.geom_pos[foot].copy(),
         foot_radius=model.geom_size[foot, 0].copy(),
     )
 

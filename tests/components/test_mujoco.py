@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support.command import cmacexp
 from support.grounds import still_ground
+from support.robots import OWN
 
 from cmacexp.errors import BadInput, Diverged
 from cmacexp.loop import roll_out
@@ -255,6 +256,20 @@ def test_a_diverged_machine_stays_where_it_is(array, index, cause):
     with pytest.raises(Diverged, match=f"^MuJoCo reports that {cause} is not finite or huge$"):
         engine.advance(np.zeros((2, 2)), 1)
     assert np.abs(getattr(engine.data, array)).max() >= 1e11
+
+
+@pytest.mark.parametrize(
+    ("array", "what", "place"),
+    [("qpos", "position", "RL_calf_joint"), ("qvel", "velocity", "RL_calf_joint"), ("qvel", "velocity", "the trunk")],
+)
+def test_the_joint_of_a_robot_that_diverged_is_named_as_in_its_model(make_config, array, what, place):
+    config = make_config("scenario=robot", "machine=mjcf", f"machine.path={OWN}", "feedforward=none")
+    plant = make_scenario(config).plant
+    legs = plant.robot.legs
+    index = {"qpos": legs.qpos[2, 2], "qvel": legs.dof[2, 2] if place != "the trunk" else legs.base_dof}[array]
+    getattr(plant.data, array)[index] = 1e11
+    with pytest.raises(Diverged, match=f"^MuJoCo reports that the {what} of {place} is not finite or huge$"):
+        plant.step(np.zeros((4, 3)))
 
 
 def test_a_handler_of_warnings_that_the_user_installed_stays(make_config):

@@ -33,7 +33,8 @@ def test_feet_by_the_product_of_exponentials_are_those_of_mujoco(name):
 def test_the_foot_stands_in_its_body(name):
     robot = read(MODELS[name])
     legs, data = robot.legs, robot.at(robot.home)
-    turned = np.einsum("lij,lj->li", data.xmat[legs.foot_body].reshape(4, 3, 3), legs.foot_place)
+    places = robot.model.geom_pos[legs.foot_geom]
+    turned = np.einsum("lij,lj->li", data.xmat[legs.foot_body].reshape(4, 3, 3), places)
     assert_allclose(data.xpos[legs.foot_body] + turned, data.geom_xpos[legs.foot_geom], atol=1e-12)
 
 
