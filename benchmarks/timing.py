@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 WITHOUT_PRIVATE_NAMES = [
     "-c",
     "import sys; from cmacexp.config import hydra_private; hydra_private.KNOWN = 'none'; "
-    "from cmacexp.cli.main import main; sys.exit(main())",
+    "from cmacexp.commands.main import main; sys.exit(main())",
 ]
 """``-m cmacexp`` as with a version of Hydra whose private names are not known."""
 Times = dict[str, list[float]]

@@ -3,6 +3,7 @@
 from cmacexp.jit.keyboard import begin_command
 
 begin_command()  # before what follows is imported, which takes as long as all before
+__path__.append(f"{__path__[0]}/commands")  # ``python -m cmacexp.score`` runs commands/score.py
 
 from typing import TYPE_CHECKING, Any  # noqa: E402
 

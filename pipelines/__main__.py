@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cmacexp.cli.command import Parser
-from cmacexp.cli.study import FOLDER
+from cmacexp.commands.command import Parser
+from cmacexp.commands.study import FOLDER
 from cmacexp.jit.interrupt import heed_interrupts
 from cmacexp.report.outputs import keep_outputs
 from cmacexp.study.output import CLAIMS

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 from cmacexp.report.figures import HeatMap, draw
 from cmacexp.report.numbers import format_number
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, between, grid

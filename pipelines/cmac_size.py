@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 from cmacexp.report.figures import Panel, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
 from cmacexp.study.curves import over_setting

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY
 from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.registry import ALL_METRICS
-from cmacexp.robots.model import load_mujoco
+from cmacexp.models.robot import load_mujoco
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import draw_cycles, over_setting
 from cmacexp.study.requests import Values

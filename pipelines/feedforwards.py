@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most
 from cmacexp.study.requests import grid, starting_from

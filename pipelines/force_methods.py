@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains
 from cmacexp.report.figures import Panel, Series, draw

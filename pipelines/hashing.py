@@ -6,7 +6,7 @@ of the paper's rule and for long ones of a rule that lasts.
 
 from typing import TYPE_CHECKING, Any
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_setting
 from cmacexp.study.memory import colliding, hashed, rows_per_cell, where_hashed, worsening

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 from cmacexp.config.compose import compose_config
 from cmacexp.study import Claim, Criterion, Results, Study, at_most
 from cmacexp.study.statements import percent

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.cli.study import main
 from cmacexp.cmac.rules import RULES
+from cmacexp.commands.study import main
 from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.samples import ended_in, per_seed, relative, share_done

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, draw, grid

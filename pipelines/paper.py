@@ -6,7 +6,7 @@ was measured, then the sections of each study.
 
 from pathlib import Path
 
-from cmacexp.cli.study import command, study_parser, write_collection
+from cmacexp.commands.study import command, study_parser, write_collection
 from cmacexp.study.study import load_study
 
 STUDIES = ("lead_design", "force_methods", "one_leg_learning", "quadruped_walking", "cmac_size", "assumptions")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, grid
 from cmacexp.study.curves import draw_cycles
 from cmacexp.study.samples import Sample, ratio, share_done

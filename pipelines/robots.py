@@ -7,7 +7,7 @@ same rule, and the first five also walk on a rigid floor.
 
 from typing import Any
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 from cmacexp.study import Results, Study
 from cmacexp.study.samples import share_of_time
 from pipelines.robots_findings import FINDINGS

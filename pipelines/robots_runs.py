@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from cmacexp.robots.find import find_model
-from cmacexp.robots.model import load_mujoco
+from cmacexp.models.robot import load_mujoco
+from cmacexp.models.robot_file import find_model
 from cmacexp.study import Request, grid
 
 ALONE, EXACT, HEAVY = "feedback alone", "exact model", "model 20 % too heavy"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, Study, at_least, at_most, draw, grid
 from cmacexp.study.interval import estimate

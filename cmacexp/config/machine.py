@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field, fields
 
 from cmacexp.config.fields import choice, number
-from cmacexp.robots.find import find_model
-from cmacexp.robots.model import Robot, read_robot
+from cmacexp.models.robot import Robot, read_robot
+from cmacexp.models.robot_file import find_model
 
 HAS_BODY = "machine.kind=quadruped|robot"
 """What fields that concern a body, or choose among legs, need to have an effect."""

@@ -13,7 +13,7 @@ from cmacexp.config.fields import check_fields
 from cmacexp.config.lead import lead_coefficients
 from cmacexp.config.machine import RobotModel, read_model
 from cmacexp.errors import BadInput
-from cmacexp.robots.rule import Basis, Gains, derive_basis, derive_gains
+from cmacexp.models.robot_gains import Basis, Gains, derive_basis, derive_gains
 
 DIGITS = 6
 """Significant digits of a number by rule: the config, and its hash, are the same with another MuJoCo."""
@@ -23,7 +23,7 @@ def rule_value(name: str, _root_: DictConfig) -> float:
     """The value of ``${rule:NAME}``.
 
     Args:
-        name: a field of :class:`cmacexp.robots.rule.Basis` or of :class:`cmacexp.robots.rule.Gains`.
+        name: a field of :class:`cmacexp.models.robot_gains.Basis` or of :class:`cmacexp.models.robot_gains.Gains`.
         _root_: the config.
 
     Raises:

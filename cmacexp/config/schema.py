@@ -11,7 +11,7 @@ from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.machine import HAS_BODY, BodyMachine, RobotMachine
-from cmacexp.robots.legs import JOINTS
+from cmacexp.models.robot_legs import JOINTS
 
 LEARNS = "feedforward!=none|inverse_dynamics"
 """What fields of learning need beside :data:`ACTS`."""
@@ -177,7 +177,7 @@ class Config:
     record: RecordConfig
     sweep: SweepConfig
     optimize: str | None = field(kw_only=True, metadata={"needs": "hydra.mode=MULTIRUN"})
-    """Metric whose final value a job returns to the sweeper (see cmacexp/sweep/objective.py); null: none."""
+    """Metric whose final value a job returns to the sweeper (see cmacexp/experiment/objective.py); null: none."""
     warn: bool
     """Warn of overrides without effect (see cmacexp/config/effect.py), and before a long run whose learning is
     predicted to diverge (see cmacexp/stability/warn.py)."""

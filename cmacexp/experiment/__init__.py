@@ -1,5 +1,1 @@
-"""One run: from its config to its folder, and the same from Python."""
-
-from cmacexp.experiment.run import run_scenario
-
-__all__ = ["run_scenario"]
+"""One run, from its config to its folder, and many: the jobs of a sweep, the runs of a study."""

@@ -15,9 +15,9 @@ from cmacexp.config.machine import LEG_NAMES, RobotMachine, read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.chain import chain_angles
 from cmacexp.models.mechanism import Mechanism, chains_under_body
+from cmacexp.models.robot import GRAVITY, Robot, load_mujoco
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.motion import plan_chains
-from cmacexp.robots.model import GRAVITY, Robot, load_mujoco
 from cmacexp.typing import Array
 
 PASSES = 5

@@ -13,10 +13,10 @@ from cmacexp.config import Config
 from cmacexp.config.machine import read_model
 from cmacexp.models.chain import batch_kinematics
 from cmacexp.models.mechanism import Mechanism
+from cmacexp.models.robot import load_mujoco, place
 from cmacexp.planning.body_load import BodyLoad
 from cmacexp.planning.columns import DDQ1, DDQ2, DDQ3, DQ1, DQ2, DQ3, Q1, Q2, Q3
 from cmacexp.planning.robot import find_stance
-from cmacexp.robots.model import load_mujoco, place
 from cmacexp.typing import Array
 
 

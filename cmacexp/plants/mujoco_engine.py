@@ -8,11 +8,11 @@ import numpy as np
 from cmacexp.errors import BadInput, Diverged
 from cmacexp.models.ground import stiffness_under
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, Mechanism
+from cmacexp.models.robot import load_mujoco, warnings_dropped
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.kernels import Payload
 from cmacexp.plants.mujoco_kernels import Bodies, Touch, pressing, sticking
 from cmacexp.plants.mujoco_model import Torso, describe
-from cmacexp.robots.model import load_mujoco, warnings_dropped
 from cmacexp.typing import Array
 
 WARNINGS = {

@@ -10,6 +10,7 @@ from cmacexp.config import ComponentConfig, Config, choice, number
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.errors import BadInput, Diverged
 from cmacexp.models.mechanism import GEOMETRY_FIELDS, SPACE
+from cmacexp.models.robot import load_mujoco, warnings_dropped
 from cmacexp.planning.robot import find_stance
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
@@ -17,7 +18,6 @@ from cmacexp.plants.mujoco_engine import explain_warning
 from cmacexp.plants.mujoco_kernels import Measured, Touch
 from cmacexp.plants.protocol import Measurement
 from cmacexp.plants.robot_kernels import Contacts, Feet, RobotBodies, Room, observing_robot, pressing_robot
-from cmacexp.robots.model import load_mujoco, warnings_dropped
 from cmacexp.typing import Array
 
 ELASTIC, RIGID = "elastic", "mujoco"

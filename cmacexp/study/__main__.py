@@ -1,6 +1,6 @@
-"""``python -m cmacexp.study FILE.py``: see :mod:`cmacexp.cli.study`."""
+"""``python -m cmacexp.study FILE.py``: see :mod:`cmacexp.commands.study`."""
 
-from cmacexp.cli.study import main
+from cmacexp.commands.study import main
 
 if __name__ == "__main__":
     main()

@@ -21,8 +21,8 @@ import pytest
 from support.command import ROOT, python
 from support.pages import PAGES, blocks
 
-from cmacexp.cli.main import EXIT_CODES
-from cmacexp.verify import NOT_INTACT
+from cmacexp.commands.main import EXIT_CODES
+from cmacexp.commands.verify import NOT_INTACT
 
 OWN_TEST = {"add-a-study.md": "tests/commands/test_add_a_study.py"}
 """Pages that a file of their own tests."""

@@ -22,12 +22,12 @@ from cmacexp.config.compose import compose_config
 from cmacexp.config.fields import listed
 from cmacexp.config.gait import PATTERNS
 from cmacexp.errors import CmacexpError
+from cmacexp.experiment.objective import check_metric, list_metrics
 from cmacexp.loop import roll_out, stop
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import Drift, format_drift
 from cmacexp.plants.mujoco_model import check_inertia
 from cmacexp.report.terminal import COMPILING
-from cmacexp.sweep.objective import check_metric, list_metrics
 
 PAGE = Path(__file__).with_name("messages.txt")
 COMPONENTS = """

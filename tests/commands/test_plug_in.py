@@ -10,17 +10,17 @@ from support.command import cmacexp
 from support.manifests import change_manifest
 
 import cmacexp as package
+from cmacexp.commands.score import score
 from cmacexp.config.compose import compose_config
 from cmacexp.control import Action, CmacFeedforward, HybridController
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.builtin import find_external
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
 from cmacexp.report.run_settings import list_settings
-from cmacexp.score import score
 from cmacexp.sensors import PerfectSensors
 
 PARTS = {

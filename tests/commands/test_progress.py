@@ -7,11 +7,11 @@ import threading
 import pytest
 
 import cmacexp
-from cmacexp.cli import main as command_line
+from cmacexp.commands import main as command_line
+from cmacexp.commands.score import main as score
+from cmacexp.commands.verify import main as verify
 from cmacexp.report import terminal
 from cmacexp.report.terminal import activity, progress
-from cmacexp.score import main as score
-from cmacexp.verify import main as verify
 
 
 class Terminal(io.StringIO):

@@ -16,7 +16,7 @@ from rerun.chunk import RrdReader
 from support.command import cmacexp, python
 from support.manifests import accept, change_manifest
 
-from cmacexp.cli.viewer import DISPLAYS
+from cmacexp.commands.viewer import DISPLAYS
 from cmacexp.config import to_plain
 from cmacexp.config.difference import labels
 from cmacexp.data.files import alone_in

@@ -6,9 +6,9 @@ import pytest
 from support.command import python
 from support.robots import OWN, read
 
+from cmacexp.commands.robots import joint_rows, setting_rows
 from cmacexp.config.compose import compose_config
-from cmacexp.robots.__main__ import joint_rows, setting_rows
-from cmacexp.robots.rule import derive_basis
+from cmacexp.models.robot_gains import derive_basis
 
 
 @pytest.fixture(scope="module")

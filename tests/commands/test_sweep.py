@@ -185,8 +185,8 @@ def test_a_sweeper_can_search_over_a_metric(tmp_path):
 
 
 def test_the_objective_counts_a_fall_as_the_worst(tmp_path):
+    from cmacexp.experiment.objective import read_objective
     from cmacexp.report.run_summary import RunSummary
-    from cmacexp.sweep.objective import read_objective
 
     values = {"force_rmse": 0.5, "force_steady_state_error": -0.2, "feedforward_share": 0.7, "margin_front_min": 0.01}
     metrics = {name: np.array([9.0, value]) for name, value in values.items()}

@@ -12,13 +12,13 @@ from support.command import cmacexp, python
 from support.manifests import accept
 from support.walks import ALL_THREE, FALLING, LIFT_OFF, PERIOD, STEPS, TOUCH_DOWN
 
+from cmacexp.commands.score import score
 from cmacexp.data.parquet import write_table
 from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.trace import assemble
 from cmacexp.metrics import compute
-from cmacexp.score import score
 
 BODY = {
     "step": "", "time": "s", "cycle": "", "height": "m", "pitch": "rad", "roll": "rad", "yaw": "rad",

@@ -6,9 +6,9 @@ from PIL import Image
 from support.views import make_walk
 
 import cmacexp
+from cmacexp.commands.report import main
 from cmacexp.data.files import alone_in
 from cmacexp.report import animation
-from cmacexp.report.__main__ import main
 from cmacexp.report.machine import joints
 
 RUN = ("cycles=3", "gait.cycle_time=1.5", "record=trace")

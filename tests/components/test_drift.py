@@ -10,8 +10,8 @@ from support.command import cmacexp
 from support.made_traces import measure
 from support.manifests import change_manifest
 
+from cmacexp.commands.score import score
 from cmacexp.metrics.drift import RISE, WINDOW, Drift, DriftDetector, find_drift, find_drift_cycles, measure_growth
-from cmacexp.score import score
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 

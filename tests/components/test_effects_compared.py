@@ -19,7 +19,7 @@ from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.config.effect import read_effects
 from cmacexp.data.tables import BODY, TRACE
 from cmacexp.errors import BadInput, CmacexpError
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.without_effect import warnings_of
 
 ALL = "CMACEXP_EFFECTS" in os.environ

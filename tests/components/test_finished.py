@@ -12,13 +12,13 @@ from cmacexp.data.discovery import everything_below, runs_below
 from cmacexp.data.integrity import faults, is_finished
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import CmacexpError
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.collect import collect
+from cmacexp.experiment.run import run_scenario
+from cmacexp.experiment.workers import workers
 from cmacexp.report.page import Report, Section, Table, Text, write_report
 from cmacexp.report.place import HTML
 from cmacexp.study import Request
 from cmacexp.study.state import is_up_to_date
-from cmacexp.sweep.collect import collect
-from cmacexp.sweep.workers import workers
 
 JOB = ["scenario=force_step", "gait.cycle_time=1.0", "record=trace"]
 

@@ -9,7 +9,7 @@ from cmacexp.config import hydra_private
 hydra_private.__version__ = "{version}"
 from hydra._internal.hydra import Hydra
 lookup = Hydra.get_mode
-from cmacexp.cli.main import main
+from cmacexp.commands.main import main
 sys.argv = ["cmacexp", *{arguments}]
 code = main()
 print("changed" if Hydra.get_mode is not lookup else "unchanged", file=sys.stderr)
@@ -36,7 +36,7 @@ def test_a_command_gives_the_same_without_private_names(kind, tmp_path):
 
 WRONG = """
 import argparse, sys
-from cmacexp.cli.main import main
+from cmacexp.commands.main import main
 before = argparse.ArgumentParser.error
 sys.argv = ["cmacexp", "--unheard-of"]
 try:

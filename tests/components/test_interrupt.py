@@ -14,7 +14,7 @@ from support.command import python
 
 import cmacexp
 from cmacexp.experiment import run as experiment
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.jit import interrupt, keyboard
 from cmacexp.jit.interrupt import (
     interrupt_as_such,

@@ -4,13 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cmacexp.commands.score import score
 from cmacexp.data.tables import MEMORY, METRICS, METRICS_CSV
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.feedforward.weight_log import LOGGED, MOST_CYCLES
 from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.registry import ALL_METRICS
-from cmacexp.score import score
 
 SHORT = ("gait.cycle_time=0.5", "gait.lift=0.11")
 """A gait of 100 steps a cycle, of which more cycles than a log has room for would fit into memory at a time."""

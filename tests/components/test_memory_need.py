@@ -11,7 +11,7 @@ from cmacexp.cmac.spread import spread_shares
 from cmacexp.config import memory
 from cmacexp.config.memory import LOOP, PLAN, PROGRAM, available_memory, estimate_memory
 from cmacexp.errors import BadInput
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.loop.scenario import make_scenario
 
 LAYERS = ("cmac.layers=64", "cmac.memory_bytes=16384")

@@ -19,9 +19,9 @@ from cmacexp.data.parquet import TableWriter
 from cmacexp.data.places import run_place
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
+from cmacexp.experiment.sweep_start import check_tables
 from cmacexp.report.page import Report, write_report
-from cmacexp.sweep.start import check_tables
 
 JOB = ["scenario=force_step", "gait.cycle_time=1.0", "record=trace"]
 ALL_WRITES = "CMACEXP_ALL_WRITES"
@@ -308,7 +308,7 @@ def test_what_a_part_needs_is_reserved(tmp_path, monkeypatch):
 
 
 def test_score_replaces_all_metrics_or_none(first, monkeypatch):
-    from cmacexp.score import score
+    from cmacexp.commands.score import score
 
     (first / ".metrics.csv.1.part").write_text("left by one that was killed")
     listed = manifests.read(first)
@@ -331,10 +331,10 @@ def test_score_replaces_all_metrics_or_none(first, monkeypatch):
 
 
 COMMANDS = {
-    "run": ([23, 68], ["cmacexp.cli.main", *JOB, "machine.mass=0.6", "hydra.run.dir=r"]),
-    "sweep": ([120], ["cmacexp.cli.main", "-m", *JOB, "machine.mass=0.6", "seed=0,1", "hydra.sweep.dir=s"]),
+    "run": ([23, 68], ["cmacexp.commands.main", *JOB, "machine.mass=0.6", "hydra.run.dir=r"]),
+    "sweep": ([120], ["cmacexp.commands.main", "-m", *JOB, "machine.mass=0.6", "seed=0,1", "hydra.sweep.dir=s"]),
     "score": ([9], ["cmacexp.score", "r"]),
-    "report": ([], ["cmacexp.report.__main__", "r"]),
+    "report": ([], ["cmacexp.commands.report", "r"]),
 }
 """Commands, and the writes of each that fail in the short form of the test."""
 

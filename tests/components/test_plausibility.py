@@ -8,7 +8,7 @@ import pytest
 
 from cmacexp.control.fault_detection import FaultDetection, expected_force, new_fault_status, update_status
 from cmacexp.errors import BadInput
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import make_pose

@@ -11,6 +11,7 @@ from support.manifests import accept
 from cmacexp.data.parquet import as_array
 from cmacexp.data.tables import Scores, write_scores
 from cmacexp.experiment.api import load
+from cmacexp.experiment.objective import read_objective
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import (
     CYCLE,
@@ -32,7 +33,6 @@ from cmacexp.report.comparison import format_runs, make_rows
 from cmacexp.report.per_cycle import KEY, PANELS, draw_metrics
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import read_summary
-from cmacexp.sweep.objective import read_objective
 
 BY_NAME = {
     "mean": statistics.fmean,

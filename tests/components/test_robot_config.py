@@ -9,7 +9,7 @@ from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.config.explain import explain_composition
 from cmacexp.control.lead import discretise
 from cmacexp.errors import BadInput
-from cmacexp.robots.rule import derive_basis, derive_gains
+from cmacexp.models.robot_gains import derive_basis, derive_gains
 
 ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}")
 

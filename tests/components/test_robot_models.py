@@ -6,8 +6,8 @@ import pytest
 from support.robots import FEET, HOME, JOINTS, OWN, change, read
 
 from cmacexp.errors import BadInput
-from cmacexp.robots import find
-from cmacexp.robots.model import read_robot
+from cmacexp.models import robot_file as find
+from cmacexp.models.robot import read_robot
 
 WHEEL = '<body><joint name="FL_wheel" axis="0 1 0"/><geom size="0.02 0.01" mass="1"/></body>'
 FOOT = '<geom name="FL"'

@@ -13,7 +13,7 @@ import pytest
 
 from cmacexp.config import config_hash, to_plain
 from cmacexp.data.parquet import write_table
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.samples import SAMPLES
 from cmacexp.loop.scenario import make_scenario

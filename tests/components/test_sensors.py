@@ -12,15 +12,15 @@ import pyarrow.parquet as pq
 import pytest
 from support.command import ROOT
 
+from cmacexp.commands.score import score
 from cmacexp.data.signals import BODY_SIGNALS, select_signals
 from cmacexp.errors import BadInput
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.leg import foot_position, foot_velocity, trigonometry
 from cmacexp.models.mechanism import get_leg
 from cmacexp.plants import Measurement
-from cmacexp.score import score
 from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE
 from cmacexp.sensors.noise import normal, uniform
 from cmacexp.sensors.protocol import SIGNALS

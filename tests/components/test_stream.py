@@ -11,11 +11,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from cmacexp.commands.score import score
 from cmacexp.config.compose import compose_config
 from cmacexp.data.tables import Traces, read_traces, steps_by_cycle
 from cmacexp.data.trace_writer import TraceWriter
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import run as rollouts
 from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
@@ -23,7 +24,6 @@ from cmacexp.plants import AnalyticPlant
 from cmacexp.recording.run_view import make_view
 from cmacexp.report.animation import view_cycles
 from cmacexp.report.run_report import choose_cycles
-from cmacexp.score import score
 
 TABLES = ("trace.parquet", "metrics.parquet")
 WALK = ["scenario=quadruped", "cycles=4", "record=trace"]

@@ -9,7 +9,7 @@ from cmacexp.data.files import sha256
 from cmacexp.data.integrity import is_finished
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 

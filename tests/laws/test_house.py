@@ -17,10 +17,9 @@ from cmacexp.jit.sources import KERNEL_ROOMS, RESULT_ROOMS
 LAYERS = (
     {"errors", "typing"},
     {"jit"},
-    {"robots"},
+    {"models"},
     {"config"},
     {"data"},
-    {"models"},
     {"cmac"},
     {"planning"},
     {"plants"},
@@ -34,8 +33,7 @@ LAYERS = (
     {"stability"},
     {"study"},
     {"experiment"},
-    {"sweep"},
-    {"cli", "score", "verify", "replay", "__main__"},
+    {"commands", "__main__"},
 )
 """Rooms of the package; each imports only from its own layer and those above it in this list."""
 OVER_STUDIES = {"pipelines.__main__", "pipelines.paper"}
@@ -45,7 +43,7 @@ READERS = {"metrics", "recording", "report", "study"}
 
 
 def modules_of(package) -> list[str]:
-    found = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    found = pkgutil.walk_packages(list(package.__path__)[:1], f"{package.__name__}.")  # commands are found once
     return [package.__name__, *(name for _, name, _ in found)]
 
 
@@ -135,26 +133,22 @@ def test_no_module_imports_itself_by_a_detour():
     assert not [module for module in [*MODULES, *STUDIES] if module in reach(module)]
 
 
-def rooms_with_suffix(modules: set[str]) -> set[str]:
-    """Rooms as :mod:`cmacexp.jit.sources` names them: a folder, or a file with its suffix."""
-    rooms = {room_of(module) for module in modules}
-    return {
-        room if importlib.util.find_spec(f"cmacexp.{room}").submodule_search_locations else f"{room}.py"
-        for room in rooms
-    }
+def outside(modules: set[str], rooms) -> set[str]:
+    """Modules in none of ``rooms``, which are folders or files as :mod:`cmacexp.jit.sources` names them."""
+    files = {module: f"{module.partition('.')[2].replace('.', '/')}.py" for module in modules}
+    return {module for module, file in files.items() if not {file, room_of(module)} & {*rooms}}
 
 
 def test_what_a_kernel_uses_keys_the_cache_of_compiled_code():
     without_constants = {"typing.py", "errors.py", "config"}
     for module in MODULES:
         if "@kernel" in text_of(module):
-            others = {used for used in imports(module) if f"{used[8:].replace('.', '/')}.py" not in KERNEL_ROOMS}
-            assert rooms_with_suffix(others) <= {*KERNEL_ROOMS, *without_constants}, module
+            assert not outside(imports(module), {*KERNEL_ROOMS, *without_constants}), module
 
 
 def test_the_code_hash_covers_all_that_a_result_depends_on():
     only_shown = {"recording", "errors.py"}
-    assert rooms_with_suffix(reach("cmacexp.experiment.run")) <= {*RESULT_ROOMS, *only_shown}
+    assert not outside(reach("cmacexp.experiment.run"), {*RESULT_ROOMS, *only_shown})
 
 
 def test_files_are_short_and_public_names_documented():
@@ -168,7 +162,7 @@ def test_files_are_short_and_public_names_documented():
 
 def test_starting_imports_nothing_that_only_some_runs_need():
     heavy = ["rerun", "pandas", "matplotlib", "scipy", "numba", "pyarrow"]
-    code = f"import sys, cmacexp.cli.main; print([m for m in {heavy} if m in sys.modules])"
+    code = f"import sys, cmacexp.commands.main; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
@@ -176,7 +170,7 @@ def test_starting_imports_nothing_that_only_some_runs_need():
 def test_a_run_imports_nothing_that_it_does_not_need(tmp_path):
     heavy = ["pandas", "matplotlib", "jinja2", "scipy.linalg", "scipy.signal", "scipy.optimize"]
     code = (
-        f"import sys; sys.argv = ['cmacexp', 'hydra.run.dir={tmp_path}']; from cmacexp.cli.main import main; "
+        f"import sys; sys.argv = ['cmacexp', 'hydra.run.dir={tmp_path}']; from cmacexp.commands.main import main; "
         f"assert main() == 0; print([m for m in {heavy} if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.loop.scenario import make_scenario
 
 THIN = ("record=trace", "record.every_nth_step=600")

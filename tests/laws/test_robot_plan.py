@@ -10,10 +10,10 @@ from support.robots import OWN, read
 
 from cmacexp.config.compose import compose_config
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.models.robot import load_mujoco
 from cmacexp.planning.columns import JOINT_COLUMNS, X, Z
 from cmacexp.planning.robot import find_centres
 from cmacexp.planning.robot_dynamics import compute_load, compute_needs, make_model, planned_torques
-from cmacexp.robots.model import load_mujoco
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from support.made_traces import make_trace
 from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import Scores, Traces
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.metrics.metric import NEITHER
 from cmacexp.metrics.pooling import count_legs, describe_pooling, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, RANKED, SHOWN

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from support.command import ROOT, python
 
-from cmacexp.cli.study import Options, write_studies
+from cmacexp.commands.study import Options, write_studies
 from cmacexp.config.compose import compose_config
 from cmacexp.data.integrity import faults
-from cmacexp.robots.find import package_models
+from cmacexp.models.robot_file import package_models
 from cmacexp.study.interval import Interval
 from cmacexp.study.statements import Found, Judged, Limit, Measured
 from cmacexp.study.study import load_study

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.experiment import run_scenario
+from cmacexp.experiment.run import run_scenario
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Results
 from cmacexp.study.results import Row

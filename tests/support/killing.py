@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
-from cmacexp.cli.main import main
+from cmacexp.commands.main import main
 from cmacexp.data.integrity import faults
 
 

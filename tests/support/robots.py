@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from cmacexp.robots.find import package_models
-from cmacexp.robots.model import read_robot
+from cmacexp.models.robot import read_robot
+from cmacexp.models.robot_file import package_models
 
 OWN = Path(__file__).with_name("robot.xml")
 FEET = ("FL", "FR", "RL", "RR")

@@ -13,7 +13,7 @@ import traceback
 from typing import NoReturn
 
 IMPORTED = (
-    "cmacexp.cli.main",
+    "cmacexp.commands.main",
     "cmacexp.experiment",
     "cmacexp.report.terminal",
     "cmacexp.report.page",

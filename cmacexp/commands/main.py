@@ -10,15 +10,15 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
-from cmacexp.cli.command import report_usage
+from cmacexp.commands.command import report_usage
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.config.hydra_private import report_parser_errors, skip_mode_lookup
 from cmacexp.config.hydra_record import make_record
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback, in_one_line
+from cmacexp.experiment.sweep_start import SweepRefused, SweepStart
 from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such, interrupt_held_back
 from cmacexp.report.outputs import keep_outputs
-from cmacexp.sweep.start import SweepRefused, SweepStart
 
 EXIT_CODES = {"completed": 0, "failed": 1, "bad input": 2, "fell": 3, "diverged": 3, "interrupted": 130}
 OUTCOMES = (
@@ -47,7 +47,7 @@ def main() -> int:
         except KeyboardInterrupt:
             task.outcome = "interrupted"
         if SweepStart.sweep is not None:
-            from cmacexp.sweep.end import finish_sweep
+            from cmacexp.experiment.sweep_end import finish_sweep
 
             ended = finish_sweep(SweepStart.sweep)
             task.outcome = ended if task.outcome == "completed" else task.outcome
@@ -82,7 +82,7 @@ class _Task:
         self.called = True
         hydra = HydraConfig.get()
         if hydra.mode == RunMode.MULTIRUN:
-            from cmacexp.sweep.job import run_job
+            from cmacexp.experiment.sweep_job import run_job
 
             return run_job(composed)
         folder = Path(hydra.runtime.output_dir)
@@ -105,7 +105,8 @@ class _Task:
         if config.sweep.resume:
             raise BadInput("sweep.resume", True, "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR")
         with interrupt_held_back():  # some libraries cannot be imported by halves
-            from cmacexp.experiment import run_scenario
+            from cmacexp.experiment.objective import check_metric
+            from cmacexp.experiment.run import run_scenario
             from cmacexp.experiment.without_effect import warnings_of
             from cmacexp.loop.scenario import make_scenario
             from cmacexp.report.terminal import (
@@ -118,7 +119,6 @@ class _Task:
                 warn_of_drift,
             )
             from cmacexp.stability.warn import growth_warning
-            from cmacexp.sweep.objective import check_metric
 
         announce_compiling()
         check_metric(config.optimize, config.machine.kind)
@@ -163,7 +163,7 @@ def _report_failure(error: Exception, composing: bool = False) -> str:
     if outcome == "bad input" or SweepStart.sweep is None:
         print(f"error: {message}", file=sys.stderr)
         return outcome or "failed"
-    from cmacexp.sweep.end import finish_sweep
+    from cmacexp.experiment.sweep_end import finish_sweep
 
     print(f"error: the sweep broke off: {message}", file=sys.stderr)
     with contextlib.suppress(OSError):

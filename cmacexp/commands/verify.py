@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cmacexp.cli.command import command
+from cmacexp.commands.command import command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below, require_place, runs_below
 from cmacexp.data.integrity import faults
@@ -33,7 +33,7 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 
 def _repeat(arguments: argparse.Namespace) -> int:
-    from cmacexp.cli.repeat import read_repeatable, repeat
+    from cmacexp.commands.repeat import read_repeatable, repeat
     from cmacexp.report.terminal import announce_compiling, progress
 
     folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))

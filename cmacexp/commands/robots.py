@@ -5,17 +5,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp.cli.command import Parser, command
+from cmacexp.commands.command import Parser, command
 from cmacexp.config import Config, config_folder, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields
 from cmacexp.config.difference import flat
 from cmacexp.config.machine import read_model
 from cmacexp.errors import BadInput, suggest
+from cmacexp.models.robot import Robot
+from cmacexp.models.robot_gains import derive_basis
 from cmacexp.report.numbers import format_number
 from cmacexp.report.terminal_tables import print_table
-from cmacexp.robots.model import Robot
-from cmacexp.robots.rule import derive_basis
 from cmacexp.typing import Array
 
 SETTINGS = (

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.errors import BadInput
-from cmacexp.robots.legs import Legs, find_legs, require_names, torque_limits
+from cmacexp.models.robot_legs import Legs, find_legs, require_names, torque_limits
 from cmacexp.typing import Array, Counts
 
 INSTALL = 'python -m pip install -e ".[mujoco]"'

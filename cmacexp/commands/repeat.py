@@ -50,13 +50,13 @@ def repeat(run: StoredRun, config: Config, folder: Path | None, watch: Callable[
         run: that can be repeated.
         config: its own.
         folder: of the repeated run; None: a temporary one.
-        watch: as :func:`cmacexp.experiment.run_scenario` takes it.
+        watch: as :func:`cmacexp.experiment.run.run_scenario` takes it.
 
     Raises:
         BadInput: a component cannot be imported, or ``folder`` is in use.
         KeyboardInterrupt: it was interrupted.
     """
-    from cmacexp.experiment import run_scenario
+    from cmacexp.experiment.run import run_scenario
 
     if folder is not None and folder.exists() and any(folder.iterdir()):
         raise BadInput("--out", folder, "must be a new or an empty folder")

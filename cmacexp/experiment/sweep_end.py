@@ -12,12 +12,12 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.files import sha256, write_atomically
 from cmacexp.data.parquet import write_table
 from cmacexp.data.tables import TRACE
+from cmacexp.experiment.sweep_results import make_table, read_results
+from cmacexp.experiment.sweep_start import TABLE, TABLE_CSV, Sweep
 from cmacexp.experiment.without_effect import warnings_of_sweep
 from cmacexp.report.comparison import print_runs
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.report.terminal import activity, print_next
-from cmacexp.sweep.results import make_table, read_results
-from cmacexp.sweep.start import TABLE, TABLE_CSV, Sweep
 
 MOST_FAILURES = 20
 """Failures that are listed; more are only counted."""

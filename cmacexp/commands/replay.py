@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cmacexp.cli.command import command
-from cmacexp.cli.viewer import open_window, require_display, serve_web
+from cmacexp.commands.command import command
+from cmacexp.commands.viewer import open_window, require_display, serve_web
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, require_place, runs_below
 from cmacexp.data.files import sha256

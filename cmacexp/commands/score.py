@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cmacexp.cli.command import command
+from cmacexp.commands.command import command
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.files import sha256
 from cmacexp.data.hashes import require_intact

@@ -16,9 +16,9 @@ from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.places import run_place
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
+from cmacexp.experiment.sweep_start import count_jobs, is_alone, select_run_overrides
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import interrupt_as_such, interrupt_held_back, interrupt_unblocked
-from cmacexp.sweep.start import count_jobs, is_alone, select_run_overrides
 
 
 @interrupt_unblocked()
@@ -26,14 +26,14 @@ def run_job(composed: DictConfig) -> float | None:
     """Run one job of a sweep; a failure is left on disk and does not end the sweep.
 
     Returns:
-        What the sweeper asked for by ``optimize``, as :func:`cmacexp.sweep.objective.read_objective` gives it.
+        What the sweeper asked for by ``optimize``, as :func:`cmacexp.experiment.objective.read_objective` gives it.
     """
     hydra = HydraConfig.get()
     folder, metric = Path(hydra.runtime.output_dir), composed.get("optimize")
     with interrupt_held_back():  # some libraries cannot be imported by halves
+        from cmacexp.experiment.objective import check_metric, read_objective
         from cmacexp.report.run_summary import read_summary
         from cmacexp.report.terminal import announce_compiling, describe_drift, format_outcome, say
-        from cmacexp.sweep.objective import check_metric, read_objective
 
     announce_compiling()
     expect_runs(count_jobs())
@@ -65,7 +65,7 @@ def _run_unless_finished(config: Config, folder: Path, record: Mapping[str, str]
     """The run of a config; None if the sweep resumes and ``folder`` holds it already."""
     with interrupt_held_back():
         from cmacexp.data.integrity import is_finished
-        from cmacexp.experiment import run_scenario
+        from cmacexp.experiment.run import run_scenario
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.report.terminal import activity, describe_planning, progress
 

@@ -14,9 +14,9 @@ import yaml
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import place_of
 from cmacexp.data.parquet import arrow, arrow_strings
+from cmacexp.experiment.sweep_start import Sweep, select_run_overrides
 from cmacexp.report.comparison import Row, make_rows
 from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
-from cmacexp.sweep.start import Sweep, select_run_overrides
 
 
 class SweepResults(NamedTuple):

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.errors import BadInput
-from cmacexp.robots.legs import LEGS
-from cmacexp.robots.model import GRAVITY, Robot, load_mujoco
+from cmacexp.models.robot import GRAVITY, Robot, load_mujoco
+from cmacexp.models.robot_legs import LEGS
 
 STABLE_SHARE = 0.6
 """Feedback of the velocity over what would stop the lightest foot within a sample; 1 falls on two robots."""

@@ -9,10 +9,10 @@ from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.compose import compose_with_choices
 from cmacexp.data.integrity import is_finished
 from cmacexp.data.places import run_place
+from cmacexp.experiment.workers import Each
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.report.terminal import announce_compiling
 from cmacexp.study.requests import Request
-from cmacexp.sweep.workers import Each
 
 HASH_DIGITS, THIN_DIGITS = 12, 4
 Collected = Mapping[Request, tuple[Path, Mapping[str, str]]]
@@ -35,7 +35,7 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, Mappi
 
 def _run(folder: Path, config: Config, runs: int) -> None:
     """Run one of so many."""
-    from cmacexp.experiment import run_scenario
+    from cmacexp.experiment.run import run_scenario
 
     announce_compiling()
     expect_runs(runs)

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
-from cmacexp.cli.command import Parser
+from cmacexp.commands.command import Parser
 from cmacexp.data.discovery import require_place
 from cmacexp.errors import CmacexpError
+from cmacexp.experiment.collect import Collected, collect
+from cmacexp.experiment.workers import workers
 from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such
 from cmacexp.report.outputs import keep_outputs
 from cmacexp.report.place import HTML, report_place
@@ -19,8 +21,6 @@ from cmacexp.study.requests import Request
 from cmacexp.study.results import Results, read_row
 from cmacexp.study.state import is_up_to_date, state_key
 from cmacexp.study.study import StudyFile, load_study
-from cmacexp.sweep.collect import Collected, collect
-from cmacexp.sweep.workers import workers
 
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"

@@ -1,1 +1,0 @@
-"""A sweep: its start, one job, the table of all jobs, and its end."""
