@@ -32,7 +32,7 @@ MOST_RESONANCE, SAME = 0.10, 0.10
 """Of the closed loop's magnitude above 1, for M_p below 110 %; relative distance of bandwidths that are the same."""
 
 
-class Loop(NamedTuple):
+class ClosedLoop(NamedTuple):
     """A closed loop and how it meets the objectives."""
 
     resonance: float
@@ -48,7 +48,7 @@ def open_loop_bandwidth(position_gain: float, mass: float) -> float:
     return float(np.sqrt(position_gain / mass))
 
 
-def closed_loop(position_gain: float, velocity_gain: float, mass: float, omega: float, alpha: float) -> Loop:
+def closed_loop(position_gain: float, velocity_gain: float, mass: float, omega: float, alpha: float) -> ClosedLoop:
     """Resonance, bandwidth and stability of the position loop.
 
     Args:
@@ -65,7 +65,7 @@ def closed_loop(position_gain: float, velocity_gain: float, mass: float, omega: 
     magnitude: Array = np.abs(np.polyval(feedback, s) / np.polyval(closed, s))
     above = np.flatnonzero(magnitude >= np.sqrt(0.5))
     bandwidth = float(FREQUENCIES[above[-1]]) if len(above) else float("nan")
-    return Loop(float(magnitude.max()), bandwidth, bool(np.roots(closed).real.max() < 0.0))
+    return ClosedLoop(float(magnitude.max()), bandwidth, bool(np.roots(closed).real.max() < 0.0))
 
 
 def compute_loops(results: Results) -> "pd.DataFrame":

@@ -41,7 +41,7 @@ def new_log(cells: Cells) -> WeightLog:
 
 
 @kernel
-def weigh(log: WeightLog, weights: Array, entry: Array) -> None:
+def log_weights(log: WeightLog, weights: Array, entry: Array) -> None:
     """Fill ``entry`` (L, 3) with the columns LOGGED of ``weights`` (L, rows, J) now."""
     for i in range(weights.shape[0]):
         power, largest, count = 0.0, 0.0, 0
@@ -60,11 +60,11 @@ def weigh(log: WeightLog, weights: Array, entry: Array) -> None:
 def log_cycle(log: WeightLog, weights: Array) -> None:
     """Log the weights (L, rows, J) at the start of a cycle."""
     if log.begun[0] < log.values.shape[0]:
-        weigh(log, weights, log.values[log.begun[0]])
+        log_weights(log, weights, log.values[log.begun[0]])
     log.begun[0] += 1
 
 
-weigh_now = program(weigh)
+log_weights_now = program(log_weights)
 
 
 def take(log: WeightLog, weights: Array, cycles: int) -> Array:
@@ -82,6 +82,6 @@ def take(log: WeightLog, weights: Array, cycles: int) -> Array:
     begun = int(log.begun[0])
     if begun and cycles:  # a run may end before the first step of a cycle is kept
         entries[cycles - begun : cycles - 1] = log.values[1:begun]
-        weigh_now(log, weights, entries[-1])
+        log_weights_now(log, weights, entries[-1])
     log.begun[0] = 0
     return entries

@@ -11,24 +11,24 @@ from cmacexp.data.stored_run import StoredRun, read_config
 from cmacexp.errors import BadRun
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.stability.cycle_map import NotPredictable
-from cmacexp.stability.growth import AFTER, OVER, Growth, change_sizes, predicted_growth, with_lead
+from cmacexp.stability.growth import GROWTH_CYCLES, SETTLING_CYCLES, Growth, change_sizes, predicted_growth, with_lead
 from cmacexp.stability.measured import Stretch, growth_over, read_changes, stretch
 from cmacexp.stability.mode import Mode, describe
 from cmacexp.stability.transfer import Spectrum, compute_spectrum, locals_along
 from cmacexp.typing import Array
 
 LEADS = (-2, -1, 0, 1, 2, 3)
-LONG_ENOUGH = 200
+MAX_CYCLES_OF_OTHER_LEADS = 200
 """Cycles that other leads are run for, in memory."""
-ALONG = 30
+SAMPLES_ALONG_CYCLE = 30
 """Samples of the cycle at which T is computed."""
-LOWEST = 1.0
+LOWEST_FREQUENCY = 1.0
 """Lowest frequency of T, Hz; the highest is half the sampling rate."""
-FINE, COARSE = 200, 50
+FREQUENCIES_AT_PLACES, FREQUENCIES_ALONG_CYCLE = 200, 50
 """Number of frequencies at a few places, and along the cycle."""
 DELAYS = (0, 1, 2)
 """Additional samples of delay between torque and joint that are tried."""
-SOON = 5
+STEPS_AFTER_LIFT_OFF = 5
 """Samples after lift-off where T is computed: the foot has left the ground."""
 
 
@@ -93,7 +93,12 @@ def _measure_lead(
         return LeadGrowth(lead, place, np.asarray(sizes), completed, None, f"ends in cycle {len(sizes) + 1}")
     place = stretch(sizes, config.learning.start_cycle, completed)
     if cycle is not None:
-        place = Stretch(cycle, min(cycle + AFTER, len(sizes)), min(cycle + AFTER + OVER, len(sizes)), place.grows)
+        place = Stretch(
+            cycle,
+            min(cycle + SETTLING_CYCLES, len(sizes)),
+            min(cycle + SETTLING_CYCLES + GROWTH_CYCLES, len(sizes)),
+            place.grows,
+        )
     try:
         return LeadGrowth(lead, place, np.asarray(sizes), completed, predicted_growth(config, place.calm))
     except NotPredictable as error:
@@ -114,8 +119,8 @@ def _read_feedforward_change(run: StoredRun, cycle: int, shape: tuple[int, int, 
 
 
 def frequencies(period: float, count: int) -> Array:
-    """``count`` frequencies from LOWEST to half the sampling rate, Hz; ``period`` is between samples, s."""
-    return np.linspace(min(LOWEST, 0.05 / period), 0.5 / period, count)
+    """``count`` frequencies from LOWEST_FREQUENCY to half the sampling rate, Hz; ``period`` is between samples, s."""
+    return np.linspace(min(LOWEST_FREQUENCY, 0.05 / period), 0.5 / period, count)
 
 
 def choose_samples(support: Any) -> dict[str, int]:
@@ -127,7 +132,7 @@ def choose_samples(support: Any) -> dict[str, int]:
     transfer = int((~own).sum())
     middle = lift + transfer + (n - transfer) // 2
     return {
-        f"{SOON} samples after lift-off": (lift + SOON) % n,
+        f"{STEPS_AFTER_LIFT_OFF} samples after lift-off": (lift + STEPS_AFTER_LIFT_OFF) % n,
         "mid transfer": (lift + transfer // 2) % n,
         "mid support": middle % n,
     }
@@ -155,7 +160,7 @@ def analyse(run: StoredRun, cycle: int | None = None, leads: Sequence[int] = LEA
     own = _measure_lead(lead, config, sizes, run.status == "completed", cycle)
     if own.growth is None:
         raise BadRun(f"{run.folder}: its learning cannot be predicted: {own.why_not}")
-    enough = min(config.cycles, LONG_ENOUGH)
+    enough = min(config.cycles, MAX_CYCLES_OF_OTHER_LEADS)
     others = [own if tried == lead else _run_lead(tried, config, enough) for tried in sorted({*leads, lead})]
     return _explain(run, scenario, own, others)
 
@@ -167,7 +172,7 @@ def _explain(run: StoredRun, scenario: Scenario, own: LeadGrowth, others: Sequen
     measured = _read_feedforward_change(run, own.place.last, own.growth.shape)
     period = config.sampling_period
     places = choose_samples(support)
-    step = max(1, len(support) // ALONG)
+    step = max(1, len(support) // SAMPLES_ALONG_CYCLE)
     wanted = sorted({*places.values(), *range(step // 2, len(support), step)})
     by_sample = {local.sample: local for local in locals_along(config, own.place.calm, wanted)}
     return Analysis(
@@ -178,8 +183,14 @@ def _explain(run: StoredRun, scenario: Scenario, own: LeadGrowth, others: Sequen
         describe(predicted, support, period),
         describe(measured, support, period),
         {
-            name: [compute_spectrum(by_sample[sample], frequencies(period, FINE), period, delay) for delay in DELAYS]
+            name: [
+                compute_spectrum(by_sample[sample], frequencies(period, FREQUENCIES_AT_PLACES), period, delay)
+                for delay in DELAYS
+            ]
             for name, sample in places.items()
         },
-        {sample: compute_spectrum(local, frequencies(period, COARSE), period) for sample, local in by_sample.items()},
+        {
+            sample: compute_spectrum(local, frequencies(period, FREQUENCIES_ALONG_CYCLE), period)
+            for sample, local in by_sample.items()
+        },
     )

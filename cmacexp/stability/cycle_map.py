@@ -70,7 +70,7 @@ def _write(part: Declared, step: int, values: Array) -> None:
     part.array[...] = shaped if axis is None else np.roll(shaped, step, axis)
 
 
-class Loop:
+class RestorableLoop:
     """A scenario in the compiled loop whose state can be read and set.
 
     Args:
@@ -174,8 +174,8 @@ class Loop:
         return (state - other) / (2.0 * size), (observed - observed_other) / (2.0 * size)
 
 
-def open_loop(config: Config, prepared: Scenario | None = None) -> Loop:
-    """The loop of a config, at its start; see :class:`Loop`.
+def open_loop(config: Config, prepared: Scenario | None = None) -> RestorableLoop:
+    """The loop of a config, at its start; see :class:`RestorableLoop`.
 
     Args:
         config: a checked config.
@@ -185,4 +185,4 @@ def open_loop(config: Config, prepared: Scenario | None = None) -> Loop:
     if prepared is not None and not any(find_external(prepared)):
         scenario = copy.deepcopy(prepared)
     expect_steps(math.inf)  # each cycle is run for dozens of nearby states
-    return Loop(scenario)
+    return RestorableLoop(scenario)

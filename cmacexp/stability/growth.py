@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 from cmacexp.config import Config
 from cmacexp.feedforward.kernels import TABLE
 from cmacexp.loop.scenario import Scenario, make_scenario
-from cmacexp.stability.cycle_map import Loop, NotPredictable, open_loop
+from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, open_loop
 from cmacexp.stability.krylov import Krylov, krylov
 from cmacexp.typing import Array
 
-EARLY = 25
+MAX_CYCLES_BEFORE = 25
 """Cycles that are run by default; the calmest of them is linearised."""
 DIMENSION = 60
 """Dimension of the Krylov space: 40 to 120 give the same growth to three decimals."""
-AFTER, OVER = 5, 100
-"""Growth is that over OVER cycles, from AFTER cycles after the linearised one: by then fast modes have decayed."""
+SETTLING_CYCLES, GROWTH_CYCLES = 5, 100
+"""Growth is fitted over GROWTH_CYCLES, SETTLING_CYCLES after the linearised one: by then fast modes have decayed."""
 
 
 def fitted_growth(changes: Array | Sequence[float]) -> float:
@@ -75,7 +75,7 @@ class Growth:
     @property
     def per_cycle(self) -> float:
         """Growth per cycle over the cycles that follow; below 1 learning holds."""
-        return self.over(self.cycle + AFTER, self.cycle + AFTER + OVER)
+        return self.over(self.cycle + SETTLING_CYCLES, self.cycle + SETTLING_CYCLES + GROWTH_CYCLES)
 
     def eigenvalues(self) -> NDArray[np.complex128]:
         """Of the map from cycle to cycle, the largest first; see :meth:`Krylov.eigenvalues`."""
@@ -112,7 +112,7 @@ def calmest(sizes: Sequence[float] | Array, first: int) -> int:
     return int(np.argmin(sizes[first - 1 :])) + first
 
 
-def grow(loop: Loop, dimension: int = DIMENSION) -> Growth:
+def grow(loop: RestorableLoop, dimension: int = DIMENSION) -> Growth:
     """Linearise a loop where it stands, at the start of a cycle.
 
     Raises:
@@ -138,7 +138,7 @@ def predicted_growth(
 
     Args:
         config: a checked config.
-        cycle: where to linearise, in cycles done; None: at the calmest of the first EARLY.
+        cycle: where to linearise, in cycles done; None: at the calmest of the first MAX_CYCLES_BEFORE.
         dimension: of the Krylov space; each direction costs two cycles.
         prepared: the scenario of ``config`` if it is already made; it stays unchanged.
 
@@ -149,7 +149,7 @@ def predicted_growth(
     first = config.learning.start_cycle
     scenario = make_scenario(config) if prepared is None else prepared
     if cycle is None:
-        sizes = change_sizes(config, first + EARLY, scenario)
+        sizes = change_sizes(config, first + MAX_CYCLES_BEFORE, scenario)
         if len(sizes) <= first:
             raise NotPredictable(f"the run ends in cycle {len(sizes) + 1}, before learning shows")
         cycle = calmest(sizes, first)

@@ -10,13 +10,13 @@ from cmacexp.data.parquet import as_array, read_groups
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import TRACE
 from cmacexp.errors import BadRun
-from cmacexp.stability.growth import AFTER, EARLY, OVER, calmest, fitted_growth
+from cmacexp.stability.growth import GROWTH_CYCLES, MAX_CYCLES_BEFORE, SETTLING_CYCLES, calmest, fitted_growth
 from cmacexp.typing import Array
 
 FEEDBACK = ("tau_feedback_1", "tau_feedback_2")
-GROWN = 2.0
+MIN_GROWTH_RATIO = 2.0
 """A change at least this many times the least one counts as growth."""
-LAST = 0.05
+SHARE_LEFT_OUT = 0.05
 """Share of the cycles that are left out at the end of a run that did not complete: nothing is small there."""
 
 
@@ -39,13 +39,13 @@ def stretch(sizes: Sequence[float] | Array, first: int, completed: bool) -> Stre
         first: cycle in which the feedforward begins to act.
         completed: whether the run reached its end.
     """
-    last = len(sizes) if completed else len(sizes) - max(2, round(LAST * len(sizes)))
+    last = len(sizes) if completed else len(sizes) - max(2, round(SHARE_LEFT_OUT * len(sizes)))
     calm = calmest(sizes[:last], first) if last > first else first
-    grows = last > calm and bool(sizes[last - 1] > GROWN * sizes[calm - 1])
+    grows = last > calm and bool(sizes[last - 1] > MIN_GROWTH_RATIO * sizes[calm - 1])
     if not grows:
-        calm = min(first + EARLY, (first + last) // 2)
-    start = calm + AFTER if last > calm + 2 * AFTER else calm + 1
-    return Stretch(calm, start, min(start + OVER, last), grows)
+        calm = min(first + MAX_CYCLES_BEFORE, (first + last) // 2)
+    start = calm + SETTLING_CYCLES if last > calm + 2 * SETTLING_CYCLES else calm + 1
+    return Stretch(calm, start, min(start + GROWTH_CYCLES, last), grows)
 
 
 def _cycles(run: StoredRun) -> Iterator[tuple[int, Array]]:

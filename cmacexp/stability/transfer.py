@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.config import Config
-from cmacexp.stability.cycle_map import NUDGE, Loop, NotPredictable, open_loop
+from cmacexp.stability.cycle_map import NUDGE, NotPredictable, RestorableLoop, open_loop
 from cmacexp.typing import Array
 
 
@@ -29,12 +29,12 @@ class Local(NamedTuple):
     """C, (2 L, n): to the feedback torque that a feedforward learns from."""
 
 
-def _advance_one(loop: Loop) -> None:
+def _advance_one(loop: RestorableLoop) -> None:
     if not loop.advance(1):
         raise NotPredictable(f"a run from nearby ends at sample {loop.run.taken % loop.period}")
 
 
-def _from_torque(loop: Loop, now: Array, torque: Array) -> Array:
+def _from_torque(loop: RestorableLoop, now: Array, torque: Array) -> Array:
     """B at the step where the loop is held; ``torque`` (L, 2) is the torque of that step."""
     own, columns = torque.copy(), []
     for j in range(own.size):
@@ -59,7 +59,7 @@ def _drop_unused(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
         kept = matters
 
 
-def _local(loop: Loop, table: Array) -> Local:
+def _local(loop: RestorableLoop, table: Array) -> Local:
     """Linearise at the step that comes next; ``table`` (N, L, 2) holds the torques of the loop."""
     sample = loop.run.taken % loop.period
     now = loop.hold()

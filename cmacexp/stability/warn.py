@@ -6,22 +6,24 @@ from cmacexp.config import Config
 from cmacexp.loop.scenario import Scenario, resolve_lead
 from cmacexp.report.terminal import activity
 
-MANY = 100
+MIN_LEARNING_CYCLES = 100
 """Cycles of learning from which on a run is checked; the check takes the time of some 110."""
-DEAREST = 10_000
+MAX_STEPS_PER_CYCLE = 10_000
 """Steps of all legs in a cycle above which the check is skipped: it would take a second or more."""
-QUICK = 40
+KRYLOV_DIMENSION = 40
 """Dimension of the Krylov space."""
-BOUNDED = ("e_modification",)
+BOUNDED_RULES = ("e_modification",)
 """Rules that hold the weights within a bound by themselves, which the linearised loop does not include."""
-FACTOR = 10.0
+MIN_TOTAL_GROWTH = 10.0
 """A run whose feedback is predicted to grow by less over all its cycles is not warned of."""
 
 
 def _is_checked(config: Config, scenario: Scenario) -> bool:
     steps = config.steps_per_cycle * len(scenario.setup.mechanism.legs) * getattr(scenario.plant, "substeps", 1)
-    asked = config.warn and config.learning.rule not in BOUNDED
-    return asked and config.cycles - config.learning.start_cycle >= MANY and steps <= DEAREST
+    asked = config.warn and config.learning.rule not in BOUNDED_RULES
+    return (
+        asked and config.cycles - config.learning.start_cycle >= MIN_LEARNING_CYCLES and steps <= MAX_STEPS_PER_CYCLE
+    )
 
 
 def _growth(config: Config, scenario: Scenario | None = None) -> float:
@@ -30,7 +32,7 @@ def _growth(config: Config, scenario: Scenario | None = None) -> float:
     from cmacexp.stability.growth import predicted_growth
 
     try:
-        return predicted_growth(config, dimension=QUICK, prepared=scenario).per_cycle
+        return predicted_growth(config, dimension=KRYLOV_DIMENSION, prepared=scenario).per_cycle
     except NotPredictable:
         return float("nan")
 
@@ -60,7 +62,7 @@ def growth_warning(config: Config, scenario: Scenario) -> str | None:
         return None
     with activity("checking whether learning holds"):
         growth = _growth(config, scenario)
-        if not growth > 1.0 or growth ** (config.cycles - config.learning.start_cycle) < FACTOR:
+        if not growth > 1.0 or growth ** (config.cycles - config.learning.start_cycle) < MIN_TOTAL_GROWTH:
             return None
         return (
             f"warning: learning is predicted to diverge: its changes grow by a factor of {growth:.3f} per cycle; "

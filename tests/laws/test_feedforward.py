@@ -15,7 +15,7 @@ from cmacexp.feedforward.cmac_on_model import CmacOnModel
 from cmacexp.feedforward.kernels import LearningParams, feedforward_step
 from cmacexp.feedforward.network import known_torque, network
 from cmacexp.feedforward.rbf import activations, spread_out
-from cmacexp.feedforward.weight_log import new_log, weigh
+from cmacexp.feedforward.weight_log import log_weights, new_log
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.ground import NEVER
 from cmacexp.planning.columns import JOINT_COLUMNS
@@ -178,7 +178,7 @@ def test_weights_in_use_are_weighed_and_no_others(seed, share):
     cells = rng.integers(0, ROWS, (5, LEGS, 2)).astype(np.uint32)
     weights = rng.normal(size=(LEGS, ROWS, 2)) * (rng.random((LEGS, ROWS, 2)) < share)
     entry = np.full((LEGS, 3), np.nan)
-    weigh(new_log(cells), weights, entry)
+    log_weights(new_log(cells), weights, entry)
     for leg in range(LEGS):
         used = weights[leg, np.unique(cells[:, leg])]
         assert_allclose(entry[leg, :2], [np.linalg.norm(used), np.abs(used).max()])
