@@ -12,8 +12,8 @@ from cmacexp.commands.viewer import open_window, require_display, serve_web
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, require_place, runs_below
 from cmacexp.data.files import sha256
+from cmacexp.data.folder import updating
 from cmacexp.data.hashes import find_fault, was_written
-from cmacexp.data.places import update_place
 from cmacexp.data.tables import BODY, RECORDING, steps_by_cycle
 from cmacexp.data.trace_writer import LAST_STEPS
 from cmacexp.errors import BadInput, BadRun
@@ -82,7 +82,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     window = make_window(kept, cycles, options.every)
     shown: dict[str, Any] = {"label": folder.resolve().name, "window": window, "names": options.views}
     if path == folder / RECORDING:
-        with update_place(folder, [RECORDING]) as place:
+        with updating(folder) as place:
             manifest = manifests.read(folder)  # of the run that is there now
             name = write_recording(folder, manifest, place.new / RECORDING, **shown)
             place.commit({**manifest, "files": manifest["files"] | {RECORDING: sha256(place.new / RECORDING)}})
@@ -162,7 +162,7 @@ def _read_kept(folder: Path) -> str | None:
     path, files = folder / RECORDING, manifests.read(folder)["files"]
     if not path.exists() or RECORDING not in files:
         return None
-    if fault := find_fault(path, files[RECORDING]):
+    if fault := find_fault(folder, RECORDING, files[RECORDING]):
         say(f"{path}: {fault}; it is built anew", error=True)
         return None
     return read_name(path)

@@ -1,17 +1,18 @@
 """``python -m cmacexp.report DIR...``: figures and tables of a run, or a comparison of several."""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from cmacexp.commands.command import command
 from cmacexp.data.discovery import require_place, runs_below
+from cmacexp.data.folder import OUT_KEY, locked, require_no_link
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.comparison import print_runs
 from cmacexp.report.page import REPORT, write_report
-from cmacexp.report.place import picture_place
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import read_summary, sort_folders
 from cmacexp.report.sweep_report import make_sweep_report
@@ -31,8 +32,12 @@ def _parse_cycles(text: str) -> list[int]:
 
 def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     if out is not None:
-        return require_place("--out", Path(out))
-    return given[0] / REPORT if len(given) == 1 else REPORTS / "-".join(path.resolve().name for path in given[:4])
+        return require_place(OUT_KEY, Path(out))
+    return (
+        require_no_link(given[0] / REPORT)
+        if len(given) == 1
+        else REPORTS / "-".join(path.resolve().name for path in given[:4])
+    )
 
 
 def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
@@ -45,7 +50,9 @@ def _animate(folder: Path, cycles: str | None, out: Path) -> Path:
     from cmacexp.report.animation import ANIMATION, is_animation, view_cycles, write_animation
 
     views, path = view_cycles(StoredRun(folder), _parse_cycles(cycles) if cycles else []), out / ANIMATION
-    with picture_place(out, ANIMATION, is_animation), activity(f"drawing {path}"):
+    with locked(out, OUT_KEY), activity(f"drawing {path}"):
+        if os.path.lexists(path) and not is_animation(path):
+            raise BadInput(OUT_KEY, out, f"holds another {ANIMATION}; move it, or choose another folder")
         write_animation(views, path)
     return path
 

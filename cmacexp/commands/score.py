@@ -7,10 +7,10 @@ from pathlib import Path
 from cmacexp.commands.command import command
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.files import sha256
+from cmacexp.data.folder import updating
 from cmacexp.data.hashes import require_intact
-from cmacexp.data.places import update_place
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY_METRICS, METRICS, METRICS_CSV, TRACE, Scores, write_scores
+from cmacexp.data.tables import TRACE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.pooling import count_legs
@@ -26,7 +26,7 @@ def score(folder: Path) -> Scores:
         BadRun: its trace or manifest is missing, has changed or cannot be read.
         BadInput: another process writes to its folder.
     """
-    with update_place(folder, (METRICS, METRICS_CSV, BODY_METRICS)) as place:
+    with updating(folder) as place:
         run = StoredRun(folder)
         require_intact(folder / TRACE)  # a run without one has a config of any kind
         record = run.config["record"]

@@ -9,12 +9,13 @@ from typing import NoReturn
 
 from cmacexp.commands.command import Parser
 from cmacexp.data.discovery import require_place
+from cmacexp.data.folder import HTML, replacing
+from cmacexp.data.manifest import REPORT
 from cmacexp.errors import CmacexpError
 from cmacexp.experiment.collect import Collected, collect
 from cmacexp.experiment.workers import workers
 from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such
 from cmacexp.report.outputs import keep_outputs
-from cmacexp.report.place import HTML, report_place
 from cmacexp.study.output import write_page, write_results
 from cmacexp.study.page import Evaluated, check_page, evaluate
 from cmacexp.study.requests import Request
@@ -75,7 +76,7 @@ def _write(path: Path, requests: Sequence[Request], collected: Collected, option
     runs = {run.folder: str(run.manifest["config_hash"]) for run in results.runs}
     inputs = list({run.folder / name for run in results.runs for name in run.manifest["files"]})
     key = state_key(file, options.quick, options.seeds)
-    with report_place(folder, FOLDER_KEY) as place:
+    with replacing(folder, FOLDER_KEY, REPORT) as place:
         tables = write_results(results, place.new)
         evaluated = evaluate(file, results, place.new, options.quick)
         write_page(study.title, study.question, [evaluated], [*tables, *inputs], runs, place, key, options.quick)
@@ -120,7 +121,7 @@ def write_collection(name: str, title: str, question: str, files: Sequence[Study
     print_claims(studies)
     inputs = [path for each in written for path in each.inputs]
     runs = {path: config_hash for each in written for path, config_hash in each.runs.items()}
-    with report_place(folder, FOLDER_KEY) as place:
+    with replacing(folder, FOLDER_KEY, REPORT) as place:
         return write_page(title, question, studies, inputs, runs, place, key, options.quick)
 
 

@@ -3,6 +3,7 @@
 import os
 
 import pytest
+from cmacexp.report.place import HTML
 from support.manifests import change_manifest
 from support.robots import change
 
@@ -16,7 +17,6 @@ from cmacexp.experiment.collect import collect
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.workers import workers
 from cmacexp.report.page import Report, Section, Table, Text, write_report
-from cmacexp.report.place import HTML
 from cmacexp.study import Request
 from cmacexp.study.state import is_up_to_date
 

@@ -6,6 +6,7 @@ from itertools import count
 from pathlib import Path
 
 import pytest
+from cmacexp.data.places import run_place
 from support.command import cmacexp
 from support.failing import fail
 
@@ -16,7 +17,6 @@ from cmacexp.data.discovery import runs_below
 from cmacexp.data.files import DiskFull, alone_in
 from cmacexp.data.integrity import faults
 from cmacexp.data.parquet import TableWriter
-from cmacexp.data.places import run_place
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
 from cmacexp.experiment.run import run_scenario

@@ -3,6 +3,7 @@
 import numpy as np
 import pyarrow as pa
 import pytest
+from cmacexp.metrics.earlier_body import add_true_margins
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -13,7 +14,6 @@ from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.trace import assemble, assemble_body
 from cmacexp.metrics import compute_body
-from cmacexp.metrics.earlier_body import add_true_margins
 from cmacexp.models.body import Load
 from cmacexp.planning.machine import make_mechanism
 from cmacexp.planning.true_margins import Masses, true_margins
