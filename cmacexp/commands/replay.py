@@ -108,9 +108,9 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
             f"{len(folders)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare"
         )
     _check_views(options, [was_written(folder / BODY) for folder in folders])
-    cycles = None
+    cycles, last = None, min(max(_kept(folder)) for folder in folders)
     if options.cycles is not None:
-        cycles = read_cycles(options.cycles, min(max(_kept(folder)) for folder in folders), "all runs")
+        cycles = read_cycles(options.cycles, last, "all runs")
     found = [manifests.read(folder) for folder in folders]
     names = labels([manifest["config"] for manifest in found], [folder.resolve().name for folder in folders])
     entries = []
@@ -186,7 +186,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         with activity(f"building {path}"):
             shown = compare(folders, path, options) if len(folders) > 1 else rebuild(folders[0], path, options)
-    print(f"{path}: {shown}", flush=True)
+    say(f"{path}: {shown}")
     return 0 if arguments.no_viewer else serve_web(path) if arguments.web else open_window(path)
 
 

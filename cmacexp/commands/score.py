@@ -15,7 +15,7 @@ from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.pooling import count_legs
 from cmacexp.metrics.score import score_traces
-from cmacexp.report.terminal import activity
+from cmacexp.report.terminal import activity, say
 from cmacexp.report.terminal_tables import print_key, print_scores
 
 
@@ -45,7 +45,7 @@ def _score(arguments: argparse.Namespace) -> int:
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
         with activity(f"scoring {folder}"):
             scores = score(folder)
-        print(folder)
+        say(str(folder))
         shown |= dict.fromkeys(print_scores(scores, folder))
         legs = max(legs, count_legs(scores))
     print_key(shown, legs)

@@ -9,7 +9,7 @@ from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import require_no_link
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
-from cmacexp.report.terminal import activity
+from cmacexp.report.terminal import activity, say
 from cmacexp.report.terminal_tables import print_table
 
 FOLDER = "stability"
@@ -40,8 +40,8 @@ def _analyse(arguments: argparse.Namespace) -> int:
             analysis = analyse(StoredRun(folder), cycle)
             path = write_stability_report(analysis, out or require_no_link(folder / FOLDER))
         print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis), left=1)
-        print(verdict(analysis))
-        print(path)
+        say(verdict(analysis))
+        say(str(path))
     return 0
 
 

@@ -16,6 +16,7 @@ from cmacexp.experiment.collect import Collected, collect
 from cmacexp.experiment.workers import workers
 from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such
 from cmacexp.report.outputs import keep_outputs
+from cmacexp.report.terminal import say
 from cmacexp.study.output import write_page, write_results
 from cmacexp.study.page import Evaluated, check_page, evaluate
 from cmacexp.study.requests import Request
@@ -103,7 +104,7 @@ def write_study(file: StudyFile, options: Options) -> Path:
     """Run one study unless its report is up to date; returns the page."""
     page = options.place(file.name) / HTML
     if is_up_to_date(page.parent, state_key(file, options.quick, options.seeds)):
-        print(f"nothing changed since it was written: {page}")
+        say(f"nothing changed since it was written: {page}")
         return page
     print_claims([write_studies([file], options)[0].evaluated])
     return page
@@ -114,7 +115,7 @@ def write_collection(name: str, title: str, question: str, files: Sequence[Study
     folder = options.place(name)
     key = " ".join([title, question, *(state_key(file, options.quick, options.seeds) for file in files)])
     if is_up_to_date(folder, key):
-        print(f"nothing changed since it was written: {folder / HTML}")
+        say(f"nothing changed since it was written: {folder / HTML}")
         return folder / HTML
     written = write_studies(files, options)
     studies = [each.evaluated for each in written]
@@ -169,12 +170,12 @@ def command(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace,
         heed_interrupts()
         options = Options(require_place(FOLDER_KEY, arguments.folder), arguments.quick, arguments.seeds)
         with interrupt_as_such():
-            print(work(arguments, options))
+            say(str(work(arguments, options)))
     except KeyboardInterrupt:
         print("interrupted; the same command goes on with the runs that are missing", file=sys.stderr)
         sys.exit(130)
     except (CmacexpError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        say(f"error: {error}", error=True)
         sys.exit(2 if isinstance(error, CmacexpError) else 1)
     finally:
         end_command()

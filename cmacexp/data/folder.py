@@ -1,8 +1,8 @@
 """Writing a result into its folder: locked against other writers, and replaced as a whole.
 
 Files are written to a hidden folder in that of the result, the new manifest last. From then on they take the place of
-the earlier ones, again the manifest last: until then the hashes in the earlier one no longer fit. If a kill interrupts
-this, the next writer of the same folder completes it; readers only name it.
+the earlier ones, again the manifest last: until then the hashes in the earlier one no longer fit. If a kill
+interrupts this, the next writer of the same folder completes it; readers only name it.
 """
 
 import errno

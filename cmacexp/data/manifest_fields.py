@@ -28,7 +28,7 @@ Shape = Kind | Mapping[str, Any] | list[Any]
 
 
 def _choice(*values: str) -> Kind:
-    return Kind(" or ".join(values), lambda value: isinstance(value, str) and value in values)
+    return Kind(f"one of {', '.join(values)}", lambda value: isinstance(value, str) and value in values)
 
 
 def _or_null(kind: Kind) -> Kind:
@@ -83,7 +83,7 @@ RUN_FIELDS = {
     "code_hash?": TEXT,
     "start_weights?": _or_null(HASH),
     "learning_lead?": ANY,
-    "robot?": {"chains": [[[NUMBER]]], "hips": [[NUMBER]], "foot_radius": NUMBER},
+    "robot?": {"chains": [[NUMBER]], "hips": [[NUMBER]], "foot_radius": NUMBER},
     "model_hash?": _or_null(HASH),
     "traceback?": TEXT,
     "bad_input?": FLAG,
@@ -149,7 +149,7 @@ def find_wrong(manifest: Any) -> str | None:
     """What is wrong with the content of a manifest, as read from its file without its checksum; None: nothing."""
     if _is_deep(manifest):
         return f"it nests more than {MAX_DEPTH} levels"
-    if wrong := _find_misfit(manifest, FIELDS, "it"):
+    if wrong := _find_misfit(manifest, FIELDS, "manifest"):
         return wrong
     is_run = "kind" not in manifest
     for name in manifest["files"]:
@@ -159,7 +159,7 @@ def find_wrong(manifest: Any) -> str | None:
 
 
 def _find_wrong_in_run(manifest: Mapping[str, Any]) -> str | None:
-    if wrong := _find_misfit(manifest, RUN_FIELDS, "it"):
+    if wrong := _find_misfit(manifest, RUN_FIELDS, "manifest"):
         return wrong
     config = manifest["config"]
     if manifest["config_hash"] != config_hash(config):
@@ -170,4 +170,4 @@ def _find_wrong_in_run(manifest: Mapping[str, Any]) -> str | None:
         return wrong
     if not 0.5 < config["gait"]["cycle_time"] / config["sampling_period"] < MAX_STEPS_PER_CYCLE:
         return f"config.gait.cycle_time must have from 1 to {MAX_STEPS_PER_CYCLE} steps of config.sampling_period"
-    return None if manifest["drift"] is None else _find_misfit(manifest["drift"], DRIFT, "drift")
+    return None if manifest["drift"] is None else _find_misfit(manifest["drift"], DRIFT, "manifest.drift")

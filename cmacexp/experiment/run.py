@@ -206,7 +206,10 @@ def _write(
     names += write_scores(folder, scores)
     shape = _robot_entry(scenario)  # the recording draws it
     manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps, **shape)
-    names += _write_extras(scenario, place, manifest)
+    try:
+        names += _write_extras(scenario, place, manifest)
+    except OSError as error:  # of a disk that is full: trace and metrics are whole
+        manifest |= {"status": "failed", "cause": f"after step {end.steps}: {error}"}
     entries = {
         **_component_entries(scenario),
         "code_hash": code_hash(),

@@ -16,7 +16,7 @@ from cmacexp.experiment.sweep_start import Sweep
 from cmacexp.experiment.without_effect import warnings_of_sweep
 from cmacexp.report.comparison import print_runs
 from cmacexp.report.run_summary import RunSummary
-from cmacexp.report.terminal import activity, print_next
+from cmacexp.report.terminal import activity, print_next, say
 
 MOST_FAILURES = 20
 """Failures that are listed; more are only counted."""
@@ -43,10 +43,10 @@ def finish_sweep(sweep: Sweep) -> str:
     _print_counts(jobs, missing)
     _print_failures(jobs)
     for text in warnings_of_sweep(sweep.kinds.values()):
-        print(f"warning: {text}", file=sys.stderr)
+        say(f"warning: {text}", error=True)
     if any(job.is_result for job in jobs):
         print_next(sweep.folder, {"report": "report"})
-    print(sweep.folder / TABLE)
+    say(str(sweep.folder / TABLE))
     return ended
 
 
@@ -72,6 +72,6 @@ def _print_counts(jobs: Sequence[RunSummary], missing: int) -> None:
 def _print_failures(jobs: Sequence[RunSummary]) -> None:
     failed = [job for job in jobs if not job.is_result]
     for job in failed[:MOST_FAILURES]:
-        print(f"  {job.folder.name} {job.status}: {job.cause}", file=sys.stderr)
+        say(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
     if len(failed) > MOST_FAILURES:
         print(f"  and {len(failed) - MOST_FAILURES} more: see {TABLE_CSV}", file=sys.stderr)

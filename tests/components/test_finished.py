@@ -3,13 +3,13 @@
 import os
 
 import pytest
-from cmacexp.report.place import HTML
 from support.manifests import change_manifest
 from support.robots import change
 
 from cmacexp.config.compose import compose_config
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below, runs_below
+from cmacexp.data.folder import HTML
 from cmacexp.data.integrity import faults, is_finished
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import CmacexpError
