@@ -229,8 +229,9 @@ def _open_place(folder: Path, key: str, kind: str | None) -> Place:
     _remove(place.new)
     fixed = [name for name in FILES[kind] if "*" not in name]
     foreign = [] if kind or os.path.lexists(folder / manifests.NAME) else [HYDRA_FOLDER]  # of another program
-    for name in {*fixed, *foreign} - place.earlier:
-        _refuse_if_taken(folder, name, key)
+    for name in [*fixed, *foreign]:
+        if name not in place.earlier:
+            _refuse_if_taken(folder, name, key)
     return place
 
 

@@ -10,8 +10,6 @@ from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.metrics import compute_body
 
 COLUMNS = ("height", "pitch", "roll", "stability_margin", "margin_front", "margin_rear", *TRUE_MARGINS)
-SHORT = ("scenario=quadruped", "feedforward=none", "gait.cycle_time=0.2", "cycles=1", "gait.lift=0.005")
-PAYLOAD = ("payload.weight=5", "payload.x=0.05", "payload.y=-0.03", "payload.time=0.1")
 
 
 def drawn(seed, rows):
@@ -35,6 +33,5 @@ def test_metrics_of_a_body_are_those_of_each_cycle_alone(seed, rows):
             assert metrics[f"{margin}_min"][0] == alone[margin].min()
 
 
-@pytest.mark.parametrize("yaw", [None, 0.0, 0.01])
 def test_cycles_count_from_1_unless_another_is_the_first():
     assert compute_body(drawn(0, 15), 7)["cycle"].to_pylist() == [1, 2, 3]
