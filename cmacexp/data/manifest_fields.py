@@ -107,7 +107,7 @@ CONFIG = {
 """Of the config of a run that took steps or has files: what readers use of it."""
 
 
-def _find_misfit(value: Any, shape: Shape, name: str) -> str | None:
+def find_misfit(value: Any, shape: Shape, name: str) -> str | None:
     """Which value does not have its shape, and what it must be; None: all have.
 
     Args:
@@ -131,7 +131,7 @@ def _find_misfit(value: Any, shape: Shape, name: str) -> str | None:
             (key, each, shape.get(key, shape.get(f"{key}?", shape.get("*", ANY)))) for key, each in value.items()
         )
         inner = ((each, of, f"{name}.{key[:40]}") for key, each, of in found)
-    return next(filter(None, (_find_misfit(*each) for each in inner)), None)
+    return next(filter(None, (find_misfit(*each) for each in inner)), None)
 
 
 def _is_deep(value: Any, depth: int = 0) -> bool:
@@ -149,7 +149,7 @@ def find_wrong(manifest: Any) -> str | None:
     """What is wrong with the content of a manifest, as read from its file without its checksum; None: nothing."""
     if _is_deep(manifest):
         return f"it nests more than {MAX_DEPTH} levels"
-    if wrong := _find_misfit(manifest, FIELDS, "manifest"):
+    if wrong := find_misfit(manifest, FIELDS, "manifest"):
         return wrong
     is_run = "kind" not in manifest
     for name in manifest["files"]:
@@ -159,15 +159,15 @@ def find_wrong(manifest: Any) -> str | None:
 
 
 def _find_wrong_in_run(manifest: Mapping[str, Any]) -> str | None:
-    if wrong := _find_misfit(manifest, RUN_FIELDS, "manifest"):
+    if wrong := find_misfit(manifest, RUN_FIELDS, "manifest"):
         return wrong
     config = manifest["config"]
     if manifest["config_hash"] != config_hash(config):
         return "its config is not the one of its config_hash"
     if not (manifest["files"] or manifest["steps"]):
         return None  # of a job that failed the config can be anything
-    if wrong := _find_misfit(config, CONFIG, "config"):
+    if wrong := find_misfit(config, CONFIG, "config"):
         return wrong
     if not 0.5 < config["gait"]["cycle_time"] / config["sampling_period"] < MAX_STEPS_PER_CYCLE:
         return f"config.gait.cycle_time must have from 1 to {MAX_STEPS_PER_CYCLE} steps of config.sampling_period"
-    return None if manifest["drift"] is None else _find_misfit(manifest["drift"], DRIFT, "manifest.drift")
+    return None if manifest["drift"] is None else find_misfit(manifest["drift"], DRIFT, "manifest.drift")

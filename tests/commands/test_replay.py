@@ -198,7 +198,7 @@ def test_a_recording_of_the_user_is_not_replaced(copy, tmp_path):
     (run / "recording.rrd").write_text("mine")
     refused = replay(run, folder=tmp_path)
     assert refused.returncode == 2
-    assert refused.stderr.startswith(f"error: DIR={run}: holds recording.rrd, which is of no earlier result")
+    assert refused.stderr.startswith(f"error: DIR={run}: holds recording.rrd, which is not listed in")
     assert len(refused.stderr.splitlines()) == 1
     assert (run / "recording.rrd").read_text() == "mine"
 
