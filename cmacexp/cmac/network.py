@@ -12,7 +12,7 @@ from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate
 from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.cmac.visited import Visited
 from cmacexp.config.cmac import WORD_BYTES, CmacConfig, check_memory
-from cmacexp.data.files import write_atomically
+from cmacexp.data.folder import write_atomically
 from cmacexp.models.mix import MASK
 from cmacexp.typing import Array, Cells
 

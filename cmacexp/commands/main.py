@@ -134,7 +134,7 @@ class _Task:
         print_summary(result)
         if result.status == "failed":
             print(result.manifest.get("traceback", ""), file=sys.stderr, end="")
-            print(f"error: {result.manifest['cause']}", file=sys.stderr)
+            say(f"error: {result.manifest['cause']}", error=True)
 
 
 def _remove_empty(folder: Path) -> None:

@@ -81,7 +81,7 @@ def _compare_files(folder: Path, then: Mapping[str, str], now: Mapping[str, str]
             yield name, f"differs: written only {'now' if name in now else 'then'}"
         elif then[name] != now[name]:
             yield name, "differs"
-        elif fault := find_fault(folder / name, then[name]):
+        elif fault := find_fault(folder, name, then[name]):
             yield name, f"equal to what the run wrote, but {folder / name} is {fault}"
         else:
             yield name, "equal"

@@ -12,8 +12,8 @@ from cmacexp.commands.viewer import open_window, require_display, serve_web
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, require_place, runs_below
 from cmacexp.data.files import sha256
+from cmacexp.data.folder import updating
 from cmacexp.data.hashes import find_fault, was_written
-from cmacexp.data.places import update_place
 from cmacexp.data.tables import BODY, RECORDING, steps_by_cycle
 from cmacexp.data.trace_writer import LAST_STEPS
 from cmacexp.errors import BadInput, BadRun
@@ -82,7 +82,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     window = make_window(kept, cycles, options.every)
     shown: dict[str, Any] = {"label": folder.resolve().name, "window": window, "names": options.views}
     if path == folder / RECORDING:
-        with update_place(folder, [RECORDING]) as place:
+        with updating(folder) as place:
             manifest = manifests.read(folder)  # of the run that is there now
             name = write_recording(folder, manifest, place.new / RECORDING, **shown)
             place.commit({**manifest, "files": manifest["files"] | {RECORDING: sha256(place.new / RECORDING)}})
@@ -108,9 +108,9 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
             f"{len(folders)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare"
         )
     _check_views(options, [was_written(folder / BODY) for folder in folders])
-    cycles = None
+    cycles, last = None, min(max(_kept(folder)) for folder in folders)
     if options.cycles is not None:
-        cycles = read_cycles(options.cycles, min(max(_kept(folder)) for folder in folders), "all runs")
+        cycles = read_cycles(options.cycles, last, "all runs")
     found = [manifests.read(folder) for folder in folders]
     names = labels([manifest["config"] for manifest in found], [folder.resolve().name for folder in folders])
     entries = []
@@ -162,7 +162,7 @@ def _read_kept(folder: Path) -> str | None:
     path, files = folder / RECORDING, manifests.read(folder)["files"]
     if not path.exists() or RECORDING not in files:
         return None
-    if fault := find_fault(path, files[RECORDING]):
+    if fault := find_fault(folder, RECORDING, files[RECORDING]):
         say(f"{path}: {fault}; it is built anew", error=True)
         return None
     return read_name(path)
@@ -186,7 +186,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         with activity(f"building {path}"):
             shown = compare(folders, path, options) if len(folders) > 1 else rebuild(folders[0], path, options)
-    print(f"{path}: {shown}", flush=True)
+    say(f"{path}: {shown}")
     return 0 if arguments.no_viewer else serve_web(path) if arguments.web else open_window(path)
 
 

@@ -1,22 +1,23 @@
 """``python -m cmacexp.report DIR...``: figures and tables of a run, or a comparison of several."""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from cmacexp.commands.command import command
 from cmacexp.data.discovery import require_place, runs_below
+from cmacexp.data.folder import OUT_KEY, locked, require_no_link
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.comparison import print_runs
 from cmacexp.report.page import REPORT, write_report
-from cmacexp.report.place import picture_place
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import read_summary, sort_folders
 from cmacexp.report.sweep_report import make_sweep_report
 from cmacexp.report.swept import find_swept
-from cmacexp.report.terminal import activity
+from cmacexp.report.terminal import activity, say
 
 REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
@@ -31,21 +32,27 @@ def _parse_cycles(text: str) -> list[int]:
 
 def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     if out is not None:
-        return require_place("--out", Path(out))
-    return given[0] / REPORT if len(given) == 1 else REPORTS / "-".join(path.resolve().name for path in given[:4])
+        return require_place(OUT_KEY, Path(out))
+    return (
+        require_no_link(given[0] / REPORT)
+        if len(given) == 1
+        else REPORTS / "-".join(path.resolve().name for path in given[:4])
+    )
 
 
 def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
     asked = _parse_cycles(cycles) if cycles else []
-    with activity(f"reading {folder}") as say:
-        return write_report(make_run_report(StoredRun(folder), asked), out, say=say)
+    with activity(f"reading {folder}") as show:
+        return write_report(make_run_report(StoredRun(folder), asked), out, say=show)
 
 
 def _animate(folder: Path, cycles: str | None, out: Path) -> Path:
     from cmacexp.report.animation import ANIMATION, is_animation, view_cycles, write_animation
 
     views, path = view_cycles(StoredRun(folder), _parse_cycles(cycles) if cycles else []), out / ANIMATION
-    with picture_place(out, ANIMATION, is_animation), activity(f"drawing {path}"):
+    with locked(out, OUT_KEY), activity(f"drawing {path}"):
+        if os.path.lexists(path) and not is_animation(path):
+            raise BadInput(OUT_KEY, out, f"holds another {ANIMATION}; move it, or choose another folder")
         write_animation(views, path)
     return path
 
@@ -53,18 +60,18 @@ def _animate(folder: Path, cycles: str | None, out: Path) -> Path:
 def _report_of_several(folders: Sequence[Path], given: Sequence[Path], cycles: str | None, out: Path) -> Path:
     if cycles:
         raise BadInput("--cycles", cycles, f"is for the report of one run, but {len(folders)} runs were given")
-    with activity("reading runs") as say:
+    with activity("reading runs") as show:
         runs = []
         for index, folder in enumerate(folders, 1):
-            say(f"reading run {index} of {len(folders)}")
+            show(f"reading run {index} of {len(folders)}")
             runs.append(read_summary(folder))
     if not any(run.is_result for run in runs):
         where = " and ".join(map(str, given))
         raise BadRun(f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
     swept = find_swept(runs)
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
-    with activity("comparing the runs") as say:
-        path = write_report(make_sweep_report(runs, title, out), out, say=say)
+    with activity("comparing the runs") as show:
+        path = write_report(make_sweep_report(runs, title, out), out, say=show)
     print_runs(runs, [*swept.keys, *swept.seeds], path)
     return path
 
@@ -76,11 +83,11 @@ def _report(arguments: argparse.Namespace) -> int:
     if arguments.gif and len(folders) > 1:
         raise BadInput("--gif", True, f"is for one run, but {len(folders)} were given")
     if arguments.gif:
-        print(_animate(folders[0], arguments.cycles, out))
+        say(str(_animate(folders[0], arguments.cycles, out)))
     elif len(folders) == 1:
-        print(_report_of_one(folders[0], arguments.cycles, out))
+        say(str(_report_of_one(folders[0], arguments.cycles, out)))
     else:
-        print(_report_of_several(folders, given, arguments.cycles, out))
+        say(str(_report_of_several(folders, given, arguments.cycles, out)))
     return 0
 
 

@@ -15,6 +15,7 @@ from cmacexp.errors import BadInput, suggest
 from cmacexp.models.robot import Robot
 from cmacexp.models.robot_gains import derive_basis
 from cmacexp.report.numbers import format_number
+from cmacexp.report.terminal import say
 from cmacexp.report.terminal_tables import print_table
 from cmacexp.typing import Array
 
@@ -83,7 +84,7 @@ def _show(arguments: argparse.Namespace) -> int:
     robot = read_model(config.machine)
     basis = derive_basis(robot)
     length_1, length_2 = robot.links
-    print(robot.path)
+    say(str(robot.path))
     print(f"mass {format_number(basis.mass, 'kg')}, links {length_1:.3g} m and {length_2:.3g} m")
     print(f"a foot feels {format_number(basis.foot_mass, 'kg')} at least, {basis.ratio:.3g} of the mass")
     print_table(["", "unit", "hip", "thigh", "calf"], joint_rows(robot), left=2)

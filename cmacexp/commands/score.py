@@ -7,15 +7,15 @@ from pathlib import Path
 from cmacexp.commands.command import command
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.files import sha256
+from cmacexp.data.folder import updating
 from cmacexp.data.hashes import require_intact
-from cmacexp.data.places import update_place
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY_METRICS, METRICS, METRICS_CSV, TRACE, Scores, write_scores
+from cmacexp.data.tables import TRACE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
 from cmacexp.metrics.pooling import count_legs
 from cmacexp.metrics.score import score_traces
-from cmacexp.report.terminal import activity
+from cmacexp.report.terminal import activity, say
 from cmacexp.report.terminal_tables import print_key, print_scores
 
 
@@ -26,7 +26,7 @@ def score(folder: Path) -> Scores:
         BadRun: its trace or manifest is missing, has changed or cannot be read.
         BadInput: another process writes to its folder.
     """
-    with update_place(folder, (METRICS, METRICS_CSV, BODY_METRICS)) as place:
+    with updating(folder) as place:
         run = StoredRun(folder)
         require_intact(folder / TRACE)  # a run without one has a config of any kind
         record = run.config["record"]
@@ -45,7 +45,7 @@ def _score(arguments: argparse.Namespace) -> int:
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
         with activity(f"scoring {folder}"):
             scores = score(folder)
-        print(folder)
+        say(str(folder))
         shown |= dict.fromkeys(print_scores(scores, folder))
         legs = max(legs, count_legs(scores))
     print_key(shown, legs)

@@ -6,9 +6,10 @@ from pathlib import Path
 
 from cmacexp.commands.command import command
 from cmacexp.data.discovery import require_place, runs_below
+from cmacexp.data.folder import require_no_link
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
-from cmacexp.report.terminal import activity
+from cmacexp.report.terminal import activity, say
 from cmacexp.report.terminal_tables import print_table
 
 FOLDER = "stability"
@@ -37,10 +38,10 @@ def _analyse(arguments: argparse.Namespace) -> int:
     for folder in folders:
         with activity(f"analysing {folder}"):
             analysis = analyse(StoredRun(folder), cycle)
-            path = write_stability_report(analysis, out or folder / FOLDER)
+            path = write_stability_report(analysis, out or require_no_link(folder / FOLDER))
         print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis), left=1)
-        print(verdict(analysis))
-        print(path)
+        say(verdict(analysis))
+        say(str(path))
     return 0
 
 

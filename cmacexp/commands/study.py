@@ -9,12 +9,14 @@ from typing import NoReturn
 
 from cmacexp.commands.command import Parser
 from cmacexp.data.discovery import require_place
+from cmacexp.data.folder import HTML, replacing
+from cmacexp.data.manifest import REPORT
 from cmacexp.errors import CmacexpError
 from cmacexp.experiment.collect import Collected, collect
 from cmacexp.experiment.workers import workers
 from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such
 from cmacexp.report.outputs import keep_outputs
-from cmacexp.report.place import HTML, report_place
+from cmacexp.report.terminal import say
 from cmacexp.study.output import write_page, write_results
 from cmacexp.study.page import Evaluated, check_page, evaluate
 from cmacexp.study.requests import Request
@@ -75,7 +77,7 @@ def _write(path: Path, requests: Sequence[Request], collected: Collected, option
     runs = {run.folder: str(run.manifest["config_hash"]) for run in results.runs}
     inputs = list({run.folder / name for run in results.runs for name in run.manifest["files"]})
     key = state_key(file, options.quick, options.seeds)
-    with report_place(folder, FOLDER_KEY) as place:
+    with replacing(folder, FOLDER_KEY, REPORT) as place:
         tables = write_results(results, place.new)
         evaluated = evaluate(file, results, place.new, options.quick)
         write_page(study.title, study.question, [evaluated], [*tables, *inputs], runs, place, key, options.quick)
@@ -102,7 +104,7 @@ def write_study(file: StudyFile, options: Options) -> Path:
     """Run one study unless its report is up to date; returns the page."""
     page = options.place(file.name) / HTML
     if is_up_to_date(page.parent, state_key(file, options.quick, options.seeds)):
-        print(f"nothing changed since it was written: {page}")
+        say(f"nothing changed since it was written: {page}")
         return page
     print_claims([write_studies([file], options)[0].evaluated])
     return page
@@ -113,14 +115,14 @@ def write_collection(name: str, title: str, question: str, files: Sequence[Study
     folder = options.place(name)
     key = " ".join([title, question, *(state_key(file, options.quick, options.seeds) for file in files)])
     if is_up_to_date(folder, key):
-        print(f"nothing changed since it was written: {folder / HTML}")
+        say(f"nothing changed since it was written: {folder / HTML}")
         return folder / HTML
     written = write_studies(files, options)
     studies = [each.evaluated for each in written]
     print_claims(studies)
     inputs = [path for each in written for path in each.inputs]
     runs = {path: config_hash for each in written for path, config_hash in each.runs.items()}
-    with report_place(folder, FOLDER_KEY) as place:
+    with replacing(folder, FOLDER_KEY, REPORT) as place:
         return write_page(title, question, studies, inputs, runs, place, key, options.quick)
 
 
@@ -168,12 +170,12 @@ def command(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace,
         heed_interrupts()
         options = Options(require_place(FOLDER_KEY, arguments.folder), arguments.quick, arguments.seeds)
         with interrupt_as_such():
-            print(work(arguments, options))
+            say(str(work(arguments, options)))
     except KeyboardInterrupt:
         print("interrupted; the same command goes on with the runs that are missing", file=sys.stderr)
         sys.exit(130)
     except (CmacexpError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        say(f"error: {error}", error=True)
         sys.exit(2 if isinstance(error, CmacexpError) else 1)
     finally:
         end_command()

@@ -10,7 +10,7 @@ from cmacexp.data.discovery import everything_below, require_place, runs_below
 from cmacexp.data.integrity import faults
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
-from cmacexp.report.terminal import activity
+from cmacexp.report.terminal import activity, say
 
 NOT_INTACT = 4
 
@@ -26,9 +26,9 @@ def _verify(arguments: argparse.Namespace) -> int:
             found = faults(folder)
         intact = intact and not found
         state = "NOT INTACT" if found else f"intact ({manifests.read(folder)['status']})"
-        print(f"{folder}: {state}")
+        say(f"{folder}: {state}")
         for fault in found:
-            print(f"  {fault}")
+            say(f"  {fault}")
     return 0 if intact else NOT_INTACT
 
 
@@ -48,9 +48,9 @@ def _repeat(arguments: argparse.Namespace) -> int:
         with progress(f"repeating {folder}", config.cycles, "cycles") as watch:
             repetition = repeat(run, config, out, watch)
         equal = equal and repetition.equal
-        print(f"{folder}: repeated, {'EQUAL' if repetition.equal else 'NOT EQUAL'}")
+        say(f"{folder}: repeated, {'EQUAL' if repetition.equal else 'NOT EQUAL'}")
         for line in repetition.lines:
-            print(f"  {line}")
+            say(f"  {line}")
     return 0 if equal else NOT_INTACT
 
 

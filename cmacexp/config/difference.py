@@ -6,6 +6,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
+from cmacexp.config.component import COMPONENTS
 from cmacexp.config.folder import config_folder
 from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.config.targets import NEW_NAMES
@@ -39,7 +40,7 @@ def flat(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     for key, value in config.items():
         if isinstance(value, Mapping):
             found |= flat(value, f"{before}{key}.")
-        elif key == "_target_":
+        elif key == "_target_" and before[:-1] in COMPONENTS:
             found[before[:-1]] = find_option(before[:-1], value)
         else:
             found[before + key] = value

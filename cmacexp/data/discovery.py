@@ -14,32 +14,27 @@ HYDRA_FOLDER = ".hydra"
 
 def is_run(folder: Path) -> bool:
     """Whether ``folder`` is the folder of a run, complete or not."""
-    named = _is_marked(folder) or (folder / "trace.parquet").exists()
-    return named and not manifests.lists_no_run(folder)
+    if os.path.lexists(folder / manifests.NAME):
+        return not manifests.lists_no_run(folder)
+    names = ("trace.parquet", f"{NEW}/trace.parquet", f"{NEW}/{HYDRA_FOLDER}")
+    return any(os.path.lexists(folder / name) for name in names)
 
 
-def _is_marked(folder: Path) -> bool:
-    return any((folder / name).exists() for name in (manifests.NAME, HYDRA_FOLDER, NEW))
+def _is_result(folder: Path) -> bool:
+    return any(os.path.lexists(folder / name) for name in (manifests.NAME, NEW)) or is_run(folder)
 
 
-def _walk(folder: Path, skip: Callable[[Path, str], None]) -> Iterator[Path]:
-    """``folder`` and all folders below it: also through links, into each once, not into hidden ones.
+def walk(folder: Path, skip: Callable[[Path, str], None] = lambda path, reason: None) -> Iterator[Path]:
+    """``folder`` and all folders below it, but for hidden ones; links are not followed.
 
     Args:
         folder: where to begin.
         skip: is called with a folder that cannot be read, and the reason.
     """
-    seen = set()
     unreadable: list[OSError] = []
-    for place, inside, _ in os.walk(folder, onerror=unreadable.append, followlinks=True):
-        found = os.stat(place)
-        if (found.st_dev, found.st_ino) in seen:
-            inside.clear()
-            continue
-        seen.add((found.st_dev, found.st_ino))
-        path = Path(place)
-        inside[:] = sorted((name for name in inside if name[0] != "."), key=lambda n: ((path / n).is_symlink(), n))
-        yield path
+    for place, inside, _ in os.walk(folder, onerror=unreadable.append):
+        inside[:] = sorted(name for name in inside if name[0] != ".")
+        yield Path(place)
     for error in unreadable:
         skip(Path(error.filename), error.strerror or "")
 
@@ -68,7 +63,7 @@ def runs_below(folder: Path) -> list[Path]:
     _require_folder(folder)
     if is_run(folder):
         return [folder]
-    return _require_some(folder, (path for path in _walk(folder, _refuse) if _is_marked(path) and is_run(path)))
+    return _require_some(folder, filter(is_run, walk(folder, _refuse)))
 
 
 def everything_below(folder: Path) -> list[Path]:
@@ -81,8 +76,8 @@ def everything_below(folder: Path) -> list[Path]:
     """
     _require_folder(folder)
     unreadable: list[Path] = []
-    found = {path for path in _walk(folder, lambda path, _: unreadable.append(path)) if _is_marked(path)}
-    return _require_some(folder, found.union(unreadable, [folder] if is_run(folder) else []))
+    found = {*filter(_is_result, walk(folder, lambda path, _: unreadable.append(path)))}
+    return _require_some(folder, found.union(unreadable))
 
 
 def require_place(key: str, folder: Path) -> Path:

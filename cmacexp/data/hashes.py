@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import sha256
+from cmacexp.data.files import is_behind_link, sha256
 from cmacexp.errors import BadRun
 
 RESOLUTION = 20_000_000
@@ -21,7 +21,7 @@ def _once(compute: Callable[[Path], Any]) -> Callable[[Path], Any]:
     cached = lru_cache(MOST_FILES)(lambda path, stamp: compute(path))
 
     def lookup(path: Path) -> Any:
-        found = path.stat()
+        found = path.lstat()
         stamp = (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
         just_written = time.time_ns() - max(stamp[-2:]) < RESOLUTION
         return compute(path) if just_written else cached(path, stamp)
@@ -30,7 +30,7 @@ def _once(compute: Callable[[Path], Any]) -> Callable[[Path], Any]:
 
 
 _sha256: Callable[[Path], str] = _once(sha256)
-_read_files: Callable[[Path], Mapping[str, str]] = _once(lambda path: manifests.read(path.parent)["files"])
+_read_files: Callable[[Path], Mapping[str, str]] = _once(lambda path: manifests.read_file(path)["files"])
 
 
 def current_hash(path: Path) -> str:
@@ -46,12 +46,14 @@ def _listed(folder: Path) -> Mapping[str, str] | None:
         return None
 
 
-def find_fault(path: Path, expected: str) -> str | None:
-    """Why a file is not the one with the hash ``expected``; None: it is."""
+def find_fault(folder: Path, name: str, expected: str) -> str | None:
+    """Why the file ``name`` of a folder is not the one with the hash ``expected``; None: it is."""
     try:
-        if not path.is_file():
-            return "missing"
-        return None if current_hash(path) == expected else "changed since it was written"
+        if is_behind_link(folder, name):
+            return "behind a link, which is not followed"
+        return None if current_hash(folder / name) == expected else "changed since it was written"
+    except (FileNotFoundError, NotADirectoryError):
+        return "missing"
     except OSError as error:
         return f"cannot be read ({error.strerror or error})"
 
@@ -63,7 +65,7 @@ def was_written(path: Path) -> bool:
         BadRun: the manifest of the run is damaged.
     """
     listed = _listed(path.parent)
-    return path.exists() if listed is None else path.name in listed
+    return path.is_file() if listed is None else path.name in listed
 
 
 def require_intact(path: Path) -> Path:
@@ -79,6 +81,6 @@ def require_intact(path: Path) -> Path:
         return path
     if path.name not in listed:
         raise BadRun(f"{path}: the run did not write this file, its {manifests.NAME} does not list it")
-    if fault := find_fault(path, listed[path.name]):
+    if fault := find_fault(path.parent, path.name, listed[path.name]):
         raise BadRun(f"{path}: {fault}; run it again")
     return path

@@ -65,7 +65,7 @@ def faults(folder: Path) -> list[str]:
     found += [
         f"{name}: {fault}"
         for name, expected in manifest["files"].items()
-        if (fault := find_fault(folder / name, expected)) is not None
+        if (fault := find_fault(folder, name, expected)) is not None
     ]
     for name, expected in manifest.get("runs", {}).items():
         if _config_hash(folder / name) != expected:

@@ -1,6 +1,8 @@
 """The manifest of a run: config, versions, how it ended, and hashes of its files and of itself; written last."""
 
+import hashlib
 import json
+import os
 import platform
 import subprocess
 from functools import cache
@@ -9,16 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.config import config_hash
-from cmacexp.data.files import write_atomically
-from cmacexp.data.manifest_fields import LATER, find_wrong
+from cmacexp.data.files import NEW, open_file
 from cmacexp.data.manifest_fields import REPORT as REPORT
 from cmacexp.data.manifest_fields import SWEEP as SWEEP
-from cmacexp.data.manifest_text import CHECKSUM, dump
-from cmacexp.data.manifest_text import NAME as NAME
-from cmacexp.data.staging import finish_replacement
+from cmacexp.data.manifest_fields import find_wrong
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadRun
 
+NAME, CHECKSUM = "manifest.json", "checksum"
+"""The file, and its last entry: the SHA-256 of all others."""
+MAX_BYTES = 16 << 20
 PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk")
 
 Manifest = dict[str, Any]
@@ -66,45 +68,63 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
         "rollout_seconds": 0.0,
         "wall_seconds": 0.0,
         "files": {},
+        "dropped": [],
+        "memory": [],
+        "drift": None,
         **entries,
     }
 
 
+def dump(manifest: Manifest) -> str:
+    """The text of a manifest, which ends with the checksum of what is before it."""
+    content = {key: value for key, value in manifest.items() if key != CHECKSUM}
+    checksum = hashlib.sha256(json.dumps(content, indent=2).encode()).hexdigest()
+    return json.dumps({**content, CHECKSUM: checksum}, indent=2) + "\n"
+
+
 def write(folder: Path, manifest: Manifest) -> None:
-    """Write the manifest of ``folder`` with its checksum, whole or not at all."""
-    with write_atomically(folder / NAME) as temporary:
-        temporary.write_text(dump(manifest), encoding="utf-8")
+    """Write a manifest with its checksum into ``folder``, which no other process reads or writes."""
+    (folder / NAME).write_text(dump(manifest), encoding="utf-8")
 
 
 def read(folder: Path) -> Manifest:
     """The manifest of a run, a report or a sweep, checked; without its checksum.
 
-    One that has a checksum is accepted as it was written, to the last blank. One without, of an earlier version, must
-    have known entries alone.
+    Raises:
+        BadRun: there is none, it cannot be read, it has changed, or an entry is missing or not what it must be; or
+            the result was being replaced when its writer was killed.
+    """
+    if os.path.lexists(folder / NEW / NAME):
+        reason = "its replacement was interrupted; repeat the command that wrote there, which completes it"
+        raise BadRun(f"{folder}: {reason}")
+    return read_file(folder / NAME)
+
+
+def read_file(path: Path) -> Manifest:
+    """A manifest as in :func:`read`, of a result that may be being replaced; it must be as written, byte for byte.
 
     Raises:
-        BadRun: there is none, it cannot be read, it has changed, or an entry is missing or not what it must be.
+        BadRun: as :func:`read`.
     """
-    path = folder / NAME
-    if not path.exists():
-        finish_replacement(folder)
     try:
-        text = path.read_bytes().decode()
+        with open_file(path) as file:
+            text = file.read(MAX_BYTES + 1).decode()
+        if len(text) > MAX_BYTES:
+            raise BadRun(f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run")
         found = json.loads(text)
-        has_checksum = isinstance(found, dict) and CHECKSUM in found
-        changed = has_checksum and dump(found) != text
+        changed = isinstance(found, dict) and CHECKSUM in found and dump(found) != text
     except (FileNotFoundError, NotADirectoryError):
-        raise BadRun(f"{folder}: no {NAME}: not the folder of a run, or the run was killed before its end") from None
+        reason = f"no {path.name}: not the folder of a run, or the run was killed before its end"
+        raise BadRun(f"{path.parent}: {reason}") from None
     except (ValueError, OSError, RecursionError) as error:
         raise BadRun(f"{path}: cannot be read ({_describe(error)})") from None
     if changed:
         raise BadRun(f"{path}: changed since it was written; run it again")
-    if has_checksum:
-        del found[CHECKSUM]
-    if wrong := find_wrong(found, complete=has_checksum):
-        raise BadRun(f"{path}: not the manifest of a run: {wrong}; run it again")
+    wrong = find_wrong(found)
+    if wrong or found.pop(CHECKSUM, None) is None:
+        raise BadRun(f"{path}: not the manifest of a run: {wrong or f'it has no {CHECKSUM}'}; run it again")
     manifest: Manifest = found
-    return manifest if "kind" in manifest else {**LATER, **manifest}
+    return manifest
 
 
 def _describe(error: Exception) -> str:
@@ -116,6 +136,6 @@ def _describe(error: Exception) -> str:
 def lists_no_run(folder: Path) -> bool:
     """Whether ``folder`` holds a report or the table of a sweep, not a run."""
     try:
-        return "kind" in read(folder)
+        return "kind" in read_file(folder / NAME)
     except BadRun:
         return False

@@ -1,126 +1,173 @@
-"""What a manifest holds: the kind of value of every entry, and the entries that must not be missing."""
+"""What a manifest holds: the shape of every entry, and of the parts of a config that are read without simulating."""
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from pathlib import PurePosixPath
 from typing import Any, NamedTuple
 
 from cmacexp.config import config_hash
+from cmacexp.config.component import COMPONENTS
 
 REPORT, SWEEP = "report", "sweep"
 """Kinds of manifests that list a report and the runs of its numbers, or the tables of a sweep; a run has no kind."""
+MAX_STEPS_PER_CYCLE = 1 << 32
+MAX_DEPTH = 16
+"""Objects and lists within each other; a config has some five."""
 
 
 class Kind(NamedTuple):
-    """What an entry must be."""
+    """What a value must be."""
 
     words: str
     holds: Callable[[Any], bool]
 
-    def or_null(self) -> "Kind":
-        """Likewise, or null."""
-        return Kind(f"{self.words} or null", lambda value: value is None or self.holds(value))
 
-    def listed(self) -> "Kind":
-        """A list of such values."""
-        words = f"a list, each {self.words}"
-        return Kind(words, lambda value: isinstance(value, list) and all(map(self.holds, value)))
-
-    def named(self) -> "Kind":
-        """Such values by name."""
-        words = f"an object, each {self.words}"
-        return Kind(words, lambda value: isinstance(value, dict) and all(map(self.holds, value.values())))
+Shape = Kind | Mapping[str, Any] | list[Any]
+"""A kind; entries by name (``name?``: may be missing; ``*``: every other one); or a list, each of the one shape."""
 
 
-def make_record(fields: Mapping[str, Kind]) -> Kind:
-    """An object with these entries and no other."""
-    words = ", ".join(f"{name} ({kind.words})" for name, kind in fields.items())
+def _choice(*values: str) -> Kind:
+    return Kind(f"one of {', '.join(values)}", lambda value: isinstance(value, str) and value in values)
 
-    def holds(value: Any) -> bool:
-        return isinstance(value, dict) and {*value} == {*fields} and all(fields[n].holds(value[n]) for n in fields)
 
-    return Kind(f"an object of {words}", holds)
+def _or_null(kind: Kind) -> Kind:
+    return Kind(f"{kind.words} or null", lambda value: value is None or kind.holds(value))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) != math.inf
 
 
 ANY = Kind("anything", lambda value: True)
 TEXT = Kind("text", lambda value: isinstance(value, str))
 FLAG = Kind("true or false", lambda value: isinstance(value, bool))
-NUMBER = Kind("a number", lambda value: isinstance(value, int | float) and not isinstance(value, bool))
-WHOLE = Kind("a whole number from 0", lambda value: type(value) is int and value >= 0)
+FLOAT = Kind("a number", lambda value: isinstance(value, float))
+NUMBER = Kind("a finite number", _is_number)
+POSITIVE = Kind("a number above 0", lambda value: _is_number(value) and value > 0)
+WHOLE = Kind("a whole number from 0", lambda value: type(value) is int and 0 <= value < 2**63)
+COUNT = Kind("a whole number from 1", lambda value: WHOLE.holds(value) and value > 0)
+COUNTS = Kind("a list of whole numbers", lambda value: isinstance(value, list) and all(map(COUNT.holds, value)))
 HASH = Kind("a SHA-256", lambda value: isinstance(value, str) and bool(re.fullmatch("[0-9a-f]{64}", value)))
-CHOICE = Kind(f"{REPORT} or {SWEEP}", lambda value: value in (REPORT, SWEEP))
-ROBOT = make_record({"chains": NUMBER.listed().listed(), "hips": NUMBER.listed().listed(), "foot_radius": NUMBER})
-"""Geometry of a robot's legs, from its model: chains as in :mod:`cmacexp.models.chain`, hips in the body frame
-(forward and left, m), radius of the feet (m)."""
+OBJECT = {"*": ANY}
 
 FIELDS = {
-    "kind": CHOICE,
-    "status": TEXT,
-    "cause": TEXT.or_null(),
+    "kind?": _choice(REPORT, SWEEP),
+    "status": _choice("completed", "fell", "diverged", "failed", "interrupted", "bad input"),
+    "config": OBJECT,
+    "files": {"*": HASH},
+    "versions": {"*": TEXT},
+    "key?": TEXT,
+    "runs?": {"*": TEXT},
+}
+RUN_FIELDS = {
+    "cause": _or_null(TEXT),
     "seed": ANY,
-    "config": ANY.named(),
     "config_hash": HASH,
-    "versions": TEXT.named(),
-    "git_commit": TEXT.or_null(),
+    "git_commit": _or_null(TEXT),
     "steps": WHOLE,
     "rollout_seconds": NUMBER,
     "wall_seconds": NUMBER,
-    "files": HASH.named(),
-    "dropped": NUMBER.named().listed(),
-    "memory": NUMBER.or_null().named().listed(),
-    "code_hash": TEXT,
-    "start_weights": HASH.or_null(),
-    "learning_lead": ANY,
-    "drift": NUMBER.named().or_null(),
-    "robot": ROBOT,
-    "model_hash": HASH.or_null(),
-    "traceback": TEXT,
-    "bad_input": FLAG,
-    "key": TEXT,
-    "runs": TEXT.named(),
+    "dropped": [{"leg": WHOLE, "step": WHOLE}],
+    "memory": [
+        {
+            "rows": COUNT,
+            "rows_used": WHOLE,
+            "cells_visited": _or_null(WHOLE),
+            "cells_colliding": _or_null(WHOLE),
+            "clipped": WHOLE,
+        }
+    ],
+    "drift": _or_null(Kind("an object", lambda value: isinstance(value, dict))),
+    "overrides?": [TEXT],
+    "code_hash?": TEXT,
+    "start_weights?": _or_null(HASH),
+    "learning_lead?": ANY,
+    "robot?": {"chains": [[NUMBER]], "hips": [[NUMBER]], "foot_radius": NUMBER},
+    "model_hash?": _or_null(HASH),
+    "traceback?": TEXT,
+    "bad_input?": FLAG,
 }
-REQUIRED = ("status", "config", "files")
-REQUIRED_OF_A_RUN = ("config_hash", "versions", "git_commit", "steps", "rollout_seconds", "wall_seconds", "seed")
-LATER: Mapping[str, Any] = {"dropped": [], "memory": [], "drift": None}
-"""Entries of a run that the first versions did not write."""
+"""Further ones of a run. ``robot``: geometry of the legs, chains as in :mod:`cmacexp.models.chain`, hips in the body
+frame (forward and left, m), radius of the feet (m)."""
+DRIFT = {"cycle": WHOLE, "leg": WHOLE, "named": WHOLE, "growth": FLOAT}
+LEG = {"length_1?": NUMBER, "length_2?": NUMBER, "hip_x?": NUMBER, "hip_y?": NUMBER}
+CONFIG = {
+    "scenario": TEXT,
+    "sampling_period": POSITIVE,
+    "cycles": COUNT,
+    "gait": {"cycle_time": POSITIVE},
+    "machine": {"kind": TEXT, "hip_height": NUMBER, "leg?": LEG, "legs?": {"*": LEG}},
+    "terrain": {"stiffness": POSITIVE, "slope?": NUMBER, "slope_start": NUMBER},
+    "learning": {"start_cycle": COUNT},
+    "cmac": OBJECT,
+    "record": {"every_nth_step": COUNT, "cycles": _or_null(COUNTS)},
+    **{group: {"_target_": TEXT} for group in COMPONENTS},
+}
+"""Of the config of a run that took steps or has files: what readers use of it."""
+
+
+def find_misfit(value: Any, shape: Shape, name: str) -> str | None:
+    """Which value does not have its shape, and what it must be; None: all have.
+
+    Args:
+        value: as read from JSON.
+        shape: that it must have.
+        name: of the value.
+    """
+    if isinstance(shape, Kind):
+        return None if shape.holds(value) else f"{name} must be {shape.words}"
+    if isinstance(shape, list):
+        if not isinstance(value, list):
+            return f"{name} must be a list"
+        inner = ((each, shape[0], f"{name}[{index}]") for index, each in enumerate(value))
+    else:
+        if not isinstance(value, dict):
+            return f"{name} must be an object"
+        required = {key: of for key, of in shape.items() if key[-1] not in "?*"}
+        if missing := required.keys() - value.keys():
+            return f"{name} has no {', '.join(sorted(missing))}"
+        found = (
+            (key, each, shape.get(key, shape.get(f"{key}?", shape.get("*", ANY)))) for key, each in value.items()
+        )
+        inner = ((each, of, f"{name}.{key[:40]}") for key, each, of in found)
+    return next(filter(None, (find_misfit(*each) for each in inner)), None)
+
+
+def _is_deep(value: Any, depth: int = 0) -> bool:
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return depth > MAX_DEPTH or any(_is_deep(each, depth + 1) for each in inner)
 
 
 def _is_place(name: str, outside: bool) -> bool:
-    """Whether ``name`` can be that of a file: relative, and below the folder unless it may lie ``outside``."""
+    """Whether ``name`` can be that of a file: in the folder itself, or relative to it if it may lie ``outside``."""
     path = PurePosixPath(name)
-    return bool(path.parts) and not path.is_absolute() and "\0" not in name and (outside or ".." not in path.parts)
+    return bool(path.parts) and not path.is_absolute() and "\0" not in name and (outside or path.name == name)
 
 
-def find_wrong(manifest: object, complete: bool) -> str | None:
-    """What is wrong with the content of a manifest; None: nothing.
-
-    Args:
-        manifest: as read from its file, without its checksum.
-        complete: whether it may have entries that this version does not know; not the manifest of an earlier one.
-    """
-    if not isinstance(manifest, dict):
-        return "must be an object"
-    required = REQUIRED if "kind" in manifest else (*REQUIRED, *REQUIRED_OF_A_RUN)
-    if missing := [key for key in required if key not in manifest]:
-        return f"it has no {', '.join(missing)}"
-    for key, value in manifest.items():
-        if key not in FIELDS and not complete:
-            return f"it has an unknown entry {key[:40]!r}"
-        if key in FIELDS and not FIELDS[key].holds(value):
-            return f"{key} must be {FIELDS[key].words}"
-    return _find_contradiction(manifest)
-
-
-def _find_contradiction(manifest: Mapping[str, Any]) -> str | None:
-    """Entries that are of the right kind but cannot belong together."""
+def find_wrong(manifest: Any) -> str | None:
+    """What is wrong with the content of a manifest, as read from its file without its checksum; None: nothing."""
+    if _is_deep(manifest):
+        return f"it nests more than {MAX_DEPTH} levels"
+    if wrong := find_misfit(manifest, FIELDS, "manifest"):
+        return wrong
     is_run = "kind" not in manifest
     for name in manifest["files"]:
         if not _is_place(name, outside=not is_run):
             return f"files must be names of files in its folder, not {name[:40]!r}"
-    if not is_run:
-        return None
-    if manifest["config_hash"] != config_hash(manifest["config"]):
+    return _find_wrong_in_run(manifest) if is_run else None
+
+
+def _find_wrong_in_run(manifest: Mapping[str, Any]) -> str | None:
+    if wrong := find_misfit(manifest, RUN_FIELDS, "manifest"):
+        return wrong
+    config = manifest["config"]
+    if manifest["config_hash"] != config_hash(config):
         return "its config is not the one of its config_hash"
-    if manifest["files"] and not isinstance(manifest["config"].get("record"), dict):
-        return "config.record must be an object"
-    return None
+    if not (manifest["files"] or manifest["steps"]):
+        return None  # of a job that failed the config can be anything
+    if wrong := find_misfit(config, CONFIG, "config"):
+        return wrong
+    if not 0.5 < config["gait"]["cycle_time"] / config["sampling_period"] < MAX_STEPS_PER_CYCLE:
+        return f"config.gait.cycle_time must have from 1 to {MAX_STEPS_PER_CYCLE} steps of config.sampling_period"
+    return None if manifest["drift"] is None else find_misfit(manifest["drift"], DRIFT, "manifest.drift")

@@ -1,8 +1,7 @@
 """Tables on disk, and their columns as arrays."""
 
-import os
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +10,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from cmacexp.data.files import allocate, write_atomically
+from cmacexp.data.files import open_file
 from cmacexp.data.hashes import require_intact
 from cmacexp.typing import Array, Mask
-
-HEADER_BYTES, COLUMN_BYTES, FOOTER_BYTES = 4096, 1024, 256
-"""More than Parquet needs besides the values: once, and for each column of a part, beside it and in the footer."""
 
 
 def arrow(values: NDArray[Any], kind: pa.DataType) -> pa.Array:
@@ -32,67 +28,28 @@ def arrow_strings(values: list[str]) -> pa.Array:
     return pa.StringArray.from_buffers(len(values), pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded)))
 
 
-class TableWriter:
-    """A table that is being written as Parquet, a row group at a time; same parts, same bytes.
-
-    Args:
-        path: of the file at the end.
-        temporary: its path while it is written.
-        schema: of the table.
-    """
-
-    def __init__(self, path: Path, temporary: Path, schema: pa.Schema):
-        floats = [field.name for field in schema if pa.types.is_floating(field.type)]
-        self._path, self._temporary, self._columns = path, temporary, len(schema)
-        self._groups = self._reserved = 0
-        self._header = HEADER_BYTES + 2 * schema.serialize().size  # the footer repeats the schema as text
-        self._sink = pa.OSFile(str(temporary), "wb")
-        self._writer = pq.ParquetWriter(
-            self._sink,
-            schema,
-            compression="zstd",
-            use_dictionary=[name for name in schema.names if name not in floats],
-            column_encoding=dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
-        )
-
-    def reserve(self, parts: Sequence[pa.Table]) -> None:
-        """Take the space for more parts and for the footer, so that none can fail for want of it.
-
-        Raises:
-            DiskFull: there is no room; the message names the file.
-        """
-        footer = self._header + FOOTER_BYTES * self._columns * (self._groups + len(parts))
-        columns = [column for part in parts for column in part.columns]
-        values = sum(column.nbytes * (1 if column.type == pa.float64() else 2) for column in columns)
-        needed = self._sink.tell() + values + values // 64 + COLUMN_BYTES * len(columns) + footer
-        allocate(self._temporary, needed, self._path)
-        self._reserved = max(self._reserved, needed)
-
-    def write_table(self, part: pa.Table) -> None:
-        """Write a part."""
-        self._writer.write_table(part)
-        self._groups += 1
-
-    def close(self) -> None:
-        """Write the footer, and give back what was reserved beyond it."""
-        self._writer.close()
-        size = self._sink.tell()
-        self._sink.close()
-        if self._reserved > size:
-            os.truncate(self._temporary, size)
-
-
-@contextmanager
-def table_writer(path: Path, schema: pa.Schema) -> Iterator[TableWriter]:
-    """Write a table as Parquet part by part, a row group each, whole or not at all; same parts, same bytes."""
-    with write_atomically(path) as temporary, closing(TableWriter(path, temporary, schema)) as writer:
-        yield writer
+def table_writer(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
+    """What writes a table as Parquet part by part, a row group each; same parts, same bytes."""
+    floats = [field.name for field in schema if pa.types.is_floating(field.type)]
+    return pq.ParquetWriter(
+        path,
+        schema,
+        compression="zstd",
+        use_dictionary=[name for name in schema.names if name not in floats],
+        column_encoding=dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
+    )
 
 
 def write_table(table: pa.Table, path: Path) -> None:
-    """Write a table as Parquet, whole or not at all; the same table gives the same bytes."""
+    """Write a table as Parquet; the same table gives the same bytes."""
     with table_writer(path, table.schema) as writer:
         writer.write_table(table)
+
+
+@contextmanager
+def _open_table(path: Path) -> Iterator[pq.ParquetFile]:
+    with open_file(require_intact(path)) as data, pq.ParquetFile(data) as file:
+        yield file
 
 
 def read_groups(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
@@ -101,7 +58,7 @@ def read_groups(path: Path, columns: list[str] | None = None) -> Iterator[pa.Tab
     Raises:
         BadRun: it is not as its run wrote it; so for all that reads tables.
     """
-    with pq.ParquetFile(require_intact(path)) as file:
+    with _open_table(path) as file:
         for group in range(file.num_row_groups):
             yield file.read_row_group(group, columns)
 
@@ -114,13 +71,14 @@ def select_rows(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
 
 def read_table(path: Path) -> pa.Table:
     """The table that :func:`write_table` wrote."""
-    with pq.ParquetFile(require_intact(path)) as file:
+    with _open_table(path) as file:
         return file.read()
 
 
 def read_cycles(path: Path, numbers: Sequence[int]) -> pa.Table:
     """Rows of some cycles of a table; the others are never all in memory."""
-    return pq.read_table(require_intact(path), filters=[("cycle", "in", list(numbers))])
+    with open_file(require_intact(path)) as data:
+        return pq.read_table(data, filters=[("cycle", "in", list(numbers))])
 
 
 def _contiguous(table: pa.Table, name: str) -> pa.Array:

@@ -34,8 +34,6 @@ class Signal:
     altered_by: tuple[str, ...] = ()
     """Sensor signals that can alter this one; a column ``*_measured`` then shows what the controller gets."""
     present: str = ALWAYS
-    added: bool = False
-    """Whether traces of earlier versions lack it."""
 
 
 PHASES = ["transfer", "support"]
@@ -115,10 +113,9 @@ TRUE_MARGIN_SIGNALS = (
         "from the true centre of gravity to the nearest edge of the polygon of the feet with force > 0, tilt and "
         "payload included; NaN with fewer than three",
         TRACE,
-        added=True,
     ),
-    Signal("true_margin_front", "m", "likewise to its front boundary along the body's x", TRACE, added=True),
-    Signal("true_margin_rear", "m", "likewise to its rear boundary along the body's x", TRACE, added=True),
+    Signal("true_margin_front", "m", "likewise to its front boundary along the body's x", TRACE),
+    Signal("true_margin_rear", "m", "likewise to its rear boundary along the body's x", TRACE),
 )
 TRUE_MARGINS = tuple(signal.name for signal in TRUE_MARGIN_SIGNALS)
 """Signals that follow from the traces of body and legs: nearest edge, front, rear."""
@@ -129,9 +126,7 @@ BODY_SIGNALS = (
     Signal("height", "m", "centre of the body above the undepressed ground below it", PLANT, altered_by=("height",)),
     Signal("pitch", "rad", "positive nose down", PLANT, altered_by=("tilt",)),
     Signal("roll", "rad", "positive right side down", PLANT, altered_by=("tilt",)),
-    Signal(
-        "yaw", "rad", "positive turned to the left; 0 unless the plant moves the body by itself", PLANT, added=True
-    ),
+    Signal("yaw", "rad", "positive turned to the left; 0 unless the plant moves the body by itself", PLANT),
     Signal(
         "cog_x",
         "m",

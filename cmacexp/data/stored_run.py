@@ -145,7 +145,8 @@ def read_config(run: StoredRun) -> Config:
     Raises:
         BadRun: another version with other fields wrote it.
     """
+    plain = run.config
     try:
-        return to_config(OmegaConf.create(run.config))
+        return to_config(OmegaConf.create(plain))
     except CmacexpError as error:
         raise BadRun(f"{run.folder}: its config is not one of this version ({error}); run it again") from None

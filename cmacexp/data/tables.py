@@ -8,7 +8,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
-from cmacexp.data.files import write_atomically
 from cmacexp.data.hashes import was_written
 from cmacexp.data.parquet import as_array, read_groups, select_rows, write_table
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, make_schema, select_signals
@@ -70,7 +69,7 @@ def _read(path: Path, columns: Sequence[Signal], cycles: tuple[int, int], every:
     kept: list[pa.Table] = []
     steps = 0
     for part in read_parts(path):
-        missing = {column.name for column in columns if not column.added} - set(part.column_names)
+        missing = {column.name for column in columns} - set(part.column_names)
         if missing:
             raise BadRun(f"{path}: not a trace: it has no {', '.join(sorted(missing))}")
         cycle = as_array(part, "cycle")
@@ -111,8 +110,7 @@ def write_memory(folder: Path, memory: Sequence[pa.Table]) -> list[str]:
 def write_scores(folder: Path, scores: Scores) -> list[str]:
     """Write the metrics of a run; the names of the files."""
     write_table(scores.legs, folder / METRICS)
-    with write_atomically(folder / METRICS_CSV) as temporary:
-        pa_csv.write_csv(scores.legs, temporary)
+    pa_csv.write_csv(scores.legs, folder / METRICS_CSV)
     if scores.body is None:
         return [METRICS, METRICS_CSV]
     write_table(scores.body, folder / BODY_METRICS)

@@ -1,4 +1,4 @@
-"""Writing the traces of a run while it goes on, and keeping what has been written when the disk is full."""
+"""Writing the traces of a run while it goes on."""
 
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -7,15 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from cmacexp.config.schema import RecordConfig
-from cmacexp.data.files import allocate
-from cmacexp.data.parquet import TableWriter, as_array, select_rows, table_writer
+from cmacexp.data.parquet import as_array, select_rows, table_writer
 from cmacexp.data.signals import Signal, make_schema
-from cmacexp.data.tables import BODY, METRICS, TRACE, Traces
+from cmacexp.data.tables import BODY, TRACE, Traces
 
-SPARE = ".spare"
-"""A file that only takes the space which the files that follow will need."""
 LAST_STEPS = 100
 """Steps before the end of a run that did not complete, which a thinned trace keeps too: they show what went wrong."""
 
@@ -39,26 +37,14 @@ class TraceWriter:
     Args:
         writers: of the legs, and of the body if there is one.
         record: which rows the traces keep.
-        spare: path of the file that takes the space for the files that follow.
     """
 
-    def __init__(self, writers: Sequence[TableWriter], record: RecordConfig, spare: Path):
-        self._writers, self._record, self._spare = writers, record, spare
+    def __init__(self, writers: Sequence[pq.ParquetWriter], record: RecordConfig):
+        self._writers, self._record = writers, record
         self._held: deque[Traces] = deque()
 
-    def write(self, traces: Traces, needed: int) -> None:
-        """Write the traces of the next cycles; a thinned trace holds back those of the last steps.
-
-        Args:
-            traces: of these cycles.
-            needed: bytes to keep free for the files that follow the traces.
-
-        Raises:
-            DiskFull: there is no room for all that; nothing is written, and what has been written stays whole.
-        """
-        for writer, parts in zip(self._writers, zip(*self._held, traces, strict=True), strict=False):
-            writer.reserve(parts)
-        allocate(self._spare, needed, self._spare.with_name(METRICS))
+    def write(self, traces: Traces) -> None:
+        """Write the traces of the next cycles; a thinned trace holds back those of the last steps."""
         if not self._record.thins:
             self._put(traces)
         elif traces.legs.num_rows:
@@ -89,7 +75,7 @@ class TraceWriter:
 def trace_writer(
     folder: Path, record: RecordConfig, legs: Sequence[Signal], body: Sequence[Signal] | None
 ) -> Iterator[TraceWriter]:
-    """A writer of the traces; the files appear when the block ends without an error.
+    """A writer of the traces; the files can be read when the block has ended.
 
     Args:
         folder: of the run.
@@ -100,6 +86,4 @@ def trace_writer(
     columns = {TRACE: legs} if body is None else {TRACE: legs, BODY: body}
     with ExitStack() as stack:
         files = [table_writer(folder / name, make_schema(signals)) for name, signals in columns.items()]
-        spare = folder / SPARE
-        stack.callback(spare.unlink, missing_ok=True)
-        yield TraceWriter([stack.enter_context(file) for file in files], record, spare)
+        yield TraceWriter([stack.enter_context(file) for file in files], record)

@@ -1,27 +1,30 @@
 """Learnt weights of a feedforward, as a file from which another run can start."""
 
 from collections.abc import Mapping
+from math import prod
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
+from typing import Any, BinaryIO
+from zipfile import ZipFile
 
 import numpy as np
+from numpy.lib import format as npy
 
 from cmacexp.config import Config, to_plain
 from cmacexp.config.difference import differences
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import write_atomically
+from cmacexp.data.files import open_file
 from cmacexp.data.hashes import current_hash, require_intact
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.typing import Weights
 
 WEIGHTS = "weights.npz"
+MAX_COMPRESSION = 1100
+"""Deflate makes nothing smaller than by a factor of 1032."""
 
 
 def write_weights(folder: Path, weights: Weights) -> None:
     """Write ``weights`` to the folder of a run; equal arrays give equal bytes."""
-    with write_atomically(folder / WEIGHTS) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **weights)
+    np.savez_compressed(folder / WEIGHTS, allow_pickle=False, **weights)
 
 
 def _network(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -57,12 +60,34 @@ def read_weights(config: Config) -> Weights | None:
         there = " ".join(f"{key}={value}" for key, value in apart.items())
         raise refusal(f"its weights were learnt with {there}; give the same here")
     try:
-        with np.load(require_intact(folder / WEIGHTS), allow_pickle=False) as arrays:
-            return dict(arrays)
+        with open_file(require_intact(folder / WEIGHTS)) as file:
+            _check_sizes(file)
+            with np.load(file, allow_pickle=False) as arrays:
+                return dict(arrays)
     except BadRun as error:
         raise refusal(f"must hold the weights that its run wrote ({error})") from None
-    except (OSError, ValueError, BadZipFile) as error:
+    except Exception as error:  # whatever zipfile, zlib and numpy raise for a file that nobody wrote with them
         raise refusal(f"{WEIGHTS} cannot be read ({error}); run it again") from None
+
+
+def _check_sizes(file: BinaryIO) -> None:
+    """Compare the arrays of a file with its size, before memory is taken for them.
+
+    Raises:
+        ValueError: an array has another size than its header says, or holds no numbers.
+    """
+    size = file.seek(0, 2)
+    with ZipFile(file) as archive:
+        for member in archive.infolist():
+            with archive.open(member) as array:
+                read_header = (
+                    npy.read_array_header_1_0 if npy.read_magic(array)[0] == 1 else npy.read_array_header_2_0
+                )
+                shape, _, dtype = read_header(array)
+                needed = array.tell() + prod(shape) * dtype.itemsize
+            if dtype.kind not in "fiu" or needed != member.file_size or needed > MAX_COMPRESSION * size:
+                raise ValueError(f"{member.filename} is not what its header says")
+    file.seek(0)
 
 
 def start_hash(config: Config) -> str | None:

@@ -13,7 +13,7 @@ from cmacexp.config.component import COMPONENTS
 from cmacexp.config.compose import compose_untyped
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import METRICS
-from cmacexp.errors import BadInput, WithoutEffect
+from cmacexp.errors import BadInput, WithoutEffect, in_one_line
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.loop.scenario import make_scenario
@@ -31,7 +31,7 @@ class Run(StoredRun):
         manifest = self.manifest
         titles, rows = format_cycles(self.scores) if METRICS in manifest["files"] else ([], [])
         line = f"{self.folder}: {self.config.get('scenario')}, {self.ending}, {manifest['steps']} steps"
-        return line, [f"{title} {unit}".rstrip() for title, unit in titles], rows
+        return in_one_line(line), [f"{title} {unit}".rstrip() for title, unit in titles], rows
 
     def _printed(self) -> tuple[str, list[str], list[list[str]]]:
         """The same, of a damaged run the reason alone: a run is often printed in search of another mistake."""

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.compose import compose_with_choices
+from cmacexp.data.folder import RUN_KEY, replacing
 from cmacexp.data.integrity import is_finished
-from cmacexp.data.places import run_place
 from cmacexp.experiment.workers import Each
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.report.terminal import announce_compiling
@@ -39,7 +39,7 @@ def _run(folder: Path, config: Config, runs: int) -> None:
 
     announce_compiling()
     expect_runs(runs)
-    with run_place(folder, wait=True) as place:
+    with replacing(folder, RUN_KEY, wait=True) as place:
         if not is_finished(folder, config):  # another study may have run it while this one waited
             run_scenario(config, place)
 

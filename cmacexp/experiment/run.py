@@ -1,9 +1,8 @@
 """One run from its config to its folder: closed loop, traces, metrics, recording, manifest."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,9 @@ from cmacexp.config.machine import RobotMachine, model_hash, read_model
 from cmacexp.control import HybridController, Learns
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
-from cmacexp.data.files import DiskFull, sha256
-from cmacexp.data.places import RUN_KEY, run_place
+from cmacexp.data.files import sha256
+from cmacexp.data.folder import RUN_KEY, Place, replacing
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MODEL_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
-from cmacexp.data.staging import Place
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import (
     BODY,
@@ -45,8 +43,6 @@ from cmacexp.typing import Array
 
 Columns = tuple[tuple[Signal, ...], tuple[Signal, ...] | None]
 """Columns of the traces of the legs, and of the body if there is one."""
-SPARE_BYTES, CYCLE_BYTES = 1 << 17, 1 << 11
-"""More than metrics and manifest take on the disk: once, and for each cycle and leg."""
 
 
 def _columns(scenario: Scenario) -> Columns:
@@ -85,67 +81,45 @@ def _roll_out(
     scorer: RunScorer,
     watch: Callable[[int], None],
     warn: Callable[[Drift], None],
-) -> tuple[End, list[str], list[DiskFull]]:
-    """Run, score, and write traces and memory; how the run ended, the names of the files, and what found no room."""
+) -> tuple[End, list[str]]:
+    """Run, score, and write traces and memory; how the run ended, and the names of the files."""
     columns, config, memory = _columns(scenario), scenario.setup.config, list[pa.Table]()
-    kept, lost = 0, list[DiskFull]()
-
-    def stop_if_full(cycle: int) -> None:
-        if lost:
-            raise lost[0]
-        watch(cycle)
-
     with trace_writer(folder, config.record, *columns) as writer:
 
         def take(samples: Samples) -> None:
-            nonlocal kept
             known, traces = scorer.drift, _assemble(scenario, columns, samples)
-            steps, legs = samples.start + len(samples.legs), samples.legs.shape[1]
-            try:
-                writer.write(traces, SPARE_BYTES + CYCLE_BYTES * legs * -(-steps // config.steps_per_cycle))
-            except DiskFull as error:
-                lost.append(error)
-                return
-            kept = steps
+            writer.write(traces)
             scorer.add(traces)
             if traces.memory is not None:
                 memory.append(traces.memory)
             if known is None and scorer.drift is not None:
                 warn(scorer.drift)
 
-        end = stream(scenario, take, stop_if_full)
-        if lost and not kept:
-            raise lost[0]
+        end = stream(scenario, take, watch)
         writer.finish(end.status == "completed")
-    if lost:
-        end = replace(end, steps=kept)
     names = [TRACE, BODY] if columns[1] else [TRACE]
-    return end, names + write_memory(folder, memory), lost
+    return end, names + write_memory(folder, memory)
 
 
-def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest, lost: list[DiskFull]) -> list[str]:
+def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest) -> list[str]:
     """Write the weights and the recording if the config asks for them; the names of the files.
 
     Args:
         scenario: of the run.
         place: of the run, with its new trace and metrics.
         manifest: what is known of the run before its other files are written.
-        lost: what found no room so far; is extended.
     """
     record, folder, names = scenario.setup.config.record, place.new, list[str]()
-    try:
-        if record.weights and isinstance(scenario.feedforward, Learns):
-            write_weights(folder, scenario.feedforward.learnt())
-            names.append(WEIGHTS)
-        if record.recording and not lost and (kept := steps_by_cycle(folder)):
-            from cmacexp.recording.window import make_window
-            from cmacexp.recording.write import write_recording
+    if record.weights and isinstance(scenario.feedforward, Learns):
+        write_weights(folder, scenario.feedforward.learnt())
+        names.append(WEIGHTS)
+    if record.recording and (kept := steps_by_cycle(folder)):
+        from cmacexp.recording.window import make_window
+        from cmacexp.recording.write import write_recording
 
-            label, window = place.folder.name, make_window(kept)
-            write_recording(folder, manifest, folder / RECORDING, label=label, window=window)
-            names.append(RECORDING)
-    except DiskFull as error:
-        lost.append(error)
+        label, window = place.folder.name, make_window(kept)
+        write_recording(folder, manifest, folder / RECORDING, label=label, window=window)
+        names.append(RECORDING)
     return names
 
 
@@ -182,6 +156,7 @@ def run_scenario(
     prepared: Scenario | None = None,
     warn: Callable[[Drift], None] = lambda drift: None,
     record: Mapping[str, str] | None = None,
+    overrides: Sequence[str] | None = None,
 ) -> StoredRun:
     """Run a scenario and write its results to ``folder``.
 
@@ -192,25 +167,25 @@ def run_scenario(
         prepared: the scenario of ``config`` if it is already made.
         warn: is called once a drift is detected, while the run goes on; see :mod:`cmacexp.metrics.drift`.
         record: Hydra's own record of the run, texts by file name.
+        overrides: of a job of a sweep, as typed.
 
     Returns:
-        The result; a run that diverged, failed, was interrupted or filled the disk keeps its results up to there.
+        The result; a run that diverged, failed or was interrupted keeps its results up to there.
 
     Raises:
         BadInput: the machine cannot follow the plan, or the folder is in use or holds something else; nothing was
             simulated or written.
-        OSError: the folder cannot be written, or the disk is full and an earlier run in the folder is kept instead.
+        OSError: the folder cannot be written, or the disk is full: an earlier run in the folder stays as it was.
     """
     began = time.perf_counter()
     scenario = prepared or make_scenario(config)
-    with nullcontext(folder) if isinstance(folder, Place) else run_place(folder) as place:
+    with nullcontext(folder) if isinstance(folder, Place) else replacing(folder, RUN_KEY) as place:
         _refuse_own_weights(config, place.folder)
         for name, text in (record or {}).items():
             place.write_text(f"{HYDRA_FOLDER}/{name}", text)
-        manifest, lost = _write(scenario, place, watch, warn)
-        if lost and place.earlier:
-            raise lost[0]
-        place.commit({**manifest, "wall_seconds": time.perf_counter() - began})
+        manifest = _write(scenario, place, watch, warn)
+        typed = {} if overrides is None else {"overrides": list(overrides)}
+        place.commit({**manifest, **typed, "wall_seconds": time.perf_counter() - began})
     return StoredRun(place.folder)
 
 
@@ -222,16 +197,19 @@ def _refuse_own_weights(config: Config, folder: Path) -> None:
 
 def _write(
     scenario: Scenario, place: Place, watch: Callable[[int], None], warn: Callable[[Drift], None]
-) -> tuple[manifests.Manifest, list[DiskFull]]:
-    """Run, and write everything but the manifest; the manifest, and what found no room on the disk."""
+) -> manifests.Manifest:
+    """Run, and write everything but the manifest, which is returned."""
     config, folder = scenario.setup.config, place.new
     scorer = RunScorer(config.steps_per_cycle)
-    end, names, lost = _roll_out(scenario, folder, scorer, watch, warn)
+    end, names = _roll_out(scenario, folder, scorer, watch, warn)
     scores = scorer.scores
     names += write_scores(folder, scores)
     shape = _robot_entry(scenario)  # the recording draws it
     manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps, **shape)
-    names += _write_extras(scenario, place, manifest, lost)
+    try:
+        names += _write_extras(scenario, place, manifest)
+    except OSError as error:  # of a disk that is full: trace and metrics are whole
+        manifest |= {"status": "failed", "cause": f"after step {end.steps}: {error}"}
     entries = {
         **_component_entries(scenario),
         "code_hash": code_hash(),
@@ -242,8 +220,6 @@ def _write(
         "rollout_seconds": end.seconds,
         "files": {name: sha256(folder / name) for name in names},
     }
-    if lost:
-        entries |= {"status": "failed", "cause": f"after step {end.steps}: {lost[0]}"}
-    elif end.error is not None and not isinstance(end.error, BadOutput):
+    if end.error is not None and not isinstance(end.error, BadOutput):
         entries["traceback"] = format_user_traceback(end.error)
-    return manifest | entries, lost
+    return manifest | entries

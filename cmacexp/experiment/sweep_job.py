@@ -13,7 +13,7 @@ from cmacexp.config import Config, to_config
 from cmacexp.config.hydra_record import make_record
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
-from cmacexp.data.places import run_place
+from cmacexp.data.folder import RUN_KEY, replacing
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.experiment.sweep_start import count_jobs, is_alone, select_run_overrides
@@ -32,21 +32,22 @@ def run_job(composed: DictConfig) -> float | None:
     folder, metric = Path(hydra.runtime.output_dir), composed.get("optimize")
     with interrupt_held_back():  # some libraries cannot be imported by halves
         from cmacexp.experiment.objective import check_metric, read_objective
-        from cmacexp.report.run_summary import read_summary
+        from cmacexp.report.run_summary import RunSummary, read_summary
         from cmacexp.report.terminal import announce_compiling, describe_drift, format_outcome, say
 
     announce_compiling()
     expect_runs(count_jobs())
-    record = make_record(composed)
-    name = f"#{hydra.job.num} {' '.join(select_run_overrides(hydra.overrides.task))}"
+    record, overrides, summary = make_record(composed), select_run_overrides(hydra.overrides.task), None
+    name = f"#{hydra.job.num} {' '.join(overrides)}"
     try:
         with interrupt_as_such():
             config = to_config(composed, hydra.runtime.choices)
             check_metric(config.optimize, config.machine.kind)
-            result = _run_unless_finished(config, folder, record)
+            result = _run_unless_finished(config, folder, record, overrides)
     except Exception as error:
         cause = _describe(error)
-        _write_failure(folder, composed, record, error, cause)
+        summary = RunSummary(folder, "failed", cause)
+        _write_failure(folder, composed, record, overrides, error, cause)
         say(f"error: #{hydra.job.num}: {cause}", error=True)
     else:
         if result is None:
@@ -58,10 +59,12 @@ def run_job(composed: DictConfig) -> float | None:
             say(f"{name}: {format_outcome(result)}{'; ' if drift else ''}{drift}")
         if result is not None and result.status == "interrupted":
             raise KeyboardInterrupt
-    return None if metric is None else read_objective(metric, read_summary(folder))
+    return None if metric is None else read_objective(metric, summary or read_summary(folder))
 
 
-def _run_unless_finished(config: Config, folder: Path, record: Mapping[str, str]) -> StoredRun | None:
+def _run_unless_finished(
+    config: Config, folder: Path, record: Mapping[str, str], overrides: list[str]
+) -> StoredRun | None:
     """The run of a config; None if the sweep resumes and ``folder`` holds it already."""
     with interrupt_held_back():
         from cmacexp.data.integrity import is_finished
@@ -70,13 +73,16 @@ def _run_unless_finished(config: Config, folder: Path, record: Mapping[str, str]
         from cmacexp.report.terminal import activity, describe_planning, progress
 
     alone = is_alone(HydraConfig.get().launcher)
-    with run_place(folder) as place:
+    with replacing(folder, RUN_KEY) as place:
         if config.sweep.resume and is_finished(folder, config):
+            manifest = manifests.read(folder)
+            if manifest.get("overrides") != overrides:  # the same config by other words
+                place.commit({**manifest, "overrides": overrides})
             return None
         with activity(describe_planning(config), shown=alone):
             scenario = make_scenario(config)
         with progress(config.scenario, config.cycles, "cycles", shown=alone) as watch:
-            return run_scenario(config, place, watch, scenario, record=record)
+            return run_scenario(config, place, watch, scenario, record=record, overrides=overrides)
 
 
 def _describe(error: Exception) -> str:
@@ -86,13 +92,19 @@ def _describe(error: Exception) -> str:
 
 
 def _write_failure(
-    folder: Path, composed: DictConfig, record: Mapping[str, str], error: Exception, cause: str
+    folder: Path,
+    composed: DictConfig,
+    record: Mapping[str, str],
+    overrides: list[str],
+    error: Exception,
+    cause: str,
 ) -> None:
     """Leave a manifest that names why there is no result; an earlier run in the folder stays, with it beside."""
-    manifest = manifests.make_manifest(_resolve(composed), "failed", cause, bad_input=isinstance(error, BadInput))
+    bad_input = isinstance(error, BadInput)
+    manifest = manifests.make_manifest(_resolve(composed), "failed", cause, bad_input=bad_input, overrides=overrides)
     if isinstance(error, BadComponent) or not isinstance(error, CmacexpError | OSError | MemoryError):
         manifest["traceback"] = format_user_traceback(error.raised if isinstance(error, BadComponent) else error)
-    with suppress(OSError, BadInput), run_place(folder) as place:
+    with suppress(OSError, BadInput), replacing(folder, RUN_KEY) as place:
         # where this fails, the job counts as not completed, and the terminal shows its cause
         for name, text in record.items():
             place.write_text(f"{HYDRA_FOLDER}/{name}", text)

@@ -2,19 +2,20 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import yaml
 
-from cmacexp.data.discovery import HYDRA_FOLDER
-from cmacexp.data.files import place_of
+from cmacexp.data import manifest as manifests
+from cmacexp.data.discovery import walk
+from cmacexp.data.files import FAILED
 from cmacexp.data.parquet import arrow, arrow_strings
-from cmacexp.experiment.sweep_start import Sweep, select_run_overrides
+from cmacexp.errors import BadRun
+from cmacexp.experiment.sweep_start import Sweep
 from cmacexp.report.comparison import Row, make_rows
 from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
 
@@ -23,7 +24,7 @@ class SweepResults(NamedTuple):
     """The jobs of a sweep, as they ended."""
 
     jobs: list[RunSummary]
-    """Those that were begun; their config holds the overridden keys alone."""
+    """Those that left a manifest; their config holds the overridden keys alone."""
     keys: list[str]
     """All keys that some job overrides."""
     overrides: list[str]
@@ -36,15 +37,13 @@ class SweepResults(NamedTuple):
 
 
 def read_results(sweep: Sweep) -> SweepResults:
-    """The jobs of a sweep that were begun; not those that an earlier sweep left in its folder."""
+    """The jobs of a sweep that left a manifest; not those that an earlier sweep left in its folder."""
     missing: Counter[tuple[str, ...]] = Counter(sweep.planned)
     jobs, all_overrides = [], []
-    attempts = _find_attempts(sweep.folder)
-    for folder in sort_folders(attempts):
-        overrides = select_run_overrides(_read_overrides(attempts[folder]))
+    for job, overrides in _read_jobs(sweep.folder):
         if missing[tuple(overrides)] > 0 or not sweep.planned:  # a sweeper that searches need not plan its jobs
             missing[tuple(overrides)] -= 1
-            jobs.append(replace(read_summary(attempts[folder]), folder=folder))
+            jobs.append(job)
             all_overrides.append(overrides)
     texts = [dict(text.lstrip("+").partition("=")[::2] for text in overrides) for overrides in all_overrides]
     keys = list(dict.fromkeys(key for each in texts for key in each))
@@ -53,19 +52,18 @@ def read_results(sweep: Sweep) -> SweepResults:
     return SweepResults(jobs, keys, [" ".join(overrides) for overrides in all_overrides])
 
 
-def _find_attempts(folder: Path) -> dict[Path, Path]:
-    """The folder of each job below ``folder``, and the one in it that the last attempt left, if it left no result."""
-    found = sorted(path.parent.resolve() for path in folder.rglob(HYDRA_FOLDER))
-    return {place_of(path): path for path in found}  # what an attempt left comes after the folder of the job
-
-
-def _read_overrides(folder: Path) -> list[str]:
-    """The overrides of a job, as Hydra recorded them; none if it was killed before."""
-    try:
-        found = yaml.safe_load((folder / HYDRA_FOLDER / "overrides.yaml").read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError):
-        return []
-    return [str(text) for text in found] if isinstance(found, list) else []
+def _read_jobs(folder: Path) -> Iterator[tuple[RunSummary, list[str]]]:
+    """Each job below ``folder`` as its last attempt ended, and its overrides; a job without a manifest was killed."""
+    for job in sort_folders(walk(folder)):
+        failed = (job / FAILED).exists()
+        try:
+            manifest = manifests.read_file(job / FAILED) if failed else manifests.read(job)
+        except BadRun:
+            continue
+        if "overrides" in manifest:
+            cause, bad_input = manifest["cause"], manifest.get("bad_input", False)
+            summary = RunSummary(job, "failed", cause, bad_input=bad_input) if failed else read_summary(job)
+            yield summary, manifest["overrides"]
 
 
 def parse_value(text: str) -> Any:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException
@@ -16,14 +16,12 @@ from hydra.plugins.sweeper import Sweeper
 from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.config.hydra_private import read_config_files_once
-from cmacexp.data.files import alone_in, remove_leftovers
-from cmacexp.data.staging import is_taken
 from cmacexp.errors import BadInput
 from cmacexp.jit.interrupt import block_interrupts_of_children
 
-TABLE, TABLE_CSV = "sweep.parquet", "sweep.csv"
-"""The table of a sweep, in its folder."""
-FIRST_COLUMNS = ["run", "overrides"]
+if TYPE_CHECKING:
+    from cmacexp.data.folder import Place
+
 SWEEP_KEY = "hydra.sweep.dir"
 DEFAULT = "record=trace"
 """Override of a sweep that does not set ``record``."""
@@ -43,12 +41,14 @@ class Sweep:
 
     Attributes:
         folder: ``hydra.sweep.dir``.
+        place: the same once it is locked, for the table.
         planned: how many jobs have which overrides, see :func:`select_run_overrides`.
         kinds: the same jobs by their kind, see :meth:`check`.
     """
 
     def __init__(self, folder: Path):
         self.folder = folder
+        self.place: Place | None = None
         self.planned: Counter[tuple[str, ...]] = Counter()
         self.kinds: dict[tuple[str, ...], Jobs] = {}
         self._lock = ExitStack()
@@ -60,9 +60,10 @@ class Sweep:
             BadInput: another sweep runs there, or tables in it are not those of a sweep.
             OSError: the folder cannot be written.
         """
-        self._lock.enter_context(alone_in(self.folder, SWEEP_KEY))
-        remove_leftovers(self.folder, (TABLE, TABLE_CSV))
-        check_tables(self.folder)
+        from cmacexp.data.folder import replacing  # here, because every command imports this file
+        from cmacexp.data.manifest import SWEEP
+
+        self.place = self._lock.enter_context(replacing(self.folder, SWEEP_KEY, SWEEP))
 
     def unlock(self) -> None:
         """Let other sweeps use the folder."""
@@ -134,30 +135,6 @@ class SweepStart(Callback):
 
         Sweeper.validate_batch_is_legal = check  # type: ignore[method-assign, assignment]  # called by all sweepers
         read_config_files_once(GlobalHydra.instance().hydra)
-
-
-def check_tables(folder: Path) -> None:
-    """Refuse to replace tables that are not those of a sweep.
-
-    Raises:
-        BadInput: there is one; the message names it.
-    """
-    import pyarrow.parquet as pq  # here, because every command imports this file
-
-    for name, read in ((TABLE, lambda path: pq.read_schema(path).names), (TABLE_CSV, _read_head)):
-        path = folder / name
-        try:
-            ours = not is_taken(path) or read(path)[:2] == FIRST_COLUMNS
-        except (OSError, ValueError):
-            ours = False
-        if not ours:
-            raise BadInput(SWEEP_KEY, folder, f"holds another {name}; move that file, or choose another folder")
-
-
-def _read_head(path: Path) -> list[str]:
-    """The first names of columns of a table as text."""
-    with path.open("rb") as file:
-        return [name.strip('"') for name in file.read(1000).decode().splitlines()[0].split(",")]
 
 
 def is_alone(launcher: DictConfig) -> bool:

@@ -64,8 +64,6 @@ class CmacFeedforward(BuiltInFeedforward):
         self.params = network(setup, cells, self.cmacs[0].address.rows, self._activations(inputs))
         for cmac, own in zip(self.cmacs, self.params.weights, strict=True):
             cmac.weights = own
-        if learnt is not None:
-            self.params.weights[:] = learnt["weights"]
         self.memory = [
             memory_use(cmac, own, cells[:, i]) for i, (cmac, own) in enumerate(zip(self.cmacs, inputs, strict=True))
         ]

@@ -7,7 +7,6 @@ import numpy as np
 
 from cmacexp.cmac.use import MemoryUse
 from cmacexp.config import FeedforwardConfig, number
-from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, network
 from cmacexp.models.exponential import exponential
 from cmacexp.planning.setup import Setup
@@ -66,16 +65,6 @@ class IterativeLearning(BuiltInFeedforward):
         cells = np.broadcast_to(np.arange(samples, dtype=np.uint32)[:, None, None], (samples, legs, 1))
         taps = None if self.cutoff is None else gaussian_taps(self.cutoff, setup.config.sampling_period, samples)
         self.params = network(setup, cells, samples, taps=taps)
-        if setup.learnt is not None:
-            learnt = setup.learnt["weights"]
-            if learnt.shape != self.params.weights.shape:
-                raise BadInput(
-                    "learning.start_from",
-                    setup.config.learning.start_from,
-                    f"has weights for {learnt.shape[1]} samples, this cycle has {samples}; give cycle and sampling "
-                    "period that were learnt",
-                )
-            self.params.weights[:] = learnt
         self.memory = [MemoryUse(samples, samples, samples, 0, 0)] * legs
 
     def learnt(self) -> Weights:

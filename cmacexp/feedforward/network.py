@@ -9,6 +9,7 @@ import numpy as np
 from cmacexp.cmac.rules import NEIGHBOURS, PAPER, make_rule
 from cmacexp.cmac.spread import spread_shares
 from cmacexp.cmac.use import MemoryUse
+from cmacexp.errors import BadInput
 from cmacexp.feedforward.kernels import (
     CMAC,
     TABLE,
@@ -93,10 +94,21 @@ def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
     return FeedforwardParams(TABLE, torque, cells, activation, weights, learning, NO_SMOOTHING, log)
 
 
+def _start_weights(setup: Setup, shape: tuple[int, ...]) -> Array:
+    """Weights of zero, or those of an earlier run."""
+    if setup.learnt is None:
+        return np.zeros(shape)
+    weights = np.array(setup.learnt["weights"], dtype=float)
+    if weights.shape != shape:
+        reason = f"has weights of shape {weights.shape}, this run needs {shape}; give the config that was learnt"
+        raise BadInput("learning.start_from", setup.config.learning.start_from, reason)
+    return weights
+
+
 def network(
     setup: Setup, cells: Cells, rows: int, activation: Array | None = None, taps: Array | None = None
 ) -> FeedforwardParams:
-    """Params of one network per leg, linear in its weights, which are zero at first.
+    """Params of one network per leg, linear in its weights, which are zero at first or those of an earlier run.
 
     Args:
         setup: of the run.
@@ -106,7 +118,7 @@ def network(
         taps: (K,): of a symmetric filter along the rows, once a cycle, from the middle outwards; None: no filter.
 
     Raises:
-        BadInput: the learning rule does not fit the network.
+        BadInput: the learning rule or the earlier weights do not fit the network.
     """
     legs, joints = setup.mechanism.shape
     cells = np.ascontiguousarray(cells, dtype=np.uint32)
@@ -119,7 +131,7 @@ def network(
         np.zeros((1, legs, joints)),
         cells,
         np.zeros((1, legs, 1)) if learning.plain else np.ascontiguousarray(counts, dtype=float),
-        np.zeros((legs, rows, joints)),
+        _start_weights(setup, (legs, rows, joints)),
         learning,
         NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows)),
         new_log(cells),

@@ -114,8 +114,6 @@ class RadialBasis(BuiltInFeedforward):
         ]
         cells, activation = (np.stack(own, axis=1) for own in zip(*found, strict=True))
         self.params = network(setup, cells, self.centres, activation)
-        if setup.learnt is not None:
-            self.params.weights[:] = setup.learnt["weights"]
         used = [len(np.unique(own)) for own, _ in found]
         self.memory = [MemoryUse(self.centres, number, number, 0, 0) for number in used]
 

@@ -82,11 +82,18 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     """Reset all components; the plant at the start.
 
     Raises:
+        BadInput: the feedforward cannot start from the weights of an earlier run.
         BadOutput: the plant returned no measurement of this machine.
         Exception: whatever a component raises.
     """
     plant, sensors, controller, feedforward = (components[group] for group in PROTOCOLS)
-    feedforward.reset(_own(setup, feedforward))
+    try:
+        feedforward.reset(_own(setup, feedforward))
+    except (LookupError, TypeError, ValueError) as error:
+        if setup.learnt is None:
+            raise
+        reason = f"its weights do not fit this feedforward ({type(error).__name__}: {error})"
+        raise BadInput("learning.start_from", setup.config.learning.start_from, reason) from error
     controller.reset(_own(setup, controller), feedforward)
     sensors.reset(_own(setup, sensors))
     first = new_measurement(*setup.mechanism.shape)

@@ -1,10 +1,12 @@
 """A quadruped with three hinges a leg, as its MJCF model describes it: geometry, masses, limits, losses."""
 
 import hashlib
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -148,11 +150,34 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], home: 
 
 def _load(mujoco: Any, path: Path) -> Any:
     """The model of a file, whatever MuJoCo raises in one line."""
+    _require_regular_files(path, path.parent, {path})
     try:
         with warnings_dropped(mujoco):
             return mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise BadInput("machine.path", path, f"MuJoCo cannot read it: {' '.join(str(error).split())}") from error
+
+
+def _require_regular_files(path: Path, folder: Path, known: set[Path]) -> None:
+    """Check all files that a model names: MuJoCo would wait for a FIFO, or read a device for ever.
+
+    Args:
+        path: of a file of the model.
+        folder: of the model.
+        known: files that have been checked; is extended.
+
+    Raises:
+        BadInput: one of them is not a regular file.
+    """
+    text = unescape(path.read_text(errors="replace"))
+    folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
+    for name in re.findall(r"""\bfile\s*=\s*["']([^"']+)""", text):
+        for found in {folder / inner / name for inner in folders} - known:
+            known.add(found)
+            if found.exists() and not found.is_file():
+                raise BadInput("machine.path", path, f"names {name}, which is not a regular file")
+            if found.suffix.lower() in ("", ".xml", ".mjcf") and found.is_file():
+                _require_regular_files(found, folder, known)
 
 
 def _most(values: Array, dof: Counts) -> Array:

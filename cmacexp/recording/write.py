@@ -11,7 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
-from cmacexp.data.files import write_atomically
+from cmacexp.data.folder import write_atomically
 from cmacexp.data.manifest import Manifest
 from cmacexp.data.tables import read_traces, steps_by_cycle
 from cmacexp.recording.blueprint import layout

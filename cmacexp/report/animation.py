@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.data.files import write_atomically
+from cmacexp.data.files import open_file
+from cmacexp.data.folder import write_atomically
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import read_traces, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
@@ -191,11 +192,11 @@ def view_cycles(run: StoredRun, asked: Sequence[int]) -> list[RunView]:
 
 
 def is_animation(path: Path) -> bool:
-    """Whether a file is a moving picture of a run, which may be replaced; those of 0.2.0 do not say so."""
+    """Whether a file is a moving picture of a run, which may be replaced."""
     from PIL import Image
 
     try:
-        with Image.open(path) as picture:
+        with open_file(path) as file, Image.open(file) as picture:
             return bool(picture.info.get("comment") == COMMENT)
     except (OSError, ValueError):
         return False

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cmacexp.errors import in_one_line
 from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.registry import MAIN, OF_A_ROBOT, RANKED
 from cmacexp.metrics.summary import format_number, shorten
@@ -89,7 +90,7 @@ def print_runs(runs: Sequence[RunSummary], keys: Sequence[str], all_in: Path) ->
     heads = [key.replace(".", ".\n") + "\n" for key in keys]
     print_table(["run\n", *heads, "status\n", "cycles\ndone\n", *map(head, main.values())], shown, 2 + len(keys))
     if len(shown) < len(rows):
-        print(f"{len(shown)} of {len(rows)} runs; all are in {all_in}")
+        print(in_one_line(f"{len(shown)} of {len(rows)} runs; all are in {all_in}"))
     if main:
         print("metrics are those of the last whole cycle")
         print_key(main, max(run.legs for run in runs))

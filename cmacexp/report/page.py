@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date
@@ -9,10 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import sha256, write_atomically
-from cmacexp.data.staging import Place
+from cmacexp.data.files import sha256
+from cmacexp.data.folder import FIGURES, HTML, OUT_KEY, Place, replacing
 from cmacexp.report.alt_text import describe
-from cmacexp.report.place import FIGURES, HTML, name_in, relative, report_place
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -159,11 +159,21 @@ def save_figure(name: str, figure: "Figure", report: Path, png: bool = True) -> 
     files = []
     for kind, metadata in (*([(PNG, {"Software": None})] if png else []), (SVG, {"Date": None})):
         path = folder / f"{name}.{kind}"
-        with write_atomically(path) as temporary:
-            figure.savefig(temporary, format=kind, metadata=metadata)
+        figure.savefig(path, format=kind, metadata=metadata)
         figure.set_layout_engine(None)  # computed for the first format, kept for the second
         files.append(path)
     return "data:image/svg+xml;base64," + base64.b64encode(files[-1].read_bytes()).decode(), files
+
+
+def relative(path: Path, folder: Path) -> str:
+    """``path`` relative to ``folder``."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+
+
+def _name_in(place: Place, path: Path) -> str:
+    """The name of a file in the manifest of a report: of a new one where it will be, relative to the report."""
+    full, new = path.resolve(), place.new.resolve()
+    return full.relative_to(new).as_posix() if full.is_relative_to(new) else relative(path, place.folder)
 
 
 def find_page(run: Path, folder: Path) -> str:
@@ -199,7 +209,7 @@ def write_report(report: Report, folder: Path, key: str | None = None, say: Call
         BadInput: the folder is in use, or holds something else.
         OSError: it cannot be written; an earlier report in it is as it was.
     """
-    with report_place(folder) as place:
+    with replacing(folder, OUT_KEY, manifests.REPORT) as place:
         return write_report_in(place, report, key, say)
 
 
@@ -235,7 +245,7 @@ def write_report_in(
             "key": key or hashlib.sha256(repr((report.title, report.config)).encode()).hexdigest(),
             "versions": manifests.versions(),
             "runs": {relative(path, place.folder): of_config for path, of_config in report.runs.items()},
-            "files": {name_in(place, path): sha256(path) for path in [*written, *report.inputs]},
+            "files": {_name_in(place, path): sha256(path) for path in [*written, *report.inputs]},
         }
     )
     return place.folder / HTML

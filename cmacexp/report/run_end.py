@@ -24,8 +24,7 @@ def _draw_end_of_body(data: FigureData) -> "Figure":
         own = data.trace[data.trace["leg"] == leg].tail(LAST_STEPS)
         axes[2].plot(own["time"], own["force"], label=f"leg {leg}", **mark(leg - 1))
     axes[3].plot(rows["time"], 1e3 * rows["stability_margin"], label="planned", **DESIRED_LINE)
-    if "true_stability_margin" in rows.columns:  # not of an earlier version
-        axes[3].plot(rows["time"], 1e3 * rows["true_stability_margin"], label="true", color=SERIES[1])
+    axes[3].plot(rows["time"], 1e3 * rows["true_stability_margin"], label="true", color=SERIES[1])
     label(axes[0], "tilt of the body", "", "angle, mrad")
     label(axes[1], "height of the body", "", "height, mm")
     label(axes[2], "contact forces", "time, s", "force, N")

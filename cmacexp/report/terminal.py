@@ -12,6 +12,7 @@ from threading import Event, Thread
 from cmacexp.config import Config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING
+from cmacexp.errors import in_one_line
 from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.drift import Drift, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs
@@ -26,9 +27,12 @@ COMPILING = "compiling the control loop: takes up to half a minute, once; so man
 
 
 def say(text: str, error: bool = False) -> None:
-    """Print a line at once; an output that is closed does no harm to the run, in a worker process either."""
+    """Print one line at once; control characters, which a folder's name or a file can hold, as in Python.
+
+    An output that is closed does no harm to the run, in a worker process either.
+    """
     keep_outputs()
-    print(text, file=sys.stderr if error else sys.stdout, flush=True)
+    print(in_one_line(text), file=sys.stderr if error else sys.stdout, flush=True)
 
 
 @cache
@@ -80,7 +84,7 @@ def progress(what: str, total: int, unit: str = "", shown: bool = True) -> Itera
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn(unit))
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total)
+        task = bar.add_task(in_one_line(what), total=total)
         yield lambda done: bar.update(task, completed=done)
 
 
@@ -100,8 +104,8 @@ def activity(what: str, shown: bool = True) -> Iterator[Callable[[str], None]]:
     from rich.console import Console
     from rich.markup import escape
 
-    with Console(stderr=True, highlight=False).status(escape(what)) as status:
-        yield lambda text: status.update(escape(text))
+    with Console(stderr=True, highlight=False).status(escape(in_one_line(what))) as status:
+        yield lambda text: status.update(escape(in_one_line(text)))
 
 
 def describe_planning(config: Config) -> str:
@@ -137,16 +141,16 @@ def format_folder(folder: Path) -> str:
 def print_next(folder: Path, commands: Mapping[str, str]) -> None:
     """Print commands over a folder to copy, each with what it is for."""
     for name, purpose in commands.items():
-        print(f"{purpose + ':':<10} python -m cmacexp.{name} {format_folder(folder)}")
+        say(f"{purpose + ':':<10} python -m cmacexp.{name} {format_folder(folder)}")
 
 
 def _print_notes(result: StoredRun) -> None:
     """Print what is special about a run."""
     manifest = result.manifest
     if drift := describe_drift(result):
-        print(drift)
+        say(drift)
     if manifest["config"]["learning"]["lead"] == "auto":
-        print(f"learning.lead=auto is {manifest['learning_lead']} here")
+        say(f"learning.lead=auto is {manifest['learning_lead']} here")
     for dropped in manifest["dropped"]:
         time = dropped["step"] * manifest["config"]["sampling_period"]
         where = f"force sensor of leg {dropped['leg']} rejected at step {dropped['step']} (t = {time:g} s)"
@@ -164,9 +168,10 @@ def print_summary(result: StoredRun) -> None:
     if scores.legs.num_rows:
         print_key(print_scores(scores, Path(format_folder(result.folder))), count_legs(scores))
         print()
-    print(format_outcome(result, "\n" if result.manifest["cause"] else ": "))
+    for line in format_outcome(result, "\n" if result.manifest["cause"] else ": ").split("\n"):
+        say(line)
     _print_notes(result)
     if scores.legs.num_rows:
         drifts = {"stability": "explain"} if result.manifest["drift"] else {}
         print_next(result.folder, drifts | NEXT)
-    print(result.folder)
+    say(str(result.folder))

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from cmacexp.data.tables import METRICS_CSV, Scores
+from cmacexp.errors import in_one_line
 from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.pooling import describe_pooling
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN
@@ -46,6 +47,8 @@ def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]], left: int 
     from rich.table import Table
     from rich.text import Text
 
+    titles = ["\n".join(map(in_one_line, title.split("\n"))) for title in titles]
+    rows = [[in_one_line(cell) for cell in row] for row in rows]
     cells = [titles, *rows]
     widths = [max(len(line) for row in cells for line in row[i].split("\n")) for i in range(len(titles))]
     width = _terminal_width()
@@ -88,5 +91,5 @@ def print_scores(scores: Scores, folder: Path) -> list[str]:
     shown = shorten(rows)
     print_table(["cycle\n", *map(head, main.values())], shown)
     if len(shown) < len(rows):
-        print(f"{len(shown)} of {len(rows)} cycles; all are in {folder / METRICS_CSV}")
+        print(in_one_line(f"{len(shown)} of {len(rows)} cycles; all are in {folder / METRICS_CSV}"))
     return list(main)

@@ -5,10 +5,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cmacexp.data.folder import OUT_KEY, replacing
+from cmacexp.data.manifest import REPORT
 from cmacexp.data.tables import TRACE
 from cmacexp.report.markdown import MarkdownPage
 from cmacexp.report.page import Report, write_report_in
-from cmacexp.report.place import report_place
 from cmacexp.stability import figures
 from cmacexp.stability.analysis import DELAYS, LEADS, Analysis, LeadGrowth
 from cmacexp.stability.mode import AFTER_LIFT_OFF, likeness
@@ -135,7 +136,7 @@ def write_stability_report(analysis: Analysis, folder: Path) -> Path:
     run = analysis.run
     title = f"Stability of learning: {analysis.config.scenario}, {run.folder.resolve().name}"
     asked = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}, "cycle": analysis.own.place.calm}
-    with report_place(folder) as place:
+    with replacing(folder, OUT_KEY, REPORT) as place:
         page = MarkdownPage(
             Path(__file__).with_name("page.md"),
             place.new,

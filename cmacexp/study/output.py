@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
+from cmacexp.data.folder import Place
 from cmacexp.data.parquet import write_table
-from cmacexp.data.staging import Place
-from cmacexp.report.page import Html, Report, Section, write_report_in
-from cmacexp.report.place import relative
+from cmacexp.report.page import Html, Report, Section, relative, write_report_in
 from cmacexp.study.page import QUICK, Evaluated, make_claims_section, make_reading_section
 from cmacexp.study.results import Results
 from cmacexp.study.statements import Found, Judged, Measured

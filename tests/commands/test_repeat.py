@@ -101,7 +101,7 @@ def test_a_custom_component_has_to_be_importable(repeat, tmp_path, monkeypatch):
 
 
 def test_a_run_without_a_result_is_not_repeated(run, repeat):
-    change_manifest(run, status="failed", files={}, config={})
+    change_manifest(run, status="failed", files={}, steps=0, config={})
     code, lines, said = repeat(run)
     assert (code, lines) == (2, [])
     assert said == f"error: {run}: failed; only a run that completed or fell or diverged can be repeated\n"

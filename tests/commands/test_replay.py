@@ -19,7 +19,7 @@ from support.manifests import accept, change_manifest
 from cmacexp.commands.viewer import DISPLAYS
 from cmacexp.config import to_plain
 from cmacexp.config.difference import labels
-from cmacexp.data.files import alone_in
+from cmacexp.data.folder import locked
 from cmacexp.data.integrity import faults
 from cmacexp.data.tables import steps_by_cycle
 from cmacexp.recording.entities import FINENESS
@@ -180,10 +180,13 @@ def test_a_damaged_recording_is_built_anew(copy, tmp_path):
 def test_a_recording_is_not_built_where_another_command_writes(copy, tmp_path):
     run = copy("leg_cmac")
     before = sorted(run.iterdir())
-    with alone_in(run, "key"):
+    with locked(run, "key"):
         refused = replay(run, folder=tmp_path)
     assert refused.returncode == 2
-    assert refused.stderr == f"error: DIR={run}: another command writes here; wait for its end, or choose another\n"
+    assert (
+        refused.stderr
+        == f"error: DIR={run}: process {os.getpid()} writes here; wait until it has ended, or choose another\n"
+    )
     assert sorted(run.iterdir()) == before
     assert replay(run, folder=tmp_path).returncode == 0
     assert not faults(run)
@@ -195,7 +198,7 @@ def test_a_recording_of_the_user_is_not_replaced(copy, tmp_path):
     (run / "recording.rrd").write_text("mine")
     refused = replay(run, folder=tmp_path)
     assert refused.returncode == 2
-    assert refused.stderr.startswith(f"error: DIR={run}: holds recording.rrd, which is of no earlier result")
+    assert refused.stderr.startswith(f"error: DIR={run}: holds recording.rrd, which is not listed in")
     assert len(refused.stderr.splitlines()) == 1
     assert (run / "recording.rrd").read_text() == "mine"
 

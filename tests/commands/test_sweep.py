@@ -140,8 +140,7 @@ RESUME = ["sweep.resume=true", "hydra.sweep.dir=s"]
 def test_resume_runs_what_is_missing_failed_or_of_another_config(tmp_path):
     swept = ["cmac.layers=8,10,16,32", "cycles=1"]
     cmacexp("-m", *swept, "hydra.sweep.dir=s", folder=tmp_path)
-    for path in (tmp_path / "s" / "0").glob("*.*"):  # but its .hydra stays, as of an older run that was killed
-        path.unlink() if path.is_file() else None
+    shutil.rmtree(tmp_path / "s" / "0")
     change_manifest(tmp_path / "s" / "1", status="failed")
     kept = (tmp_path / "s" / "3" / "trace.parquet").stat().st_mtime_ns
     done = cmacexp("-m", "cmac.layers=8,10,20,32", "cycles=1", *RESUME, folder=tmp_path)
@@ -231,5 +230,5 @@ def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
     assert "interrupted" in err
     assert "Traceback" not in err
     assert "500 jobs: " in out
-    assert "not begun" in out
+    assert "not completed" in out
     assert table_of(tmp_path / "s")["status"][:3].tolist() == ["completed"] * 3

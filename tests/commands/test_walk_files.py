@@ -1,7 +1,5 @@
 """What a walk leaves behind: its tables, their scores, and the refusal of bad input."""
 
-import shutil
-
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
@@ -9,12 +7,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pandas.testing import assert_frame_equal
 from support.command import cmacexp, python
-from support.manifests import accept
 from support.walks import ALL_THREE, FALLING, LIFT_OFF, PERIOD, STEPS, TOUCH_DOWN
 
-from cmacexp.commands.score import score
-from cmacexp.data.parquet import write_table
-from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.trace import assemble
@@ -103,13 +97,6 @@ def test_score_gives_the_same_metrics_of_the_body_again(walk):
     (folder / "body_metrics.parquet").unlink()
     assert python("-m", "cmacexp.score", str(folder), folder=folder).returncode == 0
     assert (folder / "body_metrics.parquet").read_bytes() == before
-
-
-def test_score_finds_the_true_margins_of_a_run_whose_body_was_written_without_them(walk, tmp_path):
-    folder = shutil.copytree(walk(*FALLING).folder, tmp_path / "run")
-    write_table(pq.read_table(folder / "body.parquet").drop_columns(TRUE_MARGINS), folder / "body.parquet")
-    accept(folder, "body.parquet")
-    assert_frame_equal(score(folder).body.to_pandas(), walk(*FALLING).body_metrics.reset_index(), check_dtype=False)
 
 
 BAD = {

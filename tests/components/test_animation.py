@@ -7,7 +7,7 @@ from support.views import make_walk
 
 import cmacexp
 from cmacexp.commands.report import main
-from cmacexp.data.files import alone_in
+from cmacexp.data.folder import locked
 from cmacexp.report import animation
 from cmacexp.report.machine import joints
 
@@ -75,16 +75,12 @@ def test_a_picture_replaces_an_earlier_one_alone(monkeypatch, stored, tmp_path, 
     before = own.read_bytes()
     capsys.readouterr()
     assert animate(monkeypatch, stored, own.parent) == 2
-    assert capsys.readouterr().err.startswith(
-        f"error: --out={own.parent}: holds animation.gif, which is of no earlier"
-    )
+    assert capsys.readouterr().err.startswith(f"error: --out={own.parent}: holds another animation.gif; move it")
     assert own.read_bytes() == before
 
 
-def test_a_picture_is_not_put_into_the_folder_of_a_run_or_one_in_use(monkeypatch, stored, tmp_path, capsys):
-    assert animate(monkeypatch, stored, stored) == 2
-    assert capsys.readouterr().err == f"error: --out={stored}: is the folder of a run; choose another\n"
-    with alone_in(tmp_path / "out", "key"):
+def test_a_picture_is_not_put_into_a_folder_in_use(monkeypatch, stored, tmp_path, capsys):
+    with locked(tmp_path / "out", "key"):
         assert animate(monkeypatch, stored, tmp_path / "out") == 2
-    assert "another command writes here" in capsys.readouterr().err
+    assert "writes here; wait until it has ended" in capsys.readouterr().err
     assert not list(tmp_path.rglob("*.gif"))

@@ -9,6 +9,7 @@ from support.robots import change
 from cmacexp.config.compose import compose_config
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below, runs_below
+from cmacexp.data.folder import HTML
 from cmacexp.data.integrity import faults, is_finished
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import CmacexpError
@@ -16,7 +17,6 @@ from cmacexp.experiment.collect import collect
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.workers import workers
 from cmacexp.report.page import Report, Section, Table, Text, write_report
-from cmacexp.report.place import HTML
 from cmacexp.study import Request
 from cmacexp.study.state import is_up_to_date
 

@@ -11,7 +11,7 @@ from support.robots import OWN
 from support.views import FOOT_RADIUS, ROBOT_HIPS, make_robot, make_robot_traces, make_walk
 
 import cmacexp
-from cmacexp.data.manifest_fields import FIELDS
+from cmacexp.data.manifest_fields import RUN_FIELDS, find_misfit
 from cmacexp.models.chain import chain_points
 from cmacexp.recording.events import find_events
 from cmacexp.recording.run_view import make_view
@@ -92,10 +92,11 @@ def test_side_and_animation_draw_all_joints(robot, tmp_path, monkeypatch):
 
 def test_without_its_geometry_a_robot_is_no_manifest_of_one():
     traces, manifest = make_robot_traces()
-    assert FIELDS["robot"].holds(manifest["robot"])
-    for name in manifest["robot"]:
-        assert not FIELDS["robot"].holds({key: value for key, value in manifest["robot"].items() if key != name})
-        assert not FIELDS["robot"].holds({**manifest["robot"], name: "other"})
+    robot, shape = manifest["robot"], RUN_FIELDS["robot?"]
+    assert find_misfit(robot, shape, "robot") is None
+    for name in robot:
+        assert find_misfit({key: value for key, value in robot.items() if key != name}, shape, "robot")
+        assert find_misfit({**robot, name: "other"}, shape, "robot")
     assert make_view(traces, manifest).is_robot
 
 

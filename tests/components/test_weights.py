@@ -104,7 +104,7 @@ def test_a_run_is_stale_once_the_weights_it_began_with_have_changed(make_config,
     [
         ("cmac", ["cmac.layers=8"], "learnt with cmac.layers=32"),
         ("rbf", ["feedforward=ilc"], "learnt with feedforward=rbf"),
-        ("ilc", ["sampling_period=0.01"], "weights for 600 samples, this cycle has 300"),
+        ("ilc", ["sampling_period=0.01"], "weights of shape (1, 600, 2), this run needs (1, 300, 2)"),
         ("cmac", ["learning.start_from=nowhere"], "must be the folder of a run with record.weights=true"),
         ("cmac", ["feedforward=none"], "NoFeedforward learns no weights"),
         (
