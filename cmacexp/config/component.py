@@ -3,14 +3,16 @@
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.config.cmac import ACTS
 from cmacexp.config.folder import config_folder
 from cmacexp.config.schema import Config
+from cmacexp.config.targets import NEW_NAMES
 from cmacexp.errors import BadInput, suggest
 
 COMPONENTS = ("plant", "sensors", "controller", "feedforward")
@@ -37,6 +39,8 @@ class ComponentConfig:
     """
 
     _target_: str
+    draws: ClassVar[bool] = False
+    """Whether the component draws random numbers, for all that its own fields say."""
 
     def check(self, config: Config) -> None:
         """Check what no field shows alone, against each other and against the rest of the run.
@@ -54,7 +58,26 @@ class ComponentConfig:
 class FeedforwardConfig(ComponentConfig):
     """Fields of a feedforward that acts from ``learning.start_cycle`` on."""
 
-    needs: ClassVar[str] = ACTS
+    needs: ClassVar[tuple[str, ...]] = ACTS
+
+
+@cache
+def find_option(group: str, target: str) -> str:
+    """The option of a group that makes the class ``target``, else the name of the class."""
+    target = NEW_NAMES.get(target, target)
+    for path in sorted((config_folder() / group).glob("*.yaml")):
+        option = OmegaConf.load(path)
+        if isinstance(option, DictConfig) and target in (
+            option.get("_target_"),
+            OmegaConf.select(option, f"{group}._target_"),
+        ):
+            return path.stem
+    return target.rpartition(".")[2]
+
+
+def is_shipped(group: str, option: str) -> bool:
+    """Whether this package has an option of that name."""
+    return (config_folder() / group / f"{option}.yaml").exists()
 
 
 def config_class(component: Callable[..., object]) -> type[ComponentConfig] | None:

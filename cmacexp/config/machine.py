@@ -6,7 +6,7 @@ from cmacexp.config.fields import choice, number
 from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_file import find_model
 
-HAS_BODY = "machine.kind=quadruped|robot"
+HAS_BODY = ("machine.kind in ('quadruped', 'robot')",)
 """What fields that concern a body, or choose among legs, need to have an effect."""
 
 
@@ -74,7 +74,7 @@ LEG_NAMES = tuple(key.replace("_", " ") for key in LEG_KEYS)
 """The same as words."""
 
 
-MASS_COUNTS = "plant=mujoco_quadruped or force_control.load_sharing=dynamic or .weight=null"
+MASS_COUNTS = ("option.plant == 'mujoco_quadruped' or force_control.load_sharing == 'dynamic' or own.weight is None",)
 """What the mass of a body needs, which weighs as much as ``weight`` says wherever it does not move."""
 
 

@@ -27,10 +27,10 @@ class InverseDynamics(BuiltInFeedforward):
         """Errors of the model."""
 
         mass_factor: float = number(
-            "", above=0, at_most=1e3, needs="machine.kind!=point_mass or gait.pattern!=standing"
+            "", above=0, at_most=1e3, needs=("machine.kind != 'point_mass' or gait.pattern != 'standing'",)
         )
         """Masses of the model over the true ones."""
-        length_factor: float = number("", above=0, at_most=1e3, needs="machine.kind!=point_mass")
+        length_factor: float = number("", above=0, at_most=1e3, needs=("machine.kind != 'point_mass'",))
         """Lengths of the model's links over the true ones; joint angles are planned with the true ones."""
 
     def __init__(self, mass_factor: float = 1.0, length_factor: float = 1.0):

@@ -43,7 +43,7 @@ class MujocoQuadruped:
         """Inertia of the body without its legs about its x, y and z."""
         start_spread: float = number("rad", at_least=0, at_most=0.5)
         """Largest difference of the joint angles at the start from the planned ones."""
-        start_seed: int = number("", at_least=0, below=2**32, needs=".start_spread above 0")
+        start_seed: int = number("", at_least=0, below=2**32, needs=("own.start_spread > 0",))
         """Seed of the joint angles at the start."""
 
         def check(self, config: Config) -> None:

@@ -46,13 +46,13 @@ class MujocoRobot:
         """elastic: the ground of the project, see ``terrain``; mujoco: MuJoCo's own contacts with a flat floor."""
         friction: float = number("", above=0, at_most=10)
         """Largest tangential over normal force of a foot (Coulomb)."""
-        friction_stiffness: float = number("N/m", above=0, at_most=1e7, needs=".contact=elastic")
+        friction_stiffness: float = number("N/m", above=0, at_most=1e7, needs=("own.contact == 'elastic'",))
         """Stiffness of the spring that holds a sticking foot."""
-        friction_damping: float = number("N s/m", at_least=0, at_most=1e5, needs=".contact=elastic")
+        friction_damping: float = number("N s/m", at_least=0, at_most=1e5, needs=("own.contact == 'elastic'",))
         """Damping beside that spring."""
         start_spread: float = number("rad", at_least=0, at_most=0.5)
         """Largest difference of the joint angles at the start from the planned ones."""
-        start_seed: int = number("", at_least=0, below=2**32, needs=".start_spread above 0")
+        start_seed: int = number("", at_least=0, below=2**32, needs=("own.start_spread > 0",))
         """Seed of the joint angles at the start."""
 
         def check(self, config: Config) -> None:
