@@ -11,6 +11,8 @@ INPUTS = ("angle", "velocity", "acceleration")
 """Planned joint values that can be inputs of a network."""
 WORD_BYTES = 8
 """Bytes of a CMAC weight, a float64."""
+CMACS = ("cmac", "cmac_on_model")
+"""Feedforwards that are a CMAC."""
 ACTS = ("learning.start_cycle <= cycles",)
 """What a feedforward needs to act in some cycle."""
 MOST_POSITIONS = 2**63
@@ -21,7 +23,7 @@ MOST_POSITIONS = 2**63
 class CmacConfig:
     """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
 
-    needs: ClassVar[tuple[str, ...]] = ("option.feedforward in ('cmac', 'cmac_on_model')", *ACTS)
+    needs: ClassVar[tuple[str, ...]] = (f"option.feedforward in {CMACS}", *ACTS)
 
     layers: int = number("", at_least=1, at_most=4096)
     """C, the number of quantisation functions, which is the generalisation size."""

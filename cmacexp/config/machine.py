@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, fields
 
 from cmacexp.config.fields import choice, number
+from cmacexp.errors import BadInput
 from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_file import find_model
 
@@ -128,6 +129,13 @@ class RobotModel:
     """Geoms of the feet in the model, spheres."""
     home: list[float] = number("rad", at_least=-10, at_most=10)
     """Joint angles of a leg at which the rule for the gains looks; the knee bends to this side."""
+
+
+def ask_for_robot(machine: RobotModel) -> BadInput:
+    """The mistake of a robot in a scenario, or under a plant, that is for other machines."""
+    name = machine.model or "mjcf"
+    reason = f"is a robot, which the chosen scenario is not for: use scenario=robot machine={name}"
+    return BadInput("machine", name, reason)
 
 
 def read_model(machine: RobotModel) -> Robot:

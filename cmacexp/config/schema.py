@@ -6,7 +6,7 @@ Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do n
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from cmacexp.config.cmac import ACTS, CmacConfig
+from cmacexp.config.cmac import ACTS, CMACS, CmacConfig
 from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
@@ -16,7 +16,7 @@ from cmacexp.models.robot_legs import JOINTS
 LEARNS = ("option.feedforward not in ('none', 'inverse_dynamics')",)
 """What fields of learning need beside :data:`ACTS`."""
 DRAWS = (
-    f"{ACTS[0]} and (option.feedforward == 'mlp' or option.feedforward in ('cmac', 'cmac_on_model') "
+    f"{ACTS[0]} and (option.feedforward == 'mlp' or option.feedforward in {CMACS} "
     "and cmac.addressing == 'hashed' and learning.start_from is None) or sensors.draws",
 )
 """What the seed needs: something that draws random numbers."""

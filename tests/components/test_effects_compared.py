@@ -206,9 +206,8 @@ class Command:
                     continue
                 changed.append(key)
                 break
-        if together := [
-            key for key in changed if not explain_idle(config, key, strength_needs(key))
-        ]:  # such as time and factor of a step
+        together = [key for key in changed if not explain_idle(config, key, strength_needs(key))]
+        if together:  # such as time and factor of a step
             return self.idle_changed([key for key in keys if key != together[-1]], number)
         try:
             return changed, self.results(config)
