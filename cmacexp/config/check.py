@@ -19,7 +19,7 @@ MOST_STEPS = 2**31 - 1
 def check_robot(config: Config) -> None:
     """Check that a robot has four legs, and a model that can be found: a quadruped with three hinges a leg."""
     if isinstance(config.machine, RobotMachine):
-        if config.legs == 1:
+        if config.legs == 1 and config.scenario != "robot":
             raise ask_for_robot(config.machine)
         read_model(config.machine)
 

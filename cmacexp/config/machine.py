@@ -134,8 +134,8 @@ class RobotModel:
 def ask_for_robot(machine: RobotModel) -> BadInput:
     """The mistake of a robot in a scenario, or under a plant, that is for other machines."""
     name = machine.model or "mjcf"
-    reason = f"is a robot, which the chosen scenario is not for: use scenario=robot machine={name}"
-    return BadInput("machine", name, reason)
+    needs = "a robot needs a gait of four legs and plant=mujoco_robot"
+    return BadInput("machine", name, f"{needs}: use scenario=robot machine={name}")
 
 
 def read_model(machine: RobotModel) -> Robot:
