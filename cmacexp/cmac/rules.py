@@ -61,13 +61,15 @@ RULES = {
 PAPER = RULES["paper"].params
 
 
-def strength_needs() -> dict[str, str]:
-    """The rules that use each field of :class:`LearningConfig`, as what the field needs to have an effect."""
-    used: dict[str, list[str]] = {}
-    for name, rule in RULES.items():
-        for field in filter(None, (rule.strength, "window" if rule.params.teaches == NEIGHBOURS else "")):
-            used.setdefault(field, []).append(name)
-    return {f"learning.{field}": f"learning.rule={'|'.join(names)} and {LEARNS}" for field, names in used.items()}
+def strength_needs(key: str) -> tuple[str, ...]:
+    """What a field of :class:`LearningConfig` that is the strength of rules needs to have an effect."""
+    field = key.removeprefix("learning.")
+    names = tuple(
+        name
+        for name, rule in RULES.items()
+        if field == rule.strength or (field == "window" and rule.params.teaches == NEIGHBOURS)
+    )
+    return (f"learning.rule in {names}", *LEARNS) if names else ()
 
 
 def find_rule(name: str) -> Rule:

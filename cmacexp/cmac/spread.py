@@ -2,15 +2,12 @@
 
 import numpy as np
 
-from cmacexp.config.memory import available_memory
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import kernel_apart
 from cmacexp.typing import Array, Cells
 
 MOST_ENTRIES = 2**27
 """Largest number of active weights, over all steps of a cycle and their neighbours, in :func:`spread_shares`."""
-SAMPLE_BYTES, ACTIVE_BYTES, WEIGHT_BYTES = 400, 16, 24
-"""Bytes of a sample of one leg, of each of its active weights, and of each weight that learns from its error."""
 
 
 def binomial(window: int) -> Array:
@@ -25,22 +22,8 @@ def binomial(window: int) -> Array:
     return taps
 
 
-def estimate_memory(cells: Cells, window: int) -> float:
-    """Bytes that :func:`spread_shares` needs at most; a weight learns from an error if it is active near its sample.
-
-    Args:
-        cells: (N, L, C): active weights of each sample of the cycle.
-        window: samples on each side.
-    """
-    samples, legs, active = cells.shape
-    entered = (cells != np.roll(cells, 1, axis=0)).sum(axis=2)
-    total = np.cumsum(np.concatenate([entered, entered[: 2 * window]]), axis=0)
-    most = active + (total[2 * window : samples + 2 * window] - total[:samples]).max(initial=0)
-    return float(samples * legs * (SAMPLE_BYTES + ACTIVE_BYTES * active + WEIGHT_BYTES * most))
-
-
 def _check_window(cells: Cells, window: int) -> None:
-    """Check that a window is shorter than the cycle, and that the machine has the memory and time for it.
+    """Check that a window is shorter than the cycle, and gives no more weights than memory and time allow.
 
     Raises:
         BadInput: it is not.
@@ -52,12 +35,6 @@ def _check_window(cells: Cells, window: int) -> None:
         raise BadInput(
             "learning.window", window, f"must be below {MOST_ENTRIES // (2 * cells.size)} with this network"
         )
-    needed, available = estimate_memory(cells, window), available_memory()
-    if needed > available:
-        need = (
-            f"needs about {needed / 1e9:.1f} GB with {samples} steps a cycle, but there are {available / 1e9:.1f} GB"
-        )
-        raise BadInput("learning.window", window, f"{need}: take a smaller one, or a larger sampling_period")
 
 
 def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, Array]:
@@ -73,7 +50,7 @@ def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, 
         samples in which it is active; zeros follow the last one.
 
     Raises:
-        BadInput: the window is wider than the cycle, or needs too much memory.
+        BadInput: the window is wider than the cycle, or gives too many weights.
     """
     samples, legs, active = cells.shape
     _check_window(cells, window)

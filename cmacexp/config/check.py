@@ -5,7 +5,7 @@ from cmacexp.config.check_gait import check_legs, check_pattern, check_timing
 from cmacexp.config.cmac import check_cmac
 from cmacexp.config.component import COMPONENTS, ComponentConfig
 from cmacexp.config.fields import check_fields
-from cmacexp.config.machine import RobotMachine, read_model
+from cmacexp.config.machine import RobotMachine, ask_for_robot, read_model
 from cmacexp.config.memory import check_memory
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
@@ -17,8 +17,10 @@ MOST_STEPS = 2**31 - 1
 
 
 def check_robot(config: Config) -> None:
-    """Check that the model of a robot can be found, and is a quadruped with three hinges a leg."""
+    """Check that a robot has four legs, and a model that can be found: a quadruped with three hinges a leg."""
     if isinstance(config.machine, RobotMachine):
+        if config.legs == 1 and config.scenario != "robot":
+            raise ask_for_robot(config.machine)
         read_model(config.machine)
 
 

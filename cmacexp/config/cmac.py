@@ -11,7 +11,9 @@ INPUTS = ("angle", "velocity", "acceleration")
 """Planned joint values that can be inputs of a network."""
 WORD_BYTES = 8
 """Bytes of a CMAC weight, a float64."""
-ACTS = "learning.start_cycle at most cycles"
+CMACS = ("cmac", "cmac_on_model")
+"""Feedforwards that are a CMAC."""
+ACTS = ("learning.start_cycle <= cycles",)
 """What a feedforward needs to act in some cycle."""
 MOST_POSITIONS = 2**63
 """Most cells of a CMAC that can be numbered with 64 bits."""
@@ -21,7 +23,7 @@ MOST_POSITIONS = 2**63
 class CmacConfig:
     """Size and shape of the CMAC (Lin & Song 1997, section 4)."""
 
-    needs: ClassVar[str] = f"feedforward=cmac|cmac_on_model and {ACTS}"
+    needs: ClassVar[tuple[str, ...]] = (f"option.feedforward in {CMACS}", *ACTS)
 
     layers: int = number("", at_least=1, at_most=4096)
     """C, the number of quantisation functions, which is the generalisation size."""
@@ -31,13 +33,13 @@ class CmacConfig:
     """Memory of one CMAC; a word is a float64, so rows = memory_bytes / (8 x outputs)."""
     addressing: str = choice("hashed", "dense", "visited")
     """hashed: cells share rows by chance; dense: each has its own; visited: each that the path visits has its own."""
-    displacement: str = choice("diagonal", "odd_lattice", "parks_militzer", needs=".layers above 1")
+    displacement: str = choice("diagonal", "odd_lattice", "parks_militzer", needs=("own.layers > 1",))
     """How the layers are shifted against each other; diagonal: as in the paper."""
     inputs: list[str] = choice(*INPUTS)
     """Planned joint values that address the memory (assumed)."""
-    range_factor: float = number("", at_least=1, at_most=1e6, needs="learning.start_from=null")
+    range_factor: float = number("", at_least=1, at_most=1e6, needs=("learning.start_from is None",))
     """Input range over the planned span, centred on its middle (assumed)."""
-    receptive_field: str = choice("rectangular", "linear", "cubic", needs=".layers above 1")
+    receptive_field: str = choice("rectangular", "linear", "cubic", needs=("own.layers > 1",))
     """Activation of a cell over its width: constant, as in the paper, or a B-spline (Lane et al. 1992)."""
 
 

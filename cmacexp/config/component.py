@@ -2,41 +2,33 @@
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
+from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.config.cmac import ACTS
 from cmacexp.config.folder import config_folder
 from cmacexp.config.schema import Config
+from cmacexp.config.targets import NEW_NAMES
 from cmacexp.errors import BadInput, suggest
 
 COMPONENTS = ("plant", "sensors", "controller", "feedforward")
 """Groups that name a class by ``_target_``."""
-HYDRAS = ("_target_", "_args_", "_partial_", "_recursive_", "_convert_")
-"""Keys that say to Hydra what to call, and how."""
-
-
-class MemoryNeed(NamedTuple):
-    """Memory that a component needs beyond that of plan and loop."""
-
-    bytes: float = 0.0
-    """The most at a time."""
-    key: str = ""
-    """Of the field that decides it, and its value."""
-    value: object = None
 
 
 @dataclass
 class ComponentConfig:
-    """Fields of a component. Its class carries a subclass of this as ``Config``, and takes the fields by their names.
+    """Fields of a component, converted to their types and checked against their ranges.
 
-    Values are then converted to the types of the fields and checked against their ranges.
+    Its class carries a subclass of this as ``Config`` and is made with an object of it: ``Class(config=...)``.
     """
 
-    _target_: str
+    _target_: str = field(default="", kw_only=True)
+    draws: ClassVar[bool] = False
+    """Whether the component draws random numbers, for all that its own fields say."""
 
     def check(self, config: Config) -> None:
         """Check what no field shows alone, against each other and against the rest of the run.
@@ -45,21 +37,36 @@ class ComponentConfig:
             BadInput: names the key, the value and what is allowed.
         """
 
-    def memory_need(self, config: Config) -> MemoryNeed:
-        """Memory that the component will need, where it can be a large part of all."""
-        return MemoryNeed()
-
 
 @dataclass
 class FeedforwardConfig(ComponentConfig):
     """Fields of a feedforward that acts from ``learning.start_cycle`` on."""
 
-    needs: ClassVar[str] = ACTS
+    needs: ClassVar[tuple[str, ...]] = ACTS
+
+
+@cache
+def find_option(group: str, target: str) -> str:
+    """The option of a group that makes the class ``target``, else the name of the class."""
+    target = NEW_NAMES.get(target, target)
+    for path in sorted((config_folder() / group).glob("*.yaml")):
+        option = OmegaConf.load(path)
+        if isinstance(option, DictConfig) and target in (
+            option.get("_target_"),
+            OmegaConf.select(option, f"{group}._target_"),
+        ):
+            return path.stem
+    return target.rpartition(".")[2]
+
+
+def is_shipped(group: str, option: str) -> bool:
+    """Whether this package has an option of that name."""
+    return (config_folder() / group / f"{option}.yaml").exists()
 
 
 def config_class(component: Callable[..., object]) -> type[ComponentConfig] | None:
-    """The config class that a component carries itself; one that it inherits need not fit its constructor."""
-    own = vars(component).get("Config") if inspect.isclass(component) else None
+    """The config class that a component carries, if only because it inherits it; ``Config = None``: none."""
+    own = getattr(component, "Config", None)
     return own if inspect.isclass(own) and issubclass(own, ComponentConfig) else None
 
 
@@ -99,23 +106,6 @@ def _fields_of_options(group: str, choices: Mapping[str, str] | None) -> set[str
     return set().union(*(_fields_set(path, group) for path in [*options, *others]))
 
 
-def _require_plain(key: str, value: object) -> None:
-    """Require that no field names a class or a function, which Hydra would call.
-
-    Raises:
-        BadInput: names the field.
-    """
-    if isinstance(value, Mapping):
-        for name, inner in value.items():
-            if name in HYDRAS:
-                allowed = f"cannot stand in a field of a component; only {', '.join(COMPONENTS)} name a class"
-                raise BadInput(f"{key}.{name}", inner, allowed)
-            _require_plain(f"{key}.{name}", inner)
-    elif isinstance(value, list | tuple):
-        for i, inner in enumerate(value):
-            _require_plain(f"{key}[{i}]", inner)
-
-
 def fit_fields(
     group: str, node: Mapping[str, Any], component: Callable[..., object], choices: Mapping[str, str] | None
 ) -> dict[str, Any]:
@@ -130,11 +120,10 @@ def fit_fields(
     Raises:
         BadInput: the class does not take a field, or needs one that is missing.
     """
-    _require_plain(group, {name: value for name, value in node.items() if name != "_target_"})
     taken = _fields_taken(component)
     if taken is None:
         return dict(node)
-    given = [name for name in node if not (name.startswith("_") and name.endswith("_"))]
+    given = [name for name in node if name != "_target_"]
     unknown = [name for name in given if name not in taken]
     unused = _fields_of_options(group, choices) if unknown else set()
     takes = f"{node['_target_']} takes {', '.join(taken) or 'no fields'}"

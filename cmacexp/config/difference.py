@@ -1,32 +1,13 @@
 """How runs differ: the keys in which their configs differ, as they are typed on the command line."""
 
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
-
-from cmacexp.config.component import COMPONENTS
-from cmacexp.config.folder import config_folder
+from cmacexp.config.component import COMPONENTS, find_option
 from cmacexp.config.load import WITHOUT_EFFECT
-from cmacexp.config.targets import NEW_NAMES
 
 MOST_KEYS = 3
 """Runs that differ in more keys are labelled by the names of their folders."""
-
-
-@cache
-def find_option(group: str, target: str) -> str:
-    """The option of a group that makes the class ``target``, else the name of the class."""
-    target = NEW_NAMES.get(target, target)
-    for path in sorted((config_folder() / group).glob("*.yaml")):
-        option = OmegaConf.load(path)
-        if isinstance(option, DictConfig) and target in (
-            option.get("_target_"),
-            OmegaConf.select(option, f"{group}._target_"),
-        ):
-            return path.stem
-    return target.rpartition(".")[2]
 
 
 def flat(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:

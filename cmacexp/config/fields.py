@@ -22,20 +22,20 @@ def number(
     below: float | None = None,
     at_most: float | None = None,
     words: Sequence[str] = (),
-    needs: str = "",
+    needs: tuple[str, ...] = (),
     default: Any = MISSING,
 ) -> Any:
     """A dataclass field for a quantity in ``unit`` within the given range, or one of ``words``.
 
-    Shipped fields have no default: their values stand in ``conf/``. What a field ``needs`` to have an effect is a
-    condition as :mod:`cmacexp.config.effect` describes it; empty: nothing.
+    Shipped fields have no default: their values stand in ``conf/``. What a field ``needs`` to have an effect, all of
+    it, is written as :mod:`cmacexp.config.effect` describes.
     """
     bounds = {"above": above, "at_least": at_least, "below": below, "at_most": at_most}
     given = {name: bound for name, bound in bounds.items() if bound is not None}
     return field(default=default, metadata={"unit": unit, "words": words, "needs": needs, **given})
 
 
-def choice(*names: str, needs: str = "", default: Any = MISSING) -> Any:
+def choice(*names: str, needs: tuple[str, ...] = (), default: Any = MISSING) -> Any:
     """A dataclass field for one of ``names``, or a list of some of them."""
     return field(default=default, metadata={"choices": names, "needs": needs})
 

@@ -34,13 +34,12 @@ side follow those of the other by half a cycle, and a rear foot touches down whe
 (Lin & Song 1997, Fig. 14; the start of the cycle is assumed)."""
 LINEAR, COSINE = "linear", "cosine"
 """Shapes of the ramps of the load."""
-LIFTS = f".pattern={'|'.join(name for name, pattern in PATTERNS.items() if pattern.lifts)}"
+LIFTS = (f"own.pattern in {tuple(name for name, pattern in PATTERNS.items() if pattern.lifts)}",)
 """What fields of the transfer need."""
 UNSTABLE = " or ".join(
-    f".pattern={name} and {changed}"
+    f"own.pattern == {name!r} and (own.duty_factor < {pattern.least_duty_factor:g} or own.touch_down is not None)"
     for name, pattern in PATTERNS.items()
     if pattern.least_duty_factor
-    for changed in (f".duty_factor below {pattern.least_duty_factor:g}", ".touch_down!=null")
 )
 """What the permission to run a gait that is not statically stable needs."""
 
@@ -67,7 +66,7 @@ class GaitConfig:
     """Time after touch-down over which a foot takes its desired force; 0: a step, as in the paper."""
     unload_ramp: float = number("s", at_least=0)
     """Time before the end of support over which a foot gives up its desired force; 0: a step, as in the paper."""
-    ramp: str = choice(LINEAR, COSINE, needs=".load_ramp above 0 or .unload_ramp above 0")
+    ramp: str = choice(LINEAR, COSINE, needs=("own.load_ramp > 0 or own.unload_ramp > 0",))
     """Shape of both ramps; cosine: without a jump of the rate at either end."""
-    allow_unstable: bool = field(kw_only=True, metadata={"needs": UNSTABLE})
+    allow_unstable: bool = field(kw_only=True, metadata={"needs": (UNSTABLE,)})
     """Run a gait of four legs that is not statically stable."""

@@ -3,10 +3,11 @@
 from dataclasses import dataclass, field, fields
 
 from cmacexp.config.fields import choice, number
+from cmacexp.errors import BadInput
 from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_file import find_model
 
-HAS_BODY = "machine.kind=quadruped|robot"
+HAS_BODY = ("machine.kind in ('quadruped', 'robot')",)
 """What fields that concern a body, or choose among legs, need to have an effect."""
 
 
@@ -74,7 +75,7 @@ LEG_NAMES = tuple(key.replace("_", " ") for key in LEG_KEYS)
 """The same as words."""
 
 
-MASS_COUNTS = "plant=mujoco_quadruped or force_control.load_sharing=dynamic or .weight=null"
+MASS_COUNTS = ("option.plant == 'mujoco_quadruped' or force_control.load_sharing == 'dynamic' or own.weight is None",)
 """What the mass of a body needs, which weighs as much as ``weight`` says wherever it does not move."""
 
 
@@ -128,6 +129,13 @@ class RobotModel:
     """Geoms of the feet in the model, spheres."""
     home: list[float] = number("rad", at_least=-10, at_most=10)
     """Joint angles of a leg at which the rule for the gains looks; the knee bends to this side."""
+
+
+def ask_for_robot(machine: RobotModel) -> BadInput:
+    """The mistake of a robot in a scenario, or under a plant, that is for other machines."""
+    name = machine.model or "mjcf"
+    needs = "a robot needs a gait of four legs and plant=mujoco_robot"
+    return BadInput("machine", name, f"{needs}: use scenario=robot machine={name}")
 
 
 def read_model(machine: RobotModel) -> Robot:

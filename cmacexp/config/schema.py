@@ -6,23 +6,22 @@ Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do n
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from cmacexp.config.cmac import ACTS, CmacConfig
+from cmacexp.config.cmac import ACTS, CMACS, CmacConfig
 from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.machine import HAS_BODY, BodyMachine, RobotMachine
 from cmacexp.models.robot_legs import JOINTS
 
-LEARNS = "feedforward!=none|inverse_dynamics"
+LEARNS = ("option.feedforward not in ('none', 'inverse_dynamics')",)
 """What fields of learning need beside :data:`ACTS`."""
-HASHED = "cmac.addressing=hashed and learning.start_from=null"
-"""What a CMAC needs to use the seed."""
 DRAWS = (
-    f"feedforward=mlp and {ACTS} or feedforward=cmac|cmac_on_model and {HASHED} and {ACTS} "
-    "or sensors.*.noise above 0 or sensors.*.noise_relative above 0 or sensors.*.dropout above 0 "
-    "or sensors.*.fault.kind=noise"
+    f"{ACTS[0]} and (option.feedforward == 'mlp' or option.feedforward in {CMACS} "
+    "and cmac.addressing == 'hashed' and learning.start_from is None) or sensors.draws",
 )
 """What the seed needs: something that draws random numbers."""
+RATES = ("gait.pattern != 'standing' or gait.load_ramp > 0 or gait.unload_ramp > 0 or terrain.damping > 0",)
+"""What rates of the depression need: a force that changes, or ground that resists them."""
 
 
 @dataclass
@@ -46,7 +45,7 @@ class ActuatorConfig:
 class PostureConfig:
     """Posture control of a body (Lin & Song 1997, section 6.2)."""
 
-    needs: ClassVar[str] = HAS_BODY
+    needs: ClassVar[tuple[str, ...]] = HAS_BODY
 
     gain: float = number("", at_least=0)
     """Depth that a supporting foot is pushed down, over the height that its hip lacks; 0 switches it off."""
@@ -62,15 +61,15 @@ class ForceControlConfig:
     """What the force error changes: depth (stiffness), speed (damping), both (combined), or the force (explicit)."""
     desired_force: float | None = number("N", above=0)
     """Force to press with in support, F_d; null under a body, whose weight is shared out among the feet."""
-    elasticity: float = number("m/N", at_least=0, at_most=1e6, needs=".method=stiffness|combined")
+    elasticity: float = number("m/N", at_least=0, at_most=1e6, needs=("own.method in ('stiffness', 'combined')",))
     """Depth that the reference gives way per force error, P_fn."""
-    admittance: float = number("m/(N s)", at_least=0, at_most=1e6, needs=".method=damping|combined")
+    admittance: float = number("m/(N s)", at_least=0, at_most=1e6, needs=("own.method in ('damping', 'combined')",))
     """Speed at which the reference gives way per force error, V_fn."""
-    force_gain: float = number("", above=0, at_most=1e9, needs=".method=explicit")
+    force_gain: float = number("", above=0, at_most=1e9, needs=("own.method == 'explicit'",))
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
     load_sharing: str = choice("static", "dynamic", needs=HAS_BODY)
     """What the feet of a body share; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
-    load_rate: bool = field(kw_only=True)
+    load_rate: bool = field(kw_only=True, metadata={"needs": RATES})
     """Whether the reference in support contains the rate of the depression for F_d, and its lag on damped ground."""
 
 
@@ -80,11 +79,11 @@ class PlausibilityConfig:
 
     enabled: bool
     """Whether it is on."""
-    tolerance: float = number("N", above=0, at_most=1e9, needs=".enabled=true")
+    tolerance: float = number("N", above=0, at_most=1e9, needs=("own.enabled",))
     """Largest plausible difference from the force expected at the measured depth."""
-    relative_tolerance: float = number("", at_least=0, below=1, needs=".enabled=true")
+    relative_tolerance: float = number("", at_least=0, below=1, needs=("own.enabled",))
     """Likewise over the expected force; at 1 a sensor stuck at zero would pass."""
-    patience: int = number("samples", at_least=1, at_most=10**6, needs=".enabled=true")
+    patience: int = number("samples", at_least=1, at_most=10**6, needs=("own.enabled",))
     """A sensor is ignored for good after so many readings that are wrong by twice the tolerance."""
 
 
@@ -92,7 +91,7 @@ class PlausibilityConfig:
 class LearningConfig:
     """The learning rule (Lin & Song 1997, eq. 19, 20) and the strengths of the others."""
 
-    needs: ClassVar[str] = f"feedforward!=none and {ACTS}"
+    needs: ClassVar[tuple[str, ...]] = ("option.feedforward != 'none'", *ACTS)
 
     rule: str = field(kw_only=True, metadata={"needs": LEARNS})
     """One of cmacexp/cmac/rules.py; each but the paper's has its strength in a field below."""
@@ -100,9 +99,7 @@ class LearningConfig:
     """Fraction of the error that a step corrects, beta; 50/256 in the paper."""
     lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",), needs=LEARNS)
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
-    start_cycle: int = number(
-        "", at_least=1, at_most=10**9, needs="feedforward!=none and .start_cycle at most cycles"
-    )
+    start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts."""
     start_from: str | None = field(kw_only=True, metadata={"needs": LEARNS})
     """Folder of a run with record.weights, from whose weights the feedforward starts; null: none."""
@@ -176,7 +173,7 @@ class Config:
     learning: LearningConfig
     record: RecordConfig
     sweep: SweepConfig
-    optimize: str | None = field(kw_only=True, metadata={"needs": "hydra.mode=MULTIRUN"})
+    optimize: str | None = field(kw_only=True, metadata={"needs": ("hydra.mode == 'MULTIRUN'",)})
     """Metric whose final value a job returns to the sweeper (see cmacexp/experiment/objective.py); null: none."""
     warn: bool
     """Warn of overrides without effect (see cmacexp/config/effect.py), and before a long run whose learning is

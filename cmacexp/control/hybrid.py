@@ -37,11 +37,8 @@ class HybridController:
     """Of no legs until the controller is reset."""
     feedforward: Feedforward
 
-    def __init__(self, position_gain: float, velocity_gain: float, lead_omega: float, lead_alpha: float):
-        self.position_gain = position_gain
-        self.velocity_gain = velocity_gain
-        self.lead_omega = lead_omega
-        self.lead_alpha = lead_alpha
+    def __init__(self, config: Config):
+        self.config = config
 
     def reset(self, setup: Setup, feedforward: Feedforward) -> None:
         """Set the states of the LEAD compensators to zero."""
@@ -49,12 +46,12 @@ class HybridController:
         self.params = HybridParams(
             setup.mechanism,
             METHODS[method.method],
-            self.position_gain,
-            self.velocity_gain,
+            self.config.position_gain,
+            self.config.velocity_gain,
             method.force_gain,
             method.elasticity,
             method.admittance,
-            discretise(self.lead_omega, self.lead_alpha, setup.config.sampling_period),
+            discretise(self.config.lead_omega, self.config.lead_alpha, setup.config.sampling_period),
             setup.config.posture.gain,
             setup.config.posture.rate_gain,
             FaultDetection(

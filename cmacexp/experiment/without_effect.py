@@ -1,7 +1,9 @@
 """Warnings of what is typed and has no effect: nothing reads it, or the same key comes again."""
 
+import copy
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import is_dataclass
 from typing import Any, NamedTuple
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -9,7 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.cmac.rules import strength_needs
 from cmacexp.config import Config, to_config
-from cmacexp.config.effect import Effects, read_effects
+from cmacexp.config.effect import explain_idle
 from cmacexp.errors import CmacexpError, format_value
 
 HYDRA_GROUP = "hydra"
@@ -47,18 +49,9 @@ def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield key, value
 
 
-def _effects(config: Config, mode: str) -> Effects:
-    """What a config holds and what its fields need, those of the learning rules included."""
-    return read_effects(config, strength_needs(), mode)
-
-
-def _reason(key: str, effects: Effects, composed: DictConfig) -> str:
+def _reason(config: Config, key: str, composed: DictConfig, mode: str) -> str:
     """Why a key has no effect; empty if it has one, if only where it is interpolated."""
-    group = key.partition(".")[0]
-    known = any(each == key or each.startswith(f"{key}.") for each in effects.values)
-    reason = f"needs {missing}" if (missing := effects.missing(key)) else ""
-    if not known and group in effects.values and not key.endswith("._target_"):
-        reason = f"{group}={effects.values[group]} does not take it"
+    reason = explain_idle(config, key, strength_needs(key), mode)
     used = reason and f"${{{key}}}" in str(OmegaConf.to_container(composed, resolve=False))
     return "" if used else reason
 
@@ -72,13 +65,25 @@ def warnings_of(config: Config, overrides: Sequence[str], composed: DictConfig) 
         composed: what Hydra composed of them.
     """
     typed = read_typed(overrides) if config.warn else []
-    effects = _effects(config, "RUN") if typed else Effects({}, {})
     found: dict[str, str] = {}
     for i, (key, _, text) in enumerate(typed):
         later = next((each.text for each in typed[i + 1 :] if each.key == key), None)
-        if reason := f"{later} comes after it" if later else _reason(key, effects, composed):
+        if reason := f"{later} comes after it" if later else _reason(config, key, composed, "RUN"):
             found[text] = reason
     return [f"{format_value(text)} has no effect: {reason}" for text, reason in found.items()]
+
+
+def _with_values(config: Config, typed: Iterable[Typed]) -> Config:
+    """A config with other values of fields; options stay as they are."""
+    config = copy.deepcopy(config)
+    for key, value, _ in typed:
+        *groups, name = key.split(".")
+        node: Any = config
+        for group in groups:
+            node = getattr(node, group, None)
+        if hasattr(node, name) and not is_dataclass(getattr(node, name)):
+            setattr(node, name, value)
+    return config
 
 
 def warnings_of_sweep(kinds: Iterable[tuple[DictConfig, Sequence[Sequence[str]]]]) -> list[str]:
@@ -96,12 +101,11 @@ def warnings_of_sweep(kinds: Iterable[tuple[DictConfig, Sequence[Sequence[str]]]
             return []
         if not config.warn:
             return []
-        effects, keys = _effects(config, "MULTIRUN"), dict.fromkeys(each.key for each in read_typed(jobs[0]))
+        keys = dict.fromkeys(each.key for each in read_typed(jobs[0]))
         for overrides in jobs:
             if not (keys := {key: None for key in keys if found.get(key) != ""}):
                 break
-            typed = read_typed(overrides)
-            own = effects._replace(values={**effects.values, **{each.key: each.value for each in typed}})
+            own = _with_values(config, read_typed(overrides))
             for key in keys:
-                found[key] = _reason(key, own, plain)
+                found[key] = _reason(own, key, plain, "MULTIRUN")
     return [f"{key} has no effect in any job: {reason}" for key, reason in found.items() if reason]

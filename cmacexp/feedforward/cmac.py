@@ -1,7 +1,6 @@
 """One CMAC per leg as a feedforward."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,42 +8,13 @@ from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange, spanning
 from cmacexp.cmac.receptive_field import RECTANGULAR
 from cmacexp.cmac.use import memory_use
-from cmacexp.config import Config, FeedforwardConfig
-from cmacexp.config.component import MemoryNeed
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Weights
 
-ROW_BYTES, ACTIVATION_BYTES = 4, 8
-"""Bytes of an active cell in the tables of a cycle: its row, and its activation where that is not always 1."""
-FIND_BYTES, ASSIGN_BYTES, SORT_BYTES = 10, 28, 30
-"""Bytes of an active cell of one leg while visited cells are counted, while each is given a row of its own, and of a
-cell that is new at its sample, which is sorted."""
-CROSSINGS = 4
-"""How often an input of a path goes through its span in a cycle."""
-
 
 class CmacFeedforward(BuiltInFeedforward):
     """One CMAC per leg, addressed by planned joint values, trained by the feedback (Lin & Song 1997, section 4)."""
-
-    @dataclass
-    class Config(FeedforwardConfig):
-        """No fields of its own: those of ``cmac`` and ``learning``."""
-
-        def memory_need(self, config: Config) -> MemoryNeed:
-            """Of the cells of every sample, and of copies of the weights: those to start from, and those to keep."""
-            cmac, legs = config.cmac, config.legs
-            weighted = cmac.receptive_field != "rectangular" or config.learning.rule != "paper"
-            table = legs * (ROW_BYTES + ACTIVATION_BYTES * weighted)
-            inputs, steps = config.joints * len(cmac.inputs), config.steps_per_cycle
-            new = CROSSINGS * inputs * cmac.resolution_elements / cmac.range_factor  # in each layer, in a cycle
-            search = ASSIGN_BYTES if cmac.addressing == "visited" else FIND_BYTES
-            cells = steps * cmac.layers * (table + search + SORT_BYTES * min(1.0, new / steps))
-            copies = config.record.weights + 2 * (config.learning.start_from is not None)
-            weights = legs * cmac.memory_bytes * copies
-            if weights > cells:
-                return MemoryNeed(cells + weights, "cmac.memory_bytes", cmac.memory_bytes)
-            return MemoryNeed(cells + weights, "cmac.layers", cmac.layers)
 
     def reset(self, setup: Setup) -> None:
         """Compute the cells of every sample; start with empty memories, or with those of an earlier run."""

@@ -52,8 +52,7 @@ class IterativeLearning(BuiltInFeedforward):
         cutoff: float | None = number("Hz", above=0, at_most=1e6)
         """Frequency at which the gain of Q is 1/sqrt(2); null: Q = 1."""
 
-    def __init__(self, cutoff: float | None):
-        self.cutoff = cutoff
+    config: Config
 
     def reset(self, setup: Setup) -> None:
         """Start with no torque at any sample, or with that of an earlier run.
@@ -63,7 +62,8 @@ class IterativeLearning(BuiltInFeedforward):
         """
         samples, legs = setup.plan.support.shape
         cells = np.broadcast_to(np.arange(samples, dtype=np.uint32)[:, None, None], (samples, legs, 1))
-        taps = None if self.cutoff is None else gaussian_taps(self.cutoff, setup.config.sampling_period, samples)
+        cutoff = self.config.cutoff
+        taps = None if cutoff is None else gaussian_taps(cutoff, setup.config.sampling_period, samples)
         self.params = network(setup, cells, samples, taps=taps)
         self.memory = [MemoryUse(samples, samples, samples, 0, 0)] * legs
 

@@ -27,15 +27,13 @@ class InverseDynamics(BuiltInFeedforward):
         """Errors of the model."""
 
         mass_factor: float = number(
-            "", above=0, at_most=1e3, needs="machine.kind!=point_mass or gait.pattern!=standing"
+            "", above=0, at_most=1e3, needs=("machine.kind != 'point_mass' or gait.pattern != 'standing'",)
         )
         """Masses of the model over the true ones."""
-        length_factor: float = number("", above=0, at_most=1e3, needs="machine.kind!=point_mass")
+        length_factor: float = number("", above=0, at_most=1e3, needs=("machine.kind != 'point_mass'",))
         """Lengths of the model's links over the true ones; joint angles are planned with the true ones."""
 
-    def __init__(self, mass_factor: float = 1.0, length_factor: float = 1.0):
-        self.mass_factor = mass_factor
-        self.length_factor = length_factor
+    config: Config
 
     def reset(self, setup: Setup) -> None:
         """Compute the torque of every sample of the cycle."""
@@ -45,7 +43,7 @@ class InverseDynamics(BuiltInFeedforward):
         """Torque (N, L, J) of every sample of the cycle, N m."""
         if isinstance(setup.config.machine, RobotMachine):
             return self._torque_of_robot(setup)
-        plan, factors = setup.plan, [self.length_factor] * 2 + [self.mass_factor] * 2 + [1.0]
+        plan, factors = setup.plan, [self.config.length_factor] * 2 + [self.config.mass_factor] * 2 + [1.0]
         mechanism = setup.mechanism._replace(legs=setup.mechanism.legs * np.array(factors))
         torque = np.zeros((*plan.joints.shape[:2], 2))
         for k in range(torque.shape[0]):
@@ -62,11 +60,11 @@ class InverseDynamics(BuiltInFeedforward):
         Raises:
             BadInput: the links of the model cannot have another length.
         """
-        if self.length_factor != 1.0:
+        if self.config.length_factor != 1.0:
             reason = "must be 1 with machine.kind=robot, whose links are those of its model"
-            raise BadInput("feedforward.length_factor", self.length_factor, reason)
+            raise BadInput("feedforward.length_factor", self.config.length_factor, reason)
         plan, adds = setup.plan, setup.config.reference == "force_feedforward"
         pressed = np.zeros_like(plan.force_desired) if adds else plan.force_desired
         return planned_torques(
-            setup.config, setup.mechanism, plan.joints, plan.force_desired, pressed, self.mass_factor
+            setup.config, setup.mechanism, plan.joints, plan.force_desired, pressed, self.config.mass_factor
         )

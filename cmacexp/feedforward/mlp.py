@@ -1,6 +1,5 @@
 """A multilayer perceptron, of scikit-learn, that learns once a cycle."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,7 +7,6 @@ import numpy as np
 
 from cmacexp.config import Config, FeedforwardConfig, choice, number
 from cmacexp.config.cmac import INPUTS, check_inputs
-from cmacexp.config.component import MemoryNeed
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import planned_inputs
 from cmacexp.planning.setup import Reference, Setup
@@ -16,8 +14,6 @@ from cmacexp.typing import Array, Weights
 
 WEIGHTS = ("hidden_weights", "output_weights", "hidden_bias", "output_bias")
 """Arrays of a network in the order of scikit-learn; saved with legs as first axis."""
-ACTIVATION_BYTES = 12
-"""Bytes of a hidden neuron at a sample when the output at all samples is computed, copies included."""
 INSTALL = 'needs scikit-learn: python -m pip install -e ".[networks]"'
 
 
@@ -57,19 +53,10 @@ class Perceptron:
             """Check the inputs."""
             check_inputs("feedforward.inputs", self.inputs)
 
-        def memory_need(self, config: Config) -> MemoryNeed:
-            """Of the hidden layer of one leg at every sample."""
-            size = ACTIVATION_BYTES * config.steps_per_cycle * self.hidden
-            return MemoryNeed(size, "feedforward.hidden", self.hidden)
-
     acts = True
 
-    def __init__(self, inputs: Sequence[str], hidden: int, passes: int, batch: int, step_size: float):
-        self.inputs = list(inputs)
-        self.hidden = hidden
-        self.passes = passes
-        self.batch = batch
-        self.step_size = step_size
+    def __init__(self, config: Config):
+        self.config = config
 
     def reset(self, setup: Setup) -> None:
         """Make the networks, whose output is zero until they learn.
@@ -86,7 +73,7 @@ class Perceptron:
             )
         samples, legs = setup.plan.support.shape
         self.rate, self.lead = setup.config.learning.rate, setup.lead
-        paths = np.stack([planned_inputs(setup, i, self.inputs) for i in range(legs)])
+        paths = np.stack([planned_inputs(setup, i, self.config.inputs) for i in range(legs)])
         spread = paths.std(axis=1, keepdims=True)
         self.middle, self.spread = paths.mean(axis=1, keepdims=True), np.where(spread > 0.0, spread, 1.0)
         if setup.learnt is not None:
@@ -95,8 +82,9 @@ class Perceptron:
         self.torque = np.zeros((samples, legs, setup.mechanism.shape[1]))
         self.learning_error = np.zeros((samples, legs, setup.mechanism.shape[1]))
         self.steps, self.scale = 0, np.zeros(legs)
-        options = {"activation": "tanh", "solver": "adam", "alpha": 0.0, "batch_size": min(self.batch, samples)}
-        options |= {"hidden_layer_sizes": (self.hidden,), "learning_rate_init": self.step_size}
+        own = self.config
+        options = {"activation": "tanh", "solver": "adam", "alpha": 0.0, "batch_size": min(own.batch, samples)}
+        options |= {"hidden_layer_sizes": (own.hidden,), "learning_rate_init": own.step_size}
         self.networks = [make(**options, random_state=(setup.config.seed + i) % 2**32) for i in range(legs)]
         for i, one in enumerate(self.networks):
             one.partial_fit(self.paths[i], self.torque[:, i])  # makes its arrays
@@ -132,6 +120,6 @@ class Perceptron:
         if self.scale[leg] == 0.0:
             self.scale[leg] = np.sqrt(np.mean(learning_error**2)) or 1.0
         wanted = (self.torque[:, leg] + self.rate * learning_error) / self.scale[leg]
-        for _ in range(self.passes):
+        for _ in range(self.config.passes):
             self.networks[leg].partial_fit(self.paths[leg], wanted)
         self.torque[:, leg] = self.scale[leg] * self.networks[leg].predict(self.paths[leg])

@@ -3,12 +3,14 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from cmacexp.cmac.rules import NEIGHBOURS, PAPER, make_rule
 from cmacexp.cmac.spread import spread_shares
 from cmacexp.cmac.use import MemoryUse
+from cmacexp.config import ComponentConfig, FeedforwardConfig
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.kernels import (
     CMAC,
@@ -33,12 +35,16 @@ class BuiltInFeedforward(ABC):
     A subclass sets them in :meth:`reset`, by :func:`known_torque` or :func:`network`.
     """
 
+    Config: type[ComponentConfig] = FeedforwardConfig
     acts = True
     params: FeedforwardParams
     known: Array | None = None
     """(N, L, J): torque of a model that a network adds to, N m; None: there is none."""
     memory: Sequence[MemoryUse] = ()
     """How the memory of each leg is used; empty without memory."""
+
+    def __init__(self, config: Any):
+        self.config = config
 
     @abstractmethod
     def reset(self, setup: Setup) -> None:

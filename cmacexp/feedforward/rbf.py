@@ -1,6 +1,5 @@
 """Radial basis functions: a network of Gaussians along the planned path."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +8,6 @@ from cmacexp.cmac.quantiser import spanning
 from cmacexp.cmac.use import MemoryUse
 from cmacexp.config import Config, FeedforwardConfig, choice, number
 from cmacexp.config.cmac import INPUTS, check_inputs
-from cmacexp.config.component import MemoryNeed
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.models.exponential import exponential
@@ -80,17 +78,7 @@ class RadialBasis(BuiltInFeedforward):
                     "feedforward.active", self.active, f"must be at most feedforward.centres={self.centres}"
                 )
 
-        def memory_need(self, config: Config) -> MemoryNeed:
-            """Of the distances of every sample of a leg, or of every centre, from every centre, along each input."""
-            inputs = config.joints * len(self.inputs)
-            samples = max(config.steps_per_cycle * (inputs + 1), self.centres * (2 * inputs + 1))
-            return MemoryNeed(8 * samples * self.centres, "feedforward.centres", self.centres)
-
-    def __init__(self, inputs: Sequence[str], centres: int, active: int, width: float):
-        self.inputs = list(inputs)
-        self.centres = centres
-        self.active = active
-        self.width = width
+    config: Config
 
     def reset(self, setup: Setup) -> None:
         """Place the centres along the path; start with weights of zero, or with those of an earlier run.
@@ -99,23 +87,24 @@ class RadialBasis(BuiltInFeedforward):
             BadInput: more centres than samples.
         """
         samples, legs = setup.plan.support.shape
-        if self.centres > samples:
-            raise BadInput("feedforward.centres", self.centres, f"must be at most {samples}, the samples of a cycle")
-        inputs = [planned_inputs(setup, i, self.inputs) for i in range(legs)]
+        number = self.config.centres
+        if number > samples:
+            raise BadInput("feedforward.centres", number, f"must be at most {samples}, the samples of a cycle")
+        inputs = [planned_inputs(setup, i, self.config.inputs) for i in range(legs)]
         if setup.learnt is None:
             ranges = [spanning(own, 1.0) for own in inputs]
             self.ranges = np.stack([np.stack(own) for own in ranges])
-            self.places = np.stack([spread_out(own, self.centres) for own in map(_scaled, inputs, self.ranges)])
+            self.places = np.stack([spread_out(own, number) for own in map(_scaled, inputs, self.ranges)])
         else:
             self.ranges, self.places = setup.learnt["ranges"], setup.learnt["places"]
         found = [
-            activations(_scaled(own, ends), places, self.width * spacing(places), self.active)
+            activations(_scaled(own, ends), places, self.config.width * spacing(places), self.config.active)
             for own, ends, places in zip(inputs, self.ranges, self.places, strict=True)
         ]
         cells, activation = (np.stack(own, axis=1) for own in zip(*found, strict=True))
-        self.params = network(setup, cells, self.centres, activation)
+        self.params = network(setup, cells, number, activation)
         used = [len(np.unique(own)) for own, _ in found]
-        self.memory = [MemoryUse(self.centres, number, number, 0, 0) for number in used]
+        self.memory = [MemoryUse(number, rows, rows, 0, 0) for rows in used]
 
     def learnt(self) -> Weights:
         """``weights`` (L, centres, J), N m; ``ranges`` (L, 2, n) of inputs; ``places`` (L, centres, n) in them."""

@@ -1,12 +1,9 @@
-"""Make the components of a run from the ``_target_`` and fields of their config nodes."""
+"""Make the components of a run: of the class that each names by ``_target_``, with the fields that it takes."""
 
 import inspect
-from collections.abc import Mapping
 from typing import Any
 
-from hydra.errors import InstantiationException
-from hydra.utils import instantiate
-
+from cmacexp.config import ComponentConfig
 from cmacexp.config.targets import current_folder_importable, find_class
 from cmacexp.control.protocol import Controller
 from cmacexp.errors import BadComponent, BadInput, format_install_command
@@ -31,26 +28,27 @@ def require_members(group: str, target: object, component: object) -> None:
         raise BadInput(f"{group}._target_", target, f"is not a {group}: it has no {' and no '.join(missing)}")
 
 
-def require_class(group: str, node: Mapping[str, Any]) -> None:
-    """Require that a ``_target_`` is a class with the methods of its protocol, before anything of it is called.
+def require_class(group: str, target: object, component: type[Any], given: dict[str, Any]) -> None:
+    """Require that a class has the methods of its protocol, before anything of it is called.
 
     Args:
         group: of the component, ``controller``.
-        node: its ``_target_`` and fields.
+        target: its ``_target_``.
+        component: the class.
+        given: what it is made with, by name.
 
     Raises:
         BadInput: names the method that is missing or takes other arguments, or the fields that do not fit.
     """
-    target, protocol, key = node.get("_target_"), PROTOCOLS[group], f"{group}._target_"
-    component = find_class(key, target)
+    protocol, key = PROTOCOLS[group], f"{group}._target_"
     methods = [name for name, value in vars(protocol).items() if inspect.isfunction(value) and name[0] != "_"]
     if missing := [name for name in methods if not callable(getattr(component, name, None))]:
         raise BadInput(key, target, f"is not a {group}: it has no {' and no '.join(missing)}")
     for name in methods:
-        if not _takes(component, name, given := list(inspect.signature(getattr(protocol, name)).parameters)):
-            raise BadInput(key, target, f"is not a {group}: {name} must take ({', '.join(given[1:])})")
+        if not _takes(component, name, taken := list(inspect.signature(getattr(protocol, name)).parameters)):
+            raise BadInput(key, target, f"is not a {group}: {name} must take ({', '.join(taken[1:])})")
     try:
-        inspect.signature(component).bind(**{name: value for name, value in node.items() if name != "_target_"})
+        inspect.signature(component).bind(**given)
     except TypeError as error:
         raise BadInput(key, target, f"cannot be made of its fields: {error}") from error
     except ValueError:  # a class that is not written in Python
@@ -70,8 +68,8 @@ def _takes(component: type[Any], name: str, given: list[str]) -> bool:
     return True
 
 
-def make_component(group: str, node: Mapping[str, Any]) -> Any:
-    """Make a component.
+def make_component(group: str, node: ComponentConfig | dict[str, Any]) -> Any:
+    """Make a component: with its ``Config``, if its class carries one, else with its fields as keyword arguments.
 
     Args:
         group: its group, ``controller``.
@@ -80,25 +78,22 @@ def make_component(group: str, node: Mapping[str, Any]) -> Any:
     Raises:
         BadInput: it cannot be made; as :class:`BadComponent` with the traceback of what its own code raised.
     """
-    target, key = node.get("_target_"), f"{group}._target_"
-    try:
-        with current_folder_importable():
-            require_class(group, node)
-            component = instantiate(node)
-    except InstantiationException as error:
-        raise _explain(key, target, error) from error.__cause__
-    require_members(group, target, component)
-    return component
-
-
-def _explain(key: str, target: object, error: InstantiationException) -> BadInput:
-    """The error in one line."""
-    cause = error.__cause__
-    if isinstance(cause, BadInput):
-        return cause
-    if isinstance(cause, ModuleNotFoundError) and (command := format_install_command(cause.name or "")):
-        return BadInput(key, target, f"needs {cause.name}, which is not installed: {command}")
-    reason = " ".join(str(cause or error).split())
-    if cause is None:
-        return BadInput(key, target, f"cannot be made: {reason}")
-    return BadComponent(key, target, f"cannot be made: {type(cause).__name__}: {reason}", cause)
+    if isinstance(node, ComponentConfig):
+        target, given = node._target_, {"config": node}
+    else:
+        target, given = node["_target_"], {name: value for name, value in node.items() if name != "_target_"}
+    key = f"{group}._target_"
+    with current_folder_importable():
+        component = find_class(key, target)
+        require_class(group, target, component, given)
+        try:
+            made = component(**given)
+        except BadInput:
+            raise
+        except Exception as error:
+            if isinstance(error, ModuleNotFoundError) and (command := format_install_command(error.name or "")):
+                raise BadInput(key, target, f"needs {error.name}, which is not installed: {command}") from error
+            reason = f"cannot be made: {type(error).__name__}: {' '.join(str(error).split())}"
+            raise BadComponent(key, target, reason, error) from error
+    require_members(group, target, made)
+    return made

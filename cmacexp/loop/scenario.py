@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.cmac.rules import find_rule
-from cmacexp.config import Config, to_plain
+from cmacexp.config import Config
 from cmacexp.config.machine import PointMassMachine
 from cmacexp.control import Controller
 from cmacexp.data.weights import read_weights
@@ -123,11 +123,11 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     """
     find_rule(config.learning.rule)  # also if no feedforward uses it
     check_load_sharing(config)
-    mechanism, plain = make_mechanism(config.machine), to_plain(config)
+    mechanism = make_mechanism(config.machine)
     announce_steps(config, len(mechanism.legs))
     for group, component in given.items():
-        require_members(group, plain[group].get("_target_"), component)
-    made = {group: make_component(group, plain[group]) for group in PROTOCOLS if group not in given}
+        require_members(group, type(component).__qualname__, component)
+    made = {group: make_component(group, getattr(config, group)) for group in PROTOCOLS if group not in given}
     components = {**made, **given}
     check_weights(config, components["feedforward"])
     plan = make_plan(config, mechanism, components["feedforward"].acts)

@@ -28,7 +28,7 @@ def _joints(by: np.ufunc, torque: Array) -> Array:
 
 
 def _torque_rms(torque: Array, valid: Mask) -> Array:
-    """Root mean square over all joints and the cycle, N m."""
+    """Square root of the mean square over the joints and over the cycle, N m."""
     return np.sqrt(mean(_joints(np.add, torque**2) / torque.shape[-1], valid))
 
 

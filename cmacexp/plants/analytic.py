@@ -3,7 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from cmacexp.config import ComponentConfig, number
+from cmacexp.config import ComponentConfig, Config, number
+from cmacexp.config.machine import RobotMachine, ask_for_robot
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.kernels import PlantParams, PlantState, advance, new_state, observe, update_stiffness
@@ -21,19 +22,25 @@ class AnalyticPlant:
         substeps: int = number("", at_least=1, at_most=10000)
         """Runge-Kutta steps per sampling period; 1 as in the paper."""
 
+        def check(self, config: Config) -> None:
+            """Check that the legs are planar."""
+            if isinstance(config.machine, RobotMachine):
+                raise ask_for_robot(config.machine)
+
     params: PlantParams
     state: PlantState
 
-    def __init__(self, substeps: int = 1):
-        self.substeps = substeps
+    def __init__(self, config: Config):
+        self.config = config
 
     def reset(self, setup: Setup) -> Measurement:
         """Start at the planned joint angles, at rest."""
         mechanism, config = setup.mechanism, setup.config
         payload = make_payload(config.payload, config.sampling_period)
         ground = make_ground(config.terrain, config.sampling_period)
-        step = config.sampling_period / self.substeps
-        self.params = PlantParams(mechanism, ground, payload, config.body_speed, step, self.substeps)
+        substeps = self.config.substeps
+        step = config.sampling_period / substeps
+        self.params = PlantParams(mechanism, ground, payload, config.body_speed, step, substeps)
         self.state = new_state(mechanism.legs.shape[0])
         self.state.q[:] = setup.start
         self.state.body[0] = mechanism.hip_height

@@ -31,8 +31,8 @@ class MujocoLeg:
 
     engine: MujocoEngine
 
-    def __init__(self, substeps: int):
-        self.substeps = substeps
+    def __init__(self, config: Config):
+        self.config = config
 
     def reset(self, setup: Setup) -> Measurement:
         """Start at the planned joint angles, at rest.
@@ -42,7 +42,7 @@ class MujocoLeg:
         """
         check_kind(setup, LEGS_ON_STAND, "mujoco_leg")
         touch = Touch(make_ground(setup.config.terrain, setup.config.sampling_period), 0.0, 0.0, 0.0)
-        step = setup.config.sampling_period / self.substeps
+        step = setup.config.sampling_period / self.config.substeps
         self.hip_height = setup.mechanism.hip_height
         self.engine = MujocoEngine(setup.mechanism, touch, step)
         legs, body = self.engine.legs, np.array([self.hip_height, 0.0, 0.0])
@@ -57,7 +57,7 @@ class MujocoLeg:
         Raises:
             Diverged: MuJoCo warns of its state.
         """
-        self.engine.advance(torque, self.substeps)
+        self.engine.advance(torque, self.config.substeps)
         return self.measure()
 
     def measure(self) -> Measurement:

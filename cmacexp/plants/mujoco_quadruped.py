@@ -43,7 +43,7 @@ class MujocoQuadruped:
         """Inertia of the body without its legs about its x, y and z."""
         start_spread: float = number("rad", at_least=0, at_most=0.5)
         """Largest difference of the joint angles at the start from the planned ones."""
-        start_seed: int = number("", at_least=0, below=2**32, needs=".start_spread above 0")
+        start_seed: int = number("", at_least=0, below=2**32, needs=("own.start_spread > 0",))
         """Seed of the joint angles at the start."""
 
         def check(self, config: Config) -> None:
@@ -53,20 +53,9 @@ class MujocoQuadruped:
 
     engine: MujocoEngine
 
-    def __init__(
-        self,
-        substeps: int,
-        friction: float,
-        friction_stiffness: float,
-        friction_damping: float,
-        body_inertia: list[float],
-        start_spread: float,
-        start_seed: int,
-    ):
-        self.substeps = substeps
-        self.grip = (friction, friction_stiffness, friction_damping)
-        self.body_inertia = tuple(body_inertia)
-        self.start_spread, self.start_seed = start_spread, start_seed
+    def __init__(self, config: Config):
+        self.config = config
+        self.grip = (config.friction, config.friction_stiffness, config.friction_damping)
 
     def reset(self, setup: Setup) -> Measurement:
         """Start near the planned joint angles, at rest, the body at its planned height.
@@ -78,13 +67,13 @@ class MujocoQuadruped:
         machine = setup.config.machine
         assert isinstance(machine, QuadrupedMachine)
         touch = Touch(make_ground(setup.config.terrain, setup.config.sampling_period), *self.grip)
-        step = setup.config.sampling_period / self.substeps
-        torso = Torso(machine.body_mass, self.body_inertia)
+        step = setup.config.sampling_period / self.config.substeps
+        torso = Torso(machine.body_mass, tuple(self.config.body_inertia))
         payload = make_payload(setup.config.payload, setup.config.sampling_period)
         self.engine = MujocoEngine(setup.mechanism, touch, step, torso, payload)
         self.start_observing(setup.mechanism.hips)
-        draw = np.random.default_rng(self.start_seed)
-        self.engine.start(setup.start + draw.uniform(-self.start_spread, self.start_spread, setup.start.shape))
+        draw, spread = np.random.default_rng(self.config.start_seed), self.config.start_spread
+        self.engine.start(setup.start + draw.uniform(-spread, spread, setup.start.shape))
         return self.measure()
 
     def start_observing(self, hips: Array) -> None:
@@ -99,7 +88,7 @@ class MujocoQuadruped:
         Raises:
             Diverged: MuJoCo warns of its state.
         """
-        self.engine.advance(torque, self.substeps)
+        self.engine.advance(torque, self.config.substeps)
         return self.measure()
 
     def measure(self) -> Measurement:

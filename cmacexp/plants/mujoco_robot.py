@@ -46,13 +46,13 @@ class MujocoRobot:
         """elastic: the ground of the project, see ``terrain``; mujoco: MuJoCo's own contacts with a flat floor."""
         friction: float = number("", above=0, at_most=10)
         """Largest tangential over normal force of a foot (Coulomb)."""
-        friction_stiffness: float = number("N/m", above=0, at_most=1e7, needs=".contact=elastic")
+        friction_stiffness: float = number("N/m", above=0, at_most=1e7, needs=("own.contact == 'elastic'",))
         """Stiffness of the spring that holds a sticking foot."""
-        friction_damping: float = number("N s/m", at_least=0, at_most=1e5, needs=".contact=elastic")
+        friction_damping: float = number("N s/m", at_least=0, at_most=1e5, needs=("own.contact == 'elastic'",))
         """Damping beside that spring."""
         start_spread: float = number("rad", at_least=0, at_most=0.5)
         """Largest difference of the joint angles at the start from the planned ones."""
-        start_seed: int = number("", at_least=0, below=2**32, needs=".start_spread above 0")
+        start_seed: int = number("", at_least=0, below=2**32, needs=("own.start_spread > 0",))
         """Seed of the joint angles at the start."""
 
         def check(self, config: Config) -> None:
@@ -64,19 +64,9 @@ class MujocoRobot:
                     reason = f"has no effect with plant.contact={RIGID}, a flat rigid floor; use plant=mujoco_robot"
                     raise BadInput(f"terrain.{key}", value, reason)
 
-    def __init__(
-        self,
-        substeps: int,
-        contact: str,
-        friction: float,
-        friction_stiffness: float,
-        friction_damping: float,
-        start_spread: float,
-        start_seed: int,
-    ):
-        self.substeps, self.contact = substeps, contact
-        self.grip = (friction, friction_stiffness, friction_damping)
-        self.start_spread, self.start_seed = start_spread, start_seed
+    def __init__(self, config: Config):
+        self.config = config
+        self.grip = (config.friction, config.friction_stiffness, config.friction_damping)
         self._wrench = np.zeros(6)
 
     def reset(self, setup: Setup) -> Measurement:
@@ -90,11 +80,11 @@ class MujocoRobot:
             raise BadInput("machine.kind", machine.kind, "must be robot with plant=mujoco_robot: use scenario=robot")
         self.robot, self.mujoco = read_model(machine), load_mujoco()
         self.origin = find_stance(self.robot, machine.hip_height).origin
-        self.model = self._make_model(machine, setup.config.sampling_period / self.substeps)
+        self.model = self._make_model(machine, setup.config.sampling_period / self.config.substeps)
         self.data = self.mujoco.MjData(self.model)
-        draw = np.random.default_rng(self.start_seed)
+        draw = np.random.default_rng(self.config.start_seed)
         legs, height = self.robot.legs, np.array([0.0, 0.0, machine.hip_height])
-        start = setup.start + draw.uniform(-self.start_spread, self.start_spread, setup.start.shape)
+        start = setup.start + draw.uniform(-self.config.start_spread, self.config.start_spread, setup.start.shape)
         self.data.qpos[legs.base_qpos : legs.base_qpos + 7] = [*(height - self.origin), 1.0, 0.0, 0.0, 0.0]
         self.data.qpos[legs.qpos] = start
         self._begin(setup)
@@ -103,10 +93,10 @@ class MujocoRobot:
     def _make_model(self, machine: RobotMachine, step: float) -> Any:
         """The robot's model for the steps of this plant."""
         mujoco, disable = self.mujoco, self.mujoco.mjtDisableBit
-        model = self._make_floor(machine) if self.contact == RIGID else copy.copy(self.robot.model)
+        model = self._make_floor(machine) if self.config.contact == RIGID else copy.copy(self.robot.model)
         model.opt.timestep, model.opt.integrator = step, mujoco.mjtIntegrator.mjINT_EULER
         model.opt.disableflags |= disable.mjDSBL_AUTORESET
-        if self.contact == ELASTIC:
+        if self.config.contact == ELASTIC:
             model.opt.disableflags |= disable.mjDSBL_CONTACT
         return model
 
@@ -141,7 +131,7 @@ class MujocoRobot:
         """Prepare contacts and measurements of the state in ``data``."""
         config, data, legs, mechanism = setup.config, self.data, self.robot.legs, setup.mechanism
         ground = make_ground(config.terrain, config.sampling_period)
-        touch = Touch(ground, *self.grip) if self.contact == ELASTIC else None
+        touch = Touch(ground, *self.grip) if self.config.contact == ELASTIC else None
         payload = make_payload(config.payload, config.sampling_period)
         self.warned = data.warning.number
         bodies = RobotBodies(
@@ -154,7 +144,7 @@ class MujocoRobot:
             data.xmat[legs.base],
             data.qvel[legs.base_dof : legs.base_dof + 6],
         )
-        if self.contact == ELASTIC:
+        if self.config.contact == ELASTIC:
             self.feet = legs.foot_geom
         feet = Feet(self.feet.astype(np.int64), legs.foot_body, legs.base)
         self.q, self.dq = np.empty(mechanism.shape), np.empty(mechanism.shape)
@@ -170,7 +160,7 @@ class MujocoRobot:
         self._pressing = pressing_robot(touch, payload, origin, bodies, feet, self.contacts, room)
         self._observing = observing_robot(mechanism, ground, bodies, origin, self.q, self.dq, room, self.measured)
         next(self._pressing)
-        if self.contact == RIGID:
+        if self.config.contact == RIGID:
             self.mujoco.mj_forward(self.model, data)
             self._read_forces()
 
@@ -189,14 +179,14 @@ class MujocoRobot:
         """
         self.data.qfrc_applied[self.robot.legs.dof] = torque
         with warnings_dropped(self.mujoco):
-            for substep in range(self.substeps):
+            for substep in range(self.config.substeps):
                 self.mujoco.mj_step2(self.model, self.data)
-                if self.contact == RIGID:
+                if self.config.contact == RIGID:
                     self._read_forces()
                 self.mujoco.mj_step1(self.model, self.data)
                 if self.warned.any():
                     raise Diverged(explain_warning(self.mujoco, self.data, self._name_joint))
-                self.contacts.clock[0] += substep + 1 == self.substeps
+                self.contacts.clock[0] += substep + 1 == self.config.substeps
                 next(self._pressing)
         return self.measure()
 

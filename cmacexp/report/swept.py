@@ -3,11 +3,9 @@
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
+from cmacexp.config.component import COMPONENTS
 from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.report.run_summary import RunSummary
-
-COMPONENTS = ("plant", "sensors", "controller", "feedforward")
-"""Config keys whose value is the chosen component."""
 
 
 class Swept(NamedTuple):

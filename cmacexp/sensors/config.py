@@ -9,16 +9,12 @@ from cmacexp.errors import BadInput
 from cmacexp.sensors.channel import FAULTS, STUCK, WITHOUT_VALUE
 
 UNIT = "unit of the signal"
-IMPERFECTIONS = (
-    ".noise above 0",
-    ".noise_relative above 0",
-    ".bias!=0",
-    ".quantum above 0",
-    ".delay above 0",
-    ".dropout above 0",
-)
-IMPERFECT = " or ".join(IMPERFECTIONS)
-"""What the field that says when a signal is imperfect needs."""
+IMPERFECTIONS = ("noise", "noise_relative", "bias", "quantum", "delay", "dropout")
+"""Fields of a signal that alter it where they are not 0."""
+IMPERFECT = (" or ".join(f"own.{name}" for name in IMPERFECTIONS),)
+"""What the fields need that say when, and in which legs, a signal is imperfect."""
+BREAKS = ("own.kind != 'none'",)
+"""What the other fields of a fault need."""
 
 
 @dataclass
@@ -27,9 +23,9 @@ class FaultConfig:
 
     kind: str = choice(*FAULTS)
     """One of the faults in cmacexp/sensors/channel.py, which docs/sensors.md describes."""
-    start: float = number("s", at_least=0, needs=".kind!=none")
+    start: float = number("s", at_least=0, needs=BREAKS)
     """When the sensor breaks."""
-    value: float = number(UNIT, needs=".kind!=none")
+    value: float = number(UNIT, needs=BREAKS)
     """The bias, the stuck reading or the standard deviation of the noise; 0 for kinds without a value."""
 
     def check(self, key: str) -> None:
@@ -46,7 +42,7 @@ class FaultConfig:
 class LegFaultConfig(FaultConfig):
     """A fault in some legs."""
 
-    legs: list[int] | None = number("leg", at_least=1, needs=f".kind!=none and {HAS_BODY}")
+    legs: list[int] | None = number("leg", at_least=1, needs=(*BREAKS, *HAS_BODY))
     """Legs whose sensor breaks, by their numbers; null: all."""
 
 
@@ -69,14 +65,13 @@ class SignalConfig:
     """A reading is the value of so many samples before."""
     dropout: float = number("", at_least=0, below=1)
     """Probability that a sample is lost."""
-    dropout_reads: str = choice("last", "zero", needs=".dropout above 0")
+    dropout_reads: str = choice("last", "zero", needs=("own.dropout > 0",))
     """What a lost sample reads: the last good one, or 0."""
 
     @property
     def alters(self) -> bool:
         """Whether anything alters the signal."""
-        own = (self.noise, self.noise_relative, self.bias, self.quantum, self.delay, self.dropout)
-        return any(own) or self.fault.kind != "none"
+        return any(getattr(self, name) for name in IMPERFECTIONS) or self.fault.kind != "none"
 
     def check(self, key: str, config: Config) -> None:
         """Check delay, starts and fault against the run."""
@@ -105,9 +100,7 @@ class LegSignalConfig(SignalConfig):
     """What alters a signal of some legs."""
 
     fault: LegFaultConfig
-    legs: list[int] | None = number(
-        "leg", at_least=1, needs=" or ".join(f"{each} and {HAS_BODY}" for each in IMPERFECTIONS)
-    )
+    legs: list[int] | None = number("leg", at_least=1, needs=(*IMPERFECT, *HAS_BODY))
     """Legs whose sensors this concerns, by their numbers; null: all."""
 
     def check(self, key: str, config: Config) -> None:
@@ -150,6 +143,12 @@ class RealSensorsConfig(ComponentConfig):
     """m/s."""
     tilt_rate: SignalConfig
     """rad/s."""
+
+    @property
+    def draws(self) -> bool:  # type: ignore[override]
+        """Whether any signal is noisy, or loses samples."""
+        signals = [getattr(self, each.name) for each in fields(self)[1:]]
+        return any(s.noise or s.noise_relative or s.dropout or s.fault.kind == "noise" for s in signals)
 
     def check(self, config: Config) -> None:
         """Check each signal against the machine and the run."""

@@ -33,6 +33,9 @@ class PerfectSensors:
     Config = ComponentConfig
     alters: Collection[str] = ()
 
+    def __init__(self, config: ComponentConfig):
+        self.config = config
+
     def reset(self, setup: Setup) -> None:
         """Nothing to prepare."""
 

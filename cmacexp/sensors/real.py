@@ -1,6 +1,5 @@
 """Imperfect sensors: noisy, biased, quantised, delayed, losing samples, faulty."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,38 +8,34 @@ from cmacexp.models.mix import mix
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.channel import CHANNEL, FAULTS, NO_FAULT, Channels, Sensing
-from cmacexp.sensors.config import RealSensorsConfig
+from cmacexp.sensors.config import IMPERFECTIONS, FaultConfig, RealSensorsConfig, SignalConfig
 from cmacexp.sensors.kernels import OF_A_BODY, channels_of_a_leg, new_observation, read_sensors
 from cmacexp.sensors.protocol import SIGNALS
 from cmacexp.typing import Counts
 
 OF_BODY = {"height": (0,), "tilt": (1, 2), "height_rate": (3,), "tilt_rate": (4, 5)}
 """Channels of each signal of the body."""
-IMPERFECTIONS = ("noise", "noise_relative", "bias", "quantum", "delay", "dropout")
-"""Fields of a signal that alter it where they are not 0."""
 SENSOR_SEED = 0x53454E53
 """Separates the random numbers of sensors from those of other components under the same seed."""
 
-Signal = Mapping[str, Any]
-"""Fields of :class:`cmacexp.sensors.config.SignalConfig`."""
+
+def _applies(setting: SignalConfig | FaultConfig, leg: int) -> bool:
+    """Whether a setting applies to ``leg``, 0 for the body."""
+    legs = getattr(setting, "legs", None)
+    return legs is None or leg in legs
 
 
-def _applies(legs: list[int] | None, leg: int) -> bool:
-    """Whether a setting for ``legs`` (None: all) applies to ``leg``, 0 for the body."""
-    return leg == 0 or legs is None or leg in legs
-
-
-def _channel(signal: Signal, leg: int, sampling_period: float) -> tuple[Any, ...]:
+def _channel(signal: SignalConfig, leg: int, sampling_period: float) -> tuple[Any, ...]:
     """The fields of CHANNEL of a signal of ``leg``, 0 for the body."""
-    fault = signal["fault"]
+    fault = signal.fault
     row: dict[str, Any] = dict.fromkeys(CHANNEL.names or (), 0)
-    if _applies(signal.get("legs"), leg):
-        row |= {each: signal[each] for each in IMPERFECTIONS}
-        row["start"] = round(signal["start"] / sampling_period)
-        row["drops_to_zero"] = signal["dropout_reads"] == "zero"
-    if _applies(fault.get("legs"), leg):
-        start = round(fault["start"] / sampling_period)
-        row |= {"fault": FAULTS[fault["kind"]], "fault_start": start, "fault_value": fault["value"]}
+    if _applies(signal, leg):
+        row |= {each: getattr(signal, each) for each in IMPERFECTIONS}
+        row["start"] = round(signal.start / sampling_period)
+        row["drops_to_zero"] = signal.dropout_reads == "zero"
+    if _applies(fault, leg):
+        start = round(fault.start / sampling_period)
+        row |= {"fault": FAULTS[fault.kind], "fault_start": start, "fault_value": fault.value}
     row["alters"] = any(row[each] for each in IMPERFECTIONS) or row["fault"] != NO_FAULT
     return tuple(row.values())
 
@@ -54,14 +49,14 @@ def _places(name: str, legs: int, joints: int) -> list[int]:
     return [of_a_leg * i + place for i in range(legs) for place in within[name]]
 
 
-def _channels(signals: Mapping[str, Signal], legs: int, joints: int, sampling_period: float) -> Channels:
+def _channels(config: RealSensorsConfig, legs: int, joints: int, sampling_period: float) -> Channels:
     """The channels of a machine, (C,)."""
     of_a_leg = channels_of_a_leg(joints)
     channels = np.zeros(of_a_leg * legs + OF_A_BODY, CHANNEL)
     for name in SIGNALS:
         for place in _places(name, legs, joints):
             leg = 0 if name in OF_BODY else place // of_a_leg + 1
-            channels[place] = _channel(signals[name], leg, sampling_period)
+            channels[place] = _channel(getattr(config, name), leg, sampling_period)
     return channels
 
 
@@ -75,17 +70,14 @@ class RealSensors:
     """Sensors that alter their readings, each signal in its own way; see ``conf/sensors/real.yaml``.
 
     Joint angles and velocities are measured; the foot and its velocity follow from them.
-
-    Args:
-        signals: the fields of each of :data:`cmacexp.sensors.protocol.SIGNALS`.
     """
 
     Config = RealSensorsConfig
     sensing: Sensing | None
     """None if no signal is altered."""
 
-    def __init__(self, **signals: Signal):
-        self.signals = signals
+    def __init__(self, config: RealSensorsConfig):
+        self.config = config
         self.alters: tuple[str, ...] = ()
 
     def feedback_delay(self, uses_velocity: bool) -> int:
@@ -94,12 +86,12 @@ class RealSensors:
         With velocity feedback the delay of positions does not count: velocities outweigh them at the frequencies that
         a wrong lead amplifies.
         """
-        return int(self.signals["velocity" if uses_velocity else "position"]["delay"])
+        return (self.config.velocity if uses_velocity else self.config.position).delay
 
     def reset(self, setup: Setup) -> None:
         """Prepare every channel; forget earlier readings."""
         legs, joints = setup.mechanism.shape
-        channels = _channels(self.signals, legs, joints, setup.config.sampling_period)
+        channels = _channels(self.config, legs, joints, setup.config.sampling_period)
         self.alters = tuple(name for name in SIGNALS if channels["alters"][_places(name, legs, joints)].any())
         self.mechanism, self.step = setup.mechanism, 0
         self.observation = new_observation(legs, setup.mechanism.axes)

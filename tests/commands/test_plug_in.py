@@ -29,6 +29,7 @@ PARTS = {
     "controller": HybridController,
     "feedforward": CmacFeedforward,
 }
+GAINS = HybridController.Config(100.0, 5.0, 5.0, 10.0)
 OWN = """
 from dataclasses import dataclass
 import numpy as np
@@ -121,7 +122,7 @@ class Spy:
     def reset(self, setup, feedforward):
         setup.plan.reference[:] = np.nan
         setup.mechanism.legs[:] = 0.0
-        self.inner, self.kept, self.copies = HybridController(100.0, 5.0, 5.0, 10.0), [], []
+        self.inner, self.kept, self.copies = HybridController(GAINS), [], []
 
     def act(self, reference, measurement):
         self.kept.append(measurement)
@@ -182,9 +183,8 @@ BAD = {
     "collections.OrderedDict": "is not a controller: it has no reset and no act",
     "os.system": "must be a class, but is of type builtin_function_or_method",
     "{}.Narrow": "is not a controller: act must take (reference, measurement)",
-    "{}.Still +controller.gain._target_=os.system": "controller.gain._target_=os.system: cannot stand",
-    "{}.Still +controller._partial_=true": "controller._partial_=True: cannot stand in a field of a component",
-    "{}.Other": "cannot be made of its fields: got an unexpected keyword argument 'stiffness'",
+    "{}.Still +controller._partial_=true": "controller._partial_=True: {}.Still takes gain",
+    "{}.Other": "cannot be made of its fields: got an unexpected keyword argument 'config'",
 }
 
 
@@ -193,7 +193,7 @@ def test_a_target_that_cannot_be_made_is_told_in_a_line(here, target):
     overrides = f"controller._target_={target.format(here)}".split()
     with pytest.raises(BadInput) as caught:
         make_scenario(compose(*overrides))
-    assert BAD[target].format(here) in str(caught.value)
+    assert BAD[target].replace("{}", here) in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -209,21 +209,22 @@ class NoArguments(NoMethods):
     def reset(self): pass
     def act(self): pass
 
-class Fits:
-    def __init__(self, gain): calls.append("Fits")
-    def reset(self, setup, feedforward): pass
-    def act(self, reference, measurement): pass
-
 """
-NOT_CALLED = ("function", "NoMethods", "NoArguments", "Fits +controller.gain._target_={}.function")
+NOT_CALLED = ("function", "NoMethods", "NoArguments")
 
 
 @pytest.mark.parametrize("target", NOT_CALLED)
 def test_what_is_no_component_is_not_called(here, tmp_path, target):
     (tmp_path / f"{here}_called.py").write_text(CALLED)
     with pytest.raises(BadInput):
-        make_scenario(compose(*f"controller._target_={here}_called.{target}".format(f"{here}_called").split()))
+        make_scenario(compose(f"controller._target_={here}_called.{target}"))
     assert __import__(f"{here}_called").calls == []
+
+
+def test_a_field_that_names_a_class_is_data(here):
+    """Nothing that a field of a component holds is called."""
+    controller = make_scenario(compose(f"controller._target_={here}.Still", "+controller.gain._target_=os.abort"))
+    assert controller.controller.gain == {"_target_": "os.abort"}
 
 
 def test_readers_of_a_run_do_not_import_what_its_manifest_names(here, tmp_path):
@@ -296,7 +297,7 @@ class Answers(HybridController):
     """Gives something else at one step."""
 
     def __init__(self, change, step):
-        super().__init__(100.0, 5.0, 5.0, 10.0)
+        super().__init__(GAINS)
         self.change, self.step = change, step
 
     def act(self, reference, measurement):
@@ -337,8 +338,8 @@ def test_every_part_is_held_to_its_shapes(make_config, key, method, told):
         given = getattr(PARTS[key], method)(self, *arguments)
         return np.zeros((2, 2)) if key == "feedforward" else given._replace(q=np.zeros((2, 2)))
 
-    part = type("Odd", (PARTS[key],), {method: odd})()
     config = make_config("cycles=1", "learning.start_cycle=1")
+    part = type("Odd", (PARTS[key],), {method: odd})(getattr(config, key))
     rollout = roll_out(make_scenario(config, **{key: part}))
     assert (rollout.status, len(rollout.samples)) == ("failed", 0)
     assert told in rollout.cause

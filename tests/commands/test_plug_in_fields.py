@@ -74,8 +74,8 @@ class Typed:
             if self.legs and max(self.legs) > config.legs:
                 raise ValueError("no such leg")
 
-    def __init__(self, gain, legs):
-        self.gain, self.legs = gain, legs
+    def __init__(self, config: Config):
+        self.config = config
 
     def reset(self, setup, feedforward):
         pass
@@ -84,9 +84,15 @@ class Typed:
         pass
 
 
+class Same(Typed):
+    pass
+
+
 class Heir(HybridController):
-    def __init__(self, stiffness=1.0, **rest):
-        super().__init__(**rest)
+    Config = None
+
+    def __init__(self, stiffness=1.0, **gains):
+        super().__init__(HybridController.Config(**gains))
         self.stiffness = stiffness
 """
 
@@ -100,8 +106,8 @@ def typed(here, tmp_path):
 def test_a_class_with_a_config_gets_typed_and_checked_fields(typed):
     config = compose(typed, "+controller.gain=3")
     assert isinstance(config.controller.gain, float)
-    assert make_scenario(config).controller.gain == 3.0
-    assert make_scenario(compose(typed)).controller.gain == 2.0
+    assert make_scenario(config).controller.config.gain == 3.0
+    assert make_scenario(compose(typed.replace("Typed", "Same"))).controller.config.gain == 2.0
     for wrong, told in {
         "gain=-1": "controller.gain=-1.0: must be above 0 (N m/rad)",
         "gain=much": "controller.gain=much: must be a number",
@@ -115,9 +121,9 @@ def test_a_class_with_a_config_gets_typed_and_checked_fields(typed):
         compose(typed, "+controller.legs=[2]")
 
 
-def test_a_class_does_not_inherit_the_config_of_a_shipped_one(typed):
+def test_a_class_with_another_constructor_than_its_base_says_that_it_has_no_config(typed):
     heir = make_scenario(compose(typed.replace("Typed", "Heir"), "+controller.stiffness=3")).controller
-    assert (heir.stiffness, heir.position_gain) == (3, 100.0)
+    assert (heir.stiffness, heir.config.position_gain) == (3, 100.0)
 
 
 def test_a_target_that_has_moved_keeps_working_and_says_its_new_name(capsys):

@@ -16,7 +16,7 @@ from support.fields import leaves
 from cmacexp.cmac.rules import RULES, strength_needs
 from cmacexp.config.check import check
 from cmacexp.config.compose import compose_config, compose_untyped
-from cmacexp.config.effect import read_effects
+from cmacexp.config.effect import explain_idle
 from cmacexp.data.tables import BODY, TRACE
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.experiment.run import run_scenario
@@ -206,8 +206,8 @@ class Command:
                     continue
                 changed.append(key)
                 break
-        effects = read_effects(config, strength_needs())
-        if together := [key for key in changed if not effects.missing(key)]:  # such as time and factor of a step
+        together = [key for key in changed if not explain_idle(config, key, strength_needs(key))]
+        if together:  # such as time and factor of a step
             return self.idle_changed([key for key in keys if key != together[-1]], number)
         try:
             return changed, self.results(config)

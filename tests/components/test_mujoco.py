@@ -112,7 +112,7 @@ def measured(q, dq, pose, pose_rate):
     engine._update_bodies()
     from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
 
-    plant = MujocoQuadruped(1, 0.6, 1e4, 50.0, [0.05, 0.06, 0.1], 0.0, 0)
+    plant = MujocoQuadruped(MujocoQuadruped.Config(1, 0.6, 1e4, 50.0, [0.05, 0.06, 0.1], 0.0, 0))
     plant.engine = engine
     plant.start_observing(mechanism.hips)
     return plant.measure()

@@ -143,7 +143,7 @@ def test_learning_begins_with_the_first_cycle_that_the_config_names(make_config)
 def test_cmacs_that_go_on_from_what_was_learnt_give_the_same_torque(setup, addressing):
     """Also on a path that visits other cells before."""
     cmac = replace(setup.config.cmac, addressing=addressing)
-    first, again = CmacFeedforward(), CmacFeedforward()
+    first, again = (CmacFeedforward(CmacFeedforward.Config()) for _ in range(2))
     first.reset(replace(setup, config=replace(setup.config, cmac=cmac)))
     first.params.weights[:] = np.random.default_rng(6).normal(size=first.params.weights.shape)
     learnt = first.learnt()
@@ -156,16 +156,6 @@ def test_cmacs_that_go_on_from_what_was_learnt_give_the_same_torque(setup, addre
         feedforward_step(again.params, 1, (sample + 5) % SAMPLES, np.zeros((LEGS, 2)), other)
         assert_array_equal(one, other)
         assert one.all()
-
-
-@pytest.mark.parametrize("scenario", ["one_leg", "quadruped"])
-@pytest.mark.parametrize("layers", [1, 8])
-def test_the_memory_that_a_cmac_is_said_to_need_holds_the_tables_of_all_its_legs(make_config, scenario, layers):
-    config = make_config(*SHORT, f"scenario={scenario}", f"cmac.layers={layers}", "learning.rule=normalised")
-    params = make_scenario(config).feedforward.params
-    need = CmacFeedforward.Config("").memory_need(config)
-    assert need.bytes >= params.cells.nbytes + params.activation.nbytes
-    assert (need.key, need.value) == ("cmac.layers", layers)
 
 
 # What is logged
@@ -191,7 +181,7 @@ def test_weights_in_use_are_weighed_and_no_others(seed, share):
 @pytest.mark.parametrize("cutoff", [None, 30.0, 1e6])
 def test_torques_of_a_cycle_are_filtered_at_its_start_alone_and_only_with_a_cutoff(setup, cutoff):
     """A lone torque stays as large in all, and is spread unless the cutoff is far above the sampling."""
-    ilc, output = IterativeLearning(cutoff), np.zeros((LEGS, 2))
+    ilc, output = IterativeLearning(IterativeLearning.Config(cutoff)), np.zeros((LEGS, 2))
     ilc.reset(setup)
     ilc.params.weights[:, 7] = 1.0
     for step in range(1, SAMPLES + 1):
@@ -204,7 +194,7 @@ def test_torques_of_a_cycle_are_filtered_at_its_start_alone_and_only_with_a_cuto
 
 
 def test_feedback_of_a_sample_is_learnt_at_that_sample(setup):
-    ilc = IterativeLearning(None)
+    ilc = IterativeLearning(IterativeLearning.Config(None))
     ilc.reset(setup)
     error = np.random.default_rng(5).normal(size=(LEGS, 2))
     for step in (4, 0, SAMPLES):
@@ -244,7 +234,7 @@ def test_each_centre_is_the_point_farthest_from_those_before(seed, number):
 
 @pytest.mark.parametrize("inputs", [["angle"], ["angle", "velocity"]])
 def test_centres_are_on_the_path_scaled_to_its_span(setup, inputs):
-    rbf = RadialBasis(inputs, centres=SAMPLES, active=3, width=1.0)
+    rbf = RadialBasis(RadialBasis.Config(inputs, centres=SAMPLES, active=3, width=1.0))
     rbf.reset(setup)
     columns = [column for name in inputs for column in JOINT_COLUMNS[name][:2]]
     assert rbf.params.cells.shape == rbf.params.activation.shape == (SAMPLES, LEGS, 3)
@@ -258,25 +248,24 @@ def test_centres_are_on_the_path_scaled_to_its_span(setup, inputs):
 
 def test_its_activations_do_not_depend_on_the_unit_of_its_inputs(setup):
     stretched = setup.plan.joints * [2.0, 0.5, 4.0, 8.0, 1.0, 1.0]
-    one, other = (RadialBasis(["angle", "velocity"], centres=9, active=4, width=1.0) for _ in range(2))
+    config = RadialBasis.Config(["angle", "velocity"], centres=9, active=4, width=1.0)
+    one, other = RadialBasis(config), RadialBasis(config)
     one.reset(setup)
     other.reset(replace(setup, plan=setup.plan._replace(joints=stretched)))
     assert_array_equal(one.params.cells, other.params.cells)
     assert_allclose(one.params.activation, other.params.activation, atol=1e-9)
 
 
-def test_a_model_without_factors_is_exact(make_config):
-    planned = make_scenario(make_config(*SHORT, "feedforward=inverse_dynamics")).setup
-    exact = InverseDynamics(1.0, 1.0).compute_torque(planned)
-    assert_array_equal(InverseDynamics().compute_torque(planned), exact)
-    alone = CmacOnModel()
-    alone.reset(planned)
-    assert_array_equal(alone.known, exact)
+def test_a_cmac_on_a_model_knows_the_torque_of_the_model(make_config):
+    planned, wrong = make_scenario(make_config(*SHORT)).setup, InverseDynamics.Config(1.1, 0.9)
+    feedforward = CmacOnModel(wrong)
+    feedforward.reset(planned)
+    assert_array_equal(feedforward.known, InverseDynamics(wrong).compute_torque(planned))
 
 
 def test_torques_learnt_for_as_many_samples_are_gone_on_from_and_no_others(setup):
     learnt = np.random.default_rng(3).normal(size=(LEGS, SAMPLES, 2))
-    feedforward = IterativeLearning(None)
+    feedforward = IterativeLearning(IterativeLearning.Config(None))
     feedforward.reset(replace(setup, learnt={"weights": learnt}))
     assert_array_equal(feedforward.params.weights, learnt)
     with pytest.raises(BadInput, match=f"has weights for {SAMPLES - 1} samples, this cycle has {SAMPLES}"):
@@ -284,7 +273,7 @@ def test_torques_learnt_for_as_many_samples_are_gone_on_from_and_no_others(setup
 
 
 def test_radial_basis_functions_share_no_memory_and_clip_no_input(setup):
-    feedforward = RadialBasis(["angle"], 12, 3, 0.5)
+    feedforward = RadialBasis(RadialBasis.Config(["angle"], 12, 3, 0.5))
     feedforward.reset(setup)
     for use in feedforward.memory:
         assert (use.cells_colliding, use.clipped) == (0, 0)

@@ -82,7 +82,7 @@ def test_inverse_dynamics_accelerates_every_leg_as_planned_at_every_sample(make_
         for i, (q1, q2, dq1, dq2, *ddq) in enumerate(joints[sample]):
             leg, trig = get_leg(mechanism, i), trigonometry(q1, q2)
             assert_allclose(forward_dynamics(leg, trig, dq1, dq2, *output[i], pressed[sample, i]), ddq, atol=1e-9)
-    nothing = NoFeedforward()
+    nothing = NoFeedforward(NoFeedforward.Config())
     nothing.reset(setup)
     feedforward_step(nothing.params, 7, 7, np.ones((4, 2)), output)
     assert not output.any()

@@ -20,7 +20,9 @@ def setup(make_config):
 
 
 def make(setup, passes=3, batch=10, **fields):
-    network = Perceptron(["angle", "velocity"], hidden=6, passes=passes, batch=batch, step_size=0.01)
+    network = Perceptron(
+        Perceptron.Config(["angle", "velocity"], hidden=6, passes=passes, batch=batch, step_size=0.01)
+    )
     network.reset(replace(setup, **fields))
     return network
 
