@@ -108,8 +108,9 @@ def locked(folder: Path, key: str, wait: bool = False) -> Iterator[None]:
                 raise
             os.close(handle)
     try:
-        os.ftruncate(handle, 0)
-        os.write(handle, str(os.getpid()).encode())
+        if os.fstat(handle).st_nlink == 1:  # not one that is also a file elsewhere
+            os.ftruncate(handle, 0)
+            os.write(handle, str(os.getpid()).encode())
         yield
     finally:
         with suppress(OSError):

@@ -276,6 +276,8 @@ def test_a_folder_of_somebody_else_can_do_nothing_outside_it(first, tmp_path, mo
     outside.mkdir()
     (tmp_path / "thesis.tex").write_text("mine")
     make_foreign(first, link, outside)
+    if link == "notes":
+        os.link(tmp_path / "thesis.tex", first / ".cmacexp-lock")
     for command in ("verify", "report", "replay", "score", "stability"):
         monkeypatch.setattr("sys.argv", [command, str(first), *(["--no-viewer"] if command == "replay" else [])])
         import_module(f"cmacexp.commands.{command}").main()
