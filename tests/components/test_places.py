@@ -234,9 +234,10 @@ def interrupted(first, monkeypatch):
                 raise KeyboardInterrupt
             return replace(self, target)
 
-        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        with monkeypatch.context() as patch:
             patch.setattr(Path, "replace", killed)
-            run(first, "machine.mass=0.6")
+            with pytest.raises(KeyboardInterrupt):
+                run(first, "machine.mass=0.6")
         return first
 
     return kill
@@ -319,9 +320,10 @@ def test_a_full_disk_keeps_an_earlier_run_and_is_one_line(first, monkeypatch):
         raise OSError(28, "No space left on device")
 
     before = state_of(first)
-    with monkeypatch.context() as patch, pytest.raises(OSError, match="^disk full: .*: no space left .* make room"):
+    with monkeypatch.context() as patch:
         patch.setattr("cmacexp.data.trace_writer.TraceWriter.write", full)
-        run(first, "machine.mass=0.6")
+        with pytest.raises(OSError, match=r"^disk full: .*: no space left .* make room"):
+            run(first, "machine.mass=0.6")
     assert state_of(first) == before
 
 
