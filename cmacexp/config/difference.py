@@ -32,8 +32,8 @@ def differences(configs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """For each config, the keys in which not all of them agree, with its values; without keys that it lacks."""
     flats = [flat({k: v for k, v in config.items() if k not in WITHOUT_EFFECT}) for config in configs]
     keys = list(dict.fromkeys(key for each in flats for key in each))
-    apart = [key for key in keys if any(key not in each or each[key] != flats[0].get(key) for each in flats)]
-    return [{key: each[key] for key in apart if key in each} for each in flats]
+    differing = [key for key in keys if any(key not in each or each[key] != flats[0].get(key) for each in flats)]
+    return [{key: each[key] for key in differing if key in each} for each in flats]
 
 
 def _text(value: Any) -> str:
@@ -49,11 +49,11 @@ def labels(configs: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[s
         configs: as they stand in the manifests.
         names: of the folders, in the same order.
     """
-    apart = differences(configs)
+    differing = differences(configs)
     scenarios = [str(config["scenario"]) for config in configs]
     if len(set(scenarios)) == len(configs):
         return scenarios
-    found = [" ".join(f"{key}={_text(value)}" for key, value in each.items()) for each in apart]
-    if max(map(len, apart)) > MOST_KEYS or len(set(found)) < len(found):
+    found = [" ".join(f"{key}={_text(value)}" for key, value in each.items()) for each in differing]
+    if max(map(len, differing)) > MOST_KEYS or len(set(found)) < len(found):
         return list(names)
     return found
