@@ -6,21 +6,16 @@ only as far as the feet push it.
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from cmacexp.config import ComponentConfig, Config, number
-from cmacexp.config.machine import QuadrupedMachine
-from cmacexp.models.mechanism import LEGS_UNDER_BODY
 from cmacexp.planning.setup import Setup
-from cmacexp.plants.environment import make_ground, make_payload
-from cmacexp.plants.mujoco_engine import MujocoEngine, check_kind
-from cmacexp.plants.mujoco_kernels import Measured, Touch, observing_body
-from cmacexp.plants.mujoco_model import Torso, check_inertia, check_masses
+from cmacexp.plants.environment import make_ground
+from cmacexp.plants.mujoco_kernels import Touch
+from cmacexp.plants.mujoco_model import Torso, check_inertia, check_masses, make_planar
+from cmacexp.plants.mujoco_plant import MujocoPlant, require_machine
 from cmacexp.plants.protocol import Measurement
-from cmacexp.typing import Array
 
 
-class MujocoQuadruped:
+class MujocoQuadruped(MujocoPlant):
     """A floating body on four planar legs with point feet.
 
     A spring and a damper hold a foot at the point where it touched down, as long as their force stays within the
@@ -51,8 +46,6 @@ class MujocoQuadruped:
             check_masses(config.machine)
             check_inertia(self.body_inertia)
 
-    engine: MujocoEngine
-
     def __init__(
         self,
         substeps: int,
@@ -74,37 +67,7 @@ class MujocoQuadruped:
         Raises:
             BadInput: the machine has no body, or MuJoCo is not installed.
         """
-        check_kind(setup, LEGS_UNDER_BODY, "mujoco_quadruped")
-        machine = setup.config.machine
-        assert isinstance(machine, QuadrupedMachine)
-        touch = Touch(make_ground(setup.config.terrain, setup.config.sampling_period), *self.grip)
-        step = setup.config.sampling_period / self.substeps
-        torso = Torso(machine.body_mass, self.body_inertia)
-        payload = make_payload(setup.config.payload, setup.config.sampling_period)
-        self.engine = MujocoEngine(setup.mechanism, touch, step, torso, payload)
-        self.start_observing(setup.mechanism.hips)
-        draw = np.random.default_rng(self.start_seed)
-        self.engine.start(setup.start + draw.uniform(-self.start_spread, self.start_spread, setup.start.shape))
-        return self.measure()
-
-    def start_observing(self, hips: Array) -> None:
-        """Begin to observe the machine in the engine; its hips are at ``hips`` (4, 2) in the body frame, m."""
-        self.measured = Measured(np.empty((4, 2)), np.empty((4, 2)), np.empty(3), np.empty(3), np.empty(3))
-        self.hips, self.torso = hips, self.engine.data.qvel[:6]
-        self.observing = observing_body(self.engine.touch.ground, self.engine.bodies, hips, self.torso, self.measured)
-
-    def step(self, torque: Array) -> Measurement:
-        """Hold ``torque`` (4, 2), N m, over one sampling period.
-
-        Raises:
-            Diverged: MuJoCo warns of its state.
-        """
-        self.engine.advance(torque, self.substeps)
-        return self.measure()
-
-    def measure(self) -> Measurement:
-        """A copy of the present state."""
-        next(self.observing)
-        foot, velocity, pose, rate, travel = (part.copy() for part in self.measured)
-        engine = self.engine
-        return Measurement(engine.q.copy(), engine.dq.copy(), foot, velocity, engine.force.copy(), pose, rate, travel)
+        require_machine(setup, "quadruped", "mujoco_quadruped", "quadruped")
+        torso = Torso(setup.config.machine.body_mass, self.body_inertia)
+        ground = make_ground(setup.config.terrain, setup.config.sampling_period)
+        return self.begin(setup, make_planar(setup.mechanism, torso), Touch(ground, *self.grip))
