@@ -288,7 +288,7 @@ def test_a_handler_of_warnings_that_the_user_installed_stays(make_config):
 
 def test_without_mujoco_the_message_says_how_to_install_it(make_config, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(BadInput, match=r'python -m pip install -e "\.\[mujoco\]"$'):
+    with pytest.raises(BadInput, match=r'MuJoCo is not installed: .*pip install -e "\.\[mujoco\]"'):
         make_scenario(make_config("plant=mujoco_leg"))
 
 
