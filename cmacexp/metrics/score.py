@@ -9,7 +9,6 @@ from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, Traces, read_parts
 from cmacexp.metrics.block import Block, cut
 from cmacexp.metrics.body import compute_body
 from cmacexp.metrics.drift import Drift, DriftDetector
-from cmacexp.metrics.earlier_body import add_true_margins
 from cmacexp.metrics.learning import LEARNING, LEARNING_IN_SPACE
 from cmacexp.metrics.memory import MEMORY as MEMORY_METRICS
 from cmacexp.metrics.memory import split_columns
@@ -110,6 +109,6 @@ def score_traces(run: StoredRun) -> Scores:
         for part in read_parts(folder / MEMORY):
             scorer.add_memory(part)
     if was_written(folder / BODY):
-        for part, legs in zip(read_parts(folder / BODY), read_parts(folder / TRACE), strict=True):
-            scorer.add_body(add_true_margins(part, legs, run.config))
+        for part in read_parts(folder / BODY):
+            scorer.add_body(part)
     return scorer.scores
