@@ -52,7 +52,7 @@ METHODS = {"plant": "step", "sensors": "measure", "controller": "act", "feedforw
 
 def stack_array(columns: dict[str, Array], name: str) -> Array:
     """An array that components exchange, of its columns."""
-    return np.stack([columns[column] for column in ARRAYS[name]], axis=-1)
+    return np.stack([columns[column] for column in ARRAYS[name] if column in columns], axis=-1)
 
 
 def measurements(scenario: Scenario, rollout: Rollout) -> list[Measurement]:

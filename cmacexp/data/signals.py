@@ -75,7 +75,7 @@ LEG_SIGNALS = (
     Signal(
         "force_trusted",
         "",
-        "1 while the controller goes by the force sensor; 0 since it was implausible",
+        "1 while the controller trusts the force sensor; 0 after it was implausible",
         CONTROLLER,
         pa.int8(),
         present=IF_WATCHED,
@@ -159,29 +159,22 @@ MEMORY_SIGNALS = (
 """Of ``memory.parquet``: one row per cycle and leg."""
 
 ARRAYS = {
-    "q": ("q1", "q2"),
-    "dq": ("dq1", "dq2"),
-    "foot": ("x", "y"),
-    "velocity": ("vx", "vy"),
+    "q": ("q1", "q2", "q3"),
+    "dq": ("dq1", "dq2", "dq3"),
+    "foot": ("x", "y", "z"),
+    "velocity": ("vx", "vy", "vz"),
     "force": ("force",),
     "body": ("height", "pitch", "roll"),
     "body_rate": ("height_rate", "pitch_rate", "roll_rate"),
     "travel": ("cog_x", "cog_y", "yaw"),
-    "feedback": ("tau_feedback_1", "tau_feedback_2"),
-    "feedforward": ("tau_feedforward_1", "tau_feedforward_2"),
-    "reference": ("x_reference", "y_reference"),
+    "feedback": ("tau_feedback_1", "tau_feedback_2", "tau_feedback_3"),
+    "feedforward": ("tau_feedforward_1", "tau_feedforward_2", "tau_feedforward_3"),
+    "reference": ("x_reference", "y_reference", "z_reference"),
 }
-"""Signals in the arrays that components exchange; those up to ``travel`` are the fields of a measurement."""
-SPATIAL_ARRAYS = {
-    "q": "q3",
-    "dq": "dq3",
-    "foot": "z",
-    "velocity": "vz",
-    "feedback": "tau_feedback_3",
-    "feedforward": "tau_feedforward_3",
-    "reference": "z_reference",
-}
-"""The signal that an array of a robot holds in its third column."""
+"""Signals in the arrays that components exchange, the third of joints and feet only where these move in space.
+
+Those up to ``travel`` are the fields of a measurement.
+"""
 
 
 def select_signals(
@@ -211,9 +204,9 @@ def list_samples(table: Sequence[Signal], wide: bool) -> tuple[str, ...]:
 
 def list_units() -> dict[str, str]:
     """Units of :data:`ARRAYS`: one, or one per column."""
-    units = {signal.name: signal.unit for signal in (*LEG_SIGNALS, *BODY_SIGNALS)}
+    units = {signal.name: signal.unit for signal in (*LEG_SIGNALS, *SPATIAL_SIGNALS, *BODY_SIGNALS)}
     by_column = {array: [units[name] for name in names] for array, names in ARRAYS.items()}
-    return {array: own[0] if len(set(own)) == 1 else ", ".join(own) for array, own in by_column.items()}
+    return {array: of[0] if len(set(of)) == 1 else ", ".join(of) for array, of in by_column.items()}
 
 
 def make_schema(signals: Sequence[Signal]) -> pa.Schema:

@@ -14,7 +14,6 @@ from cmacexp.data.signals import (
     MEMORY_SIGNALS,
     MODEL_SIGNALS,
     PHASES,
-    SPATIAL_ARRAYS,
     TRUE_MARGINS,
     Signal,
     make_schema,
@@ -104,8 +103,7 @@ def assemble_body(
     body_mass = config.machine.body_mass if moves and isinstance(config.machine, QuadrupedMachine) else None
     centre = None
     if isinstance(config.machine, RobotMachine):
-        q = np.stack([legs[name] for name in (*ARRAYS["q"], SPATIAL_ARRAYS["q"])], axis=2)
-        centre = find_centres(config.machine, q)
+        centre = find_centres(config.machine, np.stack([legs[name] for name in ARRAYS["q"]], axis=2))
     masses = Masses(setup.mechanism, body_mass, payload.load, step >= payload.start, centre)
     true = true_margins(masses, legs, samples)
     known = {

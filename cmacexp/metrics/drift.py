@@ -1,8 +1,8 @@
 """Whether learning drifts: the feedback, which learning should reduce, grows again from cycle to cycle.
 
 A drift is detected in the first cycle in which both tests hold: the last WINDOW cycles rise significantly
-(:class:`TrendTest`), and their level has risen to RISE times its lowest so far (:class:`LevelTest`). A change of the
-ground that learning compensates, and the noise of sensors, do not rise in so many pairs of cycles.
+(:class:`TrendTest`), and their level has risen to DRIFT_RATIO times its lowest so far (:class:`LevelTest`). A change
+of the ground that learning compensates, and the noise of sensors, do not rise in so many pairs of cycles.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from cmacexp.typing import Array, Mask
 
 WINDOW = 10
 """Cycles over which level and growth are measured."""
-RISE = 1.5
+DRIFT_RATIO = 1.5
 """Ratio to its lowest level to which the feedback must have risen."""
 LEAST = 0.01
 """Ratio to its highest level below which the feedback is so small that its rise does no harm."""
@@ -102,7 +102,7 @@ class LevelTest:
         lowest_cycle = _accumulate(np.fmax, self.lowest_cycle, at_lowest)
         self.cycles += len(level)
         self.lowest, self.highest, self.lowest_cycle = lowest[-1:], highest[-1:], lowest_cycle[-1:]
-        return level > np.maximum(lowest, highest + np.log(LEAST)) + np.log(RISE), lowest_cycle
+        return level > np.maximum(lowest, highest + np.log(LEAST)) + np.log(DRIFT_RATIO), lowest_cycle
 
 
 class DriftDetector:

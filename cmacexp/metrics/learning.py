@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cmacexp.metrics.drift import RISE, WINDOW, find_drift_cycles, measure_growth
+from cmacexp.metrics.drift import DRIFT_RATIO, WINDOW, find_drift_cycles, measure_growth
 from cmacexp.metrics.metric import BRISTOW, MANN, MEAN, NEITHER, SEN, SMALL, SMALLEST, Metric, worst
 from cmacexp.typing import Array
 
@@ -74,7 +74,7 @@ LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
     ),
     "drift_cycle": Metric(
         "",
-        f"cycle since which feedback_rms drifts: it rises, and has risen to {RISE:g} times its lowest level",
+        f"cycle since which feedback_rms drifts: it rises, and has risen to {DRIFT_RATIO:g} times its lowest level",
         "no drift named up to this cycle",
         f"rise: {MANN}",
         lambda known: find_drift_cycles(known["feedback_rms"]),

@@ -10,7 +10,7 @@ from cmacexp.typing import Array, Mask
 
 BAND = 0.02
 """A response has settled within this fraction of its way from start to settled value (Ogata 2010, section 5-3)."""
-RISE = (0.1, 0.9)
+RISE_LEVELS = (0.1, 0.9)
 """Fractions of that way between which a response rises (Ogata 2010, section 5-3)."""
 
 
@@ -95,7 +95,7 @@ def rise_time(elapsed: Array, value: Array, start: float, settled: Array, mask: 
     NaN where the response does not settle, or if its first sample is beyond 10 %: the data begin too late.
     """
     way = (value - start) / _span(start, settled)[..., None]
-    low, high = (np.where(mask & (way >= part), elapsed, np.inf).min(axis=-1) for part in RISE)
+    low, high = (np.where(mask & (way >= part), elapsed, np.inf).min(axis=-1) for part in RISE_LEVELS)
     settles = np.isfinite(settling_time(elapsed, value, start, settled, mask, step))
     defined = settles & (low > 0.0) & np.isfinite(high)
     return np.where(defined, high, np.nan) - np.where(defined, low, np.nan)

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.errors import BadInput
-from cmacexp.models.robot import GRAVITY, Robot, load_mujoco
+from cmacexp.models.leg import GRAVITY
+from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.models.robot_legs import LEGS
 
 STABLE_SHARE = 0.6

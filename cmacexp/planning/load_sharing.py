@@ -4,8 +4,8 @@ import numpy as np
 
 from cmacexp.typing import Array, Mask
 
-LEAST_WILLING = 1e-9
-"""Least willingness of a foot that the others cannot balance the load without."""
+LEAST_FRACTION = 1e-9
+"""Least load fraction of a foot that the others cannot balance the load without."""
 ROUNDING = 1e-9
 """A force this much of the weight below zero is rounding."""
 DEPENDENT = 1e-9
@@ -20,14 +20,14 @@ def _dot(a: Array, b: Array) -> Array:
     return total
 
 
-def _solve(weight: Array, feet: Array, willing: Array) -> Array:
-    """Forces (N, L) that balance the weight (N,) and both moments with the least sum of F^2 / willing.
+def _solve(weight: Array, feet: Array, load_fraction: Array) -> Array:
+    """Forces (N, L) that balance the weight (N,) and both moments with the least sum of F^2 / load_fraction.
 
     The three conditions are made orthogonal one after the other (Gram-Schmidt, twice against rounding). One that
     follows from those before it, as with two feet, is left out. All of it is elementary arithmetic: numpy's
     pseudo-inverse gives other bits with another version or processor.
     """
-    root = np.sqrt(willing)
+    root = np.sqrt(load_fraction)
     directions: list[Array] = []
     parts: list[Array] = []
     for row, wanted in ((root, weight), (root * feet[..., 0], 0.0), (root * feet[..., 1], 0.0)):
@@ -41,39 +41,39 @@ def _solve(weight: Array, feet: Array, willing: Array) -> Array:
         length = np.where(counts, length, 1.0)
         directions.append(np.where(counts[:, None], rest / length[:, None], 0.0))
         parts.append(np.where(counts, missing / length, 0.0))
-    force = np.zeros_like(willing)
+    force = np.zeros_like(load_fraction)
     for direction, part in zip(directions, parts, strict=True):
         force = force + root * direction * part[:, None]
     return force
 
 
-def _solve_without_one(weight: Array, feet: Array, support: Mask, willing: Array) -> tuple[Array, Array]:
-    """The best forces (N, L) that leave one foot out and pull with none, and their cost (N,): F^2 / willing.
+def _solve_without_one(weight: Array, feet: Array, support: Mask, load_fraction: Array) -> tuple[Array, Array]:
+    """The best forces (N, L) that leave one foot out and pull with none, and their cost (N,): F^2 / load_fraction.
 
-    Three feet have one solution, whatever their willingness. The cost is infinite where every choice pulls.
+    Three feet have one solution, whatever their load fractions. The cost is infinite where every choice pulls.
     """
-    best, least = np.zeros_like(willing), np.full(len(willing), np.inf)
-    for left_out in range(willing.shape[1]):
-        used = support & (np.arange(willing.shape[1]) != left_out)
+    best, least = np.zeros_like(load_fraction), np.full(len(load_fraction), np.inf)
+    for left_out in range(load_fraction.shape[1]):
+        used = support & (np.arange(load_fraction.shape[1]) != left_out)
         force = _solve(weight, feet, used.astype(float))
-        cost = np.where(used, force**2 / np.maximum(willing, LEAST_WILLING), 0.0).sum(axis=1)
+        cost = np.where(used, force**2 / np.maximum(load_fraction, LEAST_FRACTION), 0.0).sum(axis=1)
         fits = (force >= -ROUNDING * weight[:, None]).all(axis=1) & (used.sum(axis=1) >= 3) & (cost < least)
         best[fits], least[fits] = force[fits], cost[fits]
     return best, least
 
 
-def share_load(weight: float | Array, feet: Array, support: Mask, willing: Array) -> Array:
+def share_load(weight: float | Array, feet: Array, support: Mask, load_fraction: Array) -> Array:
     """Forces that balance the weight and both of its moments, with the least sum of squares.
 
-    With three feet there is one solution. With four the sum of F^2/willing is least: the less willing a foot is, the
-    less it carries, down to zero where three feet suffice.
+    With three feet there is one solution. With four the sum of F^2/load_fraction is least: the smaller that of a
+    foot, the less it carries, down to zero where three feet suffice.
     Feet cannot pull: where the solution pulls, the best one that leaves a foot out replaces it.
 
     Args:
         weight: N, one or (N,).
         feet: (N, L, 2): feet in the horizontal plane, relative to where the weight goes through it, m.
         support: (N, L): whether a foot is down.
-        willing: (N, L): willingness of a foot that is down to carry load, 0 to 1.
+        load_fraction: (N, L): weight of a foot that is down in the least squares, 0 to 1.
 
     Returns:
         (N, L): N. With fewer than three feet down the weight is balanced, then the moment about the body's y, then
@@ -81,11 +81,11 @@ def share_load(weight: float | Array, feet: Array, support: Mask, willing: Array
     """
     weight = np.broadcast_to(np.asarray(weight, dtype=float), len(feet))
     few = support.sum(axis=1, keepdims=True) <= 3
-    willing = np.where(few, 1.0, willing)
-    force = _solve(weight, feet, np.where(support, willing, 0.0))
+    load_fraction = np.where(few, 1.0, load_fraction)
+    force = _solve(weight, feet, np.where(support, load_fraction, 0.0))
     pulls = (force < -ROUNDING * weight[:, None]).any(axis=1)
     if pulls.any():
-        others, cost = _solve_without_one(weight[pulls], feet[pulls], support[pulls], willing[pulls])
+        others, cost = _solve_without_one(weight[pulls], feet[pulls], support[pulls], load_fraction[pulls])
         force[pulls] = np.where(np.isfinite(cost)[:, None], others, force[pulls])
     return force
 

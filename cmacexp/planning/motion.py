@@ -64,18 +64,18 @@ def plan_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> t
     left: Array = timing.support_samples * config.sampling_period - elapsed
     rising, rise_slope = make_ramp(gait.ramp, elapsed, gait.load_ramp)
     falling, fall_slope = make_ramp(gait.ramp, left, gait.unload_ramp)
-    willing = np.where(timing.support, rising * falling, 0.0)
+    load_fraction = np.where(timing.support, rising * falling, 0.0)
     force = config.force_control.desired_force
     if force is None:
         # The rate matters for the path of a soft foot only: the depression of a quadruped's is a few mm.
-        shared = share_load(load.force, feet - load.centre[:, None, :], timing.support, willing)
+        shared = share_load(load.force, feet - load.centre[:, None, :], timing.support, load_fraction)
         if config.force_control.load_sharing == "dynamic":
             # A swinging leg may briefly move the load slightly outside the three feet that are down.
             shared = remove_pull(shared)
-        return shared, np.zeros_like(willing)
+        return shared, np.zeros_like(load_fraction)
     rise_rate = force * rise_slope * falling / (gait.load_ramp or 1.0)
     fall_rate = force * fall_slope * rising / (gait.unload_ramp or 1.0)
-    return force * willing, np.where(timing.support, rise_rate - fall_rate, 0.0)
+    return force * load_fraction, np.where(timing.support, rise_rate - fall_rate, 0.0)
 
 
 def make_ramp(shape: str, elapsed: Array, duration: float) -> tuple[Array, Array]:

@@ -14,8 +14,9 @@ from cmacexp.config import Config
 from cmacexp.config.machine import LEG_NAMES, RobotMachine, read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.chain import chain_angles
+from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism, chains_under_body
-from cmacexp.models.robot import GRAVITY, Robot, load_mujoco
+from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.motion import plan_chains
 from cmacexp.typing import Array

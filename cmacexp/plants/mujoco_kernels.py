@@ -1,10 +1,7 @@
-"""Contact forces for MuJoCo, and measurements of its machine, as kernels.
+"""Contact forces for MuJoCo, and measurements of its machines, as kernels.
 
 The function that MuJoCo calls in every stage is a compiled generator: resuming it costs a tenth of a call of a kernel
 with as many arrays; its caller keeps these alive.
-
-MuJoCo provides positions and velocities of its bodies. Body 0 is the world; then comes the body of the machine if it
-floats, then thigh and shank of every leg; the centre of mass of a shank is the foot.
 """
 
 import math
@@ -12,8 +9,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from cmacexp.jit.compiler import kernel, program
-from cmacexp.models.ground import Ground, damped_force, grade_at, height_at
-from cmacexp.typing import Array
+from cmacexp.models.ground import Ground, damped_force, grade_at, height_at, stiffness_under
+from cmacexp.models.mechanism import CHAINS_UNDER_BODY, Mechanism, move_foot, place_foot, update_geometry
+from cmacexp.plants.kernels import Payload
+from cmacexp.plants.protocol import Measurement
+from cmacexp.typing import Array, Counts
 
 Vector = tuple[float, float, float]
 
@@ -22,48 +22,81 @@ class Touch(NamedTuple):
     """The contact of a foot with the ground."""
 
     ground: Ground
-    friction: float
+    friction: float = 0.0
     """Largest tangential over normal force; 0: the foot slides freely."""
-    stiffness: float
+    stiffness: float = 0.0
     """Stiffness of the spring that holds a sticking foot, N/m."""
-    damping: float
+    damping: float = 0.0
     """Damping beside that spring, N s/m."""
+
+
+class Feet(NamedTuple):
+    """Where the feet of L legs stand in MuJoCo's arrays."""
+
+    point: Counts
+    """(L,): row of ``Bodies.place``."""
+    body: Counts
+    """(L,): bodies to which they are fixed."""
+    root: Counts
+    """(L,): first bodies of their chains."""
+    trunk: int
+    """Body with the free joint; that of legs on a stand is 0, the world."""
+
+
+class Joints(NamedTuple):
+    """MuJoCo's positions and velocities, and where those of the joints are in them."""
+
+    position: Array
+    velocity: Array
+    q: Counts
+    """(L, J): rows of ``position``."""
+    dq: Counts
+    """(L, J): rows of ``velocity``."""
 
 
 class Bodies(NamedTuple):
     """Arrays that MuJoCo fills and reads in place; B is the number of its bodies."""
 
     place: Array
-    """(B, 3): centres of mass in the world, m."""
+    """(points, 3): points of bodies in the world, the feet among them, m."""
     motion: Array
     """(B, 6): angular velocity, rad/s, and velocity, m/s, of the point of the body that is at ``centre``."""
     centre: Array
-    """(B, 3): centre of mass of a body and its descendants, m; velocities refer to that of the first of a chain."""
+    """(B, 3): of mass of a body and its descendants, m; velocities refer to that of the root of a chain."""
+    mass_centre: Array
+    """(B, 3): of mass of each body, m, where its external force acts."""
     pull: Array
     """(B, 6): external force (N) and moment (N m)."""
-    turn: Array
-    """(B, 9): rotation matrices, row by row."""
+    trunk_place: Array
+    """(3,): of the trunk's frame in the world, m."""
+    trunk_turn: Array
+    """(9,): its rotation matrix, row by row."""
+    trunk_rate: Array
+    """(6,): its velocity in the world, m/s, and its angular velocity in its own frame, rad/s."""
 
 
-class Measured(NamedTuple):
-    """Arrays for measurements, as in :class:`cmacexp.plants.Measurement`."""
+class Contacts(NamedTuple):
+    """State of the contacts of L feet."""
 
-    foot: Array
-    velocity: Array
-    pose: Array
-    pose_rate: Array
-    travel: Array
+    stiffness: Array
+    """(L,): K_n under each foot, N/m."""
+    force: Array
+    """(L,): normal forces, N."""
+    anchor: Array
+    """(L, 2): where each foot sticks in the world, m."""
+    clock: Array
+    """(1,): number of sampling periods since the start."""
 
 
 @kernel
-def speed(bodies: Bodies, body: int, first: int, axis: int) -> float:
-    """Velocity along ``axis`` of the centre of mass of ``body``, whose chain begins with ``first``, m/s."""
-    a, b = (axis + 1) % 3, (axis + 2) % 3
-    at, centre, motion = bodies.place, bodies.centre, bodies.motion
+def foot_velocity(bodies: Bodies, feet: Feet, i: int) -> Vector:
+    """Velocity of foot ``i`` in the world, m/s."""
+    place, motion, root = bodies.place[feet.point[i]], bodies.motion[feet.body[i]], bodies.centre[feet.root[i]]
+    dx, dy, dz = place[0] - root[0], place[1] - root[1], place[2] - root[2]
     return (
-        motion[body, 3 + axis]
-        + motion[body, a] * (at[body, b] - centre[first, b])
-        - motion[body, b] * (at[body, a] - centre[first, a])
+        motion[3] + motion[1] * dz - motion[2] * dy,
+        motion[4] + motion[2] * dx - motion[0] * dz,
+        motion[5] + motion[0] * dy - motion[1] * dx,
     )
 
 
@@ -88,130 +121,170 @@ def ground_force(touch: Touch, stiffness: float, place: Array, velocity: Vector,
 @kernel
 def drag(touch: Touch, place: Array, force: float, anchor: Array) -> None:
     """Move the point ``anchor`` (2,) where a foot at ``place`` (3,) sticks, if it slides or is in the air."""
-    dx, dy = place[0] - anchor[0], place[1] - anchor[1]
-    stretch, longest = math.hypot(dx, dy), touch.friction * force / touch.stiffness
-    if stretch > longest:
-        anchor[0] = place[0] - dx * longest / stretch
-        anchor[1] = place[1] - dy * longest / stretch
+    if touch.friction > 0.0:
+        dx, dy = place[0] - anchor[0], place[1] - anchor[1]
+        stretch, longest = math.hypot(dx, dy), touch.friction * force / touch.stiffness
+        if stretch > longest:
+            anchor[0] = place[0] - dx * longest / stretch
+            anchor[1] = place[1] - dy * longest / stretch
 
 
 @kernel
-def press(touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Array, anchor: Array) -> None:
-    """Forces of the ground on the feet: fills ``force`` (L,), N, and ``bodies.pull``.
+def pull_at(bodies: Bodies, body: int, place: Array | Vector, force: Vector) -> None:
+    """Let a ``force``, N, act on ``body`` at ``place``, m, and nothing else."""
+    pull, centre, (x, y, z) = bodies.pull[body], bodies.mass_centre[body], force
+    dx, dy, dz = place[0] - centre[0], place[1] - centre[1], place[2] - centre[2]
+    pull[0], pull[1], pull[2] = x, y, z
+    pull[3], pull[4], pull[5] = dy * z - dz * y, dz * x - dx * z, dx * y - dy * x
 
-    Args:
-        touch: parameters of the contact.
-        bodies: with present positions and velocities.
-        floats: 1 if the machine has a body, else 0.
-        stiffness: (L,): K_n under each foot, N/m.
-        force: (L,): is filled with the normal forces.
-        anchor: (L, 2): where each foot sticks in the world, m.
+
+@kernel
+def press(touch: Touch, bodies: Bodies, feet: Feet, contacts: Contacts, in_stage: bool) -> None:
+    """Forces of the ground on the feet: fills ``contacts`` and ``bodies.pull``.
+
+    Stiffness and the points where feet stick are those of the start of an integration step ``in_stage``.
     """
-    for i in range(force.shape[0]):
-        shank = floats + 2 * i + 2
-        first = 1 if floats else shank - 1
-        velocity = speed(bodies, shank, first, 0), speed(bodies, shank, first, 1), speed(bodies, shank, first, 2)
-        pull = ground_force(touch, stiffness[i], bodies.place[shank], velocity, anchor[i])
-        bodies.pull[shank, 0], bodies.pull[shank, 1], bodies.pull[shank, 2] = pull
-        force[i] = bodies.pull[shank, 2]
+    for i in range(contacts.force.shape[0]):
+        place, anchor = bodies.place[feet.point[i]], contacts.anchor[i]
+        if not in_stage:
+            contacts.stiffness[i] = stiffness_under(touch.ground, i, contacts.clock[0], place[0], place[1])
+        force = ground_force(touch, contacts.stiffness[i], place, foot_velocity(bodies, feet, i), anchor)
+        contacts.force[i] = force[2]
+        if not in_stage:
+            drag(touch, place, contacts.force[i], anchor)
+        pull_at(bodies, feet.body[i], place, force)
 
 
 @kernel
-def stick(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Array) -> None:
-    """Move the points where feet stick, ``anchor`` (L, 2), with feet that slide or are in the air."""
-    for i in range(force.shape[0]):
-        drag(touch, bodies.place[floats + 2 * i + 2], force[i], anchor[i])
+def turned(at: Array, turn: Array, x: float, y: float, z: float) -> Vector:
+    """``at`` (3,) plus the vector (x, y, z) turned by the rotation matrix ``turn`` (9,)."""
+    return (
+        at[0] + turn[0] * x + turn[1] * y + turn[2] * z,
+        at[1] + turn[3] * x + turn[4] * y + turn[5] * z,
+        at[2] + turn[6] * x + turn[7] * y + turn[8] * z,
+    )
 
 
 @kernel
-def observe_stand(bodies: Bodies, hip_height: float, measured: Measured) -> None:
-    """Measure the feet of legs whose hips do not move; fills ``measured``."""
-    for i in range(measured.foot.shape[0]):
-        thigh, shank = 2 * i + 1, 2 * i + 2
-        measured.foot[i, 0], measured.foot[i, 1] = bodies.place[shank, 0], hip_height - bodies.place[shank, 2]
-        measured.velocity[i, 0], measured.velocity[i, 1] = (
-            speed(bodies, shank, thigh, 0),
-            -speed(bodies, shank, thigh, 2),
-        )
+def load_trunk(payload: Payload, origin: Array, bodies: Bodies, feet: Feet, clock: float) -> None:
+    """Let the payload act on the trunk, once it is there."""
+    if clock >= payload.start:
+        load = payload.load
+        point = turned(bodies.trunk_place, bodies.trunk_turn, origin[0] + load.x, origin[1] + load.y, origin[2])
+        pull_at(bodies, feet.trunk, point, (0.0, 0.0, -load.weight))
 
 
 @kernel
-def observe_trunk(ground: Ground, at: Array, turn: Array, velocity: Array, spin: Array, measured: Measured) -> None:
-    """Measure pose, rates and travel of a body that floats; fills ``measured``.
-
-    Args:
-        ground: reference of the height of the body.
-        at: (3,): its origin in the world, m.
-        turn: (9,): its rotation matrix, row by row.
-        velocity: (3,): of its origin in the world, m/s.
-        spin: (3,): its angular velocity in its own frame, rad/s.
-        measured: is filled.
-    """
+def observe_trunk(
+    ground: Ground, bodies: Bodies, at: Vector, velocity: Vector, pose: Array, rate: Array, travel: Array | None
+) -> None:
+    """Measure a body whose origin is at ``at``, m, with ``velocity``, m/s; fills the last three as a Measurement."""
+    turn, spin = bodies.trunk_turn, bodies.trunk_rate[3:]
     pitch, roll = -math.asin(turn[6]), math.atan2(turn[7], turn[8])
-    measured.pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
-    measured.pose[1], measured.pose[2] = pitch, roll
-    measured.pose_rate[0] = velocity[2] - grade_at(ground, at[0]) * velocity[0]
-    measured.pose_rate[1] = spin[1] * math.cos(roll) - spin[2] * math.sin(roll)
-    measured.pose_rate[2] = spin[0] + (spin[1] * math.sin(roll) + spin[2] * math.cos(roll)) * math.tan(pitch)
-    measured.travel[0], measured.travel[1], measured.travel[2] = at[0], at[1], math.atan2(turn[3], turn[0])
+    pose[0] = at[2] - height_at(ground.slope, ground.slope_start, at[0])
+    pose[1], pose[2] = pitch, roll
+    rate[0] = velocity[2] - grade_at(ground, at[0]) * velocity[0]
+    rate[1] = spin[1] * math.cos(roll) - spin[2] * math.sin(roll)
+    rate[2] = spin[0] + (spin[1] * math.sin(roll) + spin[2] * math.cos(roll)) * math.tan(pitch)
+    if travel is not None:
+        travel[0], travel[1], travel[2] = at[0], at[1], math.atan2(turn[3], turn[0])
 
 
 @kernel
-def observe_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, measured: Measured) -> None:
-    """Measure body and feet of a machine that floats; fills ``measured``.
+def observe_planar_foot(
+    hips: Array, bodies: Bodies, feet: Feet, at: Vector, velocity: Vector, i: int, measured: Measurement
+) -> None:
+    """Measure foot ``i`` of a planar leg under a body whose origin is at ``at``, m, with ``velocity``, m/s."""
+    turn, w, place = bodies.trunk_turn, bodies.trunk_rate[3:], bodies.place[feet.point[i]]
+    dx, dy, dz = place[0] - at[0], place[1] - at[1], place[2] - at[2]
+    vx, vy, vz = foot_velocity(bodies, feet, i)
+    vx, vy, vz = vx - velocity[0], vy - velocity[1], vz - velocity[2]
+    x = turn[0] * dx + turn[3] * dy + turn[6] * dz
+    z = turn[2] * dx + turn[5] * dy + turn[8] * dz
+    measured.foot[i, 0], measured.foot[i, 1] = x - hips[i, 0], -z
+    # Motion of the foot in the world that stems from the rotation of the body is not motion of the leg.
+    measured.velocity[i, 0] = turn[0] * vx + turn[3] * vy + turn[6] * vz - w[1] * z + w[2] * hips[i, 1]
+    measured.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)
+
+
+@kernel
+def observe(
+    mechanism: Mechanism,
+    ground: Ground,
+    origin: Array,
+    bodies: Bodies,
+    feet: Feet,
+    joints: Joints,
+    geometry: Array,
+    measured: Measurement,
+) -> None:
+    """Measure joints, body and feet of a machine; fills ``measured`` but for the forces.
 
     Args:
+        mechanism: the machine.
         ground: reference of the height of the body.
+        origin: (3,): of the body's frame in that of the trunk, m.
         bodies: with present positions and velocities.
-        hips: (L, 2): in the body frame, m.
-        torso: (6,): velocity of the body in the world, m/s, and its angular velocity in its own frame, rad/s.
-        measured: is filled.
+        feet: of the machine.
+        joints: of the machine.
+        geometry: filled, see :func:`cmacexp.models.mechanism.update_geometry`.
+        measured: filled.
     """
-    turn, at, w = bodies.turn[1], bodies.place[1], torso[3:]
-    observe_trunk(ground, at, turn, torso[:3], w, measured)
-    for i in range(hips.shape[0]):
-        shank = 2 * i + 3
-        dx, dy, dz = bodies.place[shank, 0] - at[0], bodies.place[shank, 1] - at[1], bodies.place[shank, 2] - at[2]
-        vx = speed(bodies, shank, 1, 0) - torso[0]
-        vy = speed(bodies, shank, 1, 1) - torso[1]
-        vz = speed(bodies, shank, 1, 2) - torso[2]
-        x = turn[0] * dx + turn[3] * dy + turn[6] * dz
-        z = turn[2] * dx + turn[5] * dy + turn[8] * dz
-        measured.foot[i, 0], measured.foot[i, 1] = x - hips[i, 0], -z
-        # Motion of the foot in the world that stems from the rotation of the body is not motion of the leg.
-        measured.velocity[i, 0] = turn[0] * vx + turn[3] * vy + turn[6] * vz - w[1] * z + w[2] * hips[i, 1]
-        measured.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)
+    turn, spin = bodies.trunk_turn, bodies.trunk_rate[3:]
+    at = turned(bodies.trunk_place, turn, origin[0], origin[1], origin[2])
+    velocity = turned(
+        bodies.trunk_rate,
+        turn,
+        spin[1] * origin[2] - spin[2] * origin[1],
+        spin[2] * origin[0] - spin[0] * origin[2],
+        spin[0] * origin[1] - spin[1] * origin[0],
+    )
+    for i in range(measured.q.shape[0]):
+        for j in range(measured.q.shape[1]):
+            measured.q[i, j] = joints.position[joints.q[i, j]]
+            measured.dq[i, j] = joints.velocity[joints.dq[i, j]]
+    if feet.trunk > 0:
+        observe_trunk(ground, bodies, at, velocity, measured.body, measured.body_rate, measured.travel)
+    if mechanism.kind == CHAINS_UNDER_BODY:
+        update_geometry(mechanism, measured.q, geometry)
+    for i in range(measured.q.shape[0]):
+        if mechanism.kind == CHAINS_UNDER_BODY:
+            place_foot(mechanism, i, geometry, measured.foot)
+            move_foot(mechanism, i, geometry, measured.dq, measured.velocity)
+        else:
+            observe_planar_foot(mechanism.hips, bodies, feet, at, velocity, i, measured)
 
 
 @program
 def pressing(
-    touch: Touch, bodies: Bodies, floats: int, stiffness: Array, force: Array, anchor: Array
+    touch: Touch | None,
+    payload: Payload,
+    origin: Array,
+    bodies: Bodies,
+    feet: Feet,
+    contacts: Contacts,
+    in_stage: bool,
 ) -> Iterator[int]:
-    """:func:`press` whenever it is resumed."""
+    """:func:`press` and :func:`load_trunk` whenever it is resumed."""
     while True:
-        press(touch, bodies, floats, stiffness, force, anchor)
+        if touch is not None:
+            press(touch, bodies, feet, contacts, in_stage)
+        load_trunk(payload, origin, bodies, feet, contacts.clock[0])
         yield 0
 
 
 @program
-def sticking(touch: Touch, bodies: Bodies, floats: int, force: Array, anchor: Array) -> Iterator[int]:
-    """:func:`stick` whenever it is resumed."""
+def observing(
+    mechanism: Mechanism,
+    ground: Ground,
+    origin: Array,
+    bodies: Bodies,
+    feet: Feet,
+    joints: Joints,
+    geometry: Array,
+    measured: Measurement,
+) -> Iterator[int]:
+    """:func:`observe` whenever it is resumed."""
     while True:
-        stick(touch, bodies, floats, force, anchor)
-        yield 0
-
-
-@program
-def observing_stand(bodies: Bodies, hip_height: float, measured: Measured) -> Iterator[int]:
-    """:func:`observe_stand` whenever it is resumed."""
-    while True:
-        observe_stand(bodies, hip_height, measured)
-        yield 0
-
-
-@program
-def observing_body(ground: Ground, bodies: Bodies, hips: Array, torso: Array, measured: Measured) -> Iterator[int]:
-    """:func:`observe_body` whenever it is resumed."""
-    while True:
-        observe_body(ground, bodies, hips, torso, measured)
+        observe(mechanism, ground, origin, bodies, feet, joints, geometry, measured)
         yield 0

@@ -6,10 +6,14 @@ World: x forward, y left, z up. A hinge turns about +y, so that joint angles cou
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from cmacexp.config.machine import LEG_KEYS, LegMachine, LinksConfig, PointMassMachine, QuadrupedMachine
 from cmacexp.errors import BadInput
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism
+from cmacexp.models.robot import load_mujoco, warnings_dropped
+from cmacexp.plants.mujoco_plant import Model
 from cmacexp.typing import Array
 
 LEAST = 1e-15
@@ -18,18 +22,20 @@ POINT = f"{LEAST} {LEAST} {LEAST}"
 """Inertia of a point mass."""
 
 
-def _link(length: float, mass: float, at: str, inside: str = "") -> str:
+def _link(name: str, length: float, mass: float, at: str, inside: str) -> str:
     """A link along its own x with a point mass at its end, hinged at ``at`` in its parent's frame."""
     return (
-        f'<body pos="{at}"><joint type="hinge" axis="0 1 0"/>'
+        f'<body pos="{at}"><joint name="{name}" type="hinge" axis="0 1 0"/>'
         f'<inertial pos="{length!r} 0 0" mass="{mass!r}" diaginertia="{POINT}"/>{inside}</body>'
     )
 
 
-def _leg(leg: Array, at: str) -> str:
-    """Thigh and shank of one leg, whose row of :class:`Mechanism` is ``leg``, at the hip ``at``."""
+def _leg(number: int, leg: Array, at: str) -> str:
+    """Thigh and shank of a leg, whose row of :class:`Mechanism` is ``leg``, at the hip ``at``; a geom as its foot."""
     length_1, length_2, mass_1, mass_2 = (float(value) for value in leg[:4])
-    return _link(length_1, mass_1, at, _link(length_2, mass_2, f"{length_1!r} 0 0"))
+    foot = f'<geom size="0.01" pos="{length_2!r} 0 0"/>'
+    shank = _link(f"joint 2 of leg {number}", length_2, mass_2, f"{length_1!r} 0 0", foot)
+    return _link(f"joint 1 of leg {number}", length_1, mass_1, at, shank)
 
 
 class Torso(NamedTuple):
@@ -79,27 +85,26 @@ def check_inertia(inertia: Sequence[float]) -> None:
         raise BadInput("plant.body_inertia", list(inertia), allowed)
 
 
-def describe(mechanism: Mechanism, step: float, torso: Torso | None) -> str:
-    """MJCF of a machine.
+def make_planar(mechanism: Mechanism, torso: Torso | None = None) -> Model:
+    """The model of planar legs.
 
     Args:
         mechanism: legs on a stand, or under a body that floats.
-        step: time of one integration step, s.
         torso: the body, if there is one; its centre of gravity is in the plane of the hips.
     """
-    base = f"0 0 {float(mechanism.hip_height)!r}"
-    if torso is None:
-        machine = "".join(_leg(leg, base) for leg in mechanism.legs)
-    else:
-        hips = [f"{float(x)!r} {float(y)!r} 0" for x, y in mechanism.hips]
+    origin = np.array([0.0, 0.0, 0.0 if torso else mechanism.hip_height])
+    hips = [f"{float(x)!r} {float(y)!r} {float(origin[2])!r}" for x, y in mechanism.hips]
+    machine = "".join(_leg(i + 1, leg, hip) for i, (leg, hip) in enumerate(zip(mechanism.legs, hips, strict=True)))
+    if torso is not None:
         inertia = " ".join(repr(float(value)) for value in torso.inertia)
         machine = (
-            f'<body pos="{base}"><freejoint/>'
-            f'<inertial pos="0 0 0" mass="{float(torso.mass)!r}" diaginertia="{inertia}"/>'
-            f"{''.join(_leg(leg, hip) for leg, hip in zip(mechanism.legs, hips, strict=True))}</body>"
+            '<body><freejoint name="the body"/>'
+            f'<inertial pos="0 0 0" mass="{float(torso.mass)!r}" diaginertia="{inertia}"/>{machine}</body>'
         )
-    return (
-        '<mujoco><compiler angle="radian"/>'
-        f'<option timestep="{step!r}" integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
-        f'<flag constraint="disable" autoreset="disable"/></option><worldbody>{machine}</worldbody></mujoco>'
-    )
+    mujoco, floats, legs = load_mujoco(), int(torso is not None), len(mechanism.legs)
+    with warnings_dropped(mujoco):
+        model = mujoco.MjModel.from_xml_string(
+            f'<mujoco><compiler angle="radian"/><option integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
+            f'<flag constraint="disable" autoreset="disable"/></option><worldbody>{machine}</worldbody></mujoco>'
+        )
+    return Model(model, floats, floats + np.arange(2 * legs).reshape(legs, 2), np.arange(legs), origin)

@@ -28,7 +28,7 @@ def _value_range(lines: Sequence[Line]) -> Range | None:
     return (float(values.min()), float(values.max())) if values.size else None
 
 
-def widen(low: float, high: float) -> Range:
+def widen_range(low: float, high: float) -> Range:
     """A range with a margin in which the viewer puts a number on at least two marks, which are at powers of ten."""
     span = high - low or abs(high) or 1.0
     low, high = low - 0.05 * span, high + 0.05 * span
@@ -51,7 +51,7 @@ def value_ranges(views: Sequence[RunView]) -> list[dict[str, Range]]:
         for view in views
     ]
     shared = {path: _share([ranges[path] for ranges in own if path in ranges]) for path in set().union(*own)}
-    return [{path: widen(*(shared[path] or span)) for path, span in ranges.items()} for ranges in own]
+    return [{path: widen_range(*(shared[path] or span)) for path, span in ranges.items()} for ranges in own]
 
 
 def _share(ranges: Iterable[Range]) -> Range | None:

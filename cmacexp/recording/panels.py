@@ -232,6 +232,6 @@ class Panels:
         """Lift-offs, touch-downs and critical moments; a click on the time of one goes there."""
         return rrb.TextLogView(
             origin=f"/{self._view.root}{EVENTS}",
-            name="moments: click on a time to go there",
+            name="events: click a time to jump to it",
             columns=rrb.TextLogColumns(timeline_columns=["time"], text_log_columns=["body"]),
         )

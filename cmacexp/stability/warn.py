@@ -19,7 +19,7 @@ MIN_TOTAL_GROWTH = 10.0
 
 
 def _is_checked(config: Config, scenario: Scenario) -> bool:
-    steps = config.steps_per_cycle * len(scenario.setup.mechanism.legs) * getattr(scenario.plant, "substeps", 1)
+    steps = config.steps_per_cycle * len(scenario.setup.mechanism.legs) * getattr(config.plant, "substeps", 1)
     asked = config.warn and config.learning.rule not in BOUNDED_RULES
     return (
         asked and config.cycles - config.learning.start_cycle >= MIN_LEARNING_CYCLES and steps <= MAX_STEPS_PER_CYCLE

@@ -14,7 +14,6 @@ from cmacexp.data.signals import (
     LEG_SIGNALS,
     MEMORY_SIGNALS,
     MODEL_SIGNALS,
-    SPATIAL_ARRAYS,
     SPATIAL_SIGNALS,
     list_units,
 )
@@ -45,10 +44,16 @@ def signals_table(signals):
 
 
 def arrays_table():
+    spatial = {signal.name for signal in SPATIAL_SIGNALS}
     return table_of(
         ["array", "columns", "third of a robot", "unit"],
         [
-            [f"`{name}`", ", ".join(ARRAYS[name]), SPATIAL_ARRAYS.get(name, ""), unit]
+            [
+                f"`{name}`",
+                ", ".join(column for column in ARRAYS[name] if column not in spatial),
+                ", ".join(column for column in ARRAYS[name] if column in spatial),
+                unit,
+            ]
             for name, unit in list_units().items()
         ],
     )

@@ -11,7 +11,15 @@ from support.made_traces import measure
 from support.manifests import change_manifest
 
 from cmacexp.commands.score import score
-from cmacexp.metrics.drift import RISE, WINDOW, Drift, DriftDetector, find_drift, find_drift_cycles, measure_growth
+from cmacexp.metrics.drift import (
+    DRIFT_RATIO,
+    WINDOW,
+    Drift,
+    DriftDetector,
+    find_drift,
+    find_drift_cycles,
+    measure_growth,
+)
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
@@ -47,7 +55,7 @@ def test_a_trend_that_starts_after_learning_is_named_with_its_cycle():
 @pytest.mark.parametrize(("share", "harms"), [(0.97, False), (1.1, True)])
 def test_feedback_that_is_small_against_its_highest_level_may_rise(share, harms):
     rising = 1e-3 * 1.01 ** np.arange(1000.0)
-    found = first_detected([*np.ones(20), *rising[rising < share * RISE * 0.01]])
+    found = first_detected([*np.ones(20), *rising[rising < share * DRIFT_RATIO * 0.01]])
     assert (found is not None) == harms
 
 

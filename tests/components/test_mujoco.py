@@ -1,6 +1,7 @@
 """Plants in MuJoCo: the leg is our leg, the body obeys mechanics, and what they need is asked for in one line."""
 
 import sys
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,43 +17,49 @@ from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.leg import Leg, foot_position, foot_velocity, forward_dynamics, trigonometry
 from cmacexp.models.mechanism import legs_on_stand, legs_under_body
 from cmacexp.planning.machine import compute_weight_of_masses
+from cmacexp.planning.setup import Setup
 from cmacexp.plants import Measurement
-from cmacexp.plants.mujoco_engine import MujocoEngine
-from cmacexp.plants.mujoco_kernels import Bodies, Touch, stick
-from cmacexp.plants.mujoco_kernels import press as press_feet
-from cmacexp.plants.mujoco_model import Torso
+from cmacexp.plants.mujoco_kernels import Bodies, Contacts, Feet, Touch, press
+from cmacexp.plants.mujoco_model import Torso, make_planar
+from cmacexp.plants.mujoco_plant import MujocoConfig, MujocoPlant
 
 LEG = Leg(0.35, 0.30, 0.5, 0.4, -1.0)
 GROUND = still_ground(1e4, damping=50.0)
-FREE = Touch(GROUND._replace(damping=0.0), 0.0, 0.0, 0.0)
+FREE = Touch(GROUND._replace(damping=0.0))
 STICKY = Touch(GROUND, 0.6, 1e4, 50.0)
 TORSO = Torso(1.0, (0.05, 0.06, 0.1))
 HIPS = [(0.2, 0.2), (0.2, -0.2), (-0.2, 0.2), (-0.2, -0.2)]
 WALK = ("scenario=quadruped", "plant=mujoco_quadruped")
 
 
-def engine_at(q, dq, tau, hip_height=10.0):
-    engine = MujocoEngine(legs_on_stand([LEG], hip_height), FREE, 1e-3)
-    engine.start(np.array([q]))
-    engine.dq[:], engine.torque[:] = dq, tau
-    engine._update_bodies()
-    return engine
+@pytest.fixture
+def begin(make_config):
+    """A plant of some legs, on a stand or under ``torso``, at ``start``, rad."""
+    config = make_config("scenario=one_leg")
+
+    def make(mechanism, touch, start, torso=None, substeps=1, period=1e-3):
+        plant = MujocoPlant(MujocoConfig(substeps))
+        setup = Setup(replace(config, sampling_period=period), mechanism, plan=None, start=np.asarray(start))
+        plant.begin(setup, make_planar(mechanism, torso), touch, setup.start)
+        return plant
+
+    return make
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_accelerations_are_those_of_our_equations(seed):
+def test_accelerations_are_those_of_our_equations(begin, seed):
     """In the air and on the ground: eq. 17 and 23 against an engine that has never heard of them."""
     draw = np.random.default_rng(seed)
     q, dq, tau = draw.uniform(-2, 2, 2), draw.uniform(-5, 5, 2), draw.uniform(-10, 10, 2)
     trig = trigonometry(*q)
     for hip_height in (10.0, foot_position(LEG, trig)[1] - 1e-3):
-        engine = engine_at(q, dq, tau, hip_height)
-        engine.mujoco.mj_forward(engine.model, engine.data)
-        ours = forward_dynamics(LEG, trig, *dq, *tau, engine.force[0])
-        assert (engine.force[0] > 0.0) == (hip_height != 10.0)
-        assert_allclose(engine.data.qacc, ours, rtol=1e-9)
-        foot, shank = foot_position(LEG, trig), engine.bodies.place[2]
-        assert_allclose([shank[0], hip_height - shank[2]], foot, atol=1e-12)
+        plant = begin(legs_on_stand([LEG], hip_height), FREE, [q])
+        plant.data.qvel[:], plant.data.qfrc_applied[:] = dq, tau
+        plant.mujoco.mj_forward(plant.model, plant.data)
+        measured = plant.measure()
+        assert (measured.force[0] > 0.0) == (hip_height != 10.0)
+        assert_allclose(plant.data.qacc, forward_dynamics(LEG, trig, *dq, *tau, measured.force[0]), rtol=1e-9)
+        assert_allclose(measured.foot[0], foot_position(LEG, trig), atol=1e-12)
 
 
 def test_a_leg_learns_the_same_in_both_engines(make_config):
@@ -66,63 +73,55 @@ def test_a_leg_learns_the_same_in_both_engines(make_config):
         assert_allclose(theirs.columns()[name], ours.columns()[name], atol=1e-9, err_msg=name)
 
 
-def falling(step, steps):
-    """A machine thrown through the air: its energy at the start and at the end, J."""
-    mechanism = legs_under_body([LEG] * 4, 100.0, HIPS, 40.0)
-    engine = MujocoEngine(mechanism, STICKY, step, TORSO)
-    mujoco, model, data = engine.mujoco, engine.model, engine.data
-    draw = np.random.default_rng(0)
-    engine.start(draw.uniform(-1, 1, (4, 2)))
-    data.qvel[:] = draw.uniform(-3, 3, model.nv)
+def falling(begin, steps):
+    """A machine thrown through the air: its energy at the start and 0.2 s later, J."""
+    random = np.random.default_rng(0)
+    start = random.uniform(-1, 1, (4, 2))
+    plant = begin(legs_under_body([LEG] * 4, 100.0, HIPS, 40.0), STICKY, start, TORSO, steps, 0.2)
+    mujoco, model, data = plant.mujoco, plant.model, plant.data
+    data.qvel[:] = random.uniform(-3, 3, model.nv)
     energies = []
     for _ in range(2):
         mujoco.mj_forward(model, data)
         mujoco.mj_energyPos(model, data)
         mujoco.mj_energyVel(model, data)
         energies.append(data.energy.sum())
-        engine.advance(np.zeros((4, 2)), steps)
+        plant.step(np.zeros((4, 2)))
     return energies
 
 
-def test_energy_is_conserved_in_the_air():
+def test_energy_is_conserved_in_the_air(begin):
     lost = []
     for steps in (50, 100, 200):
-        before, after = falling(0.2 / steps, steps)
+        before, after = falling(begin, steps)
         lost.append(abs(after - before))
     assert lost[-1] < 1e-4
     for coarse, fine in pairwise(lost):
         assert coarse > 8.0 * fine
 
 
-def measured(q, dq, pose, pose_rate):
+def measured(begin, q, dq, pose, pose_rate):
     """A machine whose body is at height, pitch, roll with their rates; by way of MuJoCo's quaternion."""
     from scipy.spatial.transform import Rotation
 
-    mechanism = legs_under_body([LEG] * 4, 0.5, HIPS, 40.0)
-    engine = MujocoEngine(mechanism, STICKY, 1e-3, TORSO)
-    engine.start(q)
+    plant = begin(legs_under_body([LEG] * 4, 0.5, HIPS, 40.0), STICKY, q, TORSO)
     height, pitch, roll = pose
     turn = Rotation.from_euler("ZYX", [0.3, pitch, roll])
-    engine.data.qpos[:3], engine.data.qpos[3:7] = [1.0, 2.0, height], turn.as_quat()[[3, 0, 1, 2]]
+    plant.data.qpos[:3], plant.data.qpos[3:7] = [1.0, 2.0, height], turn.as_quat()[[3, 0, 1, 2]]
     h = 1e-7
     later = Rotation.from_euler("ZYX", [0.3, pitch + h * pose_rate[1], roll + h * pose_rate[2]])
-    engine.data.qvel[:3] = [0.3, -0.2, pose_rate[0]]
-    engine.data.qvel[3:6] = (turn.inv() * later).as_rotvec() / h
-    engine.dq[:] = dq
-    engine._update_bodies()
-    from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
-
-    plant = MujocoQuadruped(MujocoQuadruped.Config(1, 0.6, 1e4, 50.0, [0.05, 0.06, 0.1], 0.0, 0))
-    plant.engine = engine
-    plant.start_observing(mechanism.hips)
+    plant.data.qvel[:3] = [0.3, -0.2, pose_rate[0]]
+    plant.data.qvel[3:6] = (turn.inv() * later).as_rotvec() / h
+    plant.data.qvel[6:] = dq.ravel()
+    plant.mujoco.mj_step1(plant.model, plant.data)
     return plant.measure()
 
 
-def test_body_and_feet_are_measured_in_our_frames():
+def test_body_and_feet_are_measured_in_our_frames(begin):
     draw = np.random.default_rng(1)
     q, dq = draw.uniform(-1, 1, (4, 2)), draw.uniform(-2, 2, (4, 2))
     pose, rate = [0.6, 0.1, -0.2], [0.3, 0.5, -0.7]
-    m: Measurement = measured(q, dq, pose, rate)
+    m: Measurement = measured(begin, q, dq, pose, rate)
     assert_allclose(m.body, pose, atol=1e-12)
     assert_allclose(m.body_rate, rate, atol=1e-6)
     assert_allclose(m.travel, [1.0, 2.0, 0.3], atol=1e-12)
@@ -134,12 +133,12 @@ def test_body_and_feet_are_measured_in_our_frames():
 
 def one_foot(place, velocity, anchor, touch=STICKY):
     """Forces on a foot at ``place`` (m) that moves (m/s), held at ``anchor``; and where it sticks then."""
-    bodies = Bodies(np.zeros((3, 3)), np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, 6)), np.zeros((3, 9)))
-    bodies.place[2], bodies.motion[2, 3:] = place, velocity
-    force, held = np.zeros(1), np.array([anchor], dtype=float)
-    press_feet(touch, bodies, 0, np.array([1e4]), force, held)
-    stick(touch, bodies, 0, force, held)
-    return bodies.pull[2, :3], held[0]
+    bodies = Bodies(*np.zeros((5, 1, 6)), np.zeros(3), np.zeros(9), np.zeros(6))
+    bodies.place[0, :3], bodies.motion[0, 3:] = place, velocity
+    bodies.mass_centre[:] = bodies.place
+    contacts, leg = Contacts(np.zeros(1), np.zeros(1), np.array([anchor], dtype=float), np.zeros(1)), np.zeros(1, int)
+    press(touch, bodies, Feet(leg, leg, leg, 0), contacts, in_stage=False)
+    return bodies.pull[0, :3], contacts.anchor[0]
 
 
 def test_friction_by_hand():
@@ -249,13 +248,12 @@ def test_a_warning_of_the_engine_ends_a_run_as_diverged(make_config, tmp_path, m
         ("qvel", 3, "the velocity of joint 2 of leg 2"),
     ],
 )
-def test_a_diverged_machine_stays_where_it_is(array, index, cause):
-    engine = MujocoEngine(legs_on_stand([LEG, LEG], 1.0), FREE, 1e-3)
-    engine.start(np.full((2, 2), 0.5))
-    getattr(engine.data, array)[index] = 1e11
+def test_a_diverged_machine_stays_where_it_is(begin, array, index, cause):
+    plant = begin(legs_on_stand([LEG, LEG], 1.0), FREE, np.full((2, 2), 0.5))
+    getattr(plant.data, array)[index] = 1e11
     with pytest.raises(Diverged, match=f"^MuJoCo reports that {cause} is not finite or huge$"):
-        engine.advance(np.zeros((2, 2)), 1)
-    assert np.abs(getattr(engine.data, array)).max() >= 1e11
+        plant.step(np.zeros((2, 2)))
+    assert np.abs(getattr(plant.data, array)).max() >= 1e11
 
 
 @pytest.mark.parametrize(
@@ -289,7 +287,7 @@ def test_a_handler_of_warnings_that_the_user_installed_stays(make_config):
 
 def test_without_mujoco_the_message_says_how_to_install_it(make_config, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(BadInput, match=r'python -m pip install -e "\.\[mujoco\]"$'):
+    with pytest.raises(BadInput, match=r'MuJoCo is not installed: .*pip install -e "\.\[mujoco\]"'):
         make_scenario(make_config("plant=mujoco_leg"))
 
 

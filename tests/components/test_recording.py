@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.views import make_walk
 
-from cmacexp.recording.axes import find_times, value_ranges, widen
+from cmacexp.recording.axes import find_times, value_ranges, widen_range
 from cmacexp.recording.events import find_events
 from cmacexp.recording.key import describe_key
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
 def test_an_axis_shows_all_values_and_has_two_marks_but_not_too_many(low, span):
-    start, end = widen(low, low + span)
+    start, end = widen_range(low, low + span)
     assert start <= low
     assert low + span <= end
     mark = 10.0 ** np.arange(-8, 9)

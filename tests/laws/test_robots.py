@@ -7,7 +7,8 @@ from support.robots import MODELS, change, read
 
 from cmacexp.errors import BadInput
 from cmacexp.models.chain import chain_kinematics
-from cmacexp.models.robot import GRAVITY, load_mujoco
+from cmacexp.models.leg import GRAVITY
+from cmacexp.models.robot import load_mujoco
 from cmacexp.models.robot_gains import derive_basis, derive_gains, recommend_period, require_period
 
 TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cmacexp.data.signals import ARRAYS, BODY_SIGNALS, LEG_SIGNALS, MEMORY_SIGNALS, select_signals
-from cmacexp.loop.samples import BODY_SAMPLES, SAMPLES, WIDE_BODY_SAMPLES, WIDE_SAMPLES
+from cmacexp.loop.samples import ALL_SAMPLES, BODY_SAMPLES, SAMPLES, WIDE_BODY_SAMPLES, WIDE_SAMPLES
 from cmacexp.plants.protocol import STATE, Measurement, get_state, new_measurement
 from cmacexp.sensors.kernels import Observation, new_observation
 from cmacexp.sensors.protocol import SIGNALS
@@ -21,7 +21,7 @@ def test_a_name_stands_once_in_its_table():
 def test_a_measurement_has_the_arrays_of_the_table():
     fields = list(ARRAYS)[: list(ARRAYS).index("travel") + 1]
     assert fields == list(Measurement._fields)
-    for name, values in new_measurement(4)._asdict().items():
+    for name, values in new_measurement(4, 3)._asdict().items():
         assert values is None or np.shape(values)[-1] == len(ARRAYS[name]) or name == "force"
 
 
@@ -32,7 +32,7 @@ def test_an_observation_has_the_arrays_of_a_measurement_and_the_geometry_of_its_
 
 
 def test_the_arrays_hold_signals_that_the_loop_samples():
-    sampled = {*WIDE_SAMPLES, *WIDE_BODY_SAMPLES}
+    sampled = {*ALL_SAMPLES, *WIDE_BODY_SAMPLES}
     assert {name for array in ARRAYS.values() for name in array} <= sampled
 
 

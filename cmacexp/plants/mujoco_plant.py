@@ -1,0 +1,189 @@
+"""A machine in MuJoCo: what one leg, four planar legs and robots have in common."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cmacexp.config import ComponentConfig, number
+from cmacexp.errors import BadInput, Diverged
+from cmacexp.models.mechanism import GEOMETRY_FIELDS
+from cmacexp.models.robot import load_mujoco, warnings_dropped
+from cmacexp.planning.setup import Setup
+from cmacexp.plants.environment import make_ground, make_payload
+from cmacexp.plants.mujoco_kernels import Bodies, Contacts, Feet, Joints, Touch, observing, pressing
+from cmacexp.plants.protocol import Measurement, get_state, new_measurement
+from cmacexp.typing import Array, Counts
+
+WARNINGS = {
+    "mjWARN_BADQPOS": "the position of {} is not finite or huge",
+    "mjWARN_BADQVEL": "the velocity of {} is not finite or huge",
+    "mjWARN_BADQACC": "the acceleration of {} is not finite or huge",
+    "mjWARN_INERTIA": "the inertia at {} is nearly singular",
+}
+"""Causes of divergence, by MuJoCo's names of its warnings; any other is reported by its name."""
+
+
+@dataclass
+class MujocoConfig(ComponentConfig):
+    """How MuJoCo integrates a machine."""
+
+    substeps: int = number("", at_least=1, at_most=10000)
+    """Steps of MuJoCo per sampling period: Runge-Kutta, of a robot semi-implicit Euler."""
+
+
+@dataclass
+class FrictionConfig(MujocoConfig):
+    """Integration, friction of the feet, and where the joints start."""
+
+    friction: float = number("", above=0, at_most=10)
+    """Largest tangential over normal force of a foot (Coulomb)."""
+    friction_stiffness: float = number("N/m", above=0, at_most=1e7)
+    """Stiffness of the spring that holds a sticking foot."""
+    friction_damping: float = number("N s/m", at_least=0, at_most=1e5)
+    """Damping beside that spring."""
+    start_spread: float = number("rad", at_least=0, at_most=0.5)
+    """Largest difference of the joint angles at the start from the planned ones."""
+    start_seed: int = number("", at_least=0, below=2**32, needs=("own.start_spread > 0",))
+    """Seed of the joint angles at the start."""
+
+    def touch(self, setup: Setup) -> Touch:
+        """Contact of a foot with the elastic ground of a run."""
+        ground = make_ground(setup.config.terrain, setup.config.sampling_period)
+        return Touch(ground, self.friction, self.friction_stiffness, self.friction_damping)
+
+    def draw_start(self, setup: Setup) -> Array:
+        """Joint angles at the start (L, J), rad."""
+        random = np.random.default_rng(self.start_seed)
+        return setup.start + random.uniform(-self.start_spread, self.start_spread, setup.start.shape)
+
+
+class Model(NamedTuple):
+    """A model of MuJoCo, and where the machine stands in its arrays."""
+
+    model: Any
+    """MjModel; the plant changes it."""
+    trunk: int
+    """Body with the free joint; 0, the world, of legs on a stand."""
+    joint: Counts
+    """(L, J) joints."""
+    foot: Counts
+    """(L,) geoms of the feet."""
+    origin: Array
+    """(3,): of the body's frame in that of the trunk, m."""
+
+
+class MujocoPlant:
+    """A machine that moves under joint torques, the forces of the ground on its feet, and a payload on its trunk."""
+
+    def __init__(self, config: MujocoConfig):
+        self.config = config
+
+    def begin(self, setup: Setup, made: Model, touch: Touch | None, start: Array) -> Measurement:
+        """Start at rest, the trunk level, every foot sticking where it is.
+
+        Args:
+            setup: of the run.
+            made: the machine.
+            touch: of a foot with elastic ground; None: MuJoCo's own contacts act.
+            start: (L, J): joint angles, rad.
+        """
+        config, mechanism, mujoco = setup.config, setup.mechanism, load_mujoco()
+        model, trunk, joint, foot, origin = made
+        data = mujoco.MjData(model)
+        self.mujoco, self.model, self.data = mujoco, model, data
+        q, dq = (addresses[joint].astype(np.int64) for addresses in (model.jnt_qposadr, model.jnt_dofadr))
+        joints = Joints(data.qpos, data.qvel, q, dq)
+        # Views: what acts on the joints, and how often MuJoCo has given each of its warnings.
+        self.torque, self.dof, self.warned = data.qfrc_applied, dq, data.warning.number
+        model.opt.timestep = config.sampling_period / self.config.substeps
+        trunk_rate = np.zeros(6)
+        if trunk:
+            free = model.body_jntadr[trunk]
+            first, first_rate = model.jnt_qposadr[free], model.jnt_dofadr[free]
+            data.qpos[first : first + 3] = np.array([0.0, 0.0, mechanism.hip_height]) - origin
+            data.qpos[first + 3 : first + 7] = [1.0, 0.0, 0.0, 0.0]
+            trunk_rate = data.qvel[first_rate : first_rate + 6]
+        data.qpos[q] = start
+        mujoco.mj_step1(model, data)
+        legs, ground = len(foot), make_ground(config.terrain, config.sampling_period)
+        fixed_to = model.geom_bodyid[foot]
+        point, body, root = (indices.astype(np.int64) for indices in (foot, fixed_to, model.body_rootid[fixed_to]))
+        feet = Feet(point, body, root, trunk)
+        bodies = Bodies(
+            *(data.geom_xpos, data.cvel, data.subtree_com, data.xipos, data.xfrc_applied),
+            *(data.xpos[trunk], data.xmat[trunk], trunk_rate),
+        )
+        contacts = Contacts(np.zeros(legs), np.zeros(legs), data.geom_xpos[foot, :2].copy(), np.zeros(1))
+        geometry, measured = np.zeros((legs, GEOMETRY_FIELDS[mechanism.axes])), new_measurement(*mechanism.shape)
+        measured.body[0] = mechanism.hip_height
+        measured = measured._replace(force=contacts.force, travel=(travel := np.zeros(3)))
+        self.contacts, self._measured = contacts, (*get_state(measured), *([travel] if trunk else []))
+        acting = touch, make_payload(config.payload, config.sampling_period), origin, bodies, feet, contacts
+        # Compiled generators do not keep their arrays alive.
+        self._kept = mechanism, acting, joints, geometry
+        self._pressing_in_stage, self._pressing = (pressing(*acting, in_stage) for in_stage in (True, False))
+        self._observing = observing(mechanism, ground, origin, bodies, feet, joints, geometry, measured)
+        next(self._pressing)
+        return self.measure()
+
+    def step(self, torque: Array) -> Measurement:
+        """Hold ``torque`` (L, J), N m, over one sampling period.
+
+        Raises:
+            Diverged: MuJoCo warns of its state.
+        """
+        self.torque[self.dof] = torque
+        with warnings_dropped(self.mujoco):
+            for substep in range(self.config.substeps):
+                self.integrate()
+                if self.warned.any():
+                    raise Diverged(self._explain_warning())
+                self.contacts.clock[0] += substep + 1 == self.config.substeps
+                next(self._pressing)
+        return self.measure()
+
+    def integrate(self) -> None:
+        """One classical Runge-Kutta step, with contact forces in every stage, as the project's own method has them.
+
+        Held over a step they would excite oscillations of the ground.
+        """
+        mujoco, model, data = self.mujoco, self.model, self.data
+        # Only during the step: MuJoCo calls it for every model of the process.
+        mujoco.set_mjcb_passive(self._press_in_stage)
+        try:
+            mujoco.mj_step(model, data)
+        finally:
+            mujoco.set_mjcb_passive(None)
+        # The step leaves positions and velocities of its last stage.
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+
+    def _press_in_stage(self, model: Any, data: Any) -> None:
+        next(self._pressing_in_stage)
+
+    def measure(self) -> Measurement:
+        """A copy of the present state."""
+        next(self._observing)
+        return Measurement(*[values.copy() for values in self._measured])
+
+    def _explain_warning(self) -> str:
+        """The first of MuJoCo's warnings, in one line, with the joint to which the velocity that it names belongs."""
+        warning = int(np.flatnonzero(self.warned)[0])
+        name, velocity = self.mujoco.mjtWarning(warning).name, int(self.data.warning.lastinfo[warning])
+        if name == "mjWARN_BADQPOS":  # a body that floats has a position, of its quaternion, more than velocities
+            velocity = max(0, velocity - (self.model.nq - self.model.nv))
+        joint = self.model.joint(int(self.model.dof_jntid[velocity])).name or "the trunk"
+        return f"MuJoCo reports {f'that {WARNINGS[name].format(joint)}' if name in WARNINGS else name}"
+
+
+def require_machine(setup: Setup, kind: str, option: str, scenario: str) -> None:
+    """Check that a plant can move the machine.
+
+    Raises:
+        BadInput: the machine is of another kind.
+    """
+    if setup.config.machine.kind != kind:
+        allowed = f"must be {kind} with plant={option}: use scenario={scenario}"
+        raise BadInput("machine.kind", setup.config.machine.kind, allowed)
