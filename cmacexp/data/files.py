@@ -98,11 +98,13 @@ def alone_in(folder: Path, key: str, wait: bool = False) -> Iterator[None]:
         wait: until another process unlocks it.
 
     Raises:
-        BadInput: another process has locked it, and this one is not to wait.
-        OSError: the folder cannot be made or written.
+        BadInput: another process has locked it, and this one is not to wait; the folder cannot be made or written.
     """
     path = folder / LOCK
-    handle = _lock(path, folder, key, wait)
+    try:
+        handle = _lock(path, folder, key, wait)
+    except OSError as error:
+        raise BadInput(key, folder, f"cannot be written: {error.strerror}; choose another folder") from error
     while not _is_file(path, handle):  # the process before removed the file between the two calls
         os.close(handle)
         handle = _lock(path, folder, key, wait)
@@ -115,16 +117,20 @@ def alone_in(folder: Path, key: str, wait: bool = False) -> Iterator[None]:
 
 
 def _lock(path: Path, folder: Path, key: str, wait: bool) -> int:
-    while True:
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    except FileNotFoundError:  # the process before removed an empty folder
         folder.mkdir(parents=True, exist_ok=True)
-        with suppress(FileNotFoundError):  # the process before removed an empty folder
-            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-            break
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        os.pwrite(handle, f"{os.getpid():<20}".encode(), 0)
     except BlockingIOError:
+        process = os.pread(handle, 20, 0).decode().strip()
         os.close(handle)
-        raise BadInput(key, folder, "another command writes here; wait for its end, or choose another") from None
+        reason = f"process {process} writes here; wait until it has ended, or choose another folder"
+        raise BadInput(key, folder, reason) from None
     except OSError as error:
         if error.errno not in LOCKLESS:
             os.close(handle)

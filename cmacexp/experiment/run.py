@@ -83,17 +83,17 @@ def _roll_out(
     scenario: Scenario,
     folder: Path,
     scorer: RunScorer,
-    watch: Callable[[int], None],
+    watch: Callable[[float], None],
     warn: Callable[[Drift], None],
 ) -> tuple[End, list[str], list[DiskFull]]:
     """Run, score, and write traces and memory; how the run ended, the names of the files, and what found no room."""
     columns, config, memory = _columns(scenario), scenario.setup.config, list[pa.Table]()
     kept, lost = 0, list[DiskFull]()
 
-    def stop_if_full(cycle: int) -> None:
+    def stop_if_full(cycles: float) -> None:
         if lost:
             raise lost[0]
-        watch(cycle)
+        watch(cycles)
 
     with trace_writer(folder, config.record, *columns) as writer:
 
@@ -178,7 +178,7 @@ def _robot_entry(scenario: Scenario) -> dict[str, Any]:
 def run_scenario(
     config: Config,
     folder: Path | Place,
-    watch: Callable[[int], None] = lambda cycle: None,
+    watch: Callable[[float], None] = lambda cycles: None,
     prepared: Scenario | None = None,
     warn: Callable[[Drift], None] = lambda drift: None,
     record: Mapping[str, str] | None = None,
@@ -221,7 +221,7 @@ def _refuse_own_weights(config: Config, folder: Path) -> None:
 
 
 def _write(
-    scenario: Scenario, place: Place, watch: Callable[[int], None], warn: Callable[[Drift], None]
+    scenario: Scenario, place: Place, watch: Callable[[float], None], warn: Callable[[Drift], None]
 ) -> tuple[manifests.Manifest, list[DiskFull]]:
     """Run, and write everything but the manifest; the manifest, and what found no room on the disk."""
     config, folder = scenario.setup.config, place.new

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, format_install_command
 from cmacexp.models.robot_legs import Legs, find_legs, require_names, torque_limits
 from cmacexp.typing import Array, Counts
 
-INSTALL = 'python -m pip install -e ".[mujoco]"'
 GRAVITY = 9.81
 """Gravitational acceleration of every model, m/s^2."""
 
@@ -31,7 +30,7 @@ def load_mujoco() -> Any:
     try:
         import mujoco
     except ImportError as error:
-        raise BadInput("plant", "mujoco", f"MuJoCo is not installed: {INSTALL}") from error
+        raise BadInput("plant", "mujoco", f"MuJoCo is not installed: {format_install_command('mujoco')}") from error
     return mujoco
 
 
