@@ -8,7 +8,7 @@ from typing import NoReturn
 
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadComponent, CmacexpError, format_user_traceback, in_one_line
-from cmacexp.jit.interrupt import handled, interrupted_exit_code
+from cmacexp.jit.interrupt import handled, interrupted_exit_code, is_interrupt
 from cmacexp.report.outputs import keep_outputs
 
 COMPLETED, FAILED, BAD_INPUT, STOPPED, NOT_INTACT = range(5)
@@ -35,7 +35,7 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--version", action="version", version=f"cmacexp {__version__}")
 
 
-def describe_error(error: Exception) -> str:
+def describe_error(error: BaseException) -> str:
     """The message of an error; what a custom component raised is printed with its stack trace before."""
     if isinstance(error, BadComponent):
         print(format_user_traceback(error.raised), file=sys.stderr, end="")
@@ -56,10 +56,12 @@ def run_command(work: Callable[[], int], hint: str = "") -> int:
     with handled():
         try:
             return work()
-        except KeyboardInterrupt:
-            print(f"interrupted{hint}", file=sys.stderr)
-            return interrupted_exit_code()
-        except (CmacexpError, OSError, MemoryError) as error:
+        except (KeyboardInterrupt, Exception) as error:
+            if is_interrupt(error):
+                print(f"interrupted{hint}", file=sys.stderr)
+                return interrupted_exit_code()
+            if not isinstance(error, CmacexpError | OSError | MemoryError):
+                raise
             print(f"error: {describe_error(error)}", file=sys.stderr)
             return BAD_INPUT if isinstance(error, CmacexpError) else FAILED
 

@@ -21,7 +21,7 @@ from cmacexp.config.hydra_record import make_record
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.experiment.sweep_start import SweepRefused, SweepStart
-from cmacexp.jit.interrupt import interrupt_held_back
+from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
 
 EXIT_CODES = {"completed": COMPLETED, "failed": FAILED, "bad input": BAD_INPUT, "fell": STOPPED, "diverged": STOPPED}
 """By the status of a run, or how a sweep ended."""
@@ -58,11 +58,11 @@ def _call_hydra(task: "_Task") -> int:
         hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
     except SweepRefused as refused:
         task.error = refused.reason
-    except Exception as error:
+    except (KeyboardInterrupt, Exception) as error:
+        if is_interrupt(error) or not isinstance(error, Exception):
+            _end_sweep()
+            raise KeyboardInterrupt from error
         task.error = task.explain(error)
-    except KeyboardInterrupt:
-        _end_sweep()
-        raise
     if task.error is None:
         return EXIT_CODES[_end_sweep() or task.status]
     if SweepStart.sweep is None or isinstance(task.error, CmacexpError):
@@ -117,11 +117,11 @@ class _Task:
     def explain(self, error: Exception) -> Exception:
         """The error that says what is wrong with the command line, if that is the cause of ``error``."""
         composing = not self.called and SweepStart.sweep is None
+        if isinstance(error, COMPOSITION_ERRORS) or (composing and not isinstance(error, CmacexpError | OSError)):
+            return CmacexpError(explain_composition(error, sys.argv[1:]))
         if composing and isinstance(error, OSError) and not str(error.filename).endswith(".yaml"):
             reason = f"cannot be made: {error.strerror}; choose another folder"
             return BadInput("hydra.run.dir", error.filename, reason)
-        if isinstance(error, COMPOSITION_ERRORS) or (composing and not isinstance(error, CmacexpError | OSError)):
-            return CmacexpError(explain_composition(error, sys.argv[1:]))
         return error
 
 

@@ -19,7 +19,7 @@ from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_tra
 from cmacexp.experiment.sweep_start import count_jobs, select_run_overrides
 from cmacexp.experiment.workers import share_progress
 from cmacexp.jit.compiler import expect_runs
-from cmacexp.jit.interrupt import interrupt_held_back
+from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
 
 
 def run_job(composed: DictConfig) -> float | None:
@@ -45,6 +45,8 @@ def run_job(composed: DictConfig) -> float | None:
         check_metric(config.optimize, config.machine.kind)
         result = _run_unless_finished(config, folder, record, report)
     except Exception as error:
+        if is_interrupt(error):
+            raise KeyboardInterrupt from error
         cause = _describe(error)
         _write_failure(folder, composed, record, error, cause)
         say(f"error: #{hydra.job.num}: {cause}", error=True)

@@ -11,7 +11,7 @@ SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP"
 class _State:
     """Of the main thread, which alone is interrupted."""
 
-    held_back = waiting = False
+    held_back = waiting = raised = False
     number = int(signal.SIGINT)
     """Of the last signal."""
 
@@ -21,6 +21,7 @@ def _handle(number: int, frame: object) -> None:
     _State.number, was_waiting = number, _State.waiting
     _State.waiting = _State.held_back and not was_waiting
     if not _State.waiting:
+        _State.raised = True
         raise KeyboardInterrupt
 
 
@@ -35,6 +36,11 @@ def raise_if_interrupted() -> None:
         raise KeyboardInterrupt
 
 
+def is_interrupt(error: BaseException) -> bool:
+    """Whether an error is an interrupt, or comes after one, of which libraries make errors such as AttributeError."""
+    return isinstance(error, KeyboardInterrupt) or _State.raised
+
+
 def interrupted_exit_code() -> int:
     """The exit code of a command that was interrupted: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP."""
     return 128 + _State.number
@@ -45,6 +51,7 @@ def handled(signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
     """Raise ``KeyboardInterrupt`` at signals, except those that this process ignores as after ``nohup``."""
     defaults = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in signals if signal.getsignal(number) in defaults}
+    _State.raised = _State.raised and not before
     try:
         for number in before:
             signal.signal(number, _handle)

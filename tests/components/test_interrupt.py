@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support.command import cmacexp, started
 
+from cmacexp.commands.command import run_command
 from cmacexp.experiment import run as experiment
 from cmacexp.experiment.run import run_scenario
 from cmacexp.jit.interrupt import handled, interrupt_held_back, interrupted_exit_code, raise_if_interrupted
@@ -73,6 +74,19 @@ def test_a_process_that_ignores_interrupts_goes_on_doing_so():
     with handled(), interrupt_held_back():
         press()
         raise_if_interrupted()
+
+
+def test_an_error_that_a_library_makes_of_an_interrupt_is_one(capsys):
+    def compose():
+        try:
+            press()
+        finally:
+            raise AttributeError("half made")
+
+    assert run_command(compose) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+    with pytest.raises(ZeroDivisionError):
+        run_command(lambda: 1 // 0)
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])

@@ -70,7 +70,7 @@ def test_the_lock_ends_with_its_holder_and_a_waiting_process_gets_it(tmp_path):
             os.read(go[0], 1)
             os._exit(0)  # without unlocking, as one that is killed
     os.read(ready[0], 1)
-    with pytest.raises(BadInput, match="another command writes here"), alone_in(tmp_path / "r", "key"):
+    with pytest.raises(BadInput, match=f"process {process} writes here"), alone_in(tmp_path / "r", "key"):
         pass
     os.write(go[1], b"x")
     with alone_in(tmp_path / "r", "key", wait=True):
@@ -84,7 +84,8 @@ def test_two_sweeps_at_once_do_not_share_a_folder(tmp_path):
         done = cmacexp("-m", "seed=0,1", "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
         assert (done.returncode, done.stdout) == (2, "")
         assert done.stderr == (
-            "error: hydra.sweep.dir=s: another command writes here; wait for its end, or choose another\n"
+            f"error: hydra.sweep.dir=s: process {os.getpid()} writes here; wait until it has ended, "
+            "or choose another folder\n"
         )
         assert not [path for path in (tmp_path / "s").iterdir() if not path.name.startswith(".")]
 
