@@ -1,18 +1,14 @@
 """Learned feedforward (CMAC) for hybrid position/force control of legs: Lin & Song 1997 and beyond."""
 
-from cmacexp.jit.keyboard import begin_command
+from typing import TYPE_CHECKING, Any
 
-begin_command()  # before what follows is imported, which takes as long as all before
-__path__.append(f"{__path__[0]}/commands")  # ``python -m cmacexp.score`` runs commands/score.py
-
-from typing import TYPE_CHECKING, Any  # noqa: E402
-
-from cmacexp.data.version import __version__  # noqa: E402
+from cmacexp.data.version import __version__
 
 if TYPE_CHECKING:
     from cmacexp.experiment.api import load, run
 
 __all__ = ["__version__", "load", "run"]
+__path__.append(f"{__path__[0]}/commands")  # ``python -m cmacexp.score`` runs commands/score.py
 
 
 def __getattr__(name: str) -> Any:

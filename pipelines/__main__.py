@@ -1,15 +1,16 @@
 """``python -m pipelines``: lists the studies; with ``--write-docs``, renews what the documentation quotes of them."""
 
+import argparse
 import json
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cmacexp.commands.command import Parser
+from cmacexp.commands.command import COMPLETED, Parser, run_command
 from cmacexp.commands.study import FOLDER
-from cmacexp.jit.interrupt import heed_interrupts
-from cmacexp.report.outputs import keep_outputs
+from cmacexp.errors import BadInput
 from cmacexp.study.output import CLAIMS
 from cmacexp.study.study import load_study
 
@@ -61,19 +62,14 @@ def renew(text: str, before: Quotable, after: Quotable) -> str:
     return "".join([*parts, text[end:]])
 
 
-def main() -> None:
-    """Print the name, title and question of every study, or renew the documentation."""
-    keep_outputs()
-    heed_interrupts()
-    parser = Parser(prog="python -m pipelines", description="List the studies.")
-    parser.add_argument("--write-docs", action="store_true", help=f"renew docs from the full studies in {FOLDER}")
-    if not parser.parse_args().write_docs:
-        for page in sorted(PIPELINES.glob("*.md")):
-            file = load_study(page.with_suffix(".py"))
-            print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
-        return
+def write_docs() -> None:
+    """Renew the documentation from the full studies.
+
+    Raises:
+        BadInput: this is no checkout.
+    """
     if not QUOTED.is_file():
-        parser.error(f"--write-docs: {QUOTED} does not exist; run it from a checkout, where the documentation is")
+        raise BadInput("--write-docs", True, f"{QUOTED} does not exist; run it from a checkout")
     before = json.loads(QUOTED.read_text(encoding="utf-8"))
     after = {**before, **read_quotable(FOLDER)}
     for page in PAGES:
@@ -81,5 +77,29 @@ def main() -> None:
     QUOTED.write_text(json.dumps(after, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
+def _run() -> int:
+    parser = Parser("pipelines", "List the studies.")
+    parser.add_argument("--write-docs", action="store_true", help=f"renew docs from the full studies in {FOLDER}")
+    parser.add_argument("study", nargs="?", help=argparse.SUPPRESS)  # for who writes a blank instead of a dot
+    arguments = parser.parse_args()
+    if arguments.write_docs:
+        write_docs()
+        return COMPLETED
+    names = sorted(page.stem for page in PIPELINES.glob("*.md"))
+    for name in names:
+        study = load_study(PIPELINES / f"{name}.py").study
+        print(f"python -m pipelines.{name}\n    {study.title}: {study.question}")
+    if arguments.study is not None:
+        known = arguments.study in names
+        hint = f"run python -m pipelines.{arguments.study}" if known else "no such study; choose one of this list"
+        raise BadInput("study", arguments.study, hint)
+    return COMPLETED
+
+
+def main() -> int:
+    """Print the name, title and question of every study, or renew the documentation; the exit code."""
+    return run_command(_run)
+
+
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,4 +1,4 @@
-"""What the commands share, most of which work on folders of runs."""
+"""What the commands share: their arguments, their exit codes, and how an error or an interrupt ends them."""
 
 import argparse
 import sys
@@ -6,20 +6,64 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from cmacexp.errors import CmacexpError, in_one_line
-from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such
+from cmacexp.data.version import __version__
+from cmacexp.errors import BadComponent, CmacexpError, format_user_traceback, in_one_line
+from cmacexp.jit.interrupt import handled, interrupted_exit_code, is_interrupt
 from cmacexp.report.outputs import keep_outputs
+
+COMPLETED, FAILED, BAD_INPUT, STOPPED, NOT_INTACT = range(5)
+"""Exit codes; that of an interrupted command is :func:`cmacexp.jit.interrupt.interrupted_exit_code`."""
 
 
 def report_usage(parser: argparse.ArgumentParser, message: str) -> NoReturn:
-    """Print what is wrong with the arguments of a command, in one line as all errors are, and exit with code 2."""
-    parser.exit(2, f"error: {in_one_line(message)}; {parser.prog} --help shows how it is used\n")
+    """Print what is wrong with the arguments of a command, in one line as all errors are, and exit."""
+    parser.exit(BAD_INPUT, f"error: {in_one_line(message)}; {parser.prog} --help shows how it is used\n")
 
 
 class Parser(argparse.ArgumentParser):
-    """Reads the arguments of a command."""
+    """Reads the arguments of a command.
+
+    Args:
+        name: of its module, ``cmacexp.score``.
+        description: what it does, for ``--help``.
+    """
 
     error = report_usage
+
+    def __init__(self, name: str, description: str):
+        super().__init__(prog=f"python -m {name}", description=description)
+        self.add_argument("--version", action="version", version=f"cmacexp {__version__}")
+
+
+def describe_error(error: BaseException) -> str:
+    """The message of an error; what a custom component raised is printed with its stack trace before."""
+    if isinstance(error, BadComponent):
+        print(format_user_traceback(error.raised), file=sys.stderr, end="")
+    return in_one_line(str(error).strip() or type(error).__name__)
+
+
+def run_command(work: Callable[[], int], hint: str = "") -> int:
+    """Do the work of a command; its exit code.
+
+    Errors of this project are about its input. Errors of the operating system, such as a full disk, need no stack
+    trace; any other error is raised.
+
+    Args:
+        work: returns an exit code.
+        hint: what to do after an interrupt.
+    """
+    keep_outputs()
+    with handled():
+        try:
+            return work()
+        except (KeyboardInterrupt, Exception) as error:
+            if is_interrupt(error):
+                print(f"interrupted{hint}", file=sys.stderr)
+                return interrupted_exit_code()
+            if not isinstance(error, CmacexpError | OSError | MemoryError):
+                raise
+            print(f"error: {describe_error(error)}", file=sys.stderr)
+            return BAD_INPUT if isinstance(error, CmacexpError) else FAILED
 
 
 def add_folders(parser: Parser) -> None:
@@ -35,7 +79,7 @@ def command(
     values: Sequence[tuple[str, str, str]] = (),
     positional: Callable[[Parser], None] = add_folders,
 ) -> int:
-    """Run a command, over folders of runs unless it takes other arguments.
+    """Run a command, over folders of runs unless it takes other arguments; its exit code.
 
     Args:
         name: of the module, ``cmacexp.score``.
@@ -44,36 +88,11 @@ def command(
         flags: options without a value, each with its help.
         values: options with a value (text, None by default), each with its metavar and its help.
         positional: adds its positional arguments.
-
-    Returns:
-        The exit code: that of ``work``, 2 after an error that it raised, 130 if interrupted.
     """
-    keep_outputs()
-    try:
-        heed_interrupts()
-        with interrupt_as_such():
-            return work(_parse(name, description, flags, values, positional))
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return 130
-    except (CmacexpError, OSError) as error:
-        print(f"error: {in_one_line(str(error))}", file=sys.stderr)
-        return 2
-    finally:
-        end_command()
-
-
-def _parse(
-    name: str,
-    description: str,
-    flags: Sequence[tuple[str, str]],
-    values: Sequence[tuple[str, str, str]],
-    positional: Callable[[Parser], None],
-) -> argparse.Namespace:
-    parser = Parser(prog=f"python -m {name}", description=description)
+    parser = Parser(name, description)
     positional(parser)
     for flag, text in flags:
         parser.add_argument(flag, action="store_true", help=text)
     for option, metavar, text in values:
         parser.add_argument(option, metavar=metavar, help=text)
-    return parser.parse_args()
+    return run_command(lambda: work(parser.parse_args()))

@@ -43,7 +43,7 @@ def read_repeatable(run: StoredRun) -> Config:
     return config
 
 
-def repeat(run: StoredRun, config: Config, folder: Path | None, watch: Callable[[int], None]) -> Repetition:
+def repeat(run: StoredRun, config: Config, folder: Path | None, watch: Callable[[float], None]) -> Repetition:
     """Repeat a run, and compare what it writes with what its manifest lists.
 
     Args:

@@ -7,15 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
-from cmacexp.commands.command import Parser
+from cmacexp.commands.command import COMPLETED, Parser, run_command
 from cmacexp.data.discovery import require_place
 from cmacexp.data.folder import HTML, replacing
 from cmacexp.data.manifest import REPORT
-from cmacexp.errors import CmacexpError
 from cmacexp.experiment.collect import Collected, collect
 from cmacexp.experiment.workers import workers
-from cmacexp.jit.interrupt import end_command, heed_interrupts, interrupt_as_such
-from cmacexp.report.outputs import keep_outputs
 from cmacexp.report.terminal import say
 from cmacexp.study.output import write_page, write_results
 from cmacexp.study.page import Evaluated, check_page, evaluate
@@ -141,10 +138,9 @@ def print_claims(studies: Sequence[Evaluated]) -> None:
     Console(highlight=False, width=None if sys.stdout.isatty() else 160).print(table)
 
 
-def study_parser(name: str, description: str) -> argparse.ArgumentParser:
+def study_parser(name: str, description: str) -> Parser:
     """The options of every study."""
-    keep_outputs()
-    parser = Parser(prog=f"python -m {name}", description=description)
+    parser = Parser(name, description)
     parser.add_argument("--quick", action="store_true", help="fewer and shorter runs that only check the machinery")
     seeds = f"seeds of each run that depends on its seed (default: {SEEDS})"
     parser.add_argument("--seeds", type=_positive, default=SEEDS, metavar="N", help=seeds)
@@ -154,32 +150,25 @@ def study_parser(name: str, description: str) -> argparse.ArgumentParser:
 
 def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number from 1")
+        raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number, at least 1")
     return int(text)
 
 
-def command(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace, Options], Path]) -> NoReturn:
+def command(parser: Parser, work: Callable[[argparse.Namespace, Options], Path]) -> NoReturn:
     """Run studies from the command line, and exit.
 
     Args:
         parser: see :func:`study_parser`.
         work: writes the reports; returns the page to open.
     """
-    arguments = parser.parse_args()
-    try:
-        heed_interrupts()
+
+    def run() -> int:
+        arguments = parser.parse_args()
         options = Options(require_place(FOLDER_KEY, arguments.folder), arguments.quick, arguments.seeds)
-        with interrupt_as_such():
-            say(str(work(arguments, options)))
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on with the runs that are missing", file=sys.stderr)
-        sys.exit(130)
-    except (CmacexpError, OSError) as error:
-        say(f"error: {error}", error=True)
-        sys.exit(2 if isinstance(error, CmacexpError) else 1)
-    finally:
-        end_command()
-    sys.exit(0)
+        say(str(work(arguments, options)))
+        return COMPLETED
+
+    sys.exit(run_command(run, "; the same command runs what is missing"))
 
 
 def main(path: str | None = None) -> NoReturn:

@@ -54,9 +54,8 @@ def serve_web(recording: Path) -> int:
     """Serve a recording and the viewer for a browser of this machine until interrupted; the exit code of the server.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C or SIGTERM, after the server has ended.
+        KeyboardInterrupt: the command was interrupted, after the server has ended.
     """
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     page, data = _free_port(), _free_port()
     ports = ("--serve-web", "--web-viewer-port", str(page), "--port", str(data))
     # Its own group: Ctrl-C reaches this process alone, which then ends the server and what it has started.

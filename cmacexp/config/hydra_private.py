@@ -39,7 +39,7 @@ def report_parser_errors(report: Callable[[ArgumentParser, str], None]) -> None:
 
     def make_parser() -> ArgumentParser:
         parser = get_args_parser()
-        parser.error = MethodType(report, parser)  # type: ignore[method-assign]
+        parser.prog, parser.error = "python -m cmacexp", MethodType(report, parser)  # type: ignore[method-assign]
         return parser
 
     vars(sys.modules["hydra.main"])["get_args_parser"] = make_parser  # ``hydra.main`` itself is the function

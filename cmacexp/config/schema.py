@@ -144,6 +144,8 @@ class SweepConfig:
 
     resume: bool
     """Do not run jobs again whose results are in the folder of the sweep."""
+    max_jobs: int = number("", at_least=1)
+    """Jobs above which a sweep is refused."""
 
 
 def count_steps(cycle_time: float, sampling_period: float) -> int:

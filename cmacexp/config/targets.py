@@ -89,7 +89,7 @@ def _import(key: str, target: str, name: str) -> ModuleType | None:
         if command := format_install_command(missing):
             raise BadInput(key, target, f"needs {missing}, which is not installed: {command}") from error
         raise BadComponent(key, target, f"importing {name} failed: no module named {missing}", error) from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise BadComponent(key, target, f"importing {name} failed: {type(error).__name__}: {error}", error) from error
 
 

@@ -40,6 +40,8 @@ RUN_KEY, GIVEN_KEY, OUT_KEY = "hydra.run.dir", "DIR", "--out"
 """What names a folder on the command line: of a run, of commands over runs, of a report."""
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """Errors of a disk without room, of a quota, and of a limit on the size of files."""
+MAX_ATTEMPTS = 1000
+"""Attempts to lock a folder whose lock other processes remove when they end."""
 LOCKLESS = {errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS}
 """Errors of a file system without locks."""
 
@@ -91,22 +93,14 @@ def locked(folder: Path, key: str, wait: bool = False) -> Iterator[None]:
         wait: until another process unlocks it.
 
     Raises:
-        BadInput: another process has locked it, and this one is not to wait.
-        OSError: the folder cannot be made or written.
+        BadInput: another process has locked it, and this one is not to wait, or it cannot be made or written.
     """
     path = folder / LOCK
-    while True:
-        folder.mkdir(parents=True, exist_ok=True)
-        with suppress(FileNotFoundError):  # the process before removed an empty folder, or its lock
-            handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
-            try:
-                _acquire(handle, folder, key, wait)
-                if os.path.samestat(os.stat(path), os.fstat(handle)):
-                    break
-            except BaseException:
-                os.close(handle)
-                raise
-            os.close(handle)
+    try:
+        handle = _take_lock(path, folder, key, wait)
+    except OSError as error:
+        reason = str(error.strerror or error).lower()
+        raise BadInput(key, folder, f"cannot be written ({reason}); choose another folder") from error
     try:
         if os.fstat(handle).st_nlink == 1:  # not one that is also a file elsewhere
             os.ftruncate(handle, 0)
@@ -116,6 +110,24 @@ def locked(folder: Path, key: str, wait: bool = False) -> Iterator[None]:
         with suppress(OSError):
             path.unlink(missing_ok=True)
         os.close(handle)
+
+
+def _take_lock(path: Path, folder: Path, key: str, wait: bool) -> int:
+    for _ in range(MAX_ATTEMPTS):
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+        except FileNotFoundError:  # the process before removed an empty folder
+            continue
+        try:
+            _acquire(handle, folder, key, wait)
+            if path.exists() and os.path.samestat(path.stat(), os.fstat(handle)):
+                return handle  # else the process before has removed its lock
+        except BaseException:
+            os.close(handle)
+            raise
+        os.close(handle)
+    raise OSError(errno.ENOLCK, "no file can be made in it")
 
 
 def _acquire(handle: int, folder: Path, key: str, wait: bool) -> None:

@@ -57,8 +57,12 @@ class Run(StoredRun):
         return f"<p>{escape(line)}</p><table><tr>{head}</tr>{body}</table>"
 
 
-def _split(overrides: Sequence[str]) -> tuple[list[str], Path | None]:
+def _split(overrides: str | Sequence[str]) -> tuple[list[str], Path | None]:
     """Overrides of the config, and the folder that ``hydra.run.dir`` names."""
+    if isinstance(overrides, str):
+        if len(words := overrides.split()) > 1:
+            raise BadInput("overrides", overrides, f"must be a list: {words}")
+        overrides = words
     folder = None
     for text in overrides:
         if text.startswith(RUN_FOLDER):
@@ -69,7 +73,7 @@ def _split(overrides: Sequence[str]) -> tuple[list[str], Path | None]:
 
 
 def run(
-    overrides: Sequence[str] = (),
+    overrides: str | Sequence[str] = (),
     folder: str | Path | None = None,
     *,
     config_dir: str | Path | None = None,
@@ -78,7 +82,7 @@ def run(
     """The same run as ``python -m cmacexp`` with these overrides.
 
     Args:
-        overrides: as typed on the command line, e.g. ``["scenario=one_leg", "cycles=3"]``.
+        overrides: as typed on the command line, e.g. ``["scenario=one_leg", "cycles=3"]``; a string is one of them.
         folder: of the run; None: ``outputs/<scenario>/<date and time>``, as on the command line.
         config_dir: a folder of custom configs, as ``--config-dir``.
         components: objects to use as ``plant``, ``sensors``, ``controller`` or ``feedforward``.

@@ -9,7 +9,7 @@ from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.compose import compose_with_choices
 from cmacexp.data.folder import RUN_KEY, replacing
 from cmacexp.data.integrity import is_finished
-from cmacexp.experiment.workers import Each
+from cmacexp.experiment.workers import Each, share_progress
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.report.terminal import announce_compiling
 from cmacexp.study.requests import Request
@@ -33,7 +33,7 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, Mappi
     return folder, config, choices, is_finished(folder, config)
 
 
-def _run(folder: Path, config: Config, runs: int) -> None:
+def _run(number: int, folder: Path, config: Config, runs: int) -> None:
     """Run one of so many."""
     from cmacexp.experiment.run import run_scenario
 
@@ -41,7 +41,8 @@ def _run(folder: Path, config: Config, runs: int) -> None:
     expect_runs(runs)
     with replacing(folder, RUN_KEY, wait=True) as place:
         if not is_finished(folder, config):  # another study may have run it while this one waited
-            run_scenario(config, place)
+            report = share_progress(number)
+            run_scenario(config, place, lambda cycles: report(cycles / config.cycles))
 
 
 def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before: Collected) -> Collected:
@@ -57,7 +58,7 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
     missing = {folder: config for folder, config, _, finished in found.values() if not finished}
     print(f"{len(found)} runs, {len(missing)} of them to be run", file=sys.stderr)
     if missing:
-        each("running", _run, [(folder, config, len(missing)) for folder, config in missing.items()])
+        each("running", _run, [(i, *item, len(missing)) for i, item in enumerate(missing.items())])
     return {request: (found[overrides(request)][0], found[overrides(request)][2]) for request in requests}
 
 

@@ -79,7 +79,7 @@ def _roll_out(
     scenario: Scenario,
     folder: Path,
     scorer: RunScorer,
-    watch: Callable[[int], None],
+    watch: Callable[[float], None],
     warn: Callable[[Drift], None],
 ) -> tuple[End, list[str]]:
     """Run, score, and write traces and memory; how the run ended, and the names of the files."""
@@ -152,7 +152,7 @@ def _robot_entry(scenario: Scenario) -> dict[str, Any]:
 def run_scenario(
     config: Config,
     folder: Path | Place,
-    watch: Callable[[int], None] = lambda cycle: None,
+    watch: Callable[[float], None] = lambda cycles: None,
     prepared: Scenario | None = None,
     warn: Callable[[Drift], None] = lambda drift: None,
     record: Mapping[str, str] | None = None,
@@ -196,7 +196,7 @@ def _refuse_own_weights(config: Config, folder: Path) -> None:
 
 
 def _write(
-    scenario: Scenario, place: Place, watch: Callable[[int], None], warn: Callable[[Drift], None]
+    scenario: Scenario, place: Place, watch: Callable[[float], None], warn: Callable[[Drift], None]
 ) -> manifests.Manifest:
     """Run, and write everything but the manifest, which is returned."""
     config, folder = scenario.setup.config, place.new

@@ -1,6 +1,6 @@
 """One job of a sweep, in whatever process: it prints a line, and leaves on disk how it ended."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,12 @@ from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.folder import RUN_KEY, replacing
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
-from cmacexp.experiment.sweep_start import count_jobs, is_alone, select_run_overrides
+from cmacexp.experiment.sweep_start import count_jobs, select_run_overrides
+from cmacexp.experiment.workers import share_progress
 from cmacexp.jit.compiler import expect_runs
-from cmacexp.jit.interrupt import interrupt_as_such, interrupt_held_back, interrupt_unblocked
+from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
 
 
-@interrupt_unblocked()
 def run_job(composed: DictConfig) -> float | None:
     """Run one job of a sweep; a failure is left on disk and does not end the sweep.
 
@@ -30,6 +30,7 @@ def run_job(composed: DictConfig) -> float | None:
     """
     hydra = HydraConfig.get()
     folder, metric = Path(hydra.runtime.output_dir), composed.get("optimize")
+    report = share_progress(hydra.job.num)
     with interrupt_held_back():  # some libraries cannot be imported by halves
         from cmacexp.experiment.objective import check_metric, read_objective
         from cmacexp.report.run_summary import RunSummary, read_summary
@@ -40,11 +41,12 @@ def run_job(composed: DictConfig) -> float | None:
     record, overrides, summary = make_record(composed), select_run_overrides(hydra.overrides.task), None
     name = f"#{hydra.job.num} {' '.join(overrides)}"
     try:
-        with interrupt_as_such():
-            config = to_config(composed, hydra.runtime.choices)
-            check_metric(config.optimize, config.machine.kind)
-            result = _run_unless_finished(config, folder, record, overrides)
+        config = to_config(composed, hydra.runtime.choices)
+        check_metric(config.optimize, config.machine.kind)
+        result = _run_unless_finished(config, folder, record, overrides, report)
     except Exception as error:
+        if is_interrupt(error):
+            raise KeyboardInterrupt from error
         cause = _describe(error)
         summary = RunSummary(folder, "failed", cause)
         _write_failure(folder, composed, record, overrides, error, cause)
@@ -59,30 +61,29 @@ def run_job(composed: DictConfig) -> float | None:
             say(f"{name}: {format_outcome(result)}{'; ' if drift else ''}{drift}")
         if result is not None and result.status == "interrupted":
             raise KeyboardInterrupt
+    report(1.0)
     return None if metric is None else read_objective(metric, summary or read_summary(folder))
 
 
 def _run_unless_finished(
-    config: Config, folder: Path, record: Mapping[str, str], overrides: list[str]
+    config: Config, folder: Path, record: Mapping[str, str], overrides: list[str], report: Callable[[float], None]
 ) -> StoredRun | None:
     """The run of a config; None if the sweep resumes and ``folder`` holds it already."""
     with interrupt_held_back():
         from cmacexp.data.integrity import is_finished
         from cmacexp.experiment.run import run_scenario
         from cmacexp.loop.scenario import make_scenario
-        from cmacexp.report.terminal import activity, describe_planning, progress
 
-    alone = is_alone(HydraConfig.get().launcher)
     with replacing(folder, RUN_KEY) as place:
         if config.sweep.resume and is_finished(folder, config):
             manifest = manifests.read(folder)
             if manifest.get("overrides") != overrides:  # the same config by other words
                 place.commit({**manifest, "overrides": overrides})
             return None
-        with activity(describe_planning(config), shown=alone):
-            scenario = make_scenario(config)
-        with progress(config.scenario, config.cycles, "cycles", shown=alone) as watch:
-            return run_scenario(config, place, watch, scenario, record=record, overrides=overrides)
+        scenario = make_scenario(config)
+        return run_scenario(
+            config, place, lambda done: report(done / config.cycles), scenario, record=record, overrides=overrides
+        )
 
 
 def _describe(error: Exception) -> str:

@@ -6,10 +6,13 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import RangeSweep
 from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from hydra.plugins.sweeper import Sweeper
@@ -17,7 +20,6 @@ from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.config.hydra_private import read_config_files_once
 from cmacexp.errors import BadInput
-from cmacexp.jit.interrupt import block_interrupts_of_children
 
 if TYPE_CHECKING:
     from cmacexp.data.folder import Place
@@ -51,10 +53,11 @@ class Sweep:
         self.place: Place | None = None
         self.planned: Counter[tuple[str, ...]] = Counter()
         self.kinds: dict[tuple[str, ...], Jobs] = {}
-        self._lock = ExitStack()
+        self.lock, self.progress = ExitStack(), ExitStack()
+        """Left when the sweep is over, and when its jobs are."""
 
-    def lock(self) -> None:
-        """Keep other sweeps out of the folder until :meth:`unlock`.
+    def begin(self) -> None:
+        """Keep other sweeps out of the folder, and show how many jobs are done.
 
         Raises:
             BadInput: another sweep runs there, or tables in it are not those of a sweep.
@@ -62,12 +65,10 @@ class Sweep:
         """
         from cmacexp.data.folder import replacing  # here, because every command imports this file
         from cmacexp.data.manifest import SWEEP
+        from cmacexp.experiment.workers import shared_progress
 
-        self.place = self._lock.enter_context(replacing(self.folder, SWEEP_KEY, SWEEP))
-
-    def unlock(self) -> None:
-        """Let other sweeps use the folder."""
-        self._lock.close()
+        self.place = self.lock.enter_context(replacing(self.folder, SWEEP_KEY, SWEEP))
+        self.progress.enter_context(shared_progress("sweep", self.planned.total, "jobs"))
 
     def check(self, sweeper: Any, batch: Sequence[Sequence[str]]) -> None:
         """Note the next jobs, before they start, and compose one of each kind.
@@ -114,12 +115,11 @@ class SweepStart(Callback):
         """Prepare the sweep, before its jobs are made."""
         sweep = Sweep(Path(config.hydra.sweep.dir))
         try:
-            sweep.lock()
-        except (BadInput, OSError) as error:
+            _check_size(config)
+            sweep.begin()
+        except (BadInput, OSError, HydraException) as error:
             raise SweepRefused(error) from error
         SweepStart.sweep = sweep
-        if not is_alone(config.hydra.launcher):
-            block_interrupts_of_children()
         typed = _keys(config.hydra.overrides.task)
         searched = map(str, OmegaConf.select(config, "hydra.sweeper.params") or {})
         if "record" not in {*typed, *searched}:
@@ -137,9 +137,31 @@ class SweepStart(Callback):
         read_config_files_once(GlobalHydra.instance().hydra)
 
 
-def is_alone(launcher: DictConfig) -> bool:
-    """Whether jobs run one after the other, in the process of the sweep."""
-    return str(launcher._target_).endswith(".BasicLauncher")
+def _check_size(config: DictConfig) -> None:
+    """Count the jobs, before Hydra makes a list of them.
+
+    Raises:
+        BadInput: there are none, or more than ``sweep.max_jobs``.
+        HydraException: an override cannot be read.
+    """
+    limit, jobs = config.sweep.max_jobs, 1
+    if not isinstance(limit, int):
+        raise BadInput("sweep.max_jobs", limit, "must be a whole number, at least 1")
+    searched = [f"{key}={value}" for key, value in (OmegaConf.select(config, "hydra.sweeper.params") or {}).items()]
+    parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
+    for override in parser.parse_overrides([*searched, *config.hydra.overrides.task]):
+        if override.is_discrete_sweep():
+            value = override.value()
+            values = value.range() if isinstance(value, RangeSweep) else override.sweep_string_iterator()
+            count = sum(1 for _ in islice(values, limit + 1))
+            if not count:
+                typed = str(override.input_line).partition("=")
+                raise BadInput(
+                    typed[0], typed[2], "matches no option; glob is for groups, a field takes values: 8,16"
+                )
+            jobs *= count
+    if jobs > limit:
+        raise BadInput("sweep.max_jobs", limit, f"the sweep has more than {limit} jobs; raise it if they are meant")
 
 
 def count_jobs() -> float:

@@ -1,23 +1,93 @@
-"""Work on all cores, with its progress shown to a person who watches."""
+"""Processes that work for this one: they end with it, and report how far they are."""
 
 import os
 import signal
+import socket
+import struct
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from multiprocessing import active_children, get_context
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from threading import Thread
 from typing import Any
 
-from cmacexp.errors import CmacexpError
-from cmacexp.jit.interrupt import interrupt_blocked
-from cmacexp.report.terminal import progress
+from cmacexp.report.terminal import format_progress, shown
 
 Each = Callable[[str, Callable[..., Any], Sequence[tuple[Any, ...]]], list[Any]]
+VARIABLE = "CMACEXP_WORK"
+"""Environment variable of workers: host and id of the process they work for, and the file of what is done."""
+SHARE = struct.Struct("d")
+"""What is done of one item, 0 to 1, in that file."""
+WATCH_INTERVAL = 1.0
+"""Seconds between two looks at whether the process is alive."""
 
 
-def _leave_interrupts_to_the_parent() -> None:
+@contextmanager
+def shared_progress(what: str, count: Callable[[], int], unit: str = "") -> Iterator[Path]:
+    """Show how much is done of items of work that any process does; gives the file that holds it.
+
+    Args:
+        what: is being done.
+        count: gives the number of items.
+        unit: of them.
+    """
+    with NamedTemporaryFile(prefix="cmacexp-") as file:
+        os.environ[VARIABLE] = f"{socket.gethostname()} {os.getpid()} {file.name}"
+        path, began = Path(file.name), time.monotonic()
+
+        def describe() -> str:
+            nonlocal began
+            done = sum(share for (share,) in SHARE.iter_unpack(path.read_bytes()))
+            began = began if done else time.monotonic()  # workers take seconds to start
+            return format_progress(what, done, count(), unit, time.monotonic() - began)
+
+        with shown(describe):
+            yield path
+        del os.environ[VARIABLE]
+
+
+def share_progress(number: int) -> Callable[[float], None]:
+    """In any process: begin an item of shared work; gives what reports how much of it is done.
+
+    From now on a worker ends when the process that it works for has ended, killed or not.
+    """
+    host, parent, path = os.environ.get(VARIABLE, "  ").split(" ", 2)
+    if host == socket.gethostname() and int(parent) != os.getpid():
+        _end_with(int(parent))
+
+    def report(share: float) -> None:
+        with suppress(OSError), open(path, "r+b") as file:  # there is none on another machine
+            file.seek(number * SHARE.size)
+            file.write(SHARE.pack(share))
+
+    return report
+
+
+@cache
+def _end_with(process: int) -> None:
+    """End with this process, and leave Ctrl-C to it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        with suppress(ProcessLookupError):
+            while True:
+                os.kill(process, 0)
+                time.sleep(WATCH_INTERVAL)
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
+
+
+def _work_on(number: int, work: Callable[..., Any], item: tuple[Any, ...]) -> Any:
+    report = share_progress(number)
+    result = work(*item)
+    report(1.0)
+    return result
 
 
 @contextmanager
@@ -25,26 +95,28 @@ def workers() -> Iterator[Each]:
     """Start a process for every core; gives ``each(what, work, items)``: ``work`` of every item, in their order.
 
     ``what`` is shown beside the progress. What ``work`` raises is raised; work that has not begun is dropped then.
-    Ctrl-C ends the processes at once: their files are whole or absent.
+    An interrupt ends the processes at once: their files are whole or absent.
 
     Raises:
-        CmacexpError: a process was killed.
+        ChildProcessError: a process was killed.
     """
-    pool = ProcessPoolExecutor(os.cpu_count(), get_context("spawn"), _leave_interrupts_to_the_parent)
+    pool = ProcessPoolExecutor(os.cpu_count(), get_context("spawn"))
 
     def each(what: str, work: Callable[..., Any], items: Sequence[tuple[Any, ...]]) -> list[Any]:
-        with interrupt_blocked():  # or a worker prints a stack trace while it begins
-            futures = [pool.submit(work, *item) for item in items]
-        with progress(what, len(items)) as watch:
-            for done, future in enumerate(as_completed(futures), start=1):
+        with shared_progress(what, lambda: len(items)):
+            before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # is inherited: Ctrl-C reaches workers too
+            try:
+                futures = [pool.submit(_work_on, number, work, item) for number, item in enumerate(items)]
+            finally:
+                signal.signal(signal.SIGINT, before)
+            for future in as_completed(futures):
                 future.result()
-                watch(done)
         return [future.result() for future in futures]
 
     try:
         yield each
     except BrokenProcessPool as error:
-        raise CmacexpError(
+        raise ChildProcessError(
             "a worker process was killed, perhaps for want of memory; completed runs are kept"
         ) from error
     except KeyboardInterrupt:

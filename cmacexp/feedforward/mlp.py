@@ -7,21 +7,21 @@ import numpy as np
 
 from cmacexp.config import Config, FeedforwardConfig, choice, number
 from cmacexp.config.cmac import INPUTS, check_inputs
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, format_install_command
 from cmacexp.feedforward.network import planned_inputs
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Weights
 
 WEIGHTS = ("hidden_weights", "output_weights", "hidden_bias", "output_bias")
 """Arrays of a network in the order of scikit-learn; saved with legs as first axis."""
-INSTALL = 'needs scikit-learn: python -m pip install -e ".[networks]"'
 
 
 def _regressor() -> Any:
     try:
         from sklearn.neural_network import MLPRegressor
     except ImportError:
-        raise BadInput("feedforward._target_", "cmacexp.feedforward.Perceptron", INSTALL) from None
+        install = f"needs scikit-learn: {format_install_command('sklearn')}"
+        raise BadInput("feedforward._target_", "cmacexp.feedforward.Perceptron", install) from None
     return MLPRegressor
 
 

@@ -13,7 +13,7 @@ from functools import cached_property, update_wrapper
 from typing import cast
 
 from cmacexp.jit.cache_folder import cache_folder
-from cmacexp.jit.interrupt import interrupt_held_back, raise_if_interrupted
+from cmacexp.jit.interrupt import raise_if_interrupted
 from cmacexp.jit.kernels import Function, kernel, kernel_apart
 
 __all__ = [
@@ -89,7 +89,7 @@ class _Program:
         self.decided = _work.count
         is_long = _work.size >= WORTH_COMPILING
         if is_long or self._is_worth_loading:
-            with interrupt_held_back(), contextlib.suppress(NotCompiled):
+            with contextlib.suppress(NotCompiled):
                 from cmacexp.jit.numba_private import before_compiling
 
                 with before_compiling(_announce if is_long else _refuse, raise_if_interrupted):

@@ -1,22 +1,28 @@
-"""Ctrl-C: it ends what is going on at once, or waits where something must be done as a whole.
+"""Ctrl-C, SIGTERM and SIGHUP: they end what is going on at once, or wait where something must be done as a whole."""
 
-Python raises an interrupt between any two instructions. In the midst of an import, of compiling or of writing that
-damages what is being made; in a function that a library calls back, Python prints the interrupt and drops it.
-"""
-
-import os
 import signal
-import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
-from cmacexp.jit.keyboard import Keyboard, handle
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
-SOON = 0.01
-"""Seconds until an interrupt is raised again that a function called by a library has dropped."""
 
-CAN_BLOCK = hasattr(signal, "pthread_sigmask")
+class _State:
+    """Of the main thread, which alone is interrupted."""
+
+    held_back = waiting = raised = False
+    number = int(signal.SIGINT)
+    """Of the last signal."""
+
+
+def _handle(number: int, frame: object) -> None:
+    """Note a signal that has to wait; a second one does not."""
+    _State.number, was_waiting = number, _State.waiting
+    _State.waiting = _State.held_back and not was_waiting
+    if not _State.waiting:
+        _State.raised = True
+        raise KeyboardInterrupt
 
 
 def raise_if_interrupted() -> None:
@@ -25,162 +31,54 @@ def raise_if_interrupted() -> None:
     Raises:
         KeyboardInterrupt: there was one.
     """
-    if Keyboard.waits:
-        Keyboard.waits = False
+    if _State.waiting:
+        _State.waiting = False
         raise KeyboardInterrupt
 
 
-def _is_heeded() -> bool:
-    """Whether an interrupt reaches this thread: the main one alone is interrupted, and a process may ignore it."""
-    import threading
-
-    is_main = threading.current_thread() is threading.main_thread()
-    return is_main and signal.getsignal(signal.SIGINT) not in (signal.SIG_IGN, None)
+def is_interrupt(error: BaseException) -> bool:
+    """Whether an error is an interrupt, or comes after one, of which libraries make errors such as AttributeError."""
+    return isinstance(error, KeyboardInterrupt) or _State.raised
 
 
-def _interrupt_again() -> None:
-    """Interrupt the main thread as the keyboard does."""
-    if Keyboard.blocked:  # one that is sent to the thread itself would wait for ever
-        os.kill(os.getpid(), signal.SIGINT)
-    elif hasattr(signal, "pthread_kill"):
-        import threading
-
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
-    else:
-        signal.raise_signal(signal.SIGINT)
+def interrupted_exit_code() -> int:
+    """The exit code of a command that was interrupted: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP."""
+    return 128 + _State.number
 
 
 @contextmanager
-def interrupt_held_back() -> Iterator[None]:
-    """Hold back an interrupt until the end, or until :func:`raise_if_interrupted`; a second one is raised at once."""
-    if not _is_heeded():
-        yield
-        return
-    handler, held = signal.getsignal(signal.SIGINT), Keyboard.holds
-    Keyboard.holds, Keyboard.waits = True, held and Keyboard.waits
-    signal.signal(signal.SIGINT, handle)
+def handled(signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
+    """Raise ``KeyboardInterrupt`` at signals, except those that this process ignores as after ``nohup``."""
+    defaults = (signal.SIG_DFL, signal.default_int_handler)
+    before = {number: signal.getsignal(number) for number in signals if signal.getsignal(number) in defaults}
+    _State.raised = _State.raised and not before
     try:
+        for number in before:
+            signal.signal(number, _handle)
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
-        Keyboard.holds = held
-        if Keyboard.waits and not held:
-            Keyboard.waits = False
-            _interrupt_again()
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager
-def interrupt_let_through() -> Iterator[None]:
-    """Raise an interrupt at once, also inside :func:`interrupt_held_back`: around code that may take any time."""
-    held = Keyboard.holds
-    if not (held and _is_heeded()):
+def interrupt_held_back(held_back: bool = True) -> Iterator[None]:
+    """Hold back an interrupt until the end, or until :func:`raise_if_interrupted`; a second one is raised at once.
+
+    Args:
+        held_back: False raises interrupts at once inside a block that holds them back: where code may take any time.
+    """
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    Keyboard.holds = False
-    try:
-        raise_if_interrupted()
-        yield
-    finally:
-        Keyboard.holds = held
-
-
-def _start_tracker() -> None:
-    """Start what Python starts before its first process of :mod:`multiprocessing`, and then unblocks interrupts."""
-    from multiprocessing import resource_tracker
-
-    resource_tracker.ensure_running()
-
-
-@contextmanager
-def interrupt_blocked() -> Iterator[None]:
-    """Have processes that begin meanwhile inherit that they are not interrupted; this one is afterwards."""
-    if not CAN_BLOCK:
-        yield
-        return
-    _start_tracker()
-    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-
-
-def block_interrupts_of_children() -> None:
-    """Have all processes that this one begins from now on inherit that they are not interrupted; this one still is.
-
-    The main thread and those that it starts block interrupts, one other thread lets them through to Python, which
-    raises them in the main thread.
-    """
-    if CAN_BLOCK and _is_heeded():
-        import threading
-
-        _start_tracker()
-        threading.Thread(target=threading.Event().wait, daemon=True).start()
-        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-        Keyboard.blocked = True
-
-
-@contextmanager
-def interrupt_unblocked() -> Iterator[None]:
-    """Heed interrupts in a process that began without, also one that has come since.
-
-    Raises:
-        KeyboardInterrupt: there was one.
-    """
-    if not CAN_BLOCK:
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
-    try:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])  # raises one that has come
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def interrupt_as_such() -> Iterator[None]:
-    """Raise an interrupt as such where a library has made another error of it.
-
-    Raises:
-        KeyboardInterrupt: an error was raised while one was handled.
-    """
-    try:
-        yield
-    except Exception as error:
-        before: BaseException | None = error
-        while before is not None:
-            if isinstance(before, KeyboardInterrupt):
-                raise KeyboardInterrupt from error
-            before = before.__context__
-        raise
-
-
-def heed_interrupts() -> None:
-    """Raise interrupts from now on, also the one that has come since :func:`cmacexp.jit.keyboard.begin_command`.
-
-    Raises:
-        KeyboardInterrupt: there was one.
-    """
-    if Keyboard.is_command:
-        Keyboard.holds = False
-        if hasattr(signal, "pthread_kill"):
-            sys.unraisablehook = _raise_again
-        raise_if_interrupted()
-
-
-def _raise_again(dropped: Any) -> None:
-    """Raise an interrupt again that Python can only print and drop."""
-    if isinstance(dropped.exc_value, KeyboardInterrupt):
-        import threading
-
-        threading.Timer(SOON, _interrupt_again).start()
-    else:
-        sys.__unraisablehook__(dropped)
-
-
-def end_command() -> None:
-    """Ignore interrupts while a command, which has done its work, leaves Python."""
-    if Keyboard.is_command:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        exec("")  # else Python, after an interrupt in code that a library executed as text, kills itself by a signal
+    before = _State.held_back
+    with handled((signal.SIGINT,)):  # in a notebook, where no command handles it
+        _State.held_back = held_back
+        try:
+            if not held_back:
+                raise_if_interrupted()
+            yield
+        finally:
+            _State.held_back = before
+            if not before:
+                raise_if_interrupted()

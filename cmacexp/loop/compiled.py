@@ -1,12 +1,9 @@
 """The driver for built-in components: all steps in one compiled program."""
 
-import time
-
 import numpy as np
 
 from cmacexp.control.actuator import actuate
 from cmacexp.jit.compiler import program
-from cmacexp.jit.interrupt import interrupt_held_back, raise_if_interrupted
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.samples import write_samples as commit
 from cmacexp.loop.step import STOP, TAKEN, Loop, advance_plant, check, control, observe, predict
@@ -14,9 +11,6 @@ from cmacexp.loop.stop import RUNNING
 from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Counts
-
-LONGEST_CALL = 0.3
-"""Seconds that the steps of one call of the program may take: it does not heed Ctrl-C."""
 
 
 @program
@@ -60,29 +54,10 @@ class CompiledDriver:
         """As of :class:`ExternalDriver`: no built-in plant reports one."""
         self.state = Measurement(*loop.plant_state[:7])
         self.progress = np.zeros(3, dtype=np.int64)
-        self.together = 1
-        """Steps of the next call."""
-        self._run(*make_samples(0, loop.support.shape[1], False))
+        self.run(*make_samples(0, loop.support.shape[1], False))
 
     def run(self, samples: Array, body_samples: Array) -> int:
-        """As :meth:`ExternalDriver.run`.
-
-        Raises:
-            KeyboardInterrupt: between two calls of the program; ``taken`` is the number of steps before it.
-        """
-        done, stop = 0, RUNNING
-        with interrupt_held_back():
-            while stop == RUNNING and done < len(samples):
-                raise_if_interrupted()
-                steps, began = min(self.together, len(samples) - done), time.perf_counter()
-                stop = self._run(samples[done : done + steps], body_samples[done : done + steps])
-                done += steps
-                seconds = max(time.perf_counter() - began, 1e-6)
-                self.together = max(1, int(steps * LONGEST_CALL / seconds))
-        return stop
-
-    def _run(self, samples: Array, body_samples: Array) -> int:
-        """:meth:`run` in one call."""
+        """As :meth:`ExternalDriver.run`."""
         fused_loop(self.loop, self.progress, self.taken, samples, body_samples)
         self.taken += int(self.progress[TAKEN])
         return int(self.progress[STOP])

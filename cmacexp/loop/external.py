@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cmacexp.errors import Diverged
 from cmacexp.jit.compiler import program
-from cmacexp.jit.interrupt import interrupt_let_through
+from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.samples import TRAVEL, make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import NO_METHOD, NOT_FINITE, STEP, STOP, TAKEN, Inputs, Loop, take_steps
@@ -119,7 +119,7 @@ class ExternalDriver:
         """Steps whose torque the plant has taken, also when a component raised."""
         return self.start + int(self.progress[TAKEN])
 
-    @interrupt_let_through()
+    @interrupt_held_back(False)  # a step of an external component may take any time
     def run(self, samples: Array, body_samples: Array) -> int:
         """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows.
 

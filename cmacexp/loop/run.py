@@ -2,8 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,7 +14,7 @@ from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
 from cmacexp.jit.compiler import expect_steps
-from cmacexp.jit.interrupt import interrupt_as_such, interrupt_held_back, raise_if_interrupted
+from cmacexp.jit.interrupt import interrupt_held_back, raise_if_interrupted
 from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.external import ExternalDriver
@@ -33,6 +32,8 @@ MOST_ROWS = 1 << 15
 
 Entering the compiled program costs some 20 us, as much as dozens of steps.
 """
+LONGEST_CALL = 0.3
+"""Seconds that one call of a driver is to take: progress is shown, and Ctrl-C heeded, between two calls."""
 JOINTS = (*ARRAYS["q"], *ARRAYS["dq"])
 """Signals that are undefined for a point mass, measured or not."""
 
@@ -97,13 +98,16 @@ class _Stream:
 
     Args:
         scenario: its components, reset.
+        watch: as of :func:`stream`.
         fused: False treats every component as external.
     """
 
-    def __init__(self, scenario: Scenario, fused: bool):
+    def __init__(self, scenario: Scenario, watch: Callable[[float], None], fused: bool):
         setup = scenario.setup
         config, mechanism = setup.config, setup.mechanism
         self.scenario, self.config, self.point_mass = scenario, config, mechanism.kind == POINT_MASS
+        self.watch, self.together = watch, 1
+        """``together``: steps of the next call of the driver."""
         self.guard = new_guard(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
         external = find_external(scenario) if fused else ALL_EXTERNAL
         loop, (legs, joints) = make_loop(scenario, external, self.guard), mechanism.shape
@@ -125,35 +129,40 @@ class _Stream:
         """Whether steps are left and nothing has ended the run."""
         return self.status == "completed" and self.driver.taken < self.config.cycles * self.config.steps_per_cycle
 
-    @contextmanager
-    def catch(self) -> Iterator[None]:
-        """End the run, and keep its samples, at an interrupt or an error of a component."""
-        try:
-            with interrupt_as_such():
-                yield
-        except KeyboardInterrupt:
-            self.status, self.cause = "interrupted", f"after step {self.driver.taken}"
-        except Exception as raised:
-            self.status, self.error = "failed", raised
-            self.cause = f"after step {self.driver.taken}: {_format_error(raised)}"
-
     def advance(self) -> int:
-        """Run until the arrays are full or the run ends; returns the first step."""
+        """Run until the arrays are full or the run ends, as at an interrupt or an error; returns the first step."""
         config, driver, start = self.config, self.driver, self.driver.taken
         steps = min(len(self.samples), config.cycles * config.steps_per_cycle - start)
         samples, body = self.samples[:steps], self.body[:steps]
         _fill_planned_travel(body, start, config)
         began = time.perf_counter()
-        with self.catch():
-            stop = driver.run(samples, body)
+        try:
+            stop = self._drive(samples, body)
             if stop != RUNNING:
                 q, dq, pose = driver.state.q, driver.state.dq, driver.state.body
                 self.status = STATUSES[stop]
                 self.cause = describe_stop(
                     self.guard, stop, driver.taken, config.sampling_period, q, dq, pose, driver.divergence
                 )
+        except KeyboardInterrupt:
+            self.status, self.cause = "interrupted", f"after step {driver.taken}"
+        except Exception as raised:
+            self.status, self.error = "failed", raised
+            self.cause = f"after step {driver.taken}: {_format_error(raised)}"
         self.seconds += time.perf_counter() - began
         return start
+
+    def _drive(self, samples: Array, body: Array) -> int:
+        """Fill the arrays, by calls of the driver that take a moment each; returns how the last one ended."""
+        done, stop = 0, RUNNING
+        while stop == RUNNING and done < len(samples):
+            raise_if_interrupted()
+            steps, began = min(self.together, len(samples) - done), time.perf_counter()
+            stop = self.driver.run(samples[done : done + steps], body[done : done + steps])
+            done += steps
+            self.together = max(1, int(steps * LONGEST_CALL / max(time.perf_counter() - began, 1e-6)))
+            self.watch(self.driver.taken / self.config.steps_per_cycle)
+        return stop
 
     def collect(self, start: int) -> Samples:
         """The samples since step ``start``."""
@@ -169,7 +178,7 @@ class _Stream:
 def stream(
     scenario: Scenario,
     keep: Callable[[Samples], None],
-    watch: Callable[[int], None] = lambda cycle: None,
+    watch: Callable[[float], None] = lambda cycles: None,
     *,
     fused: bool = True,
 ) -> End:
@@ -178,7 +187,7 @@ def stream(
     Args:
         scenario: its components, reset.
         keep: called with the samples of these cycles; their arrays are used again for the next ones.
-        watch: called after it with the number of completed cycles; after every cycle with external components.
+        watch: called several times a second with the number of cycles done so far.
         fused: False treats every component as external.
 
     Raises:
@@ -193,15 +202,12 @@ def stream(
         keep(Samples(0, *make_samples(0, legs, _samples_measured(scenario), joints), None))
         return End(0, "failed", f"before the first step: {_format_error(scenario.fault)}", 0.0, scenario.fault)
     announce_steps(scenario.setup.config, len(scenario.setup.mechanism.legs))
-    run = _Stream(scenario, fused)
-    while run.runs:
-        start = run.advance()
-        with interrupt_held_back():
-            keep(run.collect(start))
-            if run.status == "completed":
-                with run.catch():
-                    raise_if_interrupted()
-                    watch(run.driver.taken // run.config.steps_per_cycle)
+    with interrupt_held_back():  # until the next call of the driver
+        run = _Stream(scenario, watch, fused)
+        while run.runs:
+            start = run.advance()
+            if start == 0 or run.driver.taken > start:
+                keep(run.collect(start))
     expect_steps(math.inf)
     return End(run.driver.taken, run.status, run.cause, run.seconds, run.error)
 
@@ -225,7 +231,9 @@ class Rollout(End):
         return name_body_samples(self.body_samples)
 
 
-def roll_out(scenario: Scenario, watch: Callable[[int], None] = lambda cycle: None, *, fused: bool = True) -> Rollout:
+def roll_out(
+    scenario: Scenario, watch: Callable[[float], None] = lambda cycles: None, *, fused: bool = True
+) -> Rollout:
     """:func:`stream` with all samples kept in memory."""
     kept: list[tuple[Array, Array]] = []
     end = stream(scenario, lambda new: kept.append((new.legs.copy(), new.body.copy())), watch, fused=fused)

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from shlex import quote
+from shutil import get_terminal_size
 from threading import Event, Thread
 
 from cmacexp.config import Config
@@ -21,8 +22,13 @@ from cmacexp.report.terminal_tables import print_key, print_scores
 
 NEXT = {"report": "report", "replay": "replay"}
 """Commands that show more of a run, with their purpose."""
-LATE, OFTEN = 2.0, 10.0
+SCREEN_INTERVAL = 0.2
+"""Seconds between two states of work in a terminal."""
+FIRST_LINE_DELAY, LINE_INTERVAL = 2.0, 10.0
 """Seconds of work after which a log has its first line of it, and the next at the earliest."""
+CLEAR = "\r\x1b[2K"
+"""Clears the line of a terminal."""
+UNITS = ((3600.0, "h"), (60.0, "min"), (0.0, "s"))
 COMPILING = "compiling the control loop: takes up to half a minute, once; so many steps repay it"
 
 
@@ -32,6 +38,8 @@ def say(text: str, error: bool = False) -> None:
     An output that is closed does no harm to the run, in a worker process either.
     """
     keep_outputs()
+    if sys.stderr.isatty():  # where this process, or that of the sweep, may show how work goes on
+        print(CLEAR, end="", file=sys.stderr, flush=True)
     print(in_one_line(text), file=sys.stderr if error else sys.stdout, flush=True)
 
 
@@ -42,19 +50,26 @@ def announce_compiling() -> None:
 
 
 @contextmanager
-def _lines(describe: Callable[[], str], shown: bool) -> Iterator[None]:
-    """What a terminal would show, for a log: a line on stderr after :data:`LATE`, then now and then until the end."""
-    if not shown:
-        yield
-        return
+def shown(describe: Callable[[], str]) -> Iterator[None]:
+    """Show the state of work on stderr: in a terminal a line that is renewed, in a log a line now and then."""
+    on_screen = sys.stderr.isatty()
     ended, began = Event(), time.monotonic()
 
-    def write() -> None:
-        wait = LATE
-        while not ended.wait(wait):
-            say(describe(), error=True)
-            wait = max(OFTEN, (time.monotonic() - began) / 10.0)  # work of hours fills no pages
+    def draw() -> None:
+        line = in_one_line(describe())[: get_terminal_size().columns - 1]
+        print(f"{CLEAR}{line}", end="", file=sys.stderr, flush=True)
 
+    def write() -> None:
+        wait = SCREEN_INTERVAL if on_screen else FIRST_LINE_DELAY
+        while not ended.wait(wait):
+            if on_screen:
+                draw()
+            else:
+                say(describe(), error=True)
+                wait = max(LINE_INTERVAL, (time.monotonic() - began) / 10.0)  # work of hours fills no pages
+
+    if on_screen:
+        draw()
     writer = Thread(target=write, daemon=True)
     writer.start()
     try:
@@ -62,50 +77,40 @@ def _lines(describe: Callable[[], str], shown: bool) -> Iterator[None]:
     finally:
         ended.set()
         writer.join()
+        if on_screen:
+            print(CLEAR, end="", file=sys.stderr, flush=True)
+
+
+def format_progress(what: str, done: float, total: int, unit: str, seconds: float) -> str:
+    """How much of some work is done after ``seconds``, and the time that is left at this rate."""
+    text = f"{what}: {int(done)}/{total} {unit}".rstrip()
+    if not done:
+        return text
+    left = seconds * (total - done) / done
+    size, name = next(each for each in UNITS if left >= 2.0 * each[0])
+    return f"{text} ({100.0 * done / total:.1f} %), {left / (size or 1.0):.0f} {name} left"
 
 
 @contextmanager
-def progress(what: str, total: int, unit: str = "", shown: bool = True) -> Iterator[Callable[[int], None]]:
-    """A progress bar while work takes place, lines if the output is no terminal; gives what moves it.
+def progress(what: str, total: int, unit: str = "") -> Iterator[Callable[[float], None]]:
+    """Show how much of some work is done while it takes place; gives what moves it.
 
     Args:
         what: is being done.
         total: parts of the work, of which so many have to be given as done.
         unit: of the parts.
-        shown: False where several processes would draw over each other's bars.
     """
-    if not (shown and sys.stderr.isatty()):
-        parts = [0]
-        with _lines(lambda: f"{what}: {parts[0]}/{total} {unit}".rstrip(), shown):
-            yield lambda done: parts.__setitem__(0, done)
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn(unit))
-    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(in_one_line(what), total=total)
-        yield lambda done: bar.update(task, completed=done)
+    done, began = [0.0], time.monotonic()
+    with shown(lambda: format_progress(what, done[0], total, unit, time.monotonic() - began)):
+        yield lambda parts: done.__setitem__(0, parts)
 
 
 @contextmanager
-def activity(what: str, shown: bool = True) -> Iterator[Callable[[str], None]]:
-    """``what`` is being done is shown on stderr, a terminal or not; gives ``show(text)`` for what is done next.
-
-    Args:
-        what: is being done.
-        shown: as for :func:`progress`.
-    """
-    if not (shown and sys.stderr.isatty()):
-        done = [what]
-        with _lines(lambda: f"{done[0]} ...", shown):
-            yield lambda text: done.__setitem__(0, text)
-        return
-    from rich.console import Console
-    from rich.markup import escape
-
-    with Console(stderr=True, highlight=False).status(escape(in_one_line(what))) as status:
-        yield lambda text: status.update(escape(in_one_line(text)))
+def activity(what: str) -> Iterator[Callable[[str], None]]:
+    """Show that ``what`` is being done; gives ``show(text)`` for what is done next."""
+    current = [what]
+    with shown(lambda: f"{current[0]} ..."):
+        yield lambda text: current.__setitem__(0, text)
 
 
 def describe_planning(config: Config) -> str:

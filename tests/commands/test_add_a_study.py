@@ -135,6 +135,6 @@ def test_ctrl_c_ends_a_study_and_its_runs_at_once(tmp_path):
     finally:
         process.kill()
     assert process.returncode == 130
-    assert "interrupted; the same command goes on" in err
+    assert "interrupted; the same command runs what is missing" in err
     assert "Traceback" not in err
     assert not list(runs.rglob("manifest.json"))

@@ -139,11 +139,11 @@ def test_a_sweep_with_a_divergence_alone_has_not_failed(tmp_path):
     assert cmacexp("-m", "controller.velocity_gain=80", folder=tmp_path).returncode == 0
 
 
-def test_a_run_folder_that_cannot_be_made_is_an_error(tmp_path):
+def test_a_run_folder_that_cannot_be_made_is_bad_input(tmp_path):
     (tmp_path / "file").touch()
     done = cmacexp("cycles=1", "hydra.run.dir=file/run", folder=tmp_path)
-    assert done.returncode == 1
-    assert "error: [Errno 20] Not a directory: 'file/run'" in done.stderr
+    assert done.returncode == 2
+    assert done.stderr == "error: hydra.run.dir=file/run: cannot be made: Not a directory; choose another folder\n"
 
 
 def test_bad_input_leaves_no_folder(tmp_path):

@@ -3,6 +3,7 @@
 import io
 import sys
 import threading
+import time
 
 import pytest
 
@@ -10,8 +11,9 @@ import cmacexp
 from cmacexp.commands import main as command_line
 from cmacexp.commands.score import main as score
 from cmacexp.commands.verify import main as verify
+from cmacexp.experiment.workers import share_progress, shared_progress
 from cmacexp.report import terminal
-from cmacexp.report.terminal import activity, progress
+from cmacexp.report.terminal import activity, format_progress, progress
 
 
 class Terminal(io.StringIO):
@@ -31,13 +33,19 @@ def use_terminal(monkeypatch, stream: io.StringIO) -> io.StringIO:
     return stream
 
 
-def test_parts_of_known_number_are_counted_and_the_bar_leaves(monkeypatch):
+def test_parts_of_known_number_are_counted_and_the_line_leaves(monkeypatch):
     screen = use_terminal(monkeypatch, Terminal())
     with progress("running", 12, "cycles") as watch:
-        watch(5)
-    assert "running" in screen.getvalue()
-    assert "5/12" in screen.getvalue()
-    assert screen.getvalue().endswith("\x1b[2K")  # the line is cleared
+        watch(5.5)
+        while "5/12 cycles (45.8 %), " not in screen.getvalue():
+            time.sleep(0.01)
+    assert screen.getvalue().startswith("\r\x1b[2Krunning: 0/12 cycles")
+    assert screen.getvalue().endswith("\x1b[2K")
+
+
+@pytest.mark.parametrize(("seconds", "left"), [(3.0, "9 s"), (60.0, "3 min"), (7200.0, "6 h")])
+def test_the_time_that_is_left_is_what_the_rest_takes_at_this_rate(seconds, left):
+    assert format_progress("sweep", 1.5, 6, "jobs", seconds) == f"sweep: 1/6 jobs (25.0 %), {left} left"
 
 
 def test_a_command_of_unknown_length_shows_what_it_does(monkeypatch, tmp_path):
@@ -75,8 +83,8 @@ class Log(io.StringIO):
 
 
 def test_long_work_writes_lines_to_a_log(monkeypatch):
-    monkeypatch.setattr(terminal, "LATE", 0.0)
-    monkeypatch.setattr(terminal, "OFTEN", 0.001)
+    monkeypatch.setattr(terminal, "FIRST_LINE_DELAY", 0.0)
+    monkeypatch.setattr(terminal, "LINE_INTERVAL", 0.001)
     log = use_terminal(monkeypatch, Log(1))
     with progress("running", 12, "cycles") as watch:
         assert log.arrived.wait(60.0)
@@ -85,7 +93,7 @@ def test_long_work_writes_lines_to_a_log(monkeypatch):
         watch(5)
         assert log.arrived.wait(60.0)
     lines = log.getvalue().splitlines()
-    assert (lines[0], lines[-1]) == ("running: 0/12 cycles", "running: 5/12 cycles")
+    assert (lines[0], lines[-1]) == ("running: 0/12 cycles", "running: 5/12 cycles (41.7 %), 0 s left")
     log = use_terminal(monkeypatch, Log(1))
     with activity("reading") as show:
         assert log.arrived.wait(60.0)
@@ -97,10 +105,19 @@ def test_long_work_writes_lines_to_a_log(monkeypatch):
     assert (lines[0], lines[-1]) == ("reading ...", "drawing ...")
 
 
-@pytest.mark.parametrize(("stream", "shown"), [(io.StringIO(), True), (Terminal(), False)])
-def test_no_line_of_work_that_ends_soon_and_no_bar_where_nobody_looks_or_others_draw(stream, shown, monkeypatch):
-    monkeypatch.setattr(terminal, "LATE", 60.0)
-    use_terminal(monkeypatch, stream)
-    with progress("running", 12, "cycles", shown=shown) as watch:
+def test_no_line_of_work_that_ends_soon(monkeypatch):
+    monkeypatch.setattr(terminal, "FIRST_LINE_DELAY", 60.0)
+    log = use_terminal(monkeypatch, io.StringIO())
+    with progress("running", 12, "cycles") as watch:
         watch(5)
-    assert not stream.getvalue()
+    assert not log.getvalue()
+
+
+def test_work_of_other_processes_is_counted(monkeypatch):
+    screen = use_terminal(monkeypatch, Terminal())
+    with shared_progress("sweep", lambda: 4, "jobs"):
+        share_progress(2)(0.5)
+        share_progress(0)(1.0)
+        while "1/4 jobs (37.5 %)" not in screen.getvalue():
+            time.sleep(0.01)
+    share_progress(1)(0.5)  # nobody shows it

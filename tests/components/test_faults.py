@@ -95,7 +95,7 @@ def locked(tmp_path):
 def test_a_folder_that_cannot_be_written_is_one_line(arguments, locked, tmp_path_factory):
     given = [text.format(locked) for text in arguments]
     done = cmacexp(*given, "cycles=1", folder=tmp_path_factory.mktemp("here"))
-    assert (done.returncode, done.stdout) == (1, "")
+    assert (done.returncode, done.stdout) == (2, "")
     assert len(done.stderr.splitlines()) == 1
     assert f"{locked}/out" in done.stderr
     assert not (locked / "out").exists()

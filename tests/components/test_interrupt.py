@@ -1,29 +1,21 @@
-"""Ctrl-C: it waits where it would do harm, is never lost, and all steps that were taken are kept."""
+"""Ctrl-C, SIGTERM and SIGHUP: they wait where they would do harm, and all steps that were taken are kept."""
 
-import ast
 import json
 import os
 import signal
-import threading
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
+import numpy as np
 import pytest
-from support.command import python
+from support.command import cmacexp, started
 
-import cmacexp
+from cmacexp.commands.command import run_command
 from cmacexp.experiment import run as experiment
 from cmacexp.experiment.run import run_scenario
-from cmacexp.jit import interrupt, keyboard
-from cmacexp.jit.interrupt import (
-    interrupt_as_such,
-    interrupt_held_back,
-    interrupt_let_through,
-    interrupt_unblocked,
-    raise_if_interrupted,
-)
+from cmacexp.jit.interrupt import handled, interrupt_held_back, interrupted_exit_code, raise_if_interrupted
 from cmacexp.loop import compiled, roll_out
+from cmacexp.loop import run as loop
 from cmacexp.loop.scenario import make_scenario
 
 SHORT = ("cycles=2", "gait.cycle_time=0.5", "gait.stroke=0.02", "learning.start_cycle=1")
@@ -37,8 +29,8 @@ def heeds():
     signal.signal(signal.SIGINT, before)
 
 
-def press():
-    os.kill(os.getpid(), signal.SIGINT)
+def press(number=signal.SIGINT):
+    os.kill(os.getpid(), number)
 
 
 def test_an_interrupt_waits_until_the_end_of_what_it_would_harm():
@@ -64,9 +56,9 @@ def test_an_interrupt_that_waits_is_raised_at_a_safe_place_and_only_there():
             raise_if_interrupted()
         raise_if_interrupted()
         press()
-        with pytest.raises(KeyboardInterrupt), interrupt_let_through():
+        with pytest.raises(KeyboardInterrupt), interrupt_held_back(False):
             pytest.fail("is raised before")
-        with pytest.raises(KeyboardInterrupt), interrupt_let_through():
+        with pytest.raises(KeyboardInterrupt), interrupt_held_back(False):
             press()
 
 
@@ -79,111 +71,59 @@ def test_a_second_interrupt_does_not_wait():
 
 def test_a_process_that_ignores_interrupts_goes_on_doing_so():
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with interrupt_held_back():
+    with handled(), interrupt_held_back():
         press()
         raise_if_interrupted()
 
 
-def test_an_interrupt_that_a_library_drops_is_raised_again():
-    interrupt._raise_again(SimpleNamespace(exc_value=KeyboardInterrupt()))
-    with pytest.raises(KeyboardInterrupt):
-        time.sleep(10.0)
-
-
-def test_an_error_that_a_library_makes_of_an_interrupt_is_one():
-    @interrupt_as_such()
+def test_an_error_that_a_library_makes_of_an_interrupt_is_one(capsys):
     def compose():
         try:
-            raise KeyboardInterrupt
+            press()
         finally:
             raise AttributeError("half made")
 
-    with pytest.raises(KeyboardInterrupt):
-        compose()
-    with pytest.raises(AttributeError), interrupt_as_such():
-        raise AttributeError("of another cause")
+    assert run_command(compose) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+    with pytest.raises(ZeroDivisionError):
+        run_command(lambda: 1 // 0)
 
 
-def test_the_package_holds_back_interrupts_before_it_imports_anything_else():
-    first, second = ast.parse(Path(cmacexp.__file__).read_text()).body[1:3]
-    assert (ast.unparse(first), ast.unparse(second)) == (
-        "from cmacexp.jit.keyboard import begin_command",
-        "begin_command()",
-    )
-    top = ast.parse(Path(keyboard.__file__).read_text()).body
-    assert {ast.unparse(each) for each in top if isinstance(each, ast.Import | ast.ImportFrom)} == {
-        "import os.path",
-        "import signal",
-        "import sys",
-    }
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_command_handles_signals_that_end_a_process(number, code):
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt), handled():
+        press(number)
+    assert interrupted_exit_code() == code
+    assert signal.getsignal(number) is before
 
 
-CHILDREN = """
-import os, signal, subprocess, sys, time
-from types import SimpleNamespace
-from cmacexp.jit import interrupt
-from cmacexp.jit.interrupt import block_interrupts_of_children, interrupt_blocked, interrupt_held_back
-ASK = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
-
-def ask():
-    return subprocess.run([sys.executable, "-c", ASK], capture_output=True, text=True).stdout.strip()
-
-def wait_after(work):
-    try:
-        work()
-        for _ in range(1000):
-            time.sleep(0.01)
-    except KeyboardInterrupt:
-        return "interrupted"
-
-def press():
-    return wait_after(lambda: os.kill(os.getpid(), signal.SIGINT))
-
-@interrupt_held_back()
-def press_and_go_on():
-    os.kill(os.getpid(), signal.SIGINT)
-    time.sleep(0.05)
-
-def drop():
-    interrupt._raise_again(SimpleNamespace(exc_value=KeyboardInterrupt()))
-
-signal.signal(signal.SIGINT, signal.default_int_handler)
-with interrupt_blocked():
-    print(ask())
-print(ask(), press())
-block_interrupts_of_children()
-print(ask(), press(), press(), wait_after(press_and_go_on), wait_after(drop))
-"""
+LONG = ["cycles=1000000", "feedforward=none", "record.cycles=[1]"]
 
 
-def test_children_begin_without_being_interrupted_and_their_parent_is(tmp_path):
-    done = python("-c", CHILDREN, folder=tmp_path)
-    assert done.stdout.split() == ["True", "False", "interrupted", "True", *["interrupted"] * 4], done.stderr
-
-
-def test_a_process_that_began_without_heeds_an_interrupt_as_soon_as_it_can():
-    def press_here():  # not one of the threads that libraries have started meanwhile
-        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
-
-    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        press_here()
-        with pytest.raises(KeyboardInterrupt), interrupt_unblocked():
-            pytest.fail("is raised before")
-        assert signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-        with pytest.raises(KeyboardInterrupt), interrupt_unblocked():
-            press_here()
-        press_here()  # waits again
-    finally:
-        with pytest.raises(KeyboardInterrupt):
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+def test_workers_end_with_a_parent_that_is_killed(tmp_path):
+    words = ["-m", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "seed=1,2", *LONG, "hydra.sweep.dir=s"]
+    process = started(*words, folder=tmp_path)
+    lock, pids = tmp_path / "s" / "0" / ".cmacexp-lock", []
+    while not (pids := lock.read_text().split() if lock.exists() else []) and process.poll() is None:
+        time.sleep(0.05)
+    refused = cmacexp("cycles=1", "hydra.run.dir=s/0", folder=tmp_path)
+    assert (refused.returncode, f"process {pids[0]} writes here" in refused.stderr) == (2, True)
+    process.kill()
+    process.wait()
+    for _ in range(200):
+        if not Path(f"/proc/{pids[0]}").exists():
+            break
+        time.sleep(0.1)
+    else:
+        pytest.fail("the worker goes on")
 
 
 @pytest.mark.parametrize("feedforward", ["cmac", "ilc"])
 def test_steps_give_the_same_bits_in_any_number_of_calls(make_config, monkeypatch, feedforward):
     config = make_config(*SHORT, f"feedforward={feedforward}")
     expected = roll_out(make_scenario(config))
-    monkeypatch.setattr(compiled, "LONGEST_CALL", 0.0)  # a step a call
+    monkeypatch.setattr(loop, "LONGEST_CALL", 0.0)  # a step a call
     assert roll_out(make_scenario(config)).samples.tobytes() == expected.samples.tobytes()
 
 
@@ -191,14 +131,14 @@ def interrupt_at(monkeypatch, call):
     """Have this call of the program, a step each, interrupted from the keyboard."""
     whole, calls = compiled.fused_loop, []
 
-    def loop(*arguments):
+    def interrupted(*arguments):
         calls.append(1)
         if len(calls) == call + 1:  # the first takes no step
             press()
         whole(*arguments)
 
-    monkeypatch.setattr(compiled, "fused_loop", loop)
-    monkeypatch.setattr(compiled, "LONGEST_CALL", 0.0)
+    monkeypatch.setattr(compiled, "fused_loop", interrupted)
+    monkeypatch.setattr(loop, "LONGEST_CALL", 0.0)
 
 
 def test_an_interrupt_is_heeded_within_a_cycle_and_all_steps_are_kept(make_config, monkeypatch):
@@ -213,16 +153,18 @@ def test_an_interrupt_is_heeded_within_a_cycle_and_all_steps_are_kept(make_confi
 def test_a_call_of_the_program_takes_no_longer_than_allowed(make_config, monkeypatch):
     now, sizes = [0.0], []
 
-    def loop(loop, progress, start, samples, body_samples):
+    def count(loop, progress, start, samples, body_samples):
         progress[:2] = len(samples), 0
         now[0] += 0.03 * len(samples)
         sizes.append(len(samples))
 
-    monkeypatch.setattr(compiled, "fused_loop", loop)
-    monkeypatch.setattr(compiled.time, "perf_counter", lambda: now[0])
-    roll_out(make_scenario(make_config(*SHORT)))
-    assert sizes[:3] == [0, 1, round(compiled.LONGEST_CALL / 0.03)]
-    assert max(sizes) * 0.03 <= compiled.LONGEST_CALL
+    monkeypatch.setattr(compiled, "fused_loop", count)
+    monkeypatch.setattr(loop.time, "perf_counter", lambda: now[0])
+    watched = []
+    roll_out(make_scenario(make_config(*SHORT)), watched.append)
+    assert sizes[1:] == np.rint(np.diff([0.0, *watched]) * 100).tolist(), "progress is shown after each"
+    assert sizes[:3] == [0, 1, round(loop.LONGEST_CALL / 0.03)]
+    assert max(sizes) * 0.03 <= loop.LONGEST_CALL
 
 
 def test_an_interrupt_while_results_are_written_comes_after_them(make_config, monkeypatch, tmp_path):

@@ -122,7 +122,7 @@ def test_a_checkout_is_searched(checkout):
 def test_what_is_missing_is_said(monkeypatch):
     monkeypatch.setattr(find, "package_models", dict)
     monkeypatch.delenv(find.CHECKOUT, raising=False)
-    install = r'python -m pip install -e "\.\[robots\]" in the checkout with Python below 3\.13'
+    install = r'python -m pip install -e "\.\[robots\]" with Python below 3\.13'
     with pytest.raises(
         BadInput, match=rf"^machine\.model=go1: no such model is installed: {install}, or let MENAGERIE"
     ):
