@@ -10,8 +10,9 @@ import numpy as np
 
 from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.registry import MAIN, OF_A_ROBOT, RANKED
-from cmacexp.metrics.summary import format_number, shorten
-from cmacexp.report.run_summary import RunSummary, format_value
+from cmacexp.metrics.summary import shorten
+from cmacexp.metrics.text import format_cell, format_setting
+from cmacexp.report.run_summary import RunSummary
 from cmacexp.report.terminal_tables import head, print_key, print_table
 
 Row = dict[str, Any]
@@ -68,8 +69,8 @@ def tabulate_runs(
     main = {name: shown for name, shown in MAIN.items() if not np.isnan(columns[name]).all()}
     cells = []
     for index, row in enumerate(rows):
-        numbers = [format_number(columns[name][index] * shown.factor) for name, shown in main.items()]
-        settings = [format_value(row[key]) for key in keys]
+        numbers = [format_cell(columns[name][index] * shown.factor) for name, shown in main.items()]
+        settings = [format_setting(row[key]) for key in keys]
         cells.append([row["run"], *settings, row["status"], str(row["cycles_done"]), *numbers])
     return main, cells
 
@@ -79,7 +80,7 @@ def format_runs(
 ) -> tuple[list[str], list[list[str]]]:
     """Titles, whose units follow a line break, and the rows of :func:`tabulate_runs`."""
     main, rows = tabulate_runs(runs, keys, prefix)
-    return ["run", *keys, "status", "cycles\ndone", *(f"{s.title}\n{s.unit}" for s in main.values())], rows
+    return ["run", *keys, "status", "cycles done", *(f"{s.title}\n{s.unit}" for s in main.values())], rows
 
 
 def print_runs(runs: Sequence[RunSummary], keys: Sequence[str], all_in: Path) -> None:
@@ -87,7 +88,7 @@ def print_runs(runs: Sequence[RunSummary], keys: Sequence[str], all_in: Path) ->
     main, rows = tabulate_runs(runs, keys)
     shown = shorten(rows)
     heads = [key.replace(".", ".\n") + "\n" for key in keys]
-    print_table(["run\n", *heads, "status\n", "cycles\ndone\n", *map(head, main.values())], shown, 2 + len(keys))
+    print_table(["run\n", *heads, "status\n", "cycles\ndone\n", *map(head, main.values())], shown)
     if len(shown) < len(rows):
         print(f"{len(shown)} of {len(rows)} runs; all are in {all_in}")
     if main:

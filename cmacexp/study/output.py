@@ -9,7 +9,8 @@ import pyarrow as pa
 
 from cmacexp.data.parquet import write_table
 from cmacexp.data.staging import Place
-from cmacexp.report.page import Html, Report, Section, write_report_in
+from cmacexp.report.page import Report, write_report_in
+from cmacexp.report.parts import Html, Section
 from cmacexp.report.place import relative
 from cmacexp.study.page import QUICK, Evaluated, make_claims_section, make_reading_section
 from cmacexp.study.results import Results
