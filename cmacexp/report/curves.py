@@ -13,8 +13,6 @@ from cmacexp.report.axes import spans_decades
 from cmacexp.report.figures import Panel, Series
 from cmacexp.typing import Array
 
-MOST_NAMED = 12
-"""Numeric groups that have a name each in the legend; more are coloured by their value."""
 MOST_TICKS = 6
 """Numeric values of a setting up to which each has a tick."""
 Reduce = Callable[[Array], tuple[float, float, float]]
@@ -47,15 +45,13 @@ def over_cycles(name: str, groups: Mapping[Any, Sequence[Array]], log: str | Non
     """
     shown = appearance(name)
     title, series = title or shown.title, []
-    coloured = len(groups) > MOST_NAMED and is_numeric(list(groups))
     for value, histories in groups.items():
         length = max(map(len, histories))
         padded = np.array([np.pad(h, (0, length - len(h)), constant_values=np.nan) for h in histories]) * shown.factor
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # a cycle in which no run defines the metric
             middle, low, high = np.nanmedian(padded, 0), np.nanmin(padded, 0), np.nanmax(padded, 0)
-        place = float(value) if coloured else None
-        series.append(Series(format_setting(value), np.arange(1, length + 1), middle, low, high, value=place))
+        series.append(Series(format_setting(value), np.arange(1, length + 1), middle, low, high))
     log = find_log(series) if log is None else log
     return Panel(title, "cycle", f"{title}, {shown.unit}".rstrip(", "), series, log=log, from_zero=shown.from_zero)
 

@@ -29,7 +29,8 @@ class CycleData:
     cycle_time: float
     period: float
     """Between two samples, s."""
-    legs: int
+    legs: Sequence[int]
+    """Their numbers."""
     has_joints: bool
     axes: str
     """Those in which a foot moves: x and y and, of a robot, z; there are as many joints."""
@@ -50,24 +51,20 @@ class CycleData:
         return float(self.time_in_cycle(self.trace).max()) + self.period
 
     def select(self, cycle: int, leg: int) -> "pd.DataFrame":
-        """The trace of one leg in one cycle."""
+        """The trace of one leg in one cycle; of the body if ``leg`` is 0."""
+        if not leg:
+            assert self.body is not None
+            return self.body[self.body["cycle"] == cycle]
         return self.trace[(self.trace["cycle"] == cycle) & (self.trace["leg"] == leg)]
-
-    def select_body(self, cycle: int) -> "pd.DataFrame":
-        """The trace of the body in one cycle."""
-        assert self.body is not None
-        return self.body[self.body["cycle"] == cycle]
 
     def time_in_cycle(self, rows: "pd.DataFrame") -> Array:
         """Time since the cycle began, s."""
         return np.asarray(rows["time"] - (rows["cycle"] - 1) * self.cycle_time)
 
-    def error(self, rows: "pd.DataFrame", axis: str) -> Array:
-        """Actual minus desired position of the foot along an axis, mm."""
-        return np.asarray(1e3 * (rows[axis] - rows[f"{axis}_desired"]))
-
     def support(self, leg: int) -> list[tuple[float, float]]:
-        """Begin and end of each planned support of a leg in the first of the cycles, s; none if all is support."""
+        """Begin and end of each planned support in the first cycle, s; none if all is support, or of the body."""
+        if not leg:
+            return []
         rows = self.select(self.cycles[0], leg)
         support = np.asarray(rows["phase"] == "support")
         edges = np.flatnonzero(np.diff(support.astype(int), prepend=0, append=0))
@@ -75,8 +72,8 @@ class CycleData:
         return [] if support.all() else list(zip(clock[edges[::2]], clock[edges[1::2]], strict=True))
 
     def leg_name(self, leg: int) -> str:
-        """E.g. ``leg 1, left front``; empty if there is one leg only."""
-        return f"leg {leg}, {LEG_NAMES[leg - 1]}" if self.legs > 1 else ""
+        """E.g. ``leg 1, left front``; empty of the only leg, and of the body."""
+        return f"leg {leg}, {LEG_NAMES[leg - 1]}" if leg and len(self.legs) > 1 else ""
 
 
 def read_cycle_data(run: StoredRun, cycles: Sequence[int]) -> CycleData:
@@ -86,4 +83,4 @@ def read_cycle_data(run: StoredRun, cycles: Sequence[int]) -> CycleData:
     has_joints = bool(trace["q1"].notna().any())
     times = run.config["gait"]["cycle_time"], run.config["sampling_period"]
     axes = "xyz" if THIRD_AXIS in trace.columns else "xy"
-    return CycleData(cycles, trace, body, *times, int(trace["leg"].max()), has_joints, axes)
+    return CycleData(cycles, trace, body, *times, range(1, int(trace["leg"].max()) + 1), has_joints, axes)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import BadInput
-from cmacexp.report.axes import add_legend, include_zero, logarithmic, name_ticks, spans_decades
+from cmacexp.report.axes import add_legend, include_zero, logarithmic, name_ticks
 from cmacexp.report.style import DESIRED, MARKERS, label, mark, new_figure
 from cmacexp.typing import Array
 
@@ -44,8 +44,6 @@ class Series:
     high: Values | None = None
     style: Mapping[str, Any] = field(default_factory=dict)
     """Properties of lines of matplotlib that differ from those of the place in the legend."""
-    value: float | None = None
-    """If given for any series: colours are on a scale of this value, which replaces the legend."""
 
 
 @dataclass(frozen=True)
@@ -85,8 +83,6 @@ class Panel:
     """Whether both axes have the same scale."""
     y_down: bool = False
     """Whether the y axis points down."""
-    note: str = ""
-    """A text in the upper right corner."""
     crosses: Sequence[float] = ()
     """Places on the x axis with a cross: there a run fell or diverged."""
 
@@ -130,7 +126,7 @@ def draw(
         height: of a panel, inches.
         share: axes that all panels have in common: ``x`` or ``xy``; the inner ones are not named.
         legend: of the whole ``figure``, below it, or one for each ``panel``, above it.
-        legend_title: of the legend, or of the scale of colours.
+        legend_title: of the legend.
     """
     columns = min(columns, len(panels))
     shared = {f"share{axis}": True for axis in share}
@@ -139,12 +135,11 @@ def draw(
         unused.remove()
     drawn = [panel for panel in panels if isinstance(panel, Panel)]
     names = list(dict.fromkeys(series.name for panel in drawn for series in panel.series))
-    scale = _make_scale([series.value for panel in drawn for series in panel.series if series.value is not None])
     for place, (ax, panel) in enumerate(zip(axes, panels, strict=False)):
         if isinstance(panel, HeatMap):
             _heat_map(figure, ax, panel)
             continue
-        _panel(ax, panel, [series.name for series in panel.series] if legend == "panel" else names, scale)
+        draw_panel(ax, panel, () if legend == "panel" else names)
         bottom = place + columns >= len(panels)
         if share:
             ax.tick_params(labelbottom=bottom)
@@ -152,45 +147,33 @@ def draw(
         label(ax, panel.title, panel.x if bottom or not share else "", panel.y if first else "")
         if legend == "panel":
             add_legend(ax, [ax])
-    if scale is not None:
-        bar = figure.colorbar(
-            scale, ax=axes[: len(panels)], label=legend_title, location="bottom", aspect=50, shrink=0.6
-        )
-        if bar.ax.get_xscale() == "log":
-            logarithmic(bar.ax, "x", [scale.norm.vmin, scale.norm.vmax])
-    elif legend == "figure":
+    if legend == "figure":
         add_legend(figure, axes[: len(panels)], legend_title)
     return figure
 
 
-def _make_scale(values: Sequence[float]) -> Any:
-    """The scale of colours of some values; None of none."""
-    import matplotlib
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import LogNorm, Normalize
-
-    if not values:
-        return None
-    norm = (LogNorm if spans_decades(values) else Normalize)(min(values), max(values))
-    return ScalarMappable(norm, matplotlib.colormaps["cividis"])
-
-
-def _style(series: Series, names: Sequence[str], scale: Any) -> dict[str, Any]:
-    """Colour, dash and marker of a series: those of its place in the legend, or its colour on the scale."""
+def _style(series: Series, names: Sequence[str]) -> dict[str, Any]:
+    """Colour, dash and marker of a series: those of its place in the legend, unless it has its own."""
     index = names.index(series.name)
-    by_place = {**mark(index), "marker": MARKERS[index % len(MARKERS)]}
-    if scale is not None and series.value is not None:
-        by_place |= {"color": scale.to_rgba(series.value), "linestyle": "-", "alpha": 0.8, "marker": "."}
-    return {**by_place, "label": series.name, **series.style}
+    return {**mark(index), "marker": MARKERS[index % len(MARKERS)], "label": series.name, **series.style}
 
 
-def _panel(axes: "Axes", panel: Panel, names: Sequence[str], scale: Any) -> None:
+def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
+    """Draw a panel, but for its title and the names of its axes.
+
+    Args:
+        axes: empty ones.
+        panel: its content.
+        names: of all series that share a legend; empty: those of the panel.
+    """
     from matplotlib.ticker import MaxNLocator
 
+    names = names or [series.name for series in panel.series]
+
     for place, series in enumerate(panel.series):
-        style = _style(series, names, scale)
+        style = _style(series, names)
         if panel.kind == "bars":
-            _bars(axes, series, style["color"], place, len(panel.series))
+            _bars(axes, series, style, place, len(panel.series))
         elif panel.kind == "scatter":
             axes.plot(series.x, series.y, **{"ms": 4, **style, "linestyle": "none"})
             _error_bars(axes, np.asarray(series.x), series)
@@ -205,9 +188,6 @@ def _panel(axes: "Axes", panel: Panel, names: Sequence[str], scale: Any) -> None
         axes.axvline(limit, **LIMIT)
     for begin, end in panel.shaded:
         axes.axvspan(begin, end, **SHADE)
-    if panel.note:
-        corner: dict[str, Any] = {"transform": axes.transAxes, "ha": "right", "va": "top"}
-        axes.text(0.98, 0.95, panel.note, backgroundcolor="white", **corner)
     for axis in panel.log:
         shown = [np.asarray(s.x if axis == "x" else s.y, dtype=float) for s in panel.series]
         logarithmic(axes, axis, np.concatenate(shown))
@@ -247,10 +227,10 @@ def _line(axes: "Axes", series: Series, style: dict[str, Any]) -> None:
         axes.fill_between(series.x, series.low, series.high, rasterized=len(series.x) > MOST_VECTOR, **band)
 
 
-def _bars(axes: "Axes", series: Series, colour: str, place: int, count: int) -> None:
+def _bars(axes: "Axes", series: Series, style: dict[str, Any], place: int, count: int) -> None:
     width = 0.8 / count
     x = np.asarray(series.x, dtype=float) + width * (place - (count - 1) / 2.0)
-    axes.bar(x, series.y, width, color=colour, label=series.name)
+    axes.bar(x, series.y, width, **({"color": style["color"], "label": series.name} | dict(series.style)))
     _error_bars(axes, x, series)
 
 

@@ -1,8 +1,7 @@
 """Figures of one run: its metrics cycle by cycle, some of its cycles over their time, and its last steps."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -75,79 +74,98 @@ def draw_legs(run: StoredRun) -> Drawing:
     return Drawing("legs", draw(panels), "Errors of each leg and the share of its feedforward, cycle by cycle.")
 
 
-def _by_cycle(data: CycleData, leg: int, value: "Callable[[pd.DataFrame], Any]") -> list[Series]:
-    """A line for each cycle, the last the strongest; of the body if ``leg`` is 0."""
-    lines, last = [], len(data.cycles) - 1
+class Quantity(NamedTuple):
+    """What is drawn over time."""
+
+    title: str
+    y: str
+    """Name and unit of the axis."""
+    caption: str = ""
+    from_zero: bool = True
+
+
+QUANTITIES = {
+    "foot": Quantity("foot path", "y down, mm", "Paths of the feet in the frames of their hips, y down."),
+    "force": Quantity("contact force", "force, N", "Contact force."),
+    "x": Quantity("error along x", "x - desired, mm", "Error of the foot along x, forward."),
+    "y": Quantity(
+        "error along y",
+        "y - desired, mm",
+        "Error of the foot along y, down; in support relative to the depression at the desired force.",
+    ),
+    "z": Quantity("error along z", "z - desired, mm", "Error of the foot along z, to the left."),
+    "height": Quantity("height of the body", "height, mm", from_zero=False),
+    "stability_margin": Quantity("stability margin, nearest edge", "margin, mm"),
+    "pitch": Quantity("pitch, nose down", "pitch, mrad", from_zero=False),
+    "roll": Quantity("roll, right side down", "roll, mrad", from_zero=False),
+}
+"""By column; of x, y and z the errors."""
+BODY = ("height", "stability_margin", "pitch", "roll")
+
+
+def read_quantity(rows: "pd.DataFrame", name: str) -> Array:
+    """Values of one of :data:`QUANTITIES`; the margin is the true one, but in a run of an earlier version."""
+    if name in "xyz":
+        return np.asarray(1e3 * (rows[name] - rows[f"{name}_desired"]))
+    if name == "stability_margin" and f"true_{name}" in rows:
+        name = f"true_{name}"
+    return np.asarray(rows[name] if name == "force" else 1e3 * rows[name])
+
+
+def read_desired(rows: "pd.DataFrame", clock: Array, name: str) -> list[Series]:
+    """The desired force or the planned margin as a line; of other quantities none."""
+    if name == "force":
+        return [Series("desired", clock, rows["force_desired"], style=DESIRED_LINE)]
+    return [Series("planned", clock, 1e3 * rows[name], style=DESIRED_LINE)] if name == "stability_margin" else []
+
+
+def over_cycle(data: CycleData, name: str, leg: int) -> Panel:
+    """A quantity of a leg, or of the body if ``leg`` is 0, over the time of each cycle, the last the strongest."""
+    title, y, _, from_zero = QUANTITIES[name]
+    first = data.select(data.cycles[0], leg)
+    lines, last = read_desired(first, data.time_in_cycle(first), name), len(data.cycles) - 1
     for index, cycle in enumerate(data.cycles):
-        rows = data.select(cycle, leg) if leg else data.select_body(cycle)
+        rows = data.select(cycle, leg)
         style = (
             {**mark(0), "linewidth": 2.0, "zorder": 2.5} if index == last else {**mark(index + 1), "linewidth": 1.1}
         )
-        lines.append(Series(f"cycle {cycle}", data.time_in_cycle(rows), np.asarray(value(rows)), style=style))
-    return lines
-
-
-def _foot(data: CycleData, leg: int) -> Panel:
-    first = data.select(data.cycles[0], leg)
-    desired = Series("desired", 1e3 * first["x_desired"], 1e3 * first["y_desired"], style=DESIRED_LINE)
-    paths = [
-        replace(line, x=1e3 * data.select(cycle, leg)["x"])
-        for cycle, line in zip(data.cycles, _by_cycle(data, leg, lambda rows: 1e3 * rows["y"]), strict=True)
-    ]
-    title = data.leg_name(leg) or "foot path"
-    return Panel(title, "x forward, mm", "y down, mm", [desired, *paths], equal=True, y_down=True)
-
-
-def _over_time(data: CycleData, leg: int, title: str, y: str, series: Sequence[Series]) -> Panel:
-    return Panel(title, CLOCK, y, series, x_range=(0.0, data.duration), shaded=data.support(leg))
-
-
-def _force(data: CycleData, leg: int) -> Panel:
-    first = data.select(data.cycles[0], leg)
-    desired = Series("desired", data.time_in_cycle(first), first["force_desired"], style=DESIRED_LINE)
-    lines = [desired, *_by_cycle(data, leg, lambda rows: rows["force"])]
-    return _over_time(data, leg, data.leg_name(leg) or "contact force", "force, N", lines)
-
-
-def _error(axis: str) -> Callable[[CycleData, int], Panel]:
-    def panel(data: CycleData, leg: int) -> Panel:
-        lines = _by_cycle(data, leg, lambda rows: data.error(rows, axis))
-        return _over_time(data, leg, data.leg_name(leg) or f"error along {axis}", f"{axis} - desired, mm", lines)
-
-    return panel
-
-
-TRACKING: dict[str, tuple[Callable[[CycleData, int], Panel], str]] = {
-    "foot": (_foot, "Paths of the feet in the frames of their hips, y down"),
-    "force": (_force, "Contact force"),
-    "error_x": (_error("x"), "Error of the foot along x, forward"),
-    "error_y": (
-        _error("y"),
-        "Error of the foot along y, down; in support relative to the depression at the desired force",
-    ),
-    "error_z": (_error("z"), "Error of the foot along z, to the left"),
-}
-
-
-def _describe_shade(data: CycleData) -> str:
-    return " The planned support is shaded." if data.support(1) else ""
+        if name == "foot":
+            clock, values = 1e3 * rows["x"], 1e3 * rows["y"]
+        else:
+            clock, values = data.time_in_cycle(rows), read_quantity(rows, name)
+        lines.append(Series(f"cycle {cycle}", clock, values, style=style))
+    panel = Panel(data.leg_name(leg) or title, CLOCK, y, lines, from_zero=from_zero)
+    if name == "foot":
+        desired = Series("desired", 1e3 * first["x_desired"], 1e3 * first["y_desired"], style=DESIRED_LINE)
+        return replace(panel, x="x forward, mm", series=[desired, *lines], equal=True, y_down=True)
+    return replace(panel, x_range=(0.0, data.duration), shaded=data.support(leg))
 
 
 def draw_tracking(data: CycleData) -> list[Drawing]:
     """Foot path, force and errors over the chosen cycles: one figure for one leg, else one for each."""
-    names = (
-        ["foot", "force", *(f"error_{axis}" for axis in data.axes)] if data.moves_along_x else ["force", "error_y"]
-    )
-    if data.legs == 1:
-        figure = draw([TRACKING[name][0](data, 1) for name in names], height=2.7)
+    names = ["foot", "force", *data.axes] if data.moves_along_x else ["force", "y"]
+    panels = {name: [over_cycle(data, name, leg) for leg in data.legs] for name in names}
+    if len(data.legs) == 1:
+        figure = draw([panel for (panel,) in panels.values()], height=2.7)
         return [Drawing("tracking", figure, f"Force and errors over the chosen cycles.{_describe_shade(data)}")]
-    drawings = []
-    for name in names:
-        make_panel, caption = TRACKING[name]
-        panels, height = [make_panel(data, leg) for leg in range(1, data.legs + 1)], 1.8 if name == "foot" else 2.3
-        shade = "" if name == "foot" else _describe_shade(data)
-        drawings.append(Drawing(name, draw(panels, height=height, share="xy"), f"{caption}.{shade}"))
-    return drawings
+    return [
+        Drawing(
+            name if name in ("foot", "force") else f"error_{name}",
+            draw(panels[name], height=1.8 if name == "foot" else 2.3, share="xy"),
+            QUANTITIES[name].caption + ("" if name == "foot" else _describe_shade(data)),
+        )
+        for name in names
+    ]
+
+
+def draw_body(data: CycleData) -> Drawing:
+    """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
+    caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
+    return Drawing("body", draw([over_cycle(data, name, 0) for name in BODY], height=2.3, share="x"), caption)
+
+
+def _describe_shade(data: CycleData) -> str:
+    return " The planned support is shaded." if data.support(1) else ""
 
 
 def draw_torques(data: CycleData) -> Drawing:
@@ -157,7 +175,7 @@ def draw_torques(data: CycleData) -> Drawing:
     unit = "torque, N m" if data.has_joints else "force, N"
     learns = bool(data.trace[[f"tau_feedforward_{joint + 1}" for joint in range(count)]].to_numpy().any())
     panels = []
-    for leg in range(1, data.legs + 1):
+    for leg in data.legs:
         rows = data.select(cycle, leg)
         time, leg_name = data.time_in_cycle(rows), data.leg_name(leg)
         if data.is_robot:  # three beside each other are narrow
@@ -172,52 +190,19 @@ def draw_torques(data: CycleData) -> Drawing:
             if learns:
                 style = {"color": FEEDFORWARD, "linestyle": "--"}
                 lines.append(Series("feedforward", time, rows[f"tau_feedforward_{joint}"], style=style))
-            panels.append(_over_time(data, leg, f"{leg_name}: {name}" if leg_name else name, unit, lines))
+            panel = Panel(f"{leg_name}: {name}" if leg_name else name, CLOCK, unit, lines, shaded=data.support(leg))
+            panels.append(replace(panel, x_range=(0.0, data.duration)))
     torques = "Feedback and feedforward" if learns else "Feedback"
     also = " and the torque of the desired force, which the plan knows," if data.is_robot else ""
     caption = f"{torques}{also} in cycle {cycle}; the plant receives their sum.{_describe_shade(data)}"
-    figure = draw(panels, count, 2.6 if data.legs == 1 else 1.7, share="x")
+    figure = draw(panels, count, 2.6 if len(data.legs) == 1 else 1.7, share="x")
     return Drawing("torques", figure, caption)
 
 
-def _margins(rows: "pd.DataFrame") -> dict[str, Array]:
-    """Stability margins of the body, mm; a run of an earlier version has the planned one alone."""
-    names = {"planned": "stability_margin", "true": "true_stability_margin"}
-    return {name: 1e3 * np.asarray(rows[column]) for name, column in names.items() if column in rows}
-
-
-def draw_body(data: CycleData) -> Drawing:
-    """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
-    columns = {
-        "height": ("height of the body", "height, mm"),
-        "margin": ("stability margin, nearest edge", "margin, mm"),
-        "pitch": ("pitch, nose down", "pitch, mrad"),
-        "roll": ("roll, right side down", "roll, mrad"),
-    }
-    first, panels = data.select_body(data.cycles[0]), []
-    for name, (title, y) in columns.items():
-        if name == "margin":
-            lines = _by_cycle(data, 0, lambda rows: list(_margins(rows).values())[-1])
-            lines.append(Series("planned", data.time_in_cycle(first), _margins(first)["planned"], style=DESIRED_LINE))
-        else:
-            lines = _by_cycle(data, 0, lambda rows, name=name: 1e3 * rows[name])  # type: ignore[misc]
-        panels.append(Panel(title, CLOCK, y, lines, from_zero=name == "margin", x_range=(0.0, data.duration)))
-    caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
-    return Drawing("body", draw(panels, height=2.3, share="x"), caption)
-
-
-def _end_of_body(rows: "pd.DataFrame") -> list[Panel]:
-    time = rows["time"]
-    tilt = [Series(name, time, 1e3 * rows[name]) for name in ("pitch", "roll")]
-    styles = {"planned": DESIRED_LINE, "true": {}}
-    margins = [Series(name, time, values, style=styles[name]) for name, values in _margins(rows).items()]
-    return [
-        Panel("tilt of the body", "time, s", "angle, mrad", tilt),
-        Panel(
-            "height of the body", "time, s", "height, mm", [Series("", time, 1e3 * rows["height"])], from_zero=False
-        ),
-        Panel("stability margin, nearest edge", "time, s", "margin, mm", margins),
-    ]
+def _end_of_body(rows: "pd.DataFrame", name: str) -> Panel:
+    title, y, _, from_zero = QUANTITIES[name]
+    lines = [*read_desired(rows, rows["time"], name), Series("true", rows["time"], read_quantity(rows, name))]
+    return Panel(title, "time, s", y, lines, from_zero=from_zero)
 
 
 def draw_end(data: CycleData, status: str) -> Drawing:
@@ -226,17 +211,15 @@ def draw_end(data: CycleData, status: str) -> Drawing:
     if not data.has_joints:
         columns = {"vx": "along x", "vy": "along y"}
     speeds, forces = [], []
-    for leg in range(1, data.legs + 1):
+    for leg in data.legs:
         rows = data.trace[data.trace["leg"] == leg].tail(LAST_STEPS)
-        whose = f"leg {leg} " if data.legs > 1 else ""
+        whose = f"leg {leg} " if len(data.legs) > 1 else ""
         speeds += [Series(whose + name, rows["time"], rows[column]) for column, name in columns.items()]
-        forces.append(Series(f"{whose}force", rows["time"], rows["force"]))
-    speed = "joint speed, rad/s" if data.has_joints else "speed, m/s"
+        forces.append(Series(whose or "force", rows["time"], rows["force"]))
     panels = [Panel("contact force", "time, s", "force, N", forces)]
     if data.body is not None and status == "fell":
-        panels += _end_of_body(data.body.tail(LAST_STEPS))
+        panels += [_end_of_body(data.body.tail(LAST_STEPS), name) for name in BODY]
     else:
-        panels.append(Panel("speed", "time, s", speed, speeds))
-    steps = min(LAST_STEPS, len(data.trace) // data.legs)
-    figure = draw(panels, height=2.4 if data.legs == 1 else 3.0, legend="panel")
-    return Drawing("end", figure, f"The last {steps} recorded steps before the run stopped.")
+        panels.append(Panel("speed", "time, s", "joint speed, rad/s" if data.has_joints else "speed, m/s", speeds))
+    steps = min(LAST_STEPS, len(data.trace) // len(data.legs))
+    return Drawing("end", draw(panels, legend="panel"), f"The last {steps} recorded steps before the run stopped.")

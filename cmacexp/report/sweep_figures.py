@@ -8,21 +8,19 @@ import numpy as np
 
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.registry import JUDGED, MAIN
-from cmacexp.metrics.text import format_number, format_setting
+from cmacexp.metrics.text import format_setting
 from cmacexp.report.curves import is_numeric, over_cycles, over_setting
-from cmacexp.report.cycle_data import MOST_CYCLES, CycleData, read_cycle_data
-from cmacexp.report.figures import DESIRED_LINE, STOPPED, Panel, Series, draw
+from cmacexp.report.cycle_data import MOST_CYCLES, read_cycle_data
+from cmacexp.report.figures import Series, draw
 from cmacexp.report.parts import Drawing
-from cmacexp.report.run_figures import CLOCK
+from cmacexp.report.run_figures import QUANTITIES, over_cycle
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.typing import Array
 
 MOST_LINES = 12
-"""Runs that have a line each in learning curves; more are grouped by the swept value."""
+"""Lines of learning curves: more runs are grouped by a swept value, of which as many are shown, evenly spaced."""
 MOST_FAMILY = 7
 """Values of a second key that have a line each."""
-LARGER = 3.0
-"""Curves that reach further than so many times the usual one are cut off, so that the others stay visible."""
 
 
 def make_file_name(key: str) -> str:
@@ -46,20 +44,24 @@ def draw_learning_curves(runs: Sequence[RunSummary], names: Sequence[str], keys:
         names: of the runs, for the legend.
         keys: that were swept; of many runs each of the first two has a figure with a line for each of its values.
     """
-    begun = {name: [run] for name, run in zip(names, runs, strict=True) if run.cycles}
+    ends = ["" if run.status == "completed" else f", {run.status}" for run in runs]
+    begun = {name + end: [run] for name, end, run in zip(names, ends, runs, strict=True) if run.cycles}
     shown = [run for (run,) in begun.values()]
     if max((run.cycles for run in shown), default=0) < 2:
         return []
     if len(shown) > MOST_LINES:
-        caption = "Metrics of each whole cycle: the median of all runs with the same"
-        return [
-            Drawing(f"learning-{make_file_name(key)}", _draw_learning(group_by(shown, key), key), f"{caption} {key}.")
-            for key in keys[:2]
-        ]
-    stopped = any(run.status != "completed" for run in shown)
-    crosses = " A cross: the run fell or diverged in the next cycle." if stopped else ""
-    caption = f"Metrics of each whole cycle, one line for each run.{crosses}"
-    return [Drawing("learning", _draw_learning(begun), caption)]
+        return [_draw_grouped(shown, key) for key in keys[:2]]
+    return [Drawing("learning", _draw_learning(begun), "Metrics of each whole cycle, one line for each run.")]
+
+
+def _draw_grouped(runs: Sequence[RunSummary], key: str) -> Drawing:
+    groups = group_by(runs, key)
+    values = list(groups)
+    chosen = sorted({round(place) for place in np.linspace(0, len(values) - 1, MOST_LINES)})
+    figure = _draw_learning({values[index]: groups[values[index]] for index in chosen}, key)
+    some = f" {len(chosen)} of {len(values)} values are shown." if len(chosen) < len(values) else ""
+    caption = f"Metrics of each whole cycle: median and range of the runs with the same {key}.{some}"
+    return Drawing(f"learning-{make_file_name(key)}", figure, caption)
 
 
 def _draw_learning(groups: Mapping[Any, Sequence[RunSummary]], title: str = "") -> Any:
@@ -69,11 +71,7 @@ def _draw_learning(groups: Mapping[Any, Sequence[RunSummary]], title: str = "") 
         if not any(run.shows(name) and np.isfinite(run.final(name)) for run in runs):
             continue
         histories = {value: [_history(run, name) for run in own] for value, own in groups.items()}
-        panel = replace(over_cycles(name, histories), title=f"{MAIN[name].title} ({name})")
-        ends = [] if title else [run for run in runs if run.status != "completed"]
-        last = [MAIN[name].factor * _history(run, name)[-1] for run in ends]
-        crosses = [Series("fell or diverged", [run.cycles for run in ends], last, style=STOPPED)] if ends else []
-        panels.append(replace(panel, series=[*panel.series, *crosses]))
+        panels.append(replace(over_cycles(name, histories), title=f"{MAIN[name].title} ({name})"))
     return draw(panels, legend_title=title)
 
 
@@ -139,58 +137,31 @@ def _over(runs: Sequence[RunSummary], key: str, name: str, take: Any) -> dict[An
     return {value: sample for value, sample in known.items() if sample.size}
 
 
-def shared_limits(curves: Sequence[Array]) -> tuple[float, float]:
-    """Limits of an axis that shows all curves but those that reach :data:`LARGER` times as far as the usual one.
-
-    >>> shared_limits([np.array([-1.0, 1.0]), np.array([0.0, 1.2]), np.array([-90.0, 90.0])])
-    (-1.0, 1.2)
-    """
-    reach = [float(np.abs(curve).max()) for curve in curves]
-    most = LARGER * sorted(reach)[(len(reach) - 1) // 2]
-    shown = np.concatenate([curve for curve, far in zip(curves, reach, strict=True) if far <= most])
-    return float(shown.min()), float(shown.max())
-
-
 def draw_side_by_side(runs: Sequence[RunSummary], names: Sequence[str]) -> list[Drawing]:
-    """Force and errors of leg 1 over the last whole cycle of each run; none for runs of different machines
-    or too many runs for one figure.
+    """Force and errors of leg 1 over the last whole cycle of each completed run, on the same axes.
+
+    None for runs of different machines or too many runs for one figure.
 
     Args:
         runs: with results.
         names: of the runs.
     """
-    begun = [(run, name) for run, name in zip(runs, names, strict=True) if run.cycles]
-    machines = {(run.config["scenario"], run.config["gait.cycle_time"]) for run, _ in begun}
-    if not 1 < len(begun) <= MOST_CYCLES or len(machines) > 1:
+    ended = {name: run for run, name in zip(runs, names, strict=True) if run.status == "completed" and run.cycles}
+    machines = {(run.config["scenario"], run.config["gait.cycle_time"]) for run in ended.values()}
+    if not 1 < len(ended) <= MOST_CYCLES or len(machines) > 1:
         return []
-    shown = {}
-    for run, name in begun:
-        end = f", {run.status}" if run.status != "completed" else ""
-        shown[f"{name} (cycle {run.cycles}{end})"] = read_cycle_data(StoredRun(run.folder), [run.cycles])
+    shown = {name: read_cycle_data(StoredRun(run.folder), [run.cycles]) for name, run in ended.items()}
     axes = "yx" if any(data.moves_along_x for data in shown.values()) else "y"
-    return [_draw_beside(shown, name) for name in ("force", *axes)]
+    leg = " of leg 1" if any(len(data.legs) > 1 for data in shown.values()) else ""
+    drawings = []
+    for quantity in ("force", *axes):
+        panels = [replace(over_cycle(data, quantity, 1), title=name) for name, data in shown.items()]
+        lines = [replace(panel, series=[_name_actual(line) for line in panel.series]) for panel in panels]
+        caption = f"{QUANTITIES[quantity].title.capitalize()}{leg} over the last whole cycle of each completed run."
+        drawings.append(Drawing(f"side-by-side-{quantity}", draw(lines, height=1.9, share="xy"), caption))
+    return drawings
 
 
-def _draw_beside(shown: Mapping[str, CycleData], name: str) -> Drawing:
-    title, y, unit = f"Error along {name}", f"{name} - desired", "mm"
-    if name == "force":
-        title, y, unit = "Contact force", "force", "N"
-    rows = {run: data.select(data.cycles[0], 1) for run, data in shown.items()}
-    curves = {
-        run: np.asarray(own["force"]) if name == "force" else shown[run].error(own, name) for run, own in rows.items()
-    }
-    low, high = shared_limits(list(curves.values()))
-    margin = 0.06 * (high - low or 1.0)
-    x_range = (0.0, max(data.duration for data in shown.values()))
-    y_range = (min(low, 0.0) - margin, max(high, 0.0) + margin)
-    panels = []
-    for run, data in shown.items():
-        clock, far = data.time_in_cycle(rows[run]), float(np.abs(curves[run]).max())
-        series = [Series("actual", clock, curves[run])]
-        if name == "force":
-            series.append(Series("desired", clock, rows[run]["force_desired"], style=DESIRED_LINE))
-        note = f"cut off: reaches {format_number(far, unit)}" if far > max(abs(low), abs(high)) else ""
-        panels.append(Panel(run, CLOCK, f"{y}, {unit}", series, x_range=x_range, y_range=y_range, note=note))
-    leg = " of leg 1" if any(data.legs > 1 for data in shown.values()) else ""
-    caption = f"{title}{leg} over the last whole cycle of each run, on the same axes."
-    return Drawing(f"side-by-side-{name}", draw(panels, height=1.9, share="xy"), caption)
+def _name_actual(line: Series) -> Series:
+    """The line of a cycle under a name that is the same for all runs."""
+    return line if line.name == "desired" else replace(line, name="actual")

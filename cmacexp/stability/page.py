@@ -74,7 +74,7 @@ def _where(analysis: Analysis) -> "pd.DataFrame":
 
 
 def _reasons(analysis: Analysis) -> "pd.DataFrame":
-    """Lowest frequency, Hz, at which Re T is negative with each lead, by place; NaN: nowhere."""
+    """Lowest frequency, Hz, at which Re T is negative with each lead, by place; NaN where none is."""
     import pandas as pd
 
     return pd.DataFrame(

@@ -25,7 +25,6 @@ from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_settings import list_settings
 from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
 from cmacexp.report.style import mark, new_figure
-from cmacexp.report.sweep_figures import shared_limits
 from cmacexp.report.sweep_report import make_sweep_report
 from cmacexp.report.swept import find_swept
 
@@ -400,9 +399,3 @@ def test_names_of_ticks_do_not_overlap():
     values = [1.0, 10.0, 19.0, 20.0]
     assert name_ticks(np.array(values), values) == ["1", "10", "", "20"]
     assert name_ticks(np.log([1.0, 2.0, 4.0]), [1.0, 2.0, 4.0]) == ["1", "2", "4"]
-
-
-def test_one_run_that_oscillates_does_not_set_the_scale_of_the_others():
-    calm, wild = np.array([-1.0, 1.0]), np.array([-90.0, 90.0])
-    assert shared_limits([calm, 1.2 * calm, wild]) == (-1.2, 1.2)
-    assert shared_limits([wild, wild]) == (-90.0, 90.0)
