@@ -20,7 +20,7 @@ MOST_MARKED = 30
 """Points up to which a line has a marker at each."""
 MOST_VECTOR = 1000
 """Points from which on a band is a bitmap in SVG: unlike a line, it is never simplified."""
-MOST_CHARACTERS = 36
+MOST_CHARACTERS = 50
 """Characters up to which the names of all ticks stand level."""
 KINDS, LOG = ("lines", "scatter", "bars"), ("", "x", "y", "xy")
 Values = Sequence[float] | NDArray[Any]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-NUMBER = re.compile(r"([-+]?(\d[\d.]*(e[-+]?\d+)?|infinite)( .*)?|-|undefined)?")
-"""A cell that is a number, with its unit or a remark, or says that there is none."""
+NUMBER = re.compile(r"([-+]?(\d[\d.]*(e[-+]?\d+|-\d+)?|infinite)( .*)?|-|undefined)?")
+"""A cell that is a number or a range, with its unit or a remark, or says that there is none."""
 
 
 @dataclass(frozen=True)

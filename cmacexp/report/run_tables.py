@@ -58,6 +58,10 @@ def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     return Table(titles, rows, caption, cards=True)
 
 
+def _exact(value: float) -> str:
+    return format_number(value, digits=EXACT) if value == value else "-"
+
+
 def list_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     """Every metric of the chosen cycles, in the units of the files, with its meaning."""
     rows = []
@@ -65,9 +69,7 @@ def list_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
         metric = ALL_METRICS[name]
         if not np.isnan(values).all():
             meaning = [name, metric.meaning, metric.pooling.name] if run.walks else [name, metric.meaning]
-            rows.append(
-                [*meaning, metric.unit or "1", *(format_number(values[cycle - 1], digits=EXACT) for cycle in cycles)]
-            )
+            rows.append([*meaning, metric.unit or "1", *(_exact(values[cycle - 1]) for cycle in cycles)])
     titles = ["metric", "meaning", *(["over the legs"] if run.walks else []), "unit"]
     titles += [f"cycle {cycle}" for cycle in cycles]
     return Table(titles, rows, "All metrics that are defined in some cycle of the run.")
