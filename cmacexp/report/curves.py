@@ -84,13 +84,13 @@ def over_setting(
         title: of the panel.
         order: of values that are no numbers, if not that of ``groups``.
     """
-    values = order or [value for own in groups.values() for value in own]
+    values = order or [value for by_value in groups.values() for value in by_value]
     series, ticks = [], list(dict.fromkeys(map(format_setting, values)))
-    for name, own in groups.items():
+    for name, by_value in groups.items():
         if kind == "lines":
-            samples = {float(value): own[value] for value in sorted(own)}
+            samples = {float(value): by_value[value] for value in sorted(by_value)}
         else:
-            samples = {float(ticks.index(format_setting(value))): sample for value, sample in own.items()}
+            samples = {float(ticks.index(format_setting(value))): sample for value, sample in by_value.items()}
         found = np.array([reduce(sample) for sample in samples.values()]).T
         middle, low, high = np.where(np.isfinite(found), found, np.nan)
         spread = found[2] > found[1]

@@ -46,9 +46,12 @@ def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
     """The main metrics per cycle, pooled over the legs."""
     pooled = pool_legs(run.scores)
     values = {
-        name: SHOWN[name].factor * own
-        for name, own in pooled.items()
-        if name in SHOWN and is_shown(name, pooled, count_legs(run.scores)) and np.isfinite(own).any() and own.any()
+        name: SHOWN[name].factor * history
+        for name, history in pooled.items()
+        if name in SHOWN
+        and is_shown(name, pooled, count_legs(run.scores))
+        and np.isfinite(history).any()
+        and history.any()
     }
     panels, drawn = [], []
     for title, (axis, names) in PANELS.items():
@@ -70,7 +73,7 @@ def draw_legs(run: StoredRun) -> Drawing:
     """Errors and share of the feedforward of each leg, per cycle."""
     names = [name for name in KEY if name in run.metrics and is_shown(name, run.metrics, len(LEG_NAMES))]
     histories = {leg: run.metrics[run.metrics["leg"] == index] for index, leg in enumerate(LEG_NAMES, 1)}
-    panels = [over_cycles(name, {leg: [np.asarray(own[name])] for leg, own in histories.items()}) for name in names]
+    panels = [over_cycles(name, {leg: [np.asarray(rows[name])] for leg, rows in histories.items()}) for name in names]
     return Drawing("legs", draw(panels), "Errors of each leg and the share of its feedforward, cycle by cycle.")
 
 

@@ -65,12 +65,12 @@ def _draw_grouped(runs: Sequence[RunSummary], key: str) -> Drawing:
 
 
 def _draw_learning(groups: Mapping[Any, Sequence[RunSummary]], title: str = "") -> Any:
-    runs = [run for own in groups.values() for run in own]
+    runs = [run for group in groups.values() for run in group]
     panels = []
     for name in JUDGED:
         if not any(run.shows(name) and np.isfinite(run.final(name)) for run in runs):
             continue
-        histories = {value: [_history(run, name) for run in own] for value, own in groups.items()}
+        histories = {value: [_history(run, name) for run in group] for value, group in groups.items()}
         panels.append(replace(over_cycles(name, histories), title=f"{MAIN[name].title} ({name})"))
     return draw(panels, legend_title=title)
 
@@ -107,7 +107,7 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
             continue
         if second:
             groups = {
-                value: _over(own, key, name, RunSummary.final) for value, own in group_by(ended, second).items()
+                value: _over(group, key, name, RunSummary.final) for value, group in group_by(ended, second).items()
             }
         else:
             groups = {line: _over(ended, key, name, take) for line, take in lines.items()}
@@ -130,8 +130,8 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
 def _over(runs: Sequence[RunSummary], key: str, name: str, take: Any) -> dict[Any, Array]:
     """Defined values of a metric in the unit that is shown, by the value of a key."""
     samples = {
-        value: np.array([MAIN[name].factor * take(run, name) for run in own])
-        for value, own in group_by(runs, key).items()
+        value: np.array([MAIN[name].factor * take(run, name) for run in group])
+        for value, group in group_by(runs, key).items()
     }
     known = {value: sample[np.isfinite(sample)] for value, sample in samples.items()}
     return {value: sample for value, sample in known.items() if sample.size}

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.metrics.text import format_setting
-from cmacexp.report.comparison import format_runs, make_names
+from cmacexp.report.comparison import Take, format_runs, make_names
 from cmacexp.report.page import HOW_TO_REPORT, Report, find_page
 from cmacexp.report.parts import Folded, Link, Section, Table, Text
 from cmacexp.report.run_summary import TABLES, RunSummary
@@ -17,8 +17,8 @@ MOST_KEYS = 4
 """Swept keys that metrics are drawn over."""
 
 
-def _html_table(runs: Sequence[RunSummary], swept: Swept, prefix: str, caption: str, out: Path) -> Table:
-    titles, rows = format_runs(runs, [*swept.keys, *swept.seeds], prefix)
+def _html_table(runs: Sequence[RunSummary], swept: Swept, take: Take, caption: str, out: Path) -> Table:
+    titles, rows = format_runs(runs, [*swept.keys, *swept.seeds], take)
     linked = [[_link(run, name, out), *cells] for run, (name, *cells) in zip(runs, rows, strict=True)]
     return Table(titles, linked, caption)
 
@@ -74,9 +74,9 @@ def make_sweep_report(runs: Sequence[RunSummary], title: str, out: Path) -> Repo
     curves = draw_learning_curves(results, names, keys or ["scenario"])
     beside = draw_side_by_side(results, names)
     over = [drawing for key in swept.keys[:MOST_KEYS] for drawing in draw_over_key(results, key, swept.keys)]
-    final = _html_table(runs, swept, "final_", "Metrics of the last whole cycle, pooled over the legs", out)
+    final = _html_table(runs, swept, RunSummary.final, "Metrics of the last whole cycle, pooled over the legs", out)
     best = "Best values over all whole cycles: smallest error, largest share"
-    folded = Folded(best, [_html_table(runs, swept, "best_", "", out)])
+    folded = Folded(best, [_html_table(runs, swept, RunSummary.best, "", out)])
     place = os.path.commonpath([run.folder.resolve().parent for run in runs])
     pages = Text(f"Runs are folders below {place}; one with a page of its own is a link. {HOW_TO_REPORT}")
     sections = [Section("The runs", [*_list_differences(runs, swept), final, pages, *_list_stopped(runs), folded])]

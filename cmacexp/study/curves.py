@@ -20,7 +20,9 @@ def over_cycles(results: Results, name: str, by: str, log: str = "", title: str 
 
     ``title`` replaces the metric's own.
     """
-    return curves.over_cycles(name, {value: own.history(name) for value, own in results.by(by).items()}, log, title)
+    return curves.over_cycles(
+        name, {value: group.history(name) for value, group in results.by(by).items()}, log, title
+    )
 
 
 def draw_cycles(results: Results, names: Sequence[str], by: str, columns: int = 2) -> "Figure":
@@ -62,8 +64,8 @@ def over_setting(
         place: on the x axis of runs with one value of the setting, if not the value itself.
     """
     groups = {
-        name: {place(part) if place else value: sample(part) for value, part in own.by(key).items()}
-        for name, own in (results.by(by) if by else {"": results}).items()
+        name: {place(part) if place else value: sample(part) for value, part in group.by(key).items()}
+        for name, group in (results.by(by) if by else {"": results}).items()
     }
     x = axis or ("" if kind == "bars" else key)
     return curves.over_setting(groups, x, y, _interval, kind=kind, log=log, title=title, order=results.values(key))
