@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cmacexp.commands.study import main
+from cmacexp.metrics.text import format_number
 from cmacexp.report.figures import HeatMap, draw
-from cmacexp.report.numbers import format_number
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, between, grid
 from cmacexp.study.statements import Limit
 from cmacexp.study.tables import tabulate

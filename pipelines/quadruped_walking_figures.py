@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.planning.stability import FRONT, REAR, polygon
 from cmacexp.recording import palette
-from cmacexp.report.figure_data import put_legend_below
+from cmacexp.report.axes import add_legend
 from cmacexp.report.machine import ALOFT, DENT, MM, NEAR, NEAR_SIDE, draw_leg, joints
 from cmacexp.report.style import DESIRED, GROUND, SERIES, colour, label, new_figure
 from cmacexp.typing import Array
@@ -30,21 +30,24 @@ BODY, COG, POLYGON = colour(palette.BODY), colour(palette.COG), colour(palette.P
 
 def gait_diagram(walk: Walk, cycles: int = 2) -> "Figure":
     """Fig. 14: which foot is planned to be down, and which carries, over the last cycles."""
-    from matplotlib.patches import Patch
-
     rows = walk.view.cycle > walk.view.cycle[-1] - cycles
     time = walk.view.time[rows] - walk.view.time[rows][0]
     figure, (axes,) = new_figure(height=2.4)
+    bars = {
+        "planned support": (walk.support, 0.98, 1.28, "black"),
+        "foot carries": (walk.force > 0.0, 0.72, 0.94, SERIES[1]),
+    }
     for i in range(4):
-        for down, low, high, ink in ((walk.support, 0.98, 1.28, "black"), (walk.force > 0.0, 0.72, 0.94, SERIES[1])):
-            axes.fill_between(time, low + 2 - i, high + 2 - i, where=down[rows, i], step="post", color=ink, lw=0.0)
+        for name, (down, low, high, ink) in bars.items():
+            where = {"where": down[rows, i], "step": "post", "label": name}
+            axes.fill_between(time, low + 2 - i, high + 2 - i, color=ink, lw=0.0, **where)
     for cycle in range(1, cycles):
         axes.axvline(cycle * (time[-1] + walk.period) / cycles, color=DESIRED, lw=0.9, ls="--")
     axes.set(xlim=(0.0, time[-1] + walk.period), ylim=(-0.6, 3.6))
     axes.set_yticks(range(4), NAMES[::-1])
     axes.grid(visible=False, axis="y")
     label(axes, "support and transfer", "time, s", "leg")
-    put_legend_below(figure, {"planned support": Patch(color="black"), "foot carries": Patch(color=SERIES[1])})
+    add_legend(figure, [axes])
     return figure
 
 

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from cmacexp.metrics.registry import SHOWN
-from cmacexp.report.numbers import format_number
+from cmacexp.metrics.text import format_number
 from cmacexp.study import Results, draw
 from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.interval import estimate

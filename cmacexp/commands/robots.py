@@ -12,9 +12,9 @@ from cmacexp.config.describe import describe_fields
 from cmacexp.config.difference import flat
 from cmacexp.config.machine import read_model
 from cmacexp.errors import BadInput, suggest
+from cmacexp.metrics.text import format_number
 from cmacexp.models.robot import Robot
 from cmacexp.models.robot_gains import derive_basis
-from cmacexp.report.numbers import format_number
 from cmacexp.report.terminal import say
 from cmacexp.report.terminal_tables import print_table
 from cmacexp.typing import Array
@@ -87,8 +87,8 @@ def _show(arguments: argparse.Namespace) -> int:
     say(str(robot.path))
     print(f"mass {format_number(basis.mass, 'kg')}, links {length_1:.3g} m and {length_2:.3g} m")
     print(f"a foot feels {format_number(basis.foot_mass, 'kg')} at least, {basis.ratio:.3g} of the mass")
-    print_table(["", "unit", "hip", "thigh", "calf"], joint_rows(robot), left=2)
-    print_table(["", "unit", "value"], setting_rows(config), left=2)
+    print_table(["", "unit", "hip", "thigh", "calf"], joint_rows(robot))
+    print_table(["", "unit", "value"], setting_rows(config))
     return 0
 
 

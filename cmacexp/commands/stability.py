@@ -39,7 +39,7 @@ def _analyse(arguments: argparse.Namespace) -> int:
         with activity(f"analysing {folder}"):
             analysis = analyse(StoredRun(folder), cycle)
             path = write_stability_report(analysis, out or require_no_link(folder / FOLDER))
-        print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis), left=1)
+        print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis))
         say(verdict(analysis))
         say(str(path))
     return 0

@@ -1,6 +1,7 @@
 """A moving picture of a run: some of its cycles side by side, each with foot paths, forces and tilt."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,8 +16,9 @@ from cmacexp.errors import BadInput, BadRun
 from cmacexp.recording import palette
 from cmacexp.recording.ground import depression_scale
 from cmacexp.recording.run_view import RunView, make_view
+from cmacexp.report.figures import Panel, Series, draw_panel
 from cmacexp.report.machine import draw_side, in_travel, joints
-from cmacexp.report.style import DESIRED, SERIES, STYLE, colour
+from cmacexp.report.style import DESIRED, STYLE, colour
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ COLOURS = 128
 """Of the palette that all frames share."""
 PATHS = (colour(palette.FIRST_CYCLE), colour(palette.LAST_CYCLE))
 """Of the foot's path, in the first of the cycles and in the others."""
+HATCHED = {"fc": "white", "ec": DESIRED, "hatch": "////"}
+SOLID = {"linestyle": "-", "linewidth": 1.4, "marker": None}
 BORDER = 60.0
 """Around the machine, mm."""
 
@@ -44,12 +48,16 @@ class Cycle(NamedTuple):
     """One cycle of a run, as it is drawn."""
 
     view: RunView
-    number: int
     places: Array
     """Joints and foot of each leg, (steps, legs, joints + 1, 3), mm."""
     desired: Array
     """Where the feet should be, (steps, legs, 3), mm."""
     ink: str
+
+    @property
+    def tilt(self) -> dict[str, Array]:
+        """Pitch and roll of the body, mrad."""
+        return {name: 1e3 * self.view.body[name] for name in ("pitch", "roll")}
 
 
 class Limits(NamedTuple):
@@ -63,35 +71,21 @@ class Limits(NamedTuple):
 
 def make_cycles(views: Sequence[RunView]) -> list[Cycle]:
     """The cycles of a run, one view for each."""
-    return [
-        Cycle(
-            view,
-            int(view.cycle[0]),
-            joints(view),
-            np.stack([in_travel(view, leg.foot("_desired")) for leg in view.legs], axis=1),
-            PATHS[min(place, 1)],
-        )
-        for place, view in enumerate(views)
-    ]
-
-
-def _tilt(view: RunView) -> dict[str, Array]:
-    """Pitch and roll of the body, mrad."""
-    return {name: 1e3 * view.body[name] for name in ("pitch", "roll")}
+    cycles = []
+    for place, view in enumerate(views):
+        desired = np.stack([in_travel(view, leg.foot("_desired")) for leg in view.legs], axis=1)
+        cycles.append(Cycle(view, joints(view), desired, PATHS[min(place, 1)]))
+    return cycles
 
 
 def _limits(cycles: Sequence[Cycle]) -> Limits:
     """Axes that hold all of the cycles."""
-    drawn = [np.concatenate([c.places.reshape(-1, 3), c.desired.reshape(-1, 3)]) for c in cycles]
-    low, high = np.min([d.min(axis=0) for d in drawn], axis=0), np.max([d.max(axis=0) for d in drawn], axis=0)
+    drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.places, c.desired)])
+    low, high = drawn.min(axis=0), drawn.max(axis=0)
     force = max(float(np.max([leg["force"], leg["force_desired"]])) for c in cycles for leg in c.view.legs)
-    tilt = max(float(np.abs(line).max()) for c in cycles for line in _tilt(c.view).values())
-    return Limits(
-        (low[0] - BORDER, high[0] + BORDER),
-        (min(low[2], -40.0) - BORDER, high[2] + BORDER),
-        1.1 * force,
-        1.1 * tilt or 1.0,
-    )
+    tilt = max(float(np.abs(line).max()) for c in cycles for line in c.tilt.values())
+    x = (low[0] - BORDER, high[0] + BORDER)
+    return Limits(x, (min(low[2], -40.0) - BORDER, high[2] + BORDER), 1.1 * force, 1.1 * tilt or 1.0)
 
 
 def _draw_machine(axes: "Axes", cycle: Cycle, k: int, limits: Limits) -> None:
@@ -103,34 +97,25 @@ def _draw_machine(axes: "Axes", cycle: Cycle, k: int, limits: Limits) -> None:
     axes.set(xlim=limits.x, ylim=limits.z, aspect="equal", xticks=[], yticks=[])
     axes.axis("off")
     axes.text(0.02, 0.0, "grey: desired foot paths", color=DESIRED, transform=axes.transAxes)
-    axes.set_title(f"cycle {cycle.number}", color=cycle.ink, fontsize=13.0, loc="center")
+    axes.set_title(f"cycle {cycle.view.cycle[0]}", color=cycle.ink, fontsize=13.0, loc="center")
 
 
-def _draw_forces(axes: "Axes", cycle: Cycle, k: int, limits: Limits, first: bool) -> None:
-    """The paper's foot force display: actual beside desired, leg by leg."""
-    legs = cycle.view.legs
-    number = np.array([leg.number for leg in legs])
-    axes.bar(number - 0.19, [leg["force"][k] for leg in legs], 0.36, color=cycle.ink, label="actual", zorder=3)
-    axes.bar(
-        number + 0.19, [leg["force_desired"][k] for leg in legs], 0.36, fc="white", ec=DESIRED, hatch="////",
-        label="desired", zorder=3,
-    )  # fmt: skip
-    names = [f"{leg.number} {leg.name}" if cycle.view.walks else leg.name for leg in legs]
-    axes.set(xlim=(0.4, len(legs) + 0.6), ylim=(0.0, limits.force), xticks=number, xticklabels=names)
-    axes.grid(visible=False, axis="x")
-    if first:
-        axes.set_ylabel("force, N")
-
-
-def _draw_tilt(axes: "Axes", cycle: Cycle, k: int, limits: Limits, first: bool) -> None:
-    """Pitch and roll of the body in this cycle, up to now."""
-    time = cycle.view.time - cycle.view.time[0]
-    for (name, line), ink in zip(_tilt(cycle.view).items(), (SERIES[1], SERIES[3]), strict=True):
-        axes.plot(time[: k + 1], line[: k + 1], color=ink, label=name, lw=1.4)
-    axes.axvline(time[k], color="black", lw=0.7)
-    axes.set(xlim=(0.0, time[-1]), ylim=(-limits.tilt, limits.tilt), xlabel="time in the cycle, s")
-    if first:
-        axes.set_ylabel("tilt, mrad")
+def _panels(cycle: Cycle, k: int, limits: Limits) -> list[Panel]:
+    """The paper's foot force display, actual beside desired; tilt of a body in this cycle, up to now."""
+    view, places = cycle.view, np.arange(len(cycle.view.legs))
+    forces = [
+        Series("actual", places, [leg["force"][k] for leg in view.legs], style={"color": cycle.ink}),
+        Series("desired", places, [leg["force_desired"][k] for leg in view.legs], style=HATCHED),
+    ]
+    names = [f"{leg.number} {leg.name}" if view.walks else leg.name for leg in view.legs]
+    panels = [Panel("", "", "force, N", forces, "bars", ticks=names, y_range=(0.0, limits.force))]
+    if view.walks:
+        time = view.time - view.time[0]
+        tilt = [Series(name, time[: k + 1], line[: k + 1], style=SOLID) for name, line in cycle.tilt.items()]
+        y_range = (-limits.tilt, limits.tilt)
+        panel = Panel("", "time in the cycle, s", "tilt, mrad", tilt, x_limits=[time[k]], y_range=y_range)
+        panels.append(replace(panel, x_range=(0.0, float(time[-1]))))
+    return panels
 
 
 def _find_row(time: Array, part: float) -> int:
@@ -151,21 +136,20 @@ def draw_frame(cycles: Sequence[Cycle], part: float, limits: Limits) -> "Image":
     from PIL import Image
 
     matplotlib.rcParams.update(STYLE)
-    walks = cycles[0].view.walks
+    heights = [2.7, 1.0, 0.9] if cycles[0].view.walks else [2.7, 1.0]
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI)
-    rows: dict[str, Any] = {"height_ratios": [2.7, 1.0, 0.9] if walks else [2.7, 1.0]}
     place = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
-    axes = figure.subplots(2 + walks, len(cycles), squeeze=False, gridspec_kw=rows | place)
+    grid: dict[str, Any] = place | {"height_ratios": heights}
+    axes = figure.subplots(len(heights), len(cycles), squeeze=False, gridspec_kw=grid)
     for column, cycle in enumerate(cycles):
-        k, last = _find_row(cycle.view.time, part), column == len(cycles) - 1
+        k = _find_row(cycle.view.time, part)
         _draw_machine(axes[0, column], cycle, k, limits)
-        _draw_forces(axes[1, column], cycle, k, limits, column == 0)
-        if walks:
-            _draw_tilt(axes[2, column], cycle, k, limits, column == 0)
-        for row in range(1, 2 + walks):
-            axes[row, column].tick_params(labelleft=column == 0)
-            if last:
-                axes[row, column].legend(loc="upper right", ncols=2, borderaxespad=0.0)
+        for ax, panel in zip(axes[1:, column], _panels(cycle, k, limits), strict=True):
+            draw_panel(ax, panel)
+            ax.set(xlabel=panel.x, ylabel="" if column else panel.y)
+            ax.tick_params(labelleft=column == 0)
+            if column == len(cycles) - 1:
+                ax.legend(loc="upper right", ncols=2, borderaxespad=0.0)
     memory = BytesIO()
     figure.savefig(memory, format="png", dpi=DPI)
     return Image.open(memory).convert("RGB")

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,9 @@ import numpy as np
 from cmacexp.errors import in_one_line
 from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.registry import MAIN, OF_A_ROBOT, RANKED
-from cmacexp.metrics.summary import format_number, shorten
-from cmacexp.report.run_summary import RunSummary, format_value
+from cmacexp.metrics.summary import shorten
+from cmacexp.metrics.text import format_cell, format_setting
+from cmacexp.report.run_summary import RunSummary
 from cmacexp.report.terminal_tables import head, print_key, print_table
 
 Row = dict[str, Any]
@@ -46,8 +47,11 @@ def _omit_robots(runs: Sequence[RunSummary], names: Iterable[str]) -> list[str]:
     return [name for name in names if name not in OF_A_ROBOT or any(name in run.metrics for run in runs)]
 
 
+Take = Callable[[RunSummary, str], float]
+
+
 def tabulate_runs(
-    runs: Sequence[RunSummary], keys: Sequence[str], prefix: str = "final_"
+    runs: Sequence[RunSummary], keys: Sequence[str], take: Take = RunSummary.final
 ) -> tuple[dict[str, Shown], list[list[str]]]:
     """The main metrics that at least one run defines, by name, and one row of text for each run.
 
@@ -56,31 +60,26 @@ def tabulate_runs(
     Args:
         runs: to compare.
         keys: in which they differ.
-        prefix: ``final_`` or ``best_``.
+        take: gives a metric of a run: the final or the best one.
     """
-    rows = make_rows(runs, keys)
     columns = {
-        name: [
-            row.get(prefix + name, math.nan) if run.shows(name) else math.nan
-            for run, row in zip(runs, rows, strict=True)
-        ]
-        for name in MAIN
+        name: [shown.factor * take(run, name) if run.shows(name) else math.nan for run in runs]
+        for name, shown in MAIN.items()
     }
     main = {name: shown for name, shown in MAIN.items() if not np.isnan(columns[name]).all()}
-    cells = []
-    for index, row in enumerate(rows):
-        numbers = [format_number(columns[name][index] * shown.factor) for name, shown in main.items()]
-        settings = [format_value(row[key]) for key in keys]
-        cells.append([row["run"], *settings, row["status"], str(row["cycles_done"]), *numbers])
-    return main, cells
+    rows = []
+    for index, (name, run) in enumerate(zip(make_names(runs), runs, strict=True)):
+        settings = [format_setting(run.config.get(key)) for key in keys]
+        rows.append([name, *settings, run.status, str(run.cycles), *(format_cell(columns[m][index]) for m in main)])
+    return main, rows
 
 
 def format_runs(
-    runs: Sequence[RunSummary], keys: Sequence[str], prefix: str = "final_"
+    runs: Sequence[RunSummary], keys: Sequence[str], take: Take = RunSummary.final
 ) -> tuple[list[str], list[list[str]]]:
     """Titles, whose units follow a line break, and the rows of :func:`tabulate_runs`."""
-    main, rows = tabulate_runs(runs, keys, prefix)
-    return ["run", *keys, "status", "cycles\ndone", *(f"{s.title}\n{s.unit}" for s in main.values())], rows
+    main, rows = tabulate_runs(runs, keys, take)
+    return ["run", *keys, "status", "cycles done", *(f"{s.title}\n{s.unit}" for s in main.values())], rows
 
 
 def print_runs(runs: Sequence[RunSummary], keys: Sequence[str], all_in: Path) -> None:
@@ -88,7 +87,7 @@ def print_runs(runs: Sequence[RunSummary], keys: Sequence[str], all_in: Path) ->
     main, rows = tabulate_runs(runs, keys)
     shown = shorten(rows)
     heads = [key.replace(".", ".\n") + "\n" for key in keys]
-    print_table(["run\n", *heads, "status\n", "cycles\ndone\n", *map(head, main.values())], shown, 2 + len(keys))
+    print_table(["run\n", *heads, "status\n", "cycles\ndone\n", *map(head, main.values())], shown)
     if len(shown) < len(rows):
         print(in_one_line(f"{len(shown)} of {len(rows)} runs; all are in {all_in}"))
     if main:

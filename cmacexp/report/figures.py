@@ -1,6 +1,6 @@
-"""A small vocabulary of figures: panels of lines, points and bars, and heat maps, in one style."""
+"""The vocabulary of all figures: panels of lines, points and bars, and heat maps, in one style."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import BadInput
-from cmacexp.report.figure_data import logarithmic, mark, put_legend_below, widen
-from cmacexp.report.style import MARKERS, label, new_grid
+from cmacexp.report.axes import add_legend, include_zero, logarithmic, name_ticks
+from cmacexp.report.style import DESIRED, MARKERS, label, mark, new_figure
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
@@ -20,16 +20,21 @@ MOST_MARKED = 30
 """Points up to which a line has a marker at each."""
 MOST_VECTOR = 1000
 """Points from which on a band is a bitmap in SVG: unlike a line, it is never simplified."""
-MOST_LEVEL = 5
-"""Names of ticks up to which they stand level."""
+MOST_CHARACTERS = 50
+"""Characters up to which the names of all ticks stand level."""
 KINDS, LOG = ("lines", "scatter", "bars"), ("", "x", "y", "xy")
-Values = Sequence[float] | Array | NDArray[np.integer]
+Values = Sequence[float] | NDArray[Any]
 LIMIT: dict[str, Any] = {"color": "#555555", "linestyle": ":", "linewidth": 1.0, "zorder": 0}
+SHADE: dict[str, Any] = {"color": "#F1F1F1", "linewidth": 0, "zorder": 0}
+DESIRED_LINE: dict[str, Any] = {"color": DESIRED, "linestyle": "-", "linewidth": 2.6, "alpha": 0.6, "zorder": 1.9}
+"""Style of what should be, behind what is."""
+STOPPED: dict[str, Any] = {"color": "#000000", "marker": "x", "linestyle": "none", "ms": 6, "clip_on": False}
+"""Style of runs that fell or diverged."""
 
 
 @dataclass(frozen=True)
 class Series:
-    """Named values; the same name has the same colour in all panels of a figure."""
+    """Named values; the same name has the same colour in all panels that share a legend."""
 
     name: str
     x: Values
@@ -37,6 +42,8 @@ class Series:
     low: Values | None = None
     """With ``high``: a band or error bars, e.g. an interval over seeds."""
     high: Values | None = None
+    style: Mapping[str, Any] = field(default_factory=dict)
+    """Properties of lines of matplotlib that differ from those of the place in the legend."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +65,26 @@ class Panel:
     """Logarithmic axes: ``x``, ``y`` or ``xy``."""
     ticks: Sequence[str] = ()
     """Names of the positions 0, 1, ... on the x axis."""
+    x_ticks: Sequence[float] = ()
+    """The only numbers that the x axis names."""
     x_limits: Sequence[float] = ()
     """Vertical dotted lines."""
     y_limits: Sequence[float] = ()
     """Horizontal dotted lines."""
     from_zero: bool = True
     """Whether a linear y axis includes zero; else it spans at least a small part of the values."""
+    x_range: tuple[float, float] | None = None
+    """Ends of the x axis; None: of the values."""
+    y_range: tuple[float, float] | None = None
+    """Ends of the y axis; None: as ``from_zero`` says."""
+    shaded: Sequence[tuple[float, float]] = ()
+    """Spans of the x axis with a grey background."""
+    equal: bool = False
+    """Whether both axes have the same scale."""
+    y_down: bool = False
+    """Whether the y axis points down."""
+    crosses: Sequence[float] = ()
+    """Places on the x axis with a cross: there a run fell or diverged."""
 
     def __post_init__(self) -> None:
         for name, value, allowed in (("kind", self.kind, KINDS), ("log", self.log, LOG)):
@@ -88,87 +109,128 @@ class HeatMap:
     """Row and column of fields that are marked with a dot."""
 
 
-def draw(panels: Sequence[Panel | HeatMap], columns: int = 2, height: float = 2.4) -> "Figure":
-    """A figure of panels, with one legend below.
+def draw(
+    panels: Sequence[Panel | HeatMap],
+    columns: int = 2,
+    height: float = 2.4,
+    *,
+    share: str = "",
+    legend: str = "figure",
+    legend_title: str = "",
+) -> "Figure":
+    """A figure of panels.
 
     Args:
         panels: in rows.
         columns: of panels.
         height: of a panel, inches.
+        share: axes that all panels have in common: ``x`` or ``xy``; the inner ones are not named.
+        legend: of the whole ``figure``, below it, or one for each ``panel``, above it.
+        legend_title: of the legend.
     """
-    figure, axes = new_grid(len(panels), min(columns, len(panels)), height)
-    names = list(dict.fromkeys(s.name for panel in panels if isinstance(panel, Panel) for s in panel.series))
-    for one, panel in zip(axes, panels, strict=True):
+    columns = min(columns, len(panels))
+    shared = {f"share{axis}": True for axis in share}
+    figure, axes = new_figure(-(-len(panels) // columns), columns, height, **shared)
+    for unused in axes[len(panels) :]:
+        unused.remove()
+    drawn = [panel for panel in panels if isinstance(panel, Panel)]
+    names = list(dict.fromkeys(series.name for panel in drawn for series in panel.series))
+    for place, (ax, panel) in enumerate(zip(axes, panels, strict=False)):
         if isinstance(panel, HeatMap):
-            _heat_map(figure, one, panel)
-        else:
-            _panel(one, panel, names)
-    put_legend_below(figure, {name: _legend_handle(panels, name, index) for index, name in enumerate(names)})
+            _heat_map(figure, ax, panel)
+            continue
+        draw_panel(ax, panel, () if legend == "panel" else names)
+        bottom = place + columns >= len(panels)
+        if share:
+            ax.tick_params(labelbottom=bottom)
+        first = "y" not in share or place % columns == 0
+        label(ax, panel.title, panel.x if bottom or not share else "", panel.y if first else "")
+        if legend == "panel":
+            add_legend(ax, [ax])
+    if legend == "figure":
+        add_legend(figure, axes[: len(panels)], legend_title)
     return figure
 
 
-def _legend_handle(panels: "Sequence[Panel | HeatMap]", name: str, index: int) -> Any:
-    """What stands for a series in the legend: a patch, a point, or a line with a marker if one is drawn."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    drawn = [(panel.kind, s) for panel in panels if isinstance(panel, Panel) for s in panel.series if s.name == name]
-    kinds, style = {kind for kind, _ in drawn}, _style(index)
-    if kinds == {"bars"}:
-        return Patch(color=style["color"])
-    if kinds == {"scatter"}:
-        style["linestyle"] = "none"
-    elif all(len(series.x) > MOST_MARKED for _, series in drawn):
-        style["marker"] = None
-    return Line2D([], [], ms=4, **style)
+def _style(series: Series, names: Sequence[str]) -> dict[str, Any]:
+    """Colour, dash and marker of a series: those of its place in the legend, unless it has its own."""
+    index = names.index(series.name)
+    return {**mark(index), "marker": MARKERS[index % len(MARKERS)], "label": series.name, **series.style}
 
 
-def _style(index: int) -> dict[str, Any]:
-    """Colour, dash and marker of the series with this place in the legend."""
-    return {**mark(index), "marker": MARKERS[index % len(MARKERS)]}
+def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
+    """Draw a panel, but for its title and the names of its axes.
 
-
-def _panel(axes: "Axes", panel: Panel, names: Sequence[str]) -> None:
+    Args:
+        axes: empty ones.
+        panel: its content.
+        names: of all series that share a legend; empty: those of the panel.
+    """
     from matplotlib.ticker import MaxNLocator
 
+    names = names or [series.name for series in panel.series]
+
     for place, series in enumerate(panel.series):
-        style = _style(names.index(series.name))
+        style = _style(series, names)
         if panel.kind == "bars":
-            _bars(axes, series, style["color"], place, len(panel.series))
+            _bars(axes, series, style, place, len(panel.series))
         elif panel.kind == "scatter":
-            axes.plot(series.x, series.y, ms=4, **{**style, "linestyle": "none"})
+            axes.plot(series.x, series.y, **{"ms": 4, **style, "linestyle": "none"})
             _error_bars(axes, np.asarray(series.x), series)
         else:
             _line(axes, series, style)
+    if panel.crosses:
+        heights = [0.0] * len(panel.crosses)
+        axes.plot(panel.crosses, heights, transform=axes.get_xaxis_transform(), label="fell or diverged", **STOPPED)
     for limit in panel.y_limits:
         axes.axhline(limit, **LIMIT)
     for limit in panel.x_limits:
         axes.axvline(limit, **LIMIT)
+    for begin, end in panel.shaded:
+        axes.axvspan(begin, end, **SHADE)
     for axis in panel.log:
         shown = [np.asarray(s.x if axis == "x" else s.y, dtype=float) for s in panel.series]
         logarithmic(axes, axis, np.concatenate(shown))
     if "x" not in panel.log and all(np.issubdtype(np.asarray(s.x).dtype, np.integer) for s in panel.series):
         axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))  # no tick between two cycles
-    if panel.kind != "bars":
-        widen(axes, [float(y) for series in panel.series for y in series.y], panel.from_zero)
+    _set_ranges(axes, panel)
     if panel.ticks:
-        turned: dict[str, Any] = {"rotation": 30, "ha": "right"} if len(panel.ticks) > MOST_LEVEL else {}
+        level = sum(map(len, panel.ticks)) <= MOST_CHARACTERS
+        turned: dict[str, Any] = {} if level else {"rotation": 30, "ha": "right"}
         axes.set_xticks(range(len(panel.ticks)), panel.ticks, **turned)
-    label(axes, panel.title, panel.x, panel.y)
+    if panel.x_ticks:
+        positions = np.log(panel.x_ticks) if "x" in panel.log else np.asarray(panel.x_ticks)
+        axes.set_xticks(panel.x_ticks, name_ticks(positions, panel.x_ticks))
+        axes.minorticks_off()
+
+
+def _set_ranges(axes: "Axes", panel: Panel) -> None:
+    if panel.equal:
+        shared = axes.get_shared_x_axes().get_siblings(axes)
+        axes.set_aspect("equal", adjustable="box" if len(shared) > 1 else "datalim")
+    elif panel.kind != "bars" and panel.y_range is None:
+        include_zero(axes, [float(y) for series in panel.series for y in series.y], panel.from_zero)
+    if panel.x_range is not None:
+        axes.set_xlim(panel.x_range)
+    if panel.y_range is not None:
+        axes.set_ylim(panel.y_range)
+    if panel.y_down and not axes.yaxis_inverted():
+        axes.invert_yaxis()
 
 
 def _line(axes: "Axes", series: Series, style: dict[str, Any]) -> None:
-    few = len(series.x) <= MOST_MARKED
-    axes.plot(series.x, series.y, ms=3, **{**style, "marker": style["marker"] if few else None})
+    if len(series.x) > MOST_MARKED and style["linestyle"] != "none":
+        style["marker"] = None
+    axes.plot(series.x, series.y, **{"ms": 3, **style})
     if series.low is not None and series.high is not None:
         band: dict[str, Any] = {"alpha": 0.15, "color": style["color"], "lw": 0}
         axes.fill_between(series.x, series.low, series.high, rasterized=len(series.x) > MOST_VECTOR, **band)
 
 
-def _bars(axes: "Axes", series: Series, colour: str, place: int, count: int) -> None:
+def _bars(axes: "Axes", series: Series, style: dict[str, Any], place: int, count: int) -> None:
     width = 0.8 / count
     x = np.asarray(series.x, dtype=float) + width * (place - (count - 1) / 2.0)
-    axes.bar(x, series.y, width, color=colour)
+    axes.bar(x, series.y, width, **({"color": style["color"], "label": series.name} | dict(series.style)))
     _error_bars(axes, x, series)
 
 

@@ -1,82 +1,65 @@
 """Pages written in Markdown with Jinja: values, figures and tables are inserted, each heading begins a section."""
 
-import html
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import Markup
+
 from cmacexp.config.fields import listed
 from cmacexp.errors import BadInput
-from cmacexp.report.alt_text import describe
-from cmacexp.report.numbers import format_number
-from cmacexp.report.page import Html, Section, save_figure
+from cmacexp.metrics.text import format_number
+from cmacexp.report.parts import Drawing, Html, Section, Table
+from cmacexp.report.render import Renderer
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
 
-class MarkdownPage:
-    """A template, and what it may insert.
+def render_markdown(
+    template: Path,
+    title: str,
+    renderer: Renderer,
+    figures: "Mapping[str, Callable[[], Figure]]",
+    tables: "Mapping[str, Callable[[], pd.DataFrame]]",
+    values: Mapping[str, Any],
+) -> list[Section]:
+    """The sections of a page; what comes before the first heading stands under ``title``.
 
     ``{% call figure("name", "Fig. 7") %}caption{% endcall %}`` inserts a figure, ``{{ table("name", "caption") }}`` a
     table, ``{{ name }}`` a value; numbers get three digits.
 
     Args:
         template: file of Markdown with Jinja.
-        folder: of the report, where figures are saved.
+        title: of the page.
+        renderer: saves the figures.
         figures: called when they are inserted.
         tables: likewise.
         values: further names of the template.
-        png: whether figures are saved as PNG too, not as SVG alone.
+
+    Raises:
+        BadInput: the template inserts a value that is not given.
     """
+    from jinja2 import Environment, StrictUndefined, UndefinedError
 
-    def __init__(
-        self,
-        template: Path,
-        folder: Path,
-        figures: "Mapping[str, Callable[[], Figure]]",
-        tables: "Mapping[str, Callable[[], pd.DataFrame]]",
-        values: Mapping[str, Any],
-        png: bool = True,
-    ):
-        self.template, self.folder, self.figures, self.tables = template, folder, figures, tables
-        self.png = png
-        self.values = {"figure": self._figure, "table": self._table, "number": format_number, **values}
-        self.files: list[Path] = []
-        """Figures that were saved."""
+    def insert_figure(name: str, title: str = "", caller: Callable[[], str] | None = None) -> str:
+        caption = Markup(caller().strip() if caller else "")
+        return renderer.render_part(Drawing(name, figures[name](), caption, title))
 
-    def render(self, title: str) -> list[Section]:
-        """The sections; what comes before the first heading stands under ``title``.
+    def insert_table(name: str, caption: str = "") -> str:
+        frame = tables[name]()
+        rows = [[_format_cell(value) for value in row] for row in frame.itertuples(index=False)]
+        return renderer.render_part(Table([str(column) for column in frame], rows, caption))
 
-        Raises:
-            BadInput: the template inserts a value that is not given.
-        """
-        from jinja2 import Environment, StrictUndefined, UndefinedError
-
-        environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_finalize)
-        try:
-            text = environment.from_string(self.template.read_text(encoding="utf-8")).render(self.values)
-        except UndefinedError as error:
-            raise BadInput(
-                "page", self.template, f"{error.message}; it may use {listed(list(self.values))}"
-            ) from error
-        return _sections(text, title)
-
-    def _figure(self, name: str, title: str = "", caller: Callable[[], str] | None = None) -> str:
-        """A figure with its caption."""
-        figure = self.figures[name]()
-        source, files = save_figure(name, figure, self.folder, self.png)
-        self.files += files
-        caption = caller().strip() if caller else ""
-        head = f"<h3>{html.escape(title)}</h3>" if title else ""
-        image = f'<div class="scroll"><img src="{source}" alt="{html.escape(describe(figure))}"></div>'
-        shown = f"{image}<figcaption>{caption}</figcaption>"
-        return f'<figure id="{name}">{head}{shown}</figure>\n'
-
-    def _table(self, name: str, caption: str = "") -> str:
-        return _table(self.tables[name](), caption)
+    names = {"figure": insert_figure, "table": insert_table, "number": format_number, **values}
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_finalize)
+    try:
+        text = environment.from_string(template.read_text(encoding="utf-8")).render(names)
+    except UndefinedError as error:
+        raise BadInput("page", template, f"{error.message}; it may use {listed(list(names))}") from error
+    return _sections(text, title)
 
 
 def find_insertions(template: Path) -> list[tuple[str, str, int]]:
@@ -103,26 +86,10 @@ def _finalize(value: Any) -> Any:
     return format_number(value) if isinstance(value, float) else value
 
 
-def _cell(value: Any) -> str:
-    import pandas as pd
-
-    if value is None or value is pd.NA:
+def _format_cell(value: Any) -> str:
+    if value is None or type(value).__name__ == "NAType":  # of pandas
         return "-"
-    return format_number(float(value)) if isinstance(value, float) else html.escape(str(value))
-
-
-def _table(frame: "pd.DataFrame", caption: str) -> str:
-    """A table of HTML; columns of numbers are aligned to the right."""
-    kinds = ["number" if frame[name].dtype.kind in "fi" else "" for name in frame]
-    head = "".join(
-        f'<th class="{kind}">{html.escape(str(name))}</th>' for name, kind in zip(frame, kinds, strict=True)
-    )
-    body = "".join(
-        "<tr>" + "".join(f'<td class="{kind}">{_cell(v)}</td>' for v, kind in zip(row, kinds, strict=True)) + "</tr>"
-        for row in frame.itertuples(index=False)
-    )
-    top = f"<caption>{html.escape(caption)}</caption>" if caption else ""
-    return f'<div class="scroll"><table>{top}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>\n'
+    return format_number(float(value)) if isinstance(value, float) else str(value)
 
 
 def _sections(markdown: str, title: str) -> list[Section]:

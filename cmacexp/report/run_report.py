@@ -7,13 +7,13 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.metrics.summary import format_cycles
-from cmacexp.report import over_cycle, per_cycle
-from cmacexp.report.figure_data import MOST_CYCLES, FigureData, read_figure_data
-from cmacexp.report.page import Folded, Report, Section, Table, Text
-from cmacexp.report.run_end import draw_end
+from cmacexp.report.cycle_data import MOST_CYCLES, CycleData, read_cycle_data
+from cmacexp.report.page import Report
+from cmacexp.report.parts import Folded, Section, Table, Text
+from cmacexp.report.run_figures import draw_body, draw_end, draw_legs, draw_metrics, draw_torques, draw_tracking
 from cmacexp.report.run_settings import list_settings
 from cmacexp.report.run_summary import TABLES
-from cmacexp.report.run_tables import list_facts, list_key_metrics, list_memory, list_metrics, list_shares
+from cmacexp.report.run_tables import list_facts, list_key_metrics, list_memory, list_metrics
 
 
 def require_whole(run: StoredRun) -> None:
@@ -62,12 +62,12 @@ def choose_cycles(run: StoredRun, asked: Sequence[int]) -> list[int]:
     return sorted(candidates)
 
 
-def _learning(run: StoredRun, data: FigureData) -> list[Section]:
+def _learning(run: StoredRun, data: CycleData) -> list[Section]:
     """Figures over the cycles; none for a run of one cycle."""
     if run.metrics["cycle"].max() < 2:
         return []
-    legs = [per_cycle.draw_legs(run)] if run.walks else []
-    return [Section("Over the cycles", [per_cycle.draw_metrics(run, "N m" if data.has_joints else "N"), *legs])]
+    legs = [draw_legs(run)] if run.walks else []
+    return [Section("Over the cycles", [draw_metrics(run, "N m" if data.has_joints else "N"), *legs])]
 
 
 def _metrics(run: StoredRun, cycles: Sequence[int]) -> Section:
@@ -88,7 +88,7 @@ def _end(run: StoredRun) -> list[Section]:
     ending = Text(f"The run {run.ending}.")
     if last not in _read_cycles(run):
         return [Section("How it ended", [ending])]
-    data = read_figure_data(run, [max(last - 1, 1), last])
+    data = read_cycle_data(run, [max(last - 1, 1), last])
     return [Section("How it ended", [ending, draw_end(data, run.status)])]
 
 
@@ -105,15 +105,15 @@ def make_run_report(run: StoredRun, asked: Sequence[int] = ()) -> Report:
     """
     require_whole(run)
     cycles = choose_cycles(run, asked)
-    data = read_figure_data(run, cycles)
-    body = [Section("The body", [over_cycle.draw_body(data)])] if run.walks else []
+    data = read_cycle_data(run, cycles)
+    body = [Section("The body", [draw_body(data)])] if run.walks else []
     sections = [
         Section("In short", [list_key_metrics(run, cycles)]),
         *_end(run),
         *_learning(run, data),
-        Section("Over a cycle", over_cycle.draw_tracking(data)),
+        Section("Over a cycle", draw_tracking(data)),
         *body,
-        Section("Feedback and feedforward", [over_cycle.draw_torques(data), *list_shares(run, cycles)]),
+        Section("Feedback and feedforward", [draw_torques(data)]),
         *list_memory(run),
         list_settings(run),
         _metrics(run, cycles),

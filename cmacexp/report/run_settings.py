@@ -1,11 +1,10 @@
 """The settings of a run: those that are not the default first, all with their unit and meaning."""
 
-from typing import Any
-
 from cmacexp.config.describe import Described, describe_fields, read_defaults
 from cmacexp.config.difference import flat
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.report.page import Folded, Part, Section, Table, Text
+from cmacexp.metrics.text import format_setting
+from cmacexp.report.parts import Folded, Part, Section, Table, Text
 
 NOT_DECLARED = Described("", "")
 
@@ -19,7 +18,7 @@ def list_settings(run: StoredRun) -> Section:
 
     def row(key: str, *more: str) -> list[str]:
         field = described.get(key, NOT_DECLARED)
-        return [key, _format(settings[key]), *more, field.unit, field.meaning]
+        return [key, format_setting(settings[key]), *more, field.unit, field.meaning]
 
     parts: list[Part] = []
     if not defaults:
@@ -28,15 +27,10 @@ def list_settings(run: StoredRun) -> Section:
         parts.append(Text(f"All {len(settings)} settings are the defaults of scenario={scenario}."))
     else:
         titles = ["setting", "value", f"default of {scenario}", "unit", "meaning"]
-        rows = [row(key, _format(defaults[key]) if key in defaults else "not there") for key in changed]
+        rows = [row(key, format_setting(defaults[key]) if key in defaults else "not set") for key in changed]
         caption = f"{len(changed)} of {len(settings)} settings differ from the defaults of scenario={scenario}"
-        parts.append(Table(titles, rows, caption, 5, cards=True))
+        parts.append(Table(titles, rows, caption, cards=True))
     marked = {index for index, key in enumerate(settings) if key in changed}
     note = "Those that differ from the default are marked." if changed else ""
-    table = Table(["setting", "value", "unit", "meaning"], [row(key) for key in settings], note, 4, True, marked)
+    table = Table(["setting", "value", "unit", "meaning"], [row(key) for key in settings], note, True, marked)
     return Section("Settings", [*parts, Folded(f"All {len(settings)} settings", [table])])
-
-
-def _format(value: Any) -> str:
-    """As it is typed on the command line."""
-    return "null" if value is None else str(value).lower() if isinstance(value, bool) else str(value)

@@ -16,6 +16,7 @@ from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, TRACE
 from cmacexp.errors import BadRun
 from cmacexp.metrics.pooling import count_legs, is_shown, pool_legs
 from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.metrics.text import format_setting
 from cmacexp.typing import Array
 
 TABLES = (TRACE, BODY, MEMORY, METRICS, BODY_METRICS)
@@ -65,7 +66,8 @@ def read_summary(folder: Path) -> RunSummary:
     try:
         manifest = run.manifest
         settings = {
-            key: format_value(value) if isinstance(value, list) else value for key, value in flat(run.config).items()
+            key: format_setting(value) if isinstance(value, list) else value
+            for key, value in flat(run.config).items()
         }
         wrong = [fault for fault in faults(folder) if fault.split(":")[0] in TABLES]
         if wrong:
@@ -78,16 +80,6 @@ def read_summary(folder: Path) -> RunSummary:
         return RunSummary(folder, BROKEN, str(error).splitlines()[0].removeprefix(f"{folder}: "))
     metrics = {name: values[:cycles] for name, values in pool_legs(scores).items()}
     return RunSummary(folder, run.status, cause, settings, cycles, metrics, count_legs(scores))
-
-
-def format_value(value: Any) -> str:
-    """A value of a config as text: short numbers, a class by its name."""
-    if value is None:
-        return "null"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    text = f"[{', '.join(map(str, value))}]" if isinstance(value, list) else str(value)
-    return text.rpartition(".")[2] if text.startswith("cmacexp.") else text
 
 
 def sort_folders(folders: Iterable[Path]) -> list[Path]:

@@ -10,12 +10,14 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.drift import format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
-from cmacexp.metrics.registry import ALL_METRICS, MAIN
-from cmacexp.metrics.summary import format_number
+from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.metrics.text import format_cell, format_number
 from cmacexp.models.mechanism import PLANE, SPACE
-from cmacexp.report.page import Section, Table, Text
-from cmacexp.report.per_cycle import KEY
+from cmacexp.report.parts import Section, Table, Text
+from cmacexp.report.run_figures import KEY
 
+EXACT = 4
+"""Digits of numbers in the units of the files."""
 KEY_OF_FORCE = ("force_overshoot", "force_settling_time")
 """Of one leg or point mass alone."""
 
@@ -39,7 +41,7 @@ def list_facts(run: StoredRun) -> Table:
         "commit": str(manifest["git_commit"] or "unknown")[:16],
         "versions": ", ".join(f"{name} {version}" for name, version in manifest["versions"].items()),
     }
-    return Table(["property", "value"], [[key, value] for key, value in facts.items()], text_columns=2)
+    return Table(["property", "value"], [[key, value] for key, value in facts.items()])
 
 
 def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
@@ -49,15 +51,15 @@ def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     rows = []
     for name in (*KEY, *KEY_OF_FORCE, *BODY_METRICS):
         if shown := main.get(name):
-            numbers = [format_number(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
+            numbers = [format_cell(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
             rows.append([shown.title, ALL_METRICS[name].meaning, shown.unit, *numbers])
     caption = "Key metrics" + (", pooled over the legs" if run.walks else "")
     titles = ["metric", "meaning", "unit", *(f"cycle {cycle}" for cycle in cycles)]
-    return Table(titles, rows, caption, 3, cards=True)
+    return Table(titles, rows, caption, cards=True)
 
 
 def _exact(value: float) -> str:
-    return "-" if value != value else f"{value:.4g}"
+    return format_number(value, digits=EXACT) if value == value else "-"
 
 
 def list_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
@@ -70,21 +72,7 @@ def list_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
             rows.append([*meaning, metric.unit or "1", *(_exact(values[cycle - 1]) for cycle in cycles)])
     titles = ["metric", "meaning", *(["over the legs"] if run.walks else []), "unit"]
     titles += [f"cycle {cycle}" for cycle in cycles]
-    return Table(titles, rows, "All metrics that are defined in some cycle of the run.", len(titles) - len(cycles))
-
-
-def list_shares(run: StoredRun, cycles: Sequence[int]) -> list[Table]:
-    """Share of the feedforward in the absolute torque, by leg and cycle; nothing for one leg, whose share is key."""
-    if not run.walks:
-        return []
-    metrics = run.metrics.set_index(["leg", "cycle"])["feedforward_share"]
-    legs, shown = sorted(run.metrics["leg"].unique()), MAIN["feedforward_share"]
-    rows = [
-        [_leg_name(leg, len(legs)), *(format_number(shown.factor * float(metrics[(leg, cycle)])) for cycle in cycles)]
-        for leg in legs
-    ]
-    caption = "Share of the feedforward in feedforward plus feedback, absolute torques over the cycle, " + shown.unit
-    return [Table(["leg", *(f"cycle {cycle}" for cycle in cycles)], rows, caption)]
+    return Table(titles, rows, "All metrics that are defined in some cycle of the run.")
 
 
 def _leg_name(leg: int, legs: int) -> str:

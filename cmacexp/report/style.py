@@ -67,12 +67,9 @@ def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: 
     return figure, list(np.ravel(axes))
 
 
-def new_grid(count: int, columns: int, height: float, **options: Any) -> tuple["Figure", list["Axes"]]:
-    """A figure with ``count`` axes in so many columns; see :func:`new_figure`."""
-    figure, axes = new_figure(-(-count // columns), columns, height, **options)
-    for ax in axes[count:]:
-        ax.remove()
-    return figure, axes[:count]
+def mark(index: int) -> dict[str, Any]:
+    """Colour and dash of line number ``index``; no two of the first 49 are the same."""
+    return {"color": SERIES[index % 7], "linestyle": DASHES[(index + index // 7) % 7]}
 
 
 def label(axes: "Axes", title: str, x: str, y: str) -> None:

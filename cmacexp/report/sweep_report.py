@@ -5,23 +5,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cmacexp.report.comparison import format_runs, make_names
-from cmacexp.report.learning_curves import draw_learning_curves
-from cmacexp.report.over_key import draw_over_key
-from cmacexp.report.page import HOW_TO_REPORT, Folded, Link, Report, Section, Table, Text, find_page
-from cmacexp.report.run_summary import TABLES, RunSummary, format_value
-from cmacexp.report.side_by_side import draw_side_by_side
+from cmacexp.metrics.text import format_setting
+from cmacexp.report.comparison import Take, format_runs, make_names
+from cmacexp.report.page import HOW_TO_REPORT, Report, find_page
+from cmacexp.report.parts import Folded, Link, Section, Table, Text
+from cmacexp.report.run_summary import TABLES, RunSummary
+from cmacexp.report.sweep_figures import draw_learning_curves, draw_over_key, draw_side_by_side
 from cmacexp.report.swept import Swept, find_swept
 
 MOST_KEYS = 4
 """Swept keys that metrics are drawn over."""
 
 
-def _html_table(runs: Sequence[RunSummary], swept: Swept, prefix: str, caption: str, out: Path) -> Table:
-    titles, rows = format_runs(runs, [*swept.keys, *swept.seeds], prefix)
+def _html_table(runs: Sequence[RunSummary], swept: Swept, take: Take, caption: str, out: Path) -> Table:
+    titles, rows = format_runs(runs, [*swept.keys, *swept.seeds], take)
     linked = [[_link(run, name, out), *cells] for run, (name, *cells) in zip(runs, rows, strict=True)]
-    units = [title.replace("cycles\ndone", "cycles done").replace("\n", ", ") for title in titles]
-    return Table(units, linked, caption)
+    return Table(titles, linked, caption)
 
 
 def _link(run: RunSummary, name: str, out: Path) -> str | Link:
@@ -37,25 +36,25 @@ def _list_stopped(runs: Sequence[RunSummary]) -> list[Any]:
     names = dict(zip((run.folder for run in runs), make_names(runs), strict=True))
     rows = [[names[run.folder], run.status, run.cause] for run in stopped]
     caption = "Runs that stopped early; those that failed or are not intact are in no figure"
-    return [Table(["run", "status", "reason"], rows, caption, 3)]
+    return [Table(["run", "status", "reason"], rows, caption)]
 
 
 def _list_differences(runs: Sequence[RunSummary], swept: Swept) -> list[Any]:
     rows = []
     for key in [*swept.keys, *swept.seeds]:
-        values = list(dict.fromkeys(format_value(run.config.get(key)) for run in runs if run.config))
+        values = list(dict.fromkeys(format_setting(run.config.get(key)) for run in runs if run.config))
         listed = ", ".join(values[:12]) + (f", ... ({len(values)} values)" if len(values) > 12 else "")
         rows.append([key, listed, *([", ".join(swept.linked.get(key, []))] if swept.linked else [])])
     if not rows:
         return [Text("These runs have the same config, apart from settings that do not change the results.")]
     titles = ["key", "values", *(["keys that vary with it"] if swept.linked else [])]
-    return [Table(titles, rows, "What differs between the runs", 3)]
+    return [Table(titles, rows, "What differs between the runs")]
 
 
 def _make_line_names(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[str]:
     """Names of the runs in legends: the values of the swept keys, or else their folders."""
     named = [
-        ", ".join(f"{key.rpartition('.')[2]} {format_value(run.config.get(key))}" for key in keys) for run in runs
+        ", ".join(f"{key.rpartition('.')[2]} {format_setting(run.config.get(key))}" for key in keys) for run in runs
     ]
     return named if keys and len(keys) <= 3 and len(set(named)) == len(runs) else make_names(runs)
 
@@ -75,9 +74,9 @@ def make_sweep_report(runs: Sequence[RunSummary], title: str, out: Path) -> Repo
     curves = draw_learning_curves(results, names, keys or ["scenario"])
     beside = draw_side_by_side(results, names)
     over = [drawing for key in swept.keys[:MOST_KEYS] for drawing in draw_over_key(results, key, swept.keys)]
-    final = _html_table(runs, swept, "final_", "Metrics of the last whole cycle, pooled over the legs", out)
+    final = _html_table(runs, swept, RunSummary.final, "Metrics of the last whole cycle, pooled over the legs", out)
     best = "Best values over all whole cycles: smallest error, largest share"
-    folded = Folded(best, [_html_table(runs, swept, "best_", "", out)])
+    folded = Folded(best, [_html_table(runs, swept, RunSummary.best, "", out)])
     place = os.path.commonpath([run.folder.resolve().parent for run in runs])
     pages = Text(f"Runs are folders below {place}; one with a page of its own is a link. {HOW_TO_REPORT}")
     sections = [Section("The runs", [*_list_differences(runs, swept), final, pages, *_list_stopped(runs), folded])]

@@ -10,6 +10,7 @@ from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.pooling import describe_pooling
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN
 from cmacexp.metrics.summary import shorten, tabulate_cycles
+from cmacexp.report.parts import Table
 
 WIDTH = 400
 """Most characters in a line of a table if the output is not a terminal."""
@@ -35,30 +36,29 @@ def _split(widths: Sequence[int], line: int, repeated: int) -> Iterator[list[int
     yield group
 
 
-def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]], left: int = 0) -> None:
+def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print rows under their titles; columns that do not fit into a line follow below, after the first one.
 
     Args:
         titles: of the columns, with line breaks; the unit is the last line.
         rows: cells as text.
-        left: so many columns hold text and stand to the left.
     """
     from rich.console import Console
-    from rich.table import Table
+    from rich.table import Table as Grid
     from rich.text import Text
 
     titles = ["\n".join(map(in_one_line, title.split("\n"))) for title in titles]
     rows = [[in_one_line(cell) for cell in row] for row in rows]
     cells = [titles, *rows]
     widths = [max(len(line) for row in cells for line in row[i].split("\n")) for i in range(len(titles))]
-    width = _terminal_width()
+    width, numeric = _terminal_width(), Table(titles, rows).numeric
     for group in _split(widths, width, repeated=1):
-        table = Table(box=None, pad_edge=False, padding=(0, GAP, 0, 0), header_style="bold")
+        grid = Grid(box=None, pad_edge=False, padding=(0, GAP, 0, 0), header_style="bold")
         for i in group:
-            table.add_column(Text(titles[i]), justify="left" if i < left else "right", overflow="fold")
+            grid.add_column(Text(titles[i]), justify="right" if i in numeric else "left", overflow="fold")
         for row in rows:
-            table.add_row(*(Text(row[i]) for i in group))
-        Console(highlight=False, width=width).print(table)
+            grid.add_row(*(Text(row[i]) for i in group))
+        Console(highlight=False, width=width).print(grid)
 
 
 def head(shown: Shown) -> str:

@@ -1,23 +1,23 @@
 """Figures of the stability of a run."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.report.figure_data import SUPPORT, legend_above, legend_below, logarithmic, mark
-from cmacexp.report.style import DESIRED, MARKERS, SERIES, label, new_figure, new_grid
-from cmacexp.stability.analysis import DELAYS, LEADS, Analysis
+from cmacexp.report.figures import Panel, Series, draw
+from cmacexp.report.style import SERIES
+from cmacexp.stability.analysis import LEADS, Analysis
 from cmacexp.stability.mode import spectrum
-from cmacexp.stability.transfer import Spectrum
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SHOWN = 80
 """Samples of the growing change that are shown."""
 DEEPEST = -0.6
 """Real parts below this are cut off."""
+PREDICTED: dict[str, Any] = {"color": "black", "linestyle": ":", "linewidth": 1.0}
 
 
 def format_lead(lead: int) -> str:
@@ -29,118 +29,105 @@ def growth(analysis: Analysis) -> "Figure":
     """Change of the feedback from cycle to cycle, measured and predicted; growth of every lead."""
     own, place = analysis.own, analysis.own.place
     assert own.growth is not None
-    figure, (left, right) = new_figure(1, 2, 3.0)
-    left.plot(np.arange(1, len(own.sizes) + 1), own.sizes, color=SERIES[1], label="measured")
     last = min(place.last + (place.last - place.first) // 2, len(own.sizes))
     predicted = own.growth.sizes(max(last - place.calm, 2))
-    left.plot(place.calm + 1 + np.arange(len(predicted)), predicted, "--", color=SERIES[0], label="predicted")
-    logarithmic(left, "y", own.sizes)
-    left.axvspan(place.first, place.last, color=SUPPORT, zorder=0, linewidth=0)
-    label(left, "change of U to the next cycle", "cycle", "root of summed squares, N m")
-    legend_above(left)
+    change = [
+        Series("measured", np.arange(1, len(own.sizes) + 1), own.sizes),
+        Series("predicted", place.calm + 1 + np.arange(len(predicted)), predicted),
+    ]
     known = [each for each in analysis.leads if each.growth is not None]
-    numbers = [str(each.lead) for each in known]
-    right.axhline(1.0, color=DESIRED, linewidth=1.0)
-    right.plot(numbers, [each.measured for each in known], "s", ms=8, mfc="none", color=SERIES[1], label="measured")
-    right.plot(numbers, [each.predicted for each in known], "o", ms=4, color=SERIES[0], label="predicted")
-    label(right, "growth per cycle", "learning.lead, samples", "factor from cycle to cycle")
-    legend_above(right)
-    return figure
-
-
-def _torques(axes: "Axes", analysis: Analysis, leg: int) -> None:
-    clock = analysis.config.sampling_period * np.arange(len(analysis.measured_mode.change))
-    for index, joint in enumerate(("hip", "knee")):
-        measured, predicted = analysis.measured_mode.change, analysis.predicted_mode.change
-        scale = np.abs(measured).max()
-        axes.plot(clock, measured[:, leg, index] / scale, color=SERIES[1 + index], label=f"{joint}, measured")
-        axes.plot(
-            clock, predicted[:, leg, index] / np.abs(predicted).max(), ":", color="black", lw=1.0, label="predicted"
-        )
+    places, leads = np.arange(len(known)), [str(each.lead) for each in known]
+    factors = [
+        Series("measured", places, [each.measured for each in known], style={"ms": 8, "mfc": "none"}),
+        Series("predicted", places, [each.predicted for each in known]),
+    ]
+    panels = [
+        Panel(
+            "change of U to the next cycle", "cycle", "root of summed squares, N m", change, log="y",
+            shaded=[(place.first, place.last)],
+        ),
+        Panel(
+            "growth per cycle", "learning.lead, samples", "factor from cycle to cycle", factors, "scatter",
+            ticks=leads, y_limits=[1.0], from_zero=False,
+        ),
+    ]  # fmt: skip
+    return draw(panels, height=3.0)
 
 
 def mode(analysis: Analysis) -> "Figure":
     """The growing change of the feedforward over the cycle, and its spectrum."""
-    figure, (left, right) = new_figure(1, 2, 2.8)
-    change, period = analysis.measured_mode.change, analysis.config.sampling_period
-    leg = int(np.argmax((change**2).sum(axis=(0, 2))))
-    _torques(left, analysis, leg)
-    begin = max(0, int(np.argmax((change[:, leg] ** 2).sum(axis=1))) - SHOWN // 4) * period
-    left.set_xlim(begin, begin + SHOWN * period)
-    whose = f" of leg {leg + 1}" if change.shape[1] > 1 else ""
-    label(left, f"change of the feedforward{whose}", "time in the cycle, s", "of its largest")
-    legend_below(figure, left, 4)
-    for index, (name, shape) in enumerate((("measured", change), ("predicted", analysis.predicted_mode.change))):
-        hertz, power = spectrum(shape, period)
-        colour, line = ("black", ":") if index else (SERIES[1], "-")
-        right.plot(hertz, power / power.max(), color=colour, linestyle=line, label=name)
-    label(right, "its spectrum", "frequency, Hz", "power, of its largest")
-    return figure
+    measured, predicted = analysis.measured_mode.change, analysis.predicted_mode.change
+    period = analysis.config.sampling_period
+    leg = int(np.argmax((measured**2).sum(axis=(0, 2))))
+    clock, change = period * np.arange(len(measured)), []
+    for index, joint in enumerate(("hip", "knee")):
+        solid = {"color": SERIES[1 + index], "linestyle": "-"}
+        change.append(Series(f"{joint}, measured", clock, _relative(measured[:, leg], index), style=solid))
+        change.append(Series("predicted", clock, _relative(predicted[:, leg], index), style=PREDICTED))
+    begin = max(0, int(np.argmax((measured[:, leg] ** 2).sum(axis=1))) - SHOWN // 4) * period
+    whose = f" of leg {leg + 1}" if measured.shape[1] > 1 else ""
+    (hertz, power), (_, of_predicted) = spectrum(measured, period), spectrum(predicted, period)
+    spectra = [
+        Series("measured", hertz, power / power.max()),
+        Series("predicted", hertz, of_predicted / of_predicted.max(), style=PREDICTED),
+    ]
+    panels = [
+        Panel(
+            f"change of the feedforward{whose}", "time in the cycle, s", "of its largest", change,
+            x_range=(begin, begin + SHOWN * period),
+        ),
+        Panel("its spectrum", "frequency, Hz", "power, of its largest", spectra),
+    ]  # fmt: skip
+    return draw(panels, height=2.8, legend="panel")
+
+
+def _relative(change: Any, joint: int) -> Any:
+    """The change of one joint over the largest of all joints, over the cycle."""
+    return change[:, joint] / np.abs(change).max()
 
 
 def eigenvalues(analysis: Analysis) -> "Figure":
     """Leading eigenvalues of the map from cycle to cycle for every lead."""
-    known = [each for each in analysis.leads if each.growth is not None]
-    figure, axes = new_grid(len(known), min(3, len(known)), 2.3, sharex=True, sharey=True)
-    angle = np.linspace(0.0, 2.0 * np.pi, 200)
-    for index, (ax, each) in enumerate(zip(axes, known, strict=True)):
-        assert each.growth is not None
+    angle, panels = np.linspace(0.0, 2.0 * np.pi, 200), []
+    circle = Series(
+        "unit circle", np.cos(angle), np.sin(angle), style={"color": "#828282", "linestyle": "-", "lw": 1.0}
+    )
+    points = {"linestyle": "none"}
+    for each in analysis.leads:
+        if each.growth is None:
+            continue
         values = each.growth.eigenvalues()
         outside = np.abs(values) > 1.0
-        ax.plot(np.cos(angle), np.sin(angle), color=DESIRED, linewidth=1.0)
-        ax.plot(values[~outside].real, values[~outside].imag, "o", ms=3, mfc="none", color=SERIES[1])
-        ax.plot(values[outside].real, values[outside].imag, MARKERS[1], ms=3.5, color=SERIES[0])
-        ax.set_aspect("equal")
-        first = index % 3 == 0
-        label(
-            ax, f"{format_lead(each.lead)}: {outside.sum()} outside", "real part", "imaginary part" if first else ""
-        )
-    return figure
+        series = [
+            circle,
+            Series("inside", values[~outside].real, values[~outside].imag, style=points | {"mfc": "none"}),
+            Series("outside", values[outside].real, values[outside].imag, style=points),
+        ]
+        title = f"{format_lead(each.lead)}: {outside.sum()} outside"
+        panels.append(Panel(title, "real part", "imaginary part", series, equal=True))
+    return draw(panels, 3, 2.3, share="xy")
 
 
-def _real_parts(axes: "Axes", each: Spectrum) -> None:
-    axes.axhline(0.0, color=DESIRED, linewidth=1.0)
-    for index, lead in enumerate(LEADS):
-        axes.plot(each.frequencies, each.least_real(lead), label=format_lead(lead), **mark(index))
-    axes.set_ylim(DEEPEST, 1.3)
+def _by_lead(x: Any, values: Callable[[int], Any]) -> list[Series]:
+    return [Series(format_lead(lead), x, values(lead)) for lead in LEADS]
 
 
 def real_parts(analysis: Analysis) -> "Figure":
     """Re T over frequency for each lead, at a few places of the cycle."""
-    figure, axes = new_figure(1, len(analysis.places), 2.8, sharey=True)
-    for ax, (name, spectra) in zip(axes, analysis.places.items(), strict=True):
-        _real_parts(ax, spectra[0])
-        label(ax, name, "frequency, Hz", "Re T, least eigenvalue" if ax is axes[0] else "")
-    legend_below(figure, axes[0])
-    return figure
-
-
-def choose_delayed(analysis: Analysis) -> str:
-    """The place where further delays are tried: mid transfer, if there is one."""
-    return list(analysis.places)[min(1, len(analysis.places) - 1)]
-
-
-def delays(analysis: Analysis) -> "Figure":
-    """Re T in mid transfer if torques reached the joints later."""
-    figure, axes = new_figure(1, len(DELAYS), 2.8, sharey=True)
-    spectra = analysis.places[choose_delayed(analysis)]
-    for ax, delay, each in zip(axes, DELAYS, spectra, strict=True):
-        _real_parts(ax, each)
-        title = f"{delay} more samples" if delay != 1 else "1 more sample"
-        label(ax, title, "frequency, Hz", "Re T, least eigenvalue" if ax is axes[0] else "")
-    legend_below(figure, axes[0])
-    return figure
+    panels = [
+        Panel(
+            name, "frequency, Hz", "Re T, least eigenvalue", _by_lead(spectra[0].frequencies, spectra[0].least_real),
+            y_limits=[0.0], y_range=(DEEPEST, 1.3),
+        )
+        for name, spectra in analysis.places.items()
+    ]  # fmt: skip
+    return draw(panels, len(panels), 2.8, share="xy")
 
 
 def along(analysis: Analysis) -> "Figure":
     """The least Re T over all frequencies, over the cycle."""
-    figure, (axes,) = new_figure(1, 1, 2.6)
     clock = [sample * analysis.config.sampling_period for sample in analysis.along]
-    axes.axhline(0.0, color=DESIRED, linewidth=1.0)
-    for index, lead in enumerate(LEADS):
-        least = [each.least(lead) for each in analysis.along.values()]
-        axes.plot(clock, least, label=format_lead(lead), marker=MARKERS[index], ms=3, **mark(index))
-    axes.set_ylim(2 * DEEPEST, 0.4)
-    label(axes, "least Re T of all frequencies", "time in the cycle, s", "Re T")
-    legend_below(figure, axes)
-    return figure
+    series = _by_lead(clock, lambda lead: [each.least(lead) for each in analysis.along.values()])
+    panel = Panel("least Re T of all frequencies", "time in the cycle, s", "Re T", series, y_limits=[0.0],
+                  y_range=(2 * DEEPEST, 0.4))  # fmt: skip
+    return draw([panel], height=2.6)

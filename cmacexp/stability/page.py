@@ -1,6 +1,5 @@
 """The stability of a run as a page, and as a table in the terminal."""
 
-import math
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 from cmacexp.data.folder import OUT_KEY, replacing
 from cmacexp.data.manifest import REPORT
 from cmacexp.data.tables import TRACE
-from cmacexp.report.markdown import MarkdownPage
+from cmacexp.metrics.text import format_cell
+from cmacexp.report.markdown import render_markdown
 from cmacexp.report.page import Report, write_report_in
+from cmacexp.report.render import Renderer
 from cmacexp.stability import figures
 from cmacexp.stability.analysis import DELAYS, LEADS, Analysis, LeadGrowth
 from cmacexp.stability.mode import AFTER_LIFT_OFF, likeness
@@ -18,12 +19,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TITLES = ("lead", "predicted growth", "measured growth", "over cycles", "largest eigenvalue", "least Re T", "ends")
+DECIMALS = 4
+"""Of factors of growth."""
 HOLDS = 1.0
 """Growth per cycle below which learning holds."""
-
-
-def _number(value: float, digits: int = 4) -> str:
-    return "-" if math.isnan(value) else f"{value:.{digits}f}"
 
 
 def _format_end(each: LeadGrowth) -> str:
@@ -36,8 +35,8 @@ def rows(analysis: Analysis) -> list[list[str]]:
     for each in analysis.leads:
         place = f"{each.place.first}-{each.place.last}" if each.growth is not None else each.why_not
         own = " (this run)" if each is analysis.own else ""
-        growth = [_number(each.predicted), _number(each.measured), place]
-        reasons = [_number(each.eigenvalue), _number(analysis.least_real(each.lead), 3)]
+        growth = [format_cell(each.predicted, DECIMALS), format_cell(each.measured, DECIMALS), place]
+        reasons = [format_cell(each.eigenvalue, DECIMALS), format_cell(analysis.least_real(each.lead))]
         table.append([f"{each.lead}{own}", *growth, *reasons, _format_end(each)])
     return table
 
@@ -47,10 +46,11 @@ def verdict(analysis: Analysis) -> str:
     own = analysis.own
     grows = own.predicted > HOLDS
     change = "grows" if grows else "shrinks"
+    predicted, measured = format_cell(own.predicted, DECIMALS), format_cell(own.measured, DECIMALS)
     text = (
         f"With lead {own.lead} the change of the feedback from cycle to cycle {change} by a factor of "
-        f"{_number(own.predicted)} per cycle, predicted after cycle {own.place.calm}; measured over cycles "
-        f"{own.place.first} to {own.place.last}: {_number(own.measured)}."
+        f"{predicted} per cycle, predicted after cycle {own.place.calm}; measured over cycles "
+        f"{own.place.first} to {own.place.last}: {measured}."
     )
     held = [str(each.lead) for each in analysis.leads if each.predicted < HOLDS]
     if grows:
@@ -75,7 +75,7 @@ def _where(analysis: Analysis) -> "pd.DataFrame":
 
 
 def _reasons(analysis: Analysis) -> "pd.DataFrame":
-    """Lowest frequency, Hz, at which Re T is negative with each lead, by place; NaN: nowhere."""
+    """Lowest frequency, Hz, at which Re T is negative with each lead, by place; NaN where none is."""
     import pandas as pd
 
     return pd.DataFrame(
@@ -107,7 +107,6 @@ FIGURES = {
     "mode": figures.mode,
     "real_parts": figures.real_parts,
     "along": figures.along,
-    "delays": figures.delays,
     "eigenvalues": figures.eigenvalues,
 }
 TABLES = {"leads": _leads, "where": _where, "reasons": _reasons, "delays": _delays}
@@ -127,7 +126,6 @@ def _values(analysis: Analysis) -> dict[str, Any]:
         "best": figures.format_lead(best),
         "samples": len(along),
         "wrong": [f"{time:.2f}" for time, least in along.items() if least < 0.0],
-        "delayed": figures.choose_delayed(analysis),
     }
 
 
@@ -137,13 +135,14 @@ def write_stability_report(analysis: Analysis, folder: Path) -> Path:
     title = f"Stability of learning: {analysis.config.scenario}, {run.folder.resolve().name}"
     asked = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}, "cycle": analysis.own.place.calm}
     with replacing(folder, OUT_KEY, REPORT) as place:
-        page = MarkdownPage(
+        renderer = Renderer(place.new)
+        sections = render_markdown(
             Path(__file__).with_name("page.md"),
-            place.new,
+            "Does learning hold",
+            renderer,
             {name: partial(draw, analysis) for name, draw in FIGURES.items()},
             {name: partial(tabulate, analysis) for name, tabulate in TABLES.items()},
             _values(analysis),
         )
-        sections = page.render("Does learning hold")
-        inputs = [run.folder / TRACE, *page.files]
+        inputs = [run.folder / TRACE, *renderer.files]
         return write_report_in(place, Report(title, verdict(analysis), sections, inputs, asked))

@@ -139,7 +139,7 @@ class Spectrum(NamedTuple):
         return float(self.least_real(lead).min())
 
     def wrong_from(self, lead: int) -> float:
-        """Lowest frequency at which a real part is negative, Hz; NaN if it is nowhere."""
+        """Lowest frequency at which a real part is negative, Hz; NaN if none is."""
         wrong = self.least_real(lead) < 0.0
         return float(self.frequencies[np.argmax(wrong)]) if wrong.any() else float("nan")
 

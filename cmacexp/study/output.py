@@ -9,7 +9,8 @@ import pyarrow as pa
 
 from cmacexp.data.folder import Place
 from cmacexp.data.parquet import write_table
-from cmacexp.report.page import Html, Report, Section, relative, write_report_in
+from cmacexp.report.page import Report, relative, write_report_in
+from cmacexp.report.parts import Html, Section
 from cmacexp.study.page import QUICK, Evaluated, make_claims_section, make_reading_section
 from cmacexp.study.results import Results
 from cmacexp.study.statements import Found, Judged, Measured

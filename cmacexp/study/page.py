@@ -9,8 +9,10 @@ from typing import Any
 
 from cmacexp.config.fields import listed
 from cmacexp.errors import BadInput
-from cmacexp.report.markdown import MarkdownPage, find_insertions
-from cmacexp.report.page import HOW_TO_REPORT, Html, Section, find_page
+from cmacexp.report.markdown import find_insertions, render_markdown
+from cmacexp.report.page import HOW_TO_REPORT, find_page
+from cmacexp.report.parts import Html, Section
+from cmacexp.report.render import Renderer
 from cmacexp.study.interval import GUARD, TRIMMED_FROM
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import VERDICTS, Found, Judged
@@ -55,9 +57,11 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
     study = file.study
     claims = {} if quick else {name: claim.judge(results) for name, claim in study.claims.items()}
     findings = {} if quick else {name: finding.judge(results) for name, finding in study.findings.items()}
-    page = MarkdownPage(
+    renderer = Renderer(folder, png=not quick)
+    sections = render_markdown(
         file.page,
-        folder,
+        study.title,
+        renderer,
         {name: partial(figure, results) for name, figure in study.figures.items()},
         {name: partial(table, results) for name, table in study.tables.items()},
         {
@@ -67,9 +71,8 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
             "runs": len(results),
             **study.values(results),
         },
-        png=not quick,
     )
-    return Evaluated(file.name, study.title, claims, findings, page.render(study.title), page.files)
+    return Evaluated(file.name, study.title, claims, findings, sections, renderer.files)
 
 
 def _format_finding(found: Found) -> str:

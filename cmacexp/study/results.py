@@ -12,7 +12,8 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.metric import LARGE, NEITHER
 from cmacexp.metrics.registry import ALL_METRICS
-from cmacexp.report.run_summary import RunSummary, format_value, read_summary
+from cmacexp.metrics.text import format_setting
+from cmacexp.report.run_summary import RunSummary, read_summary
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
@@ -181,7 +182,7 @@ class Results:
             for row in self.rows
         )
         mixed = [name for name in frame if len({isinstance(value, str) for value in frame[name].dropna()}) > 1]
-        return frame.assign(**{name: frame[name].map(format_value, na_action="ignore") for name in mixed})
+        return frame.assign(**{name: frame[name].map(format_setting, na_action="ignore") for name in mixed})
 
 
 def worst_value(name: str) -> float:
@@ -201,16 +202,16 @@ def _require(kind: str, name: str, names: Collection[str]) -> None:
 
 
 def _hashable(value: Any) -> Any:
-    return format_value(value) if isinstance(value, list) else value
+    return format_setting(value) if isinstance(value, list) else value
 
 
 def _same(value: Any, wanted: Any) -> bool:
-    return bool(value == wanted) or format_value(value) == format_value(wanted)
+    return bool(value == wanted) or format_setting(value) == format_setting(wanted)
 
 
 def _plain(row: Row) -> dict[str, Any]:
     """What the study sets, as values of columns; null is an empty field, in a column of numbers too."""
     return {
-        key: value if value is None or isinstance(value, int | float | str) else format_value(value)
+        key: value if value is None or isinstance(value, int | float | str) else format_setting(value)
         for key, value in row.shown.items()
     }

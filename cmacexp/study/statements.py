@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cmacexp.errors import BadInput
-from cmacexp.report.numbers import format_number
+from cmacexp.metrics.text import format_number
 from cmacexp.study.interval import BadSample, Interval, estimate
 from cmacexp.study.results import NoSuchRuns, Results
 from cmacexp.typing import Array, Mask

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.report.numbers import format_number
-from cmacexp.study.curves import appearance
+from cmacexp.metrics.text import format_number
+from cmacexp.report.curves import appearance
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.samples import ended_in

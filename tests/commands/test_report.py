@@ -17,16 +17,14 @@ from cmacexp.config.difference import flat
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.version import __version__
 from cmacexp.metrics.summary import shorten
+from cmacexp.report.axes import include_zero, logarithmic, name_ticks, spans_decades
 from cmacexp.report.comparison import make_rows
-from cmacexp.report.figure_data import logarithmic, mark, spans_decades, widen
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.report.over_key import name_ticks
-from cmacexp.report.page import Drawing, Folded, Table
+from cmacexp.report.parts import Drawing, Folded, Table
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_settings import list_settings
 from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
-from cmacexp.report.side_by_side import shared_limits
-from cmacexp.report.style import new_figure
+from cmacexp.report.style import mark, new_figure
 from cmacexp.report.sweep_report import make_sweep_report
 from cmacexp.report.swept import find_swept
 
@@ -376,8 +374,8 @@ def test_axes_do_not_exaggerate_differences():
     _, (errors, heights) = new_figure(1, 2)
     for axes in (errors, heights):
         axes.plot([0, 1], [1.42, 1.52])
-    widen(errors, [1.42, 1.52])
-    widen(heights, [1.42, 1.52], from_zero=False)
+    include_zero(errors, [1.42, 1.52])
+    include_zero(heights, [1.42, 1.52], from_zero=False)
     assert errors.get_ylim()[0] <= 0.0
     assert heights.get_ylim()[0] > 1.0
     figure = draw([Panel("error", "cycle", "mm", [Series("a", [1, 2], [1.42, 1.52])])])
@@ -401,9 +399,3 @@ def test_names_of_ticks_do_not_overlap():
     values = [1.0, 10.0, 19.0, 20.0]
     assert name_ticks(np.array(values), values) == ["1", "10", "", "20"]
     assert name_ticks(np.log([1.0, 2.0, 4.0]), [1.0, 2.0, 4.0]) == ["1", "2", "4"]
-
-
-def test_one_run_that_oscillates_does_not_set_the_scale_of_the_others():
-    calm, wild = np.array([-1.0, 1.0]), np.array([-90.0, 90.0])
-    assert shared_limits([calm, 1.2 * calm, wild]) == (-1.2, 1.2)
-    assert shared_limits([wild, wild]) == (-90.0, 90.0)

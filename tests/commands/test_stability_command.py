@@ -24,7 +24,7 @@ def test_a_run_that_diverges_is_told_with_the_lead_that_holds(folder):
     assert done.stdout.splitlines()[-1] == str(page.relative_to(folder) / "report.html")
     manifest = json.loads((page / "manifest.json").read_text())
     assert "../trace.parquet" in manifest["files"]
-    for name in ("growth", "mode", "real_parts", "along", "delays", "eigenvalues"):
+    for name in ("growth", "mode", "real_parts", "along", "eigenvalues"):
         assert (page / "figures" / f"{name}.png").is_file()
         assert (page / "figures" / f"{name}.svg").is_file()
     assert python("-m", "cmacexp.verify", "run", folder=folder).returncode == 0

@@ -47,7 +47,7 @@ def test_the_table_of_a_run_fits_80_columns_in_one_piece(legs, metrics, narrow, 
 
 def test_columns_that_do_not_fit_follow_below(narrow, capsys):
     narrow(20)
-    print_table(["run", "first\nmm", "second\nmm", "third\nmm"], [["1", "2", "3", "4"], ["5", "6", "7", "8"]], left=1)
+    print_table(["run", "first\nmm", "second\nmm", "third\nmm"], [["1", "2", "3", "4"], ["5", "6", "7", "8"]])
     printed = capsys.readouterr().out
     assert max(len(line.rstrip()) for line in printed.splitlines()) <= 20
     assert numbers_in(printed) == [["1", "2", "3"], ["5", "6", "7"], ["1", "4"], ["5", "8"]]
@@ -55,7 +55,7 @@ def test_columns_that_do_not_fit_follow_below(narrow, capsys):
 
 def test_a_cell_wider_than_the_terminal_is_folded_not_cut(narrow, capsys):
     narrow(20)
-    print_table(["run"], [["a" * 50]], left=1)
+    print_table(["run"], [["a" * 50]])
     assert capsys.readouterr().out.count("a") == 50
 
 

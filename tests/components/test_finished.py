@@ -16,7 +16,8 @@ from cmacexp.errors import CmacexpError
 from cmacexp.experiment.collect import collect
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.workers import workers
-from cmacexp.report.page import Report, Section, Table, Text, write_report
+from cmacexp.report.page import Report, write_report
+from cmacexp.report.parts import Section, Table, Text
 from cmacexp.study import Request
 from cmacexp.study.state import is_up_to_date
 

@@ -28,9 +28,10 @@ from cmacexp.metrics.metric import (
 )
 from cmacexp.metrics.pooling import pool_legs
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, SHOWN
-from cmacexp.metrics.summary import format_cycles, format_number
+from cmacexp.metrics.summary import format_cycles
+from cmacexp.metrics.text import format_cell
 from cmacexp.report.comparison import format_runs, make_rows
-from cmacexp.report.per_cycle import KEY, PANELS, draw_metrics
+from cmacexp.report.run_figures import KEY, PANELS, draw_metrics
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import read_summary
 
@@ -96,7 +97,7 @@ def test_terminal_and_notebook_show_the_pooled_values(walk):
     main = select_shown(values)
     assert titles == [("cycle", ""), *((shown.title, shown.unit) for shown in main.values())]
     for cycle, row in enumerate(rows):
-        numbers = [format_number(values[name][cycle] * shown.factor) for name, shown in main.items()]
+        numbers = [format_cell(values[name][cycle] * shown.factor) for name, shown in main.items()]
         assert row == [str(cycle + 1), *numbers]
         assert "  ".join(row[1:2]) in repr(run)
 
@@ -117,7 +118,7 @@ def test_the_report_of_a_run_shows_the_pooled_values(walk):
     for title, meaning, unit, *numbers in key.rows:
         name, main = shown[meaning]
         assert (title, unit) == main[:2]
-        assert numbers == [format_number(main.factor * value) for value in values[name]]
+        assert numbers == [format_cell(main.factor * value) for value in values[name]]
 
 
 def test_the_figure_of_a_run_draws_the_pooled_values(walk):
@@ -153,8 +154,8 @@ def test_sweep_table_and_objective_take_the_pooled_values(walk):
     titles, ((*_, status, cycles, first, _, _, _, share, _, _, _),) = format_runs([summary], [])
     assert titles[3:] == [f"{shown.title}\n{shown.unit}" for shown in select_shown(values).values()]
     error = next(iter(select_shown(values)))
-    assert (status, cycles, first) == ("completed", "2", format_number(1e3 * values[error][1]))
-    assert share == format_number(100.0 * values["feedforward_share"][1])
+    assert (status, cycles, first) == ("completed", "2", format_cell(1e3 * values[error][1]))
+    assert share == format_cell(100.0 * values["feedforward_share"][1])
 
 
 def test_poolings_and_directions_of_families():

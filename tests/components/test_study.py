@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmacexp.errors import BadInput
-from cmacexp.report.numbers import format_number
+from cmacexp.metrics.text import format_number
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, at_most, between, grid, starting_from
 from cmacexp.study.interval import estimate

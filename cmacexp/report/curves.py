@@ -1,0 +1,103 @@
+"""Panels of metrics: over the cycles and over a setting, for reports of runs, sweeps and studies."""
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from cmacexp.metrics.metric import Shown
+from cmacexp.metrics.registry import ALL_METRICS, SHOWN
+from cmacexp.metrics.text import format_setting
+from cmacexp.report.axes import spans_decades
+from cmacexp.report.figures import Panel, Series
+from cmacexp.typing import Array
+
+MOST_TICKS = 6
+"""Numeric values of a setting up to which each has a tick."""
+Reduce = Callable[[Array], tuple[float, float, float]]
+
+
+def appearance(name: str) -> Shown:
+    """How a metric appears; one that tables do not show, under its name and in its unit."""
+    return SHOWN.get(name) or Shown(name.replace("_", " "), ALL_METRICS[name].unit)
+
+
+def find_log(series: Sequence[Series], axes: str = "xy") -> str:
+    """Those of ``axes`` whose values span decades."""
+    values = {axis: [np.asarray(getattr(each, axis), dtype=float) for each in series] for axis in axes}
+    return "".join(axis for axis, arrays in values.items() if arrays and spans_decades(np.concatenate(arrays)))
+
+
+def is_numeric(values: Sequence[Any]) -> bool:
+    """Whether values can stand on an axis of numbers."""
+    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+
+
+def over_cycles(name: str, groups: Mapping[Any, Sequence[Array]], log: str | None = None, title: str = "") -> Panel:
+    """A metric in every cycle: the median over the runs of each group, and their range as a band.
+
+    Args:
+        name: of the metric.
+        groups: histories of the metric in SI units, by what their runs have in common.
+        log: logarithmic axes; None: those whose values span decades.
+        title: replaces the metric's own.
+    """
+    shown = appearance(name)
+    title, series = title or shown.title, []
+    for value, histories in groups.items():
+        length = max(map(len, histories))
+        padded = np.array([np.pad(h, (0, length - len(h)), constant_values=np.nan) for h in histories]) * shown.factor
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a cycle in which no run defines the metric
+            middle, low, high = np.nanmedian(padded, 0), np.nanmin(padded, 0), np.nanmax(padded, 0)
+        series.append(Series(format_setting(value), np.arange(1, length + 1), middle, low, high))
+    log = find_log(series) if log is None else log
+    return Panel(title, "cycle", f"{title}, {shown.unit}".rstrip(", "), series, log=log, from_zero=shown.from_zero)
+
+
+def mean_and_range(values: Array) -> tuple[float, float, float]:
+    """The mean, the least and the largest of some values."""
+    return float(values.mean()), float(values.min()), float(values.max())
+
+
+def over_setting(
+    groups: Mapping[Any, Mapping[Any, Array]],
+    x: str,
+    y: str,
+    reduce: Reduce = mean_and_range,
+    *,
+    kind: str = "lines",
+    log: str | None = "",
+    title: str = "",
+    order: Sequence[Any] = (),
+) -> Panel:
+    """What is reduced from the runs with the same value of a setting, against that value; none where it is infinite.
+
+    Args:
+        groups: for each series and then for each value of the setting a number for each run.
+        x: name and unit of the x axis.
+        y: likewise.
+        reduce: gives a value, and the ends of its band or error bar.
+        kind: of the panel; ``bars`` have a group for each value, in order.
+        log: logarithmic axes; None: those whose values span decades.
+        title: of the panel.
+        order: of values that are no numbers, if not that of ``groups``.
+    """
+    values = order or [value for by_value in groups.values() for value in by_value]
+    series, ticks = [], list(dict.fromkeys(map(format_setting, values)))
+    for name, by_value in groups.items():
+        if kind == "lines":
+            samples = {float(value): by_value[value] for value in sorted(by_value)}
+        else:
+            samples = {float(ticks.index(format_setting(value))): sample for value, sample in by_value.items()}
+        found = np.array([reduce(sample) for sample in samples.values()]).T
+        middle, low, high = np.where(np.isfinite(found), found, np.nan)
+        spread = found[2] > found[1]
+        band = (np.where(spread, low, middle), np.where(spread, high, middle)) if spread.any() else (None, None)
+        series.append(Series(format_setting(name), list(samples), middle, *band))
+    log = find_log(series) if log is None else log
+    if kind != "lines":
+        return Panel(title, x, y, series, kind=kind, log=log, ticks=ticks)
+    places = sorted({place for each in series for place in each.x})
+    return Panel(title, x, y, series, log=log, x_ticks=places if len(places) <= MOST_TICKS else [])

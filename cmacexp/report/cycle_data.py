@@ -1,0 +1,86 @@
+"""The trace of some cycles of a run, as figures show it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cmacexp.config.machine import LEG_NAMES
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.tables import BODY
+from cmacexp.metrics.block import THIRD_AXIS
+from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_CYCLES = 6
+"""Cycles that are distinguishable in one figure."""
+
+
+@dataclass(frozen=True)
+class CycleData:
+    """Some cycles of a run, for figures."""
+
+    cycles: Sequence[int]
+    trace: "pd.DataFrame"
+    body: "pd.DataFrame | None"
+    cycle_time: float
+    period: float
+    """Between two samples, s."""
+    legs: Sequence[int]
+    """Their numbers."""
+    has_joints: bool
+    axes: str
+    """Those in which a foot moves: x and y and, of a robot, z; there are as many joints."""
+
+    @property
+    def is_robot(self) -> bool:
+        """Whether the legs move in space."""
+        return THIRD_AXIS in self.axes
+
+    @property
+    def moves_along_x(self) -> bool:
+        """Whether the feet move along x; a foot that only presses has neither path nor error there."""
+        return any(float(np.ptp(self.trace[name])) > 1e-6 for name in ("x", "x_desired"))
+
+    @property
+    def duration(self) -> float:
+        """Duration of the longest of the cycles, s; less than a cycle if the run stopped in its first."""
+        return float(self.time_in_cycle(self.trace).max()) + self.period
+
+    def select(self, cycle: int, leg: int) -> "pd.DataFrame":
+        """The trace of one leg in one cycle; of the body if ``leg`` is 0."""
+        if not leg:
+            assert self.body is not None
+            return self.body[self.body["cycle"] == cycle]
+        return self.trace[(self.trace["cycle"] == cycle) & (self.trace["leg"] == leg)]
+
+    def time_in_cycle(self, rows: "pd.DataFrame") -> Array:
+        """Time since the cycle began, s."""
+        return np.asarray(rows["time"] - (rows["cycle"] - 1) * self.cycle_time)
+
+    def support(self, leg: int) -> list[tuple[float, float]]:
+        """Begin and end of each planned support in the first cycle, s; none if all is support, or of the body."""
+        if not leg:
+            return []
+        rows = self.select(self.cycles[0], leg)
+        support = np.asarray(rows["phase"] == "support")
+        edges = np.flatnonzero(np.diff(support.astype(int), prepend=0, append=0))
+        clock = np.append(self.time_in_cycle(rows), self.cycle_time)
+        return [] if support.all() else list(zip(clock[edges[::2]], clock[edges[1::2]], strict=True))
+
+    def leg_name(self, leg: int) -> str:
+        """E.g. ``leg 1, left front``; empty of the only leg, and of the body."""
+        return f"leg {leg}, {LEG_NAMES[leg - 1]}" if leg and len(self.legs) > 1 else ""
+
+
+def read_cycle_data(run: StoredRun, cycles: Sequence[int]) -> CycleData:
+    """Read some cycles of a run."""
+    trace = run.cycles(cycles)
+    body = run.cycles(cycles, BODY) if run.walks else None
+    has_joints = bool(trace["q1"].notna().any())
+    times = run.config["gait"]["cycle_time"], run.config["sampling_period"]
+    axes = "xyz" if THIRD_AXIS in trace.columns else "xy"
+    return CycleData(cycles, trace, body, *times, range(1, int(trace["leg"].max()) + 1), has_joints, axes)

@@ -1,0 +1,98 @@
+"""What a page consists of: sections of text, tables and figures."""
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NUMBER = re.compile(r"([-+]?(\d[\d.]*(e[-+]?\d+|-\d+)?|infinite)( .*)?|-|undefined)?")
+"""A cell that is a number or a range, with its unit or a remark, or says that there is none."""
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph."""
+
+    kind: ClassVar = "text"
+    text: str
+
+
+@dataclass(frozen=True)
+class Link:
+    """A cell of a table that leads to another page."""
+
+    text: str
+    address: str
+
+    def __str__(self) -> str:
+        """The text of the cell."""
+        return self.text
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under named columns; numbers are formatted, with units in the names of their columns."""
+
+    kind: ClassVar = "table"
+    columns: Sequence[str]
+    """Names, whose units follow a comma or a line break."""
+    rows: "Sequence[Sequence[str | Link]]"
+    caption: str = ""
+    cards: bool = False
+    """Whether each row is a card of its own on a narrow screen; else the table scrolls sideways there."""
+    marked: Collection[int] = ()
+    """Numbers of rows that stand out."""
+
+    @property
+    def numeric(self) -> frozenset[int]:
+        """The columns that hold numbers alone, which are aligned to the right."""
+        columns = zip(*self.rows, strict=True)
+        return frozenset(i for i, cells in enumerate(columns) if all(NUMBER.fullmatch(str(cell)) for cell in cells))
+
+
+@dataclass(frozen=True)
+class Html:
+    """Part of a page that is HTML already."""
+
+    kind: ClassVar = "html"
+    html: str
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure, the name of its files, and its caption."""
+
+    kind: ClassVar = "drawing"
+    name: str
+    figure: "Figure"
+    caption: str
+    title: str = ""
+    """E.g. ``Fig. 10``, if it is one of the paper's."""
+
+
+@dataclass(frozen=True)
+class Folded:
+    """Parts that a reader opens."""
+
+    kind: ClassVar = "folded"
+    title: str
+    parts: "Sequence[Part]"
+
+
+Part = Text | Table | Drawing | Html | Folded
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a report."""
+
+    title: str
+    parts: Sequence[Part]
+
+    @property
+    def anchor(self) -> str:
+        """Its anchor in the page."""
+        return "".join(c if c.isalnum() else "-" for c in self.title.lower())

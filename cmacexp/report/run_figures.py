@@ -1,0 +1,228 @@
+"""Figures of one run: its metrics cycle by cycle, some of its cycles over their time, and its last steps."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cmacexp.config.machine import LEG_NAMES
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.metrics.pooling import count_legs, describe_pooling, is_shown, pool_legs
+from cmacexp.metrics.registry import SHOWN
+from cmacexp.report.curves import find_log, over_cycles
+from cmacexp.report.cycle_data import CycleData
+from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
+from cmacexp.report.parts import Drawing
+from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark
+from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+KEY = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse", "joint_rmse", "force_rmse", "feedforward_share")
+"""The metrics that say most of each leg; tables show those that the run has."""
+POSITIONS = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse", "support_rmse_x", "support_rmse_z")
+PANELS = {
+    "tracking error": ("RMS", POSITIONS),
+    "error of the joints": ("RMS", ("joint_rmse",)),
+    "force error": ("RMS", ("force_rmse", "force_rmse_three_feet", "force_ripple")),
+    "force relative to its desired value": ("deviation", ("force_overshoot", "force_steady_state_error")),
+    "settling of the force": ("settling time", ("force_settling_time",)),
+    "torque": ("RMS and peak", ("feedback_rms", "feedforward_rms", "torque_peak")),
+    "share of the feedforward": ("share", ("feedforward_share",)),
+    "largest tilt of the body": ("angle", ("tilt_max",)),
+    "height of the body": ("height", ("height_min", "height_mean", "height_max")),
+    "least stability margin": ("margin", ("true_stability_margin_min", "stability_margin_min")),
+}
+"""What the y axis shows, and metrics of one unit that share it, by the title of the panel."""
+JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
+"""Names of joints, by their number."""
+CLOCK = "time in the cycle, s"
+LAST_STEPS = 100
+"""Steps shown before a run stopped."""
+
+
+def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
+    """The main metrics per cycle, pooled over the legs."""
+    pooled = pool_legs(run.scores)
+    values = {
+        name: SHOWN[name].factor * history
+        for name, history in pooled.items()
+        if name in SHOWN
+        and is_shown(name, pooled, count_legs(run.scores))
+        and np.isfinite(history).any()
+        and history.any()
+    }
+    panels, drawn = [], []
+    for title, (axis, names) in PANELS.items():
+        if not (known := [name for name in names if name in values]):
+            continue
+        cycles = np.arange(1, len(values[known[0]]) + 1)
+        series = [Series(SHOWN[name].title, cycles, values[name]) for name in known]
+        shown = SHOWN[known[0]]
+        unit = torque_unit if shown.unit == "N m" else shown.unit
+        panels.append(
+            Panel(title, "cycle", f"{axis}, {unit}", series, log=find_log(series), from_zero=shown.from_zero)
+        )
+        drawn += known
+    pooling = f" Over the legs: {describe_pooling({name: name for name in drawn})}." if run.walks else ""
+    return Drawing("metrics", draw(panels, legend="panel"), f"Metrics of each cycle.{pooling}")
+
+
+def draw_legs(run: StoredRun) -> Drawing:
+    """Errors and share of the feedforward of each leg, per cycle."""
+    names = [name for name in KEY if name in run.metrics and is_shown(name, run.metrics, len(LEG_NAMES))]
+    histories = {leg: run.metrics[run.metrics["leg"] == index] for index, leg in enumerate(LEG_NAMES, 1)}
+    panels = [over_cycles(name, {leg: [np.asarray(rows[name])] for leg, rows in histories.items()}) for name in names]
+    return Drawing("legs", draw(panels), "Errors of each leg and the share of its feedforward, cycle by cycle.")
+
+
+class Quantity(NamedTuple):
+    """What is drawn over time."""
+
+    title: str
+    y: str
+    """Name and unit of the axis."""
+    caption: str = ""
+    from_zero: bool = True
+
+
+QUANTITIES = {
+    "foot": Quantity("foot path", "y down, mm", "Paths of the feet in the frames of their hips, y down."),
+    "force": Quantity("contact force", "force, N", "Contact force."),
+    "x": Quantity("error along x", "x - desired, mm", "Error of the foot along x, forward."),
+    "y": Quantity(
+        "error along y",
+        "y - desired, mm",
+        "Error of the foot along y, down; in support relative to the depression at the desired force.",
+    ),
+    "z": Quantity("error along z", "z - desired, mm", "Error of the foot along z, to the left."),
+    "height": Quantity("height of the body", "height, mm", from_zero=False),
+    "stability_margin": Quantity("stability margin, nearest edge", "margin, mm"),
+    "pitch": Quantity("pitch, nose down", "pitch, mrad", from_zero=False),
+    "roll": Quantity("roll, right side down", "roll, mrad", from_zero=False),
+}
+"""By column; of x, y and z the errors."""
+BODY = ("height", "stability_margin", "pitch", "roll")
+
+
+def read_quantity(rows: "pd.DataFrame", name: str) -> Array:
+    """Values of one of :data:`QUANTITIES`; the margin is the true one, but in a run of an earlier version."""
+    if name in "xyz":
+        return np.asarray(1e3 * (rows[name] - rows[f"{name}_desired"]))
+    if name == "stability_margin" and f"true_{name}" in rows:
+        name = f"true_{name}"
+    return np.asarray(rows[name] if name == "force" else 1e3 * rows[name])
+
+
+def read_desired(rows: "pd.DataFrame", clock: Array, name: str) -> list[Series]:
+    """The desired force or the planned margin as a line; of other quantities none."""
+    if name == "force":
+        return [Series("desired", clock, rows["force_desired"], style=DESIRED_LINE)]
+    return [Series("planned", clock, 1e3 * rows[name], style=DESIRED_LINE)] if name == "stability_margin" else []
+
+
+def over_cycle(data: CycleData, name: str, leg: int) -> Panel:
+    """A quantity of a leg, or of the body if ``leg`` is 0, over the time of each cycle, the last the strongest."""
+    title, y, _, from_zero = QUANTITIES[name]
+    first = data.select(data.cycles[0], leg)
+    lines, last = read_desired(first, data.time_in_cycle(first), name), len(data.cycles) - 1
+    for index, cycle in enumerate(data.cycles):
+        rows = data.select(cycle, leg)
+        style = (
+            {**mark(0), "linewidth": 2.0, "zorder": 2.5} if index == last else {**mark(index + 1), "linewidth": 1.1}
+        )
+        if name == "foot":
+            clock, values = 1e3 * rows["x"], 1e3 * rows["y"]
+        else:
+            clock, values = data.time_in_cycle(rows), read_quantity(rows, name)
+        lines.append(Series(f"cycle {cycle}", clock, values, style=style))
+    panel = Panel(data.leg_name(leg) or title, CLOCK, y, lines, from_zero=from_zero)
+    if name == "foot":
+        desired = Series("desired", 1e3 * first["x_desired"], 1e3 * first["y_desired"], style=DESIRED_LINE)
+        return replace(panel, x="x forward, mm", series=[desired, *lines], equal=True, y_down=True)
+    return replace(panel, x_range=(0.0, data.duration), shaded=data.support(leg))
+
+
+def draw_tracking(data: CycleData) -> list[Drawing]:
+    """Foot path, force and errors over the chosen cycles: one figure for one leg, else one for each."""
+    names = ["foot", "force", *data.axes] if data.moves_along_x else ["force", "y"]
+    panels = {name: [over_cycle(data, name, leg) for leg in data.legs] for name in names}
+    if len(data.legs) == 1:
+        figure = draw([panel for (panel,) in panels.values()], height=2.7)
+        return [Drawing("tracking", figure, f"Force and errors over the chosen cycles.{_describe_shade(data)}")]
+    return [
+        Drawing(
+            name if name in ("foot", "force") else f"error_{name}",
+            draw(panels[name], height=1.8 if name == "foot" else 2.3, share="xy"),
+            QUANTITIES[name].caption + ("" if name == "foot" else _describe_shade(data)),
+        )
+        for name in names
+    ]
+
+
+def draw_body(data: CycleData) -> Drawing:
+    """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
+    caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
+    return Drawing("body", draw([over_cycle(data, name, 0) for name in BODY], height=2.3, share="x"), caption)
+
+
+def _describe_shade(data: CycleData) -> str:
+    return " The planned support is shaded." if data.support(1) else ""
+
+
+def draw_torques(data: CycleData) -> Drawing:
+    """Feedback and feedforward of all joints in the last chosen cycle; of a robot J^T F_d apart, as in metrics."""
+    cycle, count = data.cycles[-1], len(data.axes)
+    names = JOINTS[count] if data.has_joints else ("along x", "along y")
+    unit = "torque, N m" if data.has_joints else "force, N"
+    learns = bool(data.trace[[f"tau_feedforward_{joint + 1}" for joint in range(count)]].to_numpy().any())
+    panels = []
+    for leg in data.legs:
+        rows = data.select(cycle, leg)
+        time, leg_name = data.time_in_cycle(rows), data.leg_name(leg)
+        if data.is_robot:  # three beside each other are narrow
+            leg_name = f"{leg} {LEG_NAMES[leg - 1]}"
+        for joint, name in enumerate(names, 1):
+            feedback, lines = rows[f"tau_feedback_{joint}"], []
+            if data.is_robot:
+                known = rows[f"tau_force_{joint}"]
+                feedback = feedback - known
+                lines.append(Series("for the desired force", time, known, style=DESIRED_LINE))
+            lines.append(Series("feedback", time, feedback, style={"color": FEEDBACK, "linestyle": "-"}))
+            if learns:
+                style = {"color": FEEDFORWARD, "linestyle": "--"}
+                lines.append(Series("feedforward", time, rows[f"tau_feedforward_{joint}"], style=style))
+            panel = Panel(f"{leg_name}: {name}" if leg_name else name, CLOCK, unit, lines, shaded=data.support(leg))
+            panels.append(replace(panel, x_range=(0.0, data.duration)))
+    torques = "Feedback and feedforward" if learns else "Feedback"
+    also = " and the torque of the desired force, which the plan knows," if data.is_robot else ""
+    caption = f"{torques}{also} in cycle {cycle}; the plant receives their sum.{_describe_shade(data)}"
+    figure = draw(panels, count, 2.6 if len(data.legs) == 1 else 1.7, share="x")
+    return Drawing("torques", figure, caption)
+
+
+def _end_of_body(rows: "pd.DataFrame", name: str) -> Panel:
+    title, y, _, from_zero = QUANTITIES[name]
+    lines = [*read_desired(rows, rows["time"], name), Series("true", rows["time"], read_quantity(rows, name))]
+    return Panel(title, "time, s", y, lines, from_zero=from_zero)
+
+
+def draw_end(data: CycleData, status: str) -> Drawing:
+    """The last steps of a run that fell or diverged."""
+    columns = {f"dq{joint}": f"joint {joint}" for joint in range(1, len(data.axes) + 1)}
+    if not data.has_joints:
+        columns = {"vx": "along x", "vy": "along y"}
+    speeds, forces = [], []
+    for leg in data.legs:
+        rows = data.trace[data.trace["leg"] == leg].tail(LAST_STEPS)
+        whose = f"leg {leg} " if len(data.legs) > 1 else ""
+        speeds += [Series(whose + name, rows["time"], rows[column]) for column, name in columns.items()]
+        forces.append(Series(whose or "force", rows["time"], rows["force"]))
+    panels = [Panel("contact force", "time, s", "force, N", forces)]
+    if data.body is not None and status == "fell":
+        panels += [_end_of_body(data.body.tail(LAST_STEPS), name) for name in BODY]
+    else:
+        panels.append(Panel("speed", "time, s", "joint speed, rad/s" if data.has_joints else "speed, m/s", speeds))
+    steps = min(LAST_STEPS, len(data.trace) // len(data.legs))
+    return Drawing("end", draw(panels, legend="panel"), f"The last {steps} recorded steps before the run stopped.")

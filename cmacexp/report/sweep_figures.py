@@ -1,0 +1,167 @@
+"""Figures of several runs: metrics over the cycles and over the swept keys, and the last cycles side by side."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.metrics.registry import JUDGED, MAIN
+from cmacexp.metrics.text import format_setting
+from cmacexp.report.curves import is_numeric, over_cycles, over_setting
+from cmacexp.report.cycle_data import MOST_CYCLES, read_cycle_data
+from cmacexp.report.figures import Series, draw
+from cmacexp.report.parts import Drawing
+from cmacexp.report.run_figures import QUANTITIES, over_cycle
+from cmacexp.report.run_summary import RunSummary
+from cmacexp.typing import Array
+
+MOST_LINES = 12
+"""Lines of learning curves: more runs are grouped by a swept value, of which as many are shown, evenly spaced."""
+MOST_FAMILY = 7
+"""Values of a second key that have a line each."""
+
+
+def make_file_name(key: str) -> str:
+    """A config key as part of the name of a file."""
+    return key.replace(".", "-").replace("_", "-").strip("-")
+
+
+def group_by(runs: Sequence[RunSummary], key: str) -> dict[Any, list[RunSummary]]:
+    """Runs by the value of a config key; numbers in their order."""
+    groups: dict[Any, list[RunSummary]] = {}
+    for run in runs:
+        groups.setdefault(run.config.get(key), []).append(run)
+    return {value: groups[value] for value in sorted(groups)} if is_numeric(list(groups)) else groups
+
+
+def draw_learning_curves(runs: Sequence[RunSummary], names: Sequence[str], keys: Sequence[str]) -> list[Drawing]:
+    """The main metrics per cycle, a line for each run that has a whole one; none if no run has two.
+
+    Args:
+        runs: with results.
+        names: of the runs, for the legend.
+        keys: that were swept; of many runs each of the first two has a figure with a line for each of its values.
+    """
+    ends = ["" if run.status == "completed" else f", {run.status}" for run in runs]
+    begun = {name + end: [run] for name, end, run in zip(names, ends, runs, strict=True) if run.cycles}
+    shown = [run for (run,) in begun.values()]
+    if max((run.cycles for run in shown), default=0) < 2:
+        return []
+    if len(shown) > MOST_LINES:
+        return [_draw_grouped(shown, key) for key in keys[:2]]
+    return [Drawing("learning", _draw_learning(begun), "Metrics of each whole cycle, one line for each run.")]
+
+
+def _draw_grouped(runs: Sequence[RunSummary], key: str) -> Drawing:
+    groups = group_by(runs, key)
+    values = list(groups)
+    chosen = sorted({round(place) for place in np.linspace(0, len(values) - 1, MOST_LINES)})
+    figure = _draw_learning({values[index]: groups[values[index]] for index in chosen}, key)
+    some = f" {len(chosen)} of {len(values)} values are shown." if len(chosen) < len(values) else ""
+    caption = f"Metrics of each whole cycle: median and range of the runs with the same {key}.{some}"
+    return Drawing(f"learning-{make_file_name(key)}", figure, caption)
+
+
+def _draw_learning(groups: Mapping[Any, Sequence[RunSummary]], title: str = "") -> Any:
+    runs = [run for group in groups.values() for run in group]
+    panels = []
+    for name in JUDGED:
+        if not any(run.shows(name) and np.isfinite(run.final(name)) for run in runs):
+            continue
+        histories = {value: [_history(run, name) for run in group] for value, group in groups.items()}
+        panels.append(replace(over_cycles(name, histories), title=f"{MAIN[name].title} ({name})"))
+    return draw(panels, legend_title=title)
+
+
+def _history(run: RunSummary, name: str) -> Array:
+    undefined = np.full(run.cycles, np.nan)
+    return run.metrics.get(name, undefined) if run.shows(name) else undefined
+
+
+def _varies(values: Array) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(known.size and np.ptp(known) > 1e-9 * np.abs(known).max())
+
+
+def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> list[Drawing]:
+    """The main metrics over a swept key: final and best, or with a second key a line for each of its values.
+
+    Args:
+        runs: with results.
+        key: the one on the axis.
+        keys: all that were swept.
+    """
+    ended = [run for run in runs if run.status == "completed"]
+    values = list(group_by(runs, key))
+    others = [other for other in keys if other != key]
+    second = others[0] if len(others) == 1 and len(group_by(ended, others[0])) <= MOST_FAMILY else ""
+    lines = {"last cycle": RunSummary.final}
+    if any(run.cycles > 1 for run in ended):
+        lines["best cycle"] = RunSummary.best
+    stopped: list[Any] = [run.config.get(key) for run in runs if run.status != "completed"]
+    panels = []
+    for name in JUDGED:
+        if not all(run.shows(name) for run in ended) or not _varies(np.array([run.final(name) for run in ended])):
+            continue
+        if second:
+            groups = {
+                value: _over(group, key, name, RunSummary.final) for value, group in group_by(ended, second).items()
+            }
+        else:
+            groups = {line: _over(ended, key, name, take) for line, take in lines.items()}
+        shown, numeric = MAIN[name], is_numeric(values)
+        labels = f"{shown.title} ({name})", f"{shown.title}, {shown.unit}"
+        panel = over_setting(
+            {line: samples for line, samples in groups.items() if samples}, key, labels[1],
+            kind="lines" if numeric else "scatter", log=None, title=labels[0], order=values,
+        )  # fmt: skip
+        crosses = stopped if numeric else [panel.ticks.index(format_setting(value)) for value in stopped]
+        panels.append(replace(panel, from_zero=shown.from_zero, crosses=crosses))
+    if not panels:
+        return []
+    caption = f"Metrics of the last cycle over {key}, a line for each {second}" if second else f"Metrics over {key}"
+    rest = [other for other in others if other != second]
+    also = f"; {', '.join(rest)} also varies: values are means, bands are the range" if rest else ""
+    return [Drawing(f"over-{make_file_name(key)}", draw(panels, legend_title=second), f"{caption}{also}.")]
+
+
+def _over(runs: Sequence[RunSummary], key: str, name: str, take: Any) -> dict[Any, Array]:
+    """Defined values of a metric in the unit that is shown, by the value of a key."""
+    samples = {
+        value: np.array([MAIN[name].factor * take(run, name) for run in group])
+        for value, group in group_by(runs, key).items()
+    }
+    known = {value: sample[np.isfinite(sample)] for value, sample in samples.items()}
+    return {value: sample for value, sample in known.items() if sample.size}
+
+
+def draw_side_by_side(runs: Sequence[RunSummary], names: Sequence[str]) -> list[Drawing]:
+    """Force and errors of leg 1 over the last whole cycle of each completed run, on the same axes.
+
+    None for runs of different machines or too many runs for one figure.
+
+    Args:
+        runs: with results.
+        names: of the runs.
+    """
+    ended = {name: run for run, name in zip(runs, names, strict=True) if run.status == "completed" and run.cycles}
+    machines = {(run.config["scenario"], run.config["gait.cycle_time"]) for run in ended.values()}
+    if not 1 < len(ended) <= MOST_CYCLES or len(machines) > 1:
+        return []
+    shown = {name: read_cycle_data(StoredRun(run.folder), [run.cycles]) for name, run in ended.items()}
+    axes = "yx" if any(data.moves_along_x for data in shown.values()) else "y"
+    leg = " of leg 1" if any(len(data.legs) > 1 for data in shown.values()) else ""
+    drawings = []
+    for quantity in ("force", *axes):
+        panels = [replace(over_cycle(data, quantity, 1), title=name) for name, data in shown.items()]
+        lines = [replace(panel, series=[_name_actual(line) for line in panel.series]) for panel in panels]
+        caption = f"{QUANTITIES[quantity].title.capitalize()}{leg} over the last whole cycle of each completed run."
+        drawings.append(Drawing(f"side-by-side-{quantity}", draw(lines, height=1.9, share="xy"), caption))
+    return drawings
+
+
+def _name_actual(line: Series) -> Series:
+    """The line of a cycle under a name that is the same for all runs."""
+    return line if line.name == "desired" else replace(line, name="actual")
