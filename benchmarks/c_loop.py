@@ -115,7 +115,7 @@ def run_in_c(library: ctypes.CDLL, scenario: Scenario) -> tuple[Array, float]:
     assert isinstance(scenario.feedforward, CmacFeedforward)
     assert scenario.setup.mechanism.kind == LEGS_ON_STAND
     assert config.force_control.method == "combined"
-    assert (plant.substeps, config.learning.lead, config.terrain.patch_spread) == (1, 0, 0.0)
+    assert (plant.config.substeps, config.learning.lead, config.terrain.patch_spread) == (1, 0, 0.0)
     tables = _tables(scenario)
     params = _law(scenario, tables)
     first = scenario.first

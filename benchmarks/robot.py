@@ -26,7 +26,7 @@ def own_step(plant: MujocoRobot) -> Callable[[], float]:
             mujoco.mj_step2(model, data)
 
     timed = stopwatch(fall)
-    return lambda: timed() / STEPS * plant.substeps
+    return lambda: timed() / STEPS * plant.config.substeps
 
 
 def tables(quick: bool) -> list[Table]:

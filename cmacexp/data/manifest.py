@@ -108,9 +108,9 @@ def read_file(path: Path) -> Manifest:
     """
     try:
         with open_file(path) as file:
-            text = file.read(MAX_BYTES + 1).decode()
-        if len(text) > MAX_BYTES:
-            raise BadRun(f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run")
+            if os.fstat(file.fileno()).st_size > MAX_BYTES:
+                raise BadRun(f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run")
+            text = file.read().decode()
         found = json.loads(text)
         changed = isinstance(found, dict) and CHECKSUM in found and dump(found) != text
     except (FileNotFoundError, NotADirectoryError):
