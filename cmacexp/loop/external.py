@@ -21,15 +21,13 @@ from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import NO_METHOD, NOT_FINITE, STEP, STOP, TAKEN, Inputs, Loop, take_steps
 from cmacexp.loop.stop import RUNNING
 from cmacexp.loop.validation import require_finite, take, take_action, take_measurement
-from cmacexp.planning.columns import Y
+from cmacexp.planning.columns import ACTING, BEFORE, Y
 from cmacexp.planning.setup import Reference
 from cmacexp.plants.protocol import STATE, Measurement, get_state
 from cmacexp.typing import Array
 
 MOST_TOGETHER = 512
 """Steps whose inputs are allocated together."""
-MOST_REMEMBERED = 64
-"""Sections of a cycle whose rows of the plan are kept."""
 
 coroutine_loop = program(take_steps)
 
@@ -62,30 +60,6 @@ def _split(rows: Measurement | None) -> list[Measurement]:
     return [] if rows is None else list(map(_make_measurement, zip(*map(list, get_state(rows)), repeat(None))))
 
 
-class ReferenceRows:
-    """References of the steps of a run, made of the rows of its plan.
-
-    Args:
-        plan: the cycle that repeats.
-    """
-
-    def __init__(self, plan: Any):
-        self.plan = plan
-        self.sections: dict[tuple[int, int, bool], tuple[list[NDArray[Any]], ...]] = {}
-
-    def make(self, start: int, steps: int) -> list[Reference]:
-        """References of some steps of one cycle."""
-        plan, sample, acting = self.plan, start % len(self.plan.support), start >= self.plan.start_step
-        rows = self.sections.get((sample, steps, acting))
-        if rows is None:
-            tables = (plan.support, plan.reference[int(acting)], plan.desired, plan.joints, plan.force_desired)
-            rows = tuple(list(_read_only(table[sample : sample + steps])) for table in tables)
-            if len(self.sections) < MOST_REMEMBERED:
-                self.sections[sample, steps, acting] = rows
-        counts = range(start, start + steps), range(sample, sample + steps)
-        return list(map(_make_reference, zip(*counts, repeat(acting, steps), *rows, strict=True)))
-
-
 class ExternalDriver:
     """Runs external components, and built-in ones between them; taking no step compiles the program.
 
@@ -100,7 +74,17 @@ class ExternalDriver:
         self.plant, self.sensors = scenario.plant, scenario.sensors
         self.controller, self.feedforward = scenario.controller, scenario.feedforward
         self.period = len(scenario.setup.plan.support)
-        self.plan_rows = ReferenceRows(scenario.setup.plan)
+        plan = scenario.setup.plan
+        self.plan_rows = [
+            list(
+                zip(
+                    *map(_read_only, (plan.support, values, plan.desired, plan.joints, plan.force_desired)),
+                    strict=True,
+                )
+            )
+            for values in plan.reference
+        ]
+        """Fields of a reference but for the first three, of each sample in each stage."""
         self.state, self.observation = Measurement(*loop.plant_state[:7]), Measurement(*loop.observation[:7])
         if external.plant:
             for own, first in zip(get_state(self.state), get_state(scenario.first), strict=True):
@@ -109,10 +93,10 @@ class ExternalDriver:
         self.progress = np.zeros(3, dtype=np.int64)
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")
         self.start = 0
-        legs, joints = self.state.q.shape
         self.divergence = ""
         """Cause that the plant itself reported, if it has diverged."""
-        self._run(*make_samples(0, legs, False, joints))
+        legs, axes = self.state.q.shape
+        self._run(*make_samples(0, legs, False, axes))
 
     @property
     def taken(self) -> int:
@@ -168,7 +152,11 @@ class ExternalDriver:
         self.learning_error = [] if inputs.feedforward is None else list(inputs.feedforward)
         self.torque = [] if inputs.plant is None else list(inputs.plant)
         if external.controller or external.feedforward:
-            self.references = self.plan_rows.make(self.start, steps)
+            sample, acting = self.start % self.period, self.start >= self.loop.start_step
+            rows = self.plan_rows[ACTING if acting else BEFORE][sample : sample + steps]
+            self.references = [
+                _make_reference((self.start + k, sample + k, acting, *row)) for k, row in enumerate(rows)
+            ]
         return inputs
 
     def _measure(self, row: int) -> None:

@@ -1,8 +1,8 @@
 """Whether learning drifts: the feedback, which learning should reduce, grows again from cycle to cycle.
 
-A drift is detected in the first cycle in which both tests hold: the last WINDOW cycles rise significantly
-(:class:`TrendTest`), and their level has risen to DRIFT_RATIO times its lowest so far (:class:`LevelTest`). A change
-of the ground that learning compensates, and the noise of sensors, do not rise in so many pairs of cycles.
+A drift is detected in the first cycle in which both tests hold: the last WINDOW cycles rise significantly, and their
+level has risen to DRIFT_RATIO times its lowest so far. A change of the ground that learning compensates, and the
+noise of sensors, do not rise in so many pairs of cycles.
 """
 
 from collections.abc import Mapping
@@ -48,63 +48,6 @@ def format_drift(drift: Drift, when: str = "") -> str:
     return f"drift detected in cycle {drift.named}, started in cycle {drift.cycle} ({rate})"
 
 
-class TrendTest:
-    """Growth of the last WINDOW cycles (Sen 1968), and whether they rise significantly (Mann 1945).
-
-    Args:
-        legs: L.
-    """
-
-    def __init__(self, legs: int):
-        self.last_logs = np.full((WINDOW - 1, legs), np.nan)
-        """Logarithms of the feedback in the last WINDOW - 1 cycles."""
-
-    def add(self, feedback: Array) -> tuple[Array, Mask, Array]:
-        """Test the next cycles of RMS feedback torques (cycles, L).
-
-        Returns:
-            Factor of growth per cycle, whether it is significant, and the logarithm of the level; (cycles, L).
-        """
-        with np.errstate(divide="ignore", invalid="ignore"):
-            logs = np.concatenate([self.last_logs, np.log(feedback)])
-            windows = sliding_window_view(logs, WINDOW, axis=0)
-            differences = windows[..., _LATER] - windows[..., _EARLIER]
-            growth = np.exp(np.median(differences / (_LATER - _EARLIER), axis=-1))
-            rises = np.sign(differences).sum(axis=-1) >= SIGNIFICANT
-        self.last_logs = logs[1 - WINDOW :]
-        return growth, rises, np.median(windows, axis=-1)
-
-
-class LevelTest:
-    """Whether the level of the feedback has risen far above its lowest so far, and where it was lowest.
-
-    Args:
-        legs: L.
-    """
-
-    def __init__(self, legs: int):
-        self.cycles = 0
-        """Cycles tested so far."""
-        self.lowest, self.highest = np.full((1, legs), np.inf), np.full((1, legs), -np.inf)
-        """Logarithms of the lowest and highest level so far."""
-        self.lowest_cycle = np.zeros((1, legs))
-        """Middle of the window in which the level was lowest."""
-
-    def add(self, level: Array) -> tuple[Mask, Array]:
-        """Test the logarithms of the level (cycles, L) in the next cycles.
-
-        Returns:
-            Whether it has risen, and the cycle in which it was lowest; (cycles, L).
-        """
-        cycles = np.arange(self.cycles + 1, self.cycles + len(level) + 1)[:, None]
-        lowest, highest = _accumulate(np.fmin, self.lowest, level), _accumulate(np.fmax, self.highest, level)
-        at_lowest = np.where(level == lowest, cycles - WINDOW // 2, 0.0)
-        lowest_cycle = _accumulate(np.fmax, self.lowest_cycle, at_lowest)
-        self.cycles += len(level)
-        self.lowest, self.highest, self.lowest_cycle = lowest[-1:], highest[-1:], lowest_cycle[-1:]
-        return level > np.maximum(lowest, highest + np.log(LEAST)) + np.log(DRIFT_RATIO), lowest_cycle
-
-
 class DriftDetector:
     """Applies both tests to the feedback of L legs while a run goes on, some cycles at a time.
 
@@ -113,7 +56,14 @@ class DriftDetector:
     """
 
     def __init__(self, legs: int):
-        self.trend, self.level = TrendTest(legs), LevelTest(legs)
+        self.cycles = 0
+        """Cycles tested so far."""
+        self.last_logs = np.full((WINDOW - 1, legs), np.nan)
+        """Logarithms of the feedback in the last WINDOW - 1 cycles."""
+        self.lowest, self.highest = np.full((1, legs), np.inf), np.full((1, legs), -np.inf)
+        """Logarithms of the lowest and highest level so far."""
+        self.lowest_cycle = np.zeros((1, legs))
+        """Middle of the window in which the level was lowest."""
         self.started = np.full((1, legs), np.nan)
         """Cycle in which the drift of each leg started; NaN before one is detected."""
         self.first: Drift | None = None
@@ -127,15 +77,40 @@ class DriftDetector:
         """
         if not len(feedback):  # of a run that took no step
             return feedback, feedback
-        before = self.level.cycles
-        growth, rises, level = self.trend.add(feedback)
-        risen, lowest_cycle = self.level.add(level)
+        growth, rises, level = self._test_trend(feedback)
+        risen, lowest_cycle = self._test_level(level)
         started = _accumulate(np.fmin, self.started, np.where(rises & risen, lowest_cycle, np.nan))
         self.started = started[-1:]
         if self.first is None and len(detected := np.argwhere(~np.isnan(started))):
             cycle, leg = map(int, detected[0])
-            self.first = Drift(int(started[cycle, leg]), leg + 1, before + cycle + 1, float(growth[cycle, leg]))
+            named = self.cycles + cycle + 1
+            self.first = Drift(int(started[cycle, leg]), leg + 1, named, float(growth[cycle, leg]))
+        self.cycles += len(feedback)
         return growth, started
+
+    def _test_trend(self, feedback: Array) -> tuple[Array, Mask, Array]:
+        """Whether the last WINDOW cycles rise significantly (Mann 1945).
+
+        Returns:
+            Factor of growth per cycle (Sen 1968), whether it is significant, and the logarithm of the level.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logs = np.concatenate([self.last_logs, np.log(feedback)])
+            windows = sliding_window_view(logs, WINDOW, axis=0)
+            differences = windows[..., _LATER] - windows[..., _EARLIER]
+            growth = np.exp(np.median(differences / (_LATER - _EARLIER), axis=-1))
+            rises = np.sign(differences).sum(axis=-1) >= SIGNIFICANT
+        self.last_logs = logs[1 - WINDOW :]
+        return growth, rises, np.median(windows, axis=-1)
+
+    def _test_level(self, level: Array) -> tuple[Mask, Array]:
+        """Whether the logarithm of the level has risen far above its lowest, and the cycle in which it was lowest."""
+        cycles = np.arange(self.cycles + 1, self.cycles + len(level) + 1)[:, None]
+        lowest, highest = _accumulate(np.fmin, self.lowest, level), _accumulate(np.fmax, self.highest, level)
+        at_lowest = np.where(level == lowest, cycles - WINDOW // 2, 0.0)
+        lowest_cycle = _accumulate(np.fmax, self.lowest_cycle, at_lowest)
+        self.lowest, self.highest, self.lowest_cycle = lowest[-1:], highest[-1:], lowest_cycle[-1:]
+        return level > np.maximum(lowest, highest + np.log(LEAST)) + np.log(DRIFT_RATIO), lowest_cycle
 
 
 def _accumulate(function: np.ufunc, before: Array, values: Array) -> Array:
@@ -144,14 +119,9 @@ def _accumulate(function: np.ufunc, before: Array, values: Array) -> Array:
     return accumulated
 
 
-def measure_growth(feedback: Array) -> Array:
-    """Factor by which RMS feedback torques (cycles, L) grow per cycle: Theil-Sen slope of their logarithms."""
-    return DriftDetector(feedback.shape[1]).add(feedback)[0]
-
-
-def find_drift_cycles(feedback: Array) -> Array:
-    """Cycle in which a drift of RMS feedback torques (cycles, L) started; NaN before it is detected."""
-    return DriftDetector(feedback.shape[1]).add(feedback)[1]
+def follow_drift(feedback: Array) -> tuple[Array, Array]:
+    """What :class:`DriftDetector` finds in all cycles of RMS feedback torques (cycles, L)."""
+    return DriftDetector(feedback.shape[1]).add(feedback)
 
 
 def find_drift(metrics: pa.Table) -> Drift | None:
@@ -161,8 +131,8 @@ def find_drift(metrics: pa.Table) -> Drift | None:
     if not len(detected):
         return None
     first = detected[0]
-    own = growth[leg == leg[first]]
-    return Drift(int(started[first]), int(leg[first]), int(cycle[first]), float(own[-1]))
+    last = growth[leg == leg[first]][-1]
+    return Drift(int(started[first]), int(leg[first]), int(cycle[first]), float(last))
 
 
 def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from cmacexp.metrics import measures
 from cmacexp.metrics.block import Block, three_feet
-from cmacexp.metrics.measures import iae, ise, largest, mean, rms
+from cmacexp.metrics.measures import divide, iae, ise, largest, mean, rms
 from cmacexp.metrics.metric import (
     BRISTOW,
     CONTRACT,
@@ -21,9 +21,6 @@ from cmacexp.metrics.metric import (
 )
 from cmacexp.typing import Array
 
-IN_THE_AIR = 0.0
-"""Force from which a support starts, N."""
-
 
 def force_settled(block: Block) -> Array:
     """Mean force over the second half of support, N."""
@@ -37,7 +34,8 @@ def desired_settled(block: Block) -> Array:
 
 def force_steady_state_error(block: Block) -> Array:
     """(settled - desired) / desired, signed."""
-    return measures.steady_state_error(force_settled(block), IN_THE_AIR, desired_settled(block))
+    desired = desired_settled(block)
+    return divide(force_settled(block) - desired, desired)
 
 
 def force_overshoot(block: Block) -> Array:
@@ -45,13 +43,13 @@ def force_overshoot(block: Block) -> Array:
     desired = desired_settled(block)
     constant = largest(np.abs(block.force_desired - desired[:, :, None]), block.second_half) <= 1e-9 * np.abs(desired)
     pressed = np.where(constant & (desired > 0.0), desired, np.nan)
-    return measures.overshoot(block.force, IN_THE_AIR, pressed, block.support)
+    return largest(block.force / pressed[..., None], block.support) - 1.0
 
 
 def force_rise_time(block: Block) -> Array:
     """Time from 10 % to 90 % of the settled force in support, s; NaN if the foot pressed before touch-down."""
     elapsed, settled = block.since_touch_down, force_settled(block)
-    rise = measures.rise_time(elapsed, block.force, IN_THE_AIR, settled, block.support, block.rhythm.step)
+    rise = measures.rise_time(elapsed, block.force, settled, block.support, block.rhythm.step)
     return rise * block.whole_support
 
 
@@ -61,7 +59,7 @@ def force_settling_time(block: Block) -> Array:
     NaN as well where the support of a cycle does not begin and end within it, or settles at no force.
     """
     elapsed, settled = block.since_touch_down, force_settled(block)
-    settling = measures.settling_time(elapsed, block.force, IN_THE_AIR, settled, block.support, block.rhythm.step)
+    settling = measures.settling_time(elapsed, block.force, settled, block.support, block.rhythm.step)
     return settling * block.whole_support
 
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cmacexp.metrics.drift import DRIFT_RATIO, WINDOW, find_drift_cycles, measure_growth
+from cmacexp.metrics.drift import DRIFT_RATIO, WINDOW, follow_drift
+from cmacexp.metrics.measures import divide
 from cmacexp.metrics.metric import BRISTOW, MANN, MEAN, NEITHER, SEN, SMALL, SMALLEST, Metric, worst
 from cmacexp.typing import Array
 
@@ -28,7 +29,7 @@ LEARNED_IN_SPACE = ("transfer_rmse", "joint_rmse")
 def ratio_to_first(value: Array) -> Array:
     """Absolute ``value`` (cycles, L) over that of the first cycle; NaN where that is NaN or 0."""
     size = np.abs(value)
-    return size / np.where(size[:1] == 0.0, np.nan, size[:1])
+    return divide(size, size[:1])
 
 
 def cycles_to_1_e(value: Array) -> Array:
@@ -70,14 +71,14 @@ LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
         f"factor by which feedback_rms grows per cycle, over the last {WINDOW} cycles",
         f"the first {WINDOW - 1} cycles",
         SEN,
-        lambda known: measure_growth(known["feedback_rms"]),
+        lambda known: follow_drift(known["feedback_rms"])[0],
     ),
     "drift_cycle": Metric(
         "",
         f"cycle since which feedback_rms drifts: it rises, and has risen to {DRIFT_RATIO:g} times its lowest level",
         "no drift named up to this cycle",
         f"rise: {MANN}",
-        lambda known: find_drift_cycles(known["feedback_rms"]),
+        lambda known: follow_drift(known["feedback_rms"])[1],
         SMALLEST,
         NEITHER,
     ),

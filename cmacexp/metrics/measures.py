@@ -1,6 +1,6 @@
 """Measures of responses over the samples of a mask; undefined values are NaN, never 0.
 
-Samples run along the last axis: (..., N) gives (...). A run is (cycles, L, N), one response (N,).
+Samples run along the last axis: (cycles, L, N) gives (cycles, L).
 Times are whole samples, without interpolation.
 """
 
@@ -9,9 +9,9 @@ import numpy as np
 from cmacexp.typing import Array, Mask
 
 BAND = 0.02
-"""A response has settled within this fraction of its way from start to settled value (Ogata 2010, section 5-3)."""
+"""A response has settled within this fraction of its settled value (Ogata 2010, section 5-3)."""
 RISE_LEVELS = (0.1, 0.9)
-"""Fractions of that way between which a response rises (Ogata 2010, section 5-3)."""
+"""Fractions of that value between which a response rises (Ogata 2010, section 5-3)."""
 
 
 def _or_nan(value: Array, mask: Mask) -> Array:
@@ -60,42 +60,29 @@ def itae(elapsed: Array, error: Array, mask: Mask, step: float) -> Array:
     return _integral(elapsed * np.abs(error), mask, step)
 
 
-def _span(start: float, end: Array) -> Array:
-    """``end`` - ``start`` (...), NaN where there is no way between them."""
-    return np.where(end == start, np.nan, end - start)
+def divide(value: Array, by: Array) -> Array:
+    """``value`` / ``by``, NaN where that is 0."""
+    return value / np.where(by == 0.0, np.nan, by)
 
 
-def overshoot(value: Array, start: float, target: Array, mask: Mask) -> Array:
-    """How far the response goes beyond ``target`` (...), as a fraction of the way there from ``start``.
+def settling_time(elapsed: Array, value: Array, settled: Array, mask: Mask, step: float) -> Array:
+    """Time until a response from 0 stays within :data:`BAND` around ``settled`` (...), s.
 
-    Negative where it never gets there: the missing fraction.
+    NaN where it never does, or settles at 0.
     """
-    return largest((value - start) / _span(start, target)[..., None], mask) - 1.0
-
-
-def steady_state_error(settled: Array, start: float, target: Array) -> Array:
-    """``settled`` - ``target`` as a fraction of the way from ``start`` to ``target``; negative if it stops short."""
-    return (settled - target) / _span(start, target)
-
-
-def settling_time(elapsed: Array, value: Array, start: float, settled: Array, mask: Mask, step: float) -> Array:
-    """Time until the response stays within :data:`BAND` around ``settled`` (...), s.
-
-    NaN where it never does, or settles where it started.
-    """
-    away = np.abs((value - settled[..., None]) / _span(start, settled)[..., None])
+    away = np.abs(divide(value - settled[..., None], settled[..., None]))
     outside = mask & ~(away <= BAND)
     last_outside = np.where(outside, elapsed, -step).max(axis=-1)
     return np.where(last_outside < largest(elapsed, mask), last_outside + step, np.nan)
 
 
-def rise_time(elapsed: Array, value: Array, start: float, settled: Array, mask: Mask, step: float) -> Array:
-    """Time between the first samples at 10 % and at 90 % of the way from ``start`` to ``settled`` (...), s.
+def rise_time(elapsed: Array, value: Array, settled: Array, mask: Mask, step: float) -> Array:
+    """Time between the first samples at 10 % and at 90 % of the way from 0 to ``settled`` (...), s.
 
     NaN where the response does not settle, or if its first sample is beyond 10 %: the data begin too late.
     """
-    way = (value - start) / _span(start, settled)[..., None]
+    way = divide(value, settled[..., None])
     low, high = (np.where(mask & (way >= part), elapsed, np.inf).min(axis=-1) for part in RISE_LEVELS)
-    settles = np.isfinite(settling_time(elapsed, value, start, settled, mask, step))
+    settles = np.isfinite(settling_time(elapsed, value, settled, mask, step))
     defined = settles & (low > 0.0) & np.isfinite(high)
     return np.where(defined, high, np.nan) - np.where(defined, low, np.nan)

@@ -5,7 +5,7 @@ from functools import reduce
 import numpy as np
 
 from cmacexp.metrics.block import Block
-from cmacexp.metrics.measures import largest, mean
+from cmacexp.metrics.measures import divide, largest, mean
 from cmacexp.metrics.metric import (
     BRISTOW,
     CONTRACT,
@@ -41,7 +41,7 @@ def feedforward_share(block: Block) -> Array:
     """Sum of abs(tau_feedforward) over the sum of abs(tau_feedforward) + abs(tau_feedback), over the cycle."""
     feedforward = mean(_joints(np.add, np.abs(block.feedforward)), block.valid)
     total = feedforward + mean(_joints(np.add, np.abs(block.feedback)), block.valid)
-    return feedforward / np.where(total == 0.0, np.nan, total)
+    return divide(feedforward, total)
 
 
 TORQUE: dict[str, Metric[Block]] = {

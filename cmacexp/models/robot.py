@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -43,6 +43,19 @@ def warnings_dropped(mujoco: Any) -> Iterator[None]:
         yield
     finally:
         mujoco.set_mju_user_warning(handler)
+
+
+def load_model(load: Callable[[str], Any], source: str, key: str, value: object) -> Any:
+    """What ``load``, a function of MuJoCo, makes of a ``source``.
+
+    Raises:
+        BadInput: MuJoCo refuses it; names the config ``key`` and its ``value``.
+    """
+    try:
+        with warnings_dropped(load_mujoco()):
+            return load(source)
+    except ValueError as error:
+        raise BadInput(key, value, f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +133,8 @@ def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str],
 def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], home: tuple[float, ...]) -> Robot:
     """The robot of a file that was ``changed`` at that time."""
     mujoco = load_mujoco()
-    model = _load(mujoco, path)
+    _require_regular_files(path, path.parent, {path})
+    model = load_model(mujoco.MjModel.from_xml_path, str(path), "machine.path", path)
     model.opt.gravity[:] = [0.0, 0.0, -GRAVITY]
     legs = find_legs(mujoco, model, path, joints, feet)
     data = place(model, mujoco.MjData(model), legs, np.array(home))
@@ -143,16 +157,6 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], home: 
         damping=_most(model.dof_damping, legs.dof),
         armature=_most(model.dof_armature, legs.dof),
     )
-
-
-def _load(mujoco: Any, path: Path) -> Any:
-    """The model of a file, whatever MuJoCo raises in one line."""
-    _require_regular_files(path, path.parent, {path})
-    try:
-        with warnings_dropped(mujoco):
-            return mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
-        raise BadInput("machine.path", path, f"MuJoCo cannot read it: {' '.join(str(error).split())}") from error
 
 
 def _require_regular_files(path: Path, folder: Path, known: set[Path]) -> None:

@@ -7,38 +7,16 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.config.gait import COSINE
 from cmacexp.errors import BadInput
-from cmacexp.jit.compiler import WORTH_COMPILING, kernel, program
 from cmacexp.models.chain import chain_angles, chain_motion
 from cmacexp.models.ground import depression_for
-from cmacexp.models.leg import inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
-from cmacexp.models.mechanism import POINT_MASS, Mechanism, get_leg
+from cmacexp.models.leg import Leg, inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
+from cmacexp.models.mechanism import POINT_MASS, Mechanism
 from cmacexp.planning.body_load import BodyLoad
-from cmacexp.planning.columns import (
-    AX,
-    AY,
-    AZ,
-    DDQ1,
-    DDQ2,
-    DQ1,
-    DQ2,
-    JOINT_COLUMNS,
-    MOTION_COLUMNS,
-    Q1,
-    Q2,
-    VX,
-    VY,
-    VZ,
-    X,
-    Y,
-    Z,
-)  # fmt: skip
+from cmacexp.planning.columns import AX, AY, AZ, JOINT_COLUMNS, MOTION_COLUMNS, VX, VY, VZ, X, Y, Z
 from cmacexp.planning.foot_path import VERTICAL, line, quintic
 from cmacexp.planning.gait import Timing
 from cmacexp.planning.load_sharing import remove_pull, share_load
 from cmacexp.typing import Array
-
-Joints = tuple[float, float, float, float, float, float]
-"""Angles of a leg, rad, their velocities and accelerations: the columns Q1 to DDQ2."""
 
 
 def plan_horizontal(config: Config, timing: Timing) -> Array:
@@ -129,47 +107,19 @@ def check_apex(config: Config, gap: float) -> None:
         )
 
 
-@kernel
-def _move_joints(
-    mechanism: Mechanism, i: int, x: float, y: float, vx: float, vy: float, ax: float, ay: float
-) -> Joints:
-    """Angles of leg ``i``, their velocities and accelerations, for a motion of its foot."""
-    if mechanism.kind == POINT_MASS:
-        return x, y, vx, vy, ax, ay
-    leg = get_leg(mechanism, i)
-    q1, q2 = inverse_kinematics(leg, x, y)
-    trig = trigonometry(q1, q2)
-    dq1, dq2 = joint_velocity(leg, trig, vx, vy)
-    ddq1, ddq2 = joint_acceleration(leg, trig, dq1, dq2, ax, ay)
-    return q1, q2, dq1, dq2, ddq1, ddq2
-
-
-def _plan_each(mechanism: Mechanism, desired: Array, joints: Array) -> None:
-    for k in range(desired.shape[0]):
-        for i in range(desired.shape[1]):
-            x, y, vx = desired[k, i, X], desired[k, i, Y], desired[k, i, VX]
-            vy, ax, ay = desired[k, i, VY], desired[k, i, AX], desired[k, i, AY]
-            q1, q2, dq1, dq2, ddq1, ddq2 = _move_joints(mechanism, i, x, y, vx, vy, ax, ay)
-            joints[k, i, Q1], joints[k, i, Q2] = q1, q2
-            joints[k, i, DQ1], joints[k, i, DQ2] = dq1, dq2
-            joints[k, i, DDQ1], joints[k, i, DDQ2] = ddq1, ddq2
-
-
-def _plan_plainly(mechanism: Mechanism, desired: Array, joints: Array) -> None:
-    for k in range(desired.shape[0]):
-        for i in range(desired.shape[1]):
-            # Python's own numbers are faster than NumPy's.
-            joints[k, i] = _move_joints(mechanism, i, *desired[k, i].tolist())
-
-
-_plan_many = program(_plan_each, plain=_plan_plainly)
-
-
 def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
     """Joint angles, velocities and accelerations along ``desired`` (N, L, 6); fills ``joints`` (N, L, 6)."""
-    # The cycle decides, not the run: of however many cycles, only one is planned.
-    plan = _plan_many if desired[..., X].size >= WORTH_COMPILING else _plan_plainly
-    plan(mechanism, desired, joints)
+    if mechanism.kind == POINT_MASS:
+        joints[...] = desired
+        return
+    for i in range(desired.shape[1]):
+        leg = Leg(*mechanism.legs[i].tolist())
+        # Python's own numbers are faster than NumPy's.
+        for k, (x, y, vx, vy, ax, ay) in enumerate(desired[:, i].tolist()):
+            q1, q2 = inverse_kinematics(leg, x, y)
+            trig = trigonometry(q1, q2)
+            dq1, dq2 = joint_velocity(leg, trig, vx, vy)
+            joints[k, i] = q1, q2, dq1, dq2, *joint_acceleration(leg, trig, dq1, dq2, ax, ay)
 
 
 def plan_chains(chains: Array, home: Array, desired: Array, joints: Array) -> None:

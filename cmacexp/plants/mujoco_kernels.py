@@ -111,7 +111,8 @@ def ground_force(touch: Touch, stiffness: float, place: Array, velocity: Vector,
     if touch.friction > 0.0:
         ahead = -touch.stiffness * (place[0] - anchor[0]) - touch.damping * vx
         aside = -touch.stiffness * (place[1] - anchor[1]) - touch.damping * vy
-        size, most = math.hypot(ahead, aside), touch.friction * normal
+        # Not math.hypot, whose compiled form rounds otherwise.
+        size, most = math.sqrt(ahead * ahead + aside * aside), touch.friction * normal
         if size > most:
             ahead *= most / size
             aside *= most / size
@@ -123,7 +124,7 @@ def drag(touch: Touch, place: Array, force: float, anchor: Array) -> None:
     """Move the point ``anchor`` (2,) where a foot at ``place`` (3,) sticks, if it slides or is in the air."""
     if touch.friction > 0.0:
         dx, dy = place[0] - anchor[0], place[1] - anchor[1]
-        stretch, longest = math.hypot(dx, dy), touch.friction * force / touch.stiffness
+        stretch, longest = math.sqrt(dx * dx + dy * dy), touch.friction * force / touch.stiffness
         if stretch > longest:
             anchor[0] = place[0] - dx * longest / stretch
             anchor[1] = place[1] - dy * longest / stretch

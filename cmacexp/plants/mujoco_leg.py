@@ -1,12 +1,9 @@
 """The leg on its stand in MuJoCo: an independent check of the project's equations of motion."""
 
-from dataclasses import dataclass
-
-from cmacexp.config import Config
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground
 from cmacexp.plants.mujoco_kernels import Touch
-from cmacexp.plants.mujoco_model import check_masses, make_planar
+from cmacexp.plants.mujoco_model import make_planar
 from cmacexp.plants.mujoco_plant import MujocoConfig, MujocoPlant, require_machine
 from cmacexp.plants.protocol import Measurement
 
@@ -14,15 +11,7 @@ from cmacexp.plants.protocol import Measurement
 class MujocoLeg(MujocoPlant):
     """One leg on a stand, on the project's elastic ground, without friction."""
 
-    @dataclass
-    class Config(MujocoConfig):
-        """How MuJoCo integrates the leg."""
-
-        def check(self, config: Config) -> None:
-            """Check that MuJoCo accepts the masses."""
-            check_masses(config.machine)
-
-    config: Config
+    Config = MujocoConfig
 
     def reset(self, setup: Setup) -> Measurement:
         """Start at the planned joint angles, at rest.

@@ -3,23 +3,18 @@
 World: x forward, y left, z up. A hinge turns about +y, so that joint angles count from +x downwards, as everywhere.
 """
 
-from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from cmacexp.config.machine import LEG_KEYS, LegMachine, LinksConfig, PointMassMachine, QuadrupedMachine
-from cmacexp.errors import BadInput
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism
-from cmacexp.models.robot import load_mujoco, warnings_dropped
+from cmacexp.models.robot import load_model, load_mujoco
 from cmacexp.plants.mujoco_plant import Model
 from cmacexp.typing import Array
 
-LEAST = 1e-15
-"""Least mass, kg, and inertia, kg m^2, that MuJoCo accepts, its mjMINVAL."""
-POINT = f"{LEAST} {LEAST} {LEAST}"
-"""Inertia of a point mass."""
+POINT = "1e-15 1e-15 1e-15"
+"""Inertia of a point mass, kg m^2: the least that MuJoCo accepts, its mjMINVAL."""
 
 
 def _link(name: str, length: float, mass: float, at: str, inside: str) -> str:
@@ -47,50 +42,15 @@ class Torso(NamedTuple):
     """About its own x, y and z, kg m^2."""
 
 
-def _list_masses(machine: LegMachine | PointMassMachine | QuadrupedMachine) -> Iterator[tuple[str, float]]:
-    """Masses of a machine, kg, with the key that sets each of them."""
-    if isinstance(machine, PointMassMachine):
-        return
-    legs: dict[str, LinksConfig] = {"machine.leg": machine.leg}
-    if isinstance(machine, QuadrupedMachine):
-        yield "machine.body_mass", machine.body_mass
-        legs = {f"machine.legs.{key}": leg for key, leg in zip(LEG_KEYS, machine.legs.in_order, strict=True)}
-    for key, leg in legs.items():
-        for name in ("mass_1", "mass_2"):
-            mass = getattr(leg, name)
-            yield f"{'machine.leg' if mass == getattr(machine.leg, name) else key}.{name}", mass
-
-
-def check_masses(machine: LegMachine | PointMassMachine | QuadrupedMachine) -> None:
-    """Check that MuJoCo accepts the masses of a machine.
-
-    Raises:
-        BadInput: one is too small.
-    """
-    for key, mass in _list_masses(machine):
-        if mass < LEAST:
-            raise BadInput(key, mass, f"must be at least {LEAST} kg in MuJoCo")
-
-
-def check_inertia(inertia: Sequence[float]) -> None:
-    """Check that masses can have the inertia of a body, and that MuJoCo accepts it.
-
-    Raises:
-        BadInput: not three values, one more than the other two together, or one too small.
-    """
-    if inertia and min(inertia) < LEAST:
-        raise BadInput("plant.body_inertia", list(inertia), f"must be at least {LEAST} kg m^2 in MuJoCo")
-    if len(inertia) != 3 or max(inertia) > sum(inertia) - max(inertia):
-        allowed = "must be three values (kg m^2, about x, y and z), none above the sum of the other two"
-        raise BadInput("plant.body_inertia", list(inertia), allowed)
-
-
 def make_planar(mechanism: Mechanism, torso: Torso | None = None) -> Model:
     """The model of planar legs.
 
     Args:
         mechanism: legs on a stand, or under a body that floats.
         torso: the body, if there is one; its centre of gravity is in the plane of the hips.
+
+    Raises:
+        BadInput: MuJoCo refuses a mass or an inertia.
     """
     origin = np.array([0.0, 0.0, 0.0 if torso else mechanism.hip_height])
     hips = [f"{float(x)!r} {float(y)!r} {float(origin[2])!r}" for x, y in mechanism.hips]
@@ -102,9 +62,9 @@ def make_planar(mechanism: Mechanism, torso: Torso | None = None) -> Model:
             f'<inertial pos="0 0 0" mass="{float(torso.mass)!r}" diaginertia="{inertia}"/>{machine}</body>'
         )
     mujoco, floats, legs = load_mujoco(), int(torso is not None), len(mechanism.legs)
-    with warnings_dropped(mujoco):
-        model = mujoco.MjModel.from_xml_string(
-            f'<mujoco><compiler angle="radian"/><option integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
-            f'<flag constraint="disable" autoreset="disable"/></option><worldbody>{machine}</worldbody></mujoco>'
-        )
+    xml = (
+        f'<mujoco><compiler angle="radian"/><option integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
+        f'<flag constraint="disable" autoreset="disable"/></option><worldbody>{machine}</worldbody></mujoco>'
+    )
+    model = load_model(mujoco.MjModel.from_xml_string, xml, "plant", "mujoco")
     return Model(model, floats, floats + np.arange(2 * legs).reshape(legs, 2), np.arange(legs), origin)

@@ -26,7 +26,6 @@ from cmacexp.experiment.objective import check_metric, list_metrics
 from cmacexp.loop import roll_out, stop
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import Drift, format_drift
-from cmacexp.plants.mujoco_model import check_inertia
 from cmacexp.report.terminal import COMPILING
 
 PAGE = Path(__file__).with_name("messages.txt")
@@ -128,7 +127,6 @@ def evaluate(expression: str) -> str:
                     "describe": describe,
                     "format_drift": format_drift,
                     "Drift": Drift,
-                    "check_inertia": check_inertia,
                 },
             )
         )
@@ -149,7 +147,6 @@ NAMES = {
     "describe": describe,
     "Drift": Drift,
     "format_drift": format_drift,
-    "check_inertia": check_inertia,
 }
 """What Python lines of the page can use."""
 

@@ -12,7 +12,6 @@ from cmacexp.metrics import compute
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import CONTRACT, CYCLE, LEG, Metric
 from cmacexp.metrics.registry import METRICS, OF_A_ROBOT
-from cmacexp.metrics.step import StepInfo
 
 PAGE = Path(__file__).parents[2] / "docs" / "metrics.md"
 LEGS, ROBOT = "`metrics.parquet`", "`metrics.parquet` of a robot"
@@ -76,11 +75,6 @@ def test_every_source_is_listed_in_full(columns):
     for column in columns.values():
         authors = CONTRACT if column.source == CONTRACT else re.search(r"[A-Z][^:]*? \d{4}", column.source)[0]
         assert f"- **{authors}**" in listed
-
-
-def test_every_field_of_a_step_s_metrics_is_told():
-    below = PAGE.read_text().split("\n## One response: `step_info`\n")[1].split("\n## ")[0]
-    assert re.findall(r"^\| `(\w+)` ", below, flags=re.MULTILINE) == list(StepInfo._fields)
 
 
 if __name__ == "__main__":

@@ -17,8 +17,7 @@ from cmacexp.metrics.drift import (
     Drift,
     DriftDetector,
     find_drift,
-    find_drift_cycles,
-    measure_growth,
+    follow_drift,
 )
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -28,13 +27,13 @@ FALLING = 0.9 ** np.arange(20.0)
 
 def first_detected(feedback):
     """Cycle in which a drift of one leg was named, and that in which it started; None if there is none."""
-    started = find_drift_cycles(np.asarray(feedback)[:, None])[:, 0]
+    started = follow_drift(np.asarray(feedback)[:, None])[1][:, 0]
     named = np.flatnonzero(~np.isnan(started))
     return (int(named[0]) + 1, int(started[named[0]])) if len(named) else None
 
 
 def test_growth_of_a_geometric_series_is_its_factor():
-    growth = measure_growth(2.0 * 1.03 ** np.arange(15.0)[:, None])[:, 0]
+    growth = follow_drift(2.0 * 1.03 ** np.arange(15.0)[:, None])[0][:, 0]
     assert np.isnan(growth[: WINDOW - 1]).all()
     assert_allclose(growth[WINDOW - 1 :], 1.03)
 
@@ -42,7 +41,7 @@ def test_growth_of_a_geometric_series_is_its_factor():
 def test_growth_is_not_moved_by_a_cycle_that_is_out_of_line():
     feedback = 1.02 ** np.arange(12.0)
     feedback[-1] = 50.0
-    assert measure_growth(feedback[:, None])[-1, 0] == pytest.approx(1.02, abs=0.005)
+    assert follow_drift(feedback[:, None])[0][-1, 0] == pytest.approx(1.02, abs=0.005)
 
 
 def test_a_trend_that_starts_after_learning_is_named_with_its_cycle():
@@ -103,7 +102,7 @@ def test_noise_is_no_trend(seed):
 
 def test_a_drift_stays_named_also_if_learning_recovers():
     feedback = [*FALLING, *(FALLING[-1] * 1.05 ** np.arange(20.0)), *FALLING]
-    started = find_drift_cycles(np.array(feedback)[:, None])[:, 0]
+    started = follow_drift(np.array(feedback)[:, None])[1][:, 0]
     named = first_detected(feedback)[0]
     assert len(set(started[named - 1 :])) == 1
 

@@ -207,8 +207,8 @@ def test_the_plant_chooses_settings_that_walk_and_the_command_line_wins(make_con
         ([*WALK, "plant.friction=0"], "plant.friction=0.0: must be above 0 and at most 10"),
         (
             [*WALK, "plant.body_inertia=[0.1,0.1,0.3]"],
-            "plant.body_inertia=[0.1, 0.1, 0.3]: must be three values (kg m^2, about x, y and z), none above the sum "
-            "of the other two",
+            "plant=mujoco: MuJoCo refuses the model: Error: inertia must satisfy A + B >= C; use 'balanceinertia' to "
+            "fix Element name '', id 1, line 1",
         ),
         (["plant=mujoco_leg", "plant.substeps=0"], "plant.substeps=0: must be at least 1 and at most 10000"),
     ],

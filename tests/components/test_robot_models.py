@@ -15,7 +15,7 @@ FOOT = '<geom name="FL"'
 MOTOR = '    <motor name="RR_calf" class="calf" joint="RR_calf_joint"/>\n'
 CHANGES = {
     "no trunk that floats": ("<freejoint/>", "", r"^machine\.path=.*changed\.xml: has no free joint"),
-    "no MJCF": ("<mujoco", "<html", r"^machine\.path=.*changed\.xml: MuJoCo cannot read it: XML "),
+    "no MJCF": ("<mujoco", "<html", r"^machine\.path=.*changed\.xml: MuJoCo refuses the model: XML "),
     "a joint of another name": (
         "RR_calf_joint",
         "RR_knee",
@@ -41,7 +41,7 @@ CHANGES = {
     "no mass": (
         'mass="0.8"',
         'mass="0"',
-        r"^machine\.path=.*: MuJoCo cannot read it: .*mass and inertia of moving bodies must be larger",
+        r"^machine\.path=.*: MuJoCo refuses the model: .*mass and inertia of moving bodies must be larger",
     ),
 }
 

@@ -71,8 +71,9 @@ np.savez(sys.argv[1], samples=rollout.samples, body=rollout.body_samples, cause=
         ["cycles=2", "gait.cycle_time=1.5", "learning.lead=1", "machine.legs.left_front.mass_1=0.6"],
         ["cycles=1", "terrain=patchy", "gait.load_ramp=0.1", "learning.start_cycle=1", "plant.substeps=2"],
         ["cycles=1", "posture.gain=0"],
+        ["cycles=1", "plant=mujoco_quadruped", "plant.start_spread=0.01"],
     ],
-    ids=["learning", "patchy", "falling"],
+    ids=["learning", "patchy", "falling", "friction"],
 )
 def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, overrides):
     command = [sys.executable, "-c", ELSEWHERE, str(tmp_path / "plain.npz"), "scenario=quadruped", *overrides]

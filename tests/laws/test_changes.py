@@ -1,4 +1,4 @@
-"""Cells and joints along a path: the quick ways of long cycles give what the plain ones do."""
+"""Cells along a path: the quick ways of long cycles give what the plain ones do."""
 
 import numpy as np
 import pytest
@@ -11,8 +11,6 @@ from cmacexp.cmac.network import Cmac
 from cmacexp.cmac.quantiser import InputRange
 from cmacexp.cmac.use import memory_use
 from cmacexp.config.cmac import CmacConfig
-from cmacexp.loop.scenario import make_scenario
-from cmacexp.planning import motion
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.integers(1, 5), st.integers(1, 6))
@@ -42,11 +40,3 @@ def test_the_use_of_memory_is_counted_as_from_all_cells(addressing):
     assert use.cells_visited == len(pairs)
     assert use.cells_colliding == sum(rows.count(row) > 1 for row in rows)
     assert (use.cells_colliding > 0) == (addressing == "hashed")
-
-
-@pytest.mark.parametrize("scenario", ["one_leg", "quadruped", "force_step"])
-def test_a_long_cycle_is_planned_by_a_program_with_the_same_bits(make_config, scenario):
-    setup = make_scenario(make_config(f"scenario={scenario}", "feedforward=none")).setup
-    joints = np.full_like(setup.plan.joints, np.nan)
-    motion._plan_many.compiled(setup.mechanism, setup.plan.desired, joints)
-    assert joints.tobytes() == setup.plan.joints.tobytes()

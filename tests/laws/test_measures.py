@@ -74,16 +74,14 @@ def test_what_no_sample_of_the_mask_shows_is_undefined_and_changes_nothing(seed)
         assert np.isnan(measure(value, mask)).tolist() == [False, True, False]
 
 
-@given(st.floats(0.1, 1.0), st.floats(-5.0, 5.0), st.floats(1.0, 50.0))
-def test_a_response_of_first_order_rises_and_settles_as_its_exponential(constant, start, way):
-    """From 10 % to 90 % in ln 9 time constants, within 2 % in ln 50, each to a sample; it never overshoots."""
+@given(st.floats(0.1, 1.0), st.floats(1.0, 50.0))
+def test_a_response_of_first_order_rises_and_settles_as_its_exponential(constant, way):
+    """From 10 % to 90 % in ln 9 time constants, within 2 % in ln 50, each to a sample."""
     elapsed = STEP * np.arange(1000.0)
-    value = start + way * (1.0 - np.exp(-elapsed / constant))
-    settled, mask = np.asarray(start + way), np.ones(1000, dtype=bool)
-    rise = measures.rise_time(elapsed[1:], value[1:], start, settled, mask[1:], STEP)
-    settling = measures.settling_time(elapsed, value, start, settled, mask, STEP)
+    value = way * (1.0 - np.exp(-elapsed / constant))
+    settled, mask = np.asarray(way), np.ones(1000, dtype=bool)
+    rise = measures.rise_time(elapsed[1:], value[1:], settled, mask[1:], STEP)
+    settling = measures.settling_time(elapsed, value, settled, mask, STEP)
     if 0.1 * constant > STEP:
         assert abs(rise - constant * np.log(9.0)) <= STEP
     assert -1e-9 <= settling - constant * np.log(50.0) <= STEP + 1e-9
-    assert_allclose(measures.overshoot(value, start, settled, mask), -np.exp(-elapsed[-1] / constant), atol=1e-9)
-    assert_allclose(measures.steady_state_error(settled, start, np.asarray(start + 2.0 * way)), -0.5)
