@@ -1,5 +1,6 @@
 """The stability of a run as a page, and as a table in the terminal."""
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,11 +13,11 @@ from cmacexp.report.markdown import render_markdown
 from cmacexp.report.page import Report, write_report_in
 from cmacexp.report.render import Renderer
 from cmacexp.stability import figures
-from cmacexp.stability.analysis import DELAYS, LEADS, Analysis, LeadGrowth
+from cmacexp.stability.analysis import LEADS, Analysis, LeadGrowth
 from cmacexp.stability.mode import AFTER_LIFT_OFF, likeness
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from pandas import DataFrame
 
 TITLES = ("lead", "predicted growth", "measured growth", "over cycles", "largest eigenvalue", "least Re T", "ends")
 DECIMALS = 4
@@ -58,12 +59,12 @@ def verdict(analysis: Analysis) -> str:
     return text
 
 
-def _where(analysis: Analysis) -> "pd.DataFrame":
-    """Place and frequency of the growing change, measured and predicted."""
-    import pandas as pd
+def _tables(analysis: Analysis) -> "dict[str, Callable[[], DataFrame]]":
+    """The tables of the page: growth of each lead; the growing change; frequencies at which learning goes wrong."""
+    from pandas import DataFrame
 
     modes = {"measured": analysis.measured_mode, "predicted": analysis.predicted_mode}
-    return pd.DataFrame(
+    changes = [
         {
             "change of the feedforward": name,
             f"share in the {AFTER_LIFT_OFF} steps after lift-off, %": 100.0 * mode.share_after_lift_off,
@@ -71,61 +72,27 @@ def _where(analysis: Analysis) -> "pd.DataFrame":
             "largest at, s": mode.busiest * analysis.config.sampling_period,
         }
         for name, mode in modes.items()
-    )
-
-
-def _reasons(analysis: Analysis) -> "pd.DataFrame":
-    """Lowest frequency, Hz, at which Re T is negative with each lead, by place; NaN where none is."""
-    import pandas as pd
-
-    return pd.DataFrame(
-        {"place in the cycle": name} | {figures.format_lead(lead): spectra[0].wrong_from(lead) for lead in LEADS}
-        for name, spectra in analysis.places.items()
-    )
-
-
-def _delays(analysis: Analysis) -> "pd.DataFrame":
-    """Least Re T over frequencies and places with each lead, by further samples of delay."""
-    import pandas as pd
-
-    return pd.DataFrame(
-        {"further samples of delay": str(delay)}
-        | {figures.format_lead(lead): analysis.least_real(lead, delay) for lead in LEADS}
-        for delay in DELAYS
-    )
-
-
-def _leads(analysis: Analysis) -> "pd.DataFrame":
-    """What :func:`rows` says of each lead."""
-    import pandas as pd
-
-    return pd.DataFrame(rows(analysis), columns=list(TITLES))
-
-
-FIGURES = {
-    "growth": figures.growth,
-    "mode": figures.mode,
-    "real_parts": figures.real_parts,
-    "along": figures.along,
-    "eigenvalues": figures.eigenvalues,
-}
-TABLES = {"leads": _leads, "where": _where, "reasons": _reasons, "delays": _delays}
+    ]
+    wrong_from = [
+        {"place in the cycle": name} | {figures.format_lead(lead): spectrum.wrong_from(lead) for lead in LEADS}
+        for name, spectrum in analysis.places.items()
+    ]
+    return {
+        "leads": partial(DataFrame, rows(analysis), columns=list(TITLES)),
+        "where": partial(DataFrame, changes),
+        "reasons": partial(DataFrame, wrong_from),
+    }
 
 
 def _values(analysis: Analysis) -> dict[str, Any]:
     """What the page says in numbers."""
     place = analysis.own.place
-    best = max(LEADS, key=lambda lead: min(each.least(lead) for each in analysis.along.values()))
-    along = {sample * analysis.config.sampling_period: each.least(best) for sample, each in analysis.along.items()}
     return {
         "calm": place.calm,
         "last": place.last,
         "ahead": place.last - place.calm,
         "likeness": likeness(analysis.measured_mode.change, analysis.predicted_mode.change),
         "holding": [figures.format_lead(lead) for lead in LEADS if analysis.least_real(lead) > 0.0],
-        "best": figures.format_lead(best),
-        "samples": len(along),
-        "wrong": [f"{time:.2f}" for time, least in along.items() if least < 0.0],
     }
 
 
@@ -140,8 +107,8 @@ def write_stability_report(analysis: Analysis, folder: Path) -> Path:
             Path(__file__).with_name("page.md"),
             "Does learning hold",
             renderer,
-            {name: partial(draw, analysis) for name, draw in FIGURES.items()},
-            {name: partial(tabulate, analysis) for name, tabulate in TABLES.items()},
+            {draw.__name__: partial(draw, analysis) for draw in (figures.growth, figures.mode, figures.real_parts)},
+            _tables(analysis),
             _values(analysis),
         )
         inputs = [run.folder / TRACE, *renderer.files]
