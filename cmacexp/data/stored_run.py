@@ -93,10 +93,7 @@ class StoredRun:
 
     def _table(self, name: str, read: Callable[[Path], pa.Table] = read_table) -> "pd.DataFrame":
         _ = self.manifest  # without one there is nothing that the table could be compared with
-        try:
-            return read(self.folder / name).to_pandas()
-        except (OSError, ValueError) as error:
-            raise BadRun(f"{self.folder / name}: cannot be read ({str(error).splitlines()[0]})") from None
+        return read(self.folder / name).to_pandas()
 
     @cached_property
     def trace(self) -> "pd.DataFrame":

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.data.parquet import as_array
+from cmacexp.data.parquet import as_array, read_parts
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import TRACE, read_parts
+from cmacexp.data.tables import TRACE
 from cmacexp.errors import BadRun
 from cmacexp.stability.growth import GROWTH_CYCLES, MAX_CYCLES_BEFORE, SETTLING_CYCLES, calmest, fitted_growth
 from cmacexp.typing import Array
