@@ -15,7 +15,10 @@ HYDRA_FOLDER = ".hydra"
 def is_run(folder: Path) -> bool:
     """Whether ``folder`` is the folder of a run, complete or not."""
     if os.path.lexists(folder / manifests.NAME):
-        return not manifests.lists_no_run(folder)
+        try:
+            return "kind" not in manifests.read_file(folder / manifests.NAME)
+        except BadRun:
+            return True
     names = ("trace.parquet", f"{NEW}/trace.parquet", f"{NEW}/{HYDRA_FOLDER}")
     return any(os.path.lexists(folder / name) for name in names)
 

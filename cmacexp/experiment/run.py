@@ -180,19 +180,15 @@ def run_scenario(
     began = time.perf_counter()
     scenario = prepared or make_scenario(config)
     with nullcontext(folder) if isinstance(folder, Place) else replacing(folder, RUN_KEY) as place:
-        _refuse_own_weights(config, place.folder)
+        start = config.learning.start_from
+        if start is not None and Path(start).resolve() == place.folder.resolve():
+            raise BadInput("learning.start_from", start, f"is the folder of this run; choose another {RUN_KEY}")
         for name, text in (record or {}).items():
             place.write_text(f"{HYDRA_FOLDER}/{name}", text)
         manifest = _write(scenario, place, watch, warn)
         typed = {} if overrides is None else {"overrides": list(overrides)}
         place.commit({**manifest, **typed, "wall_seconds": time.perf_counter() - began})
     return StoredRun(place.folder)
-
-
-def _refuse_own_weights(config: Config, folder: Path) -> None:
-    start = config.learning.start_from
-    if start is not None and Path(start).resolve() == folder.resolve():
-        raise BadInput("learning.start_from", start, f"is the folder of this run; choose another {RUN_KEY}")
 
 
 def _write(

@@ -54,7 +54,7 @@ class LeadGrowth:
     @property
     def eigenvalue(self) -> float:
         """The largest absolute value."""
-        return float(abs(self.growth.eigenvalues()[0])) if self.growth else float("nan")
+        return float(abs(self.growth.krylov.eigenvalues()[0])) if self.growth else float("nan")
 
 
 @dataclass(frozen=True)
