@@ -57,7 +57,7 @@ def _call_hydra(task: "_Task") -> int:
     try:
         hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
     except SweepRefused as refused:
-        task.error = refused.reason
+        task.error = refused.args[0]
     except (KeyboardInterrupt, Exception) as error:
         if is_interrupt(error) or not isinstance(error, Exception):
             _end_sweep()

@@ -87,14 +87,6 @@ def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int =
     return Traces(legs, _read(folder / BODY, select_signals(BODY_SIGNALS), cycles, every) if walks else None)
 
 
-def write_memory(folder: Path, memory: Sequence[pa.Table]) -> list[str]:
-    """Write the memory of a run at the end of each cycle; the name of the file, if the run has weights."""
-    if not memory:
-        return []
-    write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
-    return [MEMORY]
-
-
 def write_scores(folder: Path, scores: Scores) -> list[str]:
     """Write the metrics of a run; the names of the files."""
     write_table(scores.legs, folder / METRICS)

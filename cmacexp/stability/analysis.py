@@ -81,7 +81,7 @@ class Analysis:
 
 def _measure_lead(lead: int, config: Config, sizes: Sequence[float] | Array, completed: bool) -> LeadGrowth:
     if len(sizes) <= config.learning.start_cycle:
-        place = Stretch(1, 1, 1, False)
+        place = Stretch(1, 1, 1)
         return LeadGrowth(lead, place, np.asarray(sizes), completed, None, f"ends in cycle {len(sizes) + 1}")
     place = stretch(sizes, config.learning.start_cycle, completed)
     try:

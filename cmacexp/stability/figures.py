@@ -19,11 +19,6 @@ MIN_SHOWN_REAL = -0.6
 PREDICTED: dict[str, Any] = {"color": "black", "linestyle": ":", "linewidth": 1.0}
 
 
-def format_lead(lead: int) -> str:
-    """E.g. ``lead 1``."""
-    return f"lead {lead}"
-
-
 def growth(analysis: Analysis) -> "Figure":
     """Change of the feedback from cycle to cycle, measured and predicted; growth of every lead."""
     own, place = analysis.own, analysis.own.place
@@ -89,7 +84,7 @@ def real_parts(analysis: Analysis) -> "Figure":
     """Re T over frequency for each lead, at a few places of the cycle."""
     panels = []
     for name, spectrum in analysis.places.items():
-        series = [Series(format_lead(lead), spectrum.frequencies, spectrum.least_real(lead)) for lead in LEADS]
+        series = [Series(f"lead {lead}", spectrum.frequencies, spectrum.least_real(lead)) for lead in LEADS]
         panels.append(
             Panel(
                 name, "frequency, Hz", "Re T, least eigenvalue", series, y_limits=[0.0], y_range=(MIN_SHOWN_REAL, 1.3)

@@ -27,8 +27,6 @@ class Stretch(NamedTuple):
     """The cycle before them where the loop is linearised, in cycles done."""
     first: int
     last: int
-    grows: bool
-    """Whether the change is growing there, by the end at the latest."""
 
 
 def stretch(sizes: Sequence[float] | Array, first: int, completed: bool) -> Stretch:
@@ -45,7 +43,7 @@ def stretch(sizes: Sequence[float] | Array, first: int, completed: bool) -> Stre
     if not grows:
         calm = min(first + MAX_CYCLES_BEFORE, (first + last) // 2)
     start = calm + SETTLING_CYCLES if last > calm + 2 * SETTLING_CYCLES else calm + 1
-    return Stretch(calm, start, min(start + GROWTH_CYCLES, last), grows)
+    return Stretch(calm, start, min(start + GROWTH_CYCLES, last))
 
 
 def read_changes(run: StoredRun) -> Array:
