@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cmacexp.commands.command import command
+from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import require_no_link
 from cmacexp.data.stored_run import StoredRun
@@ -42,8 +42,9 @@ def main() -> int:
         "Linearise the loop of runs, predict how their learning grows from cycle to cycle with each lead, compare "
         "the prediction with the measurement, and explain it; as one HTML page with figures."
     )
-    values = [("--out", "FOLDER", f"where the page goes; unless given, {FOLDER} in DIR")]
-    return command("cmacexp.stability", description, _analyse, (), values)
+    parser = Parser("cmacexp.stability", description, folders=True)
+    parser.add_argument("--out", metavar="FOLDER", help=f"where the page goes; unless given, {FOLDER} in DIR")
+    return run_command(lambda: _analyse(parser.parse_args()))
 
 
 if __name__ == "__main__":

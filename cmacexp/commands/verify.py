@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cmacexp.commands.command import NOT_INTACT, command
+from cmacexp.commands.command import NOT_INTACT, Parser, run_command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below, require_place, runs_below
 from cmacexp.data.integrity import faults
@@ -62,9 +62,12 @@ def main() -> int:
         "Check which runs, reports and tables of sweeps are intact: every file is present and unchanged. With "
         "--repeat, run them again from their manifests and compare the bytes of every file."
     )
-    flags = [("--repeat", "run again from the manifest, and compare what is written with what the run wrote")]
-    values = [("--out", "FOLDER", "with --repeat, where the repeated run is kept; unless given, it is removed")]
-    return command("cmacexp.verify", description, _verify, flags, values)
+    parser = Parser("cmacexp.verify", description, folders=True)
+    text = "run again from the manifest, and compare what is written with what the run wrote"
+    parser.add_argument("--repeat", action="store_true", help=text)
+    text = "with --repeat, where the repeated run is kept; unless given, it is removed"
+    parser.add_argument("--out", metavar="FOLDER", help=text)
+    return run_command(lambda: _verify(parser.parse_args()))
 
 
 if __name__ == "__main__":
