@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
@@ -26,13 +26,16 @@ class Parser(argparse.ArgumentParser):
     Args:
         name: of its module, ``cmacexp.score``.
         description: what it does, for ``--help``.
+        folders: whether it takes folders of runs.
     """
 
     error = report_usage
 
-    def __init__(self, name: str, description: str):
+    def __init__(self, name: str, description: str, folders: bool = False):
         super().__init__(prog=f"python -m {name}", description=description)
         self.add_argument("--version", action="version", version=f"cmacexp {__version__}")
+        if folders:
+            self.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
 
 
 def describe_error(error: BaseException) -> str:
@@ -64,35 +67,3 @@ def run_command(work: Callable[[], int], hint: str = "") -> int:
                 raise
             print(f"error: {describe_error(error)}", file=sys.stderr)
             return BAD_INPUT if isinstance(error, CmacexpError) else FAILED
-
-
-def add_folders(parser: Parser) -> None:
-    """The positional arguments of most commands: ``folders``."""
-    parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a run, or a folder of runs")
-
-
-def command(
-    name: str,
-    description: str,
-    work: Callable[[argparse.Namespace], int],
-    flags: Sequence[tuple[str, str]] = (),
-    values: Sequence[tuple[str, str, str]] = (),
-    positional: Callable[[Parser], None] = add_folders,
-) -> int:
-    """Run a command, over folders of runs unless it takes other arguments; its exit code.
-
-    Args:
-        name: of the module, ``cmacexp.score``.
-        description: what it does, for ``--help``.
-        work: takes the parsed arguments (positional ones, each flag, each value) and returns the exit code.
-        flags: options without a value, each with its help.
-        values: options with a value (text, None by default), each with its metavar and its help.
-        positional: adds its positional arguments.
-    """
-    parser = Parser(name, description)
-    positional(parser)
-    for flag, text in flags:
-        parser.add_argument(flag, action="store_true", help=text)
-    for option, metavar, text in values:
-        parser.add_argument(option, metavar=metavar, help=text)
-    return run_command(lambda: work(parser.parse_args()))

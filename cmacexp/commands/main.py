@@ -57,7 +57,7 @@ def _call_hydra(task: "_Task") -> int:
     try:
         hydra_main(config_path=str(config_folder()), config_name="config", version_base="1.3")(task)()
     except SweepRefused as refused:
-        task.error = refused.reason
+        task.error = refused.args[0]
     except (KeyboardInterrupt, Exception) as error:
         if is_interrupt(error) or not isinstance(error, Exception):
             _end_sweep()
@@ -135,27 +135,30 @@ def _run(composed: DictConfig, folder: Path) -> str:
         from cmacexp.experiment.run import run_scenario
         from cmacexp.experiment.without_effect import warnings_of
         from cmacexp.loop.scenario import make_scenario
+        from cmacexp.metrics.drift import Drift, format_drift
         from cmacexp.report.terminal import (
             activity,
             announce_compiling,
-            describe_planning,
             print_summary,
             progress,
             say,
-            warn_of_drift,
         )
         from cmacexp.stability.warn import growth_warning
 
     announce_compiling()
     check_metric(config.optimize, config.machine.kind)
-    with activity(describe_planning(config)):
+    with activity(f"planning {config.steps_per_cycle} steps a cycle"):
         scenario = make_scenario(config)
     for text in warnings_of(config, HydraConfig.get().overrides.task, composed):
         say(f"warning: {text}", error=True)
     if (warning := growth_warning(config, scenario)) is not None:
         say(warning, error=True)
+
+    def warn(drift: Drift) -> None:
+        say(f"warning: {format_drift(drift)}", error=True)
+
     with progress(config.scenario, config.cycles, "cycles") as watch:
-        result = run_scenario(config, folder, watch, scenario, warn_of_drift, make_record(composed))
+        result = run_scenario(config, folder, watch, scenario, warn, make_record(composed))
     print_summary(result)
     if result.status == "interrupted":
         raise KeyboardInterrupt

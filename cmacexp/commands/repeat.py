@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
 
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.data import manifest as manifests
@@ -16,15 +15,6 @@ from cmacexp.errors import BadInput, BadRun
 
 NOT_COMPARED = {RECORDING: "it holds the time at which it was written"}
 """Files that are never written twice with the same bytes."""
-
-
-class Repetition(NamedTuple):
-    """What came of repeating a run."""
-
-    equal: bool
-    """Whether it ended as before, with the same bytes in every file that is compared."""
-    lines: list[str]
-    """One for each file, and one for whatever else is not the same as then."""
 
 
 def read_repeatable(run: StoredRun) -> Config:
@@ -43,7 +33,9 @@ def read_repeatable(run: StoredRun) -> Config:
     return config
 
 
-def repeat(run: StoredRun, config: Config, folder: Path | None, watch: Callable[[float], None]) -> Repetition:
+def repeat(
+    run: StoredRun, config: Config, folder: Path | None, watch: Callable[[float], None]
+) -> tuple[bool, list[str]]:
     """Repeat a run, and compare what it writes with what its manifest lists.
 
     Args:
@@ -51,6 +43,10 @@ def repeat(run: StoredRun, config: Config, folder: Path | None, watch: Callable[
         config: its own.
         folder: of the repeated run; None: a temporary one.
         watch: as :func:`cmacexp.experiment.run.run_scenario` takes it.
+
+    Returns:
+        Whether it ended as before, with the same bytes in every file that is compared; a line for each file, and one
+        for whatever else is not the same as then.
 
     Raises:
         BadInput: a component cannot be imported, or ``folder`` is in use.
@@ -69,7 +65,7 @@ def repeat(run: StoredRun, config: Config, folder: Path | None, watch: Callable[
     same = all(state == "equal" for name, state in states.items() if name not in NOT_COMPARED)
     files = [f"{name}: {state}" for name, state in states.items()]
     other = _compare_entries(then, now, config_hash(to_plain(config)))
-    return Repetition(same and again.ending == run.ending, [*files, *other])
+    return same and again.ending == run.ending, [*files, *other]
 
 
 def _compare_files(folder: Path, then: Mapping[str, str], now: Mapping[str, str]) -> Iterator[tuple[str, str]]:
@@ -91,12 +87,11 @@ def _compare_entries(then: manifests.Manifest, now: manifests.Manifest, read_as:
     """A line for whatever may explain other bytes."""
     if then["config_hash"] != read_as:
         yield "config: this version reads it with other fields or names"
-    for key in ("status", "cause", "steps", "code_hash", "git_commit", "model_hash"):
-        yield from _compare(key, then.get(key), now.get(key))
-    for name in {**then["versions"], **now["versions"]}:
-        yield from _compare(name, then["versions"].get(name), now["versions"].get(name))
-
-
-def _compare(name: str, then: Any, now: Any) -> Iterator[str]:
-    if then != now:
-        yield f"{name}: {then if then is not None else 'unknown'} then, {now if now is not None else 'unknown'} now"
+    keys = ("status", "cause", "steps", "code_hash", "git_commit", "model_hash")
+    pairs = [(key, then.get(key), now.get(key)) for key in keys]
+    names = {**then["versions"], **now["versions"]}
+    pairs += [(name, then["versions"].get(name), now["versions"].get(name)) for name in names]
+    for name, *values in pairs:
+        if values[0] != values[1]:
+            before, after = ("unknown" if value is None else value for value in values)
+            yield f"{name}: {before} then, {after} now"

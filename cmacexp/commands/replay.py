@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cmacexp.commands.command import command
+from cmacexp.commands.command import Parser, run_command
 from cmacexp.commands.viewer import open_window, require_display, serve_web
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, require_place, runs_below
@@ -192,29 +192,24 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def main() -> int:
     """Run the command."""
-    options = [
-        ("--no-viewer", "only build the recording"),
-        ("--web", "serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"),
-        ("--rebuild", "build the recording of a run even if it exists, with all cycles and the default views"),
-    ]
-    values = [
-        (
-            "--cycles",
-            "CYCLES",
-            "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)",
-        ),
-        ("--views", "NAME,...", "panels to show: scene, sides, gait, force, posture, margins, error, torque, events"),
-        ("--every", "N", "show one step in N; unless given, all of a short run, fewer of a long one"),
-        (
-            "--out",
-            "FILE.rrd",
-            "where the recording goes; unless given, recording.rrd in the folder of a run, "
-            f"{COMPARISONS}/NAMES.rrd for several",
-        ),
-    ]
     description = "Show a run in the Rerun viewer, or several side by side. A missing recording is built from "
     description += "the trace; --cycles, --views and --every build it anew."
-    return command("cmacexp.replay", description, _replay, options, values)
+    parser = Parser("cmacexp.replay", description, folders=True)
+    parser.add_argument("--no-viewer", action="store_true", help="only build the recording")
+    text = "serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"
+    parser.add_argument("--web", action="store_true", help=text)
+    text = "build the recording of a run even if it exists, with all cycles and the default views"
+    parser.add_argument("--rebuild", action="store_true", help=text)
+    text = "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)"
+    parser.add_argument("--cycles", metavar="CYCLES", help=text)
+    text = "panels to show: scene, sides, gait, force, posture, margins, error, torque, events"
+    parser.add_argument("--views", metavar="NAME,...", help=text)
+    text = "show one step in N; unless given, all of a short run, fewer of a long one"
+    parser.add_argument("--every", metavar="N", help=text)
+    text = "where the recording goes; unless given, recording.rrd in the folder of a run, "
+    text += f"{COMPARISONS}/NAMES.rrd for several"
+    parser.add_argument("--out", metavar="FILE.rrd", help=text)
+    return run_command(lambda: _replay(parser.parse_args()))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp.commands.command import command
+from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import OUT_KEY, locked, require_no_link
 from cmacexp.data.stored_run import StoredRun
@@ -94,12 +94,14 @@ def _report(arguments: argparse.Namespace) -> int:
 def main() -> int:
     """Run the command."""
     description = "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page."
-    flags = [("--gif", "instead of a page, cycles of one run side by side as a moving picture")]
-    values = [
-        ("--cycles", "1,2,5", "cycles of one run to show (default: a selection)"),
-        ("--out", "FOLDER", f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)"),
-    ]
-    return command("cmacexp.report", description, _report, flags, values)
+    parser = Parser("cmacexp.report", description, folders=True)
+    text = "instead of a page, cycles of one run side by side as a moving picture"
+    parser.add_argument("--gif", action="store_true", help=text)
+    text = "cycles of one run to show (default: a selection)"
+    parser.add_argument("--cycles", metavar="1,2,5", help=text)
+    text = f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)"
+    parser.add_argument("--out", metavar="FOLDER", help=text)
+    return run_command(lambda: _report(parser.parse_args()))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cmacexp.commands.command import Parser, command
+from cmacexp.commands.command import Parser, run_command
 from cmacexp.config import Config, config_folder, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields
@@ -51,11 +51,6 @@ def _choose(robot: str) -> list[str]:
     return ["machine=mjcf", f"machine.path='{quoted}'"]
 
 
-def _add_arguments(parser: Parser) -> None:
-    parser.add_argument("robot", metavar="ROBOT", help="go1 or another option of conf/machine, or an MJCF file")
-    parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="overrides as of python -m cmacexp")
-
-
 def joint_rows(robot: Robot) -> list[list[str]]:
     """Rows of a table: what the model says of hip, thigh and calf, each with its unit."""
 
@@ -95,7 +90,10 @@ def _show(arguments: argparse.Namespace) -> int:
 def main() -> int:
     """Run the command."""
     description = "Show what the model of a robot holds, and the settings that follow from it by rule."
-    return command("cmacexp.robots", description, _show, positional=_add_arguments)
+    parser = Parser("cmacexp.robots", description)
+    parser.add_argument("robot", metavar="ROBOT", help="go1 or another option of conf/machine, or an MJCF file")
+    parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="overrides as of python -m cmacexp")
+    return run_command(lambda: _show(parser.parse_args()))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cmacexp.commands.command import command
+from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import updating
@@ -54,7 +54,8 @@ def _score(arguments: argparse.Namespace) -> int:
 
 def main() -> int:
     """Run the command."""
-    return command("cmacexp.score", "Compute the metrics of runs again from their traces.", _score)
+    parser = Parser("cmacexp.score", "Compute the metrics of runs again from their traces.", folders=True)
+    return run_command(lambda: _score(parser.parse_args()))
 
 
 if __name__ == "__main__":

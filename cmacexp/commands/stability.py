@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cmacexp.commands.command import command
+from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import require_no_link
 from cmacexp.data.stored_run import StoredRun
@@ -14,14 +14,6 @@ from cmacexp.report.terminal_tables import print_table
 
 FOLDER = "stability"
 """Folder of the page, in that of the run."""
-
-
-def _cycle(text: str | None) -> int | None:
-    if text is None:
-        return None
-    if not text.isdecimal() or int(text) < 1:
-        raise BadInput("--cycle", text, "must be a whole number, at least 1: the cycles after which to linearise")
-    return int(text)
 
 
 def _analyse(arguments: argparse.Namespace) -> int:
@@ -34,10 +26,9 @@ def _analyse(arguments: argparse.Namespace) -> int:
     if arguments.out is not None and len(folders) > 1:
         raise BadInput("--out", arguments.out, f"is for one run, but {len(folders)} were given")
     out = None if arguments.out is None else require_place("--out", Path(arguments.out))
-    cycle = _cycle(arguments.cycle)
     for folder in folders:
         with activity(f"analysing {folder}"):
-            analysis = analyse(StoredRun(folder), cycle)
+            analysis = analyse(StoredRun(folder))
             path = write_stability_report(analysis, out or require_no_link(folder / FOLDER))
         print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis))
         say(verdict(analysis))
@@ -51,11 +42,9 @@ def main() -> int:
         "Linearise the loop of runs, predict how their learning grows from cycle to cycle with each lead, compare "
         "the prediction with the measurement, and explain it; as one HTML page with figures."
     )
-    values = [
-        ("--cycle", "N", "linearise after so many cycles; unless given, where the feedback changed least"),
-        ("--out", "FOLDER", f"where the page goes; unless given, {FOLDER} in DIR"),
-    ]
-    return command("cmacexp.stability", description, _analyse, (), values)
+    parser = Parser("cmacexp.stability", description, folders=True)
+    parser.add_argument("--out", metavar="FOLDER", help=f"where the page goes; unless given, {FOLDER} in DIR")
+    return run_command(lambda: _analyse(parser.parse_args()))
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from cmacexp.data.manifest import REPORT
 from cmacexp.experiment.collect import Collected, collect
 from cmacexp.experiment.workers import workers
 from cmacexp.report.terminal import say
+from cmacexp.report.terminal_tables import print_table
 from cmacexp.study.output import write_page, write_results
 from cmacexp.study.page import Evaluated, check_page, evaluate
 from cmacexp.study.requests import Request
@@ -125,17 +126,17 @@ def write_collection(name: str, title: str, question: str, files: Sequence[Study
 
 def print_claims(studies: Sequence[Evaluated]) -> None:
     """Print the verdicts of studies as a table."""
-    from rich.console import Console
-    from rich.table import Table
-
-    claims = [judged for study in studies for judged in study.claims.values()]
-    if not claims:
-        return
-    table = Table("verdict", "the paper says", "measured here", box=None, pad_edge=False, header_style="bold")
-    for judged in claims:
-        measured = "; ".join(f"{each.criterion.quantity}: {each.evidence}" for each in judged.measured)
-        table.add_row(judged.verdict, f"{judged.claim.words} ({judged.claim.where})", measured)
-    Console(highlight=False, width=None if sys.stdout.isatty() else 160).print(table)
+    rows = [
+        [
+            judged.verdict,
+            f"{judged.claim.words} ({judged.claim.where})",
+            "; ".join(f"{measured.criterion.quantity}: {measured.evidence}" for measured in judged.measured),
+        ]
+        for study in studies
+        for judged in study.claims.values()
+    ]
+    if rows:
+        print_table(["verdict", "the paper says", "measured here"], rows)
 
 
 def study_parser(name: str, description: str) -> Parser:

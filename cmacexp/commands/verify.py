@@ -4,15 +4,13 @@ import argparse
 import sys
 from pathlib import Path
 
-from cmacexp.commands.command import command
+from cmacexp.commands.command import NOT_INTACT, Parser, run_command
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below, require_place, runs_below
 from cmacexp.data.integrity import faults
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
 from cmacexp.report.terminal import activity, say
-
-NOT_INTACT = 4
 
 
 def _verify(arguments: argparse.Namespace) -> int:
@@ -21,7 +19,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     if arguments.out is not None:
         raise BadInput("--out", arguments.out, "is for --repeat; add it")
     intact = True
-    for folder in [each for given in arguments.folders for each in everything_below(given)]:
+    for folder in [result for given in arguments.folders for result in everything_below(given)]:
         with activity(f"checking {folder}"):
             found = faults(folder)
         intact = intact and not found
@@ -46,10 +44,10 @@ def _repeat(arguments: argparse.Namespace) -> int:
         run = StoredRun(folder)
         config = read_repeatable(run)
         with progress(f"repeating {folder}", config.cycles, "cycles") as watch:
-            repetition = repeat(run, config, out, watch)
-        equal = equal and repetition.equal
-        say(f"{folder}: repeated, {'EQUAL' if repetition.equal else 'NOT EQUAL'}")
-        for line in repetition.lines:
+            is_equal, lines = repeat(run, config, out, watch)
+        equal = equal and is_equal
+        say(f"{folder}: repeated, {'EQUAL' if is_equal else 'NOT EQUAL'}")
+        for line in lines:
             say(f"  {line}")
     return 0 if equal else NOT_INTACT
 
@@ -64,9 +62,12 @@ def main() -> int:
         "Check which runs, reports and tables of sweeps are intact: every file is present and unchanged. With "
         "--repeat, run them again from their manifests and compare the bytes of every file."
     )
-    flags = [("--repeat", "run again from the manifest, and compare what is written with what the run wrote")]
-    values = [("--out", "FOLDER", "with --repeat, where the repeated run is kept; unless given, it is removed")]
-    return command("cmacexp.verify", description, _verify, flags, values)
+    parser = Parser("cmacexp.verify", description, folders=True)
+    text = "run again from the manifest, and compare what is written with what the run wrote"
+    parser.add_argument("--repeat", action="store_true", help=text)
+    text = "with --repeat, where the repeated run is kept; unless given, it is removed"
+    parser.add_argument("--out", metavar="FOLDER", help=text)
+    return run_command(lambda: _verify(parser.parse_args()))
 
 
 if __name__ == "__main__":

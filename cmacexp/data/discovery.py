@@ -15,7 +15,10 @@ HYDRA_FOLDER = ".hydra"
 def is_run(folder: Path) -> bool:
     """Whether ``folder`` is the folder of a run, complete or not."""
     if os.path.lexists(folder / manifests.NAME):
-        return not manifests.lists_no_run(folder)
+        try:
+            return "kind" not in manifests.read_file(folder / manifests.NAME)
+        except BadRun:
+            return True
     names = ("trace.parquet", f"{NEW}/trace.parquet", f"{NEW}/{HYDRA_FOLDER}")
     return any(os.path.lexists(folder / name) for name in names)
 
@@ -24,34 +27,28 @@ def _is_result(folder: Path) -> bool:
     return any(os.path.lexists(folder / name) for name in (manifests.NAME, NEW)) or is_run(folder)
 
 
-def walk(folder: Path, skip: Callable[[Path, str], None] = lambda path, reason: None) -> Iterator[Path]:
+def walk(folder: Path, skipped: Callable[[OSError], None] | None = None) -> Iterator[Path]:
     """``folder`` and all folders below it, but for hidden ones; links are not followed.
 
     Args:
         folder: where to begin.
-        skip: is called with a folder that cannot be read, and the reason.
+        skipped: is called with the error of a folder that cannot be read.
     """
-    unreadable: list[OSError] = []
-    for place, inside, _ in os.walk(folder, onerror=unreadable.append):
+    for place, inside, _ in os.walk(folder, onerror=skipped):
         inside[:] = sorted(name for name in inside if name[0] != ".")
         yield Path(place)
-    for error in unreadable:
-        skip(Path(error.filename), error.strerror or "")
-
-
-def _require_folder(folder: Path) -> None:
-    if not folder.is_dir():
-        raise BadRun(f"{folder}: no such folder")
 
 
 def _require_some(folder: Path, found: Iterable[Path]) -> list[Path]:
+    if not folder.is_dir():
+        raise BadRun(f"{folder}: no such folder")
     if paths := sorted(found):
         return paths
     raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")
 
 
-def _refuse(folder: Path, reason: str) -> None:
-    raise BadRun(f"{folder}: cannot be read ({reason})")
+def _refuse(error: OSError) -> None:
+    raise BadRun(f"{error.filename}: cannot be read ({error.strerror})")
 
 
 def runs_below(folder: Path) -> list[Path]:
@@ -60,9 +57,8 @@ def runs_below(folder: Path) -> list[Path]:
     Raises:
         BadRun: the folder does not exist, holds no run, or has one below it that cannot be read.
     """
-    _require_folder(folder)
-    if is_run(folder):
-        return [folder]
+    if not folder.is_dir() or is_run(folder):
+        return _require_some(folder, [folder])
     return _require_some(folder, filter(is_run, walk(folder, _refuse)))
 
 
@@ -74,10 +70,9 @@ def everything_below(folder: Path) -> list[Path]:
     Raises:
         BadRun: the folder does not exist, or holds nothing of the kind.
     """
-    _require_folder(folder)
-    unreadable: list[Path] = []
-    found = {*filter(_is_result, walk(folder, lambda path, _: unreadable.append(path)))}
-    return _require_some(folder, found.union(unreadable))
+    unreadable: list[OSError] = []
+    found = {*filter(_is_result, walk(folder, unreadable.append))}
+    return _require_some(folder, found.union(Path(error.filename) for error in unreadable))
 
 
 def require_place(key: str, folder: Path) -> Path:

@@ -1,49 +1,38 @@
 """Whether a file of a run is as the run wrote it: everything that reads one asks here first."""
 
+import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import is_behind_link, sha256
 from cmacexp.errors import BadRun
 
-RESOLUTION = 20_000_000
+TIME_RESOLUTION = 20_000_000
 """Two changes of a file within so many nanoseconds may leave it the same times."""
-MOST_FILES = 4096
+MAX_CACHED_FILES = 4096
 """Files whose hash is kept."""
 
 
-def _once(compute: Callable[[Path], Any]) -> Callable[[Path], Any]:
-    """``compute``, called again only for a path whose file has another size, inode or time since."""
-    cached = lru_cache(MOST_FILES)(lambda path, stamp: compute(path))
-
-    def lookup(path: Path) -> Any:
-        found = path.lstat()
-        stamp = (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
-        just_written = time.time_ns() - max(stamp[-2:]) < RESOLUTION
-        return compute(path) if just_written else cached(path, stamp)
-
-    return lookup
-
-
-_sha256: Callable[[Path], str] = _once(sha256)
-_read_files: Callable[[Path], Mapping[str, str]] = _once(lambda path: manifests.read_file(path)["files"])
+@lru_cache(MAX_CACHED_FILES)
+def _cached_hash(path: Path, stamp: tuple[int, ...]) -> str:
+    return sha256(path)
 
 
 def current_hash(path: Path) -> str:
-    """SHA-256 of a file as it is now; computed once while the file does not change."""
-    return _sha256(path)
+    """SHA-256 of a file as it is now; computed once while its size, inode and times do not change."""
+    status = path.lstat()
+    stamp = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+    just_written = time.time_ns() - max(stamp[-2:]) < TIME_RESOLUTION
+    return sha256(path) if just_written else _cached_hash(path, stamp)
 
 
 def _listed(folder: Path) -> Mapping[str, str] | None:
     """Files of a run and their hashes; None while it is written, when it has no manifest yet."""
-    try:
-        return _read_files(folder / manifests.NAME)
-    except (FileNotFoundError, NotADirectoryError):
-        return None
+    path = folder / manifests.NAME
+    return manifests.read_file(path)["files"] if os.path.lexists(path) else None
 
 
 def find_fault(folder: Path, name: str, expected: str) -> str | None:

@@ -131,11 +131,3 @@ def _describe(error: Exception) -> str:
     """Why a manifest cannot be read, in one line."""
     reason = error.strerror if isinstance(error, OSError) else str(error)
     return (reason or type(error).__name__).splitlines()[0]
-
-
-def lists_no_run(folder: Path) -> bool:
-    """Whether ``folder`` holds a report or the table of a sweep, not a run."""
-    try:
-        return "kind" in read_file(folder / NAME)
-    except BadRun:
-        return False

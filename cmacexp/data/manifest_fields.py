@@ -139,12 +139,6 @@ def _is_deep(value: Any, depth: int = 0) -> bool:
     return depth > MAX_DEPTH or any(_is_deep(each, depth + 1) for each in inner)
 
 
-def _is_place(name: str, outside: bool) -> bool:
-    """Whether ``name`` can be that of a file: in the folder itself, or relative to it if it may lie ``outside``."""
-    path = PurePosixPath(name)
-    return bool(path.parts) and not path.is_absolute() and "\0" not in name and (outside or path.name == name)
-
-
 def find_wrong(manifest: Any) -> str | None:
     """What is wrong with the content of a manifest, as read from its file without its checksum; None: nothing."""
     if _is_deep(manifest):
@@ -153,7 +147,8 @@ def find_wrong(manifest: Any) -> str | None:
         return wrong
     is_run = "kind" not in manifest
     for name in manifest["files"]:
-        if not _is_place(name, outside=not is_run):
+        path = PurePosixPath(name)  # of a run in its folder itself; a report may depend on others
+        if not path.parts or path.is_absolute() or "\0" in name or (is_run and path.name != name):
             return f"files must be names of files in its folder, not {name[:40]!r}"
     return _find_wrong_in_run(manifest) if is_run else None
 

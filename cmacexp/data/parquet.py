@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmacexp.data.files import open_file
 from cmacexp.data.hashes import require_intact
+from cmacexp.errors import BadRun
 from cmacexp.typing import Array, Mask
 
 
@@ -47,20 +49,24 @@ def write_table(table: pa.Table, path: Path) -> None:
 
 
 @contextmanager
-def _open_table(path: Path) -> Iterator[pq.ParquetFile]:
-    with open_file(require_intact(path)) as data, pq.ParquetFile(data) as file:
-        yield file
-
-
-def read_groups(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
-    """The table that :func:`table_writer` wrote, or some columns of it, part by part.
+def _open_table(path: Path) -> Iterator[BufferedReader]:
+    """The file of a table that is as its run wrote it.
 
     Raises:
-        BadRun: it is not as its run wrote it; so for all that reads tables.
+        BadRun: it is missing, has changed or cannot be read; so for all that reads tables.
     """
-    with _open_table(path) as file:
-        for group in range(file.num_row_groups):
-            yield file.read_row_group(group, columns)
+    try:
+        with open_file(require_intact(path)) as file:
+            yield file
+    except (OSError, pa.ArrowException) as error:
+        raise BadRun(f"{path}: cannot be read ({str(error).splitlines()[0]})") from None
+
+
+def read_parts(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
+    """The table that :func:`table_writer` wrote, or some columns of it, part by part."""
+    with _open_table(path) as file, pq.ParquetFile(file) as table:
+        for group in range(table.num_row_groups):
+            yield table.read_row_group(group, columns)
 
 
 def select_rows(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
@@ -71,14 +77,14 @@ def select_rows(table: pa.Table, rows: NDArray[Any]) -> pa.Table:
 
 def read_table(path: Path) -> pa.Table:
     """The table that :func:`write_table` wrote."""
-    with _open_table(path) as file:
-        return file.read()
+    with _open_table(path) as file, pq.ParquetFile(file) as table:
+        return table.read()
 
 
 def read_cycles(path: Path, numbers: Sequence[int]) -> pa.Table:
     """Rows of some cycles of a table; the others are never all in memory."""
-    with open_file(require_intact(path)) as data:
-        return pq.read_table(data, filters=[("cycle", "in", list(numbers))])
+    with _open_table(path) as file:
+        return pq.read_table(file, filters=[("cycle", "in", list(numbers))])
 
 
 def _contiguous(table: pa.Table, name: str) -> pa.Array:

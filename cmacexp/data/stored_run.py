@@ -1,6 +1,6 @@
 """A run on disk: its manifest, and its tables as DataFrames."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -20,12 +20,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def _count_steps(config: Mapping[str, Any]) -> int:
-    return count_steps(config["gait"]["cycle_time"], config["sampling_period"])
-
-
-def _count_whole(manifest: manifests.Manifest) -> int:
-    return int(manifest["steps"]) // _count_steps(manifest["config"])
+def _count_steps(manifest: manifests.Manifest) -> int:
+    return count_steps(manifest["config"]["gait"]["cycle_time"], manifest["config"]["sampling_period"])
 
 
 def select_whole(manifest: manifests.Manifest, kept: Iterable[int]) -> list[int]:
@@ -36,7 +32,8 @@ def select_whole(manifest: manifests.Manifest, kept: Iterable[int]) -> list[int]
         kept: cycles of which the trace has a step; a run that did not complete keeps its last steps.
     """
     asked = manifest["config"].get("record", {}).get("cycles")
-    return [cycle for cycle in kept if cycle <= _count_whole(manifest) and (asked is None or cycle in asked)]
+    whole = manifest["steps"] // _count_steps(manifest)
+    return [cycle for cycle in kept if cycle <= whole and (asked is None or cycle in asked)]
 
 
 @dataclass(frozen=True)
@@ -75,12 +72,12 @@ class StoredRun:
     @property
     def steps_per_cycle(self) -> int:
         """Samples of one cycle."""
-        return _count_steps(self.config)
+        return _count_steps(self.manifest)
 
     @property
     def whole_cycles(self) -> int:
         """Number of cycles that the run completed."""
-        return _count_whole(self.manifest)
+        return int(self.manifest["steps"]) // self.steps_per_cycle
 
     def select_whole(self, kept: Iterable[int]) -> list[int]:
         """Those of the cycles ``kept`` in the trace that are whole, see :func:`select_whole`."""
@@ -93,10 +90,7 @@ class StoredRun:
 
     def _table(self, name: str, read: Callable[[Path], pa.Table] = read_table) -> "pd.DataFrame":
         _ = self.manifest  # without one there is nothing that the table could be compared with
-        try:
-            return read(self.folder / name).to_pandas()
-        except (OSError, ValueError) as error:
-            raise BadRun(f"{self.folder / name}: cannot be read ({str(error).splitlines()[0]})") from None
+        return read(self.folder / name).to_pandas()
 
     @cached_property
     def trace(self) -> "pd.DataFrame":

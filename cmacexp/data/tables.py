@@ -1,6 +1,6 @@
 """The tables of a run on disk: names, reading, writing."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from cmacexp.data.hashes import was_written
-from cmacexp.data.parquet import as_array, read_groups, select_rows, write_table
+from cmacexp.data.parquet import as_array, read_parts, select_rows, write_table
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, Signal, make_schema, select_signals
 from cmacexp.errors import BadRun
 
@@ -36,18 +36,6 @@ class Scores(NamedTuple):
     """One row per cycle and leg."""
     body: pa.Table | None
     """One row per cycle; None without a body."""
-
-
-def read_parts(path: Path, columns: list[str] | None = None) -> Iterator[pa.Table]:
-    """A table of a run part by part, or some columns of it.
-
-    Raises:
-        BadRun: it is missing, has changed or cannot be read.
-    """
-    try:
-        yield from read_groups(path, columns)
-    except (OSError, pa.ArrowException) as error:
-        raise BadRun(f"{path}: cannot be read as a trace ({str(error).splitlines()[0]})") from None
 
 
 def steps_by_cycle(folder: Path) -> dict[int, int]:
@@ -97,14 +85,6 @@ def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int =
     legs = _read(folder / TRACE, select_signals(LEG_SIGNALS), cycles, every)
     walks = was_written(folder / BODY)
     return Traces(legs, _read(folder / BODY, select_signals(BODY_SIGNALS), cycles, every) if walks else None)
-
-
-def write_memory(folder: Path, memory: Sequence[pa.Table]) -> list[str]:
-    """Write the memory of a run at the end of each cycle; the name of the file, if the run has weights."""
-    if not memory:
-        return []
-    write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
-    return [MEMORY]
 
 
 def write_scores(folder: Path, scores: Scores) -> list[str]:

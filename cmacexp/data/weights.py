@@ -1,9 +1,8 @@
 """Learnt weights of a feedforward, as a file from which another run can start."""
 
-from collections.abc import Mapping
 from math import prod
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 from zipfile import ZipFile
 
 import numpy as np
@@ -27,15 +26,6 @@ def write_weights(folder: Path, weights: Weights) -> None:
     np.savez_compressed(folder / WEIGHTS, allow_pickle=False, **weights)
 
 
-def _network(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The part of a plain config on which the meaning of weights depends."""
-    return {
-        "machine": {"kind": config["machine"]["kind"]},
-        "feedforward": config["feedforward"],
-        "cmac": config["cmac"],
-    }
-
-
 def read_weights(config: Config) -> Weights | None:
     """The weights that the feedforward of a run starts from; None without ``learning.start_from``.
 
@@ -55,9 +45,12 @@ def read_weights(config: Config) -> Weights | None:
         raise refusal(f"must be the folder of a run with record.weights=true ({error})") from None
     if WEIGHTS not in manifest["files"]:
         raise refusal("this run did not store its weights; run it with record.weights=true")
-    apart = differences([_network(manifest["config"]), _network(to_plain(config))])[0]
-    if apart:
-        there = " ".join(f"{key}={value}" for key, value in apart.items())
+    networks = [
+        {"machine": {"kind": plain["machine"]["kind"]}, "feedforward": plain["feedforward"], "cmac": plain["cmac"]}
+        for plain in (manifest["config"], to_plain(config))
+    ]  # on which the meaning of weights depends
+    if differing := differences(networks)[0]:
+        there = " ".join(f"{key}={value}" for key, value in differing.items())
         raise refusal(f"its weights were learnt with {there}; give the same here")
     try:
         with open_file(require_intact(folder / WEIGHTS)) as file:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cmacexp.config import to_config
 from cmacexp.config.component import COMPONENTS
@@ -19,6 +19,9 @@ from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.summary import format_cycles
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 RUN_FOLDER = "hydra.run.dir="
 
 
@@ -26,35 +29,26 @@ RUN_FOLDER = "hydra.run.dir="
 class Run(StoredRun):
     """A completed or stopped run, which prints its main metrics per cycle; tables are read on first use."""
 
-    def _summary(self) -> tuple[str, list[str], list[list[str]]]:
-        """How it ended, in one line; titles and rows of its main metrics."""
-        manifest = self.manifest
-        titles, rows = format_cycles(self.scores) if METRICS in manifest["files"] else ([], [])
-        line = f"{self.folder}: {self.config.get('scenario')}, {self.ending}, {manifest['steps']} steps"
-        return in_one_line(line), [f"{title} {unit}".rstrip() for title, unit in titles], rows
+    def _printed(self) -> "tuple[str, pd.DataFrame]":
+        """How it ended, in one line, and its main metrics; of a damaged run the reason alone, without an error."""
+        import pandas as pd
 
-    def _printed(self) -> tuple[str, list[str], list[list[str]]]:
-        """The same, of a damaged run the reason alone: a run is often printed in search of another mistake."""
         try:
-            return self._summary()
+            titles, rows = format_cycles(self.scores) if METRICS in self.manifest["files"] else ([], [])
+            line = f"{self.folder}: {self.config.get('scenario')}, {self.ending}, {self.manifest['steps']} steps"
+            return in_one_line(line), pd.DataFrame(rows, columns=[" ".join(title).rstrip() for title in titles])
         except Exception as error:
-            return f"{type(self).__name__}({str(self.folder)!r}: {' '.join(str(error).split())})", [], []
+            return f"{type(self).__name__}({str(self.folder)!r}: {' '.join(str(error).split())})", pd.DataFrame()
 
     def __repr__(self) -> str:
         """How it ended, and its main metrics per cycle."""
-        line, titles, rows = self._printed()
-        widths = [max(map(len, column)) for column in zip(titles, *rows, strict=True)]
-        lines = ("  ".join(cell.rjust(n) for cell, n in zip(row, widths, strict=True)) for row in [titles, *rows])
-        return "\n".join([line, *lines] if rows else [line])
+        line, metrics = self._printed()
+        return line if metrics.empty else f"{line}\n{metrics.to_string(index=False)}"
 
     def _repr_html_(self) -> str:
         """The same for a notebook."""
-        line, titles, rows = self._printed()
-        if not rows:
-            return f"<p>{escape(line)}</p>"
-        head = "".join(f"<th>{escape(title)}</th>" for title in titles)
-        body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-        return f"<p>{escape(line)}</p><table><tr>{head}</tr>{body}</table>"
+        line, metrics = self._printed()
+        return f"<p>{escape(line)}</p>" + ("" if metrics.empty else metrics.to_html(index=False, border=0))
 
 
 def _split(overrides: str | Sequence[str]) -> tuple[list[str], Path | None]:

@@ -7,13 +7,10 @@ from cmacexp.metrics.metric import LARGE, NEAR_ZERO
 from cmacexp.metrics.registry import ALL_METRICS, OF_A_ROBOT
 from cmacexp.report.run_summary import RunSummary
 
-ROBOT = "robot"
-"""The kind of machine whose legs move in space."""
-
 
 def list_metrics(kind: str) -> list[str]:
-    """Names of the metrics that a kind of machine has."""
-    return [name for name in ALL_METRICS if kind == ROBOT or name not in OF_A_ROBOT]
+    """Names of the metrics that a kind of machine has; only legs of a robot move in space."""
+    return [name for name in ALL_METRICS if kind == "robot" or name not in OF_A_ROBOT]
 
 
 def check_metric(name: str | None, kind: str) -> None:

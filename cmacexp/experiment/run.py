@@ -15,15 +15,16 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import RUN_KEY, Place, replacing
+from cmacexp.data.parquet import write_table
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MODEL_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import (
     BODY,
+    MEMORY,
     RECORDING,
     TRACE,
     Traces,
     steps_by_cycle,
-    write_memory,
     write_scores,
 )
 from cmacexp.data.trace_writer import trace_writer
@@ -98,7 +99,10 @@ def _roll_out(
         end = stream(scenario, take, watch)
         writer.finish(end.status == "completed")
     names = [TRACE, BODY] if columns[1] else [TRACE]
-    return end, names + write_memory(folder, memory)
+    if memory:
+        write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
+        names.append(MEMORY)
+    return end, names
 
 
 def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest) -> list[str]:
@@ -180,19 +184,15 @@ def run_scenario(
     began = time.perf_counter()
     scenario = prepared or make_scenario(config)
     with nullcontext(folder) if isinstance(folder, Place) else replacing(folder, RUN_KEY) as place:
-        _refuse_own_weights(config, place.folder)
+        start = config.learning.start_from
+        if start is not None and Path(start).resolve() == place.folder.resolve():
+            raise BadInput("learning.start_from", start, f"is the folder of this run; choose another {RUN_KEY}")
         for name, text in (record or {}).items():
             place.write_text(f"{HYDRA_FOLDER}/{name}", text)
         manifest = _write(scenario, place, watch, warn)
         typed = {} if overrides is None else {"overrides": list(overrides)}
         place.commit({**manifest, **typed, "wall_seconds": time.perf_counter() - began})
     return StoredRun(place.folder)
-
-
-def _refuse_own_weights(config: Config, folder: Path) -> None:
-    start = config.learning.start_from
-    if start is not None and Path(start).resolve() == folder.resolve():
-        raise BadInput("learning.start_from", start, f"is the folder of this run; choose another {RUN_KEY}")
 
 
 def _write(

@@ -1,8 +1,6 @@
 """The end of a sweep: its table is written and printed, with the causes of failures."""
 
-import sys
 from collections import Counter
-from collections.abc import Sequence
 
 import pyarrow as pa
 import pyarrow.csv as pa_csv
@@ -15,10 +13,9 @@ from cmacexp.experiment.sweep_results import make_table, read_results
 from cmacexp.experiment.sweep_start import Sweep
 from cmacexp.experiment.without_effect import warnings_of_sweep
 from cmacexp.report.comparison import print_runs
-from cmacexp.report.run_summary import RunSummary
 from cmacexp.report.terminal import activity, print_next, say
 
-MOST_FAILURES = 20
+MAX_LISTED_FAILURES = 20
 """Failures that are listed; more are only counted."""
 
 
@@ -32,28 +29,28 @@ def finish_sweep(sweep: Sweep) -> str:
         OSError: the table cannot be written.
     """
     with activity("reading the results of the jobs"):
-        results = read_results(sweep)
-    jobs, missing = results.jobs, max(0, sweep.planned.total() - len(results.jobs))
+        jobs, rows = read_results(sweep)
+    missing = max(0, sweep.planned.total() - len(jobs))
     if not jobs or sweep.place is None:
         return "failed"
-    ended = _judge(jobs, missing)
-    _write_tables(sweep.place, make_table(results.rows()), ended)
-    swept = [key for key in results.keys if len({str(job.config[key]) for job in jobs}) > 1]
+    failed = [job for job in jobs if not job.is_result]
+    ended = "failed" if missing or failed else "completed"
+    ended = "bad input" if all(job.bad_input for job in jobs) else ended
+    _write_tables(sweep.place, make_table(rows), ended)
+    swept = [key for key in jobs[0].config if len({str(job.config[key]) for job in jobs}) > 1]
     print_runs(jobs, swept, sweep.folder / TABLE_CSV)
-    _print_counts(jobs, missing)
-    _print_failures(jobs)
+    counts = Counter(job.status for job in jobs) + Counter({"not completed": missing})
+    print(f"{counts.total()} jobs: {', '.join(f'{count} {status}' for status, count in counts.items())}")
+    for job in failed[:MAX_LISTED_FAILURES]:
+        say(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
+    if len(failed) > MAX_LISTED_FAILURES:
+        say(f"  and {len(failed) - MAX_LISTED_FAILURES} more: see {TABLE_CSV}", error=True)
     for text in warnings_of_sweep(sweep.kinds.values()):
         say(f"warning: {text}", error=True)
-    if any(job.is_result for job in jobs):
+    if len(failed) < len(jobs):
         print_next(sweep.folder, {"report": "report"})
     say(str(sweep.folder / TABLE))
     return ended
-
-
-def _judge(jobs: Sequence[RunSummary], missing: int) -> str:
-    if all(job.bad_input for job in jobs):
-        return "bad input"
-    return "failed" if missing or not all(job.is_result for job in jobs) else "completed"
 
 
 def _write_tables(place: Place, table: pa.Table, ended: str) -> None:
@@ -62,16 +59,3 @@ def _write_tables(place: Place, table: pa.Table, ended: str) -> None:
     files = {name: sha256(place.new / name) for name in (TABLE, TABLE_CSV)}
     entries = {"config": {}, "versions": manifests.versions(), "files": files}
     place.commit({"kind": manifests.SWEEP, "status": ended, **entries})
-
-
-def _print_counts(jobs: Sequence[RunSummary], missing: int) -> None:
-    counts = Counter(job.status for job in jobs) + Counter({"not completed": missing})
-    print(f"{counts.total()} jobs: {', '.join(f'{count} {status}' for status, count in counts.items())}")
-
-
-def _print_failures(jobs: Sequence[RunSummary]) -> None:
-    failed = [job for job in jobs if not job.is_result]
-    for job in failed[:MOST_FAILURES]:
-        say(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
-    if len(failed) > MOST_FAILURES:
-        print(f"  and {len(failed) - MOST_FAILURES} more: see {TABLE_CSV}", file=sys.stderr)

@@ -7,7 +7,6 @@ from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config import Config, to_config
 from cmacexp.config.hydra_record import make_record
@@ -101,8 +100,9 @@ def _write_failure(
     cause: str,
 ) -> None:
     """Leave a manifest that names why there is no result; an earlier run in the folder stays, with it beside."""
+    plain: Any = OmegaConf.to_container(composed)  # as typed: an interpolation may be what is wrong
     bad_input = isinstance(error, BadInput)
-    manifest = manifests.make_manifest(_resolve(composed), "failed", cause, bad_input=bad_input, overrides=overrides)
+    manifest = manifests.make_manifest(plain, "failed", cause, bad_input=bad_input, overrides=overrides)
     if isinstance(error, BadComponent) or not isinstance(error, CmacexpError | OSError | MemoryError):
         manifest["traceback"] = format_user_traceback(error.raised if isinstance(error, BadComponent) else error)
     with suppress(OSError, BadInput), replacing(folder, RUN_KEY) as place:
@@ -113,14 +113,3 @@ def _write_failure(
             place.leave_failure(manifest)
         else:
             place.commit(manifest)
-
-
-def _resolve(composed: DictConfig) -> dict[str, Any]:
-    """A config as plain values; with interpolations as they were typed where one cannot be resolved."""
-    for resolve in (True, False):
-        try:
-            plain: Any = OmegaConf.to_container(composed, resolve=resolve)
-            return dict(plain)
-        except OmegaConfBaseException:
-            continue
-    return {}

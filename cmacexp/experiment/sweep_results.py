@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -20,36 +20,24 @@ from cmacexp.report.comparison import Row, make_rows
 from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
 
 
-class SweepResults(NamedTuple):
-    """The jobs of a sweep, as they ended."""
+def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[Row]]:
+    """The jobs of a sweep that left a manifest, and their rows; not those that an earlier sweep left in its folder.
 
-    jobs: list[RunSummary]
-    """Those that left a manifest; their config holds the overridden keys alone."""
-    keys: list[str]
-    """All keys that some job overrides."""
-    overrides: list[str]
-    """Of each job, as typed."""
-
-    def rows(self) -> list[Row]:
-        """The rows of the table."""
-        rows = make_rows(self.jobs, self.keys)
-        return [{"run": row["run"], "overrides": text, **row} for row, text in zip(rows, self.overrides, strict=True)]
-
-
-def read_results(sweep: Sweep) -> SweepResults:
-    """The jobs of a sweep that left a manifest; not those that an earlier sweep left in its folder."""
+    The config of a job holds the values of all keys that some job overrides, as typed, and nothing else.
+    """
     missing: Counter[tuple[str, ...]] = Counter(sweep.planned)
-    jobs, all_overrides = [], []
+    jobs, typed = [], []
     for job, overrides in _read_jobs(sweep.folder):
         if missing[tuple(overrides)] > 0 or not sweep.planned:  # a sweeper that searches need not plan its jobs
             missing[tuple(overrides)] -= 1
             jobs.append(job)
-            all_overrides.append(overrides)
-    texts = [dict(text.lstrip("+").partition("=")[::2] for text in overrides) for overrides in all_overrides]
-    keys = list(dict.fromkeys(key for each in texts for key in each))
-    configs = [{key: parse_value(each[key]) if key in each else None for key in keys} for each in texts]
+            typed.append(overrides)
+    settings = [dict(text.lstrip("+").partition("=")[::2] for text in overrides) for overrides in typed]
+    keys = list(dict.fromkeys(key for values in settings for key in values))
+    configs = [{key: parse_value(values[key]) if key in values else None for key in keys} for values in settings]
     jobs = [replace(job, config=config) for job, config in zip(jobs, configs, strict=True)]
-    return SweepResults(jobs, keys, [" ".join(overrides) for overrides in all_overrides])
+    rows = zip(make_rows(jobs, keys), typed, strict=True)
+    return jobs, [{"run": row["run"], "overrides": " ".join(overrides), **row} for row, overrides in rows]
 
 
 def _read_jobs(folder: Path) -> Iterator[tuple[RunSummary, list[str]]]:

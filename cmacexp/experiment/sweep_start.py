@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -29,15 +29,6 @@ DEFAULT = "record=trace"
 """Override of a sweep that does not set ``record``."""
 
 
-class Jobs(NamedTuple):
-    """Jobs that choose the same options and set the same keys."""
-
-    composed: DictConfig
-    """What Hydra composes for the first of them."""
-    overrides: list[list[str]]
-    """Of the run, for each job."""
-
-
 class Sweep:
     """The sweep of this process.
 
@@ -45,14 +36,15 @@ class Sweep:
         folder: ``hydra.sweep.dir``.
         place: the same once it is locked, for the table.
         planned: how many jobs have which overrides, see :func:`select_run_overrides`.
-        kinds: the same jobs by their kind, see :meth:`check`.
+        kinds: the same jobs by their kind, see :meth:`check`: what Hydra composes for the first, and the overrides of
+            the run for each.
     """
 
     def __init__(self, folder: Path):
         self.folder = folder
         self.place: Place | None = None
         self.planned: Counter[tuple[str, ...]] = Counter()
-        self.kinds: dict[tuple[str, ...], Jobs] = {}
+        self.kinds: dict[tuple[str, ...], tuple[DictConfig, list[list[str]]]] = {}
         self.lock, self.progress = ExitStack(), ExitStack()
         """Left when the sweep is over, and when its jobs are."""
 
@@ -89,20 +81,12 @@ class Sweep:
                     composed = loader.load_sweep_config(sweeper.config, list(overrides))
                 except (TypeError, ValueError) as error:  # of overrides whose shape Hydra does not foresee
                     raise HydraException(str(error)) from error
-                self.kinds[kind] = Jobs(composed, [])
-            self.kinds[kind].overrides.append(select_run_overrides(overrides))
+                self.kinds[kind] = composed, []
+            self.kinds[kind][1].append(select_run_overrides(overrides))
 
 
 class SweepRefused(BaseException):
-    """A sweep cannot use its folder; no ``Exception``, because Hydra ignores those that a callback raises.
-
-    Args:
-        reason: why.
-    """
-
-    def __init__(self, reason: Exception):
-        super().__init__(reason)
-        self.reason = reason
+    """A sweep cannot start, for the error that it is made with; Hydra ignores an ``Exception`` of a callback."""
 
 
 class SweepStart(Callback):

@@ -4,8 +4,9 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.data.hashes import was_written
+from cmacexp.data.parquet import read_parts
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, Traces, read_parts
+from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, Traces
 from cmacexp.metrics.block import Block, cut
 from cmacexp.metrics.body import compute_body
 from cmacexp.metrics.drift import Drift, DriftDetector

@@ -10,12 +10,11 @@ from shlex import quote
 from shutil import get_terminal_size
 from threading import Event, Thread
 
-from cmacexp.config import Config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING
 from cmacexp.errors import in_one_line
 from cmacexp.jit.compiler import call_before_compiling
-from cmacexp.metrics.drift import Drift, format_drift, read_drift_entry
+from cmacexp.metrics.drift import format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs
 from cmacexp.report.outputs import keep_outputs
 from cmacexp.report.terminal_tables import print_key, print_scores
@@ -111,16 +110,6 @@ def activity(what: str) -> Iterator[Callable[[str], None]]:
     current = [what]
     with shown(lambda: f"{current[0]} ..."):
         yield lambda text: current.__setitem__(0, text)
-
-
-def describe_planning(config: Config) -> str:
-    """What is being done before the first step of a run."""
-    return f"planning {config.steps_per_cycle} steps a cycle"
-
-
-def warn_of_drift(drift: Drift) -> None:
-    """Warn that learning drifts, while the run goes on."""
-    say(f"warning: {format_drift(drift)}", error=True)
 
 
 def format_outcome(result: StoredRun, separator: str = ": ") -> str:

@@ -11,7 +11,7 @@ from cmacexp.data.stored_run import StoredRun, read_config
 from cmacexp.errors import BadRun
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.stability.cycle_map import NotPredictable
-from cmacexp.stability.growth import GROWTH_CYCLES, SETTLING_CYCLES, Growth, change_sizes, predicted_growth, with_lead
+from cmacexp.stability.growth import Growth, change_sizes, predicted_growth, with_lead
 from cmacexp.stability.measured import Stretch, growth_over, read_changes, stretch
 from cmacexp.stability.mode import Mode, describe
 from cmacexp.stability.transfer import Spectrum, compute_spectrum, locals_along
@@ -20,14 +20,10 @@ from cmacexp.typing import Array
 LEADS = (-2, -1, 0, 1, 2, 3)
 MAX_CYCLES_OF_OTHER_LEADS = 200
 """Cycles that other leads are run for, in memory."""
-SAMPLES_ALONG_CYCLE = 30
-"""Samples of the cycle at which T is computed."""
 LOWEST_FREQUENCY = 1.0
 """Lowest frequency of T, Hz; the highest is half the sampling rate."""
-FREQUENCIES_AT_PLACES, FREQUENCIES_ALONG_CYCLE = 200, 50
-"""Number of frequencies at a few places, and along the cycle."""
-DELAYS = (0, 1, 2)
-"""Additional samples of delay between torque and joint that are tried."""
+FREQUENCIES = 200
+"""Number of frequencies at which T is computed."""
 STEPS_AFTER_LIFT_OFF = 5
 """Samples after lift-off where T is computed: the foot has left the ground."""
 
@@ -58,7 +54,7 @@ class LeadGrowth:
     @property
     def eigenvalue(self) -> float:
         """The largest absolute value."""
-        return float(abs(self.growth.eigenvalues()[0])) if self.growth else float("nan")
+        return float(abs(self.growth.krylov.eigenvalues()[0])) if self.growth else float("nan")
 
 
 @dataclass(frozen=True)
@@ -75,30 +71,19 @@ class Analysis:
     """Predicted change of the feedforward in the last cycle of the stretch."""
     measured_mode: Mode
     """The measured one, from the trace."""
-    places: dict[str, list[Spectrum]]
-    """T at a few places of the first leg's cycle, with each of DELAYS."""
-    along: dict[int, Spectrum]
-    """T along the cycle, by sample."""
+    places: dict[str, Spectrum]
+    """T at a few places of the first leg's cycle."""
 
-    def least_real(self, lead: int, delay: int = 0) -> float:
+    def least_real(self, lead: int) -> float:
         """Least Re T over all frequencies and those places."""
-        return min(spectra[DELAYS.index(delay)].least(lead) for spectra in self.places.values())
+        return min(spectrum.least(lead) for spectrum in self.places.values())
 
 
-def _measure_lead(
-    lead: int, config: Config, sizes: Sequence[float] | Array, completed: bool, cycle: int | None = None
-) -> LeadGrowth:
+def _measure_lead(lead: int, config: Config, sizes: Sequence[float] | Array, completed: bool) -> LeadGrowth:
     if len(sizes) <= config.learning.start_cycle:
-        place = Stretch(1, 1, 1, False)
+        place = Stretch(1, 1, 1)
         return LeadGrowth(lead, place, np.asarray(sizes), completed, None, f"ends in cycle {len(sizes) + 1}")
     place = stretch(sizes, config.learning.start_cycle, completed)
-    if cycle is not None:
-        place = Stretch(
-            cycle,
-            min(cycle + SETTLING_CYCLES, len(sizes)),
-            min(cycle + SETTLING_CYCLES + GROWTH_CYCLES, len(sizes)),
-            place.grows,
-        )
     try:
         return LeadGrowth(lead, place, np.asarray(sizes), completed, predicted_growth(config, place.calm))
     except NotPredictable as error:
@@ -118,18 +103,13 @@ def _read_feedforward_change(run: StoredRun, cycle: int, shape: tuple[int, int, 
     return np.asarray(torques[1].to_numpy() - torques[0].to_numpy()).reshape(shape)
 
 
-def frequencies(period: float, count: int) -> Array:
-    """``count`` frequencies from LOWEST_FREQUENCY to half the sampling rate, Hz; ``period`` is between samples, s."""
-    return np.linspace(min(LOWEST_FREQUENCY, 0.05 / period), 0.5 / period, count)
-
-
 def choose_samples(support: Any) -> dict[str, int]:
     """Samples by the name of their place: after the first leg's lift-off, in mid transfer and in mid support."""
-    own, n = support[:, 0], len(support)
-    if own.all():
+    first_leg, n = support[:, 0], len(support)
+    if first_leg.all():
         return {"standing": n // 2}
-    lift = int(np.flatnonzero(~own & np.roll(own, 1))[0])
-    transfer = int((~own).sum())
+    lift = int(np.flatnonzero(~first_leg & np.roll(first_leg, 1))[0])
+    transfer = int((~first_leg).sum())
     middle = lift + transfer + (n - transfer) // 2
     return {
         f"{STEPS_AFTER_LIFT_OFF} samples after lift-off": (lift + STEPS_AFTER_LIFT_OFF) % n,
@@ -138,13 +118,11 @@ def choose_samples(support: Any) -> dict[str, int]:
     }
 
 
-def analyse(run: StoredRun, cycle: int | None = None, leads: Sequence[int] = LEADS) -> Analysis:
+def analyse(run: StoredRun) -> Analysis:
     """Linearise the loop of a stored run, and compare its prediction with the measurement.
 
     Args:
         run: that ended, with any status; its trace has every step.
-        cycle: where to linearise the run, in cycles done; None: where its feedback changed least.
-        leads: leads that are tried beside that of the run.
 
     Raises:
         BadRun: the run cannot be read, is too short, or does not learn.
@@ -157,11 +135,11 @@ def analyse(run: StoredRun, cycle: int | None = None, leads: Sequence[int] = LEA
         )
     scenario = make_scenario(config)
     lead = scenario.setup.lead
-    own = _measure_lead(lead, config, sizes, run.status == "completed", cycle)
+    own = _measure_lead(lead, config, sizes, run.status == "completed")
     if own.growth is None:
         raise BadRun(f"{run.folder}: its learning cannot be predicted: {own.why_not}")
     enough = min(config.cycles, MAX_CYCLES_OF_OTHER_LEADS)
-    others = [own if tried == lead else _run_lead(tried, config, enough) for tried in sorted({*leads, lead})]
+    others = [own if tried == lead else _run_lead(tried, config, enough) for tried in sorted({*LEADS, lead})]
     return _explain(run, scenario, own, others)
 
 
@@ -172,9 +150,8 @@ def _explain(run: StoredRun, scenario: Scenario, own: LeadGrowth, others: Sequen
     measured = _read_feedforward_change(run, own.place.last, own.growth.shape)
     period = config.sampling_period
     places = choose_samples(support)
-    step = max(1, len(support) // SAMPLES_ALONG_CYCLE)
-    wanted = sorted({*places.values(), *range(step // 2, len(support), step)})
-    by_sample = {local.sample: local for local in locals_along(config, own.place.calm, wanted)}
+    by_sample = {local.sample: local for local in locals_along(config, own.place.calm, list(places.values()))}
+    frequencies = np.linspace(min(LOWEST_FREQUENCY, 0.05 / period), 0.5 / period, FREQUENCIES)
     return Analysis(
         run,
         config,
@@ -182,15 +159,5 @@ def _explain(run: StoredRun, scenario: Scenario, own: LeadGrowth, others: Sequen
         others,
         describe(predicted, support, period),
         describe(measured, support, period),
-        {
-            name: [
-                compute_spectrum(by_sample[sample], frequencies(period, FREQUENCIES_AT_PLACES), period, delay)
-                for delay in DELAYS
-            ]
-            for name, sample in places.items()
-        },
-        {
-            sample: compute_spectrum(local, frequencies(period, FREQUENCIES_ALONG_CYCLE), period)
-            for sample, local in by_sample.items()
-        },
+        {name: compute_spectrum(by_sample[sample], frequencies, period) for name, sample in places.items()},
     )

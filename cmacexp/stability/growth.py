@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmacexp.config import Config
 from cmacexp.feedforward.kernels import TABLE
@@ -76,10 +75,6 @@ class Growth:
     def per_cycle(self) -> float:
         """Growth per cycle over the cycles that follow; below 1 learning holds."""
         return self.over(self.cycle + SETTLING_CYCLES, self.cycle + SETTLING_CYCLES + GROWTH_CYCLES)
-
-    def eigenvalues(self) -> NDArray[np.complex128]:
-        """Of the map from cycle to cycle, the largest first; see :meth:`Krylov.eigenvalues`."""
-        return self.krylov.eigenvalues()
 
 
 def with_lead(config: Config, lead: int) -> Config:

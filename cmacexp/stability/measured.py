@@ -1,12 +1,12 @@
 """How much the feedback of a stored run grew from cycle to cycle."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.data.parquet import as_array, read_groups
+from cmacexp.data.parquet import as_array, read_parts
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import TRACE
 from cmacexp.errors import BadRun
@@ -27,8 +27,6 @@ class Stretch(NamedTuple):
     """The cycle before them where the loop is linearised, in cycles done."""
     first: int
     last: int
-    grows: bool
-    """Whether the change is growing there, by the end at the latest."""
 
 
 def stretch(sizes: Sequence[float] | Array, first: int, completed: bool) -> Stretch:
@@ -45,25 +43,7 @@ def stretch(sizes: Sequence[float] | Array, first: int, completed: bool) -> Stre
     if not grows:
         calm = min(first + MAX_CYCLES_BEFORE, (first + last) // 2)
     start = calm + SETTLING_CYCLES if last > calm + 2 * SETTLING_CYCLES else calm + 1
-    return Stretch(calm, start, min(start + GROWTH_CYCLES, last), grows)
-
-
-def _cycles(run: StoredRun) -> Iterator[tuple[int, Array]]:
-    """Every cycle in the trace with its feedback torques, (rows, 2)."""
-    rest: list[Array] = []
-    current = None
-    for part in read_groups(run.folder / TRACE, ["cycle", *FEEDBACK]):
-        cycle = as_array(part, "cycle")
-        torques = np.stack([as_array(part, name) for name in FEEDBACK], axis=1)
-        starts = [0, *(np.flatnonzero(np.diff(cycle)) + 1).tolist(), len(cycle)]
-        for begin, end in pairwise(starts):
-            if cycle[begin] != current:
-                if current is not None:
-                    yield current, np.concatenate(rest)
-                current, rest = int(cycle[begin]), []
-            rest.append(torques[begin:end])
-    if current is not None:
-        yield current, np.concatenate(rest)
+    return Stretch(calm, start, min(start + GROWTH_CYCLES, last))
 
 
 def read_changes(run: StoredRun) -> Array:
@@ -80,16 +60,11 @@ def read_changes(run: StoredRun) -> Array:
             f"{run.folder}: its trace lacks steps, but growth is computed from every step; run it again without "
             "record.cycles and record.every_nth_step"
         )
-    before: Array | None = None
-    sizes = []
-    try:
-        for _, torques in _cycles(run):
-            if before is not None and len(torques) == len(before):
-                sizes.append(float(np.linalg.norm(torques - before)))
-            before = torques
-    except (OSError, ValueError) as error:
-        raise BadRun(f"{run.folder / TRACE}: cannot be read ({str(error).splitlines()[0]})") from None
-    return np.array(sizes)
+    parts = read_parts(run.folder / TRACE, list(FEEDBACK))
+    torques = np.concatenate([np.stack([as_array(part, name) for name in FEEDBACK], axis=1) for part in parts])
+    rows = len(torques) // run.manifest["steps"] * run.steps_per_cycle
+    whole = torques[: len(torques) // rows * rows].reshape(-1, rows, 2)
+    return np.array([np.linalg.norm(after - before) for before, after in pairwise(whole)])
 
 
 def growth_over(sizes: Sequence[float] | Array, place: Stretch) -> float:

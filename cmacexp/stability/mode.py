@@ -47,8 +47,3 @@ def describe(change: Array, support: Mask, period: float) -> Mode:
     smooth = np.convolve(power, np.ones(5) / 5.0, "same")
     wide = np.convolve(np.concatenate([squares.sum(axis=1)] * 3), np.ones(9), "same")[len(change) : 2 * len(change)]
     return Mode(change, share, float(frequencies[np.argmax(smooth)]), int(np.argmax(wide)))
-
-
-def likeness(one: Array, other: Array) -> float:
-    """Cosine between two changes, 1 if they have the same shape."""
-    return float((one * other).sum() / np.linalg.norm(one) / np.linalg.norm(other))

@@ -2,7 +2,7 @@
 
 T is the transfer from a feedforward torque to -J^T U, the torque that it spares the feedback. Learning from cycle to
 cycle takes u to u - beta T u, so it settles at frequencies where every eigenvalue of T has a positive real part. A
-lead of l samples multiplies T by z^l; torques that reach the joints d samples late put z^-d into the loop.
+lead of l samples multiplies T by z^l.
 """
 
 from collections.abc import Sequence
@@ -102,20 +102,19 @@ def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Loc
     return found
 
 
-def transfer(local: Local, frequencies: Array, period: float, delay: int = 0) -> NDArray[np.complex128]:
+def transfer(local: Local, frequencies: Array, period: float) -> NDArray[np.complex128]:
     """T at some frequencies.
 
     Args:
         local: where.
         frequencies: (f,), Hz.
         period: sampling period, s.
-        delay: further samples from every torque to the joints.
 
     Returns:
         (f, 2 L, 2 L); [f, i, j] from feedforward torque j to torque i of the learning error, with opposite sign.
     """
     z = np.exp(2j * np.pi * np.asarray(frequencies, dtype=float) * period)[:, None, None]
-    path = local.c @ np.linalg.solve(z * np.eye(len(local.a)) - local.a, local.b.astype(complex)[None]) * z**-delay
+    path = local.c @ np.linalg.solve(z * np.eye(len(local.a)) - local.a, local.b.astype(complex)[None])
     return np.asarray(-path @ np.linalg.inv(np.eye(local.b.shape[1]) - path))
 
 
@@ -144,7 +143,7 @@ class Spectrum(NamedTuple):
         return float(self.frequencies[np.argmax(wrong)]) if wrong.any() else float("nan")
 
 
-def compute_spectrum(local: Local, frequencies: Array, period: float, delay: int = 0) -> Spectrum:
+def compute_spectrum(local: Local, frequencies: Array, period: float) -> Spectrum:
     """Eigenvalues of T at some frequencies; arguments as of :func:`transfer`."""
-    values = np.linalg.eigvals(transfer(local, frequencies, period, delay))
+    values = np.linalg.eigvals(transfer(local, frequencies, period))
     return Spectrum(frequencies, period, values.astype(np.complex128))

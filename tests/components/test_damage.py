@@ -150,23 +150,23 @@ def test_a_damaged_recording_is_built_anew_with_a_word(walk, capsys):
 
 def test_a_hash_is_computed_once_while_a_file_does_not_change(leg, monkeypatch):
     computed = []
-    counted = hashes._once(lambda path: computed.append(path))
-    path, later = leg / TRACE, time.time_ns() + 2 * hashes.RESOLUTION
+    monkeypatch.setattr(hashes, "sha256", computed.append)
+    path, later = leg / TRACE, time.time_ns() + 2 * hashes.TIME_RESOLUTION
     monkeypatch.setattr(time, "time_ns", lambda: later)
-    counted(path)
-    counted(path)
+    hashes.current_hash(path)
+    hashes.current_hash(path)
     assert computed == [path]
     os.utime(path)
-    counted(path)
+    hashes.current_hash(path)
     assert computed == [path] * 2
 
 
 def test_just_written_files_may_change_again_within_the_resolution_of_their_times(leg, monkeypatch):
     computed = []
-    counted = hashes._once(lambda path: computed.append(path))
+    monkeypatch.setattr(hashes, "sha256", computed.append)
     monkeypatch.setattr(time, "time_ns", lambda: (leg / TRACE).stat().st_mtime_ns)
-    counted(leg / TRACE)
-    counted(leg / TRACE)
+    hashes.current_hash(leg / TRACE)
+    hashes.current_hash(leg / TRACE)
     assert len(computed) == 2
 
 

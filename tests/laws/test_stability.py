@@ -75,7 +75,7 @@ def test_growth_is_predicted_from_the_first_cycles(make_config, lead):
     assert growth.over(first, last) == pytest.approx(measured, abs=0.002)
     assert growth.per_cycle == pytest.approx(measured, abs=0.01)
     assert (growth.per_cycle < 1.0) == (lead == 1)
-    assert (abs(growth.eigenvalues()[0]) < 1.0) == (lead == 1)
+    assert (abs(growth.krylov.eigenvalues()[0]) < 1.0) == (lead == 1)
 
 
 def test_growth_of_a_walk_is_predicted(make_config):

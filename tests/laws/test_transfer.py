@@ -17,13 +17,12 @@ def places(make_config):
 
 
 def test_transfer_of_an_integrator_under_proportional_feedback():
-    # x+ = x + f + u with f = -0.5 x, so -f/u = 0.5 z^-1/(1 - 0.5 z^-1); a delay of d multiplies every z^-1 by z^-d.
+    # x+ = x + f + u with f = -0.5 x, so -f/u = 0.5 z^-1/(1 - 0.5 z^-1).
     one = np.ones((1, 1))
     local = Local(0, one, one, -0.5 * one)
     z = np.exp(2j * np.pi * FREQUENCIES * PERIOD)
-    for delay in (0, 1):
-        path = 0.5 * z**-delay / (z - 1.0)
-        np.testing.assert_allclose(transfer(local, FREQUENCIES, PERIOD, delay)[:, 0, 0], path / (1.0 + path))
+    path = 0.5 / (z - 1.0)
+    np.testing.assert_allclose(transfer(local, FREQUENCIES, PERIOD)[:, 0, 0], path / (1.0 + path))
 
 
 def test_a_torque_shows_in_the_feedback_of_the_next_step(make_config, places):
@@ -51,11 +50,10 @@ def test_a_torque_shows_in_the_feedback_of_the_next_step(make_config, places):
     assert response[1, 0] < -0.1
 
 
-@pytest.mark.parametrize("delay", [0, 1, 2])
-def test_learning_settles_everywhere_with_one_lead_alone(places, delay):
+def test_learning_settles_everywhere_with_one_lead_alone(places):
     for local in places:
-        found = compute_spectrum(local, FREQUENCIES, PERIOD, delay)
-        assert [lead for lead in range(-2, 5) if found.least(lead) > 0.0] == [delay + 1]
+        found = compute_spectrum(local, FREQUENCIES, PERIOD)
+        assert [lead for lead in range(-2, 5) if found.least(lead) > 0.0] == [1]
 
 
 def test_the_paper_learns_wrongly_above_some_20_hz(places):
@@ -66,11 +64,8 @@ def test_the_paper_learns_wrongly_above_some_20_hz(places):
 
 
 @pytest.mark.parametrize("delay", [1, 2])
-def test_delay_of_the_actuator_is_the_delay_that_was_thought_in(make_config, places, delay):
+def test_delay_of_the_actuator_asks_for_as_much_more_lead(make_config, delay):
     config = make_config("scenario=one_leg", "cycles=9", f"actuator.delay={delay}", "learning.lead=auto")
     (local,) = locals_along(config, 4, [MID_TRANSFER])
     late = compute_spectrum(local, FREQUENCIES, PERIOD)
-    thought = compute_spectrum(places[0], FREQUENCIES, PERIOD, delay)
     assert late.least(delay + 1) > 0.0 > late.least(delay)
-    fast = FREQUENCIES >= 10.0  # below, it matters where the leg is
-    np.testing.assert_allclose(late.least_real(delay + 1)[fast], thought.least_real(delay + 1)[fast], atol=0.1)
