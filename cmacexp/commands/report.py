@@ -71,7 +71,7 @@ def _report_of_several(folders: Sequence[Path], given: Sequence[Path], cycles: s
     swept = find_swept(runs)
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
     with activity("comparing the runs") as show:
-        path = write_report(make_sweep_report(runs, title, out), out, say=show)
+        path = write_report(make_sweep_report(runs, title), out, say=show)
     print_runs(runs, [*swept.keys, *swept.seeds], path)
     return path
 

@@ -17,7 +17,7 @@ from cmacexp.errors import BadInput, WithoutEffect, in_one_line
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.metrics.summary import format_cycles
+from cmacexp.metrics.summary import shorten, tabulate_cycles
 
 RUN_FOLDER = "hydra.run.dir="
 
@@ -29,9 +29,10 @@ class Run(StoredRun):
     def _summary(self) -> tuple[str, list[str], list[list[str]]]:
         """How it ended, in one line; titles and rows of its main metrics."""
         manifest = self.manifest
-        titles, rows = format_cycles(self.scores) if METRICS in manifest["files"] else ([], [])
+        main, rows = tabulate_cycles(self.scores) if METRICS in manifest["files"] else ({}, [])
         line = f"{self.folder}: {self.config.get('scenario')}, {self.ending}, {manifest['steps']} steps"
-        return in_one_line(line), [f"{title} {unit}".rstrip() for title, unit in titles], rows
+        titles = ["cycle", *(f"{shown.title} {shown.unit}".rstrip() for shown in main.values())]
+        return in_one_line(line), titles, shorten(rows)
 
     def _printed(self) -> tuple[str, list[str], list[list[str]]]:
         """The same, of a damaged run the reason alone: a run is often printed in search of another mistake."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import BadInput
-from cmacexp.report.axes import add_legend, include_zero, logarithmic, name_ticks
+from cmacexp.report.axes import add_legend, include_zero, logarithmic
 from cmacexp.report.style import DESIRED, MARKERS, label, mark, new_figure
 from cmacexp.typing import Array
 
@@ -65,8 +65,6 @@ class Panel:
     """Logarithmic axes: ``x``, ``y`` or ``xy``."""
     ticks: Sequence[str] = ()
     """Names of the positions 0, 1, ... on the x axis."""
-    x_ticks: Sequence[float] = ()
-    """The only numbers that the x axis names."""
     x_limits: Sequence[float] = ()
     """Vertical dotted lines."""
     y_limits: Sequence[float] = ()
@@ -198,10 +196,6 @@ def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
         level = sum(map(len, panel.ticks)) <= MOST_CHARACTERS
         turned: dict[str, Any] = {} if level else {"rotation": 30, "ha": "right"}
         axes.set_xticks(range(len(panel.ticks)), panel.ticks, **turned)
-    if panel.x_ticks:
-        positions = np.log(panel.x_ticks) if "x" in panel.log else np.asarray(panel.x_ticks)
-        axes.set_xticks(panel.x_ticks, name_ticks(positions, panel.x_ticks))
-        axes.minorticks_off()
 
 
 def _set_ranges(axes: "Axes", panel: Panel) -> None:

@@ -20,7 +20,8 @@ from cmacexp.metrics.metric import NEITHER
 from cmacexp.metrics.pooling import count_legs, describe_pooling, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, RANKED, SHOWN
 from cmacexp.metrics.score import RunScorer, score_traces
-from cmacexp.metrics.summary import BETWEEN, ENDS, MOST_ROWS, format_cycles, format_number, shorten, tabulate_cycles
+from cmacexp.metrics.summary import BETWEEN, ENDS, MOST_ROWS, shorten, tabulate_cycles
+from cmacexp.metrics.text import format_cell
 from cmacexp.typing import Array
 
 BODY_COLUMNS = ("height", "pitch", "roll", "stability_margin", "margin_front", "margin_rear", *TRUE_MARGINS)
@@ -165,10 +166,7 @@ def test_a_table_has_a_row_of_each_cycle_and_a_column_of_each_main_metric_in_its
     assert main == select_main(pooled, legs) != {}
     assert [row[0] for row in rows] == ["1", "2", "3", "4", "5"]
     for cycle, (_, *cells) in enumerate(rows):
-        assert cells == [format_number(shown.factor * pooled[name][cycle]) for name, shown in main.items()]
-    titles, short = format_cycles(scores)
-    assert titles == [("cycle", ""), *((shown.title, shown.unit) for shown in main.values())]
-    assert short == rows
+        assert cells == [format_cell(shown.factor * pooled[name][cycle]) for name, shown in main.items()]
 
 
 def test_a_metric_is_judged_and_ranked_if_one_of_two_values_is_the_better_one():
@@ -191,7 +189,7 @@ def test_every_title_is_named_once_with_its_pooling_and_those_of_a_body_not_at_a
 
 @given(st.floats(-1e9, 1e9))
 def test_a_number_is_shown_to_three_decimals_or_three_digits(value):
-    shown = format_number(value)
+    shown = format_cell(value)
     assert len(shown) <= 9
     assert float(shown) == pytest.approx(value, rel=0.005, abs=5.01e-4)
-    assert format_number(math.nan) == "-"
+    assert format_cell(math.nan) == "-"
