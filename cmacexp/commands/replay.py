@@ -14,7 +14,7 @@ from cmacexp.data.discovery import is_run, require_place, runs_below
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import updating
 from cmacexp.data.hashes import find_fault, was_written
-from cmacexp.data.tables import BODY, RECORDING, steps_by_cycle
+from cmacexp.data.tables import BODY, RECORDING, read_traces, steps_by_cycle
 from cmacexp.data.trace_writer import LAST_STEPS
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.terminal import activity, say
@@ -100,8 +100,8 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
     """
     from cmacexp.config.difference import labels
     from cmacexp.recording.compare import MOST_RUNS, make_root, write_comparison
+    from cmacexp.recording.run_view import make_view
     from cmacexp.recording.window import make_window, read_cycles
-    from cmacexp.recording.write import read_entry
 
     if len(folders) > MOST_RUNS:
         raise BadRun(
@@ -113,17 +113,17 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
         cycles = read_cycles(options.cycles, last, "all runs")
     found = [manifests.read(folder) for folder in folders]
     names = labels([manifest["config"] for manifest in found], [folder.resolve().name for folder in folders])
-    entries = []
+    views = {}
     for number, (folder, manifest, label) in enumerate(zip(folders, found, names, strict=True), start=1):
         window = make_window(_kept(folder), cycles, options.every, sharing=len(folders))
-        entries.append(read_entry(folder, manifest, window, label, make_root(number, label)))
-    views = [entry.view for entry in entries]
-    if max(view.time[0] for view in views) > min(view.time[-1] for view in views):
+        traces = read_traces(folder, window.cycles, window.every)
+        views[folder] = make_view(traces, manifest, window, label, make_root(number, label))
+    if max(view.time[0] for view in views.values()) > min(view.time[-1] for view in views.values()):
         raise BadInput(
             "--cycles", options.cycles, "these cycles of the runs have no time in common; choose earlier ones"
         )
-    name = write_comparison(entries, path, options.views)
-    return name + next((view.window.hint for view in views if view.window.hint), "")
+    name = write_comparison(views, path, options.views)
+    return name + next((view.window.hint for view in views.values() if view.window.hint), "")
 
 
 def _comparison_path(folders: Sequence[Path]) -> Path:
@@ -155,17 +155,15 @@ def _read_options(arguments: argparse.Namespace) -> Options:
     return Options(arguments.cycles, views, None if every is None else int(every))
 
 
-def _read_kept(folder: Path) -> str | None:
-    """The name of the recording that a run has; None if there is none, or not the one that was written."""
-    from cmacexp.recording.write import read_name
-
+def _is_kept(folder: Path) -> bool:
+    """Whether a run has its recording, as it was written."""
     path, files = folder / RECORDING, manifests.read(folder)["files"]
     if not path.exists() or RECORDING not in files:
-        return None
-    if fault := find_fault(folder, RECORDING, files[RECORDING]):
+        return False
+    fault = find_fault(folder, RECORDING, files[RECORDING])
+    if fault:
         say(f"{path}: {fault}; it is built anew", error=True)
-        return None
-    return read_name(path)
+    return not fault
 
 
 def _replay(arguments: argparse.Namespace) -> int:
@@ -179,9 +177,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     out = _out(arguments.out) if arguments.out is not None else None
     path = out or (_comparison_path(folders) if len(folders) > 1 else folders[0] / RECORDING)
     kept = len(folders) == 1 and out is None and options == Options() and not arguments.rebuild
-    shown = _read_kept(folders[0]) if kept else None
-    if shown is not None:
-        shown += " (as it was built; --rebuild builds it anew)"
+    if kept and _is_kept(folders[0]):
+        shown = "as it was built; --rebuild builds it anew"
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
         with activity(f"building {path}"):

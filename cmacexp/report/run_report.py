@@ -77,8 +77,8 @@ def _metrics(run: StoredRun, cycles: Sequence[int]) -> Section:
     caption = "Metrics per cycle" + (", pooled over the legs" if run.walks else "")
     metrics = list_metrics(run, cycles)
     all_of_them = f"All {len(metrics.rows)} metrics of the cycles shown"
-    main = Folded(f"{len(columns) - 1} main metrics of every cycle", [Table(columns, shorten(rows), caption)])
-    return Section("All metrics", [main, Folded(all_of_them, [metrics])])
+    folded = Folded(f"{len(columns) - 1} main metrics of every cycle", [Table(columns, shorten(rows), caption)])
+    return Section("All metrics", [folded, Folded(all_of_them, [metrics])])
 
 
 def _end(run: StoredRun) -> list[Section]:
