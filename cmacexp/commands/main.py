@@ -135,20 +135,12 @@ def _run(composed: DictConfig, folder: Path) -> str:
         from cmacexp.experiment.run import run_scenario
         from cmacexp.experiment.without_effect import warnings_of
         from cmacexp.loop.scenario import make_scenario
-        from cmacexp.report.terminal import (
-            activity,
-            announce_compiling,
-            describe_planning,
-            print_summary,
-            progress,
-            say,
-            warn_of_drift,
-        )
+        from cmacexp.report.terminal import activity, announce_compiling, print_summary, progress, say, warn_of_drift
         from cmacexp.stability.warn import growth_warning
 
     announce_compiling()
     check_metric(config.optimize, config.machine.kind)
-    with activity(describe_planning(config)):
+    with activity(f"planning {config.steps_per_cycle} steps a cycle"):
         scenario = make_scenario(config)
     for text in warnings_of(config, HydraConfig.get().overrides.task, composed):
         say(f"warning: {text}", error=True)

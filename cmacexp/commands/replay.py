@@ -1,7 +1,6 @@
 """``python -m cmacexp.replay DIR...``: show a run, or several side by side, in the Rerun viewer."""
 
 import argparse
-import hashlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,14 +14,13 @@ from cmacexp.data.files import sha256
 from cmacexp.data.folder import updating
 from cmacexp.data.hashes import find_fault, was_written
 from cmacexp.data.tables import BODY, RECORDING, read_traces, steps_by_cycle
-from cmacexp.data.trace_writer import LAST_STEPS
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.terminal import activity, say
 
 COMPARISONS = Path("outputs", "comparisons")
 """Default folder of comparisons."""
 LONGEST_NAME = 120
-"""Characters of the names of runs in the name of a comparison; more are replaced by a hash."""
+"""Most characters in the name of the file of a comparison."""
 
 
 class Options(NamedTuple):
@@ -44,16 +42,6 @@ def _kept(folder: Path) -> dict[int, int]:
         why = f"its trace kept none of its {taken} steps" if taken else "the run took no step"
         raise BadRun(f"{folder}: {why}, there is nothing to show")
     return kept
-
-
-def _describe_thinning(manifest: manifests.Manifest) -> str:
-    """The steps that a thinned trace keeps, as an addition to the name of a recording."""
-    record = manifest["config"].get("record", {})
-    every, cycles = record.get("every_nth_step", 1), record.get("cycles")
-    parts = [f"one step in {every}"] if every > 1 else []
-    parts += [f"cycles {', '.join(map(str, cycles))} alone"] if cycles is not None else []
-    end = f" and the last {LAST_STEPS} steps" if manifest["status"] != "completed" else ""
-    return f"; the trace keeps {', '.join(parts)}{end}" if parts else ""
 
 
 def _check_views(options: Options, walking: Sequence[bool]) -> None:
@@ -88,7 +76,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
             place.commit({**manifest, "files": manifest["files"] | {RECORDING: sha256(place.new / RECORDING)}})
     else:
         name = write_recording(folder, manifest, path, **shown)
-    return name + window.hint + _describe_thinning(manifest)
+    return name + window.hint
 
 
 def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
@@ -130,9 +118,7 @@ def _comparison_path(folders: Sequence[Path]) -> Path:
     """Default path of a comparison; the name of a job of a sweep includes that of the sweep."""
     full = [folder.resolve() for folder in folders]
     names = "-".join(f"{path.parent.name}_{path.name}" if path.name.isdecimal() else path.name for path in full)
-    if len(names) > LONGEST_NAME:
-        names = hashlib.sha256("\n".join(map(str, full)).encode()).hexdigest()[:16]
-    return COMPARISONS / f"{names}.rrd"
+    return COMPARISONS / f"{names[:LONGEST_NAME]}.rrd"
 
 
 def _out(given: str) -> Path:

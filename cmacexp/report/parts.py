@@ -13,14 +13,6 @@ NUMBER = re.compile(r"([-+]?(\d[\d.]*(e[-+]?\d+|-\d+)?|infinite)( .*)?|-|undefin
 
 
 @dataclass(frozen=True)
-class Text:
-    """A paragraph."""
-
-    kind: ClassVar = "text"
-    text: str
-
-
-@dataclass(frozen=True)
 class Table:
     """Rows under named columns; numbers are formatted, with units in the names of their columns."""
 
@@ -39,14 +31,6 @@ class Table:
         """The columns that hold numbers alone, which are aligned to the right."""
         columns = zip(*self.rows, strict=True)
         return frozenset(i for i, cells in enumerate(columns) if all(NUMBER.fullmatch(cell) for cell in cells))
-
-
-@dataclass(frozen=True)
-class Html:
-    """Part of a page that is HTML already."""
-
-    kind: ClassVar = "html"
-    html: str
 
 
 @dataclass(frozen=True)
@@ -70,7 +54,8 @@ class Folded:
     parts: "Sequence[Part]"
 
 
-Part = Text | Table | Drawing | Html | Folded
+Part = str | Table | Drawing | Folded
+"""A string is a paragraph, or HTML if it is a ``markupsafe.Markup``."""
 
 
 @dataclass(frozen=True)

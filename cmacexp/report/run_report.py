@@ -9,7 +9,7 @@ from cmacexp.errors import BadInput, BadRun
 from cmacexp.metrics.summary import shorten, tabulate_cycles
 from cmacexp.report.cycle_data import MOST_CYCLES, CycleData, read_cycle_data
 from cmacexp.report.page import Report
-from cmacexp.report.parts import Folded, Section, Table, Text
+from cmacexp.report.parts import Folded, Section, Table
 from cmacexp.report.run_figures import draw_body, draw_end, draw_legs, draw_metrics, draw_torques, draw_tracking
 from cmacexp.report.run_settings import list_settings
 from cmacexp.report.run_summary import TABLES
@@ -85,7 +85,7 @@ def _end(run: StoredRun) -> list[Section]:
     if run.status not in ("fell", "diverged"):
         return []
     last = run.last_cycle
-    ending = Text(f"The run {run.ending}.")
+    ending = f"The run {run.ending}."
     if last not in _read_cycles(run):
         return [Section("How it ended", [ending])]
     data = read_cycle_data(run, [max(last - 1, 1), last])

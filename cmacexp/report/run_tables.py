@@ -13,7 +13,7 @@ from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_cell, format_number
 from cmacexp.models.mechanism import PLANE, SPACE
-from cmacexp.report.parts import Section, Table, Text
+from cmacexp.report.parts import Section, Table
 from cmacexp.report.run_figures import KEY
 
 EXACT = 4
@@ -98,4 +98,4 @@ def list_memory(run: StoredRun) -> list[Section]:
         "Along the planned path of one cycle. Cells are those of a CMAC before hashing; cells that share a row of "
         "memory by hashing train each other. Clipped inputs lie outside the range of the CMAC."
     )
-    return [Section("Memory of the feedforward", [Text(text), Table([*titles, "clipped inputs"], rows)])]
+    return [Section("Memory of the feedforward", [text, Table([*titles, "clipped inputs"], rows)])]

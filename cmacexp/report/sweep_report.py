@@ -8,7 +8,7 @@ from typing import Any
 from cmacexp.metrics.text import format_setting
 from cmacexp.report.comparison import format_runs, make_names
 from cmacexp.report.page import HOW_TO_REPORT, Report
-from cmacexp.report.parts import Folded, Section, Table, Text
+from cmacexp.report.parts import Folded, Section, Table
 from cmacexp.report.run_summary import TABLES, RunSummary
 from cmacexp.report.sweep_figures import draw_learning_curves, draw_over_key
 from cmacexp.report.swept import Swept, find_swept
@@ -35,7 +35,7 @@ def _list_differences(runs: Sequence[RunSummary], swept: Swept) -> list[Any]:
         listed = ", ".join(values[:12]) + (f", ... ({len(values)} values)" if len(values) > 12 else "")
         rows.append([key, listed, *([", ".join(swept.linked.get(key, []))] if swept.linked else [])])
     if not rows:
-        return [Text("These runs have the same config, apart from settings that do not change the results.")]
+        return ["These runs have the same config, apart from settings that do not change the results."]
     titles = ["key", "values", *(["keys that vary with it"] if swept.linked else [])]
     return [Table(titles, rows, "What differs between the runs")]
 
@@ -65,7 +65,7 @@ def make_sweep_report(runs: Sequence[RunSummary], title: str) -> Report:
     best = "Best values over all whole cycles: smallest error, largest share"
     folded = Folded(best, [Table(*format_runs(runs, keys, RunSummary.best))])
     place = os.path.commonpath([run.folder.resolve().parent for run in runs])
-    pages = Text(f"Runs are folders below {place}. {HOW_TO_REPORT}")
+    pages = f"Runs are folders below {place}. {HOW_TO_REPORT}"
     sections = [Section("The runs", [*_list_differences(runs, swept), final, pages, *_list_stopped(runs), folded])]
     sections += [Section("Metrics over the swept keys", over)] if over else []
     sections += [Section("Learning curves", curves)] if curves else []

@@ -10,7 +10,6 @@ from shlex import quote
 from shutil import get_terminal_size
 from threading import Event, Thread
 
-from cmacexp.config import Config
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING
 from cmacexp.errors import in_one_line
@@ -111,11 +110,6 @@ def activity(what: str) -> Iterator[Callable[[str], None]]:
     current = [what]
     with shown(lambda: f"{current[0]} ..."):
         yield lambda text: current.__setitem__(0, text)
-
-
-def describe_planning(config: Config) -> str:
-    """What is being done before the first step of a run."""
-    return f"planning {config.steps_per_cycle} steps a cycle"
 
 
 def warn_of_drift(drift: Drift) -> None:
