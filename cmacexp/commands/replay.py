@@ -1,6 +1,7 @@
 """``python -m cmacexp.replay DIR...``: show a run, or several side by side, in the Rerun viewer."""
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -87,7 +88,7 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
         BadInput: the runs do not have the requested cycles, views or steps.
     """
     from cmacexp.config.difference import labels
-    from cmacexp.recording.compare import MOST_RUNS, make_root, write_comparison
+    from cmacexp.recording.compare import MOST_RUNS, write_comparison
     from cmacexp.recording.run_view import make_view
     from cmacexp.recording.window import make_window, read_cycles
 
@@ -105,7 +106,8 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
     for number, (folder, manifest, label) in enumerate(zip(folders, found, names, strict=True), start=1):
         window = make_window(_kept(folder), cycles, options.every, sharing=len(folders))
         traces = read_traces(folder, window.cycles, window.every)
-        views[folder] = make_view(traces, manifest, window, label, make_root(number, label))
+        root = f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
+        views[folder] = make_view(traces, manifest, window, label, root)
     if max(view.time[0] for view in views.values()) > min(view.time[-1] for view in views.values()):
         raise BadInput(
             "--cycles", options.cycles, "these cycles of the runs have no time in common; choose earlier ones"

@@ -6,7 +6,7 @@ import rerun.blueprint as rrb
 
 from cmacexp.recording.axes import find_times, value_ranges
 from cmacexp.recording.ground import depression_scale
-from cmacexp.recording.panels import SPACE, Panel, Panels
+from cmacexp.recording.panels import SHARES, SPACE, Panel, Panels
 from cmacexp.recording.run_view import RunView
 
 KEY = "key"
@@ -38,7 +38,7 @@ def describe_key(views: Sequence[RunView]) -> str:
 
 def stack(panels: Panels, names: Sequence[str], name: str | None = None) -> Panel:
     """Panels above each other."""
-    return rrb.Vertical(*map(panels.make, names), row_shares=[panels.share(name) for name in names], name=name)
+    return rrb.Vertical(*map(panels.make, names), row_shares=[SHARES[name] for name in names], name=name)
 
 
 def with_key(content: Panel) -> Panel:

@@ -1,6 +1,5 @@
 """Several runs side by side in one recording: one column for each."""
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -44,11 +43,6 @@ def _layout(views: Sequence[RunView], names: Sequence[str] | None) -> rrb.Bluepr
     content = rrb.Horizontal(*columns)
     drawn = names is None or set(names) & set(SPACE)
     return make_blueprint(with_key(content) if drawn else content)
-
-
-def make_root(number: int, label: str) -> str:
-    """Prefix of the paths of the entities of a run; ``1_feedforward_cmac/``."""
-    return f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
 
 
 def write_comparison(runs: Mapping[Path, RunView], path: Path, names: Sequence[str] | None = None) -> str:

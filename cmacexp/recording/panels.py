@@ -15,7 +15,6 @@ from cmacexp.recording.scene import EYES, LOWEST_NUMBER, MM, eye_path, find_trun
 from cmacexp.recording.series import SERIES, collect_series, component
 from cmacexp.typing import Array
 
-Point = tuple[float, float, float]
 Panel = rrb.Container | rrb.View
 WALK = ("scene", "sides", "gait", "force", "posture", "margins", "error", "torque", "events")
 ONE_LEG = ("scene", "gait", "force", "error", "torque", "events")
@@ -25,7 +24,7 @@ SHARES = {
     **{"scene": 3.0, "sides": 1.6, "gait": 1.2, "force": 2.1},
     **{"posture": 2.2, "margins": 1.0, "error": 2.1, "torque": 4.2, "events": 1.7},
 }
-"""Heights of the panels of a walk; those of one leg are 1 for each plot."""
+"""Heights of the panels."""
 BACKGROUND = [245, 245, 245]
 PAPER_SIZE = 0.95
 """Distance of front and rear hips and height of the hips of the paper's quadruped together, m."""
@@ -58,24 +57,6 @@ class Panels:
         """The panel of that name."""
         panel: Panel = getattr(self, name)()
         return panel
-
-    def share(self, name: str) -> float:
-        """How much of the height of a column a panel takes."""
-        if self._view.walks:
-            return SHARES[name]
-        return {"scene": 3.0, "torque": 2.0}.get(name, 1.0)
-
-    def _perspective(self, position: Point, target: Point) -> rrb.Spatial3DView:
-        """The machine in space; the eye goes along with it."""
-        world = f"/{self._view.root}world"
-        return rrb.Spatial3DView(
-            origin=f"{world}/travel",
-            contents=[f"+ {world}/**", f"- {world}/travel/eyes/**"],
-            name=self._view.label,
-            background=BACKGROUND,
-            line_grid=rrb.LineGrid3D(spacing=0.1, color=[190, 190, 190]),
-            eye_controls=rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0)),
-        )
 
     def _parallel(self, eye: str, name: str, without: tuple[str, ...] = ()) -> rrb.Spatial2DView:
         """The machine as one of :data:`EYES` sees it, of everything but the entities ``without``; mm."""
@@ -142,11 +123,19 @@ class Panels:
         return rrb.Grid(*plots, grid_columns=2)
 
     def scene(self) -> Panel:
-        """A walk in space; one leg, which moves in a plane, from its right side."""
-        if self._view.walks:
-            size = self._size()
-            return self._perspective((0.85 * size, -1.0 * size, 0.65 * size), (0.0, 0.0, 0.22 * size))
-        return self._parallel("right side", self._view.label)
+        """A walk in space, where the eye goes along with it; one leg, which moves in a plane, from its right side."""
+        if not self._view.walks:
+            return self._parallel("right side", self._view.label)
+        world, size = f"/{self._view.root}world", self._size()
+        eye, target = (0.85 * size, -1.0 * size, 0.65 * size), (0.0, 0.0, 0.22 * size)
+        return rrb.Spatial3DView(
+            origin=f"{world}/travel",
+            contents=[f"+ {world}/**", f"- {world}/travel/eyes/**"],
+            name=self._view.label,
+            background=BACKGROUND,
+            line_grid=rrb.LineGrid3D(spacing=0.1, color=[190, 190, 190]),
+            eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)),
+        )
 
     def _size(self) -> float:
         """Length and height of a robot over those of the paper's quadruped, for which the eye is placed."""
@@ -194,7 +183,7 @@ class Panels:
 
     def torques(self, number: int, before: str = "") -> list[rrb.TimeSeriesView]:
         """Feedback and feedforward of all joints of one leg."""
-        names = [f"torque of joint {n}, N m" for n in range(1, self._view.legs[0].count_joints + 1)]
+        names = [f"torque of joint {n}, N m" for n in range(1, len(self._view.legs[0].axes) + 1)]
         if not self._view.legs[0].has_joints:
             names = ["Cartesian force along x, N", "Cartesian force along y, N"]
         return [self.plot(f"leg_{number}/torque_{i}", before + name) for i, name in enumerate(names, start=1)]
@@ -206,7 +195,7 @@ class Panels:
         legs = self._view.legs
         return rrb.Grid(
             *(plot for leg in legs for plot in self.torques(leg.number, f"{leg.number} {leg.name}: ")),
-            grid_columns=legs[0].count_joints,
+            grid_columns=len(legs[0].axes),
         )
 
     def events(self) -> Panel:

@@ -43,18 +43,13 @@ class LegView:
 
     @property
     def axes(self) -> str:
-        """Those in which the foot moves: x forward, y down and, in space, z to the left."""
+        """Those in which the foot moves: x forward, y down and, in space, z to the left; there are as many joints."""
         return "xy" if self.chain is None else "xyz"
 
     @property
     def has_joints(self) -> bool:
         """Whether it is a leg, not a point mass."""
         return self.chain is not None or self.thigh > 0.0
-
-    @property
-    def count_joints(self) -> int:
-        """Number of joints, or of axes of a point mass."""
-        return len(self.axes)
 
     def in_body(self, x: Array, y: Array, z: Array | float = 0.0) -> Array:
         """Points (n, 3) in the body frame from x forward, y down, z to the left in the frame of the hip."""

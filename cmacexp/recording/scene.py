@@ -78,11 +78,8 @@ def _log_body(entities: Entities, view: RunView) -> None:
     middle, half = find_trunk(view)
     plate = rr.Boxes3D(centers=[middle], half_sizes=[half], colors=[palette.BODY], fill_mode="solid")
     entities.log("world/travel/body/plate", plate)
-    nose = [
-        [middle[0] + half[0], -0.03, 0.0],
-        [middle[0] + half[0] + 0.06, 0.0, 0.0],
-        [middle[0] + half[0], 0.03, 0.0],
-    ]
+    front = middle[0] + half[0]
+    nose = [[front, -0.03, 0.0], [front + 0.06, 0.0, 0.0], [front, 0.03, 0.0]]
     entities.log("world/travel/body/nose", rr.LineStrips3D([nose], radii=0.006, colors=palette.THIGH))
 
 

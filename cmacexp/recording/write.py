@@ -1,34 +1,30 @@
 """Write ``recording.rrd`` from a trace."""
 
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib.abc import MetaPathFinder
 from pathlib import Path
 
+import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
+from cmacexp.config.difference import flat
 from cmacexp.data.folder import write_atomically
+from cmacexp.data.hashes import was_written
 from cmacexp.data.manifest import Manifest
-from cmacexp.data.tables import read_traces, steps_by_cycle
+from cmacexp.data.parquet import read_table
+from cmacexp.data.tables import BODY_METRICS, METRICS, Scores, read_traces, steps_by_cycle
+from cmacexp.metrics.pooling import pool_legs
 from cmacexp.recording.blueprint import KEY, describe_key, layout
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.events import log_events
-from cmacexp.recording.facts import send_facts
 from cmacexp.recording.ground import log_ground
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
 from cmacexp.recording.window import Window, make_window
-
-
-class _NoPandas(MetaPathFinder):
-    """Reports pandas as missing while it is not imported yet."""
-
-    def find_spec(self, fullname: str, path: object, target: object = None) -> None:
-        if fullname == "pandas":
-            raise ModuleNotFoundError("left out", name=fullname)
 
 
 @contextmanager
@@ -38,12 +34,33 @@ def _pandas_left_out() -> Iterator[None]:
     No Series occurs here, and the import takes a seventh of the time of a run of one leg. pyarrow imports pandas when
     a caller asks for it later.
     """
-    finder = _NoPandas()
-    sys.meta_path.insert(0, finder)
+    missing = sys.modules.setdefault("pandas", None) is None  # type: ignore[arg-type]
     try:
         yield
     finally:
-        sys.meta_path.remove(finder)
+        if missing:
+            del sys.modules["pandas"]
+
+
+def _send_facts(recording: rr.RecordingStream, folder: Path, view: RunView) -> None:
+    """How a run ended, its config by dotted keys, and the metrics of its last whole cycle, legs pooled, in SI units.
+
+    A catalogue of recordings can be filtered by them. Of several runs in one recording each property begins with the
+    root of its entities.
+    """
+    manifest, body = view.manifest, folder / BODY_METRICS
+    run = {name: manifest.get(name) for name in ("status", "cause", "seed", "steps", "config_hash", "git_commit")}
+    run["version"] = manifest.get("versions", {}).get("cmacexp")
+    pooled = pool_legs(Scores(read_table(folder / METRICS), read_table(body) if was_written(body) else None))
+    last = {name: float(values[-1]) for name, values in pooled.items() if len(values) and math.isfinite(values[-1])}
+    for name, values in {"run": run, "config": flat(view.config), "metrics": last}.items():
+        known = {
+            key: pa.array([value if isinstance(value, bool | int | float | str) else str(value)])
+            for key, value in values.items()
+            if value is not None
+        }
+        if known:
+            recording.send_property(view.root.replace("/", "_") + name, rr.AnyValues(**known))
 
 
 def write_views(
@@ -71,7 +88,7 @@ def write_views(
     for entity, text in texts.items():
         recording.log(entity, rr.TextDocument(text, media_type="text/markdown"), static=True)
     for folder, view in runs.items():
-        send_facts(recording, folder, view)
+        _send_facts(recording, folder, view)
         entities = Entities(recording, view)
         log_machine(entities, view)
         log_ground(entities, view)

@@ -150,12 +150,6 @@ def draw(
     return figure
 
 
-def _style(series: Series, names: Sequence[str]) -> dict[str, Any]:
-    """Colour, dash and marker of a series: those of its place in the legend, unless it has its own."""
-    index = names.index(series.name)
-    return {**mark(index), "marker": MARKERS[index % len(MARKERS)], "label": series.name, **series.style}
-
-
 def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
     """Draw a panel, but for its title and the names of its axes.
 
@@ -169,7 +163,8 @@ def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
     names = names or [series.name for series in panel.series]
 
     for place, series in enumerate(panel.series):
-        style = _style(series, names)
+        index = names.index(series.name)
+        style = {**mark(index), "marker": MARKERS[index % len(MARKERS)], "label": series.name, **series.style}
         if panel.kind == "bars":
             _bars(axes, series, style, place, len(panel.series))
         elif panel.kind == "scatter":

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from cmacexp.data.folder import Place
 from cmacexp.data.parquet import write_table
-from cmacexp.report.page import Report, relative, write_report_in
+from cmacexp.report.page import Report, relative, write_report
 from cmacexp.report.parts import Section
 from cmacexp.study.page import QUICK, Evaluated, make_claims_section, make_reading_section
 from cmacexp.study.results import Results
@@ -94,4 +94,4 @@ def write_page(
         files.append(place.new / CLAIMS)
     config = {"studies": [study.name for study in studies], "quick": quick}
     report = Report(title, question, sections, sorted({*files, *inputs}), config, runs)
-    return write_report_in(place, report, key)
+    return write_report(report, place, key)
