@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib.abc import MetaPathFinder
 from pathlib import Path
 
 import pyarrow as pa
@@ -27,6 +28,14 @@ from cmacexp.recording.series import log_series
 from cmacexp.recording.window import Window, make_window
 
 
+class _NoPandas(MetaPathFinder):
+    """Reports pandas as missing while it is not imported yet; None in ``sys.modules`` breaks pyarrow instead."""
+
+    def find_spec(self, fullname: str, path: object, target: object = None) -> None:
+        if fullname == "pandas":
+            raise ModuleNotFoundError("left out", name=fullname)
+
+
 @contextmanager
 def _pandas_left_out() -> Iterator[None]:
     """Keep pyarrow from importing pandas, which it does at its first conversion to know a Series if it sees one.
@@ -34,12 +43,12 @@ def _pandas_left_out() -> Iterator[None]:
     No Series occurs here, and the import takes a seventh of the time of a run of one leg. pyarrow imports pandas when
     a caller asks for it later.
     """
-    missing = sys.modules.setdefault("pandas", None) is None  # type: ignore[arg-type]
+    finder = _NoPandas()
+    sys.meta_path.insert(0, finder)
     try:
         yield
     finally:
-        if missing:
-            del sys.modules["pandas"]
+        sys.meta_path.remove(finder)
 
 
 def _send_facts(recording: rr.RecordingStream, folder: Path, view: RunView) -> None:
