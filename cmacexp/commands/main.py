@@ -136,13 +136,7 @@ def _run(composed: DictConfig, folder: Path) -> str:
         from cmacexp.experiment.without_effect import warnings_of
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.metrics.drift import Drift, format_drift
-        from cmacexp.report.terminal import (
-            activity,
-            announce_compiling,
-            print_summary,
-            progress,
-            say,
-        )
+        from cmacexp.report.terminal import activity, announce_compiling, print_summary, progress, say
         from cmacexp.stability.warn import growth_warning
 
     announce_compiling()

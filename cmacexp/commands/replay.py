@@ -1,7 +1,7 @@
 """``python -m cmacexp.replay DIR...``: show a run, or several side by side, in the Rerun viewer."""
 
 import argparse
-import hashlib
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,15 +14,14 @@ from cmacexp.data.discovery import is_run, require_place, runs_below
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import updating
 from cmacexp.data.hashes import find_fault, was_written
-from cmacexp.data.tables import BODY, RECORDING, steps_by_cycle
-from cmacexp.data.trace_writer import LAST_STEPS
+from cmacexp.data.tables import BODY, RECORDING, read_traces, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.terminal import activity, say
 
 COMPARISONS = Path("outputs", "comparisons")
 """Default folder of comparisons."""
 LONGEST_NAME = 120
-"""Characters of the names of runs in the name of a comparison; more are replaced by a hash."""
+"""Most characters in the name of the file of a comparison."""
 
 
 class Options(NamedTuple):
@@ -44,16 +43,6 @@ def _kept(folder: Path) -> dict[int, int]:
         why = f"its trace kept none of its {taken} steps" if taken else "the run took no step"
         raise BadRun(f"{folder}: {why}, there is nothing to show")
     return kept
-
-
-def _describe_thinning(manifest: manifests.Manifest) -> str:
-    """The steps that a thinned trace keeps, as an addition to the name of a recording."""
-    record = manifest["config"].get("record", {})
-    every, cycles = record.get("every_nth_step", 1), record.get("cycles")
-    parts = [f"one step in {every}"] if every > 1 else []
-    parts += [f"cycles {', '.join(map(str, cycles))} alone"] if cycles is not None else []
-    end = f" and the last {LAST_STEPS} steps" if manifest["status"] != "completed" else ""
-    return f"; the trace keeps {', '.join(parts)}{end}" if parts else ""
 
 
 def _check_views(options: Options, walking: Sequence[bool]) -> None:
@@ -88,7 +77,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
             place.commit({**manifest, "files": manifest["files"] | {RECORDING: sha256(place.new / RECORDING)}})
     else:
         name = write_recording(folder, manifest, path, **shown)
-    return name + window.hint + _describe_thinning(manifest)
+    return name + window.hint
 
 
 def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
@@ -99,9 +88,9 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
         BadInput: the runs do not have the requested cycles, views or steps.
     """
     from cmacexp.config.difference import labels
-    from cmacexp.recording.compare import MOST_RUNS, make_root, write_comparison
+    from cmacexp.recording.compare import MOST_RUNS, write_comparison
+    from cmacexp.recording.run_view import make_view
     from cmacexp.recording.window import make_window, read_cycles
-    from cmacexp.recording.write import read_entry
 
     if len(folders) > MOST_RUNS:
         raise BadRun(
@@ -113,26 +102,25 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
         cycles = read_cycles(options.cycles, last, "all runs")
     found = [manifests.read(folder) for folder in folders]
     names = labels([manifest["config"] for manifest in found], [folder.resolve().name for folder in folders])
-    entries = []
+    views = {}
     for number, (folder, manifest, label) in enumerate(zip(folders, found, names, strict=True), start=1):
         window = make_window(_kept(folder), cycles, options.every, sharing=len(folders))
-        entries.append(read_entry(folder, manifest, window, label, make_root(number, label)))
-    views = [entry.view for entry in entries]
-    if max(view.time[0] for view in views) > min(view.time[-1] for view in views):
+        traces = read_traces(folder, window.cycles, window.every)
+        root = f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
+        views[folder] = make_view(traces, manifest, window, label, root)
+    if max(view.time[0] for view in views.values()) > min(view.time[-1] for view in views.values()):
         raise BadInput(
             "--cycles", options.cycles, "these cycles of the runs have no time in common; choose earlier ones"
         )
-    name = write_comparison(entries, path, options.views)
-    return name + next((view.window.hint for view in views if view.window.hint), "")
+    name = write_comparison(views, path, options.views)
+    return name + next((view.window.hint for view in views.values() if view.window.hint), "")
 
 
 def _comparison_path(folders: Sequence[Path]) -> Path:
     """Default path of a comparison; the name of a job of a sweep includes that of the sweep."""
     full = [folder.resolve() for folder in folders]
     names = "-".join(f"{path.parent.name}_{path.name}" if path.name.isdecimal() else path.name for path in full)
-    if len(names) > LONGEST_NAME:
-        names = hashlib.sha256("\n".join(map(str, full)).encode()).hexdigest()[:16]
-    return COMPARISONS / f"{names}.rrd"
+    return COMPARISONS / f"{names[:LONGEST_NAME]}.rrd"
 
 
 def _out(given: str) -> Path:
@@ -155,17 +143,15 @@ def _read_options(arguments: argparse.Namespace) -> Options:
     return Options(arguments.cycles, views, None if every is None else int(every))
 
 
-def _read_kept(folder: Path) -> str | None:
-    """The name of the recording that a run has; None if there is none, or not the one that was written."""
-    from cmacexp.recording.write import read_name
-
+def _is_kept(folder: Path) -> bool:
+    """Whether a run has its recording, as it was written."""
     path, files = folder / RECORDING, manifests.read(folder)["files"]
     if not path.exists() or RECORDING not in files:
-        return None
-    if fault := find_fault(folder, RECORDING, files[RECORDING]):
+        return False
+    fault = find_fault(folder, RECORDING, files[RECORDING])
+    if fault:
         say(f"{path}: {fault}; it is built anew", error=True)
-        return None
-    return read_name(path)
+    return not fault
 
 
 def _replay(arguments: argparse.Namespace) -> int:
@@ -179,9 +165,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     out = _out(arguments.out) if arguments.out is not None else None
     path = out or (_comparison_path(folders) if len(folders) > 1 else folders[0] / RECORDING)
     kept = len(folders) == 1 and out is None and options == Options() and not arguments.rebuild
-    shown = _read_kept(folders[0]) if kept else None
-    if shown is not None:
-        shown += " (as it was built; --rebuild builds it anew)"
+    if kept and _is_kept(folders[0]):
+        shown = "as it was built; --rebuild builds it anew"
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
         with activity(f"building {path}"):

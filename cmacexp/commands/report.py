@@ -1,7 +1,6 @@
 """``python -m cmacexp.report DIR...``: figures and tables of a run, or a comparison of several."""
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -47,12 +46,10 @@ def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
 
 
 def _animate(folder: Path, cycles: str | None, out: Path) -> Path:
-    from cmacexp.report.animation import ANIMATION, is_animation, view_cycles, write_animation
+    from cmacexp.report.animation import ANIMATION, view_cycles, write_animation
 
     views, path = view_cycles(StoredRun(folder), _parse_cycles(cycles) if cycles else []), out / ANIMATION
     with locked(out, OUT_KEY), activity(f"drawing {path}"):
-        if os.path.lexists(path) and not is_animation(path):
-            raise BadInput(OUT_KEY, out, f"holds another {ANIMATION}; move it, or choose another folder")
         write_animation(views, path)
     return path
 
@@ -71,7 +68,7 @@ def _report_of_several(folders: Sequence[Path], given: Sequence[Path], cycles: s
     swept = find_swept(runs)
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
     with activity("comparing the runs") as show:
-        path = write_report(make_sweep_report(runs, title, out), out, say=show)
+        path = write_report(make_sweep_report(runs, title), out, say=show)
     print_runs(runs, [*swept.keys, *swept.seeds], path)
     return path
 

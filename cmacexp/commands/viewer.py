@@ -17,18 +17,14 @@ DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 RERUN = (sys.executable, "-m", "rerun", "--bind", HOST)
 
 
-class NoDisplay(CmacexpError):
-    """There is no display for the window of the viewer."""
-
-
 def require_display() -> None:
     """Check that a window can be opened.
 
     Raises:
-        NoDisplay: this is Linux without a display.
+        CmacexpError: this is Linux without a display.
     """
     if sys.platform == "linux" and not any(os.environ.get(name) for name in DISPLAYS):
-        raise NoDisplay(
+        raise CmacexpError(
             "no display (DISPLAY and WAYLAND_DISPLAY are not set): --web serves the viewer for a browser, "
             "--no-viewer only builds the recording"
         )

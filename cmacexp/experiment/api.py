@@ -17,7 +17,7 @@ from cmacexp.errors import BadInput, WithoutEffect, in_one_line
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.metrics.summary import format_cycles
+from cmacexp.metrics.summary import shorten, tabulate_cycles
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,9 +34,10 @@ class Run(StoredRun):
         import pandas as pd
 
         try:
-            titles, rows = format_cycles(self.scores) if METRICS in self.manifest["files"] else ([], [])
+            main, rows = tabulate_cycles(self.scores) if METRICS in self.manifest["files"] else ({}, [])
+            titles = ["cycle", *(f"{shown.title} {shown.unit}".rstrip() for shown in main.values())]
             line = f"{self.folder}: {self.config.get('scenario')}, {self.ending}, {self.manifest['steps']} steps"
-            return in_one_line(line), pd.DataFrame(rows, columns=[" ".join(title).rstrip() for title in titles])
+            return in_one_line(line), pd.DataFrame(shorten(rows), columns=titles if rows else None)
         except Exception as error:
             return f"{type(self).__name__}({str(self.folder)!r}: {' '.join(str(error).split())})", pd.DataFrame()
 

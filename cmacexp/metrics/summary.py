@@ -30,9 +30,3 @@ def tabulate_cycles(scores: Scores) -> tuple[dict[str, Shown], list[list[str]]]:
     columns = [map(format_cell, pooled[name] * shown.factor) for name, shown in main.items()]
     cycles = range(1, len(next(iter(pooled.values()))) + 1)
     return main, [list(row) for row in zip(map(str, cycles), *columns, strict=True)]
-
-
-def format_cycles(scores: Scores) -> tuple[list[tuple[str, str]], list[list[str]]]:
-    """Titles with units, and the rows of :func:`tabulate_cycles`, of a long run only some."""
-    main, rows = tabulate_cycles(scores)
-    return [("cycle", ""), *((shown.title, shown.unit) for shown in main.values())], shorten(rows)

@@ -1,7 +1,6 @@
 """The axes of plots: wide enough to read their numbers, and with room for the legend beside the lines."""
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +9,6 @@ from cmacexp.recording.series import Line, collect_series
 
 ALIKE = 10.0
 """Plots of several runs share their vertical axis unless the range of one is so many times that of another."""
-SETTLED = 0.02
-"""A line has settled where it stays within so much of its range around its last value."""
 MOST_MARKS = 5.0
 """Marks at which even a low plot has numbers."""
 ROOM = 0.15
@@ -63,36 +60,6 @@ def _share(ranges: Iterable[Range]) -> Range | None:
     return min(low for low, _ in ranges), max(high for _, high in ranges)
 
 
-def settling_time(view: RunView) -> float:
-    """Time from which on no line of a run moves any more, s; the end of the run if one does."""
-    last = 0
-    for lines in collect_series(view).values():
-        span = _value_range(lines)
-        for _, values, _ in lines:
-            if span and span[1] > span[0]:
-                away = np.flatnonzero(~(np.abs(values - values[-1]) <= SETTLED * (span[1] - span[0])))
-                last = max(last, int(away[-1]) if len(away) else 0)
-    return float(view.time[min(last + 1, len(view.time) - 1)])
-
-
-class Times(NamedTuple):
-    """The moments to look at, s."""
-
-    first: float
-    last: float
-    end: float
-    """Of the recording, at ``last`` or later."""
-
-    @property
-    def length(self) -> float:
-        """From the first to the last moment."""
-        return self.last - self.first
-
-
-def find_times(views: Sequence[RunView]) -> Times:
-    """All times of some runs; of step responses, which take one cycle, only until they have long settled."""
-    first = min(float(view.time[0]) for view in views)
-    end = last = max(float(view.time[-1]) for view in views)
-    if all(not view.walks and view.window.first == view.window.last for view in views):
-        last = min(end, first + 2.0 * (max(map(settling_time, views)) - first))
-    return Times(first, last, end)
+def find_times(views: Sequence[RunView]) -> Range:
+    """The first and the last moment of some runs, s."""
+    return min(float(view.time[0]) for view in views), max(float(view.time[-1]) for view in views)

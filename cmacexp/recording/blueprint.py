@@ -1,22 +1,44 @@
-"""The layout of the viewer for the recording of a run."""
+"""The layout of the viewer for the recording of a run, and what its colours mean."""
 
 from collections.abc import Sequence
 
 import rerun.blueprint as rrb
-from rerun.blueprint.components import AbsoluteTimeRange
 
-from cmacexp.recording.axes import Times, find_times, value_ranges
-from cmacexp.recording.key import KEY
-from cmacexp.recording.panels import SPACE, Panel, Panels
+from cmacexp.recording.axes import find_times, value_ranges
+from cmacexp.recording.ground import depression_scale
+from cmacexp.recording.panels import SHARES, SPACE, Panel, Panels
 from cmacexp.recording.run_view import RunView
 
+KEY = "key"
+"""The entity of the text that explains the colours."""
 KEY_SHARE = 0.07
 """Height of the key as part of that of the scenes."""
 
 
+def _describe_cycles(view: RunView) -> str:
+    first, last = view.whole_cycles()
+    return f"cycle {first} orange, cycle {last} green" if first < last else f"cycle {last} green"
+
+
+def describe_key(views: Sequence[RunView]) -> str:
+    """The meaning of the colours of the scenes of several runs, as Markdown."""
+    cycles = {_describe_cycles(view) for view in views}
+    parts = [
+        "**foot path** desired grey, " + (cycles.pop() if len(cycles) == 1 else "first cycle orange, last green"),
+        "**force** desired grey, actual blue",
+        "**foot** supporting yellow, in transfer light blue",
+    ]
+    if any(view.walks for view in views):
+        parts.append("**feet that support** joined by a green line; **centre of gravity** and its plumb line pink")
+    scales = sorted({depression_scale(view) for view in views})
+    if scales != [1]:
+        parts.append(f"ground pressed down {' or '.join(map(str, scales))} times deeper")
+    return " · ".join(parts)
+
+
 def stack(panels: Panels, names: Sequence[str], name: str | None = None) -> Panel:
     """Panels above each other."""
-    return rrb.Vertical(*map(panels.make, names), row_shares=[panels.share(name) for name in names], name=name)
+    return rrb.Vertical(*map(panels.make, names), row_shares=[SHARES[name] for name in names], name=name)
 
 
 def with_key(content: Panel) -> Panel:
@@ -48,19 +70,11 @@ def _chosen(panels: Panels, names: Sequence[str]) -> Panel:
     return rrb.Horizontal(*columns, *([stack(panels, plots)] if plots else []))
 
 
-def make_blueprint(content: Panel, times: Times) -> rrb.Blueprint:
-    """A blueprint with the side panels out of the way, which plays these times again and again."""
-    part = times.last < times.end
-    first, last = (round(1e9 * time) for time in (times.first, times.last))
+def make_blueprint(content: Panel) -> rrb.Blueprint:
+    """A blueprint with the side panels out of the way, which plays a recording again and again."""
     return rrb.Blueprint(
         content,
-        rrb.TimePanel(
-            timeline="time",
-            state="collapsed",
-            play_state="playing",
-            loop_mode="selection" if part else "all",
-            time_selection=AbsoluteTimeRange(first, last) if part else None,
-        ),
+        rrb.TimePanel(timeline="time", state="collapsed", play_state="playing", loop_mode="all"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
     )
@@ -73,10 +87,9 @@ def layout(view: RunView, names: Sequence[str] | None = None) -> rrb.Blueprint:
         view: the run.
         names: of the panels to show, from top to bottom; None: the usual ones.
     """
-    times = find_times([view])
-    panels = Panels(view, view.label, value_ranges([view])[0], times)
+    panels = Panels(view, value_ranges([view])[0], find_times([view]))
     if names:
-        return make_blueprint(_chosen(panels, names), times)
+        return make_blueprint(_chosen(panels, names))
     space = with_key(stack(panels, SPACE if view.walks else ("scene",)))
     shares = [1.15 if view.walks else 0.77, 1.0]
-    return make_blueprint(rrb.Horizontal(space, _plots(panels, view), column_shares=shares), times)
+    return make_blueprint(rrb.Horizontal(space, _plots(panels, view), column_shares=shares))

@@ -1,35 +1,22 @@
 """Several runs side by side in one recording: one column for each."""
 
-import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import rerun.blueprint as rrb
 
 from cmacexp.recording.axes import find_times, value_ranges
 from cmacexp.recording.blueprint import make_blueprint, stack, with_key
-from cmacexp.recording.key import describe_depression
 from cmacexp.recording.panels import SPACE, Panel, Panels, panel_names
 from cmacexp.recording.run_view import RunView
-from cmacexp.recording.write import RunEntry, write_views
+from cmacexp.recording.write import write_views
 
 MOST_RUNS = 6
 """Runs side by side at the most."""
 FEW = 3
 """Of more walks side by side each column is too narrow for a plot for each leg."""
-WIDE = 4
-"""Of more runs side by side each column is too narrow for the usual distance of the eye."""
 LABEL = "label"
 """The entity of the text that names the run of a column."""
-
-
-def _one_depression(views: Sequence[RunView]) -> bool:
-    return len({describe_depression(view) for view in views}) == 1
-
-
-def _title(view: RunView, views: Sequence[RunView]) -> str:
-    """The label of a run; where the runs differ in it, how deep its ground is drawn."""
-    return view.label if _one_depression(views) else "; ".join(filter(None, (view.label, describe_depression(view))))
 
 
 def _usual(view: RunView, runs: int) -> tuple[str, ...]:
@@ -48,39 +35,32 @@ def _column(view: RunView, panels: Panels, names: Sequence[str]) -> Panel:
 
 def _layout(views: Sequence[RunView], names: Sequence[str] | None) -> rrb.Blueprint:
     """One column for each run, of those of the panels ``names`` that it has; None: the usual ones."""
-    times, ranges = find_times(views), value_ranges(views)
+    times = find_times(views)
     columns = []
-    for number, view in enumerate(views):
-        first = view.walks not in [earlier.walks for earlier in views[:number]]
+    for view, ranges in zip(views, value_ranges(views), strict=True):
         shown = [name for name in names or _usual(view, len(views)) if name in panel_names(view.walks)]
-        away = max(1.0, len(views) / WIDE)
-        columns.append(_column(view, Panels(view, _title(view, views), ranges[number], times, away, first), shown))
+        columns.append(_column(view, Panels(view, ranges, times), shown))
     content = rrb.Horizontal(*columns)
     drawn = names is None or set(names) & set(SPACE)
-    return make_blueprint(with_key(content) if drawn else content, times)
+    return make_blueprint(with_key(content) if drawn else content)
 
 
-def make_root(number: int, label: str) -> str:
-    """Prefix of the paths of the entities of a run; ``1_feedforward_cmac/``."""
-    return f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
-
-
-def write_comparison(entries: Sequence[RunEntry], path: Path, names: Sequence[str] | None = None) -> str:
+def write_comparison(runs: Mapping[Path, RunView], path: Path, names: Sequence[str] | None = None) -> str:
     """Write several runs into one recording, whole or not at all.
 
     Args:
-        entries: at least two, each with a view of its own label and root.
+        runs: at least two by their folders, each with a label and a root of its own.
         path: of the ``.rrd`` file.
         names: of the panels to show; None: the default ones.
 
     Returns:
         The name of the recording, which describes its content.
     """
-    views = [entry.view for entry in entries]
+    views = list(runs.values())
     if len({view.window for view in views}) == 1:
         name = f"{' | '.join(view.label for view in views)}, {views[0].window}"
     else:
         name = " | ".join(f"{view.label}, {view.window}" for view in views)
     labels = {view.root + LABEL: f"**{view.label}**" for view in views}
-    write_views(entries, _layout(views, names), name, path, labels)
+    write_views(runs, _layout(views, names), name, path, labels)
     return name

@@ -8,7 +8,6 @@ import rerun as rr
 
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.run_view import LegView, RunView
-from cmacexp.typing import Mask
 
 EVENTS = "events"
 """The entity of the moments."""
@@ -24,18 +23,14 @@ class Event(NamedTuple):
     text: str
 
 
-def _first(condition: Mask, start: int) -> int:
-    """The first step from ``start`` on in which ``condition`` holds; ``start`` if none is."""
-    return start + int(np.argmax(condition[start:]))
-
-
 def _contacts(view: RunView, leg: LegView) -> Iterator[Event]:
     """From each planned lift-off on the first step without force; from each planned touch-down on the first with."""
     for start in np.flatnonzero(np.diff(leg.support)) + 1:
         does, reached = ("touches down", leg["force"] > 0.0) if leg.support[start] else ("lifts", leg["force"] == 0.0)
         figure = None if view.is_robot or not view.walks else FIGURES.get((leg.number, does))
         who = f"foot {leg.number}" if view.walks else "the foot"
-        yield Event(_first(reached, int(start)), f"{who} {does}" + (f" (as in Fig. {figure})" if figure else ""))
+        row = int(start + np.argmax(reached[start:]))  # ``start`` if none is
+        yield Event(row, f"{who} {does}" + (f" (as in Fig. {figure})" if figure else ""))
 
 
 def _least_front_margins(view: RunView) -> Iterator[Event]:

@@ -6,7 +6,7 @@ import rerun as rr
 from cmacexp.recording import palette
 from cmacexp.recording.entities import Entities, points, round_points
 from cmacexp.recording.run_view import RunView
-from cmacexp.recording.scene import make_balls
+from cmacexp.recording.scene import FOOT, make_balls
 from cmacexp.typing import Array, Mask
 
 FORCE_LENGTH = 0.15
@@ -19,8 +19,6 @@ GROUND_LENGTH = 0.7
 """Length of the ground that is drawn under one leg, m."""
 ABOVE_GROUND = 0.002
 """Height at which marks on the ground are drawn, m, so that they are visible."""
-FOOT = 0.018
-"""Radius of the ball that a planar leg, whose foot is a point, has as a foot, m."""
 DENT = 0.06
 """Half the length of the dent that a foot presses, m."""
 ASIDE = 0.025

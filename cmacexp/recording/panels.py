@@ -7,7 +7,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
-from cmacexp.recording.axes import LEGEND_ROOM, Range, Times
+from cmacexp.recording.axes import LEGEND_ROOM, Range
 from cmacexp.recording.events import EVENTS
 from cmacexp.recording.ground import FORCE_LENGTH
 from cmacexp.recording.run_view import RunView
@@ -15,7 +15,6 @@ from cmacexp.recording.scene import EYES, LOWEST_NUMBER, MM, eye_path, find_trun
 from cmacexp.recording.series import SERIES, collect_series, component
 from cmacexp.typing import Array
 
-Point = tuple[float, float, float]
 Panel = rrb.Container | rrb.View
 WALK = ("scene", "sides", "gait", "force", "posture", "margins", "error", "torque", "events")
 ONE_LEG = ("scene", "gait", "force", "error", "torque", "events")
@@ -25,7 +24,7 @@ SHARES = {
     **{"scene": 3.0, "sides": 1.6, "gait": 1.2, "force": 2.1},
     **{"posture": 2.2, "margins": 1.0, "error": 2.1, "torque": 4.2, "events": 1.7},
 }
-"""Heights of the panels of a walk; those of one leg are 1 for each plot."""
+"""Heights of the panels."""
 BACKGROUND = [245, 245, 245]
 PAPER_SIZE = 0.95
 """Distance of front and rear hips and height of the hips of the paper's quadruped together, m."""
@@ -43,29 +42,15 @@ class Panels:
 
     Args:
         view: the run.
-        title: of its scene.
         ranges: of the vertical axes, by the name of the plot.
-        times: those of plots of all times.
-        away: how many times further than usual the eye is from the machine.
-        legends: whether plots have one; of the same plot for each leg the first has it.
+        times: first and last of plots of all times, s.
     """
 
-    def __init__(
-        self,
-        view: RunView,
-        title: str,
-        ranges: Mapping[str, Range],
-        times: Times,
-        away: float = 1.0,
-        legends: bool = True,
-    ):
+    def __init__(self, view: RunView, ranges: Mapping[str, Range], times: Range):
         self._view = view
-        self._title = title
         self._lines = collect_series(view)
         self._ranges = ranges
         self._times = times
-        self._away = away
-        self._legends = legends
         self._now = float(view.config["gait"]["cycle_time"]) if view.walks else None
 
     def make(self, name: str) -> Panel:
@@ -73,39 +58,17 @@ class Panels:
         panel: Panel = getattr(self, name)()
         return panel
 
-    def share(self, name: str) -> float:
-        """How much of the height of a column a panel takes."""
-        if self._view.walks:
-            return SHARES[name]
-        return {"scene": 3.0, "torque": 2.0}.get(name, 1.0)
-
-    def _perspective(self, position: Point, target: Point) -> rrb.Spatial3DView:
-        """The machine in space; the eye goes along with it."""
-        world = f"/{self._view.root}world"
-        eye = [end + self._away * (start - end) for start, end in zip(position, target, strict=True)]
-        return rrb.Spatial3DView(
-            origin=f"{world}/travel",
-            contents=[f"+ {world}/**", f"- {world}/travel/eyes/**"],
-            name=self._title,
-            background=BACKGROUND,
-            line_grid=rrb.LineGrid3D(spacing=0.1, color=[190, 190, 190]),
-            eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)),
-        )
-
     def _parallel(self, eye: str, name: str, without: tuple[str, ...] = ()) -> rrb.Spatial2DView:
         """The machine as one of :data:`EYES` sees it, of everything but the entities ``without``; mm."""
         world = f"/{self._view.root}world"
         seen = self._seen() @ np.array(EYES[eye][:2]).T * MM
         low, high = seen.min(axis=0) - BORDER, seen.max(axis=0) + BORDER
-        middle, half = (low + high) / 2.0, (high - low) / 2.0 * self._away
         return rrb.Spatial2DView(
             origin=f"/{self._view.root}{eye_path(eye)}",
             contents=[f"+ {world}/**", f"- {world}/travel/eyes/**", *(f"- {world}/{path}/**" for path in without)],
             name=name,
             background=BACKGROUND,
-            visual_bounds=rrb.VisualBounds2D(
-                x_range=(middle[0] - half[0], middle[0] + half[0]), y_range=(middle[1] - half[1], middle[1] + half[1])
-            ),
+            visual_bounds=rrb.VisualBounds2D(x_range=(low[0], high[0]), y_range=(low[1], high[1])),
         )
 
     def _seen(self) -> Array:
@@ -134,9 +97,7 @@ class Panels:
             name=name,
             overrides={entity: style.visualizer(mappings=[drawn])},
             axis_y=rrb.ScalarAxis(range=self._ranges.get(path)),
-            plot_legend=rrb.PlotLegend(
-                corner=rrb.Corner2D.RightTop, visible=self._legends and path.startswith(("leg_1/", "body/"))
-            ),
+            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=path.startswith(("leg_1/", "body/"))),
             axis_x=shown,
             time_ranges=drawn_times,
         )
@@ -144,11 +105,12 @@ class Panels:
     def _time_axis(self, around: float | None) -> tuple[rrb.TimeAxis, list[rrb.VisibleTimeRange]]:
         """The time axis of a plot, and which times it draws: lines end before the right edge, where the legend is."""
         if around:
-            start, last, end = (rrb.TimeRangeBoundary.cursor_relative(seconds=n * around) for n in (-1.6, 0.2, 1.0))
+            start, until, end = (rrb.TimeRangeBoundary.cursor_relative(seconds=n * around) for n in (-1.6, 0.2, 1.0))
         else:
-            times = self._times.first, self._times.last, self._times.last + LEGEND_ROOM * self._times.length
-            start, last, end = (rrb.TimeRangeBoundary.absolute(seconds=time) for time in times)
-        drawn = rrb.VisibleTimeRange("time", start=start, end=last)
+            first, last = self._times
+            times = first, last, last + LEGEND_ROOM * (last - first)
+            start, until, end = (rrb.TimeRangeBoundary.absolute(seconds=time) for time in times)
+        drawn = rrb.VisibleTimeRange("time", start=start, end=until)
         return rrb.TimeAxis(view_range=rrb.TimeRange(start, end)), [drawn]
 
     def _each_leg(self, quantity: str, of_one: str, of_leg: str, around: float | None = None) -> Panel:
@@ -161,11 +123,19 @@ class Panels:
         return rrb.Grid(*plots, grid_columns=2)
 
     def scene(self) -> Panel:
-        """A walk in space; one leg, which moves in a plane, from its right side."""
-        if self._view.walks:
-            size = self._size()
-            return self._perspective((0.85 * size, -1.0 * size, 0.65 * size), (0.0, 0.0, 0.22 * size))
-        return self._parallel("right side", self._title)
+        """A walk in space, where the eye goes along with it; one leg, which moves in a plane, from its right side."""
+        if not self._view.walks:
+            return self._parallel("right side", self._view.label)
+        world, size = f"/{self._view.root}world", self._size()
+        eye, target = (0.85 * size, -1.0 * size, 0.65 * size), (0.0, 0.0, 0.22 * size)
+        return rrb.Spatial3DView(
+            origin=f"{world}/travel",
+            contents=[f"+ {world}/**", f"- {world}/travel/eyes/**"],
+            name=self._view.label,
+            background=BACKGROUND,
+            line_grid=rrb.LineGrid3D(spacing=0.1, color=[190, 190, 190]),
+            eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)),
+        )
 
     def _size(self) -> float:
         """Length and height of a robot over those of the paper's quadruped, for which the eye is placed."""
@@ -213,8 +183,8 @@ class Panels:
 
     def torques(self, number: int, before: str = "") -> list[rrb.TimeSeriesView]:
         """Feedback and feedforward of all joints of one leg."""
-        names = [f"torque of joint {n}, N m" for n in range(1, self._view.legs[0].count_joints + 1)]
-        if self._view.legs[0].lengths is None:
+        names = [f"torque of joint {n}, N m" for n in range(1, len(self._view.legs[0].axes) + 1)]
+        if not self._view.legs[0].has_joints:
             names = ["Cartesian force along x, N", "Cartesian force along y, N"]
         return [self.plot(f"leg_{number}/torque_{i}", before + name) for i, name in enumerate(names, start=1)]
 
@@ -225,7 +195,7 @@ class Panels:
         legs = self._view.legs
         return rrb.Grid(
             *(plot for leg in legs for plot in self.torques(leg.number, f"{leg.number} {leg.name}: ")),
-            grid_columns=legs[0].count_joints,
+            grid_columns=len(legs[0].axes),
         )
 
     def events(self) -> Panel:

@@ -17,7 +17,7 @@ from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import as_array, is_support
 from cmacexp.data.stored_run import select_whole
 from cmacexp.data.tables import Traces
-from cmacexp.models.chain import HINGES, chain_points
+from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
 from cmacexp.recording.window import Window
 from cmacexp.typing import Array, Mask
@@ -31,8 +31,8 @@ class LegView:
     name: str
     columns: dict[str, Array]
     support: Mask
-    lengths: tuple[float, ...] | None
-    """Of the links from the hip outwards, m; None without joints."""
+    thigh: float
+    """Of a leg in a plane, from hip to knee, m; 0 of a point mass."""
     hip: tuple[float, float]
     """In the body frame, forward and left, m."""
     chain: Array | None = None
@@ -43,13 +43,13 @@ class LegView:
 
     @property
     def axes(self) -> str:
-        """Those in which the foot moves: x forward, y down and, in space, z to the left."""
+        """Those in which the foot moves: x forward, y down and, in space, z to the left; there are as many joints."""
         return "xy" if self.chain is None else "xyz"
 
     @property
-    def count_joints(self) -> int:
-        """Number of joints, or of axes of a point mass."""
-        return len(self.axes)
+    def has_joints(self) -> bool:
+        """Whether it is a leg, not a point mass."""
+        return self.chain is not None or self.thigh > 0.0
 
     def in_body(self, x: Array, y: Array, z: Array | float = 0.0) -> Array:
         """Points (n, 3) in the body frame from x forward, y down, z to the left in the frame of the hip."""
@@ -68,10 +68,10 @@ class LegView:
         if self.chain is not None:
             points = chain_points(self.chain, np.stack([self[f"q{n}"] for n in (1, 2, 3)], axis=1))
             return tuple(self.in_body(*points[:, n].T) for n in range(points.shape[1]))
-        if self.lengths is None:
+        if not self.has_joints:
             return foot, foot, foot
         q1, zero = self["q1"], np.zeros_like(self["q1"])
-        return self.in_body(zero, zero), self.in_body(*(self.lengths[0] * np.array([np.cos(q1), np.sin(q1)]))), foot
+        return self.in_body(zero, zero), self.in_body(*(self.thigh * np.array([np.cos(q1), np.sin(q1)]))), foot
 
 
 @dataclass(frozen=True)
@@ -168,17 +168,10 @@ def _leg(trace: pa.Table, rows: NDArray[np.intp], number: int, built: dict[str, 
         LEG_NAMES[number - 1] if "hip_x" in built else "leg",
         {name: as_array(trace, name)[rows] for name in trace.column_names if name not in skipped},
         is_support(trace)[rows],
-        _lengths(built, chain),
+        built.get("length_1", 0.0),
         (built.get("hip_x", 0.0), built.get("hip_y", 0.0)),
         chain,
     )
-
-
-def _lengths(built: dict[str, Any], chain: Array | None) -> tuple[float, ...] | None:
-    """Lengths of the links of a leg, m; None without joints."""
-    if chain is not None:
-        return tuple(np.linalg.norm(np.diff(chain_points(chain, np.zeros(HINGES)), axis=0), axis=1).tolist())
-    return (built["length_1"], built["length_2"]) if "length_1" in built else None
 
 
 def make_view(

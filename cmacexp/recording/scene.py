@@ -3,6 +3,7 @@
 import numpy as np
 import pyarrow as pa
 import rerun as rr
+from numpy.typing import NDArray
 
 from cmacexp.recording import palette
 from cmacexp.recording.entities import Entities, points
@@ -19,8 +20,10 @@ EYES = {
     "top": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
 }
 """Of each view of the sides, what is right, down and ahead for its eye, in the frame that moves with the machine."""
+FOOT = 0.018
+"""Radius of the ball that a planar leg, whose foot is a point, has as a foot, m."""
 LINK = 0.8
-"""Radius of a link in space over that of the foot, which is to be seen."""
+"""Radius of a link over that of the foot, which is to be seen."""
 AWAY = 10.0
 """Distance of these eyes, m: so far away that parallel lines stay parallel; the viewer has no parallel projection."""
 HIGHEST_NUMBER, LOWEST_NUMBER = -0.06, -0.16
@@ -75,52 +78,26 @@ def _log_body(entities: Entities, view: RunView) -> None:
     middle, half = find_trunk(view)
     plate = rr.Boxes3D(centers=[middle], half_sizes=[half], colors=[palette.BODY], fill_mode="solid")
     entities.log("world/travel/body/plate", plate)
-    nose = [
-        [middle[0] + half[0], -0.03, 0.0],
-        [middle[0] + half[0] + 0.06, 0.0, 0.0],
-        [middle[0] + half[0], 0.03, 0.0],
-    ]
+    front = middle[0] + half[0]
+    nose = [[front, -0.03, 0.0], [front + 0.06, 0.0, 0.0], [front, 0.03, 0.0]]
     entities.log("world/travel/body/nose", rr.LineStrips3D([nose], radii=0.006, colors=palette.THIGH))
 
 
-def _turns(angles: Array, axes: Array) -> pa.Array:
+def _round_fine(values: Array) -> NDArray[np.float32]:
+    return (np.round(values / FINE_ANGLE) * FINE_ANGLE).astype(np.float32)
+
+
+def _make_turns(angles: Array, axes: Array) -> pa.Array:
     """Turns by angles (n,) about axes (n, 3) in the frame of the body.
 
     The viewer takes them as axis and angle, where the axis is constant a third of a quaternion.
     """
     kind = rr.components.RotationAxisAngleBatch(rr.RotationAxisAngle(axis=(0, 1, 0), radians=0)).as_arrow_array().type
     columns = [
-        pa.FixedSizeListArray.from_arrays(pa.array(axes.astype(np.float32).ravel()), type=kind.field("axis").type),
-        pa.array((np.round(angles / FINE_ANGLE) * FINE_ANGLE).astype(np.float32)),
+        pa.FixedSizeListArray.from_arrays(pa.array(_round_fine(axes).ravel()), type=kind.field("axis").type),
+        pa.array(_round_fine(angles)),
     ]
     return pa.StructArray.from_arrays(columns, fields=list(kind))
-
-
-def _log_links(entities: Entities, view: RunView) -> None:
-    """Thighs, shanks, and knees: capsules along +z, turned to point along the angle of the link from +x, y down."""
-    if view.is_robot:
-        _log_links_in_space(entities, view)
-        return
-    lengths = [leg.lengths for leg in view.legs if leg.lengths is not None]
-    if not lengths:
-        return
-    number = len(lengths)
-    hips, knees, _ = (np.stack(joint, axis=1) for joint in zip(*(leg.joints() for leg in view.legs), strict=True))
-    q1, q2 = (np.stack([leg[name] for leg in view.legs], axis=1) for name in ("q1", "q2"))
-    angles = np.concatenate([q1 + np.pi / 2.0, q1 + q2 + np.pi / 2.0, np.zeros_like(q1)], axis=1)
-    links = rr.Capsules3D.from_fields(
-        lengths=[upper for upper, _ in lengths] + [lower for _, lower in lengths] + [0.0] * number,
-        radii=[0.012] * 2 * number + [0.016] * number,
-        colors=[palette.THIGH] * number + [palette.SHANK] * number + [palette.THIGH] * number,
-        fill_mode="solid",
-    )
-    entities.log("world/travel/body/links", links)
-    axes = np.tile([0.0, 1.0, 0.0], (angles.size, 1))
-    moving = rr.Capsules3D.columns(
-        translations=points(hips, knees, knees), rotation_axis_angles=_turns(angles.ravel(), axes)
-    )
-    entities.send_columns("world/travel/body/links", moving)
-    entities.log("world/travel/body/hips", make_balls(hips[0], 0.02, palette.DESIRED))
 
 
 def turn_from_up(along: Array) -> tuple[Array, Array]:
@@ -132,22 +109,23 @@ def turn_from_up(along: Array) -> tuple[Array, Array]:
     return np.arctan2(beside, z), np.stack([-y / level, np.where(turned, x, 1.0) / level, np.zeros_like(z)], axis=1)
 
 
-def _log_links_in_space(entities: Entities, view: RunView) -> None:
-    """Links between the hinges and the foot of each leg: capsules along +z, turned to point to the next joint."""
-    lengths = [length for leg in view.legs for length in leg.lengths or ()]
+def _log_links(entities: Entities, view: RunView) -> None:
+    """Links between the joints of each leg: capsules along +z, turned to point to the next joint."""
+    if not view.legs[0].has_joints:
+        return
     joints = np.stack([np.stack(leg.joints(), axis=1) for leg in view.legs], axis=1)  # (steps, legs, joints, 3)
-    angles, axes = turn_from_up(np.diff(joints, axis=2).reshape(-1, 3))
-    number = len(lengths) // len(view.legs)
+    along = np.diff(joints, axis=2)
+    lengths = np.linalg.norm(along[0], axis=2)
     links = rr.Capsules3D.from_fields(
-        lengths=lengths,
-        radii=[LINK * view.foot_radius] * len(lengths),
-        colors=([palette.THIGH] * (number - 1) + [palette.SHANK]) * len(view.legs),
+        lengths=lengths.ravel(),
+        radii=[LINK * (view.foot_radius or FOOT)] * lengths.size,
+        colors=([palette.THIGH] * (lengths.shape[1] - 1) + [palette.SHANK]) * len(view.legs),
         fill_mode="solid",
     )
     entities.log("world/travel/body/links", links)
-    starts = joints[:, :, :-1].reshape(len(joints), -1, 3)
-    turns = _turns(angles, np.round(axes / FINE_ANGLE) * FINE_ANGLE)
-    moving = rr.Capsules3D.columns(translations=points(starts), rotation_axis_angles=turns)
+    turns = _make_turns(*turn_from_up(along.reshape(-1, 3)))
+    starts = points(joints[:, :, :-1].reshape(len(joints), -1, 3))
+    moving = rr.Capsules3D.columns(translations=starts, rotation_axis_angles=turns)
     entities.send_columns("world/travel/body/links", moving)
 
 

@@ -40,7 +40,7 @@ def _leg_lines(leg: LegView) -> dict[str, list[Line]]:
         "force": _force_lines(leg),
         "error": [(AXES[axis][0], values, AXES[axis][1]) for axis, values in error.items()],
     }
-    for joint in range(1, leg.count_joints + 1):
+    for joint in range(1, len(leg.axes) + 1):
         lines[f"torque_{joint}"] = _torque_lines(leg, joint)
     return lines
 

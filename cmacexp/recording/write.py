@@ -1,25 +1,27 @@
 """Write ``recording.rrd`` from a trace."""
 
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.abc import MetaPathFinder
 from pathlib import Path
-from typing import NamedTuple
 
+import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.chunk import RrdReader
 
+from cmacexp.config.difference import flat
 from cmacexp.data.folder import write_atomically
+from cmacexp.data.hashes import was_written
 from cmacexp.data.manifest import Manifest
-from cmacexp.data.tables import read_traces, steps_by_cycle
-from cmacexp.recording.blueprint import layout
+from cmacexp.data.parquet import read_table
+from cmacexp.data.tables import BODY_METRICS, METRICS, Scores, read_traces, steps_by_cycle
+from cmacexp.metrics.pooling import pool_legs
+from cmacexp.recording.blueprint import KEY, describe_key, layout
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.events import log_events
-from cmacexp.recording.facts import Facts, make_facts, send_facts
 from cmacexp.recording.ground import log_ground
-from cmacexp.recording.key import KEY, describe_key
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
@@ -27,7 +29,7 @@ from cmacexp.recording.window import Window, make_window
 
 
 class _NoPandas(MetaPathFinder):
-    """Reports pandas as missing while it is not imported yet."""
+    """Reports pandas as missing while it is not imported yet; None in ``sys.modules`` breaks pyarrow instead."""
 
     def find_spec(self, fullname: str, path: object, target: object = None) -> None:
         if fullname == "pandas":
@@ -49,16 +51,29 @@ def _pandas_left_out() -> Iterator[None]:
         sys.meta_path.remove(finder)
 
 
-class RunEntry(NamedTuple):
-    """A run that a recording shows."""
+def _send_facts(recording: rr.RecordingStream, folder: Path, view: RunView) -> None:
+    """How a run ended, its config by dotted keys, and the metrics of its last whole cycle, legs pooled, in SI units.
 
-    view: RunView
-    facts: Facts
-    """By the name of the property that holds them."""
+    A catalogue of recordings can be filtered by them. Of several runs in one recording each property begins with the
+    root of its entities.
+    """
+    manifest, body = view.manifest, folder / BODY_METRICS
+    run = {name: manifest.get(name) for name in ("status", "cause", "seed", "steps", "config_hash", "git_commit")}
+    run["version"] = manifest.get("versions", {}).get("cmacexp")
+    pooled = pool_legs(Scores(read_table(folder / METRICS), read_table(body) if was_written(body) else None))
+    last = {name: float(values[-1]) for name, values in pooled.items() if len(values) and math.isfinite(values[-1])}
+    for name, values in {"run": run, "config": flat(view.config), "metrics": last}.items():
+        known = {
+            key: pa.array([value if isinstance(value, bool | int | float | str) else str(value)])
+            for key, value in values.items()
+            if value is not None
+        }
+        if known:
+            recording.send_property(view.root.replace("/", "_") + name, rr.AnyValues(**known))
 
 
 def write_views(
-    entries: Sequence[RunEntry],
+    runs: Mapping[Path, RunView],
     blueprint: rrb.Blueprint,
     name: str,
     path: Path,
@@ -67,13 +82,13 @@ def write_views(
     """Write runs into one recording, whole or not at all.
 
     Args:
-        entries: the runs, each below its own root.
+        runs: by their folders, each below its own root.
         blueprint: how the viewer lays them out.
         name: of the recording in the viewer.
         path: of the ``.rrd`` file.
         texts: Markdown by the path of its entity, beside the key.
     """
-    texts = {KEY: describe_key([entry.view for entry in entries]), **(texts or {})}
+    texts = {KEY: describe_key(list(runs.values())), **(texts or {})}
     recording = rr.RecordingStream("cmacexp", recording_id=name)
     # In memory first: on a full disk rerun's own writer stops without an error, and flushing waits for ever.
     memory = recording.memory_recording()
@@ -81,8 +96,8 @@ def write_views(
     recording.send_recording_name(name)
     for entity, text in texts.items():
         recording.log(entity, rr.TextDocument(text, media_type="text/markdown"), static=True)
-    for view, facts in entries:
-        send_facts(recording, view.root, facts)
+    for folder, view in runs.items():
+        _send_facts(recording, folder, view)
         entities = Entities(recording, view)
         log_machine(entities, view)
         log_ground(entities, view)
@@ -90,20 +105,6 @@ def write_views(
         log_events(entities, view)
     with write_atomically(path) as temporary:
         temporary.write_bytes(memory.drain_as_bytes())
-
-
-def read_entry(folder: Path, manifest: Manifest, window: Window, label: str, root: str = "") -> RunEntry:
-    """A run as a recording shows it.
-
-    Args:
-        folder: of the run, whose trace has at least one step.
-        manifest: how it ended, and of what config.
-        window: the steps that are shown.
-        label: name of the run.
-        root: prefix of the paths of its entities.
-    """
-    traces = read_traces(folder, window.cycles, window.every)
-    return RunEntry(make_view(traces, manifest, window, label, root), make_facts(folder, manifest))
 
 
 def write_recording(
@@ -130,17 +131,8 @@ def write_recording(
     """
     with _pandas_left_out():
         window = window or make_window(steps_by_cycle(folder))
-        entry = read_entry(folder, manifest, window, label or path.parent.name)
-        name = f"{manifest['config']['scenario']} {entry.view.label}, {window}"
-        write_views([entry], layout(entry.view, names), name, path)
+        traces = read_traces(folder, window.cycles, window.every)
+        view = make_view(traces, manifest, window, label or path.parent.name)
+        name = f"{manifest['config']['scenario']} {view.label}, {window}"
+        write_views({folder: view}, layout(view, names), name, path)
     return name
-
-
-def read_name(path: Path) -> str | None:
-    """The name that a recording was given; None if it cannot be read."""
-    try:
-        chunks = RrdReader(path).stream().filter(content="/__properties").to_chunks()
-    except RuntimeError:
-        return None
-    rows = [row for chunk in chunks for row in chunk.to_record_batch().to_pylist()]
-    return next((row["RecordingInfo:name"][0] for row in rows if row.get("RecordingInfo:name")), None)

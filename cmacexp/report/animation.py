@@ -1,33 +1,31 @@
 """A moving picture of a run: some of its cycles side by side, each with foot paths, forces and tilt."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.data.files import open_file
 from cmacexp.data.folder import write_atomically
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import read_traces, steps_by_cycle
+from cmacexp.data.tables import read_traces
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.recording import palette
 from cmacexp.recording.ground import depression_scale
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.report.figures import Panel, Series, draw_panel
-from cmacexp.report.machine import draw_side, in_travel, joints
-from cmacexp.report.style import DESIRED, STYLE, colour
+from cmacexp.report.machine import DENT, MM, NEAR, NEAR_SIDE, draw_leg, in_travel, joints
+from cmacexp.report.run_report import choose_cycles
+from cmacexp.report.style import DESIRED, GROUND, STYLE, colour
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import NDArray
     from PIL.Image import Image
 
 ANIMATION = "animation.gif"
-COMMENT = b"cmacexp: cycles of a run"
-"""In the picture, by which it is known."""
 MOST_CYCLES = 3
 """More side by side are too narrow."""
 WIDTH, HEIGHT, DPI = 8.0, 4.8, 100
@@ -42,6 +40,8 @@ HATCHED = {"fc": "white", "ec": DESIRED, "hatch": "////"}
 SOLID = {"linestyle": "-", "linewidth": 1.4, "marker": None}
 BORDER = 60.0
 """Around the machine, mm."""
+BODY_THICKNESS = 24.0
+"""Drawn thickness of the body, mm."""
 
 
 class Cycle(NamedTuple):
@@ -60,47 +60,36 @@ class Cycle(NamedTuple):
         return {name: 1e3 * self.view.body[name] for name in ("pitch", "roll")}
 
 
-class Limits(NamedTuple):
-    """Axes that all frames share."""
-
-    x: tuple[float, float]
-    z: tuple[float, float]
-    force: float
-    tilt: float
+def _make_cycle(view: RunView, ink: str) -> Cycle:
+    desired = np.stack([in_travel(view, leg.foot("_desired")) for leg in view.legs], axis=1)
+    return Cycle(view, joints(view), desired, ink)
 
 
-def make_cycles(views: Sequence[RunView]) -> list[Cycle]:
-    """The cycles of a run, one view for each."""
-    cycles = []
-    for place, view in enumerate(views):
-        desired = np.stack([in_travel(view, leg.foot("_desired")) for leg in view.legs], axis=1)
-        cycles.append(Cycle(view, joints(view), desired, PATHS[min(place, 1)]))
-    return cycles
-
-
-def _limits(cycles: Sequence[Cycle]) -> Limits:
-    """Axes that hold all of the cycles."""
-    drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.places, c.desired)])
-    low, high = drawn.min(axis=0), drawn.max(axis=0)
-    force = max(float(np.max([leg["force"], leg["force_desired"]])) for c in cycles for leg in c.view.legs)
-    tilt = max(float(np.abs(line).max()) for c in cycles for line in c.tilt.values())
-    x = (low[0] - BORDER, high[0] + BORDER)
-    return Limits(x, (min(low[2], -40.0) - BORDER, high[2] + BORDER), 1.1 * force, 1.1 * tilt or 1.0)
-
-
-def _draw_machine(axes: "Axes", cycle: Cycle, k: int, limits: Limits) -> None:
-    """The machine from its right side; each foot's desired path, and its own up to now."""
-    draw_side(axes, cycle.view, cycle.places, k, depression_scale(cycle.view))
-    for leg in range(len(cycle.view.legs)):
-        axes.plot(*cycle.desired[:, leg, [0, 2]].T, color=DESIRED, lw=1.0, zorder=5)
-        axes.plot(*cycle.places[: k + 1, leg, -1][:, [0, 2]].T, color=cycle.ink, lw=1.6, zorder=6)
-    axes.set(xlim=limits.x, ylim=limits.z, aspect="equal", xticks=[], yticks=[])
+def _draw_machine(axes: "Axes", cycle: Cycle, k: int) -> None:
+    """The machine from its right side in step ``k``; each foot's desired path, and its own up to now."""
+    view, places = cycle.view, cycle.places
+    surface = -MM * view.foot_radius
+    depression = MM * depression_scale(view) / float(view.config["terrain"]["stiffness"])
+    for i, leg in enumerate(view.legs):
+        is_near = leg.number in NEAR_SIDE or leg.hip[1] == 0.0
+        draw_leg(axes, places[k, i][:, [0, 2]], is_near, not leg.support[k])
+        x, deep = places[k, i, -1, 0], surface - depression * leg["force"][k]
+        axes.fill([x - DENT, x, x + DENT], [surface, deep, surface], color=GROUND, lw=0.0, zorder=3)
+        axes.plot(*cycle.desired[:, i, [0, 2]].T, color=DESIRED, lw=1.0, zorder=5)
+        axes.plot(*places[: k + 1, i, -1][:, [0, 2]].T, color=cycle.ink, lw=1.6, zorder=6)
+    if view.walks:
+        hips = places[k][:, 0, [0, 2]]
+        ends = hips[[hips[:, 0].argmin(), hips[:, 0].argmax()]] + [0.0, BODY_THICKNESS / 2.0]
+        for ink, width in ((NEAR, 9.0), (colour(palette.BODY), 7.0)):
+            axes.plot(*ends.T, color=ink, lw=width, solid_capstyle="round", zorder=3.5)
+    axes.axhline(surface, color=GROUND, lw=1.2, zorder=1)
+    axes.set(aspect="equal", xticks=[], yticks=[])
     axes.axis("off")
     axes.text(0.02, 0.0, "grey: desired foot paths", color=DESIRED, transform=axes.transAxes)
-    axes.set_title(f"cycle {cycle.view.cycle[0]}", color=cycle.ink, fontsize=13.0, loc="center")
+    axes.set_title(f"cycle {view.cycle[0]}", color=cycle.ink, fontsize=13.0, loc="center")
 
 
-def _panels(cycle: Cycle, k: int, limits: Limits) -> list[Panel]:
+def _panels(cycle: Cycle, k: int) -> list[Panel]:
     """The paper's foot force display, actual beside desired; tilt of a body in this cycle, up to now."""
     view, places = cycle.view, np.arange(len(cycle.view.legs))
     forces = [
@@ -108,13 +97,12 @@ def _panels(cycle: Cycle, k: int, limits: Limits) -> list[Panel]:
         Series("desired", places, [leg["force_desired"][k] for leg in view.legs], style=HATCHED),
     ]
     names = [f"{leg.number} {leg.name}" if view.walks else leg.name for leg in view.legs]
-    panels = [Panel("", "", "force, N", forces, "bars", ticks=names, y_range=(0.0, limits.force))]
+    panels = [Panel("", "", "force, N", forces, "bars", ticks=names)]
     if view.walks:
         time = view.time - view.time[0]
         tilt = [Series(name, time[: k + 1], line[: k + 1], style=SOLID) for name, line in cycle.tilt.items()]
-        y_range = (-limits.tilt, limits.tilt)
-        panel = Panel("", "time in the cycle, s", "tilt, mrad", tilt, x_limits=[time[k]], y_range=y_range)
-        panels.append(replace(panel, x_range=(0.0, float(time[-1]))))
+        x_range = (0.0, float(time[-1]))
+        panels.append(Panel("", "time in the cycle, s", "tilt, mrad", tilt, x_limits=[time[k]], x_range=x_range))
     return panels
 
 
@@ -123,13 +111,26 @@ def _find_row(time: Array, part: float) -> int:
     return int(np.abs(time - (time[0] + part * (time[-1] - time[0]))).argmin())
 
 
-def draw_frame(cycles: Sequence[Cycle], part: float, limits: Limits) -> "Image":
+def _set_limits(axes: "NDArray[Any]", cycles: Sequence[Cycle]) -> None:
+    """Give the axes of all cycles, a row each of machines, forces and tilt, ranges that hold every frame."""
+    drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.places, c.desired)])
+    low, high = drawn.min(axis=0) - BORDER, drawn.max(axis=0) + BORDER
+    force = max(float(np.max([leg["force"], leg["force_desired"]])) for c in cycles for leg in c.view.legs)
+    tilt = max(float(np.abs(line).max()) for c in cycles for line in c.tilt.values())
+    y = ((min(low[2], -40.0 - BORDER), high[2]), (0.0, 1.1 * force), (-1.1 * tilt or -1.0, 1.1 * tilt or 1.0))
+    for row, y_range in zip(axes, y, strict=False):
+        for ax in row:
+            ax.set_ylim(y_range)
+    for ax in axes[0]:
+        ax.set_xlim(low[0], high[0])
+
+
+def draw_frame(cycles: Sequence[Cycle], part: float) -> "Image":
     """A frame of the picture.
 
     Args:
         cycles: side by side.
         part: of the cycle that has passed, from 0 to 1.
-        limits: axes that all frames share.
     """
     import matplotlib
     from matplotlib.figure import Figure
@@ -143,13 +144,14 @@ def draw_frame(cycles: Sequence[Cycle], part: float, limits: Limits) -> "Image":
     axes = figure.subplots(len(heights), len(cycles), squeeze=False, gridspec_kw=grid)
     for column, cycle in enumerate(cycles):
         k = _find_row(cycle.view.time, part)
-        _draw_machine(axes[0, column], cycle, k, limits)
-        for ax, panel in zip(axes[1:, column], _panels(cycle, k, limits), strict=True):
+        _draw_machine(axes[0, column], cycle, k)
+        for ax, panel in zip(axes[1:, column], _panels(cycle, k), strict=True):
             draw_panel(ax, panel)
             ax.set(xlabel=panel.x, ylabel="" if column else panel.y)
             ax.tick_params(labelleft=column == 0)
             if column == len(cycles) - 1:
                 ax.legend(loc="upper right", ncols=2, borderaxespad=0.0)
+    _set_limits(axes, cycles)
     memory = BytesIO()
     figure.savefig(memory, format="png", dpi=DPI)
     return Image.open(memory).convert("RGB")
@@ -162,28 +164,15 @@ def view_cycles(run: StoredRun, asked: Sequence[int]) -> list[RunView]:
         BadInput: the trace does not have them whole, or they are too many.
         BadRun: the trace has no whole cycle.
     """
-    kept = steps_by_cycle(run.folder)
-    whole = run.select_whole(kept)
+    cycles = choose_cycles(run, asked)
+    whole = run.select_whole(cycles)
+    if asked and (len(cycles) > MOST_CYCLES or whole != cycles):
+        raise BadInput("--cycles", ",".join(map(str, asked)), f"write up to {MOST_CYCLES} whole cycles for --gif")
     if not whole:
         raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
-    if len(asked) > MOST_CYCLES or not set(asked) <= set(whole):
-        text, last = ",".join(map(str, asked)), whole[-1]
-        raise BadInput(
-            "--cycles", text, f"write up to {MOST_CYCLES} whole cycles from {whole[0]} to {last} for --gif"
-        )
-    cycles = asked or sorted({whole[0], whole[-1]})
+    if not asked:
+        cycles = sorted({whole[0], whole[-1]})
     return [make_view(read_traces(run.folder, (cycle, cycle)), run.manifest) for cycle in cycles]
-
-
-def is_animation(path: Path) -> bool:
-    """Whether a file is a moving picture of a run, which may be replaced."""
-    from PIL import Image
-
-    try:
-        with open_file(path) as file, Image.open(file) as picture:
-            return bool(picture.info.get("comment") == COMMENT)
-    except (OSError, ValueError):
-        return False
 
 
 def write_animation(views: Sequence[RunView], path: Path) -> int:
@@ -198,11 +187,10 @@ def write_animation(views: Sequence[RunView], path: Path) -> int:
     """
     from PIL.Image import Dither
 
-    cycles = make_cycles(views)
-    limits = _limits(cycles)
+    cycles = [_make_cycle(view, PATHS[min(place, 1)]) for place, view in enumerate(views)]
     seconds = max(float(view.time[-1] - view.time[0]) for view in views)
     count = max(2, round(seconds * FRAMES_PER_SECOND))
-    frames = [draw_frame(cycles, number / (count - 1), limits) for number in range(count)]
+    frames = [draw_frame(cycles, number / (count - 1)) for number in range(count)]
     colours = frames[count // 2].quantize(COLOURS)
     shared = [frame.quantize(palette=colours, dither=Dither.NONE) for frame in frames]
     with write_atomically(path) as temporary:
@@ -213,6 +201,5 @@ def write_animation(views: Sequence[RunView], path: Path) -> int:
             append_images=shared[1:],
             duration=1000 / FRAMES_PER_SECOND,
             loop=0,
-            comment=COMMENT,
         )
     return count

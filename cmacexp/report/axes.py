@@ -16,8 +16,6 @@ DECADES = 20.0
 """Positive values that span more than this factor are drawn on a logarithmic axis."""
 LEAST_RATIO = 5.0
 """A logarithmic axis over less than this factor has evenly spaced numbers: 1, 2 and 5 would be too few."""
-CHARACTER = 0.025
-"""Width of a character over that of an axis of half the width of a figure."""
 FIGURE_CHARACTERS, PANEL_CHARACTERS = 112, 72
 """Characters of a line of the legend below a figure, and above a panel of half its width."""
 
@@ -69,21 +67,6 @@ def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> No
         axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
-
-
-def name_ticks(places: Array, values: Sequence[float]) -> list[str]:
-    """Names of ticks, without those that would overlap; both ends have theirs.
-
-    >>> name_ticks(np.array([1.0, 10.0, 19.0, 20.0]), [1.0, 10.0, 19.0, 20.0])
-    ['1', '10', '', '20']
-    """
-    names, last = [f"{value:g}" for value in values], len(values) - 1
-    width = CHARACTER * (np.ptp(places) or 1.0)
-    kept: list[int] = []
-    for i in [0, last, *range(1, last)]:
-        if all(abs(places[i] - places[j]) > width * (2 + (len(names[i]) + len(names[j])) / 2) for j in kept):
-            kept.append(i)
-    return [name if i in kept else "" for i, name in enumerate(names)]
 
 
 def add_legend(place: Any, axes: "Sequence[Axes]", title: str = "") -> None:

@@ -13,8 +13,6 @@ from cmacexp.report.axes import spans_decades
 from cmacexp.report.figures import Panel, Series
 from cmacexp.typing import Array
 
-MOST_TICKS = 6
-"""Numeric values of a setting up to which each has a tick."""
 Reduce = Callable[[Array], tuple[float, float, float]]
 
 
@@ -97,7 +95,4 @@ def over_setting(
         band = (np.where(spread, low, middle), np.where(spread, high, middle)) if spread.any() else (None, None)
         series.append(Series(format_setting(name), list(samples), middle, *band))
     log = find_log(series) if log is None else log
-    if kind != "lines":
-        return Panel(title, x, y, series, kind=kind, log=log, ticks=ticks)
-    places = sorted({place for each in series for place in each.x})
-    return Panel(title, x, y, series, log=log, x_ticks=places if len(places) <= MOST_TICKS else [])
+    return Panel(title, x, y, series, kind=kind, log=log, ticks=() if kind == "lines" else ticks)

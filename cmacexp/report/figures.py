@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import BadInput
-from cmacexp.report.axes import add_legend, include_zero, logarithmic, name_ticks
+from cmacexp.report.axes import add_legend, include_zero, logarithmic
 from cmacexp.report.style import DESIRED, MARKERS, label, mark, new_figure
 from cmacexp.typing import Array
 
@@ -65,8 +65,6 @@ class Panel:
     """Logarithmic axes: ``x``, ``y`` or ``xy``."""
     ticks: Sequence[str] = ()
     """Names of the positions 0, 1, ... on the x axis."""
-    x_ticks: Sequence[float] = ()
-    """The only numbers that the x axis names."""
     x_limits: Sequence[float] = ()
     """Vertical dotted lines."""
     y_limits: Sequence[float] = ()
@@ -152,12 +150,6 @@ def draw(
     return figure
 
 
-def _style(series: Series, names: Sequence[str]) -> dict[str, Any]:
-    """Colour, dash and marker of a series: those of its place in the legend, unless it has its own."""
-    index = names.index(series.name)
-    return {**mark(index), "marker": MARKERS[index % len(MARKERS)], "label": series.name, **series.style}
-
-
 def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
     """Draw a panel, but for its title and the names of its axes.
 
@@ -171,7 +163,8 @@ def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
     names = names or [series.name for series in panel.series]
 
     for place, series in enumerate(panel.series):
-        style = _style(series, names)
+        index = names.index(series.name)
+        style = {**mark(index), "marker": MARKERS[index % len(MARKERS)], "label": series.name, **series.style}
         if panel.kind == "bars":
             _bars(axes, series, style, place, len(panel.series))
         elif panel.kind == "scatter":
@@ -198,10 +191,6 @@ def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
         level = sum(map(len, panel.ticks)) <= MOST_CHARACTERS
         turned: dict[str, Any] = {} if level else {"rotation": 30, "ha": "right"}
         axes.set_xticks(range(len(panel.ticks)), panel.ticks, **turned)
-    if panel.x_ticks:
-        positions = np.log(panel.x_ticks) if "x" in panel.log else np.asarray(panel.x_ticks)
-        axes.set_xticks(panel.x_ticks, name_ticks(positions, panel.x_ticks))
-        axes.minorticks_off()
 
 
 def _set_ranges(axes: "Axes", panel: Panel) -> None:

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from cmacexp.config.fields import listed
 from cmacexp.errors import BadInput
 from cmacexp.metrics.text import format_number
-from cmacexp.report.parts import Drawing, Html, Section, Table
+from cmacexp.report.parts import Drawing, Section, Table
 from cmacexp.report.render import Renderer
 
 if TYPE_CHECKING:
@@ -101,5 +101,5 @@ def _sections(markdown: str, title: str) -> list[Section]:
     for index, part in enumerate(re.split(r"^## ", markdown, flags=re.MULTILINE)):
         heading, _, text = (title, "", part) if index == 0 else part.partition("\n")
         if text.strip():
-            found.append(Section(heading.strip(), [Html(converter.render(text))]))
+            found.append(Section(heading.strip(), [Markup(converter.render(text))]))
     return found

@@ -58,12 +58,14 @@ def _describe_origin() -> str:
     return f"Written on {date.today().isoformat()} by {version}."
 
 
-def write_report(report: Report, folder: Path, key: str | None = None, say: Callable[[str], None] = ignore) -> Path:
-    """Write a report and its figures in place of an earlier one.
+def write_report(
+    report: Report, where: Path | Place, key: str | None = None, say: Callable[[str], None] = ignore
+) -> Path:
+    """Write a report and its figures in place of an earlier one; the manifest has the hash of every file and input.
 
     Args:
         report: its content.
-        folder: created if missing.
+        where: a folder, created if missing; or one that is locked already, whose ``new`` files inputs can be.
         key: of the code and the inputs behind it, which shows later whether it is up to date; None: of the request.
         say: called with what is done next.
 
@@ -74,24 +76,10 @@ def write_report(report: Report, folder: Path, key: str | None = None, say: Call
         BadInput: the folder is in use, or holds something else.
         OSError: it cannot be written; an earlier report in it is as it was.
     """
-    with replacing(folder, OUT_KEY, manifests.REPORT) as place:
-        return write_report_in(place, report, key, say)
-
-
-def write_report_in(
-    place: Place, report: Report, key: str | None = None, say: Callable[[str], None] = ignore
-) -> Path:
-    """:func:`write_report` where the folder is locked already; the manifest has the hash of every file and input.
-
-    Args:
-        place: of the report; inputs that are below ``place.new`` move with it.
-        report: as in :func:`write_report`.
-        key: likewise.
-        say: likewise.
-
-    Returns:
-        The HTML file.
-    """
+    if isinstance(where, Path):
+        with replacing(where, OUT_KEY, manifests.REPORT) as locked:
+            return write_report(report, locked, key, say)
+    place = where
     renderer = Renderer(place.new, say=say)
     place.write_text(HTML, renderer.render_page(report=report, origin=_describe_origin()))
     written = [*renderer.files, place.new / HTML]

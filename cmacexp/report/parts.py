@@ -13,33 +13,13 @@ NUMBER = re.compile(r"([-+]?(\d[\d.]*(e[-+]?\d+|-\d+)?|infinite)( .*)?|-|undefin
 
 
 @dataclass(frozen=True)
-class Text:
-    """A paragraph."""
-
-    kind: ClassVar = "text"
-    text: str
-
-
-@dataclass(frozen=True)
-class Link:
-    """A cell of a table that leads to another page."""
-
-    text: str
-    address: str
-
-    def __str__(self) -> str:
-        """The text of the cell."""
-        return self.text
-
-
-@dataclass(frozen=True)
 class Table:
     """Rows under named columns; numbers are formatted, with units in the names of their columns."""
 
     kind: ClassVar = "table"
     columns: Sequence[str]
     """Names, whose units follow a comma or a line break."""
-    rows: "Sequence[Sequence[str | Link]]"
+    rows: Sequence[Sequence[str]]
     caption: str = ""
     cards: bool = False
     """Whether each row is a card of its own on a narrow screen; else the table scrolls sideways there."""
@@ -50,15 +30,7 @@ class Table:
     def numeric(self) -> frozenset[int]:
         """The columns that hold numbers alone, which are aligned to the right."""
         columns = zip(*self.rows, strict=True)
-        return frozenset(i for i, cells in enumerate(columns) if all(NUMBER.fullmatch(str(cell)) for cell in cells))
-
-
-@dataclass(frozen=True)
-class Html:
-    """Part of a page that is HTML already."""
-
-    kind: ClassVar = "html"
-    html: str
+        return frozenset(i for i, cells in enumerate(columns) if all(NUMBER.fullmatch(cell) for cell in cells))
 
 
 @dataclass(frozen=True)
@@ -82,7 +54,8 @@ class Folded:
     parts: "Sequence[Part]"
 
 
-Part = Text | Table | Drawing | Html | Folded
+Part = str | Table | Drawing | Folded
+"""A string is a paragraph, or HTML if it is a ``markupsafe.Markup``."""
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,18 @@
 import base64
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cmacexp.data.folder import FIGURES, write_atomically
-from cmacexp.report.alt_text import describe
 from cmacexp.report.parts import Drawing, Part
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 PNG, SVG = "png", "svg"
+COLOUR_BAR = "<colorbar>"
+"""Label that matplotlib gives to the axes of a colour bar."""
 
 
 def ignore(text: str) -> None:
@@ -56,3 +61,24 @@ class Renderer:
             drawing.figure.set_layout_engine(None)  # computed for the first format, kept for the second
             self.files.append(path)
         return "data:image/svg+xml;base64," + base64.b64encode(self.files[-1].read_bytes()).decode()
+
+
+def describe(figure: "Figure") -> str:
+    """What a figure shows, in words, for readers who do not see it: panels with their axes, names in legends.
+
+    >>> from cmacexp.report.figures import Panel, Series, draw
+    >>> describe(draw([Panel("foot", "time, s", "depth, mm", [Series("a", [0], [1]), Series("b", [0], [2])])]))
+    'foot: depth, mm over time, s. Legend: a; b.'
+    """
+    panels = [_describe_axes(axes) for axes in figure.axes if axes.get_label() != COLOUR_BAR and axes.axison]
+    legends = [*figure.legends, *(own for axes in figure.axes if (own := axes.get_legend()))]
+    names = dict.fromkeys(text.get_text() for legend in legends for text in legend.get_texts())
+    count = f"{len(panels)} panels. " if len(panels) > 1 else ""
+    return count + "; ".join(filter(None, panels)) + "." + (f" Legend: {'; '.join(names)}." if names else "")
+
+
+def _describe_axes(axes: "Axes") -> str:
+    title = axes.get_title(loc="left") or axes.get_title()
+    x, y = axes.get_xlabel(), axes.get_ylabel()
+    plane = f"{y} over {x}" if x and y else x or y
+    return ": ".join(filter(None, (title, plane))).replace("\n", " ")

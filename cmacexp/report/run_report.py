@@ -6,10 +6,10 @@ from cmacexp.data.integrity import faults
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.metrics.summary import format_cycles
+from cmacexp.metrics.summary import shorten, tabulate_cycles
 from cmacexp.report.cycle_data import MOST_CYCLES, CycleData, read_cycle_data
 from cmacexp.report.page import Report
-from cmacexp.report.parts import Folded, Section, Table, Text
+from cmacexp.report.parts import Folded, Section, Table
 from cmacexp.report.run_figures import draw_body, draw_end, draw_legs, draw_metrics, draw_torques, draw_tracking
 from cmacexp.report.run_settings import list_settings
 from cmacexp.report.run_summary import TABLES
@@ -72,20 +72,20 @@ def _learning(run: StoredRun, data: CycleData) -> list[Section]:
 
 def _metrics(run: StoredRun, cycles: Sequence[int]) -> Section:
     """All metrics, folded."""
-    titles, rows = format_cycles(run.scores)
-    columns = [f"{title}, {unit}" if unit else title for title, unit in titles]
+    main, rows = tabulate_cycles(run.scores)
+    columns = ["cycle", *(f"{shown.title}, {shown.unit}".rstrip(", ") for shown in main.values())]
     caption = "Metrics per cycle" + (", pooled over the legs" if run.walks else "")
     metrics = list_metrics(run, cycles)
     all_of_them = f"All {len(metrics.rows)} metrics of the cycles shown"
-    main = Folded(f"{len(columns) - 1} main metrics of every cycle", [Table(columns, rows, caption)])
-    return Section("All metrics", [main, Folded(all_of_them, [metrics])])
+    folded = Folded(f"{len(columns) - 1} main metrics of every cycle", [Table(columns, shorten(rows), caption)])
+    return Section("All metrics", [folded, Folded(all_of_them, [metrics])])
 
 
 def _end(run: StoredRun) -> list[Section]:
     if run.status not in ("fell", "diverged"):
         return []
     last = run.last_cycle
-    ending = Text(f"The run {run.ending}.")
+    ending = f"The run {run.ending}."
     if last not in _read_cycles(run):
         return [Section("How it ended", [ending])]
     data = read_cycle_data(run, [max(last - 1, 1), last])

@@ -4,7 +4,7 @@ from cmacexp.config.describe import Described, describe_fields, read_defaults
 from cmacexp.config.difference import flat
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.text import format_setting
-from cmacexp.report.parts import Folded, Part, Section, Table, Text
+from cmacexp.report.parts import Folded, Part, Section, Table
 
 NOT_DECLARED = Described("", "")
 
@@ -22,9 +22,9 @@ def list_settings(run: StoredRun) -> Section:
 
     parts: list[Part] = []
     if not defaults:
-        parts.append(Text(f"There is no scenario {scenario} here to compare with: changed settings are not marked."))
+        parts.append(f"There is no scenario {scenario} here to compare with: changed settings are not marked.")
     elif not changed:
-        parts.append(Text(f"All {len(settings)} settings are the defaults of scenario={scenario}."))
+        parts.append(f"All {len(settings)} settings are the defaults of scenario={scenario}.")
     else:
         titles = ["setting", "value", f"default of {scenario}", "unit", "meaning"]
         rows = [row(key, format_setting(defaults[key]) if key in defaults else "not set") for key in changed]

@@ -13,7 +13,7 @@ from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_cell, format_number
 from cmacexp.models.mechanism import PLANE, SPACE
-from cmacexp.report.parts import Section, Table, Text
+from cmacexp.report.parts import Section, Table
 from cmacexp.report.run_figures import KEY
 
 EXACT = 4
@@ -58,10 +58,6 @@ def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     return Table(titles, rows, caption, cards=True)
 
 
-def _exact(value: float) -> str:
-    return format_number(value, digits=EXACT) if value == value else "-"
-
-
 def list_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     """Every metric of the chosen cycles, in the units of the files, with its meaning."""
     rows = []
@@ -69,14 +65,12 @@ def list_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
         metric = ALL_METRICS[name]
         if not np.isnan(values).all():
             meaning = [name, metric.meaning, metric.pooling.name] if run.walks else [name, metric.meaning]
-            rows.append([*meaning, metric.unit or "1", *(_exact(values[cycle - 1]) for cycle in cycles)])
+            shown = [values[cycle - 1] for cycle in cycles]
+            numbers = ["-" if np.isnan(value) else format_number(value, digits=EXACT) for value in shown]
+            rows.append([*meaning, metric.unit or "1", *numbers])
     titles = ["metric", "meaning", *(["over the legs"] if run.walks else []), "unit"]
     titles += [f"cycle {cycle}" for cycle in cycles]
     return Table(titles, rows, "All metrics that are defined in some cycle of the run.")
-
-
-def _leg_name(leg: int, legs: int) -> str:
-    return f"{leg}, {LEG_NAMES[leg - 1]}" if legs > 1 else str(leg)
 
 
 def list_memory(run: StoredRun) -> list[Section]:
@@ -91,11 +85,12 @@ def list_memory(run: StoredRun) -> list[Section]:
         used = f"{use['rows_used']} ({use['rows_used'] / use['rows']:.1%})"
         visited = "not counted" if cells is None else cells
         size = use["rows"] * outputs * WORD_BYTES
-        row = (_leg_name(leg, len(uses)), size, use["rows"], used, visited, colliding, use["clipped"])
+        name = f"{leg}, {LEG_NAMES[leg - 1]}" if len(uses) > 1 else leg
+        row = (name, size, use["rows"], used, visited, colliding, use["clipped"])
         rows.append([str(cell) for cell in row])
     titles = ["network of leg", "memory, B", "rows", "rows used", "cells visited", "cells that share a row"]
     text = (
         "Along the planned path of one cycle. Cells are those of a CMAC before hashing; cells that share a row of "
         "memory by hashing train each other. Clipped inputs lie outside the range of the CMAC."
     )
-    return [Section("Memory of the feedforward", [Text(text), Table([*titles, "clipped inputs"], rows)])]
+    return [Section("Memory of the feedforward", [text, Table([*titles, "clipped inputs"], rows)])]

@@ -1,4 +1,4 @@
-"""Figures of several runs: metrics over the cycles and over the swept keys, and the last cycles side by side."""
+"""Figures of several runs: metrics over the cycles and over the swept keys."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -6,14 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.registry import JUDGED, MAIN
 from cmacexp.metrics.text import format_setting
 from cmacexp.report.curves import is_numeric, over_cycles, over_setting
-from cmacexp.report.cycle_data import MOST_CYCLES, read_cycle_data
-from cmacexp.report.figures import Series, draw
+from cmacexp.report.figures import draw
 from cmacexp.report.parts import Drawing
-from cmacexp.report.run_figures import QUANTITIES, over_cycle
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.typing import Array
 
@@ -135,33 +132,3 @@ def _over(runs: Sequence[RunSummary], key: str, name: str, take: Any) -> dict[An
     }
     known = {value: sample[np.isfinite(sample)] for value, sample in samples.items()}
     return {value: sample for value, sample in known.items() if sample.size}
-
-
-def draw_side_by_side(runs: Sequence[RunSummary], names: Sequence[str]) -> list[Drawing]:
-    """Force and errors of leg 1 over the last whole cycle of each completed run, on the same axes.
-
-    None for runs of different machines or too many runs for one figure.
-
-    Args:
-        runs: with results.
-        names: of the runs.
-    """
-    ended = {name: run for run, name in zip(runs, names, strict=True) if run.status == "completed" and run.cycles}
-    machines = {(run.config["scenario"], run.config["gait.cycle_time"]) for run in ended.values()}
-    if not 1 < len(ended) <= MOST_CYCLES or len(machines) > 1:
-        return []
-    shown = {name: read_cycle_data(StoredRun(run.folder), [run.cycles]) for name, run in ended.items()}
-    axes = "yx" if any(data.moves_along_x for data in shown.values()) else "y"
-    leg = " of leg 1" if any(len(data.legs) > 1 for data in shown.values()) else ""
-    drawings = []
-    for quantity in ("force", *axes):
-        panels = [replace(over_cycle(data, quantity, 1), title=name) for name, data in shown.items()]
-        lines = [replace(panel, series=[_name_actual(line) for line in panel.series]) for panel in panels]
-        caption = f"{QUANTITIES[quantity].title.capitalize()}{leg} over the last whole cycle of each completed run."
-        drawings.append(Drawing(f"side-by-side-{quantity}", draw(lines, height=1.9, share="xy"), caption))
-    return drawings
-
-
-def _name_actual(line: Series) -> Series:
-    """The line of a cycle under a name that is the same for all runs."""
-    return line if line.name == "desired" else replace(line, name="actual")

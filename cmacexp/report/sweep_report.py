@@ -6,26 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.metrics.text import format_setting
-from cmacexp.report.comparison import Take, format_runs, make_names
-from cmacexp.report.page import HOW_TO_REPORT, Report, find_page
-from cmacexp.report.parts import Folded, Link, Section, Table, Text
+from cmacexp.report.comparison import format_runs, make_names
+from cmacexp.report.page import HOW_TO_REPORT, Report
+from cmacexp.report.parts import Folded, Section, Table
 from cmacexp.report.run_summary import TABLES, RunSummary
-from cmacexp.report.sweep_figures import draw_learning_curves, draw_over_key, draw_side_by_side
+from cmacexp.report.sweep_figures import draw_learning_curves, draw_over_key
 from cmacexp.report.swept import Swept, find_swept
 
 MOST_KEYS = 4
 """Swept keys that metrics are drawn over."""
-
-
-def _html_table(runs: Sequence[RunSummary], swept: Swept, take: Take, caption: str, out: Path) -> Table:
-    titles, rows = format_runs(runs, [*swept.keys, *swept.seeds], take)
-    linked = [[_link(run, name, out), *cells] for run, (name, *cells) in zip(runs, rows, strict=True)]
-    return Table(titles, linked, caption)
-
-
-def _link(run: RunSummary, name: str, out: Path) -> str | Link:
-    page = find_page(run.folder, out)
-    return Link(name, page) if page else name
 
 
 def _list_stopped(runs: Sequence[RunSummary]) -> list[Any]:
@@ -46,7 +35,7 @@ def _list_differences(runs: Sequence[RunSummary], swept: Swept) -> list[Any]:
         listed = ", ".join(values[:12]) + (f", ... ({len(values)} values)" if len(values) > 12 else "")
         rows.append([key, listed, *([", ".join(swept.linked.get(key, []))] if swept.linked else [])])
     if not rows:
-        return [Text("These runs have the same config, apart from settings that do not change the results.")]
+        return ["These runs have the same config, apart from settings that do not change the results."]
     titles = ["key", "values", *(["keys that vary with it"] if swept.linked else [])]
     return [Table(titles, rows, "What differs between the runs")]
 
@@ -59,30 +48,27 @@ def _make_line_names(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[st
     return named if keys and len(keys) <= 3 and len(set(named)) == len(runs) else make_names(runs)
 
 
-def make_sweep_report(runs: Sequence[RunSummary], title: str, out: Path) -> Report:
+def make_sweep_report(runs: Sequence[RunSummary], title: str) -> Report:
     """The report of several runs.
 
     Args:
         runs: two or more.
         title: of the page.
-        out: folder of the report.
     """
     swept = find_swept(runs)
     results = [run for run in runs if run.is_result]
     keys = [*swept.keys, *swept.seeds]
     names = _make_line_names(results, keys)
     curves = draw_learning_curves(results, names, keys or ["scenario"])
-    beside = draw_side_by_side(results, names)
     over = [drawing for key in swept.keys[:MOST_KEYS] for drawing in draw_over_key(results, key, swept.keys)]
-    final = _html_table(runs, swept, RunSummary.final, "Metrics of the last whole cycle, pooled over the legs", out)
+    final = Table(*format_runs(runs, keys), "Metrics of the last whole cycle, pooled over the legs")
     best = "Best values over all whole cycles: smallest error, largest share"
-    folded = Folded(best, [_html_table(runs, swept, RunSummary.best, "", out)])
+    folded = Folded(best, [Table(*format_runs(runs, keys, RunSummary.best))])
     place = os.path.commonpath([run.folder.resolve().parent for run in runs])
-    pages = Text(f"Runs are folders below {place}; one with a page of its own is a link. {HOW_TO_REPORT}")
+    pages = f"Runs are folders below {place}. {HOW_TO_REPORT}"
     sections = [Section("The runs", [*_list_differences(runs, swept), final, pages, *_list_stopped(runs), folded])]
     sections += [Section("Metrics over the swept keys", over)] if over else []
     sections += [Section("Learning curves", curves)] if curves else []
-    sections += [Section("Side by side", beside)] if beside else []
     ended = {
         status: sum(run.status == status for run in runs) for status in dict.fromkeys(run.status for run in runs)
     }

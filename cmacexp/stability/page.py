@@ -12,7 +12,7 @@ from cmacexp.data.manifest import REPORT
 from cmacexp.data.tables import TRACE
 from cmacexp.metrics.text import format_cell
 from cmacexp.report.markdown import render_markdown
-from cmacexp.report.page import Report, write_report_in
+from cmacexp.report.page import Report, write_report
 from cmacexp.report.render import Renderer
 from cmacexp.stability import figures
 from cmacexp.stability.analysis import LEADS, Analysis
@@ -107,4 +107,4 @@ def write_stability_report(analysis: Analysis, folder: Path) -> Path:
             },
         )
         inputs = [run.folder / TRACE, *renderer.files]
-        return write_report_in(place, Report(title, verdict(analysis), sections, inputs, asked))
+        return write_report(Report(title, verdict(analysis), sections, inputs, asked), place)

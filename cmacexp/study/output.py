@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
+from markupsafe import Markup
 
 from cmacexp.data.folder import Place
 from cmacexp.data.parquet import write_table
-from cmacexp.report.page import Report, relative, write_report_in
-from cmacexp.report.parts import Html, Section
+from cmacexp.report.page import Report, relative, write_report
+from cmacexp.report.parts import Section
 from cmacexp.study.page import QUICK, Evaluated, make_claims_section, make_reading_section
 from cmacexp.study.results import Results
 from cmacexp.study.statements import Found, Judged, Measured
@@ -82,7 +83,7 @@ def write_page(
     folder = place.folder
     claims = [judged for study in studies for judged in study.claims.values()]
     sections = [make_claims_section(claims, folder)] if claims else []
-    sections += [Section("Quick run", [Html(f'<p class="banner">{QUICK}</p>')])] if quick else []
+    sections += [Section("Quick run", [Markup(f'<p class="banner">{QUICK}</p>')])] if quick else []
     sections += [section for study in studies for section in study.sections]
     files = [file for study in studies for file in study.files]
     if not quick:
@@ -93,4 +94,4 @@ def write_page(
         files.append(place.new / CLAIMS)
     config = {"studies": [study.name for study in studies], "quick": quick}
     report = Report(title, question, sections, sorted({*files, *inputs}), config, runs)
-    return write_report_in(place, report, key)
+    return write_report(report, place, key)

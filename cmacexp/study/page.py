@@ -7,11 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
 from cmacexp.config.fields import listed
 from cmacexp.errors import BadInput
 from cmacexp.report.markdown import find_insertions, render_markdown
 from cmacexp.report.page import HOW_TO_REPORT, find_page
-from cmacexp.report.parts import Html, Section
+from cmacexp.report.parts import Section
 from cmacexp.report.render import Renderer
 from cmacexp.study.interval import GUARD, TRIMMED_FROM
 from cmacexp.study.results import LAST_CYCLES, Results
@@ -93,7 +95,7 @@ spread is given {guard:g} % to either side.</p>"""
 
 def make_reading_section() -> Section:
     """The section of a report that says how its values and intervals are to be read."""
-    return Section("How to read the values", [Html(READING.format(trimmed=TRIMMED_FROM, guard=100.0 * GUARD))])
+    return Section("How to read the values", [Markup(READING.format(trimmed=TRIMMED_FROM, guard=100.0 * GUARD))])
 
 
 def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
@@ -112,4 +114,4 @@ def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
         place=", ".join(sorted({str(run.parent) for own in runs for run in own})),
         how_to_report=HOW_TO_REPORT,
     )
-    return Section("The claims", [Html(table)])
+    return Section("The claims", [Markup(table)])

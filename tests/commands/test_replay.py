@@ -162,7 +162,7 @@ def test_a_recording_that_is_there_is_kept_until_another_is_asked_for(copy, tmp_
     folder = copy("leg_none")
     replay(folder, "--cycles", "last2", folder=tmp_path)
     before = (folder / "recording.rrd").read_bytes()
-    assert "one_leg leg_none, cycles 3 to 4, every step (as it was built" in replay(folder, folder=tmp_path).stdout
+    assert "recording.rrd: as it was built" in replay(folder, folder=tmp_path).stdout
     replay(folder, "--cycles", "1", "--out", "apart/first.rrd", folder=tmp_path)
     assert name_in(tmp_path / "apart" / "first.rrd") == "one_leg leg_none, cycle 1, every step"
     assert (folder / "recording.rrd").read_bytes() == before

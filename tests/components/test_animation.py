@@ -66,19 +66,6 @@ def stored(tmp_path):
     return cmacexp.run(RUN, tmp_path / "run").folder
 
 
-def test_a_picture_replaces_an_earlier_one_alone(monkeypatch, stored, tmp_path, capsys):
-    monkeypatch.setattr(animation, "FRAMES_PER_SECOND", 0.5)
-    assert [animate(monkeypatch, stored, tmp_path / "out") for _ in range(2)] == [0, 0]
-    (tmp_path / "own").mkdir()
-    own = tmp_path / "own" / "animation.gif"
-    Image.new("L", (2, 2)).save(own)
-    before = own.read_bytes()
-    capsys.readouterr()
-    assert animate(monkeypatch, stored, own.parent) == 2
-    assert capsys.readouterr().err.startswith(f"error: --out={own.parent}: holds another animation.gif; move it")
-    assert own.read_bytes() == before
-
-
 def test_a_picture_is_not_put_into_a_folder_in_use(monkeypatch, stored, tmp_path, capsys):
     with locked(tmp_path / "out", "key"):
         assert animate(monkeypatch, stored, tmp_path / "out") == 2

@@ -17,7 +17,7 @@ from cmacexp.experiment.collect import collect
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.workers import workers
 from cmacexp.report.page import Report, write_report
-from cmacexp.report.parts import Section, Table, Text
+from cmacexp.report.parts import Section, Table
 from cmacexp.study import Request
 from cmacexp.study.state import is_up_to_date
 
@@ -114,7 +114,7 @@ def test_a_stored_run_gives_its_tables(finished):
 
 
 def make_report(folder, run):
-    section = Section("One & only", [Text("a < b"), Table(["x", "y"], [["1", "2"]])])
+    section = Section("One & only", ["a < b", Table(["x", "y"], [["1", "2"]])])
     return write_report(Report("T", "S", [section], [run / "trace.parquet"]), folder, "key")
 
 

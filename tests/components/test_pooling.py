@@ -28,7 +28,7 @@ from cmacexp.metrics.metric import (
 )
 from cmacexp.metrics.pooling import pool_legs
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, SHOWN
-from cmacexp.metrics.summary import format_cycles
+from cmacexp.metrics.summary import tabulate_cycles
 from cmacexp.metrics.text import format_cell
 from cmacexp.report.comparison import format_runs, make_rows
 from cmacexp.report.run_figures import KEY, PANELS, draw_metrics
@@ -93,9 +93,8 @@ def test_the_pools_follow_their_names(walk):
 
 def test_terminal_and_notebook_show_the_pooled_values(walk):
     run, values = walk
-    titles, rows = format_cycles(run.scores)
-    main = select_shown(values)
-    assert titles == [("cycle", ""), *((shown.title, shown.unit) for shown in main.values())]
+    main, rows = tabulate_cycles(run.scores)
+    assert main == select_shown(values)
     for cycle, row in enumerate(rows):
         numbers = [format_cell(values[name][cycle] * shown.factor) for name, shown in main.items()]
         assert row == [str(cycle + 1), *numbers]

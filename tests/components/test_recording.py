@@ -3,14 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.views import make_walk
 
-from cmacexp.recording.axes import find_times, value_ranges, widen_range
+from cmacexp.recording.axes import value_ranges, widen_range
+from cmacexp.recording.blueprint import describe_key
 from cmacexp.recording.events import find_events
-from cmacexp.recording.key import describe_key
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
@@ -47,17 +46,6 @@ def test_moments_are_the_planned_ones_until_the_contact_follows():
     assert events["foot 2 touches down (as in Fig. 20)"] == 10
     margin = 1e3 * view.body["margin_front"][9]
     assert events[f"planned front margin least, {margin:.0f} mm, foot 2 aloft (as in Fig. 19)"] == 9
-
-
-def test_a_step_response_is_shown_until_it_has_long_settled():
-    view = make_walk()
-    leg = replace(view.legs[0], support=np.ones_like(view.legs[0].support), hip=(0.0, 0.0))
-    steady = {**leg.columns, "y": leg["y_desired"] * 0.0 + 0.5, "y_desired": leg["y_desired"] * 0.0 + 0.5}
-    steady |= dict.fromkeys(("force", "force_measured", "force_desired"), np.append(np.zeros(4), np.ones(16)))
-    step = replace(view, legs=[replace(leg, columns=steady)])
-    assert find_times([step]) == pytest.approx((0.0, 0.8, 1.9))
-    assert find_times([view]) == pytest.approx((0.0, 1.9, 1.9))
-    assert find_times([step, view]) == pytest.approx((0.0, 1.9, 1.9))
 
 
 def test_the_key_names_cycles_where_all_runs_show_the_same():

@@ -263,10 +263,10 @@ def test_the_claims_begin_with_the_count_and_the_meaning_of_each_verdict(tmp_pat
         Claim(f"it is {i}", "section 1", [criterion(value)]).judge(made(0.1)) for i, value in enumerate((0.5, 0.5, 3))
     ]
     (part,) = make_claims_section(claims, tmp_path).parts
-    summary, _, table = part.html.partition("<table")
+    summary, _, table = part.partition("<table")
     counts = dict(re.findall(r">([a-z ]+)</span></dt><dd class=\"count\">(\d)", summary))
     assert counts == dict.fromkeys(VERDICTS, "0") | {"reproduced": "2", "contradicted": "1"}
-    assert all(part.html.count(meaning) == 1 and meaning in summary for meaning in VERDICTS.values())
+    assert all(part.count(meaning) == 1 and meaning in summary for meaning in VERDICTS.values())
     assert table.count("verdict reproduced") == 2
 
 
@@ -278,6 +278,6 @@ def test_a_claim_links_to_the_pages_of_its_runs_and_says_how_to_make_them(tmp_pa
     (part,) = make_claims_section(
         [Judged(Claim("it", "1", [measured.criterion]), [measured])], tmp_path / "page"
     ).parts
-    assert re.findall(r'href="([^#"]+)"', part.html) == ["../runs/a/report/report.html"]
-    assert "python -m cmacexp.report FOLDER" in part.html
-    assert str(tmp_path / "runs") in part.html
+    assert re.findall(r'href="([^#"]+)"', part) == ["../runs/a/report/report.html"]
+    assert "python -m cmacexp.report FOLDER" in part
+    assert str(tmp_path / "runs") in part

@@ -20,7 +20,7 @@ from cmacexp.metrics.metric import NEITHER
 from cmacexp.metrics.pooling import count_legs, describe_pooling, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, RANKED, SHOWN
 from cmacexp.metrics.score import RunScorer, score_traces
-from cmacexp.metrics.summary import BETWEEN, ENDS, MOST_ROWS, format_cycles, shorten, tabulate_cycles
+from cmacexp.metrics.summary import BETWEEN, ENDS, MOST_ROWS, shorten, tabulate_cycles
 from cmacexp.metrics.text import format_cell
 from cmacexp.typing import Array
 
@@ -167,9 +167,6 @@ def test_a_table_has_a_row_of_each_cycle_and_a_column_of_each_main_metric_in_its
     assert [row[0] for row in rows] == ["1", "2", "3", "4", "5"]
     for cycle, (_, *cells) in enumerate(rows):
         assert cells == [format_cell(shown.factor * pooled[name][cycle]) for name, shown in main.items()]
-    titles, short = format_cycles(scores)
-    assert titles == [("cycle", ""), *((shown.title, shown.unit) for shown in main.values())]
-    assert short == rows
 
 
 def test_a_metric_is_judged_and_ranked_if_one_of_two_values_is_the_better_one():

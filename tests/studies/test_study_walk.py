@@ -35,7 +35,7 @@ def a_walk(force=None, cycles=3) -> Walk:
     for i in range(4):
         columns = {"x": zero, "y": zero + 0.5}
         columns |= {"force": np.tile(force[:, i], cycles), "force_desired": np.tile(desired[:, i], cycles)}
-        legs.append(LegView(i + 1, "", columns, np.tile(support[:, i], cycles), (0.3, 0.3), HIPS[i]))
+        legs.append(LegView(i + 1, "", columns, np.tile(support[:, i], cycles), 0.3, HIPS[i]))
     body = {"height": zero + 0.5} | dict.fromkeys(("cog_x", "cog_y", "yaw", "pitch", "roll"), zero)
     true = margins(np.broadcast_to(HIPS, (len(zero), 4, 2)), np.tile(force > 0.0, (cycles, 1)))
     body |= dict(zip(TRUE_MARGINS, true.T, strict=True))

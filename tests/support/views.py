@@ -24,7 +24,7 @@ def make_walk(number=1, error=0.0, force=10.0) -> RunView:
     columns |= dict.fromkeys(("force_desired", "force_measured"), columns["force"])
     columns |= {f"tau_{source}_{joint}": zero for source in ("feedback", "feedforward") for joint in (1, 2)}
     legs = [
-        LegView(index, f"leg {index}", dict(columns), lift == 0.0, (0.25, 0.25), hip)
+        LegView(index, f"leg {index}", dict(columns), lift == 0.0, 0.25, hip)
         for index, hip in enumerate(HIPS, start=1)
     ]
     body = {"height": zero + 0.5, "margin_front": np.linspace(0.2, 0.1, STEPS)}
