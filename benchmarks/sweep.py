@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.timing import ROOT, Table, compared, in_turn, python, stopwatch
+from benchmarks.timing import ROOT, WITHOUT_PRIVATE_NAMES, Table, compared, in_turn, python, stopwatch
 
 EMPTY = """
 import hydra
@@ -42,6 +42,7 @@ def tables(quick: bool) -> list[Table]:
             "empty": sweep("empty", "empty.py", "-m", f"+seed=range({runs})"),
             "same config": sweep("same", "same_config.py", "-m", f"seed=range({runs})"),
             "basic": sweep("basic", *ours),
+            "public": sweep("public", *WITHOUT_PRIVATE_NAMES, *ours[2:]),
         }
         if importlib.util.find_spec("hydra_plugins.hydra_joblib_launcher"):
             workers["joblib"] = sweep("joblib", *ours, "hydra/launcher=joblib", f"hydra.launcher.n_jobs={CORES}")
@@ -51,6 +52,7 @@ def tables(quick: bool) -> list[Table]:
         compared(times, what, "basic", "empty", "empty Hydra app", "1.6"),
         compared(times, what, "basic", "same config", "Hydra app with this config that does nothing"),
     ]
+    rows.append(compared(times, f"{what}, without Hydra's private names", "public", "basic", "with them"))
     if "joblib" in times:
         rows.append(compared(times, f"{runs} runs, `joblib` on {CORES} cores", "joblib", "basic", "`basic`", "1"))
     return [Table("Sweep, `record=trace`", rows)]

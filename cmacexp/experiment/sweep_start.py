@@ -1,4 +1,4 @@
-"""The start of a sweep: record its folder and jobs, set ``record=trace`` by default."""
+"""The start of a sweep: record its folder and jobs, set ``record=trace`` by default, read each config file once."""
 
 import math
 import re
@@ -18,6 +18,7 @@ from hydra.experimental.callback import Callback
 from hydra.plugins.sweeper import Sweeper
 from omegaconf import DictConfig, OmegaConf
 
+from cmacexp.config.hydra_private import read_config_files_once
 from cmacexp.errors import BadInput
 
 if TYPE_CHECKING:
@@ -133,6 +134,7 @@ class SweepStart(Callback):
             sweep.check(sweeper, batch)
 
         Sweeper.validate_batch_is_legal = check  # type: ignore[method-assign, assignment]  # called by all sweepers
+        read_config_files_once(GlobalHydra.instance().hydra)
 
 
 def _check_size(config: DictConfig) -> None:
