@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cmacexp.control import CmacFeedforward, HybridController
+from cmacexp.control import HybridController
+from cmacexp.feedforward import CmacFeedforward
 from cmacexp.feedforward.network import planned_inputs as of_leg
 from cmacexp.loop.scenario import Scenario
 from cmacexp.models.mechanism import LEGS_ON_STAND

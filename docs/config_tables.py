@@ -15,8 +15,8 @@ from typing import Any, NamedTuple, get_args
 import yaml
 
 from cmacexp.cmac.rules import RULES
-from cmacexp.config import Config
-from cmacexp.config.compose import compose_with_choices
+from cmacexp.config import Config, to_config
+from cmacexp.config.compose import compose_untyped
 from cmacexp.config.describe import read_meanings
 from cmacexp.config.fields import describe_range
 from cmacexp.config.folder import config_folder
@@ -34,8 +34,13 @@ GROUPS = [
 NAMES = {"rule": RULES}
 """Names that a field takes, where they are a table of the code and not of the config."""
 VARIES = "depends on NAME"
-composed = cache(lambda *overrides: compose_with_choices(overrides))
-"""The config of these overrides, and the option that each group has in it."""
+
+
+@cache
+def composed(*overrides: str) -> tuple[Config, dict[str, str]]:
+    """The config of these overrides, and the option that each group has in it."""
+    config, choices = compose_untyped(overrides)
+    return to_config(config), choices
 
 
 class Row(NamedTuple):

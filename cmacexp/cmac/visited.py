@@ -5,11 +5,24 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cmacexp.cmac.changes import find_entered
 from cmacexp.errors import BadInput
-from cmacexp.typing import Cells
+from cmacexp.typing import Cells, Mask
 
 Positions = NDArray[np.uint64]
+
+
+def find_entered(cells: Cells | Positions) -> Mask:
+    """Whether an active cell is new, (samples, C): none in its layer at the sample before.
+
+    Every distinct cell is entered, and in the order of the array it is entered where it first occurs. So far fewer
+    cells have to be sorted to find the distinct ones than are active.
+
+    Args:
+        cells: (samples, C): active cells along a path, or their rows.
+    """
+    entered = np.ones(cells.shape, dtype=bool)
+    np.not_equal(cells[1:], cells[:-1], out=entered[1:])
+    return entered
 
 
 @dataclass

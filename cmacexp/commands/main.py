@@ -127,7 +127,7 @@ class _Task:
 
 def _run(composed: DictConfig, folder: Path) -> str:
     """Run a config and print what it gave; the status of the run."""
-    config = to_config(composed, HydraConfig.get().runtime.choices)
+    config = to_config(composed)
     if config.sweep.resume:
         raise BadInput("sweep.resume", True, "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR")
     with interrupt_held_back():  # some libraries cannot be imported partially

@@ -1,7 +1,9 @@
 """Check a config before anything is planned or simulated."""
 
+from typing import Any
+
 from cmacexp.config.check_environment import check_payload, check_slope, check_stiffness_step
-from cmacexp.config.check_gait import check_legs, check_pattern, check_timing
+from cmacexp.config.check_gait import Mistakes, check_legs, check_pattern, check_timing
 from cmacexp.config.cmac import check_cmac
 from cmacexp.config.component import COMPONENTS, ComponentConfig
 from cmacexp.config.fields import check_fields
@@ -24,37 +26,35 @@ def check_robot(config: Config) -> None:
         read_model(config.machine)
 
 
-def check_gains(config: Config) -> None:
-    """Require a velocity gain above 0, of whatever controller, where the reference divides by it."""
-    if config.force_control.method == "damping" and config.gains is not None and config.gains[1] == 0.0:
-        raise BadInput("controller.velocity_gain", 0.0, "must be above 0 with force_control=damping (eq. 11)")
-
-
-def check_length(config: Config) -> None:
-    """Check that a cycle fits into memory, and that the trace can count the steps of the run."""
+def check_run(config: Config) -> Mistakes:
+    """The cycles fit into memory, trace and run; delays and gains fit the cycle and the method of force control."""
     steps = config.steps_per_cycle
     if steps * config.legs > MOST_ROWS:
-        raise BadInput(
-            "sampling_period",
-            config.sampling_period,
-            f"gives {steps} steps a cycle, more than the {MOST_ROWS // config.legs} that a cycle can have",
-        )
+        most = MOST_ROWS // config.legs
+        yield "sampling_period", f"gives {steps} steps a cycle, more than the {most} that a cycle can have"
     if config.cycles > MOST_STEPS // steps:
-        raise BadInput("cycles", config.cycles, f"must be at most {MOST_STEPS // steps} with {steps} steps a cycle")
-
-
-def check_actuator(config: Config) -> None:
-    """Check that the delay of the torques is shorter than a cycle."""
-    longest = config.steps_per_cycle - 1
-    if config.actuator.delay > longest:
-        raise BadInput("actuator.delay", config.actuator.delay, f"must be at most {longest}, less than a cycle")
-
-
-def check_record(config: Config) -> None:
-    """Check that the cycles to be recorded are cycles of the run."""
-    for cycle in config.record.cycles or []:
+        yield "cycles", f"must be at most {MOST_STEPS // steps} with {steps} steps a cycle"
+    for i, cycle in enumerate(config.record.cycles or []):
         if cycle > config.cycles:
-            raise BadInput("record.cycles", cycle, f"must be at most {config.cycles}, the cycles of the run")
+            yield f"record.cycles.{i}", f"must be at most {config.cycles}, the cycles of the run"
+    if config.force_control.method == "damping" and config.gains is not None and config.gains[1] == 0.0:
+        yield "controller.velocity_gain", "must be above 0 with force_control=damping (eq. 11)"
+    if config.actuator.delay >= steps:
+        yield "actuator.delay", f"must be at most {steps - 1}, less than a cycle"
+
+
+CHECKS = (check_timing, check_legs, check_stiffness_step, check_slope, check_payload, check_pattern, check_run)
+
+
+def _mistake(config: Config, key: str, allowed: str) -> BadInput:
+    """The mistake of a key, whose last part may be the place of an item in a list."""
+    value: Any = config
+    for name in key.split("."):
+        if isinstance(value, list):
+            value, key = value[int(name)], key.removesuffix(f".{name}")
+        else:
+            value = value[name] if isinstance(value, dict) else getattr(value, name)
+    return BadInput(key, value, allowed)
 
 
 def check(config: Config) -> None:
@@ -65,17 +65,10 @@ def check(config: Config) -> None:
     """
     check_fields(config)
     check_robot(config)
-    check_timing(config)
-    check_legs(config)
-    check_stiffness_step(config)
-    check_slope(config)
-    check_payload(config)
-    check_pattern(config)
-    check_length(config)
-    check_record(config)
-    check_gains(config)
+    for find_mistakes in CHECKS:
+        for key, allowed in find_mistakes(config):
+            raise _mistake(config, key, allowed)
     check_cmac(config.cmac, config.joints)
-    check_actuator(config)
     for group in COMPONENTS:
         component = getattr(config, group)
         if isinstance(component, ComponentConfig):

@@ -4,7 +4,6 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
-from pathlib import Path
 from typing import Any, ClassVar
 
 from omegaconf import DictConfig, OmegaConf
@@ -12,7 +11,6 @@ from omegaconf import DictConfig, OmegaConf
 from cmacexp.config.cmac import ACTS
 from cmacexp.config.folder import config_folder
 from cmacexp.config.schema import Config
-from cmacexp.config.targets import NEW_NAMES
 from cmacexp.errors import BadInput, suggest
 
 COMPONENTS = ("plant", "sensors", "controller", "feedforward")
@@ -48,7 +46,6 @@ class FeedforwardConfig(ComponentConfig):
 @cache
 def find_option(group: str, target: str) -> str:
     """The option of a group that makes the class ``target``, else the name of the class."""
-    target = NEW_NAMES.get(target, target)
     for path in sorted((config_folder() / group).glob("*.yaml")):
         option = OmegaConf.load(path)
         if isinstance(option, DictConfig) and target in (
@@ -84,53 +81,37 @@ def _fields_taken(component: Callable[..., object]) -> dict[str, bool] | None:
     return {each.name: each.default is each.empty for each in named}
 
 
-def _fields_set(path: Path, group: str) -> set[str]:
-    """Fields of ``group`` that a shipped option, and those that it builds on, set."""
-    option: Any = OmegaConf.load(path)
-    own = option if path.parent.name == group and group not in option else option.get(group, {})
-    bases = [each for each in option.get("defaults", []) if isinstance(each, str) and each != "_self_"]
-    inherited = [_fields_set(path.with_name(f"{base}.yaml"), group) for base in bases]
-    return {str(name) for name in own if name not in ("_target_", "defaults")}.union(*inherited)
+@cache
+def _fields_of_options(group: str) -> set[str]:
+    """Fields of ``group`` that some option of it has, or that a scenario or plant sets in it."""
+    names: set[str] = set()
+    for folder in (group, "scenario", "for_plant"):
+        for path in (config_folder() / folder).glob("*.yaml"):
+            option: Any = OmegaConf.load(path)
+            names.update(option if folder == group else option.get(group, {}))
+    return names - {"_target_", "defaults"}
 
 
-def _fields_of_options(group: str, choices: Mapping[str, str] | None) -> set[str]:
-    """Fields of ``group`` that the option chosen for it has, or that a scenario or plant sets in it.
-
-    Args:
-        group: of a component.
-        choices: the option of each group; None: not known.
-    """
-    conf = config_folder()
-    options = (conf / group).glob("*.yaml" if choices is None else f"{choices.get(group)}.yaml")
-    others = [*(conf / "scenario").glob("*.yaml"), *(conf / "for_plant").glob("*.yaml")]
-    return set().union(*(_fields_set(path, group) for path in [*options, *others]))
-
-
-def fit_fields(
-    group: str, node: Mapping[str, Any], component: Callable[..., object], choices: Mapping[str, str] | None
-) -> dict[str, Any]:
-    """A config node without the fields that its class does not take, where they stem from the option it replaces.
+def fit_fields(group: str, node: Mapping[str, Any], component: Callable[..., object]) -> dict[str, Any]:
+    """A config node without the fields of options that its class does not take: it may have replaced an option.
 
     Args:
         group: of the component.
         node: its ``_target_`` and fields.
         component: the class that it names.
-        choices: the option of each group; None: not known, so that fields of any option of the group may remain.
 
     Raises:
-        BadInput: the class does not take a field, or needs one that is missing.
+        BadInput: a field is of no option and the class does not take it, or the class needs one that is missing.
     """
     taken = _fields_taken(component)
     if taken is None:
         return dict(node)
-    given = [name for name in node if name != "_target_"]
-    unknown = [name for name in given if name not in taken]
-    unused = _fields_of_options(group, choices) if unknown else set()
+    unknown = [name for name in node if name not in taken and name != "_target_"]
     takes = f"{node['_target_']} takes {', '.join(taken) or 'no fields'}"
     for name in unknown:
-        if name not in unused:
+        if name not in _fields_of_options(group):
             raise BadInput(f"{group}.{name}", node[name], takes + suggest(name, taken))
     for name, required in taken.items():
-        if required and name not in given:
+        if required and name not in node:
             raise BadInput(f"{group}.{name}", "(not set)", f"{takes}: give it one with +{group}.{name}=VALUE")
     return {name: value for name, value in node.items() if name not in unknown}

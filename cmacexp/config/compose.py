@@ -57,21 +57,13 @@ def compose_config(overrides: Sequence[str], config_dir: str | Path | None = Non
     Raises:
         CmacexpError: a name or a value is not valid; the message is that of the command line.
     """
-    return compose_with_choices(overrides, config_dir)[0]
-
-
-def compose_with_choices(
-    overrides: Sequence[str], config_dir: str | Path | None = None
-) -> tuple[Config, dict[str, str]]:
-    """:func:`compose_config`, with the option that is chosen in each group, e.g. ``{"feedforward": "cmac"}``."""
-    composed, choices = compose_untyped(overrides, config_dir)
-    return to_config(composed, choices), choices
+    return to_config(compose_untyped(overrides, config_dir)[0])
 
 
 def compose_untyped(
     overrides: Sequence[str], config_dir: str | Path | None = None
 ) -> tuple[DictConfig, dict[str, str]]:
-    """What :func:`cmacexp.config.to_config` takes: a config as Hydra composes it, and the options chosen in it.
+    """What :func:`cmacexp.config.to_config` takes, and the option of each group, e.g. ``{"feedforward": "cmac"}``.
 
     Raises:
         CmacexpError: Hydra cannot compose it.

@@ -1,8 +1,9 @@
-"""Config fields with their unit and range, and the one check of them all."""
+"""Config fields with their unit and range; how a config is made of plain values, and the one check of them all."""
 
 import inspect
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, field, fields, is_dataclass
 from functools import cache
 from types import NoneType, UnionType
@@ -12,6 +13,8 @@ from cmacexp.errors import BadInput
 
 TYPES = {int: "a whole number", float: "a number", bool: "true or false", str: "a word"}
 """Types of values in words."""
+FLAGS = dict.fromkeys(("true", "yes", "on", "y", "1"), True) | dict.fromkeys(("false", "no", "off", "n", "0"), False)
+"""What can be typed for a flag."""
 
 
 def number(
@@ -109,7 +112,48 @@ def _describe_type(declared: Any) -> str:
             words.append(f"a list in which each is {TYPES.get(get_args(kind)[0], 'a value')}")
         else:
             words.append("null" if kind is NoneType else TYPES.get(kind, "a group of fields"))
-    return "must be " + ", or ".join(words)
+    quotes = "; if it looks like a number, put it into quotes" if TYPES[str] in words else ""
+    return "must be " + ", or ".join(words) + quotes
+
+
+def _convert(value: Any, declared: Any, key: str) -> Any:
+    """A plain value as a field of type ``declared`` holds it; unchanged if it cannot, which a check then reports."""
+    if _has_type(value, declared):
+        return value
+    for kind in _choices_of_type(declared):
+        if is_dataclass(kind) and isinstance(value, Mapping):
+            return make_config(kind, value, key)
+        if get_origin(kind) is list and isinstance(value, list):
+            return [_convert(item, get_args(kind)[0], key) for item in value]
+        if kind is bool and str(value).lower() in FLAGS:
+            return FLAGS[str(value).lower()]
+        if kind in (int, float) and type(value) in (int, str):
+            with suppress(ValueError, OverflowError):
+                return kind(value)
+    return value
+
+
+def make_config(schema: Any, node: Mapping[str, Any], key: str = "") -> Any:
+    """A config dataclass of plain values, as YAML holds them; :func:`check_fields` checks their types and ranges.
+
+    Args:
+        schema: the dataclass.
+        node: values by the names of its fields.
+        key: the config key of ``node``, empty at the root.
+
+    Raises:
+        BadInput: a key is not that of a field, or a field without default is missing.
+    """
+    before, types = f"{key}." if key else "", _declared_types(schema)
+    declared = {each.name: each for each in fields(schema)}
+    for name in node:
+        if name not in declared:
+            allowed = f"no such key; {key or 'the config'} has {listed(list(declared))}"
+            raise BadInput(f"{before}{name}", node[name], allowed)
+    for name, each in declared.items():
+        if name not in node and each.default is MISSING and each.default_factory is MISSING:
+            raise BadInput(before + name, "(not set)", "must have a value")
+    return schema(**{name: _convert(value, types[name], before + name) for name, value in node.items()})
 
 
 def check_fields(node: object, prefix: str = "") -> None:

@@ -9,10 +9,10 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from cmacexp.config.fields import check_fields
-from cmacexp.config.lead import lead_coefficients
+from cmacexp.config.fields import check_fields, make_config
 from cmacexp.config.machine import RobotModel, read_model
 from cmacexp.errors import BadInput
+from cmacexp.models.lead import discretise
 from cmacexp.models.robot_gains import Basis, Gains, derive_basis, derive_gains
 
 DIGITS = 6
@@ -41,7 +41,7 @@ def _derive_gains(basis: Basis, root: DictConfig) -> Gains:
     if OmegaConf.select(root, "controller.lead_omega") is None:  # a custom controller without a compensator
         return derive_gains(basis, period, 1.0)
     omega, alpha = (_read_number(root, f"controller.lead_{name}") for name in ("omega", "alpha"))
-    return derive_gains(basis, period, lead_coefficients(omega, alpha, period)[0])
+    return derive_gains(basis, period, discretise(omega, alpha, period).b0)
 
 
 def _read_number(root: DictConfig, key: str) -> float:
@@ -56,16 +56,11 @@ def _read_machine(root: DictConfig) -> RobotModel:
     kind = OmegaConf.select(root, "machine.kind")
     if kind != "robot":
         raise BadInput("machine.kind", kind, "must be robot where settings follow from its model: choose machine=go1")
-    given = {each.name: _plain(OmegaConf.select(root, f"machine.{each.name}")) for each in fields(RobotModel)}
-    model = RobotModel(**given)
+    names = [field.name for field in fields(RobotModel)]
+    given: Any = OmegaConf.to_container(OmegaConf.masked_copy(root.machine, names), resolve=True)
+    model: RobotModel = make_config(RobotModel, given, "machine")
     check_fields(model, "machine")
     return model
-
-
-def _plain(value: Any) -> Any:
-    """A value as a config holds it once it has been typed."""
-    plain = OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
-    return [float(each) if type(each) is int else each for each in plain] if isinstance(plain, list) else plain
 
 
 def find_mistake(error: BaseException | None) -> BadInput | None:

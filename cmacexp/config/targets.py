@@ -5,30 +5,12 @@ import inspect
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from cmacexp.config.fields import listed
 from cmacexp.errors import BadComponent, BadInput, format_install_command, suggest
-
-_FEEDFORWARDS = (
-    "CmacFeedforward",
-    "InverseDynamics",
-    "IterativeLearning",
-    "NoFeedforward",
-    "Perceptron",
-    "RadialBasis",
-)
-NEW_NAMES = {f"cmacexp.control.{name}": f"cmacexp.feedforward.{name}" for name in _FEEDFORWARDS}
-"""Targets that have moved, by their old names, which keep working."""
-
-
-@cache
-def say_new_name(target: str) -> None:
-    """Say once on stderr that a target has a new name."""
-    print(f"{target} is now {NEW_NAMES[target]}", file=sys.stderr)
 
 
 @contextmanager

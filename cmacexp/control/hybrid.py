@@ -7,9 +7,9 @@ import numpy as np
 from cmacexp.config import ComponentConfig, number
 from cmacexp.control.fault_detection import FaultDetection
 from cmacexp.control.hybrid_kernels import METHODS, HybridParams, HybridState, hybrid_feedback, new_hybrid_state
-from cmacexp.control.lead import discretise
 from cmacexp.control.protocol import Action
 from cmacexp.feedforward.protocol import Feedforward
+from cmacexp.models.lead import discretise
 from cmacexp.models.mechanism import GEOMETRY_FIELDS, update_geometry
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.plants.protocol import Measurement

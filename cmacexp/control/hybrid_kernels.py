@@ -16,9 +16,9 @@ from cmacexp.control.fault_detection import (
     new_fault_status,
     update_status,
 )
-from cmacexp.control.lead import Lead, lead_step
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import LEVEL, Pose, depth, depth_rate, make_pose
+from cmacexp.models.lead import Lead, lead_step
 from cmacexp.models.mechanism import PLANE, Mechanism, has_body, press_foot
 from cmacexp.planning.columns import (
     FORCE_ADDED,

@@ -96,8 +96,8 @@ def run(
     unknown = set(components) - set(COMPONENTS)
     if unknown:
         raise BadInput("run", ", ".join(sorted(unknown)), f"no such component; choose from {', '.join(COMPONENTS)}")
-    composed, choices = compose_untyped(config_overrides, config_dir)
-    config = to_config(composed, choices)
+    composed, _ = compose_untyped(config_overrides, config_dir)
+    config = to_config(composed)
     targets: dict[str, Any] = {
         key: {"_target_": f"{type(component).__module__}.{type(component).__qualname__}"}
         for key, component in components.items()

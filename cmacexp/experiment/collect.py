@@ -5,8 +5,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cmacexp.config import Config, config_hash, to_plain
-from cmacexp.config.compose import compose_with_choices
+from cmacexp.config import Config, config_hash, to_config, to_plain
+from cmacexp.config.compose import compose_untyped
 from cmacexp.data.folder import RUN_KEY, replacing
 from cmacexp.data.integrity import is_finished
 from cmacexp.experiment.workers import Each, share_progress
@@ -28,7 +28,8 @@ def _describe_files(config: Config) -> str:
 
 def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, Mapping[str, str], bool]:
     """Folder of the run of ``overrides``, its config, its options, and whether it is complete."""
-    config, choices = compose_with_choices([*overrides, "record=trace"])
+    composed, choices = compose_untyped([*overrides, "record=trace"])
+    config = to_config(composed)
     folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{_describe_files(config)}"
     return folder, config, choices, is_finished(folder, config)
 

@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from cmacexp.config import Config, to_plain
 from cmacexp.config.machine import RobotMachine, model_hash, read_model
-from cmacexp.control import HybridController, Learns
+from cmacexp.control import HybridController
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import sha256
@@ -30,6 +30,7 @@ from cmacexp.data.tables import (
 from cmacexp.data.trace_writer import trace_writer
 from cmacexp.data.weights import WEIGHTS, start_hash, write_weights
 from cmacexp.errors import BadInput, BadOutput, format_user_traceback
+from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.jit.sources import code_hash

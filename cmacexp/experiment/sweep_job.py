@@ -40,7 +40,7 @@ def run_job(composed: DictConfig) -> float | None:
     record, overrides, summary = make_record(composed), select_run_overrides(hydra.overrides.task), None
     name = f"#{hydra.job.num} {' '.join(overrides)}"
     try:
-        config = to_config(composed, hydra.runtime.choices)
+        config = to_config(composed)
         check_metric(config.optimize, config.machine.kind)
         result = _run_unless_finished(config, folder, record, overrides, report)
     except Exception as error:

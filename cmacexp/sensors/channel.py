@@ -14,8 +14,6 @@ NO_FAULT, ZERO, LAST, VALUE, BIAS, NOISE = range(6)
 FAULTS = {"none": NO_FAULT, "zero": ZERO, "last": LAST, "value": VALUE, "bias": BIAS, "noise": NOISE}
 WITHOUT_VALUE = ("none", "zero", "last")
 """Faults that take no value."""
-STUCK = ("zero", "last", "value")
-"""Faults after which a sensor no longer follows its signal."""
 
 CHANNEL = np.dtype(
     [

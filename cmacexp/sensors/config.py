@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from cmacexp.config import ComponentConfig, Config, choice, number
 from cmacexp.config.machine import HAS_BODY
 from cmacexp.errors import BadInput
-from cmacexp.sensors.channel import FAULTS, STUCK, WITHOUT_VALUE
+from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE
 
 UNIT = "unit of the signal"
 IMPERFECTIONS = ("noise", "noise_relative", "bias", "quantum", "delay", "dropout")
@@ -82,17 +82,6 @@ class SignalConfig:
             if start >= end:
                 raise BadInput(f"{place}.start", start, f"must be below {end:g} s, the end of the run")
         self.fault.check(f"{key}.fault")
-        if self.dropout and self.fault.kind in STUCK and self.breaks_where_it_drops(config.legs):
-            raise BadInput(
-                f"{key}.dropout",
-                self.dropout,
-                f"must be 0 with {key}.fault.kind={self.fault.kind}: a stuck sensor loses no samples; "
-                "let them affect different legs",
-            )
-
-    def breaks_where_it_drops(self, legs: int) -> bool:
-        """Whether drop-outs and fault concern the same sensor, in a machine of ``legs``."""
-        return True
 
 
 @dataclass
@@ -108,11 +97,6 @@ class LegSignalConfig(SignalConfig):
         for place, chosen in ((key, self.legs), (f"{key}.fault", self.fault.legs)):
             _check_legs(place, chosen, config.legs)
         super().check(key, config)
-
-    def breaks_where_it_drops(self, legs: int) -> bool:
-        """Whether drop-outs and fault share a leg."""
-        everyone = range(1, legs + 1)
-        return bool(set(self.legs or everyone) & set(self.fault.legs or everyone))
 
 
 def _check_legs(key: str, chosen: Sequence[int] | None, legs: int) -> None:

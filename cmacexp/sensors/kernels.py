@@ -19,9 +19,6 @@ from cmacexp.plants.protocol import Measurement, get_state, new_measurement
 from cmacexp.sensors.channel import Sensing, read_channel
 from cmacexp.typing import Scratch
 
-OF_A_BODY = 6
-"""Channels of the body, after those of the legs: height, pitch, roll, and their rates."""
-
 
 class Observation(NamedTuple):
     """Input of the controller: the fields of :class:`Measurement`, and what the Jacobians follow from."""

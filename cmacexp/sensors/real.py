@@ -7,14 +7,12 @@ import numpy as np
 from cmacexp.models.mix import mix
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
-from cmacexp.sensors.channel import CHANNEL, FAULTS, NO_FAULT, Channels, Sensing
+from cmacexp.sensors.channel import CHANNEL, FAULTS, NO_FAULT, Sensing
 from cmacexp.sensors.config import IMPERFECTIONS, FaultConfig, RealSensorsConfig, SignalConfig
-from cmacexp.sensors.kernels import OF_A_BODY, channels_of_a_leg, new_observation, read_sensors
+from cmacexp.sensors.kernels import new_observation, read_sensors
 from cmacexp.sensors.protocol import SIGNALS
 from cmacexp.typing import Counts
 
-OF_BODY = {"height": (0,), "tilt": (1, 2), "height_rate": (3,), "tilt_rate": (4, 5)}
-"""Channels of each signal of the body."""
 SENSOR_SEED = 0x53454E53
 """Separates the random numbers of sensors from those of other components under the same seed."""
 
@@ -40,24 +38,11 @@ def _channel(signal: SignalConfig, leg: int, sampling_period: float) -> tuple[An
     return tuple(row.values())
 
 
-def _places(name: str, legs: int, joints: int) -> list[int]:
-    """All channels of a signal of a machine with so many legs, of so many joints each."""
-    of_a_leg = channels_of_a_leg(joints)
-    if name in OF_BODY:
-        return [of_a_leg * legs + place for place in OF_BODY[name]]
-    within = {"force": (0,), "position": range(1, 1 + joints), "velocity": range(1 + joints, of_a_leg)}
-    return [of_a_leg * i + place for i in range(legs) for place in within[name]]
-
-
-def _channels(config: RealSensorsConfig, legs: int, joints: int, sampling_period: float) -> Channels:
-    """The channels of a machine, (C,)."""
-    of_a_leg = channels_of_a_leg(joints)
-    channels = np.zeros(of_a_leg * legs + OF_A_BODY, CHANNEL)
-    for name in SIGNALS:
-        for place in _places(name, legs, joints):
-            leg = 0 if name in OF_BODY else place // of_a_leg + 1
-            channels[place] = _channel(getattr(config, name), leg, sampling_period)
-    return channels
+def _layout(legs: int, joints: int) -> list[tuple[str, int]]:
+    """Signal and leg, 0 for the body, of every channel, in the order in which ``read_sensors`` reads them."""
+    of_a_leg = ["force", *["position"] * joints, *["velocity"] * joints]
+    of_the_body = ["height", "tilt", "tilt", "height_rate", "tilt_rate", "tilt_rate"]
+    return [(name, leg + 1) for leg in range(legs) for name in of_a_leg] + [(name, 0) for name in of_the_body]
 
 
 def _keys(channels: int, seed: int) -> Counts:
@@ -90,11 +75,12 @@ class RealSensors:
 
     def reset(self, setup: Setup) -> None:
         """Prepare every channel; forget earlier readings."""
-        legs, joints = setup.mechanism.shape
-        channels = _channels(self.config, legs, joints, setup.config.sampling_period)
-        self.alters = tuple(name for name in SIGNALS if channels["alters"][_places(name, legs, joints)].any())
+        layout, period = _layout(*setup.mechanism.shape), setup.config.sampling_period
+        channels = np.array([_channel(getattr(self.config, name), leg, period) for name, leg in layout], CHANNEL)
+        altered = {name for (name, _), alters in zip(layout, channels["alters"], strict=True) if alters}
+        self.alters = tuple(name for name in SIGNALS if name in altered)
         self.mechanism, self.step = setup.mechanism, 0
-        self.observation = new_observation(legs, setup.mechanism.axes)
+        self.observation = new_observation(setup.mechanism.shape[0], setup.mechanism.axes)
         self.sensing = Sensing(
             ("position" in self.alters, "velocity" in self.alters),
             channels,

@@ -162,7 +162,7 @@ def test_score_refuses_a_changed_trace(run, tmp_path):
 
 
 def test_a_class_of_the_user_runs_in_the_place_of_the_one_it_is_made_from(tmp_path):
-    code = "from cmacexp.control import CmacFeedforward\n\nclass Lazy(CmacFeedforward):\n"
+    code = "from cmacexp.feedforward import CmacFeedforward\n\nclass Lazy(CmacFeedforward):\n"
     code += "    def predict(self, reference, learning_error):\n        return 0.0 * learning_error\n"
     (tmp_path / "mine.py").write_text(code)
     done = cmacexp("feedforward._target_=mine.Lazy", "cycles=2", "hydra.run.dir=r", folder=tmp_path)

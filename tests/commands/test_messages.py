@@ -31,7 +31,8 @@ from cmacexp.report.terminal import COMPILING
 PAGE = Path(__file__).with_name("messages.txt")
 COMPONENTS = """
 import numpy as np
-from cmacexp.control import Action, CmacFeedforward
+from cmacexp.control import Action
+from cmacexp.feedforward import CmacFeedforward
 from cmacexp.plants import AnalyticPlant
 
 class Still:

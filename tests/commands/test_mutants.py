@@ -85,8 +85,8 @@ def test_code_with_a_fault_has_the_same_functions(mutants):
 
 
 def test_the_quickest_tests_of_a_function_that_fit_are_chosen_and_figures_come_last(mutants):
-    mutant = next(own for own in mutants["cmacexp/control/lead.py"] if own.function)
-    called = [["control/lead.py", mutant.function]]
+    mutant = next(own for own in mutants["cmacexp/models/lead.py"] if own.function)
+    called = [["models/lead.py", mutant.function]]
     seconds = {"b::slow": 0.6 * BUDGET, "b::quick": 0.1, "a::slower": 0.7 * BUDGET, "a::other": 0.2}
     seconds |= {f"{FIGURES[0]}::all": 2.0 * BUDGET, "c::fixture": 0.3}
     calls = {test: called for test in seconds if test not in ("a::other", "c::fixture")} | {"c": called}

@@ -12,10 +12,11 @@ from support.manifests import change_manifest
 import cmacexp as package
 from cmacexp.commands.score import score
 from cmacexp.config.compose import compose_config
-from cmacexp.control import Action, CmacFeedforward, HybridController
+from cmacexp.control import Action, HybridController
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.experiment.run import run_scenario
+from cmacexp.feedforward import CmacFeedforward
 from cmacexp.loop import roll_out
 from cmacexp.loop.builtin import find_external
 from cmacexp.loop.scenario import make_scenario

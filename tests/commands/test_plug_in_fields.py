@@ -1,12 +1,10 @@
-"""The fields that a component takes: of the replaced option, typed by a config class, under an old target."""
+"""The fields that a component takes: of the replaced option, or typed by a config class."""
 
 import pytest
 from omegaconf import OmegaConf
 
 from cmacexp.config import to_config, to_plain
 from cmacexp.config.compose import compose_config
-from cmacexp.config.difference import flat
-from cmacexp.config.targets import NEW_NAMES, find_class, say_new_name
 from cmacexp.errors import BadInput
 from cmacexp.loop.scenario import make_scenario
 
@@ -30,22 +28,19 @@ def compose(*overrides):
     return compose_config(overrides)
 
 
-UNUSED = {
+UNKNOWN = {
     "controller._target_={}.Still +controller.friction=1": "controller.friction=1: {}.Still takes gain",
-    "plant._target_={}.Still +plant.friction=1": "plant.friction=1: {}.Still takes gain",
-    "feedforward._target_={}.Still +feedforward.cutoff=3": "feedforward.cutoff=3: {}.Still takes gain",
     "plant=mujoco_leg plant._target_={}.Still +plant.gravity=1": "plant.gravity=1: {}.Still takes gain",
     "+controller.gian=3": "controller.gian=3: cmacexp.control.HybridController takes position_gain, velocity_gain,",
-    "+feedforward.cutoff=3": "feedforward.cutoff=3: cmacexp.feedforward.CmacFeedforward takes no fields",
 }
-"""Fields that another option or another group has, but not the option that is replaced."""
+"""Fields that no option of the group has."""
 
 
-@pytest.mark.parametrize("overrides", UNUSED)
-def test_a_field_that_no_one_takes_is_an_error_unless_the_replaced_option_has_it(here, overrides):
+@pytest.mark.parametrize("overrides", UNKNOWN)
+def test_a_field_that_no_one_takes_is_an_error_unless_an_option_has_it(here, overrides):
     with pytest.raises(BadInput) as caught:
         compose(*overrides.format(here).split())
-    assert UNUSED[overrides].format(here) in str(caught.value)
+    assert UNKNOWN[overrides].format(here) in str(caught.value)
 
 
 def test_fields_of_the_replaced_option_and_of_the_scenario_are_dropped(here, tmp_path):
@@ -126,23 +121,9 @@ def test_a_class_with_another_constructor_than_its_base_says_that_it_has_no_conf
     assert (heir.stiffness, heir.config.position_gain) == (3, 100.0)
 
 
-def test_a_target_that_has_moved_keeps_working_and_says_its_new_name(capsys):
-    say_new_name.cache_clear()
-    for old, new in NEW_NAMES.items():
-        assert find_class("feedforward._target_", old) is find_class("feedforward._target_", new)
-    for _ in range(2):
-        config = compose("feedforward._target_=cmacexp.control.CmacFeedforward")
-    assert config == compose()
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line == "cmacexp.control.CmacFeedforward is now cmacexp.feedforward.CmacFeedforward"
-
-
-def test_the_manifest_of_an_old_run_still_loads(here, capsys):
+def test_a_manifest_may_hold_fields_of_a_replaced_option(here):
     plain = to_plain(compose("feedforward=ilc"))
-    plain["feedforward"]["_target_"] = "cmacexp.control.IterativeLearning"
     plain["controller"]["_target_"] = f"{here}.Still"  # with the fields of the option that it replaced
     config = to_config(OmegaConf.create(plain))
     assert config.feedforward == compose("feedforward=ilc").feedforward
     assert config.controller == {"_target_": f"{here}.Still"}
-    assert flat(plain)["feedforward"] == "ilc"
-    assert not capsys.readouterr().err

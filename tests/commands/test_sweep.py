@@ -123,10 +123,10 @@ def test_a_name_that_cannot_be_stops_the_sweep_before_its_first_job(tmp_path):
 
 
 def test_a_part_that_raises_fails_its_job_alone(tmp_path):
-    code = "from cmacexp.control import CmacFeedforward\n\nclass Broken(CmacFeedforward):\n"
+    code = "from cmacexp.feedforward import CmacFeedforward\n\nclass Broken(CmacFeedforward):\n"
     code += "    def reset(self, setup):\n        raise RuntimeError('no such luck')\n"
     (tmp_path / "mine.py").write_text(code)
-    targets = "feedforward._target_=mine.Broken,cmacexp.control.CmacFeedforward"
+    targets = "feedforward._target_=mine.Broken,cmacexp.feedforward.CmacFeedforward"
     done = cmacexp("-m", targets, "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
     assert done.returncode == 1
     assert table_of(tmp_path / "s")["status"].tolist() == ["failed", "completed"]

@@ -174,8 +174,8 @@ def try_line(line):
     """Do with a command line what the command does before the first step; what it was refused with, or None."""
     with limited(line):
         try:
-            composed, choices = compose_untyped(line)
-            config = to_config(composed, choices)
+            composed, _ = compose_untyped(line)
+            config = to_config(composed)
             check_values(line, to_plain(config))
             warnings = warnings_of(config, line, composed)
             if is_cheap(line, config):
@@ -211,8 +211,8 @@ def test_every_command_line_is_refused_in_one_line_or_gives_what_was_asked(line)
         (f"record.cycles=[{DIGITS}]", "record.cycles=999"),
         ("record.cycles=[[1]]", "record.cycles=[[1]]: must be a list in which each is a whole number, or null"),
         ("gait.touch_down=${seed}", "gait.touch_down=0: must be a list in which each is a number, or null"),
-        ("cmac.inputs=${machine}", "cmac.inputs=LegMachine("),
-        ("machine.leg=${gait}", "machine.leg="),
+        ("cmac.inputs=${machine}", "cmac.inputs={"),
+        ("machine.leg=${gait}", "machine.leg."),
         ("machine.kind=[leg]", "machine.kind=['leg']: choose from"),
         ("feedforward._target_=[]", "feedforward._target_=[]: must name a class"),
         ("warn=3", "warn=3: must be true or false"),

@@ -49,6 +49,5 @@ except SystemExit as end:
 def test_a_wrong_option_is_one_line_and_the_parsers_of_others_stay_as_they_are(tmp_path):
     done = python("-c", WRONG, folder=tmp_path)
     assert done.stdout == "2 True\n"
-    assert (
-        done.stderr == "error: unrecognized arguments: --unheard-of; python -m cmacexp --help shows how it is used\n"
-    )
+    assert done.stderr.startswith("error: unrecognized arguments: --unheard-of; ")
+    assert done.stderr.count("\n") == 1

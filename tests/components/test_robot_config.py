@@ -7,8 +7,8 @@ from support.robots import FEET, MODELS, OWN, change, read
 from cmacexp.config import config_folder, to_config, to_plain
 from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.config.explain import explain_composition
-from cmacexp.control.lead import discretise
 from cmacexp.errors import BadInput
+from cmacexp.models.lead import discretise
 from cmacexp.models.robot_gains import derive_basis, derive_gains
 
 ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}")

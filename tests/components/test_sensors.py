@@ -1,6 +1,5 @@
 """Sensors: each imperfection by itself, the kinematics of what is measured, both loops, trace, and bad input."""
 
-import itertools
 import json
 import os
 import re
@@ -296,13 +295,10 @@ def test_with_a_late_actuator_the_automatic_lead_stays_bounded_where_others_do_n
 
 # Bad input
 
-STUCK = ["sensors=force_stuck", "sensors.force.fault.start=1"]
-
 
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        ([*STUCK, "sensors.force.dropout=0.1"], "sensors.force.dropout=0.1: must be 0 with .*kind=zero"),
         ([REAL, "sensors.position.delay=600"], "sensors.position.delay=600: must be at most 599"),
         ([REAL, "sensors.force.legs=[2]"], r"sensors.force.legs=2: must be at most 1"),
         ([REAL, "sensors.force.legs=[]"], r"sensors.force.legs=\[\]: must name at least one leg"),
@@ -325,13 +321,3 @@ STUCK = ["sensors=force_stuck", "sensors.force.fault.start=1"]
 def test_settings_that_contradict_each_other_are_bad_input(make_config, overrides, message):
     with pytest.raises(BadInput, match=message):
         make_config(*overrides)
-
-
-def test_stuck_and_lossy_sensors_may_be_those_of_different_legs(make_config):
-    for lossy, stuck in itertools.permutations((1, 2), 2):
-        overrides = [
-            f"sensors.force.legs=[{lossy}]",
-            f"sensors.force.fault.legs=[{stuck}]",
-            "sensors.force.dropout=0.1",
-        ]
-        make_config("scenario=quadruped", REAL, *overrides, "sensors.force.fault.kind=zero")

@@ -12,11 +12,11 @@ from scipy import signal
 from cmacexp.control.actuator import saturate
 from cmacexp.control.fault_detection import FaultDetection
 from cmacexp.control.hybrid_kernels import METHODS, HybridParams, hybrid_feedback, new_hybrid_state
-from cmacexp.control.lead import discretise, lead_step
 from cmacexp.errors import BadInput
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.ground import NEVER
+from cmacexp.models.lead import discretise, lead_step
 from cmacexp.models.leg import Leg, joint_torque, trigonometry
 from cmacexp.models.mechanism import legs_on_stand, point_mass
 from cmacexp.planning.columns import ACTING, BEFORE

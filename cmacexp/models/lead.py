@@ -1,0 +1,36 @@
+"""The LEAD compensator: the controller uses it, and gains by rule depend on it."""
+
+from typing import NamedTuple
+
+from cmacexp.jit.compiler import kernel
+
+
+class Lead(NamedTuple):
+    """Coefficients of U_k = b0 E_k + b1 E_{k-1} - a1 U_{k-1}, DC gain 1."""
+
+    b0: float
+    b1: float
+    a1: float
+
+
+def discretise(omega: float, alpha: float, sampling_period: float) -> Lead:
+    """The bilinear transform of (1 + s/omega)/(1 + s/(alpha omega)) (Lin & Song 1997, eq. 5, 6, with K_c = 1).
+
+    Args:
+        omega: lower corner frequency, rad/s.
+        alpha: upper over lower corner frequency.
+        sampling_period: T_s, s.
+    """
+    t0, t1 = 1.0 / omega, 1.0 / (alpha * omega)
+    scale = sampling_period + 2.0 * t1
+    return Lead(
+        (sampling_period + 2.0 * t0) / scale,
+        (sampling_period - 2.0 * t0) / scale,
+        (sampling_period - 2.0 * t1) / scale,
+    )
+
+
+@kernel
+def lead_step(lead: Lead, error: float, last_error: float, last_output: float) -> float:
+    """U_k from E_k, E_{k-1} and U_{k-1} (Lin & Song 1997, eq. 7)."""
+    return lead.b0 * error + lead.b1 * last_error - lead.a1 * last_output
