@@ -9,7 +9,7 @@ import time
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from support.command import ROOT, cmacexp, python, started
+from support.command import cmacexp, python, started
 
 TRACE = [
     *["step", "time", "cycle", "leg", "phase", "progress", "x_desired", "y_desired", "x_reference", "y_reference"],
@@ -145,14 +145,15 @@ def test_score_gives_the_same_metrics_again(run, tmp_path):
     assert python("-m", "cmacexp.verify", str(folder), folder=tmp_path).returncode == 0
 
 
-def test_interrupt_keeps_what_there_is(tmp_path):
-    process = started("cycles=27000", "learning.lead=1", "record=trace", f"hydra.run.dir={tmp_path}", folder=ROOT)
-    time.sleep(4.0)
-    process.send_signal(signal.SIGINT)
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_run_that_is_ended_keeps_what_there_is(tmp_path, number, code):
+    process = started("cycles=1000000", "feedforward=none", "record.cycles=[1]", "hydra.run.dir=r", folder=tmp_path)
+    while not list(tmp_path.glob("r/.cmacexp-new/*.parquet*")) and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(number)
     _, err = process.communicate()
-    assert process.returncode == 130
+    assert process.returncode == code
     assert err.splitlines()[-1] == "interrupted"
     assert "Traceback" not in err
-    if (tmp_path / "manifest.json").exists():
-        assert json.loads((tmp_path / "manifest.json").read_text())["status"] == "interrupted"
-        assert python("-m", "cmacexp.verify", str(tmp_path), folder=tmp_path).returncode == 0
+    assert json.loads((tmp_path / "r" / "manifest.json").read_text())["status"] == "interrupted"
+    assert python("-m", "cmacexp.verify", "r", folder=tmp_path).returncode == 0

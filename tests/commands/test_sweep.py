@@ -14,6 +14,8 @@ from support.manifests import change_manifest
 
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.integrity import faults
+from cmacexp.experiment.sweep_results import read_results
+from cmacexp.experiment.sweep_start import Sweep
 
 SWEEPER = '''
 import json
@@ -86,6 +88,14 @@ def test_a_changed_table_is_found(mixed, tmp_path, name):
     with (folder / name).open("ab") as file:
         file.write(b" ")
     assert faults(folder) == [f"{name}: changed since it was written"]
+
+
+def test_jobs_are_labelled_by_their_manifests(mixed, tmp_path):
+    folder = shutil.copytree(mixed[0], tmp_path / "s")
+    records = [folder / job / ".hydra" / "overrides.yaml" for job in ("0", "1")]
+    for record, text in zip(records, [record.read_text() for record in reversed(records)], strict=True):
+        record.write_text(text)
+    assert read_results(Sweep(folder)).overrides == table_of(folder)["overrides"].tolist()
 
 
 def test_a_sweep_keeps_no_recording_unless_it_is_asked_for(mixed, tmp_path):
