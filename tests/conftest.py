@@ -7,11 +7,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 from hypothesis import settings
-from support.command import python
+from support.command import started
 from support.walks import walk_in
 
 from cmacexp.config.compose import compose_config
-from cmacexp.jit.cache_folder import cache_folder
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.planning import make_plan
 from cmacexp.planning.machine import make_mechanism
@@ -24,11 +23,17 @@ LONG = 100
 
 
 def pytest_sessionstart(session):
-    """Compile the loop before several processes start: each of them would do so for itself."""
+    """Compile both forms of the loop before several processes start: each of them would do so for itself."""
     several = session.config.getoption("numprocesses", None) and not hasattr(session.config, "workerinput")
-    if several and not session.config.option.collectonly and not any(cache_folder().rglob("*.nbc")):
+    if several and not session.config.option.collectonly:
         with TemporaryDirectory() as folder:
-            python("-m", "cmacexp", f"cycles={LONG}", "record=trace", "hydra.run.dir=run", folder=folder)
+            run = (f"cycles={LONG}", "record=trace")
+            forms = [
+                started(*run, *more, folder=folder)
+                for more in (["hydra.run.dir=a"], ["sensors=noisy_force", "hydra.run.dir=b"])
+            ]
+            for form in forms:
+                form.communicate()
 
 
 @pytest.fixture

@@ -9,9 +9,7 @@ import time
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from support.command import ROOT, cmacexp, python, started
-
-from cmacexp.report.terminal import COMPILING
+from support.command import cmacexp, python, started
 
 TRACE = [
     *["step", "time", "cycle", "leg", "phase", "progress", "x_desired", "y_desired", "x_reference", "y_reference"],
@@ -91,28 +89,12 @@ def test_force_step_leaves_joints_and_unused_references_empty(tmp_path):
     assert trace.y[0] == pytest.approx(0.45)
 
 
-BAD = {
-    "scenario=one_lag": "choose from force_step, one_leg, quadruped, quadruped_lasting, robot; did you mean one_leg?",
-    "cmca=one_leg": "cmac, controller",
-    "a=[": "cannot be read",
-    "cmac=null": "a group takes the name of an option",
-    "~plant": "plant=None: must be a group of fields",
-    "cycles=${nope}": "interpolation key 'nope' not found",
-    "cmac.layers=many": "cmac.layers=many: must be a whole number",
-    "sampling_period=0.007": "sampling_period=0.007: must divide gait.cycle_time=3 s",
-    "gait.stroke=2": "gait.stroke=2.0: the foot of leg 1 would be",
-    "feedforward._target_=os.system": "feedforward._target_=os.system: must be a class",
-    "optimize=transfer_rmse": "optimize=transfer_rmse: choose from transfer_rmse_x, transfer_rmse_y",
-}
-"""A mistake of each kind; ``test_messages.py`` has them all."""
-
-
-@pytest.mark.parametrize("override", BAD)
+@pytest.mark.parametrize("override", ["a=[", "cmac.layers=many", "gait.stroke=2", "optimize=transfer_rmse"])
 def test_bad_input_is_one_line_before_anything_is_simulated(override, tmp_path):
-    done = cmacexp(*override.split(), folder=tmp_path)
+    done = cmacexp(override, folder=tmp_path)
     assert done.returncode == 2
-    assert BAD[override] in done.stderr
-    assert len([line for line in done.stderr.strip().splitlines() if line != COMPILING]) == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: {override.partition('=')[0]}=")
     assert not done.stdout
     assert not list(tmp_path.rglob("*.parquet"))
 
@@ -127,38 +109,13 @@ def test_divergence_is_a_result(tmp_path):
     assert python("-m", "cmacexp.verify", str(tmp_path), folder=tmp_path).returncode == 0
 
 
-def test_a_sweep_goes_on_past_divergence_and_bad_input(tmp_path):
-    done = cmacexp("-m", "controller.velocity_gain=5,80,-1", "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
-    assert done.returncode == 1
-    statuses = [json.loads((tmp_path / "s" / n / "manifest.json").read_text())["status"] for n in "01"]
-    assert statuses == ["completed", "diverged"]
-    assert "error: #2: controller.velocity_gain=-1.0: must be at least 0" in done.stderr
-
-
 def test_a_sweep_with_a_divergence_alone_has_not_failed(tmp_path):
     assert cmacexp("-m", "controller.velocity_gain=80", folder=tmp_path).returncode == 0
-
-
-def test_a_run_folder_that_cannot_be_made_is_bad_input(tmp_path):
-    (tmp_path / "file").touch()
-    done = cmacexp("cycles=1", "hydra.run.dir=file/run", folder=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr == "error: hydra.run.dir=file/run: cannot be made: Not a directory; choose another folder\n"
 
 
 def test_bad_input_leaves_no_folder(tmp_path):
     cmacexp("cycles=0", folder=tmp_path)
     assert not list(tmp_path.rglob(".hydra"))
-
-
-def test_score_refuses_a_changed_trace(run, tmp_path):
-    folder = tmp_path / "copy"
-    subprocess.run(["cp", "-r", str(run[0]), str(folder)], check=True)
-    table = pq.read_table(folder / "trace.parquet")
-    pq.write_table(table, folder / "trace.parquet")
-    done = python("-m", "cmacexp.score", str(folder), folder=tmp_path)
-    assert done.returncode == 2
-    assert "changed since it was written" in done.stderr
 
 
 def test_a_class_of_the_user_runs_in_the_place_of_the_one_it_is_made_from(tmp_path):
@@ -178,20 +135,6 @@ def test_a_fall_is_a_result(tmp_path):
     assert python("-m", "cmacexp.verify", str(tmp_path), folder=tmp_path).returncode == 0
 
 
-def test_verify_sees_a_changed_byte_and_a_missing_file(run, tmp_path):
-    folder = tmp_path / "copy"
-    subprocess.run(["cp", "-r", str(run[0]), str(folder)], check=True)
-    assert python("-m", "cmacexp.verify", str(folder), folder=tmp_path).returncode == 0
-    data = bytearray((folder / "trace.parquet").read_bytes())
-    data[len(data) // 2] ^= 1
-    (folder / "trace.parquet").write_bytes(data)
-    (folder / "metrics.csv").unlink()
-    done = python("-m", "cmacexp.verify", str(folder), folder=tmp_path)
-    assert done.returncode == 4
-    assert "trace.parquet: changed" in done.stdout
-    assert "metrics.csv: missing" in done.stdout
-
-
 def test_score_gives_the_same_metrics_again(run, tmp_path):
     folder = tmp_path / "copy"
     subprocess.run(["cp", "-r", str(run[0]), str(folder)], check=True)
@@ -202,21 +145,15 @@ def test_score_gives_the_same_metrics_again(run, tmp_path):
     assert python("-m", "cmacexp.verify", str(folder), folder=tmp_path).returncode == 0
 
 
-@pytest.mark.parametrize("command", ["score", "verify", "replay"])
-def test_commands_refuse_a_folder_without_a_run(command, tmp_path):
-    done = python("-m", f"cmacexp.{command}", str(tmp_path), folder=tmp_path)
-    assert done.returncode == 2
-    assert "contains no run" in done.stderr
-
-
-def test_interrupt_keeps_what_there_is(tmp_path):
-    process = started("cycles=27000", "learning.lead=1", "record=trace", f"hydra.run.dir={tmp_path}", folder=ROOT)
-    time.sleep(4.0)
-    process.send_signal(signal.SIGINT)
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_run_that_is_ended_keeps_what_there_is(tmp_path, number, code):
+    process = started("cycles=1000000", "feedforward=none", "record.cycles=[1]", "hydra.run.dir=r", folder=tmp_path)
+    while not list(tmp_path.glob("r/.cmacexp-new/*.parquet*")) and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(number)
     _, err = process.communicate()
-    assert process.returncode == 130
+    assert process.returncode == code
     assert err.splitlines()[-1] == "interrupted"
     assert "Traceback" not in err
-    if (tmp_path / "manifest.json").exists():
-        assert json.loads((tmp_path / "manifest.json").read_text())["status"] == "interrupted"
-        assert python("-m", "cmacexp.verify", str(tmp_path), folder=tmp_path).returncode == 0
+    assert json.loads((tmp_path / "r" / "manifest.json").read_text())["status"] == "interrupted"
+    assert python("-m", "cmacexp.verify", "r", folder=tmp_path).returncode == 0

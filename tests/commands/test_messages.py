@@ -1,8 +1,8 @@
 """The exact messages that users see: ``messages.txt`` lists what is typed and what is answered.
 
 A line that starts with ``$`` is a whole command, or config overrides, whose scenario is made and run; one that starts
-with ``>>>`` is Python. Add a line and renew all answers with ``python tests/commands/test_messages.py``, then read
-the diff.
+with ``>>>`` is Python. Add a line and renew all answers with
+``PYTHONPATH=tests python tests/commands/test_messages.py``, then read the diff.
 """
 
 import os
@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from support.command import python
+from support.robots import OWN
 
 import cmacexp
 from cmacexp.config.compose import compose_config
@@ -30,7 +31,10 @@ from cmacexp.report.terminal import COMPILING
 
 PAGE = Path(__file__).with_name("messages.txt")
 COMPONENTS = """
+from dataclasses import dataclass
+
 import numpy as np
+from cmacexp.config import ComponentConfig
 from cmacexp.control import Action
 from cmacexp.feedforward import CmacFeedforward
 from cmacexp.plants import AnalyticPlant
@@ -48,6 +52,14 @@ class Flat(Still):
 
 class Words(Still):
     def act(self, reference, measurement): return Action("none", np.zeros((self.legs, 2)))
+
+class Narrow(Still):
+    def act(self, reference): return None
+
+class Other(Still):
+    @dataclass
+    class Config(ComponentConfig):
+        stiffness: float = 1.0
 
 class Infinite(Still):
     def act(self, reference, measurement): return Action(np.full((self.legs, 2), np.inf), np.zeros((self.legs, 2)))
@@ -80,6 +92,8 @@ def make_folder(folder: Path) -> None:
     (folder / "my_components.py").write_text(COMPONENTS)
     (folder / "my_mistake.py").write_text("import no_such_module\n")
     (folder / "my_syntax.py").write_text("def f(:\n")
+    (folder / "my_exit.py").write_text("raise SystemExit(0)\n")
+    shutil.copy(OWN, folder / "robot.xml")
     (folder / "empty").mkdir()
     (folder / "tables").mkdir()
     (folder / "tables" / "sweep.csv").write_text("a,b\n1,2\n")
@@ -119,18 +133,7 @@ def run_command(words: list[str]) -> str:
 def evaluate(expression: str) -> str:
     """The value of an expression as text, or the message of its mistake."""
     try:
-        return str(
-            eval(
-                expression,
-                {
-                    "np": np,
-                    "stop": stop,
-                    "describe": describe,
-                    "format_drift": format_drift,
-                    "Drift": Drift,
-                },
-            )
-        )
+        return str(eval(expression, NAMES))
     except CmacexpError as error:
         return f"error: {error}"
 
@@ -148,6 +151,7 @@ NAMES = {
     "describe": describe,
     "Drift": Drift,
     "format_drift": format_drift,
+    "run": cmacexp.run,
 }
 """What Python lines of the page can use."""
 
@@ -171,6 +175,7 @@ def answer(line: str) -> str:
     found = found.replace(f"{COMPILING}\n", "").replace(str(Path.cwd()), "FOLDER")
     for name, choices in LISTS.items():
         found = found.replace(f"choose from {choices}", f"choose from {name}")
+    found = found.replace(cmacexp.__version__, "VERSION")
     found = re.sub(r"in [\d.]+ s, loop [\d.]+ us a step", "in TIME s, loop TIME us a step", found)
     return "\n".join(part.rstrip() for part in found.splitlines()).strip() + "\n"
 
@@ -201,6 +206,7 @@ def test_every_message_is_one_short_line_without_a_stack_trace():
     for block in LINES:
         errors = [line for line in block.splitlines() if line.startswith("error: ")]
         assert len(errors) <= 1
+        assert max(map(len, block.splitlines()[1:])) < 600
         assert "Traceback" not in block
 
 

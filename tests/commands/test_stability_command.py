@@ -28,19 +28,3 @@ def test_a_run_that_diverges_is_told_with_the_lead_that_holds(folder):
         assert (page / "figures" / f"{name}.png").is_file()
         assert (page / "figures" / f"{name}.svg").is_file()
     assert python("-m", "cmacexp.verify", "run", folder=folder).returncode == 0
-
-
-@pytest.mark.parametrize(
-    ("overrides", "why"),
-    [
-        (("feedforward=none", "cycles=12"), "nothing learns"),
-        (("cycles=3",), "growth is measured over at least 6 cycles"),
-        (("cycles=12", "record.every_nth_step=2"), "lacks steps"),
-    ],
-)
-def test_what_cannot_be_told_is_said(tmp_path, overrides, why):
-    assert cmacexp(*overrides, "record.recording=false", "hydra.run.dir=run", folder=tmp_path).returncode == 0
-    done = python("-m", "cmacexp.stability", "run", folder=tmp_path)
-    assert done.returncode == 2
-    assert why in done.stderr
-    assert len(done.stderr.splitlines()) == 1

@@ -6,7 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pandas.testing import assert_frame_equal
-from support.command import cmacexp, python
+from support.command import python
 from support.walks import ALL_THREE, FALLING, LIFT_OFF, PERIOD, STEPS, TOUCH_DOWN
 
 from cmacexp.loop import roll_out
@@ -97,25 +97,3 @@ def test_score_gives_the_same_metrics_of_the_body_again(walk):
     (folder / "body_metrics.parquet").unlink()
     assert python("-m", "cmacexp.score", str(folder), folder=folder).returncode == 0
     assert (folder / "body_metrics.parquet").read_bytes() == before
-
-
-BAD = {
-    "gait.duty_factor=0.7": "gait.duty_factor=0.7: must be at least 0.75",
-    "gait.touch_down=[0,0,0.5,0.5]": "only 2 feet are down at t = 0.900 s",
-    "gait.touch_down=[0,0.5,0.25,0.75]": "the planned stability margin is -0.0538 m at t = 0.150 s",
-    "gait.stroke=0.5": "legs left_front and left_rear would cross at t = ",
-    "gait.lift=0.55": "gait.lift=0.55: leg 1 cannot lift its foot to ",
-    "machine.hip_height=0.75": "machine.hip_height=0.75: the foot of leg 1 would be",
-    "force_control.desired_force=3": "the feet share the weight",
-    "machine.legs.left_fron.mass_1=1": "did you mean machine.legs.left_front?",
-}
-
-
-@pytest.mark.parametrize("override", BAD)
-def test_bad_input_is_one_line_before_anything_is_simulated(override, tmp_path):
-    done = cmacexp("scenario=quadruped", override, folder=tmp_path)
-    assert done.returncode == 2
-    assert BAD[override] in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert not done.stdout
-    assert not list(tmp_path.rglob("*.parquet"))

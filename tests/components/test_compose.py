@@ -5,7 +5,6 @@ from hydra import compose, initialize_config_dir
 
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.compose import compose_config
-from cmacexp.errors import CmacexpError
 
 COMMANDS = [
     [],
@@ -33,25 +32,3 @@ def test_the_same_as_hydra_composes(overrides):
 def test_what_one_run_sets_no_other_has():
     compose_config(["cycles=77", "cmac.inputs=[angle]"])
     assert compose_config([]) == by_hydra([])
-
-
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (["cmac.layerz=8"], "did you mean cmac.layers?"),
-        (["scenario=two_legs"], "choose from force_step, one_leg, quadruped"),
-        (["cmac.layers=0"], "cmac.layers=0: must be at least 1"),
-        (["cmac.layers"], "write key=value"),
-        (["cmac.layers=many"], "cmac.layers=many"),
-    ],
-)
-def test_mistakes_are_told_as_on_the_command_line(overrides, message):
-    with pytest.raises(CmacexpError) as caught:
-        compose_config(overrides)
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_what_hydra_raises_as_a_value_error_is_a_message_too():
-    with pytest.raises(CmacexpError, match="a group takes the name of an option"):
-        compose_config(["cmac=null"])

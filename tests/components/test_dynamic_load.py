@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from cmacexp.errors import BadInput
 from cmacexp.planning.body_load import dynamic_load
 from cmacexp.planning.load_sharing import remove_pull
-from cmacexp.planning.machine import check_load_sharing, make_mechanism
+from cmacexp.planning.machine import make_mechanism
 
 SMOOTH = ("gait.vertical=two_cubics",)
 DYNAMIC = ("scenario=quadruped", "machine.weight=null", "force_control.load_sharing=dynamic", *SMOOTH)
@@ -108,16 +107,3 @@ def test_without_a_weight_of_its_own_a_quadruped_weighs_what_its_masses_do(make_
     config = make_config("scenario=quadruped", "machine.weight=null", "machine.legs.left_rear.mass_2=0.75")
     assert make_mechanism(config.machine).weight == pytest.approx(9.81 * 5.25)
     assert make_mechanism(make_config("scenario=quadruped").machine).weight == 40.0
-
-
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (["scenario=quadruped"], "machine.weight=40.0: must be null or 49.05 N, the weight of all masses"),
-        (["scenario=one_leg"], "force_control.load_sharing=dynamic: must be static with machine.kind=leg"),
-    ],
-)
-def test_dynamic_sharing_is_refused_where_it_contradicts_the_machine(make_config, overrides, message):
-    with pytest.raises(BadInput) as caught:
-        check_load_sharing(make_config(*overrides, "force_control.load_sharing=dynamic"))
-    assert str(caught.value).startswith(message)

@@ -144,22 +144,3 @@ def test_a_wrong_model_errs_in_what_it_has_wrong(make_config):
     assert_allclose(heavy - exact, exact - light, atol=1e-12)
     assert np.abs(heavy - exact).max() > 0.1
     assert np.abs(long - exact).max() > 0.1
-
-
-@pytest.mark.parametrize(
-    ("overrides", "key", "said"),
-    [
-        (["feedforward=ilc", "feedforward.cutoff=0"], "feedforward.cutoff", "must be above 0"),
-        (["feedforward=rbf", "feedforward.inputs=[]"], "feedforward.inputs", "at least one of angle"),
-        (["feedforward=mlp", "feedforward.inputs=[angle,angle]"], "feedforward.inputs", "each once"),
-        (["feedforward=mlp", "learning.rule=leakage"], "learning.rule", "feedforward=mlp is not, use paper"),
-        (["feedforward=rbf", "feedforward.active=101"], "feedforward.active", "feedforward.centres=100"),
-        (["feedforward=rbf", "feedforward.centres=601"], "feedforward.centres", "at most 600"),
-        (["feedforward=inverse_dynamics", "feedforward.mass_factor=0"], "feedforward.mass_factor", "above 0"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_a_line(make_config, overrides, key, said):
-    with pytest.raises(BadInput) as raised:
-        make_scenario(make_config("scenario=one_leg", *overrides))
-    assert raised.value.key == key
-    assert said in str(raised.value)

@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from support.command import cmacexp
 from support.grounds import still_ground
 from support.robots import OWN
 
@@ -191,31 +190,6 @@ def test_the_plant_chooses_settings_that_walk_and_the_command_line_wins(make_con
     assert (chosen.sampling_period, chosen.reference, chosen.learning.lead) == (0.002, "force_feedforward", 1)
     assert make_config(*WALK, "learning.lead=0", "sampling_period=0.005").learning.lead == 0
     assert make_config("scenario=quadruped").learning.lead == 0
-
-
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (
-            ["scenario=quadruped", "plant=mujoco_leg"],
-            "machine.kind=quadruped: must be leg with plant=mujoco_leg: use scenario=one_leg",
-        ),
-        (
-            ["scenario=force_step", "plant=mujoco_leg"],
-            "machine.kind=point_mass: must be leg with plant=mujoco_leg: use scenario=one_leg",
-        ),
-        ([*WALK, "plant.friction=0"], "plant.friction=0.0: must be above 0 and at most 10"),
-        (
-            [*WALK, "plant.body_inertia=[0.1,0.1,0.3]"],
-            "plant=mujoco: MuJoCo refuses the model: Error: inertia must satisfy A + B >= C; use 'balanceinertia' to "
-            "fix Element name '', id 1, line 1",
-        ),
-        (["plant=mujoco_leg", "plant.substeps=0"], "plant.substeps=0: must be at least 1 and at most 10000"),
-    ],
-)
-def test_bad_input_is_one_line(tmp_path, overrides, message):
-    done = cmacexp(*overrides, folder=tmp_path)
-    assert (done.returncode, done.stderr) == (2, f"error: {message}\n")
 
 
 STEP_AFTER = {"one_leg": "at step 1 (t = 0.005 s)", "quadruped": "at step 1 (t = 0.002 s)"}

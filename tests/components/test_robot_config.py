@@ -59,41 +59,6 @@ def test_a_controller_without_a_compensator_has_gains_as_without_lead():
     assert found.controller.velocity_gain == pytest.approx(gains.velocity_gain, rel=1e-5)
 
 
-MISTAKES = [
-    (("machine.path=null",), r"^machine\.path=None: must name the MJCF file of the robot: machine\.path=FILE$"),
-    (("machine.path=no.xml",), r"^machine\.path=no\.xml: there is no such file"),
-    (("machine.joints=[[a,b,c],[d,e,f]]",), r"^machine\.joints=2 lists of 3, 3 names: must be four lists"),
-    (("machine.joints=3",), r"^machine\.joints=3: must be a list in which each is"),
-    (
-        ("machine.feet=[FL,FR,RL,paw]",),
-        r"^machine\.feet=paw: is no geom of the model, which has floor, FL, FR, RL, RR$",
-    ),
-    (("machine.home=[0,1]",), r"^machine\.home=\[0\.0, 1\.0\]: must be three angles"),
-    (("machine.home=3",), r"^machine\.home=3: must be a list in which each is a number$"),
-    (("machine.home=[0,1,inf]",), r"^machine\.home=inf: must be at least -10 and at most 10 \(rad\)$"),
-    (("sampling_period=x",), r"^sampling_period=x: must be a number above 0"),
-    (("controller.lead_omega=-3",), r"^controller\.lead_omega=-3: must be a number above 0"),
-    (("machine=quadruped",), r"^machine\.kind=quadruped: must be robot where settings follow from its model"),
-    (
-        ("posture.gain=${rule:gain}",),
-        r"^\$\{rule:\.\.\.\}=gain: choose from mass, foot_mass, sampling_period, hip_height",
-    ),
-    (
-        ("force_control.desired_force=3",),
-        r"^force_control\.desired_force=3\.0: must be null with machine\.kind=robot",
-    ),
-    (("gait=standing",), r"^gait\.pattern=standing: with machine\.kind=robot choose from wave"),
-    (("payload.weight=5", "payload.x=9"), r"^payload\.x=9\.0: must be from -0\.18 to 0\.19 m, between the hips$"),
-]
-
-
-@pytest.mark.parametrize(("overrides", "message"), MISTAKES)
-def test_a_mistake_is_said_in_one_line(overrides, message):
-    with pytest.raises(BadInput, match=message) as raised:
-        compose_config([*ROBOT[: 1 if overrides == ("machine=quadruped",) else 3], *overrides])
-    assert len(str(raised.value).splitlines()) == 1
-
-
 def test_a_mistake_is_said_where_a_config_is_only_shown():
     """As by ``--cfg job --resolve``, which resolves what Hydra composed, and nothing more."""
     composed, _ = compose_untyped([*ROBOT, "machine.path=no.xml"])

@@ -263,8 +263,8 @@ def test_saved_and_loaded_is_equal_to_the_bit(addressing):
 
 
 def test_training_converges_to_a_smooth_function():
-    cmac = make_cmac(outputs=1, layers=16, elements=9)
-    inputs, unseen = random_inputs(2000), random_inputs(500, seed=1)
+    cmac = make_cmac(outputs=1)
+    inputs, unseen = random_inputs(800), random_inputs(200, seed=1)
 
     def wanted(x):
         return np.sin(2.0 * x[:, :1]) * np.cos(x[:, 1:])
@@ -273,11 +273,10 @@ def test_training_converges_to_a_smooth_function():
         return np.sqrt(np.mean((wanted(unseen) - cmac.predict(unseen)) ** 2))
 
     untrained = rms()
-    for _ in range(8):
-        for k in range(len(inputs)):
-            point = inputs[k : k + 1]
+    for _ in range(5):
+        for point in inputs[:, np.newaxis]:
             cmac.update(point, wanted(point) - cmac.predict(point), 0.5)
-    assert rms() < 0.03 * untrained
+    assert rms() < 0.05 * untrained
 
 
 def test_two_outputs_share_one_address_and_are_independent():

@@ -200,8 +200,6 @@ def test_a_run_tells_how_much_memory_its_path_needs(tmp_path):
     config = ["cycles=1", "record=trace", "cmac.addressing=visited", f"hydra.run.dir={tmp_path / 'run'}"]
     done = cmacexp(*config, "cmac.memory_bytes=1024", folder=tmp_path)
     assert done.returncode == 2
-    assert "cmac.memory_bytes=1024: must be at least" in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
     needed = int(done.stderr.split("at least ")[1].split()[0])
     assert cmacexp(*config, f"cmac.memory_bytes={needed - 1}", folder=tmp_path).returncode == 2
     assert cmacexp(*config, f"cmac.memory_bytes={needed}", folder=tmp_path).returncode == 0
