@@ -1,5 +1,6 @@
 """Sensors: each imperfection by itself, the kinematics of what is measured, both loops, trace, and bad input."""
 
+import itertools
 import json
 import os
 import re
