@@ -106,11 +106,6 @@ def _panels(cycle: Cycle, k: int) -> list[Panel]:
     return panels
 
 
-def _find_row(time: Array, part: float) -> int:
-    """The row when ``part`` of the time has passed; rows of a thinned trace need not be evenly spaced."""
-    return int(np.abs(time - (time[0] + part * (time[-1] - time[0]))).argmin())
-
-
 def _set_limits(axes: "NDArray[Any]", cycles: Sequence[Cycle]) -> None:
     """Give the axes of all cycles, a row each of machines, forces and tilt, ranges that hold every frame."""
     drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.places, c.desired)])
@@ -143,7 +138,8 @@ def draw_frame(cycles: Sequence[Cycle], part: float) -> "Image":
     grid: dict[str, Any] = place | {"height_ratios": heights}
     axes = figure.subplots(len(heights), len(cycles), squeeze=False, gridspec_kw=grid)
     for column, cycle in enumerate(cycles):
-        k = _find_row(cycle.view.time, part)
+        since = cycle.view.time - cycle.view.time[0]
+        k = int(np.abs(since - part * since[-1]).argmin())  # rows of a thinned trace need not be evenly spaced
         _draw_machine(axes[0, column], cycle, k)
         for ax, panel in zip(axes[1:, column], _panels(cycle, k), strict=True):
             draw_panel(ax, panel)

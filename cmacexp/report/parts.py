@@ -3,7 +3,7 @@
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,7 +16,6 @@ NUMBER = re.compile(r"([-+]?(\d[\d.]*(e[-+]?\d+|-\d+)?|infinite)( .*)?|-|undefin
 class Table:
     """Rows under named columns; numbers are formatted, with units in the names of their columns."""
 
-    kind: ClassVar = "table"
     columns: Sequence[str]
     """Names, whose units follow a comma or a line break."""
     rows: Sequence[Sequence[str]]
@@ -37,7 +36,6 @@ class Table:
 class Drawing:
     """A figure, the name of its files, and its caption."""
 
-    kind: ClassVar = "drawing"
     name: str
     figure: "Figure"
     caption: str
@@ -49,7 +47,6 @@ class Drawing:
 class Folded:
     """Parts that a reader opens."""
 
-    kind: ClassVar = "folded"
     title: str
     parts: "Sequence[Part]"
 

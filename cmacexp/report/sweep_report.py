@@ -1,6 +1,7 @@
 """The report of several runs: their differences, how each ended, and their metrics."""
 
 import os
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,13 +20,10 @@ MOST_KEYS = 4
 
 def _list_stopped(runs: Sequence[RunSummary]) -> list[Any]:
     """Runs that stopped or are broken, each with its reason."""
-    stopped = [run for run in runs if run.status != "completed"]
-    if not stopped:
-        return []
-    names = dict(zip((run.folder for run in runs), make_names(runs), strict=True))
-    rows = [[names[run.folder], run.status, run.cause] for run in stopped]
+    named = zip(make_names(runs), runs, strict=True)
+    rows = [[name, run.status, run.cause] for name, run in named if run.status != "completed"]
     caption = "Runs that stopped early; those that failed or are not intact are in no figure"
-    return [Table(["run", "status", "reason"], rows, caption)]
+    return [Table(["run", "status", "reason"], rows, caption)] if rows else []
 
 
 def _list_differences(runs: Sequence[RunSummary], swept: Swept) -> list[Any]:
@@ -69,10 +67,7 @@ def make_sweep_report(runs: Sequence[RunSummary], title: str) -> Report:
     sections = [Section("The runs", [*_list_differences(runs, swept), final, pages, *_list_stopped(runs), folded])]
     sections += [Section("Metrics over the swept keys", over)] if over else []
     sections += [Section("Learning curves", curves)] if curves else []
-    ended = {
-        status: sum(run.status == status for run in runs) for status in dict.fromkeys(run.status for run in runs)
-    }
-    ends = ", ".join(f"{count} {status}" for status, count in ended.items())
+    ends = ", ".join(f"{count} {status}" for status, count in Counter(run.status for run in runs).items())
     summary = f"{len(runs)} runs: {ends}. What differs between them: {', '.join(keys) or 'nothing'}."
     inputs = [run.folder / name for run in results for name in TABLES if (run.folder / name).exists()]
     return Report(title, summary, sections, inputs, {"runs": [str(Path(run.folder).resolve()) for run in runs]})
