@@ -213,6 +213,6 @@ def test_a_run_that_fails_before_its_first_step_has_the_columns_of_its_sensors(t
             raise RuntimeError("no contact to the robot")
 
     config = compose_config(["sensors=real", "sensors.velocity.noise=0.1", "record=trace"])
-    run = run_scenario(config, tmp_path, prepared=make_scenario(config, plant=NoContact()))
+    run = run_scenario(config, tmp_path, prepared=make_scenario(config, plant=NoContact(config.plant)))
     assert (run.status, run.manifest["steps"]) == ("failed", 0)
     assert "vx_measured" in pq.read_table(tmp_path / "trace.parquet").column_names
