@@ -87,8 +87,8 @@ class ExternalDriver:
         """Fields of a reference but for the first three, of each sample in each stage."""
         self.state, self.observation = Measurement(*loop.plant_state[:7]), Measurement(*loop.observation[:7])
         if external.plant:
-            for own, first in zip(get_state(self.state), get_state(scenario.first), strict=True):
-                own[...] = first
+            for values, start in zip(get_state(self.state), get_state(scenario.first), strict=True):
+                values[...] = start
         self.travel = scenario.first.travel
         self.progress = np.zeros(3, dtype=np.int64)
         self.has_fault_status = external.controller and hasattr(scenario.controller, "force_trusted")

@@ -18,8 +18,8 @@ from cmacexp.jit.interrupt import interrupt_held_back, raise_if_interrupted
 from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.external import ExternalDriver
-from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, make_samples, name_body_samples, name_samples
-from cmacexp.loop.scenario import Scenario, announce_steps
+from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
+from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_guard
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
@@ -56,7 +56,7 @@ class Samples(NamedTuple):
 
     def body_columns(self) -> dict[str, Array]:
         """Of the body, (steps,) by column name."""
-        return name_body_samples(self.body)
+        return name_samples(self.body, WIDE_BODY_SAMPLES)
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,8 @@ def stream(
         legs, joints = scenario.setup.mechanism.shape
         keep(Samples(0, *make_samples(0, legs, _samples_measured(scenario), joints), None))
         return End(0, "failed", f"before the first step: {_format_error(scenario.fault)}", 0.0, scenario.fault)
-    announce_steps(scenario.setup.config, len(scenario.setup.mechanism.legs))
+    config = scenario.setup.config
+    expect_steps(config.cycles * config.steps_per_cycle * config.legs)
     with interrupt_held_back():  # until the next call of the driver
         run = _Stream(scenario, watch, fused)
         while run.runs:
@@ -228,7 +229,7 @@ class Rollout(End):
 
     def body_columns(self) -> dict[str, Array]:
         """Samples of the body (steps,) by column name."""
-        return name_body_samples(self.body_samples)
+        return name_samples(self.body_samples, WIDE_BODY_SAMPLES)
 
 
 def roll_out(

@@ -46,14 +46,9 @@ TRAVEL = [BODY_SAMPLES.index(name) for name in ARRAYS["travel"]]
 """Columns of the position of the body in the world; those of the plan unless the plant measures them."""
 
 
-def name_samples(samples: Array) -> dict[str, Array]:
-    """Columns of leg samples (steps, L, columns), (steps, L) by name."""
-    return {name: samples[:, :, column] for column, name in enumerate(ALL_SAMPLES[: samples.shape[2]])}
-
-
-def name_body_samples(samples: Array) -> dict[str, Array]:
-    """Columns of body samples (steps, columns), (steps,) by name."""
-    return {name: samples[:, column] for column, name in enumerate(WIDE_BODY_SAMPLES[: samples.shape[1]])}
+def name_samples(samples: Array, names: tuple[str, ...] = ALL_SAMPLES) -> dict[str, Array]:
+    """Columns of samples (..., columns) by name; of a body the ``names`` are WIDE_BODY_SAMPLES."""
+    return {name: samples[..., column] for column, name in enumerate(names[: samples.shape[-1]])}
 
 
 def make_samples(steps: int, legs: int, wide: bool, joints: int = 2) -> tuple[Array, Array]:

@@ -105,11 +105,6 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     return first._replace(travel=measured.travel)
 
 
-def announce_steps(config: Config, legs: int) -> None:
-    """Announce the steps of a run, which decide whether its programs are compiled."""
-    expect_steps(config.cycles * config.steps_per_cycle * legs)
-
-
 def make_scenario(config: Config, **given: Any) -> Scenario:
     """Plan the run, make its components and reset them.
 
@@ -124,7 +119,7 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     find_rule(config.learning.rule)  # also if no feedforward uses it
     check_load_sharing(config)
     mechanism = make_mechanism(config.machine)
-    announce_steps(config, len(mechanism.legs))
+    expect_steps(config.cycles * config.steps_per_cycle * config.legs)
     for group, component in given.items():
         require_members(group, type(component).__qualname__, component)
     made = {group: make_component(group, getattr(config, group)) for group in PROTOCOLS if group not in given}

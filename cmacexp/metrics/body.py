@@ -21,22 +21,18 @@ class BodyBlock(NamedTuple):
     table: pa.Table
     starts: NDArray[np.intp]
 
-    def reduce(self, by: np.ufunc, values: Array) -> Array:
+    def reduce(self, by: np.ufunc, column: str) -> Array:
         """One value per cycle."""
-        return np.asarray(by.reduceat(values, self.starts))
-
-    def reduce_height(self, by: np.ufunc) -> Array:
-        """One value per cycle from the heights of the body, m."""
-        return self.reduce(by, as_array(self.table, "height"))
+        return np.asarray(by.reduceat(as_array(self.table, column), self.starts))
 
 
 def _mean_height(block: BodyBlock) -> Array:
-    return block.reduce_height(np.add) / np.diff([*block.starts, block.table.num_rows])
+    return block.reduce(np.add, "height") / np.diff([*block.starts, block.table.num_rows])
 
 
 def _largest_tilt(block: BodyBlock) -> Array:
-    pitch, roll = (np.abs(as_array(block.table, name)) for name in ("pitch", "roll"))
-    return block.reduce(np.maximum, np.maximum(pitch, roll))
+    ends = [np.abs(block.reduce(by, name)) for by in (np.minimum, np.maximum) for name in ("pitch", "roll")]
+    return np.asarray(np.maximum.reduce(ends))
 
 
 def _height(which: str, compute: Callable[[BodyBlock], Array], shown: Shown) -> Metric[BodyBlock]:
@@ -47,11 +43,9 @@ PLANNED, TRUE = "planned support polygon", "polygon of the feet that carry load"
 
 
 def _margin(column: str, to: str, of: str, source: str, shown: Shown | None = None) -> Metric[BodyBlock]:
-    def least(block: BodyBlock) -> Array:
-        return block.reduce(np.fmin, as_array(block.table, column))
-
     undefined = "never three feet down" if of == PLANNED else "never three feet carry"
-    return Metric("m", f"least margin to the {to} of the {of}", undefined, source, least, BODY, LARGE, shown)
+    meaning = f"least margin to the {to} of the {of}"
+    return Metric("m", meaning, undefined, source, lambda b: b.reduce(np.fmin, column), BODY, LARGE, shown)
 
 
 _TILT = "largest of abs(pitch) and abs(roll)"
@@ -59,10 +53,12 @@ _TILT = "largest of abs(pitch) and abs(roll)"
 BODY_METRICS: dict[str, Metric[BodyBlock]] = {
     "height_mean": _height("mean", _mean_height, Shown("height", "mm", 1e3, from_zero=False)),
     "height_min": _height(
-        "least", lambda b: b.reduce_height(np.minimum), Shown("least height", "mm", 1e3, False, from_zero=False)
+        "least", lambda b: b.reduce(np.minimum, "height"), Shown("least height", "mm", 1e3, False, from_zero=False)
     ),
     "height_max": _height(
-        "largest", lambda b: b.reduce_height(np.maximum), Shown("largest height", "mm", 1e3, False, from_zero=False)
+        "largest",
+        lambda b: b.reduce(np.maximum, "height"),
+        Shown("largest height", "mm", 1e3, False, from_zero=False),
     ),
     "tilt_max": Metric("rad", _TILT, "never", CONTRACT, _largest_tilt, BODY, SMALL, Shown("tilt", "mrad", 1e3)),
     "stability_margin_min": _margin(

@@ -30,7 +30,8 @@ class RunScorer:
         self.steps_per_cycle = steps_per_cycle
         self._block: Block | None = None
         self._parts: list[dict[str, Array]] = []
-        self._memory: list[pa.Table] = []
+        self.memory: list[pa.Table] = []
+        """Weights at the end of cycles (:func:`cmacexp.loop.trace.assemble_memory`)."""
         self._body: list[pa.Table] = []
         self._detector: DriftDetector | None = None
 
@@ -45,7 +46,7 @@ class RunScorer:
         if traces.body is not None:
             self.add_body(traces.body)
         if traces.memory is not None:
-            self.add_memory(traces.memory)
+            self.memory.append(traces.memory)
 
     def add_legs(self, trace: pa.Table) -> None:
         """Score the legs in the next cycles (:func:`cmacexp.loop.trace.assemble`)."""
@@ -56,10 +57,6 @@ class RunScorer:
         feedback = part["feedback_rms"]
         self._detector = self._detector or DriftDetector(feedback.shape[1])
         self._detector.add(feedback)
-
-    def add_memory(self, memory: pa.Table) -> None:
-        """Add the weights at the end of the next cycles (:func:`cmacexp.loop.trace.assemble_memory`)."""
-        self._memory.append(memory)
 
     def add_body(self, body: pa.Table) -> None:
         """Score the body in the next cycles (:func:`cmacexp.loop.trace.assemble_body`)."""
@@ -74,7 +71,7 @@ class RunScorer:
         cycles, legs = next(iter(values.values())).shape
         learning = {**LEARNING, **LEARNING_IN_SPACE} if in_space else LEARNING
         values |= {name: metric.compute(values) for name, metric in learning.items()}
-        memory = split_columns(pa.concat_tables(self._memory) if self._memory else None, cycles, legs)
+        memory = split_columns(pa.concat_tables(self.memory) if self.memory else None, cycles, legs)
         values |= {name: metric.compute(memory) for name, metric in MEMORY_METRICS.items()}
         index = {
             "cycle": (CYCLE, np.repeat(np.arange(1, cycles + 1), legs)),
@@ -107,8 +104,7 @@ def score_traces(run: StoredRun) -> Scores:
     for part in read_parts(folder / TRACE):
         scorer.add_legs(part)
     if was_written(folder / MEMORY):
-        for part in read_parts(folder / MEMORY):
-            scorer.add_memory(part)
+        scorer.memory.extend(read_parts(folder / MEMORY))
     if was_written(folder / BODY):
         for part in read_parts(folder / BODY):
             scorer.add_body(part)

@@ -3,13 +3,13 @@
 import numpy as np
 
 from cmacexp.metrics.block import Block
-from cmacexp.metrics.measures import mean, rms
+from cmacexp.metrics.measures import mean
 from cmacexp.metrics.metric import BRISTOW, Metric, Shown, rms_error
-from cmacexp.metrics.tracking import NO_SUPPORT, NO_TRANSFER
+from cmacexp.metrics.tracking import NO_TRANSFER, support_rmse, transfer_rmse
 from cmacexp.typing import Array
 
 
-def transfer_rmse(block: Block) -> Array:
+def foot_rmse(block: Block) -> Array:
     """Root mean square distance of the foot from where it should be in transfer, m."""
     x, y, z = (block.error[axis] for axis in "xyz")
     return np.sqrt(mean(x**2 + y**2 + z**2, block.transfer))
@@ -22,30 +22,16 @@ def joint_rmse(block: Block) -> Array:
 
 
 SPATIAL: dict[str, Metric[Block]] = {
-    "transfer_rmse_z": rms_error(
-        "m",
-        "RMS of z - z_desired in transfer",
-        NO_TRANSFER,
-        BRISTOW,
-        lambda b: rms(b.error["z"], b.transfer),
-        shown=Shown("transfer z", "mm", 1e3, head="z\nerror", instead="transfer_rmse"),
-    ),
+    "transfer_rmse_z": transfer_rmse("z"),
     "transfer_rmse": rms_error(
         "m",
         "RMS distance of the foot from where it should be in transfer",
         NO_TRANSFER,
         BRISTOW,
-        transfer_rmse,
+        foot_rmse,
         shown=Shown("transfer", "mm", 1e3, head="foot\nerror"),
     ),
-    "support_rmse_z": rms_error(
-        "m",
-        "RMS of z - z_desired in support",
-        NO_SUPPORT,
-        BRISTOW,
-        lambda b: rms(b.error["z"], b.support),
-        shown=Shown("support z", "mm", 1e3, main=False),
-    ),
+    "support_rmse_z": support_rmse("z"),
     "joint_rmse": rms_error(
         "rad",
         "RMS of q - q_desired, all joints",

@@ -8,12 +8,17 @@ NO_TRANSFER, NO_SUPPORT = "no sample of transfer", "no sample of support"
 _NO_PERIOD = f"{NO_TRANSFER}, or one sample in all"
 
 
-def _transfer_rmse(axis: str) -> Metric[Block]:
-    meaning, shown = (
-        f"RMS of {axis} - {axis}_desired in transfer",
-        Shown(f"transfer {axis}", "mm", 1e3, head=f"{axis}\nerror", instead="transfer_rmse"),
-    )
+def transfer_rmse(axis: str) -> Metric[Block]:
+    """The column ``transfer_rmse_*`` of an axis."""
+    meaning = f"RMS of {axis} - {axis}_desired in transfer"
+    shown = Shown(f"transfer {axis}", "mm", 1e3, head=f"{axis}\nerror", instead="transfer_rmse")
     return rms_error("m", meaning, NO_TRANSFER, BRISTOW, lambda b: rms(b.error[axis], b.transfer), shown=shown)
+
+
+def support_rmse(axis: str) -> Metric[Block]:
+    """The column ``support_rmse_*`` of an axis."""
+    meaning, shown = f"RMS of {axis} - {axis}_desired in support", Shown(f"support {axis}", "mm", 1e3, main=False)
+    return rms_error("m", meaning, NO_SUPPORT, BRISTOW, lambda b: rms(b.error[axis], b.support), shown=shown)
 
 
 def _transfer_iae(axis: str) -> Metric[Block]:
@@ -31,16 +36,9 @@ def _transfer_ise(axis: str) -> Metric[Block]:
 
 
 TRACKING: dict[str, Metric[Block]] = {
-    "transfer_rmse_x": _transfer_rmse("x"),
-    "transfer_rmse_y": _transfer_rmse("y"),
-    "support_rmse_x": rms_error(
-        "m",
-        "RMS of x - x_desired in support",
-        NO_SUPPORT,
-        BRISTOW,
-        lambda b: rms(b.error["x"], b.support),
-        shown=Shown("support x", "mm", 1e3, main=False),
-    ),
+    "transfer_rmse_x": transfer_rmse("x"),
+    "transfer_rmse_y": transfer_rmse("y"),
+    "support_rmse_x": support_rmse("x"),
     "transfer_iae_x": _transfer_iae("x"),
     "transfer_iae_y": _transfer_iae("y"),
     "transfer_ise_x": _transfer_ise("x"),

@@ -119,8 +119,9 @@ def _solve(columns: Array, vectors: Array) -> Array:
 def batch_kinematics(chain: Array, q: Array) -> tuple[Array, Array]:
     """Feet (N, 3), m, and Jacobians (N, 3, 3), m/rad, of one chain at ``q`` (N, 3), rad."""
     first, second, third = ((np.sin(angle), np.cos(angle)) for angle in q.T)
-    found = [np.stack(np.broadcast_arrays(*each), axis=-1) for each in kinematics_at(chain, first, second, third)]
-    return found[0], np.stack(found[1:], axis=-1)
+    vectors = kinematics_at(chain, first, second, third)
+    foot, *columns = (np.stack(np.broadcast_arrays(*vector), axis=-1) for vector in vectors)
+    return foot, np.stack(columns, axis=-1)
 
 
 def chain_angles(chain: Array, feet: Array, start: Array) -> Array:
@@ -166,5 +167,5 @@ def chain_points(chain: Array, q: Array) -> Array:
         angle: Any = q[..., n]  # the arithmetic of one posture is that of many
         sine, cosine = np.sin(angle), np.cos(angle)
         points[n + 1 :] = [turn_at(chain, n, place, sine, cosine) for place in points[n + 1 :]]
-    own = [np.broadcast_to(coordinate, q.shape[:-1]) for place in points for coordinate in place]
-    return np.stack(own, axis=-1).reshape(*q.shape[:-1], HINGES + 1, 3)
+    coordinates = [np.broadcast_to(coordinate, q.shape[:-1]) for place in points for coordinate in place]
+    return np.stack(coordinates, axis=-1).reshape(*q.shape[:-1], HINGES + 1, 3)

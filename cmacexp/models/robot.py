@@ -173,12 +173,12 @@ def _require_regular_files(path: Path, folder: Path, known: set[Path]) -> None:
     text = unescape(path.read_text(errors="replace"))
     folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
     for name in re.findall(r"""\bfile\s*=\s*["']([^"']+)""", text):
-        for found in {folder / inner / name for inner in folders} - known:
-            known.add(found)
-            if found.exists() and not found.is_file():
+        for file in {folder / inner / name for inner in folders} - known:
+            known.add(file)
+            if file.exists() and not file.is_file():
                 raise BadInput("machine.path", path, f"names {name}, which is not a regular file")
-            if found.suffix.lower() in ("", ".xml", ".mjcf") and found.is_file():
-                _require_regular_files(found, folder, known)
+            if file.suffix.lower() in ("", ".xml", ".mjcf") and file.is_file():
+                _require_regular_files(file, folder, known)
 
 
 def _most(values: Array, dof: Counts) -> Array:

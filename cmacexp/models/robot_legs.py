@@ -71,11 +71,11 @@ def find_legs(mujoco: Any, model: Any, path: Path, joints: Sequence[Sequence[str
     free = _find_free(mujoco, model, path)
     others = sorted(set(range(model.njnt)) - {free, *joint.ravel()})
     if others:
-        more = _listed(_name(model.joint(each)) for each in others)
+        more = _listed(_name(model.joint(k)) for k in others)
         raise BadInput("machine.joints", more, "moves, too: a leg has three joints; weld the others in the model")
     for leg, place, name in zip(joint, foot, feet, strict=True):
         _require_chain(model, free, leg, place, name)
-    _require_corners(mujoco, model, foot, feet)
+    _require_corners(mujoco, model, int(model.jnt_bodyid[free]), foot, feet)
     return Legs(
         base=int(model.jnt_bodyid[free]),
         base_qpos=int(model.jnt_qposadr[free]),
@@ -115,14 +115,14 @@ def _torque_limit(mujoco: Any, model: Any, name: str, joint: int) -> float:
     if not len(actuators):
         raise BadInput("machine.joints", name, "has no actuator in the model; give it a motor: <motor joint=.../>")
     limits = [np.abs(model.jnt_actfrcrange[joint]).min()] if model.jnt_actfrclimited[joint] else []
-    for each in actuators:
-        gear = abs(model.actuator_gear[each, 0])
-        if model.actuator_forcelimited[each]:
-            limits.append(np.abs(model.actuator_forcerange[each]).min() * gear)
+    for k in actuators:
+        gear = abs(model.actuator_gear[k, 0])
+        if model.actuator_forcelimited[k]:
+            limits.append(np.abs(model.actuator_forcerange[k]).min() * gear)
         # Of a servo the control is no force.
-        is_motor = model.actuator_biastype[each] == mujoco.mjtBias.mjBIAS_NONE
-        if is_motor and model.actuator_ctrllimited[each]:
-            limits.append(np.abs(model.actuator_ctrlrange[each]).min() * abs(model.actuator_gainprm[each, 0]) * gear)
+        is_motor = model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE
+        if is_motor and model.actuator_ctrllimited[k]:
+            limits.append(np.abs(model.actuator_ctrlrange[k]).min() * abs(model.actuator_gainprm[k, 0]) * gear)
     return float(min(limits, default=np.inf))
 
 
@@ -134,23 +134,24 @@ def _find_free(mujoco: Any, model: Any, path: Path) -> int:
 
 
 def _find_joint(mujoco: Any, model: Any, name: str) -> int:
-    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
-    if found < 0:
-        names = _listed(_name(model.joint(each)) for each in range(model.njnt))
-        raise BadInput("machine.joints", name, f"is no joint of the model, which has {names}")
-    if model.jnt_type[found] != mujoco.mjtJoint.mjJNT_HINGE:
+    names = [_name(model.joint(k)) for k in range(model.njnt)]
+    if name not in names:
+        raise BadInput("machine.joints", name, f"is no joint of the model, which has {_listed(names)}")
+    index = names.index(name)
+    if model.jnt_type[index] != mujoco.mjtJoint.mjJNT_HINGE:
         raise BadInput("machine.joints", name, "must be a hinge: legs have neither wheels nor slides")
-    return found
+    return index
 
 
 def _find_foot(mujoco: Any, model: Any, name: str) -> int:
-    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
-    if found < 0:
-        names = _listed(model.geom(each).name for each in range(model.ngeom) if model.geom(each).name)
-        raise BadInput("machine.feet", name, f"is no geom of the model, which has {names or 'none with a name'}")
-    if model.geom_type[found] != mujoco.mjtGeom.mjGEOM_SPHERE:
+    names = [model.geom(k).name for k in range(model.ngeom)]
+    if name not in names:
+        known = _listed(filter(None, names)) or "none with a name"
+        raise BadInput("machine.feet", name, f"is no geom of the model, which has {known}")
+    index = names.index(name)
+    if model.geom_type[index] != mujoco.mjtGeom.mjGEOM_SPHERE:
         raise BadInput("machine.feet", name, "must be a sphere")
-    return found
+    return index
 
 
 def _require_chain(model: Any, free: int, leg: Counts, foot: int, name: str) -> None:
@@ -162,17 +163,15 @@ def _require_chain(model: Any, free: int, leg: Counts, foot: int, name: str) -> 
         chain = [*range(first, first + int(model.body_jntnum[body])), *chain]
         body = int(model.body_parentid[body])
     if chain != [free, *leg]:
-        expected, found = (_listed(_name(model.joint(int(each))) for each in part) for part in (leg, chain[1:]))
-        raise BadInput("machine.feet", name, f"must hang on {expected}, but hangs on {found or 'the trunk alone'}")
+        expected, actual = (_listed(_name(model.joint(int(k))) for k in joints) for joints in (leg, chain[1:]))
+        raise BadInput("machine.feet", name, f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}")
 
 
-def _require_corners(mujoco: Any, model: Any, foot: Counts, feet: Sequence[str]) -> None:
+def _require_corners(mujoco: Any, model: Any, trunk: int, foot: Counts, feet: Sequence[str]) -> None:
     """Require the order of the feet in the pose that the model stands in."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    trunk = int(model.jnt_bodyid[np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]])
-    turn = data.xmat[trunk].reshape(3, 3)
-    at = (data.geom_xpos[foot] - data.xpos[trunk]) @ turn
+    at = (data.geom_xpos[foot] - data.xpos[trunk]) @ data.xmat[trunk].reshape(3, 3)
     forward, left = at[[0, 1], 0] - at[[2, 3], 0], at[[0, 2], 1] - at[[1, 3], 1]
     if min(*forward, *left) <= 0.0:
         order = "front left, front right, rear left, rear right (trunk: x forward, y left)"
@@ -188,5 +187,5 @@ def _name(joint: Any) -> str:
 
 
 def _listed(names: Iterable[str]) -> str:
-    found = list(names)
-    return ", ".join(found[:MOST_NAMES]) + (f" and {len(found) - MOST_NAMES} more" if len(found) > MOST_NAMES else "")
+    first, more = (names := list(names))[:MOST_NAMES], len(names) - MOST_NAMES
+    return ", ".join(first) + (f" and {more} more" if more > 0 else "")

@@ -1,5 +1,7 @@
 """Check of a plan for collisions between the legs of one side."""
 
+from itertools import combinations, product
+
 import numpy as np
 
 from cmacexp.config import Config
@@ -35,29 +37,15 @@ def check_crossing(config: Config, mechanism: Mechanism, joints: Array) -> None:
     Raises:
         BadInput: names the legs and the instant.
     """
-    legs = mechanism.legs.shape[0]
-    points = [joints_in_plane(mechanism, i, joints[:, i]) for i in range(legs)]
-    for i in range(legs):
-        for j in range(i + 1, legs):
-            if mechanism.hips[i, 1] != mechanism.hips[j, 1]:
-                continue
-            crossing = np.zeros(len(joints), dtype=bool)
-            for m in (0, 1):
-                for n in (0, 1):
-                    crossing |= _links_cross(points[i][m], points[i][m + 1], points[j][n], points[j][n + 1])
-            if crossing.any():
-                k = int(np.flatnonzero(crossing)[0])
-                where = f"legs {LEG_KEYS[i]} and {LEG_KEYS[j]} would cross at t = {k * config.sampling_period:.3f} s"
-                if mechanism.hips[i, 0] == mechanism.hips[j, 0]:
-                    key = f"machine.legs.{LEG_KEYS[j]}.hip_y"
-                    raise BadInput(key, mechanism.hips[j, 1], f"{where}: both hips are in one place")
-                if mechanism.legs[i, 4] > 0 > mechanism.legs[j, 4]:
-                    raise BadInput(
-                        "gait.stroke", config.gait.stroke, f"{where}; must be shorter, or the hips further apart"
-                    )
-                inward, bend = (i, "forward") if mechanism.legs[i, 4] < 0 else (j, "back")
-                raise BadInput(
-                    f"machine.legs.{LEG_KEYS[inward]}.knee",
-                    "back" if bend == "forward" else "forward",
-                    f"{where}; must be {bend}: front knees bend forward and rear knees back",
-                )
+    points = [joints_in_plane(mechanism, i, joints[:, i]) for i in range(len(mechanism.legs))]
+    for i, j in combinations(range(len(points)), 2):
+        if mechanism.hips[i, 1] != mechanism.hips[j, 1]:
+            continue
+        crossing = np.zeros(len(joints), dtype=bool)
+        for m, n in product((0, 1), repeat=2):
+            crossing |= _links_cross(points[i][m], points[i][m + 1], points[j][n], points[j][n + 1])
+        if crossing.any():
+            time = int(np.argmax(crossing)) * config.sampling_period
+            where = f"legs {LEG_KEYS[i]} and {LEG_KEYS[j]} would cross at t = {time:.3f} s"
+            remedy = "must be shorter, or the hips further apart; front knees bend forward and rear knees back"
+            raise BadInput("gait.stroke", config.gait.stroke, f"{where}; {remedy}")

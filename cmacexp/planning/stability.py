@@ -62,9 +62,9 @@ def margins(feet: Array, down: Mask | None = None) -> Array:
         nearest = np.where(edge, np.minimum(nearest, distance), nearest)
         front = np.where(crosses, np.maximum(front, along), front)
         behind = np.where(crosses, np.minimum(behind, along), behind)
-    found = np.stack([nearest, front, -behind], axis=-1)
-    found[(present.sum(axis=0)[..., None] < 3) | np.isinf(found)] = np.nan
-    return found
+    distances = np.stack([nearest, front, -behind], axis=-1)
+    distances[(present.sum(axis=0)[..., None] < 3) | np.isinf(distances)] = np.nan
+    return distances
 
 
 def check_stability(config: Config, support: Mask, planned: Array) -> None:
@@ -76,22 +76,15 @@ def check_stability(config: Config, support: Mask, planned: Array) -> None:
     gait = config.gait
     if gait.allow_unstable:
         return
-    own = gait.touch_down is not None
-    key, value = ("gait.touch_down", gait.touch_down) if own else ("gait.duty_factor", gait.duty_factor)
-    remedy = "choose another value, or set gait.allow_unstable=true"
-    few = np.flatnonzero(support.sum(axis=1) < 3)
+    key = "duty_factor" if gait.touch_down is None else "touch_down"
+    few, k = np.flatnonzero(support.sum(axis=1) < 3), int(np.argmin(planned[:, STABILITY]))
     if len(few):
-        when = few[0] * config.sampling_period
-        raise BadInput(
-            key,
-            value,
-            f"only {support[few[0]].sum()} feet are down at t = {when:.3f} s, three are needed; {remedy}",
-        )
-    k = int(np.argmin(planned[:, STABILITY]))
-    if planned[k, STABILITY] < -ROUNDING:
-        when = k * config.sampling_period
-        raise BadInput(
-            key,
-            value,
-            f"the planned stability margin is {planned[k, STABILITY]:.4f} m at t = {when:.3f} s, below 0; {remedy}",
-        )
+        k = few[0]
+        reason = f"only {support[k].sum()} feet are down at t = {k * config.sampling_period:.3f} s, three are needed"
+    elif planned[k, STABILITY] < -ROUNDING:
+        margin, time = planned[k, STABILITY], k * config.sampling_period
+        reason = f"the planned stability margin is {margin:.4f} m at t = {time:.3f} s, below 0"
+    else:
+        return
+    remedy = "choose another value, or set gait.allow_unstable=true"
+    raise BadInput(f"gait.{key}", getattr(gait, key), f"{reason}; {remedy}")

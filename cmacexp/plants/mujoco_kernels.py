@@ -208,29 +208,27 @@ def observe_planar_foot(
     measured.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)
 
 
-@kernel
-def observe(
-    mechanism: Mechanism,
-    ground: Ground,
-    origin: Array,
-    bodies: Bodies,
-    feet: Feet,
-    joints: Joints,
-    geometry: Array,
-    measured: Measurement,
-) -> None:
-    """Measure joints, body and feet of a machine; fills ``measured`` but for the forces.
+class Observed(NamedTuple):
+    """What the measurement of a machine follows from, and what it fills."""
 
-    Args:
-        mechanism: the machine.
-        ground: reference of the height of the body.
-        origin: (3,): of the body's frame in that of the trunk, m.
-        bodies: with present positions and velocities.
-        feet: of the machine.
-        joints: of the machine.
-        geometry: filled, see :func:`cmacexp.models.mechanism.update_geometry`.
-        measured: filled.
-    """
+    mechanism: Mechanism
+    ground: Ground
+    """Reference of the height of the body."""
+    origin: Array
+    """(3,): of the body's frame in that of the trunk, m."""
+    bodies: Bodies
+    feet: Feet
+    joints: Joints
+    geometry: Array
+    """Filled, see :func:`cmacexp.models.mechanism.update_geometry`."""
+    measured: Measurement
+    """Filled but for the forces."""
+
+
+@kernel
+def observe(observed: Observed) -> None:
+    """Measure joints, body and feet of a machine at MuJoCo's present positions and velocities."""
+    mechanism, ground, origin, bodies, feet, joints, geometry, measured = observed
     turn, spin = bodies.trunk_turn, bodies.trunk_rate[3:]
     at = turned(bodies.trunk_place, turn, origin[0], origin[1], origin[2])
     velocity = turned(
@@ -275,17 +273,8 @@ def pressing(
 
 
 @program
-def observing(
-    mechanism: Mechanism,
-    ground: Ground,
-    origin: Array,
-    bodies: Bodies,
-    feet: Feet,
-    joints: Joints,
-    geometry: Array,
-    measured: Measurement,
-) -> Iterator[int]:
+def observing(observed: Observed) -> Iterator[int]:
     """:func:`observe` whenever it is resumed."""
     while True:
-        observe(mechanism, ground, origin, bodies, feet, joints, geometry, measured)
+        observe(observed)
         yield 0

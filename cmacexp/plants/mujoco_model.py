@@ -3,7 +3,7 @@
 World: x forward, y left, z up. A hinge turns about +y, so that joint angles count from +x downwards, as everywhere.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -33,35 +33,27 @@ def _leg(number: int, leg: Array, at: str) -> str:
     return _link(f"joint 1 of leg {number}", length_1, mass_1, at, shank)
 
 
-class Torso(NamedTuple):
-    """A body that floats."""
-
-    mass: float
-    """kg."""
-    inertia: tuple[float, ...]
-    """About its own x, y and z, kg m^2."""
-
-
-def make_planar(mechanism: Mechanism, torso: Torso | None = None) -> Model:
+def make_planar(mechanism: Mechanism, body_mass: float | None = None, inertia: Sequence[float] = ()) -> Model:
     """The model of planar legs.
 
     Args:
         mechanism: legs on a stand, or under a body that floats.
-        torso: the body, if there is one; its centre of gravity is in the plane of the hips.
+        body_mass: of the body without its legs, kg, whose centre is in the plane of the hips; None on a stand.
+        inertia: of the body about its own x, y and z, kg m^2.
 
     Raises:
         BadInput: MuJoCo refuses a mass or an inertia.
     """
-    origin = np.array([0.0, 0.0, 0.0 if torso else mechanism.hip_height])
+    origin = np.array([0.0, 0.0, mechanism.hip_height if body_mass is None else 0.0])
     hips = [f"{float(x)!r} {float(y)!r} {float(origin[2])!r}" for x, y in mechanism.hips]
     machine = "".join(_leg(i + 1, leg, hip) for i, (leg, hip) in enumerate(zip(mechanism.legs, hips, strict=True)))
-    if torso is not None:
-        inertia = " ".join(repr(float(value)) for value in torso.inertia)
+    if body_mass is not None:
+        moments = " ".join(repr(float(value)) for value in inertia)
         machine = (
             '<body><freejoint name="the body"/>'
-            f'<inertial pos="0 0 0" mass="{float(torso.mass)!r}" diaginertia="{inertia}"/>{machine}</body>'
+            f'<inertial pos="0 0 0" mass="{float(body_mass)!r}" diaginertia="{moments}"/>{machine}</body>'
         )
-    mujoco, floats, legs = load_mujoco(), int(torso is not None), len(mechanism.legs)
+    mujoco, floats, legs = load_mujoco(), int(body_mass is not None), len(mechanism.legs)
     xml = (
         f'<mujoco><compiler angle="radian"/><option integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
         f'<flag constraint="disable" autoreset="disable"/></option><worldbody>{machine}</worldbody></mujoco>'

@@ -11,7 +11,7 @@ from cmacexp.models.mechanism import GEOMETRY_FIELDS
 from cmacexp.models.robot import load_mujoco, warnings_dropped
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
-from cmacexp.plants.mujoco_kernels import Bodies, Contacts, Feet, Joints, Touch, observing, pressing
+from cmacexp.plants.mujoco_kernels import Bodies, Contacts, Feet, Joints, Observed, Touch, observing, pressing
 from cmacexp.plants.protocol import Measurement, get_state, new_measurement
 from cmacexp.typing import Array, Counts
 
@@ -120,10 +120,11 @@ class MujocoPlant:
         measured = measured._replace(force=contacts.force, travel=(travel := np.zeros(3)))
         self.contacts, self._measured = contacts, (*get_state(measured), *([travel] if trunk else []))
         acting = touch, make_payload(config.payload, config.sampling_period), origin, bodies, feet, contacts
+        observed = Observed(mechanism, ground, origin, bodies, feet, joints, geometry, measured)
         # Compiled generators do not keep their arrays alive.
-        self._kept = mechanism, acting, joints, geometry
+        self._kept = acting, observed
         self._pressing_in_stage, self._pressing = (pressing(*acting, in_stage) for in_stage in (True, False))
-        self._observing = observing(mechanism, ground, origin, bodies, feet, joints, geometry, measured)
+        self._observing = observing(observed)
         next(self._pressing)
         return self.measure()
 

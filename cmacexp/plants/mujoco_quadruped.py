@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from cmacexp.config import number
 from cmacexp.planning.setup import Setup
-from cmacexp.plants.mujoco_model import Torso, make_planar
+from cmacexp.plants.mujoco_model import make_planar
 from cmacexp.plants.mujoco_plant import FrictionConfig, MujocoPlant, require_machine
 from cmacexp.plants.protocol import Measurement
 
@@ -36,8 +36,5 @@ class MujocoQuadruped(MujocoPlant):
             BadInput: the machine has no body, or MuJoCo is not installed.
         """
         require_machine(setup, "quadruped", "mujoco_quadruped", "quadruped")
-        torso, start = (
-            Torso(setup.config.machine.body_mass, tuple(self.config.body_inertia)),
-            self.config.draw_start(setup),
-        )
-        return self.begin(setup, make_planar(setup.mechanism, torso), self.config.touch(setup), start)
+        model = make_planar(setup.mechanism, setup.config.machine.body_mass, self.config.body_inertia)
+        return self.begin(setup, model, self.config.touch(setup), self.config.draw_start(setup))

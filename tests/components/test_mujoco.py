@@ -19,14 +19,14 @@ from cmacexp.planning.machine import compute_weight_of_masses
 from cmacexp.planning.setup import Setup
 from cmacexp.plants import Measurement
 from cmacexp.plants.mujoco_kernels import Bodies, Contacts, Feet, Touch, press
-from cmacexp.plants.mujoco_model import Torso, make_planar
+from cmacexp.plants.mujoco_model import make_planar
 from cmacexp.plants.mujoco_plant import MujocoConfig, MujocoPlant
 
 LEG = Leg(0.35, 0.30, 0.5, 0.4, -1.0)
 GROUND = still_ground(1e4, damping=50.0)
 FREE = Touch(GROUND._replace(damping=0.0))
 STICKY = Touch(GROUND, 0.6, 1e4, 50.0)
-TORSO = Torso(1.0, (0.05, 0.06, 0.1))
+TORSO = 1.0, (0.05, 0.06, 0.1)
 HIPS = [(0.2, 0.2), (0.2, -0.2), (-0.2, 0.2), (-0.2, -0.2)]
 WALK = ("scenario=quadruped", "plant=mujoco_quadruped")
 
@@ -36,10 +36,10 @@ def begin(make_config):
     """A plant of some legs, on a stand or under ``torso``, at ``start``, rad."""
     config = make_config("scenario=one_leg")
 
-    def make(mechanism, touch, start, torso=None, substeps=1, period=1e-3):
+    def make(mechanism, touch, start, torso=(), substeps=1, period=1e-3):
         plant = MujocoPlant(MujocoConfig(substeps))
         setup = Setup(replace(config, sampling_period=period), mechanism, plan=None, start=np.asarray(start))
-        plant.begin(setup, make_planar(mechanism, torso), touch, setup.start)
+        plant.begin(setup, make_planar(mechanism, *torso), touch, setup.start)
         return plant
 
     return make
