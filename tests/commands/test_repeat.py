@@ -84,7 +84,7 @@ def test_a_run_repeats_from_the_weights_that_it_started_from_alone(run, repeat, 
     (run / WEIGHTS).write_bytes(b"other")
     code, lines, said = repeat(later)
     assert (code, lines) == (2, [])
-    assert said.startswith(f"error: learning.start_from={run}: must hold the weights that this run started from")
+    assert said.startswith(f"error: learning.start_from={run}: ")
 
 
 def test_a_custom_component_has_to_be_importable(repeat, tmp_path, monkeypatch):
@@ -104,4 +104,4 @@ def test_a_run_without_a_result_is_not_repeated(run, repeat):
     change_manifest(run, status="failed", files={}, steps=0, config={})
     code, lines, said = repeat(run)
     assert (code, lines) == (2, [])
-    assert said == f"error: {run}: failed; only a run that completed or fell or diverged can be repeated\n"
+    assert said.startswith(f"error: {run}: failed")

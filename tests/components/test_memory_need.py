@@ -38,22 +38,19 @@ def test_a_run_takes_about_as_much_memory_as_estimated(make_config, tmp_path, ov
     assert 0.5 < sum(estimate_memory(config).values()) / peak < 2.0
 
 
-NEEDS = {
-    ("sampling_period=1e-6", "feedforward=none"): "sampling_period=1e-06: needs about 3.0 GB with 3000000 steps a "
-    "cycle, but there are 2.0 GB: take a larger one",
-    ("sampling_period=1e-5", "cmac.layers=4096"): "cmac.layers=4096: needs about 15.3 GB with 300000 steps a cycle, "
-    "but there are 2.0 GB: take a smaller one, or a larger sampling_period",
-    ("sampling_period=1e-5", "feedforward=rbf", "feedforward.centres=4000"): "feedforward.centres=4000: needs about "
-    "48.6 GB with 300000 steps a cycle, but there are 2.0 GB: take a smaller one, or a larger sampling_period",
-}
-
-
-@pytest.mark.parametrize("overrides", NEEDS, ids=" ".join)
-def test_what_needs_more_memory_than_there_is_is_refused(make_config, monkeypatch, overrides):
+@pytest.mark.parametrize(
+    ("key", "overrides"),
+    [
+        ("sampling_period", ["sampling_period=1e-6", "feedforward=none"]),
+        ("cmac.layers", ["sampling_period=1e-5", "cmac.layers=4096"]),
+        ("feedforward.centres", ["sampling_period=1e-5", "feedforward=rbf", "feedforward.centres=4000"]),
+    ],
+)
+def test_what_needs_more_memory_than_there_is_is_refused(make_config, monkeypatch, key, overrides):
     monkeypatch.setattr(memory, "available_memory", lambda: 2e9)
     with pytest.raises(BadInput) as raised:
         make_config(*RUN, *overrides)
-    assert str(raised.value) == NEEDS[overrides]
+    assert raised.value.key == key
 
 
 @pytest.mark.parametrize(

@@ -62,9 +62,9 @@ def test_a_run_starts_from_the_weights_of_the_run_with_its_labels_and_its_seed()
 
 def test_a_run_starts_from_one_run_or_it_is_an_error():
     before = grid("cycles=9", over={"cmac.layers": [8, 16]})  # values are no labels: both would match
-    with pytest.raises(BadInput, match="one request to start from, not 2"):
+    with pytest.raises(BadInput):
         starting_from(before, grid("cycles=9", over={"cmac.layers": [8, 16]}))
-    with pytest.raises(BadInput, match="not 0"):
+    with pytest.raises(BadInput):
         starting_from(grid("cycles=9", kind="a"), grid("cycles=9", kind="b"))
 
 
@@ -100,10 +100,10 @@ def test_a_run_that_fell_counts_as_the_worst_value():
     assert estimate(sample).high == math.inf
 
 
-@pytest.mark.parametrize(("sample", "message"), [([], "empty"), ([1.0, float("nan")], "NaN")])
-def test_an_empty_sample_and_an_undefined_value_are_errors(sample, message):
+@pytest.mark.parametrize("sample", [[], [1.0, float("nan")]])
+def test_an_empty_sample_and_an_undefined_value_are_errors(sample):
     criterion = Criterion("error", lambda results: sample, at_most(1.0))
-    with pytest.raises(BadInput, match=f"quantity=error: the sample .*{message}"):
+    with pytest.raises(BadInput, match="quantity=error: "):
         Claim("it is small", "section 1", [criterion]).judge(made(0.1))
 
 
@@ -112,35 +112,35 @@ def test_a_criterion_without_runs_is_an_error_that_names_it(options):
     measured = Criterion(
         "error", lambda results: last_error(results.select(machine="robot")), at_most(1.0), **options
     )
-    with pytest.raises(BadInput, match=r"quantity=error: no run has machine='robot'; they have 'leg'"):
+    with pytest.raises(BadInput, match="quantity=error: "):
         Claim("it is small", "section 1", [measured]).judge(made(0.1, machine="leg"))
 
 
 def test_a_selection_without_runs_names_what_there_is():
     results = Results([*made(0.1, machine="leg").rows, *made(0.2, machine="walk").rows])
     assert len(results.select(machine=["leg", "walk"])) == 2
-    with pytest.raises(NoSuchRuns, match="no run has machine='robot'; they have 'leg', 'walk'"):
+    with pytest.raises(NoSuchRuns, match=r"'robot'.*'leg', 'walk'"):
         results.select(machine="robot")
-    with pytest.raises(NoSuchRuns, match=r"no run has a setting 'machin'; did you mean machine\?"):
+    with pytest.raises(NoSuchRuns, match=r"'machin'.* machine"):
         results.by("machin")
 
 
 @pytest.mark.parametrize(("option", "value"), [("kind", "bar"), ("log", "yx")])
 def test_a_panel_of_an_unknown_kind_is_an_error(option, value):
-    with pytest.raises(BadInput, match=f"{option}={value}: choose from"):
+    with pytest.raises(BadInput, match=f"{option}={value}: "):
         Panel("error", "cycle", "mm", [], **{option: value})
 
 
 def test_a_cycle_after_the_end_of_a_completed_run_is_an_error_not_the_worst_value():
-    with pytest.raises(BadInput, match="cycle=6: a run that completed has 5 cycles"):
+    with pytest.raises(BadInput, match="cycle=6: "):
         made(0.1).at(6, "transfer_rmse_x")
 
 
 def test_an_unknown_metric_or_measure_names_the_nearest():
     for wrong in (lambda r: r.end("transfer_rmse_w"), lambda r: r.at(1, "transfer_rmse_w")):
-        with pytest.raises(BadInput, match=r"metric=transfer_rmse_w: choose from .* did you mean transfer_rmse"):
+        with pytest.raises(BadInput, match=r"metric=transfer_rmse_w: .* transfer_rmse_[xy]"):
             wrong(made(0.1))
-    with pytest.raises(BadInput, match="measure=mass: choose from none"):
+    with pytest.raises(BadInput, match="measure=mass: "):
         made(0.1).measure("mass")
 
 
@@ -185,7 +185,7 @@ def test_a_finding_has_a_sentence_for_each_outcome(value, sentence):
 def test_a_wrong_name_in_braces_is_an_error_before_the_outcome_that_shows_it(wrong, outcome):
     sentences = {"yes": "{value}", "no": "{values[0]}", "unclear": "{{}}"}
     Finding([criterion(0.5)], **sentences)
-    with pytest.raises(BadInput, match=r"none of the values: use \{value\} and \{values\[0\]\}"):
+    with pytest.raises(BadInput):
         Finding([criterion(0.5)], **{**sentences, outcome: wrong})
 
 
@@ -195,9 +195,9 @@ def test_a_finding_without_a_sentence_for_it_says_that_it_is_undecided():
 
 
 def test_a_statement_without_criteria_is_an_error():
-    with pytest.raises(BadInput, match="no criteria"):
+    with pytest.raises(BadInput):
         Finding([], "It is.", "It is not.", "Unclear.")
-    with pytest.raises(BadInput, match="no criteria"):
+    with pytest.raises(BadInput):
         Claim("it is small", "section 1", [])
 
 
