@@ -111,8 +111,8 @@ def read_file(path: Path) -> Manifest:
             text = file.read(MAX_BYTES + 1).decode()
         if len(text) > MAX_BYTES:
             raise BadRun(f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run")
-        content = json.loads(text)
-        changed = isinstance(content, dict) and CHECKSUM in content and dump(content) != text
+        found = json.loads(text)
+        changed = isinstance(found, dict) and CHECKSUM in found and dump(found) != text
     except (FileNotFoundError, NotADirectoryError):
         reason = f"no {path.name}: not the folder of a run, or the run was killed before its end"
         raise BadRun(f"{path.parent}: {reason}") from None
@@ -121,8 +121,8 @@ def read_file(path: Path) -> Manifest:
         raise BadRun(f"{path}: cannot be read ({reason.splitlines()[0]})") from None
     if changed:
         raise BadRun(f"{path}: changed since it was written; run it again")
-    wrong = find_wrong(content)
-    if wrong or content.pop(CHECKSUM, None) is None:
+    wrong = find_wrong(found)
+    if wrong or found.pop(CHECKSUM, None) is None:
         raise BadRun(f"{path}: not the manifest of a run: {wrong or f'it has no {CHECKSUM}'}; run it again")
-    manifest: Manifest = content
+    manifest: Manifest = found
     return manifest
