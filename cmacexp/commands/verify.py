@@ -21,11 +21,11 @@ def _verify(arguments: argparse.Namespace) -> int:
     intact = True
     for folder in [result for given in arguments.folders for result in everything_below(given)]:
         with activity(f"checking {folder}"):
-            found = faults(folder)
-        intact = intact and not found
-        state = "NOT INTACT" if found else f"intact ({manifests.read(folder)['status']})"
+            reasons = faults(folder)
+        intact = intact and not reasons
+        state = "NOT INTACT" if reasons else f"intact ({manifests.read(folder)['status']})"
         say(f"{folder}: {state}")
-        for fault in found:
+        for fault in reasons:
             say(f"  {fault}")
     return 0 if intact else NOT_INTACT
 

@@ -39,11 +39,11 @@ def walk(folder: Path, skipped: Callable[[OSError], None] | None = None) -> Iter
         yield Path(place)
 
 
-def _require_some(folder: Path, found: Iterable[Path]) -> list[Path]:
+def _require_some(folder: Path, paths: Iterable[Path]) -> list[Path]:
     if not folder.is_dir():
         raise BadRun(f"{folder}: no such folder")
-    if paths := sorted(found):
-        return paths
+    if ordered := sorted(paths):
+        return ordered
     raise BadRun(f"{folder}: contains no run; use the folder that a run printed at its end")
 
 
@@ -71,8 +71,8 @@ def everything_below(folder: Path) -> list[Path]:
         BadRun: the folder does not exist, or holds nothing of the kind.
     """
     unreadable: list[OSError] = []
-    found = {*filter(_is_result, walk(folder, unreadable.append))}
-    return _require_some(folder, found.union(Path(error.filename) for error in unreadable))
+    results = {*filter(_is_result, walk(folder, unreadable.append))}
+    return _require_some(folder, results.union(Path(error.filename) for error in unreadable))
 
 
 def require_place(key: str, folder: Path) -> Path:

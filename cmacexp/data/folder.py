@@ -196,8 +196,8 @@ class Place:
 
 
 def _list_files(new: Path) -> list[str]:
-    found = (path for path in new.rglob("*") if stat.S_ISREG(path.lstat().st_mode))
-    return sorted(path.relative_to(new).as_posix() for path in found)
+    files = (path for path in new.rglob("*") if stat.S_ISREG(path.lstat().st_mode))
+    return sorted(path.relative_to(new).as_posix() for path in files)
 
 
 def _replace(place: Place, manifest: dict[str, Any]) -> None:

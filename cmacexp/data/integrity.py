@@ -54,8 +54,8 @@ def faults(folder: Path) -> list[str]:
         manifest = manifests.read(folder)
     except BadRun as error:
         return [str(error).removeprefix(f"{folder}: ")]
-    found = _list_missing(manifest)
-    found += [
+    reasons = _list_missing(manifest)
+    reasons += [
         f"{name}: {fault}"
         for name, expected in manifest["files"].items()
         if (fault := find_fault(folder, name, expected)) is not None
@@ -64,5 +64,5 @@ def faults(folder: Path) -> list[str]:
         with suppress(BadRun):
             if manifests.read(folder / name).get("config_hash") == expected:
                 continue
-        found.append(f"{name}: its config is not the one of the report")
-    return found
+        reasons.append(f"{name}: its config is not the one of the report")
+    return reasons

@@ -29,13 +29,13 @@ Manifest = dict[str, Any]
 @cache
 def versions() -> dict[str, str]:
     """Versions of everything that results can depend on."""
-    found = {"cmacexp": __version__, "python": platform.python_version()}
+    installed = {"cmacexp": __version__, "python": platform.python_version()}
     for package in PACKAGES:
         try:
-            found[package] = version(package)
+            installed[package] = version(package)
         except PackageNotFoundError:
             continue
-    return found
+    return installed
 
 
 @cache
@@ -117,7 +117,8 @@ def read_file(path: Path) -> Manifest:
         reason = f"no {path.name}: not the folder of a run, or the run was killed before its end"
         raise BadRun(f"{path.parent}: {reason}") from None
     except (ValueError, OSError, RecursionError) as error:
-        raise BadRun(f"{path}: cannot be read ({_describe(error)})") from None
+        reason = (isinstance(error, OSError) and error.strerror) or str(error) or type(error).__name__
+        raise BadRun(f"{path}: cannot be read ({reason.splitlines()[0]})") from None
     if changed:
         raise BadRun(f"{path}: changed since it was written; run it again")
     wrong = find_wrong(found)
@@ -125,9 +126,3 @@ def read_file(path: Path) -> Manifest:
         raise BadRun(f"{path}: not the manifest of a run: {wrong or f'it has no {CHECKSUM}'}; run it again")
     manifest: Manifest = found
     return manifest
-
-
-def _describe(error: Exception) -> str:
-    """Why a manifest cannot be read, in one line."""
-    reason = error.strerror if isinstance(error, OSError) else str(error)
-    return (reason or type(error).__name__).splitlines()[0]

@@ -45,8 +45,8 @@ FLAG = Kind("true or false", lambda value: isinstance(value, bool))
 FLOAT = Kind("a number", lambda value: isinstance(value, float))
 NUMBER = Kind("a finite number", _is_number)
 POSITIVE = Kind("a number above 0", lambda value: _is_number(value) and value > 0)
-WHOLE = Kind("a whole number from 0", lambda value: type(value) is int and 0 <= value < 2**63)
-COUNT = Kind("a whole number from 1", lambda value: WHOLE.holds(value) and value > 0)
+WHOLE = Kind("a whole number, at least 0", lambda value: type(value) is int and 0 <= value < 2**63)
+COUNT = Kind("a whole number, at least 1", lambda value: WHOLE.holds(value) and value > 0)
 COUNTS = Kind("a list of whole numbers", lambda value: isinstance(value, list) and all(map(COUNT.holds, value)))
 HASH = Kind("a SHA-256", lambda value: isinstance(value, str) and bool(re.fullmatch("[0-9a-f]{64}", value)))
 OBJECT = {"*": ANY}
@@ -127,10 +127,10 @@ def find_misfit(value: Any, shape: Shape, name: str) -> str | None:
         required = {key: of for key, of in shape.items() if key[-1] not in "?*"}
         if missing := required.keys() - value.keys():
             return f"{name} has no {', '.join(sorted(missing))}"
-        found = (
+        entries = (
             (key, each, shape.get(key, shape.get(f"{key}?", shape.get("*", ANY)))) for key, each in value.items()
         )
-        inner = ((each, of, f"{name}.{key[:40]}") for key, each, of in found)
+        inner = ((each, of, f"{name}.{key[:40]}") for key, each, of in entries)
     return next(filter(None, (find_misfit(*each) for each in inner)), None)
 
 

@@ -55,12 +55,12 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
         return (*request.overrides, f"learning.start_from='{before[request.starts_from][0]}'")
 
     wanted = sorted({overrides(request) for request in requests})
-    found = dict(zip(wanted, each("looking for runs", _look_up, [(o, store) for o in wanted]), strict=True))
-    missing = {folder: config for folder, config, _, finished in found.values() if not finished}
-    print(f"{len(found)} runs, {len(missing)} of them to be run", file=sys.stderr)
+    looked_up = dict(zip(wanted, each("looking for runs", _look_up, [(o, store) for o in wanted]), strict=True))
+    missing = {folder: config for folder, config, _, finished in looked_up.values() if not finished}
+    print(f"{len(looked_up)} runs, {len(missing)} of them to be run", file=sys.stderr)
     if missing:
         each("running", _run, [(i, *item, len(missing)) for i, item in enumerate(missing.items())])
-    return {request: (found[overrides(request)][0], found[overrides(request)][2]) for request in requests}
+    return {request: (looked_up[overrides(request)][0], looked_up[overrides(request)][2]) for request in requests}
 
 
 def collect(each: Each, requests: Sequence[Request], store: Path) -> Collected:

@@ -153,7 +153,7 @@ def _robot_entry(scenario: Scenario) -> dict[str, Any]:
     }
 
 
-@interrupt_held_back()  # the loop itself heeds it: what is done is written
+@interrupt_held_back()  # the loop itself raises it: what is done is written
 def run_scenario(
     config: Config,
     folder: Path | Place,

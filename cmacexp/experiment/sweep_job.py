@@ -1,6 +1,6 @@
 """One job of a sweep, in whatever process: it prints a line, and leaves on disk how it ended."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -8,12 +8,11 @@ from typing import Any
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
-from cmacexp.config import Config, to_config
+from cmacexp.config import to_config
 from cmacexp.config.hydra_record import make_record
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.folder import RUN_KEY, replacing
-from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.experiment.sweep_start import count_jobs, select_run_overrides
 from cmacexp.experiment.workers import share_progress
@@ -30,19 +29,30 @@ def run_job(composed: DictConfig) -> float | None:
     hydra = HydraConfig.get()
     folder, metric = Path(hydra.runtime.output_dir), composed.get("optimize")
     report = share_progress(hydra.job.num)
-    with interrupt_held_back():  # some libraries cannot be imported by halves
+    with interrupt_held_back():  # some libraries cannot be imported partially
+        from cmacexp.data.integrity import is_finished
         from cmacexp.experiment.objective import check_metric, read_objective
+        from cmacexp.experiment.run import run_scenario
+        from cmacexp.loop.scenario import make_scenario
         from cmacexp.report.run_summary import RunSummary, read_summary
         from cmacexp.report.terminal import announce_compiling, describe_drift, format_outcome, say
 
     announce_compiling()
     expect_runs(count_jobs())
-    record, overrides, summary = make_record(composed), select_run_overrides(hydra.overrides.task), None
+    record, overrides = make_record(composed), select_run_overrides(hydra.overrides.task)
+    summary, result = None, None
     name = f"#{hydra.job.num} {' '.join(overrides)}"
     try:
         config = to_config(composed)
         check_metric(config.optimize, config.machine.kind)
-        result = _run_unless_finished(config, folder, record, overrides, report)
+        with replacing(folder, RUN_KEY) as place:
+            if not (config.sweep.resume and is_finished(folder, config)):
+                scenario, cycles = make_scenario(config), config.cycles
+                result = run_scenario(
+                    config, place, lambda done: report(done / cycles), scenario, record=record, overrides=overrides
+                )
+            elif (manifest := manifests.read(folder)).get("overrides") != overrides:  # the same config by other words
+                place.commit({**manifest, "overrides": overrides})
     except Exception as error:
         if is_interrupt(error):
             raise KeyboardInterrupt from error
@@ -62,27 +72,6 @@ def run_job(composed: DictConfig) -> float | None:
             raise KeyboardInterrupt
     report(1.0)
     return None if metric is None else read_objective(metric, summary or read_summary(folder))
-
-
-def _run_unless_finished(
-    config: Config, folder: Path, record: Mapping[str, str], overrides: list[str], report: Callable[[float], None]
-) -> StoredRun | None:
-    """The run of a config; None if the sweep resumes and ``folder`` holds it already."""
-    with interrupt_held_back():
-        from cmacexp.data.integrity import is_finished
-        from cmacexp.experiment.run import run_scenario
-        from cmacexp.loop.scenario import make_scenario
-
-    with replacing(folder, RUN_KEY) as place:
-        if config.sweep.resume and is_finished(folder, config):
-            manifest = manifests.read(folder)
-            if manifest.get("overrides") != overrides:  # the same config by other words
-                place.commit({**manifest, "overrides": overrides})
-            return None
-        scenario = make_scenario(config)
-        return run_scenario(
-            config, place, lambda done: report(done / config.cycles), scenario, record=record, overrides=overrides
-        )
 
 
 def _describe(error: Exception) -> str:

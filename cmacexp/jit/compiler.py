@@ -14,16 +14,9 @@ from typing import cast
 
 from cmacexp.jit.cache_folder import cache_folder
 from cmacexp.jit.interrupt import raise_if_interrupted
-from cmacexp.jit.kernels import Function, kernel, kernel_apart
-
-__all__ = [
-    "call_before_compiling",
-    "expect_runs",
-    "expect_steps",
-    "kernel",
-    "kernel_apart",
-    "program",
-]
+from cmacexp.jit.kernels import Function
+from cmacexp.jit.kernels import kernel as kernel
+from cmacexp.jit.kernels import kernel_apart as kernel_apart
 
 WORTH_LOADING, WORTH_COMPILING = 4_000, 40_000
 """Steps, times legs, that take as long in plain Python as reading a program from the cache, and as compiling it."""

@@ -52,10 +52,10 @@ def _arrays_below(node: Any, path: str, role: Role | None) -> Iterator[Declared]
 
 def list_arrays(loop: Any) -> list[Declared]:
     """All arrays of a loop, each once: components may share them, and the first one declares the role."""
-    found: dict[int, Declared] = {}
+    arrays: dict[int, Declared] = {}
     for each in _arrays_below(loop, "", None):
-        found.setdefault(id(each.array), each)
-    return list(found.values())
+        arrays.setdefault(id(each.array), each)
+    return list(arrays.values())
 
 
 def _read(part: Declared, step: int) -> Array:

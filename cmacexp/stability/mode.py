@@ -26,10 +26,10 @@ class Mode(NamedTuple):
 def after_lift_off(support: Mask, steps: int = AFTER_LIFT_OFF) -> Mask:
     """(N, L): whether a leg lifted off no more than ``steps`` samples ago."""
     lifts = ~support & np.roll(support, 1, axis=0)
-    found = np.zeros_like(support)
+    recent = np.zeros_like(support)
     for back in range(steps):
-        found |= np.roll(lifts, back, axis=0)
-    return found
+        recent |= np.roll(lifts, back, axis=0)
+    return recent
 
 
 def spectrum(change: Array, period: float) -> tuple[Array, Array]:

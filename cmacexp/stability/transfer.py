@@ -36,14 +36,14 @@ def _advance_one(loop: RestorableLoop) -> None:
 
 def _from_torque(loop: RestorableLoop, now: Array, torque: Array) -> Array:
     """B at the step where the loop is held; ``torque`` (L, 2) is the torque of that step."""
-    own, columns = torque.copy(), []
-    for j in range(own.size):
+    nominal, columns = torque.copy(), []
+    for j in range(nominal.size):
         ends = []
         for sign in (1.0, -1.0):
             loop.put(now)
-            torque[np.unravel_index(j, own.shape)] += sign * NUDGE
+            torque[np.unravel_index(j, nominal.shape)] += sign * NUDGE
             _advance_one(loop)
-            torque[...] = own
+            torque[...] = nominal
             ends.append(loop.state())
         columns.append((ends[0] - ends[1]) / (2.0 * NUDGE))
     return np.stack(columns, axis=1)
@@ -93,13 +93,13 @@ def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Loc
     loop.play(table)
     if not loop.advance(loop.period):
         raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
-    found = []
+    linearised = []
     for sample in sorted(samples):
         steps = sample - loop.run.taken % loop.period
         if steps and not loop.advance(steps):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
-        found.append(_local(loop, table))
-    return found
+        linearised.append(_local(loop, table))
+    return linearised
 
 
 def transfer(local: Local, frequencies: Array, period: float) -> NDArray[np.complex128]:

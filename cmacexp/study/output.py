@@ -17,13 +17,9 @@ from cmacexp.study.results import Results
 from cmacexp.study.statements import Found, Judged, Measured
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 RESULTS, CLAIMS = "results.parquet", "claims.json"
-
-
-def _to_arrow(frame: "pd.DataFrame") -> pa.Table:
-    return pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None)
 
 
 def write_results(results: Results, folder: Path) -> list[Path]:
@@ -32,7 +28,8 @@ def write_results(results: Results, folder: Path) -> list[Path]:
     if results.rows:
         frames[RESULTS] = results.table
     for name, frame in frames.items():
-        write_table(_to_arrow(frame), folder / name)
+        table = pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None)
+        write_table(table, folder / name)
     return [folder / name for name in frames]
 
 
