@@ -179,8 +179,6 @@ def test_only_the_ground_around_the_machine_counts(run):
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["terrain.step_factor=3"], "terrain.step_factor=3.0: needs terrain.step_time, at least 0 and below 15 s"),
-        (["terrain.step_legs=[1]"], "terrain.step_legs=[1]: needs terrain.step_time"),
         (["terrain.step_time=15"], "terrain.step_time=15.0: must be below 15 s, the end of the run"),
         (["terrain.step_time=1", "terrain.step_legs=[2]"], "terrain.step_legs=[2]: must be 1; or null for all"),
         (["terrain.step_time=1", "terrain.step_legs=[]"], "terrain.step_legs=[]: must be 1; or null for all"),
