@@ -8,15 +8,9 @@ from cmacexp.config.schema import Config
 def check_stiffness_step(config: Config) -> Mistakes:
     """A step of the stiffness falls into the run, under legs of the machine."""
     terrain, legs, end = config.terrain, config.legs, config.cycles * config.gait.cycle_time
-    if terrain.step_time is None:
-        needs = f"needs terrain.step_time, at least 0 and below {end:g} s, the end of the run"
-        if terrain.step_factor != 1.0:
-            yield "terrain.step_factor", needs
-        if terrain.step_legs is not None:
-            yield "terrain.step_legs", needs
-    elif terrain.step_time >= end:
+    if terrain.step_time is not None and terrain.step_time >= end:
         yield "terrain.step_time", f"must be below {end:g} s, the end of the run"
-    elif (named := terrain.step_legs) is not None and not 0 < len(named) == len(set(named) & set(range(1, legs + 1))):
+    if (named := terrain.step_legs) is not None and not 0 < len(named) == len(set(named) & set(range(1, legs + 1))):
         allowed = "1" if legs == 1 else f"some of 1 to {legs}, each once"
         yield "terrain.step_legs", f"must be {allowed}; or null for all"
 

@@ -56,11 +56,6 @@ def find_option(group: str, target: str) -> str:
     return target.rpartition(".")[2]
 
 
-def is_shipped(group: str, option: str) -> bool:
-    """Whether this package has an option of that name."""
-    return (config_folder() / group / f"{option}.yaml").exists()
-
-
 def config_class(component: Callable[..., object]) -> type[ComponentConfig] | None:
     """The config class that a component carries, if only because it inherits it; ``Config = None``: none."""
     own = getattr(component, "Config", None)
@@ -75,7 +70,7 @@ def _fields_taken(component: Callable[..., object]) -> dict[str, bool] | None:
         parameters = inspect.signature(component).parameters.values()
     except (TypeError, ValueError):  # a class that is not written in Python
         return None
-    if inspect.isbuiltin(component) or any(each.kind == each.VAR_KEYWORD for each in parameters):
+    if any(each.kind == each.VAR_KEYWORD for each in parameters):
         return None
     named = [each for each in parameters if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)]
     return {each.name: each.default is each.empty for each in named}

@@ -4,7 +4,7 @@ import ast
 import inspect
 import sys
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import pairwise
@@ -35,9 +35,7 @@ def describe_fields(config: Mapping[str, Any]) -> dict[str, Described]:
     Args:
         config: as it stands in a manifest.
     """
-    found: dict[str, Described] = {}
-    _describe(Config, config, "", found)
-    return found
+    return dict(_describe(Config, config, ""))
 
 
 def read_defaults(scenario: str) -> dict[str, Any]:
@@ -48,36 +46,31 @@ def read_defaults(scenario: str) -> dict[str, Any]:
         return {}
 
 
-def _describe(schema: type, node: Mapping[str, Any], before: str, found: dict[str, Described]) -> None:
+def _describe(schema: type, node: Mapping[str, Any], before: str) -> Iterator[tuple[str, Described]]:
     types, meanings = get_type_hints(schema), read_meanings(schema)
-    for each in fields(schema):
-        key, value = before + each.name, node.get(each.name)
-        if isinstance(value, Mapping):
-            own = types[each.name]
-            if each.name in COMPONENTS and not before:
-                own = _find_component(each.name, value, found)
-            elif key == "machine":
-                own = MACHINES.get(str(value.get("kind")))
-            if is_dataclass(own):
-                _describe(own, value, f"{key}.", found)  # type: ignore[arg-type]
-        elif each.name != "_target_":
-            found[key] = Described(each.metadata.get("unit", ""), meanings.get(each.name, ""))
+    for each in fields(schema):  # type: ignore[arg-type]
+        key, value, inner = before + each.name, node.get(each.name), types[each.name]
+        if not isinstance(value, Mapping):
+            if each.name != "_target_":
+                yield key, Described(each.metadata.get("unit", ""), meanings.get(each.name, ""))
+            continue
+        if key in COMPONENTS and (component := _find_component(key, str(value.get("_target_")))):
+            yield key, Described("", (inspect.getdoc(component) or "").partition("\n")[0])
+            inner = config_class(component)
+        elif key == "machine":
+            inner = MACHINES.get(str(value.get("kind")))
+        if is_dataclass(inner):
+            yield from _describe(inner, value, f"{key}.")  # type: ignore[arg-type]
 
 
-def _find_component(group: str, node: Mapping[str, Any], found: dict[str, Described]) -> type | None:
-    """The config class of a component, whose docstring describes the choice itself.
-
-    The run may be somebody else's: a module that is not shipped, and that this process does not use, is not imported.
-    """
-    target = str(node.get("_target_"))
+def _find_component(group: str, target: str) -> type | None:
+    """The class of a component; None if it is neither shipped nor used here: the run may be somebody else's."""
     if not target.startswith("cmacexp.") and target.rpartition(".")[0] not in sys.modules:
         return None
     try:
-        component = find_class(f"{group}._target_", target)
+        return find_class(f"{group}._target_", target)
     except BadInput:
         return None
-    found[group] = Described("", (inspect.getdoc(component) or "").partition("\n")[0])
-    return config_class(component)
 
 
 @cache

@@ -9,7 +9,8 @@ from dataclasses import fields, is_dataclass
 from types import SimpleNamespace
 from typing import Any
 
-from cmacexp.config.component import COMPONENTS, find_option, is_shipped
+from cmacexp.config.component import COMPONENTS, find_option
+from cmacexp.config.folder import config_folder
 from cmacexp.config.load import to_plain
 from cmacexp.config.schema import Config
 
@@ -28,7 +29,7 @@ def explain_idle(config: Config, key: str, more: Sequence[str] = (), mode: str =
     group, _, rest = key.partition(".")
     if group in COMPONENTS and rest and rest.split(".")[0] not in plain[group]:
         return f"{group}={options[group]} does not take it"
-    shipped = {name: option for name, option in options.items() if is_shipped(name, option)}
+    shipped = {name: o for name, o in options.items() if (config_folder() / name / f"{o}.yaml").exists()}
     names = {**vars(config), "option": SimpleNamespace(**shipped), "hydra": SimpleNamespace(mode=mode)}
     unmet = [need for need in dict.fromkeys((*_needs(config, key), *more)) if not _holds(need, names)]
     return "needs " + " and ".join(unmet).replace("option.", "") if unmet else ""

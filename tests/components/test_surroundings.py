@@ -170,6 +170,3 @@ def test_only_the_ground_around_the_machine_counts(run):
     near, far = (run(*WALK, "terrain.slope=0.05", f"terrain.slope_start={start}") for start in (-1.0, -50.0))
     assert_allclose(near.body_samples[:200], far.body_samples[:200], atol=1e-9)
     assert near.body_samples[-1, 1] < run(*WALK).body_samples[-1, 1] - 0.005  # nose up
-
-
-# What contradicts itself
