@@ -1,5 +1,7 @@
 """The CMAC as an object: addressing and weights, for one leg or any other function."""
 
+from pathlib import Path
+
 import numpy as np
 
 from cmacexp.cmac.addressing import Address, address_batch, count_outside
@@ -10,6 +12,7 @@ from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate
 from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.cmac.visited import Visited
 from cmacexp.config.cmac import WORD_BYTES, CmacConfig, check_memory
+from cmacexp.data.folder import write_atomically
 from cmacexp.models.mix import MASK
 from cmacexp.typing import Array, Cells
 
@@ -114,3 +117,33 @@ class Cmac:
         if errors.shape != expected or not np.isfinite(errors).all():
             raise ValueError(f"error of shape {errors.shape}: expected finite numbers of shape {expected}")
         train_batch(PAPER, self.weights, self.cells(inputs), self.activation(inputs), errors, rate)
+
+    def save(self, path: Path) -> None:
+        """Save addressing and weights in one ``.npz`` file."""
+        a = self.address
+        visited = {} if self.visited is None else {"visited": self.visited.positions}
+        settings = [a.resolution_elements, a.rows, int(a.hashed), a.seed, self.clipped, self.receptive_field]
+        with write_atomically(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(
+                file,
+                allow_pickle=False,
+                weights=self.weights,
+                low=a.ranges.low,
+                high=a.ranges.high,
+                displacement=a.displacement,
+                law=np.array(settings),
+                **visited,
+            )
+
+    @classmethod
+    def load(cls, path: Path) -> "Cmac":
+        """The CMAC of a file of :meth:`save`, bit for bit."""
+        with np.load(path, allow_pickle=False) as saved:
+            cmac = cls.__new__(cls)
+            elements, rows, hashed, seed, cmac.clipped, cmac.receptive_field = (int(value) for value in saved["law"])
+            ranges = InputRange(saved["low"], saved["high"])
+            cmac.address = Address(ranges, saved["displacement"], elements, rows, bool(hashed), seed)
+            cmac.weights, cmac.visited = saved["weights"], None
+            if "visited" in saved:
+                cmac.visited = Visited(rows, WORD_BYTES * cmac.weights.shape[1], saved["visited"])
+        return cmac

@@ -16,7 +16,7 @@ from cmacexp.config.folder import config_folder
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.robot_rule import find_mistake, register_rule
 from cmacexp.config.schema import Config
-from cmacexp.config.targets import current_folder_importable, find_class
+from cmacexp.config.targets import current_folder_importable, find_class, find_new_name
 from cmacexp.errors import BadInput
 
 WITHOUT_EFFECT = ("record", "sweep", "optimize", "warn", "hydra")
@@ -27,7 +27,10 @@ register_rule()
 
 def _make_component(group: str, node: Mapping[str, Any]) -> Any:
     """The config of a component: an object of the class that it carries for it, else its fields."""
-    component = find_class(f"{group}._target_", node.get("_target_"))
+    target = node.get("_target_")
+    if isinstance(target, str):
+        node = {**node, "_target_": (target := find_new_name(target))}
+    component = find_class(f"{group}._target_", target)
     taken, schema = fit_fields(group, node, component), config_class(component)
     return taken if schema is None else make_config(schema, taken, group)
 

@@ -5,12 +5,29 @@ import inspect
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from cmacexp.config.fields import listed
 from cmacexp.errors import BadComponent, BadInput, format_install_command, suggest
+
+NEW_NAMES = {
+    f"cmacexp.control.{name}": f"cmacexp.feedforward.{name}"
+    for name in (
+        "CmacFeedforward", "InverseDynamics", "IterativeLearning", "NoFeedforward", "Perceptron", "RadialBasis"
+    )
+}  # fmt: skip
+"""Targets that have moved, by their old names, which keep working."""
+
+
+@cache
+def find_new_name(target: str) -> str:
+    """The present name of a target; one that has moved is named on stderr, once."""
+    if target in NEW_NAMES:
+        print(f"{target} is now {NEW_NAMES[target]}", file=sys.stderr)
+    return NEW_NAMES.get(target, target)
 
 
 @contextmanager

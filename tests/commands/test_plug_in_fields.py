@@ -5,6 +5,7 @@ from omegaconf import OmegaConf
 
 from cmacexp.config import to_config, to_plain
 from cmacexp.config.compose import compose_config
+from cmacexp.config.targets import find_new_name
 from cmacexp.errors import BadInput
 from cmacexp.loop.scenario import make_scenario
 
@@ -119,6 +120,14 @@ def test_a_class_with_a_config_gets_typed_and_checked_fields(typed):
 def test_a_class_with_another_constructor_than_its_base_says_that_it_has_no_config(typed):
     heir = make_scenario(compose(typed.replace("Typed", "Heir"), "+controller.stiffness=3")).controller
     assert (heir.stiffness, heir.config.position_gain) == (3, 100.0)
+
+
+def test_a_target_that_has_moved_keeps_working_and_its_new_name_is_printed(capsys):
+    find_new_name.cache_clear()
+    for _ in range(2):
+        assert compose("feedforward._target_=cmacexp.control.CmacFeedforward") == compose()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == "cmacexp.control.CmacFeedforward is now cmacexp.feedforward.CmacFeedforward"
 
 
 def test_a_manifest_may_hold_fields_of_a_replaced_option(here):
