@@ -1,1 +1,12 @@
 """Studies of the paper and beyond: what each runs, what it claims, what it draws."""
+
+import sys
+from pathlib import Path
+
+if sys.argv[:1] == ["-m"]:  # Python is about to look for the module that was typed
+    name = next((text for text in sys.orig_argv if text.startswith("pipelines.")), "").partition(".")[2]
+    if name and not Path(__file__).with_name(f"{name}.py").is_file():
+        from pipelines.__main__ import main
+
+        sys.argv = ["pipelines", name]
+        sys.exit(main())

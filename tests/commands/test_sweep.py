@@ -95,7 +95,8 @@ def test_jobs_are_labelled_by_their_manifests(mixed, tmp_path):
     records = [folder / job / ".hydra" / "overrides.yaml" for job in ("0", "1")]
     for record, text in zip(records, [record.read_text() for record in reversed(records)], strict=True):
         record.write_text(text)
-    assert read_results(Sweep(folder)).overrides == table_of(folder)["overrides"].tolist()
+    _, rows = read_results(Sweep(folder))
+    assert [row["overrides"] for row in rows] == table_of(folder)["overrides"].tolist()
 
 
 def test_a_sweep_keeps_no_recording_unless_it_is_asked_for(mixed, tmp_path):

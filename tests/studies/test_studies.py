@@ -130,3 +130,10 @@ def test_the_command_of_a_study_makes_nothing_again(name, folder):
     done = python("-m", f"pipelines.{name}", "--quick", "--folder", str(folder), folder=ROOT)
     assert done.returncode == 0, done.stderr
     assert "nothing changed since it was written" in done.stdout
+
+
+@pytest.mark.parametrize("words", [("pipelines.nothing",), ("pipelines", "nothing")])
+def test_a_study_that_does_not_exist_lists_those_that_do(words, tmp_path):
+    done = python("-m", *words, folder=tmp_path)
+    assert done.returncode == 2
+    assert all(f"python -m pipelines.{name}\n" in done.stdout for name in ("assumptions", "robots"))
