@@ -134,6 +134,6 @@ def test_the_command_of_a_study_makes_nothing_again(name, folder):
 
 @pytest.mark.parametrize("words", [("pipelines.nothing",), ("pipelines", "nothing")])
 def test_a_study_that_does_not_exist_lists_those_that_do(words, tmp_path):
-    done = python("-m", *words, folder=tmp_path)
+    done = python("-m", *words, folder=tmp_path, LC_ALL="C.UTF-8")  # a process of its own, not a fork
     assert done.returncode == 2
     assert all(f"python -m pipelines.{name}\n" in done.stdout for name in ("assumptions", "robots"))
