@@ -9,8 +9,9 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
+from cmacexp.config.component import find_option
 from cmacexp.config.fields import check_fields, make_config
-from cmacexp.config.machine import RobotModel, read_model
+from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.lead import discretise
 from cmacexp.models.robot_gains import Basis, Gains, derive_basis, derive_gains
@@ -60,6 +61,8 @@ def _read_machine(root: DictConfig) -> RobotModel:
     given: Any = OmegaConf.to_container(OmegaConf.masked_copy(root.machine, names), resolve=True)
     model: RobotModel = make_config(RobotModel, given, "machine")
     check_fields(model, "machine")
+    if find_option("plant", str(OmegaConf.select(root, "plant._target_"))) == "analytic":
+        raise ask_for_robot(model)  # before the model is looked up, which may not be installed
     return model
 
 
