@@ -138,7 +138,7 @@ def _out(given: str) -> Path:
 def _read_options(arguments: argparse.Namespace) -> Options:
     every = arguments.every
     if every is not None and not (every.isdecimal() and int(every) > 0):
-        raise BadInput("--every", every, "must be a whole number from 1; 1 shows every step")
+        raise BadInput("--every", every, "must be a whole number, at least 1; 1 shows every step")
     views = None if arguments.views is None else list(dict.fromkeys(arguments.views.split(",")))
     return Options(arguments.cycles, views, None if every is None else int(every))
 

@@ -60,8 +60,8 @@ _import_without_blas()
 @cache
 def _inner(function: Callable[..., object]) -> Any:
     """A kernel as programs call it: not kept, since the programs that contain it are; without an entry for Python."""
-    apart = {"no_cpython_wrapper": True, "forceinline": inlined_kernels[function]} if KNOWN else {}
-    return njit(**SETTINGS, **apart)(function)
+    settings = {"no_cpython_wrapper": True, "forceinline": inlined_kernels[function]} if KNOWN else {}
+    return njit(**SETTINGS, **settings)(function)
 
 
 @typeof_impl.register(FunctionType)

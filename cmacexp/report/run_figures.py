@@ -7,6 +7,7 @@ import numpy as np
 
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.trace_writer import LAST_STEPS
 from cmacexp.metrics.pooling import count_legs, describe_pooling, is_shown, pool_legs
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.report.curves import find_log, over_cycles
@@ -38,8 +39,6 @@ PANELS = {
 JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
 """Names of joints, by their number."""
 CLOCK = "time in the cycle, s"
-LAST_STEPS = 100
-"""Steps shown before a run stopped."""
 
 
 def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:

@@ -12,7 +12,7 @@ from cmacexp.data.folder import Place
 from cmacexp.data.parquet import write_table
 from cmacexp.report.page import Report, relative, write_report
 from cmacexp.report.parts import Section
-from cmacexp.study.page import QUICK, Evaluated, make_claims_section, make_reading_section
+from cmacexp.study.page import QUICK_NOTICE, Evaluated, make_claims_section, make_reading_section
 from cmacexp.study.results import Results
 from cmacexp.study.statements import Found, Judged, Measured
 
@@ -80,7 +80,7 @@ def write_page(
     folder = place.folder
     claims = [judged for study in studies for judged in study.claims.values()]
     sections = [make_claims_section(claims, folder)] if claims else []
-    sections += [Section("Quick run", [Markup(f'<p class="banner">{QUICK}</p>')])] if quick else []
+    sections += [Section("Quick run", [Markup(f'<p class="banner">{QUICK_NOTICE}</p>')])] if quick else []
     sections += [section for study in studies for section in study.sections]
     files = [file for study in studies for file in study.files]
     if not quick:

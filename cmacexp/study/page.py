@@ -20,7 +20,9 @@ from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import VERDICTS, Found, Judged
 from cmacexp.study.study import StudyFile
 
-QUICK = "Quick run: this page checks the machinery and concludes nothing. It shows no verdicts and no findings."
+QUICK_NOTICE = (
+    "Quick run: this page checks the machinery and concludes nothing. It shows no verdicts and no findings."
+)
 MOST_RUNS = 5
 """Runs that the table names for a claim."""
 
