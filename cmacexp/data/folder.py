@@ -204,8 +204,9 @@ def _replace(place: Place, manifest: dict[str, Any]) -> None:
     """Move what has been written to its place; begun anew after a kill, it comes to the same end."""
     folder, new = place.folder, place.new
     for name in filter(partial(_is_own, place.kind), _list_files(new)):
-        (folder / name).parent.mkdir(exist_ok=True)
-        (new / name).replace(folder / name)
+        if name in manifest["files"] or name.startswith(f"{HYDRA_FOLDER}/"):  # else it did not become whole
+            (folder / name).parent.mkdir(exist_ok=True)
+            (new / name).replace(folder / name)
     for name in place.earlier - manifest["files"].keys():
         (folder / name).unlink(missing_ok=True)
     (new / manifests.NAME).replace(folder / manifests.NAME)

@@ -10,9 +10,9 @@ from numpy.lib import format as npy
 
 from cmacexp.config import Config, to_plain
 from cmacexp.config.difference import differences
-from cmacexp.data import manifest as manifests
 from cmacexp.data.files import open_file
 from cmacexp.data.hashes import current_hash, require_intact
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.typing import Weights
 
@@ -40,7 +40,7 @@ def read_weights(config: Config) -> Weights | None:
         return BadInput("learning.start_from", folder, reason)
 
     try:
-        manifest = manifests.read(folder)
+        manifest = StoredRun(folder).manifest
     except BadRun as error:
         raise refusal(f"must be the folder of a run with record.weights=true ({error})") from None
     if WEIGHTS not in manifest["files"]:

@@ -106,15 +106,16 @@ def _roll_out(
     return end, names
 
 
-def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest) -> list[str]:
-    """Write the weights and the recording if the config asks for them; the names of the files.
+def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest, names: list[str]) -> None:
+    """Write the weights and the recording if the config asks for them.
 
     Args:
         scenario: of the run.
         place: of the run, with its new trace and metrics.
         manifest: what is known of the run before its other files are written.
+        names: of files that are whole; is extended.
     """
-    record, folder, names = scenario.setup.config.record, place.new, list[str]()
+    record, folder = scenario.setup.config.record, place.new
     if record.weights and isinstance(scenario.feedforward, Learns):
         write_weights(folder, scenario.feedforward.learnt())
         names.append(WEIGHTS)
@@ -125,7 +126,6 @@ def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest
         label, window = place.folder.name, make_window(kept)
         write_recording(folder, manifest, folder / RECORDING, label=label, window=window)
         names.append(RECORDING)
-    return names
 
 
 def _component_entries(scenario: Scenario) -> dict[str, Any]:
@@ -208,8 +208,8 @@ def _write(
     shape = _robot_entry(scenario)  # the recording draws it
     manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps, **shape)
     try:
-        names += _write_extras(scenario, place, manifest)
-    except OSError as error:  # of a disk that is full: trace and metrics are whole
+        _write_extras(scenario, place, manifest, names)
+    except OSError as error:  # of a disk that is full: what is listed is whole
         manifest |= {"status": "failed", "cause": f"after step {end.steps}: {error}"}
     entries = {
         **_component_entries(scenario),

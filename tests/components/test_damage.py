@@ -288,6 +288,15 @@ def test_weights_that_are_none_are_bad_input(shape, kind, said, leg):
         make_scenario(started(leg, *ONE_LEG))
 
 
+def test_a_run_starts_from_no_weights_that_a_report_or_a_sweep_lists(leg):
+    manifest = {"kind": "sweep", "status": "completed", "config": {}, "versions": {}}
+    text = manifests.dump({**manifest, "files": {WEIGHTS: hashes.current_hash(leg / WEIGHTS)}})
+    (leg / manifests.NAME).write_text(text)
+    with pytest.raises(BadInput) as caught:
+        make_scenario(started(leg, *ONE_LEG))
+    assert caught.value.key == "learning.start_from"
+
+
 def test_what_is_printed_has_no_control_characters(leg, tmp_path, capsys):
     folder = leg.rename(tmp_path / "x\033[2K\033[1A\ny")
     call(verify, folder)

@@ -321,6 +321,21 @@ def test_a_full_disk_keeps_an_earlier_run_and_is_one_line(first, monkeypatch):
     assert state_of(first) == before
 
 
+def test_a_disk_that_is_full_for_the_recording_leaves_a_folder_that_can_be_used_again(tmp_path, monkeypatch):
+    def full(*arguments, **named):
+        raise OSError(28, "No space left on device")
+
+    config = compose_config(["scenario=one_leg", "cycles=1", "record.weights=true"])
+    with monkeypatch.context() as patch:
+        patch.setattr("cmacexp.recording.write.write_recording", full)
+        assert run_scenario(config, tmp_path / "r").status == "failed"
+    assert not faults(tmp_path / "r")
+    files = {*manifests.read(tmp_path / "r")["files"], manifests.NAME}
+    assert files == {path.name for path in (tmp_path / "r").iterdir()}
+    assert "weights.npz" in files
+    assert run_scenario(config, tmp_path / "r").status == "completed"
+
+
 def test_a_file_is_written_as_a_whole_and_never_through_a_link(tmp_path):
     (tmp_path / f".new.{os.getpid()}.part").symlink_to(tmp_path / "mine")
     with write_atomically(tmp_path / "new") as temporary:
