@@ -13,6 +13,7 @@ from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.machine import HAS_BODY, BodyMachine, RobotMachine
 from cmacexp.models.robot_legs import JOINTS
 
+GUARDS = ("none", "freeze", "refine")
 LEARNS = ("option.feedforward not in ('none', 'inverse_dynamics')",)
 """What fields of learning need beside :data:`ACTS`."""
 DRAWS = (
@@ -99,8 +100,10 @@ class LearningConfig:
     """Fraction of the error that a step corrects, beta; 50/256 in the paper."""
     lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",), needs=LEARNS)
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
+    guard: str = choice(*GUARDS, needs=LEARNS)
+    """What happens when learning does harm: nothing; the torque of the best cycle is repeated; and then improved."""
     start_cycle: int = number("", at_least=1, at_most=10**9)
-    """First cycle in which the feedforward learns and acts."""
+    """First cycle in which the feedforward learns and acts; with a guard the second at least."""
     start_from: str | None = field(kw_only=True, metadata={"needs": LEARNS})
     """Folder of a run with record.weights, from whose weights the feedforward starts; null: none."""
     regularisation: float = number("", at_least=0, at_most=1e6)

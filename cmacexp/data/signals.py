@@ -145,6 +145,10 @@ BODY_SIGNALS = (
 )
 """Of ``body.parquet``: one row per step."""
 
+REPEATED, FEEDBACK_ALONE = 1, 2
+GUARD_STATES = (
+    f"0 learning goes on, {REPEATED} the torque of the best cycle acts, {FEEDBACK_ALONE} feedback alone acts"
+)
 MEMORY_SIGNALS = (
     Signal("cycle", "", "gait cycle, from 1", CLOCK, pa.int32()),
     Signal("leg", "", "as in the trace", CLOCK, pa.int32()),
@@ -155,6 +159,7 @@ MEMORY_SIGNALS = (
     Signal(
         "cells_colliding", "", "cells of the planned path that share their row with another; NaN if not counted", PLAN
     ),
+    Signal("guard", "", f"guard of learning at the end of the cycle: {GUARD_STATES}", CONTROLLER),
 )
 """Of ``memory.parquet``: one row per cycle and leg."""
 

@@ -117,7 +117,9 @@ def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest
     """
     record, folder = scenario.setup.config.record, place.new
     if record.weights and isinstance(scenario.feedforward, Learns):
-        write_weights(folder, scenario.feedforward.learnt())
+        restored = [event["restored"] for event in manifest["guard"]]
+        best = scenario.kept.get(restored[-1]) if restored else None
+        write_weights(folder, best or scenario.feedforward.learnt())
         names.append(WEIGHTS)
     if record.recording and (kept := steps_by_cycle(folder)):
         from cmacexp.recording.window import make_window
@@ -205,8 +207,8 @@ def _write(
     end, names = _roll_out(scenario, folder, scorer, watch, warn)
     scores = scorer.scores
     names += write_scores(folder, scores)
-    shape = _robot_entry(scenario)  # the recording draws it
-    manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps, **shape)
+    shown = {"guard": [event._asdict() for event in end.events], **_robot_entry(scenario)}  # in the recording
+    manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps, **shown)
     try:
         _write_extras(scenario, place, manifest, names)
     except OSError as error:  # of a disk that is full: what is listed is whole

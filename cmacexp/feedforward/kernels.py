@@ -33,6 +33,8 @@ class LearningParams(NamedTuple):
     """(N, L, K): rows that learn from the error of each sample; only of ``zero_phase``, as the next."""
     share: Array = EMPTY
     """(N, L, K): their shares, see :func:`cmacexp.cmac.spread.spread_shares`."""
+    cycle_rate: float = 0.0
+    """beta / |K| of updates once a cycle, see :func:`correct`; 0 unless the guard of learning refines."""
 
 
 class Smoothing(NamedTuple):
@@ -98,6 +100,15 @@ def learn(params: FeedforwardParams, i: int, step: int, sample: int, learning_er
 
 
 @kernel
+def read_sample(params: FeedforwardParams, i: int, sample: int, output: Array) -> None:
+    """The output (J,) of the network of leg ``i`` at ``sample``, N m (eq. 18)."""
+    if params.kind == CMAC:
+        read(params.weights[i], params.cells[sample, i], output)
+    else:
+        read_weighted(params.weights[i], params.cells[sample, i], params.activation[sample, i], output)
+
+
+@kernel
 def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning_error: Array, output: Array) -> None:
     """Learn from the last step's feedback, then predict this step's torque (eq. 18, 20, 21).
 
@@ -118,10 +129,41 @@ def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning
             learn(params, i, step, (sample - 1 - params.learning.lead) % params.cells.shape[0], learning_error[i])
             if sample == 0 and params.smoothing.taps.shape[0] > 0:
                 smooth(params.weights[i], params.smoothing)
-            if params.kind == CMAC:
-                read(params.weights[i], params.cells[sample, i], output[i])
-            else:
-                read_weighted(params.weights[i], params.cells[sample, i], params.activation[sample, i], output[i])
+            read_sample(params, i, sample, output[i])
             if params.torque.shape[0] > 1:
                 for j in range(output.shape[1]):
                     output[i, j] += params.torque[sample, i, j]
+
+
+@kernel
+def correct(params: FeedforwardParams | None, errors: Array, output: Array, torque: Array) -> None:
+    """Update a torque once a cycle: u += beta K / |K| e, K = A A^T / sum a_i^2, e the errors shifted by the lead.
+
+    The weights change by beta / |K| A^T e / sum a_i^2, and the torque by what that changes in their output.
+
+    Args:
+        params: of a network.
+        errors: (N, L, J): learning errors of the last cycle, N m.
+        output: (J,): working array.
+        torque: (N, L, J): changed in place, N m.
+    """
+    if params is not None:
+        samples = errors.shape[0]
+        for i in range(errors.shape[1]):
+            for sign in (-1.0, 1.0):
+                for k in range(samples):
+                    read_sample(params, i, k, output)
+                    for j in range(output.shape[0]):
+                        torque[k, i, j] += sign * output[j]
+                if sign < 0.0:
+                    for k in range(samples):
+                        sample = (k - params.learning.lead) % samples
+                        if params.kind == CMAC:
+                            train(
+                                params.weights[i], params.cells[sample, i], errors[k, i], params.learning.cycle_rate
+                            )
+                        else:
+                            train_by_rule(
+                                PAPER, params.weights[i], params.cells[sample, i],
+                                params.activation[sample, i], errors[k, i], params.learning.cycle_rate,
+                            )  # fmt: skip

@@ -76,11 +76,27 @@ def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
     return setup.plan.joints[:, i, [column for name in names for column in JOINT_COLUMNS[name][:joints]]]
 
 
+def kernel_norm(cells: Cells, activation: Array) -> float:
+    """|K| of K = A A^T / sum a_i^2 over a cycle: its largest sum over a row, of all legs.
+
+    Args:
+        cells: (N, L, C): active rows of each sample.
+        activation: (N, L, C): activation of each of them, the entries of A.
+    """
+    power = (activation**2).sum(axis=2, keepdims=True)
+    share = np.divide(activation, power, out=np.zeros(cells.shape), where=power > 0.0)
+    sums = [np.bincount(cells[:, i].ravel(), share[:, i].ravel()) for i in range(cells.shape[1])]
+    return max(float((activation[:, i] * total[cells[:, i]]).sum(axis=1).max()) for i, total in enumerate(sums))
+
+
 def _learning(setup: Setup, cells: Cells, activation: Array, binary: bool) -> LearningParams:
     """How a network of these cells and activations (N, L, C) learns; ``binary``: two joints, activations of 1."""
     config = setup.config.learning
     rule = make_rule(config, activation)
-    params = LearningParams(config.rate, setup.lead, rule, rule == PAPER and binary, setup.plan.start_step)
+    cycle_rate = config.rate / kernel_norm(cells, activation) if config.guard == "refine" else 0.0
+    params = LearningParams(
+        config.rate, setup.lead, rule, rule == PAPER and binary, setup.plan.start_step, cycle_rate=cycle_rate
+    )
     if rule.teaches != NEIGHBOURS:
         return params
     spread_cells, share = spread_shares(cells, activation, config.window)

@@ -5,11 +5,14 @@ import numpy as np
 from cmacexp.control import HybridController
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.hybrid_kernels import new_hybrid_state
+from cmacexp.errors import BadInput
+from cmacexp.feedforward.kernels import TABLE
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.loop.external import External
+from cmacexp.loop.guard import NONE, REFINE, Guard, new_guard
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import Loop, Torques
-from cmacexp.loop.stop import Guard
+from cmacexp.loop.stop import StopLimits
 from cmacexp.plants import AnalyticPlant
 from cmacexp.plants.kernels import PlantState, new_state
 from cmacexp.sensors import PerfectSensors, RealSensors
@@ -43,7 +46,27 @@ def _make_observation(
     return None, Observation(*(getattr(machine, name) for name in Observation._fields))
 
 
-def make_loop(scenario: Scenario, external: External, guard: Guard) -> Loop:
+def make_guard(scenario: Scenario, external: External) -> Guard | None:
+    """The guard of learning of a scenario, None if nothing learns or nothing is to be guarded.
+
+    Raises:
+        BadInput: it is to improve the torque of a feedforward whose weights it does not know.
+    """
+    setup, feedforward = scenario.setup, scenario.feedforward
+    mode, rows = setup.config.learning.guard, (setup.mechanism.shape[0], 0)
+    known = isinstance(feedforward, BuiltInFeedforward) and not (external.controller or external.feedforward)
+    if mode == NONE or not feedforward.acts:
+        return None
+    if isinstance(feedforward, BuiltInFeedforward):
+        if feedforward.params.kind == TABLE:
+            return None
+        rows = feedforward.params.log.rows.shape
+    if mode == REFINE and not known:
+        raise BadInput("learning.guard", mode, "needs a built-in network and controller; use freeze")
+    return new_guard(mode, setup.mechanism, setup.plan, rows if known else (rows[0], 0))
+
+
+def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard: Guard | None = None) -> Loop:
     """The loop of a scenario: states of built-in components; of external ones only new states for their output."""
     setup, plant, controller, feedforward = (
         scenario.setup,
@@ -68,5 +91,6 @@ def make_loop(scenario: Scenario, external: External, guard: Guard) -> Loop:
             setup.config.actuator, setup.config.sampling_period, mechanism.shape[0], mechanism.torque_limits
         ),
         Torques(np.zeros(mechanism.shape), np.zeros(mechanism.shape)),
+        limits,
         guard,
     )

@@ -4,9 +4,10 @@ import numpy as np
 
 from cmacexp.control.actuator import actuate
 from cmacexp.jit.compiler import program
+from cmacexp.loop.guard import lets_act
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.samples import write_samples as commit
-from cmacexp.loop.step import STOP, TAKEN, Loop, advance_plant, check, control, observe, predict
+from cmacexp.loop.step import STOP, TAKEN, Loop, advance_plant, begin, check, control, guard_torque, observe, predict
 from cmacexp.loop.stop import RUNNING
 from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.protocol import Measurement
@@ -21,21 +22,23 @@ def fused_loop(loop: Loop, progress: Counts, start: int, samples: Array, body_sa
     period = loop.support.shape[0]
     sample, status, taken = start % period, RUNNING, 0
     if start == 0 and samples.shape[0] > 0:
-        status = check(loop.guard, 0, machine)
+        status = check(loop.limits, 0, machine)
     while status == RUNNING and taken < samples.shape[0]:
         step = start + taken
-        acting = step >= loop.start_step
+        begin(loop.guard, loop.feedforward, step, sample)
+        acting = lets_act(loop.guard, loop.start_step, step)
         observe(loop.sensing, loop.mechanism, step, machine, observation)
-        if acting:
-            predict(loop.feedforward, step, sample, state.learning_error, feedforward)
+        if step >= loop.start_step:
+            predict(loop.feedforward, loop.guard, step, sample, state.learning_error, feedforward)
         reference = loop.reference[ACTING if acting else BEFORE, sample]
         control(loop.control, state, loop.support[sample], reference, observation)
+        guard_torque(loop.guard, sample, loop.support[sample], state, observation, feedforward)
         actuate(loop.actuator, step, state.feedback, feedforward, total)
         commit(samples, body_samples, taken, machine, observation, state, feedforward)
         advance_plant(loop.plant, machine, total)
         taken += 1
         sample = sample + 1 if sample + 1 < period else 0
-        status = check(loop.guard, sample, machine)
+        status = check(loop.limits, sample, machine)
     progress[TAKEN], progress[STOP] = taken, status
 
 

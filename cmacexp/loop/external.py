@@ -5,7 +5,8 @@ Resuming that costs a tenth of a microsecond, calling a program some 10: numba u
 A component owns its inputs: it may keep them, and nothing that it writes into them reaches the loop.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from itertools import repeat
 from typing import Any, NamedTuple
@@ -14,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import Diverged
+from cmacexp.feedforward import Learns
 from cmacexp.jit.compiler import program
 from cmacexp.jit.interrupt import interrupt_held_back
+from cmacexp.loop.guard import BEST_CYCLE, lets_act
 from cmacexp.loop.samples import TRAVEL, make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import NO_METHOD, NOT_FINITE, STEP, STOP, TAKEN, Inputs, Loop, take_steps
@@ -70,7 +73,7 @@ class ExternalDriver:
     """
 
     def __init__(self, scenario: Scenario, loop: Loop, external: External):
-        self.loop, self.external = loop, external
+        self.loop, self.external, self.scenario = loop, external, scenario
         self.plant, self.sensors = scenario.plant, scenario.sensors
         self.controller, self.feedforward = scenario.controller, scenario.feedforward
         self.period = len(scenario.setup.plan.support)
@@ -126,11 +129,25 @@ class ExternalDriver:
         self.progress[TAKEN], self.body_samples = 0, body_samples
         inputs, progress = self._make_inputs(len(samples)), self.progress
         calls = (self._measure, self._act, self._predict, self._step)
-        for method, row in coroutine_loop(self.loop, inputs, progress, self.start, samples, body_samples):
-            calls[method](row)
+        with self._keeping_best():
+            for method, row in coroutine_loop(self.loop, inputs, progress, self.start, samples, body_samples):
+                calls[method](row)
         if progress[NOT_FINITE] != NO_METHOD:
             self._require_finite(int(progress[NOT_FINITE]))
         return int(progress[STOP])
+
+    @contextmanager
+    def _keeping_best(self) -> Iterator[None]:
+        """Keep the weights of an external feedforward at the end of the best cycle, during the next steps."""
+        guard, feedforward, kept = self.loop.guard, self.feedforward, self.scenario.kept
+        asked = self.scenario.setup.config.record.weights and self.loop.feedforward is None
+        if guard is None or not (asked and isinstance(feedforward, Learns)) or self.start % self.period:
+            yield
+            return
+        weights = feedforward.learnt()
+        yield
+        if (best := int(guard.counts[BEST_CYCLE])) not in kept:
+            self.scenario.kept = {0: kept.get(0, weights), best: weights}
 
     def _make_inputs(self, steps: int) -> Inputs:
         """Arrays for the inputs of external components in the next steps, and one view of them per step."""
@@ -151,27 +168,29 @@ class ExternalDriver:
         self.true, self.observed = _split(inputs.sensors), _split(inputs.controller)
         self.learning_error = [] if inputs.feedforward is None else list(inputs.feedforward)
         self.torque = [] if inputs.plant is None else list(inputs.plant)
-        if external.controller or external.feedforward:
-            sample, acting = self.start % self.period, self.start >= self.loop.start_step
-            rows = self.plan_rows[ACTING if acting else BEFORE][sample : sample + steps]
-            self.references = [
-                _make_reference((self.start + k, sample + k, acting, *row)) for k, row in enumerate(rows)
-            ]
         return inputs
+
+    def _reference(self, row: int) -> Reference:
+        """The reference of a step of these."""
+        step = self.start + row
+        sample, acting = step % self.period, bool(lets_act(self.loop.guard, self.loop.start_step, step))
+        return _make_reference((step, sample, acting, *self.plan_rows[ACTING if acting else BEFORE][sample]))
 
     def _measure(self, row: int) -> None:
         take_measurement(self.sensors, "measure", self.sensors.measure(self.true[row]), self.observation)
 
     def _act(self, row: int) -> None:
-        reference, state = self.references[row], self.loop.control_state
+        reference, state = self._reference(row), self.loop.control_state
         action = self.controller.act(reference, self.observed[row])
         if self.has_fault_status:
             state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
         if not take_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):
             state.reference[...] = reference.values[:, : Y + 1]
+        if self.loop.guard is not None:  # what teaches is known to the controller alone
+            state.learning_error[...] = state.feedback
 
     def _predict(self, row: int) -> None:
-        torque = self.feedforward.predict(self.references[row], self.learning_error[row])
+        torque = self.feedforward.predict(self._reference(row), self.learning_error[row])
         take(self.feedforward, "predict", "torque", torque, self.loop.torques.feedforward)
 
     def _step(self, row: int) -> None:

@@ -2,25 +2,26 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from cmacexp.config import Config
-from cmacexp.data.signals import ARRAYS
+from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, REPEATED
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
 from cmacexp.jit.compiler import expect_steps
 from cmacexp.jit.interrupt import interrupt_held_back, raise_if_interrupted
-from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_loop
+from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_guard, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.external import ExternalDriver
+from cmacexp.loop.guard import Event, read_events
 from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
 from cmacexp.loop.scenario import Scenario
-from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_guard
+from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.planning.stability import STABILITY
@@ -73,6 +74,8 @@ class End:
     """Wall time of the closed loop alone, without compiling."""
     error: Exception | None
     """What a component raised."""
+    events: Sequence[Event]
+    """What the guard of learning did."""
 
 
 def _format_error(raised: Exception) -> str:
@@ -108,9 +111,10 @@ class _Stream:
         self.scenario, self.config, self.point_mass = scenario, config, mechanism.kind == POINT_MASS
         self.watch, self.together = watch, 1
         """``together``: steps of the next call of the driver."""
-        self.guard = new_guard(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
+        self.limits = new_limits(mechanism, setup.plan.margins[:, STABILITY], config.sampling_period)
         external = find_external(scenario) if fused else ALL_EXTERNAL
-        loop, (legs, joints) = make_loop(scenario, external, self.guard), mechanism.shape
+        self.guard = make_guard(scenario, external)
+        loop, (legs, joints) = make_loop(scenario, external, self.limits, self.guard), mechanism.shape
         self.driver: CompiledDriver | ExternalDriver
         if any(external):
             self.driver, cycles = ExternalDriver(scenario, loop, external), 1
@@ -142,7 +146,7 @@ class _Stream:
                 q, dq, pose = driver.state.q, driver.state.dq, driver.state.body
                 self.status = STATUSES[stop]
                 self.cause = describe_stop(
-                    self.guard, stop, driver.taken, config.sampling_period, q, dq, pose, driver.divergence
+                    self.limits, stop, driver.taken, config.sampling_period, q, dq, pose, driver.divergence
                 )
         except KeyboardInterrupt:
             self.status, self.cause = "interrupted", f"after step {driver.taken}"
@@ -172,7 +176,16 @@ class _Stream:
         memory, feedforward = None, self.scenario.feedforward
         if isinstance(feedforward, BuiltInFeedforward):
             memory = feedforward.take_memory(-(-done // self.config.steps_per_cycle))
+            if memory is not None:
+                memory["guard"] = self._guard_states(start, memory["rows"].shape)
         return Samples(start, samples[:done], self.body[:done], memory)
+
+    def _guard_states(self, start: int, shape: tuple[int, int]) -> Array:
+        """States of the guard of learning at the end of the cycles from step ``start`` on; ``shape`` (cycles, L)."""
+        cycles, states = start // self.config.steps_per_cycle + 1 + np.arange(shape[0]), np.zeros(shape)
+        for event in read_events(self.guard):
+            states[cycles >= event.cycle] = REPEATED if event.restored else FEEDBACK_ALONE
+        return states
 
 
 def stream(
@@ -200,7 +213,7 @@ def stream(
     if scenario.fault is not None:
         legs, joints = scenario.setup.mechanism.shape
         keep(Samples(0, *make_samples(0, legs, _samples_measured(scenario), joints), None))
-        return End(0, "failed", f"before the first step: {_format_error(scenario.fault)}", 0.0, scenario.fault)
+        return End(0, "failed", f"before the first step: {_format_error(scenario.fault)}", 0.0, scenario.fault, [])
     config = scenario.setup.config
     expect_steps(config.cycles * config.steps_per_cycle * config.legs)
     with interrupt_held_back():  # until the next call of the driver
@@ -210,7 +223,7 @@ def stream(
             if start == 0 or run.driver.taken > start:
                 keep(run.collect(start))
     expect_steps(math.inf)
-    return End(run.driver.taken, run.status, run.cause, run.seconds, run.error)
+    return End(run.driver.taken, run.status, run.cause, run.seconds, run.error, read_events(run.guard))
 
 
 @dataclass(frozen=True)

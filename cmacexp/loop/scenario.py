@@ -22,7 +22,7 @@ from cmacexp.planning.machine import check_load_sharing, make_mechanism
 from cmacexp.plants import AnalyticPlant, Measurement, Plant
 from cmacexp.plants.protocol import STATE, get_state, new_measurement
 from cmacexp.sensors import Sensors
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Weights
 
 
 @dataclass
@@ -38,6 +38,8 @@ class Scenario:
     """Of the plant at the start."""
     fault: Exception | None = None
     """Raised by a component when it was reset: the run fails before its first step."""
+    kept: dict[int, Weights] = field(default_factory=dict, init=False)
+    """Weights of an external feedforward at the end of the best cycle, by its number, and at the start, by 0."""
     used: bool = field(default=False, init=False)
 
     def begin(self) -> None:

@@ -1,4 +1,4 @@
-"""The steps of the closed loop: observe, predict, control, actuate, commit, advance, check, in this order.
+"""The steps of the closed loop: observe, predict, control, guard, actuate, commit, advance, check, in this order.
 
 Each of them is a kernel that both drivers call. :func:`cmacexp.loop.compiled.fused_loop` runs built-in components
 without a pause; the generator :func:`take_steps` pauses wherever an external component has to act. It would do for
@@ -12,9 +12,11 @@ from typing import NamedTuple
 from cmacexp.control.actuator import Actuator, actuate
 from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
+from cmacexp.feedforward.weight_log import log_cycle
 from cmacexp.jit.compiler import kernel
+from cmacexp.loop.guard import Guard, begin_step, has_learnt, lets_act, lets_learn, watch
 from cmacexp.loop.samples import write_samples as commit
-from cmacexp.loop.stop import DIVERGED, RUNNING, Guard, stop_reason
+from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, stop_reason
 from cmacexp.models.mechanism import Mechanism, update_geometry
 from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
@@ -57,7 +59,9 @@ class Loop(NamedTuple):
     feedforward: FeedforwardParams | None
     actuator: Actuator
     torques: Torques
-    guard: Guard
+    limits: StopLimits
+    guard: Guard | None
+    """Of learning; None: nothing guards it."""
 
 
 class Inputs(NamedTuple):
@@ -137,10 +141,22 @@ def observe(
 
 
 @kernel
-def predict(params: FeedforwardParams | None, step: int, sample: int, error: Array, torque: Array) -> None:
+def begin(guard: Guard | None, feedforward: FeedforwardParams | None, step: int, sample: int) -> None:
+    """The guard of learning, before a step."""
+    if guard is not None:
+        begin_step(guard, feedforward, step, sample)
+
+
+@kernel
+def predict(
+    params: FeedforwardParams | None, guard: Guard | None, step: int, sample: int, error: Array, torque: Array
+) -> None:
     """The built-in feedforward, before the feedback: ``error`` (L, J) is the learning error of the last step."""
     if params is not None:
-        feedforward_step(params, step, sample, error, torque)
+        if lets_learn(guard):
+            feedforward_step(params, step, sample, error, torque)
+        elif sample == 0 and has_learnt(guard):
+            log_cycle(params.log, params.weights)
 
 
 @kernel
@@ -157,6 +173,15 @@ def control(
 
 
 @kernel
+def guard_torque(
+    guard: Guard | None, sample: int, support: Mask, state: HybridState, observation: Observation, torque: Array
+) -> None:
+    """The guard of learning, between control and actuators."""
+    if guard is not None:
+        watch(guard, sample, support, state, observation, torque)
+
+
+@kernel
 def advance_plant(params: PlantParams | None, machine: PlantState, torque: Array) -> None:
     """The built-in plant."""
     if params is not None:
@@ -164,15 +189,15 @@ def advance_plant(params: PlantParams | None, machine: PlantState, torque: Array
 
 
 @kernel
-def check(guard: Guard, sample: int, machine: PlantState) -> int:
+def check(limits: StopLimits, sample: int, machine: PlantState) -> int:
     """RUNNING, or why the run stops at the start of a step, the ``sample`` of its cycle."""
-    return stop_reason(guard, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
+    return stop_reason(limits, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
 
 
 @kernel
-def check_measured(guard: Guard, sample: int, machine: PlantState) -> int:
+def check_measured(limits: StopLimits, sample: int, machine: PlantState) -> int:
     """:func:`check` for an external plant, whose velocities may be wrong too."""
-    status = check(guard, sample, machine)
+    status = check(limits, sample, machine)
     if status == RUNNING:
         for n in range(3):
             if not math.isfinite(machine.body_rate[n]):
@@ -203,13 +228,14 @@ def take_steps(
     new_joints = measured or inputs.sensors is not None
     progress[TAKEN], progress[STOP], progress[NOT_FINITE] = 0, RUNNING, NO_METHOD
     if start == 0 and samples.shape[0] > 0:
-        progress[STOP] = check(loop.guard, 0, loop.plant_state)
+        progress[STOP] = check(loop.limits, 0, loop.plant_state)
         if progress[STOP] != RUNNING:
             return
     sample = start % period
     for k in range(samples.shape[0]):
         step = start + k
-        acting = step >= loop.start_step
+        begin(loop.guard, loop.feedforward, step, sample)
+        acting = lets_act(loop.guard, loop.start_step, step)
         if inputs.sensors is not None:
             copy_measurement(loop.plant_state, inputs.sensors, k)
             yield MEASURE, k
@@ -225,14 +251,17 @@ def take_steps(
                 progress[NOT_FINITE] = ACT
                 return
         else:
-            if acting and inputs.feedforward is not None:
+            if inputs.feedforward is not None and acting and lets_learn(loop.guard):
                 copy_matrix(loop.control_state.learning_error, inputs.feedforward, k)
                 yield PREDICT, k
                 if not is_finite(loop.torques.feedforward):
                     progress[NOT_FINITE] = PREDICT
                     return
-            elif acting:
-                predict(loop.feedforward, step, sample, loop.control_state.learning_error, loop.torques.feedforward)
+            elif step >= loop.start_step:
+                predict(
+                    loop.feedforward, loop.guard, step, sample,
+                    loop.control_state.learning_error, loop.torques.feedforward,
+                )  # fmt: skip
             if new_joints:
                 update_geometry(loop.mechanism, loop.observation.q, loop.observation.geometry)
             stage = ACTING if acting else BEFORE
@@ -243,6 +272,9 @@ def take_steps(
                 loop.reference[stage, sample],
                 loop.observation,
             )
+        guard_torque(
+            loop.guard, sample, loop.support[sample], loop.control_state, loop.observation, loop.torques.feedforward
+        )
         actuate(loop.actuator, step, loop.control_state.feedback, loop.torques.feedforward, loop.torques.total)
         commit(
             samples, body_samples, k, loop.plant_state, loop.observation, loop.control_state, loop.torques.feedforward
@@ -255,8 +287,8 @@ def take_steps(
         progress[TAKEN] = k + 1
         sample = sample + 1 if sample + 1 < period else 0
         if measured:
-            progress[STOP] = check_measured(loop.guard, sample, loop.plant_state)
+            progress[STOP] = check_measured(loop.limits, sample, loop.plant_state)
         else:
-            progress[STOP] = check(loop.guard, sample, loop.plant_state)
+            progress[STOP] = check(loop.limits, sample, loop.plant_state)
         if progress[STOP] != RUNNING:
             return

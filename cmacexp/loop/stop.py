@@ -25,7 +25,7 @@ LONGEST_UNSTABLE = 0.25
 """A body whose planned stability margin is negative for longer has fallen, s."""
 
 
-class Guard(NamedTuple):
+class StopLimits(NamedTuple):
     """Limits, and the counter that one of them needs."""
 
     mechanism: Mechanism
@@ -39,11 +39,11 @@ class Guard(NamedTuple):
     """(1,): steps for which the margin has been negative."""
 
 
-def new_guard(mechanism: Mechanism, margin: Array, sampling_period: float) -> Guard:
-    """A guard at the start of a run."""
+def new_limits(mechanism: Mechanism, margin: Array, sampling_period: float) -> StopLimits:
+    """The limits of a run, at its start."""
     lowest_hip = LOWEST_HIP if mechanism.chains is None else LOWEST_SHARE * mechanism.hip_height
     longest_unstable = round(LONGEST_UNSTABLE / sampling_period)
-    return Guard(mechanism, np.ascontiguousarray(margin), lowest_hip, longest_unstable, np.zeros(1))
+    return StopLimits(mechanism, np.ascontiguousarray(margin), lowest_hip, longest_unstable, np.zeros(1))
 
 
 @kernel
@@ -57,25 +57,25 @@ def has_diverged(mechanism: Mechanism, q: Array, dq: Array, foot: Array) -> bool
 
 
 @kernel
-def has_fallen(guard: Guard, body: Array) -> bool:
+def has_fallen(limits: StopLimits, body: Array) -> bool:
     """Whether the body has no static equilibrium, is too steep or low, or has a negative margin for too long."""
     if not (math.isfinite(body[0]) and abs(body[1]) <= STEEPEST and abs(body[2]) <= STEEPEST):
         return True
-    hips, pose = guard.mechanism.hips, make_pose(body)
+    hips, pose = limits.mechanism.hips, make_pose(body)
     for i in range(hips.shape[0]):
-        if -depth(pose, hips[i, 0], hips[i, 1], 0.0) < guard.lowest_hip:
+        if -depth(pose, hips[i, 0], hips[i, 1], 0.0) < limits.lowest_hip:
             return True
-    return guard.unstable[0] > guard.longest_unstable
+    return limits.unstable[0] > limits.longest_unstable
 
 
 @kernel
-def stop_reason(guard: Guard, sample: int, q: Array, dq: Array, foot: Array, force: Array, body: Array) -> int:
+def stop_reason(limits: StopLimits, sample: int, q: Array, dq: Array, foot: Array, force: Array, body: Array) -> int:
     """RUNNING, DIVERGED or FELL at the start of a step, the ``sample`` of its cycle."""
-    if has_diverged(guard.mechanism, q, dq, foot):
+    if has_diverged(limits.mechanism, q, dq, foot):
         return DIVERGED
-    if has_body(guard.mechanism):
-        guard.unstable[0] = guard.unstable[0] + 1 if guard.margin[sample] < 0.0 else 0
-        if has_fallen(guard, body):
+    if has_body(limits.mechanism):
+        limits.unstable[0] = limits.unstable[0] + 1 if limits.margin[sample] < 0.0 else 0
+        if has_fallen(limits, body):
             return FELL
     for i in range(force.shape[0]):
         if not math.isfinite(force[i]):
@@ -83,7 +83,7 @@ def stop_reason(guard: Guard, sample: int, q: Array, dq: Array, foot: Array, for
     return RUNNING
 
 
-def _explain_divergence(guard: Guard, q: Array, dq: Array) -> str:
+def _explain_divergence(limits: StopLimits, q: Array, dq: Array) -> str:
     bad = np.argwhere(~np.isfinite(q) | ~np.isfinite(dq))
     if len(bad):
         return f"joint {bad[0][1] + 1} of leg {bad[0][0] + 1} is not finite"
@@ -91,32 +91,39 @@ def _explain_divergence(guard: Guard, q: Array, dq: Array) -> str:
     speed = abs(dq[leg, joint])
     if speed <= FASTEST_JOINT:
         return "a foot or a contact force is not finite"
-    if guard.mechanism.kind == POINT_MASS:
+    if limits.mechanism.kind == POINT_MASS:
         return f"the point mass moves at {speed:.3g} m/s along {'xy'[joint]}, above {FASTEST_JOINT:g} m/s"
     return f"joint {joint + 1} of leg {leg + 1} moves at {speed:.3g} rad/s, above {FASTEST_JOINT:g} rad/s"
 
 
-def _explain_fall(guard: Guard, body: Array) -> str:
+def _explain_fall(limits: StopLimits, body: Array) -> str:
     if not np.isfinite(body[0]):
         return "the body has no static equilibrium"
     for name, angle in (("pitch", body[1]), ("roll", body[2])):
         if abs(angle) > STEEPEST:
             return f"{name} {angle:.3f} rad, beyond {STEEPEST:g} rad"
     pose = make_pose(body)
-    heights = [-depth(pose, x, y, 0.0) for x, y in guard.mechanism.hips]
+    heights = [-depth(pose, x, y, 0.0) for x, y in limits.mechanism.hips]
     lowest = int(np.argmin(heights))
-    if heights[lowest] < guard.lowest_hip:
-        return f"hip of leg {lowest + 1} at {heights[lowest]:.3f} m, below {guard.lowest_hip:g} m"
+    if heights[lowest] < limits.lowest_hip:
+        return f"hip of leg {lowest + 1} at {heights[lowest]:.3f} m, below {limits.lowest_hip:g} m"
     return f"planned stability margin negative for more than {LONGEST_UNSTABLE:g} s"
 
 
 def describe_stop(
-    guard: Guard, status: int, step: int, sampling_period: float, q: Array, dq: Array, body: Array, reported: str = ""
+    limits: StopLimits,
+    status: int,
+    step: int,
+    sampling_period: float,
+    q: Array,
+    dq: Array,
+    body: Array,
+    reported: str = "",
 ) -> str:
     """Step, time and cause of a stop.
 
     Args:
-        guard: of the run.
+        limits: of the run.
         status: DIVERGED or FELL.
         step: at whose start it stopped.
         sampling_period: s.
@@ -125,5 +132,5 @@ def describe_stop(
         body: (3,): height, pitch and roll.
         reported: cause that the plant reported; empty if it reported none.
     """
-    why = reported or (_explain_divergence(guard, q, dq) if status == DIVERGED else _explain_fall(guard, body))
+    why = reported or (_explain_divergence(limits, q, dq) if status == DIVERGED else _explain_fall(limits, body))
     return f"at step {step} (t = {step * sampling_period:.3f} s): {why}"

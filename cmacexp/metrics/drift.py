@@ -14,16 +14,13 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.data.parquet import as_array
 from cmacexp.errors import BadRun
+from cmacexp.models.trend import SIGNIFICANT, WINDOW
 from cmacexp.typing import Array, Mask
 
-WINDOW = 10
-"""Cycles over which level and growth are measured."""
 DRIFT_RATIO = 1.5
 """Ratio to its lowest level to which the feedback must have risen."""
 LEAST = 0.01
 """Ratio to its highest level below which the feedback is so small that its rise does no harm."""
-SIGNIFICANT = 35
-"""Least excess of rising over falling pairs among the 45 of a window: 3 standard deviations of chance."""
 
 _EARLIER, _LATER = np.triu_indices(WINDOW, 1)
 

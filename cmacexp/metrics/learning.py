@@ -7,9 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cmacexp.metrics.drift import DRIFT_RATIO, WINDOW, follow_drift
+from cmacexp.metrics.drift import DRIFT_RATIO, follow_drift
 from cmacexp.metrics.measures import divide
 from cmacexp.metrics.metric import BRISTOW, MANN, MEAN, NEITHER, SEN, SMALL, SMALLEST, Metric, worst
+from cmacexp.models.trend import WINDOW
 from cmacexp.typing import Array
 
 LEARNED = (

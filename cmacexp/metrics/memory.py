@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.data.parquet import as_array
-from cmacexp.data.signals import CLOCK, MEMORY_SIGNALS
+from cmacexp.data.signals import CLOCK, GUARD_STATES, MEMORY_SIGNALS
 from cmacexp.metrics.metric import ALBUS, CONTRACT, LARGEST, MEAN, NEITHER, RMS, Metric
 from cmacexp.typing import Array
 
@@ -19,7 +19,10 @@ def split_columns(memory: pa.Table | None, cycles: int, legs: int) -> dict[str, 
     """The columns of ``memory.parquet``, (cycles, legs) by name; NaN throughout without memory."""
     if memory is None:
         return {name: np.full((cycles, legs), np.nan) for name in COLUMNS}
-    return {name: as_array(memory, name).reshape(cycles, legs) for name in COLUMNS}
+    written = [name for name in COLUMNS if name in memory.column_names]  # a run of version 0.2 has no guard
+    return split_columns(None, cycles, legs) | {
+        name: as_array(memory, name).reshape(cycles, legs) for name in written
+    }
 
 
 _NO_WEIGHTS = "no weights that a built-in feedforward keeps"
@@ -52,6 +55,12 @@ MEMORY: dict[str, Metric[Mapping[str, Array]]] = {
         lambda m: m["cells_colliding"],
         MEAN,
         NEITHER,
+    ),
+    "guard_state": _of_weights(
+        "",
+        f"guard of learning at the end of the cycle: {GUARD_STATES}",
+        compute=lambda m: m["guard"],
+        pooling=LARGEST,
     ),
 }
 """Columns about memory, by name."""

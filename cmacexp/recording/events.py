@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import rerun as rr
 
+from cmacexp.metrics.guard import format_event
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.run_view import LegView, RunView
 
@@ -50,6 +51,11 @@ def find_events(view: RunView) -> list[Event]:
     found = [Event(int(row), f"cycle {view.cycle[row]} begins") for row in starts]
     for leg in view.legs:
         found += _contacts(view, leg)
+    found += [
+        Event(int(np.searchsorted(view.step, event["step"])), format_event(event))
+        for event in view.manifest.get("guard", ())
+        if view.step[0] <= event["step"] <= view.step[-1]
+    ]
     if len(view.legs) == 4:
         found += _least_front_margins(view)
     return sorted(found)

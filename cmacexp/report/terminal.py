@@ -15,6 +15,7 @@ from cmacexp.data.tables import RECORDING
 from cmacexp.errors import in_one_line
 from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.drift import format_drift, read_drift_entry
+from cmacexp.metrics.guard import describe_guard
 from cmacexp.metrics.pooling import count_legs
 from cmacexp.report.outputs import keep_outputs
 from cmacexp.report.terminal_tables import print_key, print_scores
@@ -143,6 +144,8 @@ def _print_notes(result: StoredRun) -> None:
     manifest = result.manifest
     if drift := describe_drift(result):
         say(drift)
+    if guarded := describe_guard(manifest):
+        say(guarded)
     if manifest["config"]["learning"]["lead"] == "auto":
         say(f"learning.lead=auto is {manifest['learning_lead']} here")
     for dropped in manifest["dropped"]:

@@ -19,7 +19,7 @@ from cmacexp.loop.builtin import find_external, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.samples import SAMPLES, make_samples
 from cmacexp.loop.scenario import Scenario, make_scenario
-from cmacexp.loop.stop import RUNNING, new_guard
+from cmacexp.loop.stop import RUNNING, new_limits
 from cmacexp.typing import CLOCK, STATE, Array, Role
 
 NUDGE = 1e-6
@@ -86,8 +86,8 @@ class RestorableLoop:
             raise NotPredictable("only a loop of built-in components with an analytic plant can be linearised")
         setup = scenario.setup
         config, legs = setup.config, setup.mechanism.legs.shape[0]
-        guard = new_guard(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
-        self.run = CompiledDriver(make_loop(scenario, external, guard))
+        limits = new_limits(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
+        self.run = CompiledDriver(make_loop(scenario, external, limits))
         self.plan = setup.plan
         self.config = config
         self.period = config.steps_per_cycle

@@ -141,8 +141,8 @@ def evaluate(expression: str) -> str:
 def describe(status: int, q: float = 0.0, dq: float = 0.0, body: tuple[float, float, float] = (0.5, 0.0, 0.0)) -> str:
     """How a stop of the quadruped in this state is described."""
     mechanism = make_scenario(compose_config(["scenario=quadruped", "feedforward=none"])).setup.mechanism
-    guard = stop.new_guard(mechanism, np.zeros(1), 0.01)
-    return stop.describe_stop(guard, status, 7, 0.01, np.full((4, 2), q), np.full((4, 2), dq), np.array(body))
+    limits = stop.new_limits(mechanism, np.zeros(1), 0.01)
+    return stop.describe_stop(limits, status, 7, 0.01, np.full((4, 2), q), np.full((4, 2), dq), np.array(body))
 
 
 NAMES = {

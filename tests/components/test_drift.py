@@ -13,12 +13,12 @@ from support.manifests import change_manifest
 from cmacexp.commands.score import score
 from cmacexp.metrics.drift import (
     DRIFT_RATIO,
-    WINDOW,
     Drift,
     DriftDetector,
     find_drift,
     follow_drift,
 )
+from cmacexp.models.trend import WINDOW
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 

@@ -14,7 +14,7 @@ from cmacexp.loop.stop import (
     RUNNING,
     STEEPEST,
     describe_stop,
-    new_guard,
+    new_limits,
     stop_reason,
 )
 from cmacexp.planning.machine import make_mechanism
@@ -23,18 +23,18 @@ AT_REST = np.zeros((4, 2))
 
 
 @pytest.fixture
-def guard(make_config):
-    """A guard whose planned margin is negative in the first hundred samples."""
+def limits(make_config):
+    """A limits whose planned margin is negative in the first hundred samples."""
     mechanism = make_mechanism(make_config("scenario=quadruped").machine)
-    return new_guard(mechanism, np.r_[np.full(100, -1e-3), np.full(400, 0.02), np.full(100, np.nan)], PERIOD)
+    return new_limits(mechanism, np.r_[np.full(100, -1e-3), np.full(400, 0.02), np.full(100, np.nan)], PERIOD)
 
 
-def stop_at(guard, body, sample=300, q=AT_REST, dq=AT_REST, force=None):
+def stop_at(limits, body, sample=300, q=AT_REST, dq=AT_REST, force=None):
     """Why a machine stops in this state, and in words."""
     body = np.array(body, dtype=float)
     force = np.full(4, 10.0) if force is None else np.asarray(force)
-    status = stop_reason(guard, sample, q, dq, np.zeros((4, 2)), force, body)
-    return status, describe_stop(guard, status, 200, PERIOD, q, dq, body) if status != RUNNING else ""
+    status = stop_reason(limits, sample, q, dq, np.zeros((4, 2)), force, body)
+    return status, describe_stop(limits, status, 200, PERIOD, q, dq, body) if status != RUNNING else ""
 
 
 FALLS = {
@@ -50,38 +50,38 @@ FALLS = {
 
 
 @pytest.mark.parametrize("cause", FALLS)
-def test_a_fall_is_named_with_step_time_and_cause(guard, cause):
-    assert stop_at(guard, FALLS[cause]) == (FELL, f"at step 200 (t = 1.000 s): {cause}")
+def test_a_fall_is_named_with_step_time_and_cause(limits, cause):
+    assert stop_at(limits, FALLS[cause]) == (FELL, f"at step 200 (t = 1.000 s): {cause}")
 
 
 @pytest.mark.parametrize(
     "body",
     [(0.5, STEEPEST, 0.0), (0.5, 0.0, -STEEPEST), (LOWEST_HIP, 0.0, 0.0), (0.55, 0.3, -0.3)],
 )
-def test_up_to_its_limits_a_body_has_not_fallen(guard, body):
-    assert stop_at(guard, body) == (RUNNING, "")
+def test_up_to_its_limits_a_body_has_not_fallen(limits, body):
+    assert stop_at(limits, body) == (RUNNING, "")
 
 
-def test_a_negative_margin_is_a_fall_when_it_lasts_longer_than_a_quarter_of_a_second(guard):
+def test_a_negative_margin_is_a_fall_when_it_lasts_longer_than_a_quarter_of_a_second(limits):
     longest = round(LONGEST_UNSTABLE / PERIOD)
-    reasons = [stop_at(guard, (0.5, 0.0, 0.0), sample=k) for k in range(longest + 1)]
+    reasons = [stop_at(limits, (0.5, 0.0, 0.0), sample=k) for k in range(longest + 1)]
     assert reasons[:-1] == [(RUNNING, "")] * longest
     assert reasons[-1] == (FELL, "at step 200 (t = 1.000 s): planned stability margin negative for more than 0.25 s")
 
 
-def test_a_margin_that_is_positive_or_undefined_in_between_starts_the_time_anew(guard):
+def test_a_margin_that_is_positive_or_undefined_in_between_starts_the_time_anew(limits):
     for recovered in (300, 550):
         for k in range(49):
-            assert stop_at(guard, (0.5, 0.0, 0.0), sample=k)[0] == RUNNING
-        assert stop_at(guard, (0.5, 0.0, 0.0), sample=recovered)[0] == RUNNING
+            assert stop_at(limits, (0.5, 0.0, 0.0), sample=k)[0] == RUNNING
+        assert stop_at(limits, (0.5, 0.0, 0.0), sample=recovered)[0] == RUNNING
     for k in range(50):
-        assert stop_at(guard, (0.5, 0.0, 0.0), sample=k)[0] == RUNNING
+        assert stop_at(limits, (0.5, 0.0, 0.0), sample=k)[0] == RUNNING
 
 
-def test_a_joint_too_fast_has_diverged_even_if_the_body_falls_as_well(guard):
+def test_a_joint_too_fast_has_diverged_even_if_the_body_falls_as_well(limits):
     dq = AT_REST.copy()
     dq[2, 1] = -150.0
-    status, cause = stop_at(guard, (0.1, 0.0, 0.0), dq=dq)
+    status, cause = stop_at(limits, (0.1, 0.0, 0.0), dq=dq)
     assert status == DIVERGED
     assert cause.endswith("joint 2 of leg 3 moves at 150 rad/s, above 100 rad/s")
 

@@ -56,7 +56,7 @@ BY_HAND = {
     "feedforward_peak": 3.0,
     "feedforward_share": 4.0 / 5.0,
 }
-OF_MEMORY = ("weight_norm", "weight_largest", "memory_used", "cells_colliding")
+OF_MEMORY = ("weight_norm", "weight_largest", "memory_used", "cells_colliding", "guard_state")
 BY_HAND |= dict.fromkeys(("feedback_change", "feedback_growth", "drift_cycle", *OF_MEMORY), NOTHING)
 BY_HAND |= {f"{name}_ratio": 1.0 for name in LEARNED} | {f"{name}_cycles_to_1_e": NOTHING for name in LEARNED}
 BY_HAND |= {"force_rmse_three_feet_ratio": NOTHING, "force_steady_state_error_ratio": NOTHING}  # of NaN and of 0

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from cmacexp.loop.step import check_measured, copy_matrix, is_finite, observes_finite
-from cmacexp.loop.stop import DIVERGED, RUNNING, new_guard
+from cmacexp.loop.stop import DIVERGED, RUNNING, new_limits
 from cmacexp.models.mechanism import point_mass
 from cmacexp.plants.kernels import new_state
 from cmacexp.plants.protocol import STATE
@@ -38,11 +38,11 @@ def test_a_matrix_is_finite_if_each_of_its_values_is(entry):
 @pytest.mark.parametrize(("name", "entry"), ENTRIES)
 def test_a_measured_state_has_diverged_if_one_of_its_values_is_not_finite(name, entry):
     """That of an external plant; the body of a machine on a stand is not looked at, but its rate is."""
-    guard, state = new_guard(point_mass(1.0, 0.5), np.full(4, np.nan), 0.005), new_state(LEGS)
-    assert check_measured(guard, 0, state) == RUNNING
+    limits, state = new_limits(point_mass(1.0, 0.5), np.full(4, np.nan), 0.005), new_state(LEGS)
+    assert check_measured(limits, 0, state) == RUNNING
     for value in NOT_FINITE:
         getattr(state, name)[entry] = value
-        assert check_measured(guard, 0, state) == (RUNNING if name == "body" else DIVERGED)
+        assert check_measured(limits, 0, state) == (RUNNING if name == "body" else DIVERGED)
 
 
 def test_a_matrix_is_copied_into_its_row_alone():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cmacexp.loop.stop import DIVERGED, FASTEST_JOINT, FELL, RUNNING, STEEPEST, has_diverged, new_guard, stop_reason
+from cmacexp.loop.stop import DIVERGED, FASTEST_JOINT, FELL, RUNNING, STEEPEST, has_diverged, new_limits, stop_reason
 from cmacexp.planning.machine import make_mechanism
 
 PERIOD = 0.005
@@ -12,52 +12,52 @@ NOT_FINITE = (np.nan, np.inf, -np.inf)
 
 
 @pytest.fixture
-def guard(make_config):
+def limits(make_config):
     mechanism = make_mechanism(make_config("scenario=quadruped").machine)
-    return new_guard(mechanism, np.full(10, 0.05), PERIOD)
+    return new_limits(mechanism, np.full(10, 0.05), PERIOD)
 
 
-def level(guard, pitch=0.0, roll=0.0, height=None):
-    return np.array([guard.mechanism.hip_height if height is None else height, pitch, roll])
+def level(limits, pitch=0.0, roll=0.0, height=None):
+    return np.array([limits.mechanism.hip_height if height is None else height, pitch, roll])
 
 
-def reason(guard, body, force=None):
+def reason(limits, body, force=None):
     still = np.zeros((4, 2))
-    return stop_reason(guard, 0, still, still, still, np.ones(4) if force is None else force, body)
+    return stop_reason(limits, 0, still, still, still, np.ones(4) if force is None else force, body)
 
 
 @pytest.mark.parametrize("entry", ENTRIES)
 @pytest.mark.parametrize("which", range(3), ids=["q", "dq", "foot"])
-def test_one_value_that_is_not_finite_is_a_divergence(guard, entry, which):
+def test_one_value_that_is_not_finite_is_a_divergence(limits, entry, which):
     for value in NOT_FINITE:
         state = [np.zeros((4, 2)) for _ in range(3)]
-        assert not has_diverged(guard.mechanism, *state)
+        assert not has_diverged(limits.mechanism, *state)
         state[which][entry] = value
-        assert has_diverged(guard.mechanism, *state)
+        assert has_diverged(limits.mechanism, *state)
 
 
 @pytest.mark.parametrize("entry", ENTRIES)
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_joint_may_be_as_fast_as_the_limit_and_no_faster_either_way(guard, entry, way):
+def test_a_joint_may_be_as_fast_as_the_limit_and_no_faster_either_way(limits, entry, way):
     q, dq, foot = (np.zeros((4, 2)) for _ in range(3))
     dq[entry] = way * FASTEST_JOINT
-    assert not has_diverged(guard.mechanism, q, dq, foot)
+    assert not has_diverged(limits.mechanism, q, dq, foot)
     dq[entry] = way * np.nextafter(FASTEST_JOINT, np.inf)
-    assert has_diverged(guard.mechanism, q, dq, foot)
+    assert has_diverged(limits.mechanism, q, dq, foot)
 
 
 @pytest.mark.parametrize("leg", range(4))
-def test_a_force_that_is_not_finite_is_a_divergence(guard, leg):
+def test_a_force_that_is_not_finite_is_a_divergence(limits, leg):
     for value in NOT_FINITE:
         force = np.ones(4)
-        assert reason(guard, level(guard), force) == RUNNING
+        assert reason(limits, level(limits), force) == RUNNING
         force[leg] = value
-        assert reason(guard, level(guard), force) == DIVERGED
+        assert reason(limits, level(limits), force) == DIVERGED
 
 
 @pytest.mark.parametrize("angle", ["pitch", "roll"])
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_body_may_be_as_steep_as_the_limit_and_no_steeper_either_way(guard, angle, way):
+def test_a_body_may_be_as_steep_as_the_limit_and_no_steeper_either_way(limits, angle, way):
     high = 10.0  # so that no hip is low
-    assert reason(guard, level(guard, height=high, **{angle: way * STEEPEST})) == RUNNING
-    assert reason(guard, level(guard, height=high, **{angle: way * np.nextafter(STEEPEST, 1.0)})) == FELL
+    assert reason(limits, level(limits, height=high, **{angle: way * STEEPEST})) == RUNNING
+    assert reason(limits, level(limits, height=high, **{angle: way * np.nextafter(STEEPEST, 1.0)})) == FELL

@@ -1,0 +1,317 @@
+"""The guard of learning: no run ends worse than with feedback alone because it learnt.
+
+The guard compares every cycle with one of feedback alone, by two root mean squares: that of the effort (the learning
+error, J^T U) and that of the error of feet and body. Its level is the sum of both over those of feedback alone, which
+has the level 2. It keeps the feedforward torque of the best cycle; when learning does harm, that torque is repeated.
+If this does not help either, feedback goes on alone.
+"""
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from cmacexp.config.schema import GUARDS
+from cmacexp.control.hybrid_kernels import HybridState
+from cmacexp.feedforward.kernels import FeedforwardParams, correct
+from cmacexp.jit.compiler import kernel
+from cmacexp.models.body import depth, make_pose
+from cmacexp.models.mechanism import Mechanism, has_body
+from cmacexp.models.trend import SIGNIFICANT, WINDOW, count_rises
+from cmacexp.planning.columns import JOINT_COLUMNS
+from cmacexp.planning.plan import Plan
+from cmacexp.sensors.kernels import Observation
+from cmacexp.typing import CLOCK, Array, Clock, Counts, Mask, Scratch
+
+NONE, FREEZE, REFINE = GUARDS
+WATCHING, LEARNING, HOLDING, REFINING, ALONE = range(5)
+"""Phases: feedback alone before learning; learning; the best torque repeated; that improved once a cycle; feedback
+alone since nothing else held."""
+PEAK, WORSE, DRIFT = range(3)
+CAUSES = (
+    "effort, speed or tilt beyond that of feedback alone",
+    "feedback alone was better",
+    "effort and error drifted",
+)
+PHASE, STEPS, CYCLE, LEARNT, SETTLING, SLOT, BEST_CYCLE, EVENTS = range(8)
+"""Counters: phase; steps seen of this cycle; cycles begun; cycles of the phase; cycles before it is judged; the slot
+of the torque that acts, the other one holds that of the best cycle; that cycle, 0: none; events."""
+EFFORT, ERROR, EFFORT_ALONE, ERROR_ALONE, LAST, BEST, LOWEST = range(7)
+"""Values: sums of squares over this cycle, and the roots of those of feedback alone; error of the last cycle over
+that of feedback alone; level of the best cycle; lowest mean level."""
+EFFORTS, SPEEDS, TILTS = range(3)
+"""Peaks, as squares: of the effort, the joint velocities and the tilt of the body."""
+LEVEL_ALONE = 1.0
+"""Level of feedback alone."""
+HIGHEST = (3.0, 1.3, 1.4)
+"""Ratios of the peaks to those of feedback alone at which learning ends at once."""
+HIGHEST_EFFORT = 2.0
+"""Effort of a cycle, over that of feedback alone, that no smaller error justifies."""
+RISE = 1.2
+"""Ratio of the mean level of WINDOW cycles to its lowest at which a trend is a drift."""
+BETTER = 0.98
+"""Ratio to the level of the best cycle below which a cycle becomes the best one: most cycles copy nothing."""
+TINY = 1e-300
+FALLS = 0.95
+"""Ratio to the error of the last cycle up to which an error above that of feedback alone still falls."""
+MOST_EVENTS = 8
+
+
+class Guard(NamedTuple):
+    """The guard of one run, of L legs with J joints over a cycle of N samples."""
+
+    refines: bool
+    """Whether the torque that is repeated is improved once a cycle."""
+    mechanism: Mechanism
+    start_step: int
+    """First step in which the feedforward may act."""
+    counts: Annotated[Counts, CLOCK]
+    """(8,): counters."""
+    values: Clock
+    """(7,): values."""
+    peaks: Clock
+    """(2, 3): of this cycle, and of feedback alone; of joint velocities those of the plan, too."""
+    levels: Clock
+    """(WINDOW,): levels of the last cycles of learning, a ring."""
+    torque: Clock
+    """(2, N, L, J): feedforward torques of this cycle and of the best one, N m."""
+    errors: Clock
+    """(N, L, J): learning errors of this cycle, N m; empty unless it refines."""
+    output: Scratch
+    """(J,): of one network, N m."""
+    weights: Clock
+    """(L, M, J): weights in use at the end of the best cycle, in the order of the log of weights."""
+    events: Clock
+    """(MOST_EVENTS, 3): step, cause and restored cycle, 0 for feedback alone, of each event."""
+
+
+class Event(NamedTuple):
+    """What the guard did, and why; its fields are an entry of the manifest."""
+
+    cycle: int
+    """In which it acted, from 1."""
+    step: int
+    cause: str
+    restored: int
+    """Cycle whose torque acts since then; 0: feedback is alone."""
+
+
+def read_events(guard: Guard | None) -> list[Event]:
+    """The events so far, in their order."""
+    if guard is None:
+        return []
+    rows, samples = guard.events[: guard.counts[EVENTS]], guard.torque.shape[1]
+    return [Event(int(step) // samples + 1, int(step), CAUSES[int(cause)], int(cycle)) for step, cause, cycle in rows]
+
+
+def new_guard(mode: str, mechanism: Mechanism, plan: Plan, log: tuple[int, ...]) -> Guard:
+    """A guard at the start of a run.
+
+    Args:
+        mode: one of GUARDS but ``none``.
+        mechanism: of the run.
+        plan: of the run.
+        log: (L, M): shape of the rows of weights in use.
+    """
+    shape, samples = mechanism.shape, len(plan.support)
+    planned = plan.joints[:, :, JOINT_COLUMNS["velocity"][: shape[1]]]
+    peaks = np.zeros((2, 3))
+    peaks[1, SPEEDS] = (planned**2).sum(axis=(1, 2)).max()
+    values = np.zeros(7)
+    values[[BEST, LOWEST]] = LEVEL_ALONE, math.inf
+    return Guard(
+        mode == REFINE,
+        mechanism,
+        plan.start_step,
+        np.zeros(8, dtype=np.int64),
+        values,
+        peaks,
+        np.zeros(WINDOW),
+        np.zeros((2, samples, *shape)),
+        np.zeros((samples if mode == REFINE else 0, *shape)),
+        np.zeros(shape[1]),
+        np.zeros((*log, shape[1])),
+        np.zeros((MOST_EVENTS, 3)),
+    )
+
+
+@kernel
+def lets_act(guard: Guard | None, start_step: int, step: int) -> bool:
+    """Whether the feedforward acts in ``step``."""
+    if guard is None:
+        return step >= start_step
+    return WATCHING < guard.counts[PHASE] < ALONE
+
+
+@kernel
+def lets_learn(guard: Guard | None) -> bool:
+    """Whether the feedforward itself learns and gives the torque, where it acts."""
+    return guard is None or guard.counts[PHASE] == LEARNING
+
+
+@kernel
+def has_learnt(guard: Guard | None) -> bool:
+    """Whether learning has begun, and perhaps ended."""
+    return guard is None or guard.counts[PHASE] > WATCHING
+
+
+@kernel
+def watch(
+    guard: Guard, sample: int, support: Mask, control: HybridState, observation: Observation, torque: Array
+) -> None:
+    """Note errors and feedforward ``torque`` (L, J) of a step, N m; where learning has ended, replace that torque."""
+    counts, values, peaks = guard.counts, guard.values, guard.peaks
+    phase, slot, effort, error, speed = counts[PHASE], counts[SLOT], 0.0, 0.0, 0.0
+    for i in range(torque.shape[0]):
+        for j in range(torque.shape[1]):
+            effort += control.learning_error[i, j] ** 2
+            speed += observation.dq[i, j] ** 2
+            if j != 1 or not support[i]:  # the force of a supporting foot is controlled, not its height
+                error += (control.reference[i, j] - observation.foot[i, j]) ** 2
+            if phase == LEARNING:
+                guard.torque[slot, sample, i, j] = torque[i, j]
+            else:
+                torque[i, j] = guard.torque[slot, sample, i, j] if LEARNING < phase < ALONE else 0.0
+            if guard.refines:
+                guard.errors[sample, i, j] = control.learning_error[i, j]
+    if has_body(guard.mechanism):
+        hips, pose, tilt = guard.mechanism.hips, make_pose(observation.body), 0.0
+        for i in range(hips.shape[0]):
+            tilt += (depth(pose, hips[i, 0], hips[i, 1], 0.0) - depth(pose, 0.0, 0.0, 0.0)) ** 2
+        peaks[0, TILTS] = max(peaks[0, TILTS], tilt)
+        error += tilt
+    values[EFFORT] += effort
+    values[ERROR] += error
+    peaks[0, EFFORTS], peaks[0, SPEEDS] = max(peaks[0, EFFORTS], effort), max(peaks[0, SPEEDS], speed)
+    counts[STEPS] += 1
+
+
+@kernel
+def exceeds_peak(guard: Guard) -> bool:
+    """Whether a peak of this cycle is so high that learning cannot wait for its end."""
+    phase = guard.counts[PHASE]
+    if phase == LEARNING or (phase == REFINING and guard.counts[SETTLING] == 0):
+        for n in range(len(HIGHEST)):
+            if guard.peaks[0, n] > HIGHEST[n] ** 2 * guard.peaks[1, n]:
+                return True
+    return False
+
+
+@kernel
+def copy_slot(torque: Array, slot: int) -> None:
+    """Copy the torques of ``slot`` to the other one; ``torque`` (2, N, L, J)."""
+    for k in range(torque.shape[1]):
+        for i in range(torque.shape[2]):
+            for j in range(torque.shape[3]):
+                torque[1 - slot, k, i, j] = torque[slot, k, i, j]
+
+
+@kernel
+def exchange(params: FeedforwardParams | None, kept: Array, keep: bool, share: float = 1.0) -> None:
+    """Copy the weights in use to ``kept`` (L, M, J), or a ``share`` of those kept from there."""
+    if params is not None and kept.shape[1] > 0:
+        for i in range(kept.shape[0]):
+            for m in range(params.log.used[i]):
+                row = params.log.rows[i, m]
+                for o in range(kept.shape[2]):
+                    if keep:
+                        kept[i, m, o] = params.weights[i, row, o]
+                    else:
+                        params.weights[i, row, o] = share * kept[i, m, o]
+
+
+@kernel
+def retreat(guard: Guard, params: FeedforwardParams | None, step: int, cause: int) -> None:
+    """Return to the torque and weights of the best cycle; to feedback alone if there is none, or it did not help."""
+    counts, values = guard.counts, guard.values
+    learnt = counts[PHASE] == LEARNING
+    if counts[PHASE] == HOLDING:
+        counts[BEST_CYCLE] = 0
+    counts[SLOT] = 1 - counts[SLOT]  # which is zero throughout as long as no cycle was better than feedback alone
+    if guard.refines and learnt:
+        counts[PHASE] = REFINING
+        copy_slot(guard.torque, counts[SLOT])
+    else:
+        counts[PHASE] = HOLDING if counts[BEST_CYCLE] > 0 else ALONE
+    exchange(params, guard.weights, False, 1.0 if counts[BEST_CYCLE] > 0 else 0.0)
+    counts[SETTLING], counts[LEARNT] = 2, 0
+    values[LOWEST] = math.inf
+    if counts[EVENTS] < guard.events.shape[0]:
+        event = guard.events[counts[EVENTS]]
+        event[0], event[1], event[2] = step, cause, counts[BEST_CYCLE]
+        counts[EVENTS] += 1
+
+
+@kernel
+def has_drifted(guard: Guard, level: float) -> bool:
+    """Whether the levels of the last WINDOW cycles rise, and their mean is far above its lowest."""
+    counts, values, n = guard.counts, guard.values, guard.levels.shape[0]
+    newest = counts[LEARNT] % n
+    guard.levels[newest] = level
+    counts[LEARNT] += 1
+    if counts[LEARNT] < n:
+        return False
+    mean = 0.0
+    for k in range(n):
+        mean += guard.levels[k] / n
+    values[LOWEST] = min(values[LOWEST], mean)
+    return mean > RISE * values[LOWEST] and count_rises(guard.levels, newest) >= SIGNIFICANT
+
+
+@kernel
+def measure_alone(guard: Guard) -> None:
+    """Take the cycle that has ended as one of feedback alone."""
+    values = guard.values
+    values[EFFORT_ALONE], values[ERROR_ALONE] = math.sqrt(values[EFFORT]) + TINY, math.sqrt(values[ERROR]) + TINY
+    for n in range(len(HIGHEST)):
+        guard.peaks[1, n] = max(guard.peaks[1, n], guard.peaks[0, n])
+
+
+@kernel
+def judge(guard: Guard, params: FeedforwardParams | None, step: int) -> None:
+    """Judge the cycle that has ended before ``step``."""
+    counts, values = guard.counts, guard.values
+    if counts[PHASE] == WATCHING:
+        measure_alone(guard)
+        if step >= guard.start_step:
+            counts[PHASE] = LEARNING
+    elif counts[PHASE] != ALONE and counts[SETTLING] == 0:
+        effort = math.sqrt(values[EFFORT]) / values[EFFORT_ALONE]
+        error = math.sqrt(values[ERROR]) / values[ERROR_ALONE]
+        level = math.sqrt(effort * error)
+        drifts = has_drifted(guard, level)
+        improves = counts[PHASE] != HOLDING and level < BETTER * values[BEST] and error < 1.0
+        first = counts[PHASE] == LEARNING and counts[LEARNT] == 1
+        if improves:
+            values[BEST], counts[BEST_CYCLE] = level, counts[CYCLE]
+            exchange(params, guard.weights, True)
+            if counts[PHASE] == LEARNING:
+                counts[SLOT] = 1 - counts[SLOT]
+            else:
+                copy_slot(guard.torque, counts[SLOT])
+        elif not first and (effort > HIGHEST_EFFORT or error > max(1.0, FALLS * values[LAST])):
+            retreat(guard, params, step, WORSE)
+        elif drifts and counts[PHASE] != HOLDING:
+            retreat(guard, params, step, DRIFT)
+        values[LAST] = error
+    elif counts[SETTLING] > 0:
+        counts[SETTLING] -= 1
+        if counts[SETTLING] == 0 and counts[BEST_CYCLE] == 0:
+            measure_alone(guard)  # again: the first cycle started from rest
+
+
+@kernel
+def begin_step(guard: Guard, params: FeedforwardParams | None, step: int, sample: int) -> None:
+    """Judge the last cycle at the start of one; end learning at once if the effort of this cycle is too high."""
+    counts, values = guard.counts, guard.values
+    if exceeds_peak(guard):
+        retreat(guard, params, step, PEAK)
+    if sample == 0:
+        if counts[STEPS] == guard.torque.shape[1]:
+            judge(guard, params, step)
+            if guard.refines and counts[PHASE] == REFINING and counts[SETTLING] == 0:
+                correct(params, guard.errors, guard.output, guard.torque[counts[SLOT]])
+        counts[STEPS], counts[CYCLE] = 0, counts[CYCLE] + 1
+        values[EFFORT], values[ERROR] = 0.0, 0.0
+        for n in range(len(HIGHEST)):
+            guard.peaks[0, n] = 0.0
