@@ -7,7 +7,19 @@ from cmacexp.jit.compiler import program
 from cmacexp.loop.guard import lets_act
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.samples import write_samples as commit
-from cmacexp.loop.step import STOP, TAKEN, Loop, advance_plant, begin, check, control, guard_torque, observe, predict
+from cmacexp.loop.step import (
+    STOP,
+    TAKEN,
+    Loop,
+    advance_plant,
+    begin,
+    check,
+    control,
+    guard_step,
+    guard_torque,
+    observe,
+    predict,
+)
 from cmacexp.loop.stop import RUNNING
 from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.protocol import Measurement
@@ -32,9 +44,10 @@ def fused_loop(loop: Loop, progress: Counts, start: int, samples: Array, body_sa
             predict(loop.feedforward, loop.guard, step, sample, state.learning_error, feedforward)
         reference = loop.reference[ACTING if acting else BEFORE, sample]
         control(loop.control, state, loop.support[sample], reference, observation)
-        guard_torque(loop.guard, sample, loop.support[sample], state, observation, feedforward)
+        guard_torque(loop.guard, sample, feedforward)
         actuate(loop.actuator, step, state.feedback, feedforward, total)
         commit(samples, body_samples, taken, machine, observation, state, feedforward)
+        guard_step(loop.guard, sample, loop.support[sample], state, observation)
         advance_plant(loop.plant, machine, total)
         taken += 1
         sample = sample + 1 if sample + 1 < period else 0

@@ -14,8 +14,7 @@ import numpy as np
 from cmacexp.config.schema import GUARDS
 from cmacexp.control.hybrid_kernels import HybridState
 from cmacexp.feedforward.kernels import FeedforwardParams, correct
-from cmacexp.jit.compiler import kernel
-from cmacexp.models.body import depth, make_pose
+from cmacexp.jit.compiler import kernel, kernel_apart
 from cmacexp.models.mechanism import Mechanism, has_body
 from cmacexp.models.trend import SIGNIFICANT, WINDOW, count_rises
 from cmacexp.planning.columns import JOINT_COLUMNS
@@ -33,18 +32,19 @@ CAUSES = (
     "feedback alone was better",
     "effort and error drifted",
 )
-PHASE, STEPS, CYCLE, LEARNT, SETTLING, SLOT, BEST_CYCLE, EVENTS = range(8)
+PHASE, STEPS, CYCLE, LEARNT, SETTLING, SLOT, BEST_CYCLE, EVENTS, ALARM = range(9)
 """Counters: phase; steps seen of this cycle; cycles begun; cycles of the phase; cycles before it is judged; the slot
-of the torque that acts, the other one holds that of the best cycle; that cycle, 0: none; events."""
+of the torque that acts, the other one holds that of the best cycle; that cycle, 0: none; events; whether a step was
+beyond a limit."""
 EFFORT, ERROR, EFFORT_ALONE, ERROR_ALONE, LAST, BEST, LOWEST = range(7)
 """Values: sums of squares over this cycle, and the roots of those of feedback alone; error of the last cycle over
 that of feedback alone; level of the best cycle; lowest mean level."""
-EFFORTS, SPEEDS, TILTS = range(3)
-"""Peaks, as squares: of the effort, the joint velocities and the tilt of the body."""
+EFFORT_LIMIT, SPEED_LIMIT, TILT_LIMIT = range(3)
+"""Limits of one step, as squares: of the effort, the joint velocities and the tilt of the body."""
 LEVEL_ALONE = 1.0
 """Level of feedback alone."""
 HIGHEST = (3.0, 1.3, 1.4)
-"""Ratios of the peaks to those of feedback alone at which learning ends at once."""
+"""Ratios of these limits to the peaks with feedback alone."""
 HIGHEST_EFFORT = 2.0
 """Effort of a cycle, over that of feedback alone, that no smaller error justifies."""
 RISE = 1.2
@@ -62,15 +62,16 @@ class Guard(NamedTuple):
 
     refines: bool
     """Whether the torque that is repeated is improved once a cycle."""
-    mechanism: Mechanism
     start_step: int
     """First step in which the feedforward may act."""
     counts: Annotated[Counts, CLOCK]
-    """(8,): counters."""
+    """(9,): counters."""
     values: Clock
     """(7,): values."""
-    peaks: Clock
-    """(2, 3): of this cycle, and of feedback alone; of joint velocities those of the plan, too."""
+    limits: Clock
+    """(3,): limits of one step; learning ends at once beyond them."""
+    lever: float
+    """Of the tilt, squared, in the error: the sum of half the squared distances of the hips, m^2."""
     levels: Clock
     """(WINDOW,): levels of the last cycles of learning, a ring."""
     torque: Clock
@@ -115,17 +116,18 @@ def new_guard(mode: str, mechanism: Mechanism, plan: Plan, log: tuple[int, ...])
     """
     shape, samples = mechanism.shape, len(plan.support)
     planned = plan.joints[:, :, JOINT_COLUMNS["velocity"][: shape[1]]]
-    peaks = np.zeros((2, 3))
-    peaks[1, SPEEDS] = (planned**2).sum(axis=(1, 2)).max()
+    limits = np.zeros(3)
+    limits[SPEED_LIMIT] = HIGHEST[SPEED_LIMIT] ** 2 * (planned**2).sum(axis=(1, 2)).max()
+    lever = 0.5 * float((mechanism.hips**2).sum()) if has_body(mechanism) else 0.0
     values = np.zeros(7)
     values[[BEST, LOWEST]] = LEVEL_ALONE, math.inf
     return Guard(
         mode == REFINE,
-        mechanism,
         plan.start_step,
-        np.zeros(8, dtype=np.int64),
+        np.zeros(9, dtype=np.int64),
         values,
-        peaks,
+        limits,
+        lever,
         np.zeros(WINDOW),
         np.zeros((2, samples, *shape)),
         np.zeros((samples if mode == REFINE else 0, *shape)),
@@ -156,48 +158,50 @@ def has_learnt(guard: Guard | None) -> bool:
 
 
 @kernel
-def watch(
-    guard: Guard, sample: int, support: Mask, control: HybridState, observation: Observation, torque: Array
-) -> None:
-    """Note errors and feedforward ``torque`` (L, J) of a step, N m; where learning has ended, replace that torque."""
-    counts, values, peaks = guard.counts, guard.values, guard.peaks
-    phase, slot, effort, error, speed = counts[PHASE], counts[SLOT], 0.0, 0.0, 0.0
-    for i in range(torque.shape[0]):
-        for j in range(torque.shape[1]):
-            effort += control.learning_error[i, j] ** 2
-            speed += observation.dq[i, j] ** 2
+def raise_limits(limits: Array, effort: float, speed: float, tilt: float) -> None:
+    """Raise the limits (3,) to what a step of feedback alone allows."""
+    limits[EFFORT_LIMIT] = max(limits[EFFORT_LIMIT], HIGHEST[EFFORT_LIMIT] ** 2 * effort)
+    limits[SPEED_LIMIT] = max(limits[SPEED_LIMIT], HIGHEST[SPEED_LIMIT] ** 2 * speed)
+    limits[TILT_LIMIT] = max(limits[TILT_LIMIT], HIGHEST[TILT_LIMIT] ** 2 * tilt)
+
+
+@kernel
+def watch(guard: Guard, sample: int, support: Mask, control: HybridState, observation: Observation) -> None:
+    """Note effort and errors of a step, ``sample`` of its cycle."""
+    counts, values, effort, error, speed = guard.counts, guard.values, 0.0, 0.0, 0.0
+    for i in range(support.shape[0]):
+        for j in range(control.reference.shape[1]):
+            effort += control.learning_error[i, j] * control.learning_error[i, j]
+            speed += observation.dq[i, j] * observation.dq[i, j]
             if j != 1 or not support[i]:  # the force of a supporting foot is controlled, not its height
-                error += (control.reference[i, j] - observation.foot[i, j]) ** 2
-            if phase == LEARNING:
-                guard.torque[slot, sample, i, j] = torque[i, j]
-            else:
-                torque[i, j] = guard.torque[slot, sample, i, j] if LEARNING < phase < ALONE else 0.0
+                off = control.reference[i, j] - observation.foot[i, j]
+                error += off * off
             if guard.refines:
                 guard.errors[sample, i, j] = control.learning_error[i, j]
-    if has_body(guard.mechanism):
-        hips, pose, tilt = guard.mechanism.hips, make_pose(observation.body), 0.0
-        for i in range(hips.shape[0]):
-            tilt += (depth(pose, hips[i, 0], hips[i, 1], 0.0) - depth(pose, 0.0, 0.0, 0.0)) ** 2
-        peaks[0, TILTS] = max(peaks[0, TILTS], tilt)
-        error += tilt
+    tilt = observation.body[1] * observation.body[1] + observation.body[2] * observation.body[2]
     values[EFFORT] += effort
-    values[ERROR] += error
-    peaks[0, EFFORTS], peaks[0, SPEEDS] = max(peaks[0, EFFORTS], effort), max(peaks[0, SPEEDS], speed)
+    values[ERROR] += error + guard.lever * tilt
     counts[STEPS] += 1
+    if effort > guard.limits[EFFORT_LIMIT] or speed > guard.limits[SPEED_LIMIT] or tilt > guard.limits[TILT_LIMIT]:
+        if LEARNING <= counts[PHASE] < ALONE:
+            counts[ALARM] = 1
+        else:
+            raise_limits(guard.limits, effort, speed, tilt)
 
 
 @kernel
-def exceeds_peak(guard: Guard) -> bool:
-    """Whether a peak of this cycle is so high that learning cannot wait for its end."""
-    phase = guard.counts[PHASE]
-    if phase == LEARNING or (phase == REFINING and guard.counts[SETTLING] == 0):
-        for n in range(len(HIGHEST)):
-            if guard.peaks[0, n] > HIGHEST[n] ** 2 * guard.peaks[1, n]:
-                return True
-    return False
+def take_torque(guard: Guard, sample: int, torque: Array) -> None:
+    """Keep the feedforward ``torque`` (L, J) of a step, N m; where learning has ended, replace it."""
+    phase, table = guard.counts[PHASE], guard.torque[guard.counts[SLOT], sample]
+    for i in range(torque.shape[0]):
+        for j in range(torque.shape[1]):
+            if phase == LEARNING:
+                table[i, j] = torque[i, j]
+            else:
+                torque[i, j] = table[i, j] if LEARNING < phase < ALONE else 0.0
 
 
-@kernel
+@kernel_apart
 def copy_slot(torque: Array, slot: int) -> None:
     """Copy the torques of ``slot`` to the other one; ``torque`` (2, N, L, J)."""
     for k in range(torque.shape[1]):
@@ -206,7 +210,7 @@ def copy_slot(torque: Array, slot: int) -> None:
                 torque[1 - slot, k, i, j] = torque[slot, k, i, j]
 
 
-@kernel
+@kernel_apart
 def exchange(params: FeedforwardParams | None, kept: Array, keep: bool, share: float = 1.0) -> None:
     """Copy the weights in use to ``kept`` (L, M, J), or a ``share`` of those kept from there."""
     if params is not None and kept.shape[1] > 0:
@@ -220,7 +224,7 @@ def exchange(params: FeedforwardParams | None, kept: Array, keep: bool, share: f
                         params.weights[i, row, o] = share * kept[i, m, o]
 
 
-@kernel
+@kernel_apart
 def retreat(guard: Guard, params: FeedforwardParams | None, step: int, cause: int) -> None:
     """Return to the torque and weights of the best cycle; to feedback alone if there is none, or it did not help."""
     counts, values = guard.counts, guard.values
@@ -242,7 +246,7 @@ def retreat(guard: Guard, params: FeedforwardParams | None, step: int, cause: in
         counts[EVENTS] += 1
 
 
-@kernel
+@kernel_apart
 def has_drifted(guard: Guard, level: float) -> bool:
     """Whether the levels of the last WINDOW cycles rise, and their mean is far above its lowest."""
     counts, values, n = guard.counts, guard.values, guard.levels.shape[0]
@@ -258,16 +262,14 @@ def has_drifted(guard: Guard, level: float) -> bool:
     return mean > RISE * values[LOWEST] and count_rises(guard.levels, newest) >= SIGNIFICANT
 
 
-@kernel
+@kernel_apart
 def measure_alone(guard: Guard) -> None:
     """Take the cycle that has ended as one of feedback alone."""
     values = guard.values
     values[EFFORT_ALONE], values[ERROR_ALONE] = math.sqrt(values[EFFORT]) + TINY, math.sqrt(values[ERROR]) + TINY
-    for n in range(len(HIGHEST)):
-        guard.peaks[1, n] = max(guard.peaks[1, n], guard.peaks[0, n])
 
 
-@kernel
+@kernel_apart
 def judge(guard: Guard, params: FeedforwardParams | None, step: int) -> None:
     """Judge the cycle that has ended before ``step``."""
     counts, values = guard.counts, guard.values
@@ -301,17 +303,23 @@ def judge(guard: Guard, params: FeedforwardParams | None, step: int) -> None:
 
 
 @kernel
+def needs_judging(guard: Guard, sample: int) -> bool:
+    """Whether :func:`begin_step` has something to do."""
+    return sample == 0 or guard.counts[ALARM] != 0
+
+
+@kernel_apart
 def begin_step(guard: Guard, params: FeedforwardParams | None, step: int, sample: int) -> None:
-    """Judge the last cycle at the start of one; end learning at once if the effort of this cycle is too high."""
+    """End learning at once after a step beyond the limits; at the start of a cycle judge the last one."""
     counts, values = guard.counts, guard.values
-    if exceeds_peak(guard):
-        retreat(guard, params, step, PEAK)
+    if counts[ALARM] != 0:
+        counts[ALARM] = 0
+        if counts[PHASE] == LEARNING or (counts[PHASE] == REFINING and counts[SETTLING] == 0):
+            retreat(guard, params, step, PEAK)
     if sample == 0:
         if counts[STEPS] == guard.torque.shape[1]:
             judge(guard, params, step)
-            if guard.refines and counts[PHASE] == REFINING and counts[SETTLING] == 0:
+            if counts[PHASE] == REFINING and counts[SETTLING] == 0:
                 correct(params, guard.errors, guard.output, guard.torque[counts[SLOT]])
         counts[STEPS], counts[CYCLE] = 0, counts[CYCLE] + 1
         values[EFFORT], values[ERROR] = 0.0, 0.0
-        for n in range(len(HIGHEST)):
-            guard.peaks[0, n] = 0.0

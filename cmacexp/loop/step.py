@@ -14,7 +14,7 @@ from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_fee
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.feedforward.weight_log import log_cycle
 from cmacexp.jit.compiler import kernel
-from cmacexp.loop.guard import Guard, begin_step, has_learnt, lets_act, lets_learn, watch
+from cmacexp.loop.guard import Guard, begin_step, has_learnt, lets_act, lets_learn, needs_judging, take_torque, watch
 from cmacexp.loop.samples import write_samples as commit
 from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, stop_reason
 from cmacexp.models.mechanism import Mechanism, update_geometry
@@ -143,7 +143,7 @@ def observe(
 @kernel
 def begin(guard: Guard | None, feedforward: FeedforwardParams | None, step: int, sample: int) -> None:
     """The guard of learning, before a step."""
-    if guard is not None:
+    if guard is not None and needs_judging(guard, sample):
         begin_step(guard, feedforward, step, sample)
 
 
@@ -173,12 +173,17 @@ def control(
 
 
 @kernel
-def guard_torque(
-    guard: Guard | None, sample: int, support: Mask, state: HybridState, observation: Observation, torque: Array
-) -> None:
-    """The guard of learning, between control and actuators."""
+def guard_torque(guard: Guard | None, sample: int, torque: Array) -> None:
+    """The guard of learning, between control and actuators: ``torque`` (L, J) of the feedforward, N m."""
     if guard is not None:
-        watch(guard, sample, support, state, observation, torque)
+        take_torque(guard, sample, torque)
+
+
+@kernel
+def guard_step(guard: Guard | None, sample: int, support: Mask, state: HybridState, observation: Observation) -> None:
+    """The guard of learning, before the plant moves on; arrays written a moment before would be read slowly."""
+    if guard is not None:
+        watch(guard, sample, support, state, observation)
 
 
 @kernel
@@ -272,13 +277,12 @@ def take_steps(
                 loop.reference[stage, sample],
                 loop.observation,
             )
-        guard_torque(
-            loop.guard, sample, loop.support[sample], loop.control_state, loop.observation, loop.torques.feedforward
-        )
+        guard_torque(loop.guard, sample, loop.torques.feedforward)
         actuate(loop.actuator, step, loop.control_state.feedback, loop.torques.feedforward, loop.torques.total)
         commit(
             samples, body_samples, k, loop.plant_state, loop.observation, loop.control_state, loop.torques.feedforward
         )
+        guard_step(loop.guard, sample, loop.support[sample], loop.control_state, loop.observation)
         if inputs.plant is not None:
             copy_matrix(loop.torques.total, inputs.plant, k)
             yield STEP, k
