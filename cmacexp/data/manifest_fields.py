@@ -83,6 +83,7 @@ RUN_FIELDS = {
     "code_hash?": TEXT,
     "start_weights?": _or_null(HASH),
     "learning_lead?": ANY,
+    "learning_rate?": ANY,
     "robot?": {"chains": [[NUMBER]], "hips": [[NUMBER]], "foot_radius": NUMBER},
     "model_hash?": _or_null(HASH),
     "traceback?": TEXT,

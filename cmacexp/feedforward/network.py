@@ -80,7 +80,7 @@ def _learning(setup: Setup, cells: Cells, activation: Array, binary: bool) -> Le
     """How a network of these cells and activations (N, L, C) learns; ``binary``: two joints, activations of 1."""
     config = setup.config.learning
     rule = make_rule(config, activation)
-    params = LearningParams(config.rate, setup.lead, rule, rule == PAPER and binary, setup.plan.start_step)
+    params = LearningParams(setup.rate, setup.lead, rule, rule == PAPER and binary, setup.plan.start_step)
     if rule.teaches != NEIGHBOURS:
         return params
     spread_cells, share = spread_shares(cells, activation, config.window)
