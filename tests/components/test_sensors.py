@@ -23,7 +23,7 @@ from cmacexp.models.mechanism import get_leg
 from cmacexp.plants import Measurement
 from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE
 from cmacexp.sensors.noise import normal, uniform
-from cmacexp.sensors.protocol import SIGNALS
+from cmacexp.sensors.protocol import SIGNALS, PerfectSensors
 
 REAL = "sensors=real"
 
@@ -293,6 +293,22 @@ def test_an_automatic_lead_counts_the_samples_from_torque_to_feedback(make_confi
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     assert (manifest["learning_lead"], manifest["config"]["learning"]["lead"]) == (lead, "auto")
     assert make_scenario(config).feedforward.params.learning.lead == lead
+
+
+class LateSensors(PerfectSensors):
+    """They declare how late they are."""
+
+    def feedback_delay(self, uses_velocity):
+        return 2 if uses_velocity else 0
+
+
+def test_custom_sensors_declare_by_how_much_they_delay_the_feedback(make_config):
+    config = make_config("learning=lasting")
+    sensors = LateSensors(config.sensors)
+    assert make_scenario(config, sensors=sensors).setup.lead == 3
+    sensors.feedback_lag = lambda uses_velocity: 0.02
+    setup = make_scenario(config, sensors=sensors).setup
+    assert (setup.lead, setup.rate) == (5, 50 / 256 / 9)
 
 
 @pytest.mark.parametrize("delay", [1, 2])
