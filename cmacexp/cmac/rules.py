@@ -104,6 +104,19 @@ def make_rule(config: LearningConfig, activation: Array) -> RuleParams:
     return rule.params._replace(strength=strength)
 
 
+PAPER_RATE = 50 / 256
+"""beta of Lin & Song 1997."""
+
+
+def derive_rate(lead: int) -> float:
+    """``learning.rate=auto``: the paper's at a lead of up to one sample; then rate x (lead - 1/2) stays the same.
+
+    Neighbouring samples share weights, so that within a cycle learning acts as a sampled integrator. Its phase lag
+    where its gain is 1 is 90 degrees and, as long as it is small, rate x (lead - 1/2) rad.
+    """
+    return PAPER_RATE / max(1, 2 * lead - 1)
+
+
 @kernel
 def rate_after(rule: RuleParams, rate: float, cycles: int) -> float:
     """The rate after ``cycles`` cycles; the sum of a decaying one diverges, that of its squares converges."""

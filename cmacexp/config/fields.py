@@ -65,6 +65,15 @@ def _within(value: float, metadata: dict[str, Any]) -> bool:
     )
 
 
+def _is_allowed(item: object, metadata: dict[str, Any]) -> bool:
+    """Whether a number or word is; numbers of samples are whole."""
+    if isinstance(item, str):
+        return not metadata["words"] or item in metadata["words"]
+    if not isinstance(item, int | float) or isinstance(item, bool):
+        return True
+    return _within(item, metadata) and not (isinstance(item, float) and metadata["unit"] == "samples")
+
+
 def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
     if "choices" in metadata:
         allowed = metadata["choices"]
@@ -74,10 +83,9 @@ def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
     elif "unit" in metadata:
         unit, words = metadata["unit"], metadata["words"]
         for item in value if isinstance(value, list) else [value]:
-            if words and isinstance(item, str | float) and item not in words:
-                raise BadInput(key, item, describe_range(metadata) + f" ({unit}, whole)")
-            if isinstance(item, int | float) and not isinstance(item, bool) and not _within(item, metadata):
-                raise BadInput(key, item, describe_range(metadata) + (f" ({unit})" if unit else ""))
+            if not _is_allowed(item, metadata):
+                hint = f" ({unit}, whole)" if words and unit == "samples" else f" ({unit})" if unit else ""
+                raise BadInput(key, item, describe_range(metadata) + hint)
 
 
 @cache

@@ -1,7 +1,7 @@
 """``${rule:NAME}`` in a config: what the model of a robot and the rule for its gains say, as a number.
 
-It is resolved wherever the config is read, so that it follows machine, sampling period and LEAD compensator, and so
-that whoever types a number instead asks for nothing of the rule.
+It is resolved wherever the config is read, so that it follows machine, sampling period, LEAD compensator, sensors and
+actuator, and so that whoever types a number instead asks for nothing of the rule.
 """
 
 from dataclasses import fields
@@ -13,9 +13,11 @@ from cmacexp.config.component import find_option
 from cmacexp.config.fields import check_fields, make_config
 from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
 from cmacexp.errors import BadInput
+from cmacexp.models.lateness import Lateness, add_up
 from cmacexp.models.lead import discretise
-from cmacexp.models.robot_gains import Basis, Gains, derive_basis, derive_gains
+from cmacexp.models.robot_gains import Basis, Gains, derive_basis, derive_gains, recommend_period
 
+PERIOD = "sampling_period"
 DIGITS = 6
 """Significant digits of a number by rule: the config, and its hash, are the same with another MuJoCo."""
 
@@ -24,32 +26,49 @@ def rule_value(name: str, _root_: DictConfig) -> float:
     """The value of ``${rule:NAME}``.
 
     Args:
-        name: a field of :class:`cmacexp.models.robot_gains.Basis` or of :class:`cmacexp.models.robot_gains.Gains`.
+        name: ``sampling_period``, or a field of :class:`cmacexp.models.robot_gains.Basis` or
+            :class:`cmacexp.models.robot_gains.Gains`.
         _root_: the config.
 
     Raises:
         BadInput: there is no such name, the machine is no robot, or the rule does not serve it.
     """
-    if name not in (*Basis._fields, *Gains._fields):
-        raise BadInput("${rule:...}", name, f"choose from {', '.join((*Basis._fields, *Gains._fields))}")
+    names = (PERIOD, *Basis._fields, *Gains._fields)
+    if name not in names:
+        raise BadInput("${rule:...}", name, f"choose from {', '.join(names)}")
     basis = derive_basis(read_model(_read_machine(_root_)))
-    value = getattr(basis if name in Basis._fields else _derive_gains(basis, _root_), name)
+    if name == PERIOD:
+        value = recommend_period(basis.ratio, _read_lateness(_root_))
+    else:
+        value = getattr(basis if name in Basis._fields else _derive_gains(basis, _root_), name)
     return float(f"{value:.{DIGITS}g}")
 
 
 def _derive_gains(basis: Basis, root: DictConfig) -> Gains:
-    period = _read_number(root, "sampling_period")
+    period, lateness = _read_number(root, PERIOD), _read_lateness(root)
     if OmegaConf.select(root, "controller.lead_omega") is None:  # a custom controller without a compensator
-        return derive_gains(basis, period, 1.0)
+        return derive_gains(basis, period, 1.0, lateness)
     omega, alpha = (_read_number(root, f"controller.lead_{name}") for name in ("omega", "alpha"))
-    return derive_gains(basis, period, discretise(omega, alpha, period).b0)
+    return derive_gains(basis, period, discretise(omega, alpha, period).b0, lateness)
 
 
-def _read_number(root: DictConfig, key: str) -> float:
+def _read_number(root: DictConfig, key: str, least: float = 1e-9) -> float:
     value = OmegaConf.select(root, key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1e9:
-        raise BadInput(key, value, "must be a number above 0, from which gains follow by rule")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value < 1e9:
+        allowed = "above 0" if least else "of at least 0"
+        raise BadInput(key, value, f"must be a number {allowed}, from which gains follow by rule")
     return float(value)
+
+
+def _read_lateness(root: DictConfig) -> Lateness:
+    """Of the velocity feedback, by actuator and sensors; custom sensors may lack these fields."""
+    stages = []
+    for stage in ("actuator", "sensors.velocity"):
+        node = OmegaConf.select(root, stage)
+        keys = [f"{stage}.{name}" if name in node else "" for name in ("delay", "lag")] if node else ["", ""]
+        delay, lag = (_read_number(root, key, least=0.0) if key else 0.0 for key in keys)
+        stages.append((round(delay), lag))
+    return add_up(*stages)
 
 
 def _read_machine(root: DictConfig) -> RobotModel:

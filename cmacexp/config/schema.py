@@ -35,6 +35,8 @@ class ActuatorConfig:
     """Fastest change of the torque of each joint; null: none."""
     delay: int = number("samples", at_least=0)
     """A torque that is commanded at step k acts from step k + delay."""
+    lag: float = number("s", at_least=0, at_most=1e3)
+    """Time constant with which the torque then follows the limited command, as a first-order lag; 0: none."""
 
     @property
     def limit(self) -> float:
@@ -96,8 +98,8 @@ class LearningConfig:
 
     rule: str = field(kw_only=True, metadata={"needs": LEARNS})
     """One of cmacexp/cmac/rules.py; each but the paper's has its strength in a field below."""
-    rate: float = number("", above=0, below=2, needs=LEARNS)
-    """Fraction of the error that a step corrects, beta; 50/256 in the paper."""
+    rate: float | str = number("", above=0, below=2, words=("auto",), needs=LEARNS)
+    """Fraction of the error that a step corrects, beta; 50/256 in the paper; auto: that over 2 x lead - 1."""
     lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",), needs=LEARNS)
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
     guard: str = choice(*GUARDS, needs=LEARNS)

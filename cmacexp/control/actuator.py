@@ -1,4 +1,4 @@
-"""The actuators: delay, limit and rate limit of the commanded torques."""
+"""The actuators: delay, limit, rate limit and lag of the commanded torques."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -7,11 +7,12 @@ import numpy as np
 
 from cmacexp.config.schema import ActuatorConfig
 from cmacexp.jit.compiler import kernel
+from cmacexp.models.lateness import first_order_share
 from cmacexp.typing import Array, Role, State
 
 
 class Actuator(NamedTuple):
-    """Limits and delay of the torques of all joints, and their state."""
+    """Limits, delay and lag of the torques of all joints, and their state."""
 
     limit: tuple[float, ...]
     """(J,): largest absolute torque of each joint of a leg, N m; infinite for none."""
@@ -22,7 +23,11 @@ class Actuator(NamedTuple):
     line: Annotated[Array, Role("state", ring_axis=0)]
     """(delay + 1, 2, L, J): commanded feedback and feedforward of the last steps, N m; empty without a delay."""
     last: State
-    """(L, J): torque of the last step, N m."""
+    """(L, J): torque of the last step, N m, before the lag."""
+    share: float
+    """Part of its difference from the command by which a torque changes in a step; 1 without a lag."""
+    lagged: State
+    """(2, L, J): feedback and feedforward that acted in the last step, N m; empty without a lag."""
 
 
 def new_actuator(
@@ -31,7 +36,7 @@ def new_actuator(
     """Actuators at rest: until the first command arrives the torque is zero.
 
     Args:
-        config: limits and delay of all joints.
+        config: limits, delay and lag of all joints.
         sampling_period: T_s, s.
         legs: number of legs.
         motors: (J,): largest absolute torque of each joint of a leg, N m, which the config can only lower.
@@ -43,6 +48,8 @@ def new_actuator(
         config.delay,
         np.zeros((config.delay + 1 if config.delay else 0, 2, legs, joints)),
         np.zeros((legs, joints)),
+        first_order_share(config.lag, sampling_period),
+        np.zeros((2 if config.lag else 0, legs, joints)),
     )
 
 
@@ -92,11 +99,23 @@ def slow_down(actuator: Actuator, feedback: Array, feedforward: Array, torque: A
 
 
 @kernel
+def follow(actuator: Actuator, feedback: Array, feedforward: Array, torque: Array) -> None:
+    """Replace the torques by those of first-order lags, which are linear: each part has its own; all (L, J)."""
+    lagged = actuator.lagged
+    for i in range(torque.shape[0]):
+        for j in range(len(actuator.limit)):
+            lagged[0, i, j] += actuator.share * (feedback[i, j] - lagged[0, i, j])
+            lagged[1, i, j] += actuator.share * (feedforward[i, j] - lagged[1, i, j])
+            feedback[i, j], feedforward[i, j] = lagged[0, i, j], lagged[1, i, j]
+            torque[i, j] = feedback[i, j] + feedforward[i, j]
+
+
+@kernel
 def actuate(actuator: Actuator, step: int, feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Compute the torques of the plant from those commanded in ``step``: delayed, limited, then limited in rate.
+    """Compute the torques of the plant from those commanded in ``step``: delayed, limited, limited in rate, lagging.
 
     Args:
-        actuator: limits and delay.
+        actuator: limits, delay and lag.
         step: counts from 0; steps must follow each other.
         feedback: (L, J), N m: commanded; replaced by the one that acts.
         feedforward: (L, J), N m: likewise.
@@ -107,3 +126,5 @@ def actuate(actuator: Actuator, step: int, feedback: Array, feedforward: Array, 
     saturate(actuator.limit, feedback, feedforward, torque)
     if actuator.change < np.inf:
         slow_down(actuator, feedback, feedforward, torque)
+    if actuator.share < 1.0:
+        follow(actuator, feedback, feedforward, torque)

@@ -84,6 +84,7 @@ RUN_FIELDS = {
     "start_weights?": _or_null(HASH),
     "learning_lead?": ANY,
     "guard?": [{"cycle": COUNT, "step": WHOLE, "cause": TEXT, "restored": WHOLE}],
+    "learning_rate?": ANY,
     "robot?": {"chains": [[NUMBER]], "hips": [[NUMBER]], "foot_radius": NUMBER},
     "model_hash?": _or_null(HASH),
     "traceback?": TEXT,

@@ -219,6 +219,7 @@ def _write(
         "start_weights": start_hash(config),
         "model_hash": model_hash(config.machine),
         "learning_lead": scenario.setup.lead,
+        "learning_rate": scenario.setup.rate,
         "drift": make_drift_entry(scores.legs),
         "rollout_seconds": end.seconds,
         "files": {name: sha256(folder / name) for name in names},

@@ -72,7 +72,7 @@ class Perceptron:
                 "needs a network that is linear in its weights; feedforward=mlp is not, use paper",
             )
         samples, legs = setup.plan.support.shape
-        self.rate, self.lead = setup.config.learning.rate, setup.lead
+        self.rate, self.lead = setup.rate, setup.lead
         paths = np.stack([planned_inputs(setup, i, self.config.inputs) for i in range(legs)])
         spread = paths.std(axis=1, keepdims=True)
         self.middle, self.spread = paths.mean(axis=1, keepdims=True), np.where(spread > 0.0, spread, 1.0)

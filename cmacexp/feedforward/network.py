@@ -93,9 +93,9 @@ def _learning(setup: Setup, cells: Cells, activation: Array, binary: bool) -> Le
     """How a network of these cells and activations (N, L, C) learns; ``binary``: two joints, activations of 1."""
     config = setup.config.learning
     rule = make_rule(config, activation)
-    cycle_rate = config.rate / kernel_norm(cells, activation) if config.guard == "refine" else 0.0
+    cycle_rate = setup.rate / kernel_norm(cells, activation) if config.guard == "refine" else 0.0
     params = LearningParams(
-        config.rate, setup.lead, rule, rule == PAPER and binary, setup.plan.start_step, cycle_rate=cycle_rate
+        setup.rate, setup.lead, rule, rule == PAPER and binary, setup.plan.start_step, cycle_rate=cycle_rate
     )
     if rule.teaches != NEIGHBOURS:
         return params

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.cmac.rules import find_rule
+from cmacexp.cmac.rules import derive_rate, find_rule
 from cmacexp.config import Config
 from cmacexp.config.machine import PointMassMachine
 from cmacexp.control import Controller
@@ -16,6 +16,7 @@ from cmacexp.feedforward import Feedforward, Learns
 from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
 from cmacexp.loop.validation import require_finite, take_measurement
+from cmacexp.models.lateness import Lateness, add_up
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
@@ -53,18 +54,30 @@ class Scenario:
         self.used = True
 
 
-def resolve_lead(config: Config, sensors: Sensors) -> int:
-    """``learning.lead`` in samples; ``auto`` is their number from a torque to the feedback that it causes.
+def count_lateness(config: Config, sensors: Sensors) -> Lateness:
+    """What delays the feedback: the actuator and the sensors.
 
     Args:
         config: of the run.
-        sensors: may have ``feedback_delay(uses_velocity)``, the samples by which they delay the feedback.
+        sensors: may have ``feedback_delay(uses_velocity)``, the samples by which they delay the feedback, and
+            ``feedback_lag(uses_velocity)``, the time constant in s by which they lag.
     """
+    uses_velocity = config.gains is None or config.gains[1] > 0.0
+    declared = (getattr(sensors, name, None) for name in ("feedback_delay", "feedback_lag"))
+    delay, lag = (declare(uses_velocity) if declare else 0 for declare in declared)
+    return add_up((config.actuator.delay, config.actuator.lag), (delay, lag))
+
+
+def resolve_lead(config: Config, sensors: Sensors) -> int:
+    """``learning.lead`` in samples; ``auto`` is their number from a torque to the feedback that it causes."""
     if config.learning.lead != "auto":
         return int(config.learning.lead)
-    delay = getattr(sensors, "feedback_delay", None)
-    uses_velocity = config.gains is None or config.gains[1] > 0.0
-    return 1 + config.actuator.delay + (delay(uses_velocity) if delay else 0)
+    return 1 + count_lateness(config, sensors).count_samples(config.sampling_period)
+
+
+def resolve_rate(config: Config, lead: int) -> float:
+    """``learning.rate``; ``auto`` follows from the lead in samples."""
+    return derive_rate(lead) if config.learning.rate == "auto" else float(config.learning.rate)
 
 
 def _start(config: Config, plan: Plan, joints: int) -> Array:
@@ -129,7 +142,8 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     check_weights(config, components["feedforward"])
     plan = make_plan(config, mechanism, components["feedforward"].acts)
     lead = resolve_lead(config, components["sensors"])
-    setup = Setup(config, mechanism, plan, _start(config, plan, mechanism.shape[1]), read_weights(config), lead)
+    start, rate = _start(config, plan, mechanism.shape[1]), resolve_rate(config, lead)
+    setup = Setup(config, mechanism, plan, start, read_weights(config), lead, rate)
     first, fault = new_measurement(*mechanism.shape), None
     try:
         first = _reset(setup, components)

@@ -3,6 +3,7 @@
 Where an equation has a constant, it was measured for this project: docs/robots.md.
 """
 
+import itertools
 import math
 from functools import lru_cache
 from typing import NamedTuple
@@ -10,12 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.errors import BadInput
+from cmacexp.models.lateness import Lateness
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.models.robot_legs import LEGS
 
-STABLE_SHARE = 0.6
-"""Feedback of the velocity over what would stop the lightest foot within a sample; 1 falls on two robots."""
+STABLE_SHARE = 0.3
+"""Feedback of the velocity over that from which on the lightest foot is unstable; 0.5 falls on two robots."""
+MOST_FEEDBACK = 0.6
+"""Feedback of the velocity over what would stop the lightest foot within a sample."""
 DECAY_TIME = 0.1
 """K_av / K_ap, and V_fn / P_fn as well, s."""
 BODY_RATE = 27.0
@@ -28,8 +32,11 @@ HEIGHT_OF_LINKS = 0.7
 """Height of the hips over the length of the stretched leg."""
 PERIODS = ((0.001, 0.004), (0.002, 0.017), (0.004, 0.02))
 """Sampling periods, s, each with the least m_f/m of the robots that walked with it."""
+NONE = Lateness()
 RECOMMENDED = PERIODS[:2]
 """Those at which robots walk as well as with a shorter one."""
+LATE_MARGIN = 1.3
+"""What late feedback asks of m_f/m besides; with 1.22 on B2, and 1.06 on Spot, learning diverges."""
 
 
 class Basis(NamedTuple):
@@ -39,8 +46,6 @@ class Basis(NamedTuple):
     """Total mass, m, kg."""
     foot_mass: float
     """The lightest that a foot can feel, m_f, kg."""
-    sampling_period: float
-    """The longest that serves the robot well, s."""
     hip_height: float
     """Height of the thigh joints above the undepressed ground, m."""
     stiffness: float
@@ -55,7 +60,7 @@ class Basis(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """What follows from that, the sampling period, and the LEAD compensator."""
+    """What follows from that, the sampling period, the LEAD compensator, and the lateness of the feedback."""
 
     position_gain: float
     """K_ap, N/m."""
@@ -92,20 +97,32 @@ def compute_foot_mass(robot: Robot) -> float:
     return lightest
 
 
-def recommend_period(ratio: float) -> float:
+def choose_feedback(lateness: Lateness, period: float) -> float:
+    """K_av b0 T_s / m_f: feedback of the velocity over what would stop the lightest foot within a sample."""
+    return min(MOST_FEEDBACK, STABLE_SHARE * lateness.find_critical_gain(period))
+
+
+def recommend_period(ratio: float, lateness: Lateness = NONE) -> float:
     """The longest sampling period, s, at which a robot with m_f/m = ``ratio`` walks as well as with a shorter one.
 
     Below the lightest feet that were measured the period shrinks with them, to a half, a fifth, a tenth and so on.
+    Where feedback is late the gains are lower, as if the feet were so much lighter, and a margin is kept.
+
+    Raises:
+        BadInput: there is none, since lags limit the gains at any period.
     """
-    fitting = [period for period, least in RECOMMENDED if ratio > least]
-    if fitting:
-        return max(fitting)
     period, least = PERIODS[0]
     parts = (part * 10**power for power in range(12) for part in (2, 5, 10))
-    return next(period / part for part in parts if ratio > least / part)
+    shorter = ((period / part, least / part) for part in parts)
+    margin = MOST_FEEDBACK * (1.0 if lateness == NONE else LATE_MARGIN)
+    for period, least in (*reversed(RECOMMENDED), *itertools.islice(shorter, 36)):
+        if ratio * choose_feedback(lateness, period) > margin * least:
+            return period
+    allowed = "cannot follow by rule, feedback lags too much for feet so light: set it and the gains, or other lags"
+    raise BadInput("sampling_period", "by rule", allowed)
 
 
-def require_period(ratio: float, period: float) -> None:
+def require_period(ratio: float, period: float, lateness: Lateness = NONE) -> None:
     """Require a sampling period, s, that suits a robot with m_f/m = ``ratio``.
 
     Raises:
@@ -116,11 +133,11 @@ def require_period(ratio: float, period: float) -> None:
         least *= period / shortest
     else:
         least = next((least for longest, least in PERIODS if period <= longest), math.inf)
-    if ratio <= least:
-        light = f"gains by rule fail where a foot feels {ratio:.2g} of the mass of the robot"
-        raise BadInput(
-            "sampling_period", period, f"is too long, {light}: use {recommend_period(ratio):g}, or set gains"
-        )
+    if ratio * choose_feedback(lateness, period) / MOST_FEEDBACK <= least:
+        late = "" if lateness == NONE else " and feedback is late"
+        light = f"gains by rule fail where a foot feels {ratio:.2g} of the mass of the robot{late}"
+        recommended = recommend_period(ratio, lateness)
+        raise BadInput("sampling_period", period, f"is too long, {light}: use {recommended:g}, or set gains")
 
 
 @lru_cache(maxsize=16)
@@ -131,26 +148,27 @@ def derive_basis(robot: Robot) -> Basis:
     return Basis(
         mass=mass,
         foot_mass=foot_mass,
-        sampling_period=recommend_period(foot_mass / mass),
         hip_height=HEIGHT_OF_LINKS * sum(robot.links),
         stiffness=stiffness,
         damping=math.sqrt(stiffness * mass / LEGS) / 4.0,
     )
 
 
-def derive_gains(basis: Basis, sampling_period: float, lead_gain: float) -> Gains:
+def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, lateness: Lateness = NONE) -> Gains:
     """The gains of a robot (measured for this project: docs/robots.md).
 
     Args:
         basis: of the robot.
         sampling_period: of the run, T_s, s.
         lead_gain: gain of the LEAD compensator for the newest error, b0.
+        lateness: of the feedback of the velocity.
 
     Raises:
         BadInput: the feet are too light for this period; names one that works.
     """
-    require_period(basis.ratio, sampling_period)
-    velocity_gain = STABLE_SHARE * basis.foot_mass / (lead_gain * sampling_period)
+    require_period(basis.ratio, sampling_period, lateness)
+    feedback = choose_feedback(lateness, sampling_period)
+    velocity_gain = feedback * basis.foot_mass / (lead_gain * sampling_period)
     position_gain = velocity_gain / DECAY_TIME
     elasticity = YIELD / position_gain
     return Gains(

@@ -22,6 +22,8 @@ class Setup:
     """Weights of an earlier run that the feedforward starts from, by their names; None: it starts from nothing."""
     lead: int = 0
     """``learning.lead`` in samples: feedback trains the cells of so many samples before the last one."""
+    rate: float = 0.0
+    """``learning.rate``, beta."""
 
 
 class Reference(NamedTuple):

@@ -146,8 +146,9 @@ def _print_notes(result: StoredRun) -> None:
         say(drift)
     if guarded := describe_guard(manifest):
         say(guarded)
-    if manifest["config"]["learning"]["lead"] == "auto":
-        say(f"learning.lead=auto is {manifest['learning_lead']} here")
+    for name in ("lead", "rate"):
+        if manifest["config"]["learning"][name] == "auto" and f"learning_{name}" in manifest:
+            say(f"learning.{name}=auto is {manifest[f'learning_{name}']:.4g} here")
     for dropped in manifest["dropped"]:
         time = dropped["step"] * manifest["config"]["sampling_period"]
         where = f"force sensor of leg {dropped['leg']} rejected at step {dropped['step']} (t = {time:g} s)"

@@ -24,6 +24,7 @@ CHANNEL = np.dtype(
         ("bias", np.float64),
         ("quantum", np.float64),  # readings are multiples of it; 0: none
         ("delay", np.int64),  # samples
+        ("lag", np.float64),  # part of its difference from the input that a filtered reading changes by; 0: no filter
         ("dropout", np.float64),  # probability that a sample is lost
         ("drops_to_zero", np.bool_),  # a lost sample reads 0 instead of the last good value
         ("fault", np.int64),  # one of FAULTS
@@ -48,12 +49,12 @@ class Sensing(NamedTuple):
     line: Annotated[Array, Role("state", ring_axis=1)]
     """(C, longest delay + 1): true values of the last steps."""
     held: State
-    """(C, 2): last good reading, and reading at the start of the fault."""
+    """(C, 3): last good reading, reading at the start of the fault, and output of the filter."""
 
 
 @kernel
 def imperfect_reading(sensing: Sensing, c: int, step: int) -> float:
-    """The reading of a channel without fault: delayed, noisy, biased, quantised, sometimes lost, in this order."""
+    """The reading of a channel without fault: delayed, noisy, biased, quantised, filtered, sometimes lost."""
     channel = sensing.channels[c]
     delayed = max(step - channel["delay"], 0)  # before the first step nothing moved
     value = sensing.line[c, delayed % sensing.line.shape[1]]
@@ -63,6 +64,9 @@ def imperfect_reading(sensing: Sensing, c: int, step: int) -> float:
     value += channel["bias"]
     if channel["quantum"] != 0.0:
         value = channel["quantum"] * math.floor(value / channel["quantum"] + 0.5)
+    if channel["lag"] != 0.0:
+        sensing.held[c, 2] += channel["lag"] * (value - sensing.held[c, 2])
+        value = sensing.held[c, 2]
     if channel["dropout"] != 0.0 and step > 0 and uniform(int(sensing.keys[c, 1]), step) < channel["dropout"]:
         return 0.0 if channel["drops_to_zero"] else sensing.held[c, 0]
     return value
@@ -98,6 +102,8 @@ def read_channel(sensing: Sensing, c: int, step: int, true: float) -> float:
     if not channel["alters"]:
         return true
     sensing.line[c, step % sensing.line.shape[1]] = true
+    if step == 0 or step < channel["start"]:
+        sensing.held[c, 2] = true
     value = imperfect_reading(sensing, c, step) if step >= channel["start"] else true
     sensing.held[c, 0] = value
     if channel["fault"] == NO_FAULT or step < channel["fault_start"]:

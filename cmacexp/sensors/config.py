@@ -9,7 +9,7 @@ from cmacexp.errors import BadInput
 from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE
 
 UNIT = "unit of the signal"
-IMPERFECTIONS = ("noise", "noise_relative", "bias", "quantum", "delay", "dropout")
+IMPERFECTIONS = ("noise", "noise_relative", "bias", "quantum", "delay", "lag", "dropout")
 """Fields of a signal that alter it where they are not 0."""
 IMPERFECT = (" or ".join(f"own.{name}" for name in IMPERFECTIONS),)
 """What the fields need that say when, and in which legs, a signal is imperfect."""
@@ -48,7 +48,7 @@ class LegFaultConfig(FaultConfig):
 
 @dataclass
 class SignalConfig:
-    """Imperfections of one signal, in this order: delay, noise, bias, quantisation, drop-out, fault."""
+    """Imperfections of one signal, in this order: delay, noise, bias, quantisation, lag, drop-out, fault."""
 
     fault: FaultConfig
     start: float = number("s", at_least=0, needs=IMPERFECT)
@@ -63,6 +63,8 @@ class SignalConfig:
     """Readings are multiples of this; 0: not quantised."""
     delay: int = number("samples", at_least=0)
     """A reading is the value of so many samples before."""
+    lag: float = number("s", at_least=0, at_most=1e3)
+    """Time constant of a first-order low-pass filter of the readings; 0: not filtered."""
     dropout: float = number("", at_least=0, below=1)
     """Probability that a sample is lost."""
     dropout_reads: str = choice("last", "zero", needs=("own.dropout > 0",))

@@ -15,7 +15,8 @@ class Sensors(Protocol):
     """Measure the true state; the measurement is the input of the controller.
 
     Sensors may also have ``alters``, the names of the ``SIGNALS`` that they can change; these get ``*_measured``
-    columns in the trace. Without it all signals do.
+    columns in the trace. Without it all signals do. ``learning.lead=auto`` counts ``feedback_delay(uses_velocity)``,
+    samples, and ``feedback_lag(uses_velocity)``, s, of sensors that have them.
     """
 
     def reset(self, setup: Setup) -> None:

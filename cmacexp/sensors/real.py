@@ -1,9 +1,10 @@
-"""Imperfect sensors: noisy, biased, quantised, delayed, losing samples, faulty."""
+"""Imperfect sensors: noisy, biased, quantised, delayed, filtered, losing samples, faulty."""
 
 from typing import Any
 
 import numpy as np
 
+from cmacexp.models.lateness import first_order_share
 from cmacexp.models.mix import mix
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.protocol import Measurement
@@ -29,6 +30,7 @@ def _channel(signal: SignalConfig, leg: int, sampling_period: float) -> tuple[An
     row: dict[str, Any] = dict.fromkeys(CHANNEL.names or (), 0)
     if _applies(signal, leg):
         row |= {each: getattr(signal, each) for each in IMPERFECTIONS}
+        row["lag"] = first_order_share(signal.lag, sampling_period) if signal.lag else 0.0
         row["start"] = round(signal.start / sampling_period)
         row["drops_to_zero"] = signal.dropout_reads == "zero"
     if _applies(fault, leg):
@@ -65,13 +67,21 @@ class RealSensors:
         self.config = config
         self.alters: tuple[str, ...] = ()
 
-    def feedback_delay(self, uses_velocity: bool) -> int:
-        """Delay, in samples, of the joint signals that dominate the feedback.
+    def _dominant(self, uses_velocity: bool) -> SignalConfig:
+        """The joint signals that dominate the feedback.
 
         With velocity feedback the delay of positions does not count: velocities outweigh them at the frequencies that
         a wrong lead amplifies.
         """
-        return (self.config.velocity if uses_velocity else self.config.position).delay
+        return self.config.velocity if uses_velocity else self.config.position
+
+    def feedback_delay(self, uses_velocity: bool) -> int:
+        """Samples by which the feedback is delayed."""
+        return self._dominant(uses_velocity).delay
+
+    def feedback_lag(self, uses_velocity: bool) -> float:
+        """Time constant by which the feedback lags, s."""
+        return self._dominant(uses_velocity).lag
 
     def reset(self, setup: Setup) -> None:
         """Prepare every channel; forget earlier readings."""
@@ -86,7 +96,7 @@ class RealSensors:
             channels,
             _keys(len(channels), setup.config.seed),
             np.zeros((len(channels), int(channels["delay"].max()) + 1)),
-            np.zeros((len(channels), 2)),
+            np.zeros((len(channels), 3)),
         ) if self.alters else None  # fmt: skip
 
     def measure(self, true: Measurement) -> Measurement:

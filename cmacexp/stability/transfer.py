@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.config import Config
+from cmacexp.models.lateness import first_order_share
 from cmacexp.stability.cycle_map import NUDGE, NotPredictable, RestorableLoop, open_loop
 from cmacexp.typing import Array
 
@@ -88,8 +89,11 @@ def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Loc
     while loop.cycles < cycle + 1:
         if not loop.advance(loop.period):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
-    # The torque that acts was commanded so many samples before.
-    table = np.roll(loop.column("tau_feedforward"), -config.actuator.delay, axis=0)
+    # The torque that acts follows one that was commanded so many samples before.
+    acting = loop.column("tau_feedforward")
+    share = first_order_share(config.actuator.lag, config.sampling_period)
+    commanded = acting + (1.0 / share - 1.0) * (acting - np.roll(acting, 1, axis=0)) if share < 1.0 else acting
+    table = np.roll(commanded, -config.actuator.delay, axis=0)
     loop.play(table)
     if not loop.advance(loop.period):
         raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")

@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from cmacexp.control.actuator import Actuator, actuate
+from cmacexp.config.schema import ActuatorConfig
+from cmacexp.control.actuator import actuate, new_actuator
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 
-def act(feedback, feedforward, limit=np.inf, change=np.inf, delay=0):
+def act(feedback, feedforward, limit=np.inf, change=np.inf, delay=0, lag=0.0):
     """Feedback, feedforward and torque that act, (steps, 3), of those commanded to one joint."""
-    actuator = Actuator((limit, limit), change, delay, np.zeros((delay + 1, 2, 1, 2)), np.zeros((1, 2)))
+    actuator = new_actuator(ActuatorConfig(None, None, delay, lag), 1.0, 1, (limit, limit))._replace(change=change)
     rows = []
     for step, (back, forward) in enumerate(zip(feedback, feedforward, strict=True)):
         parts = [np.array([[value, 0.0]]) for value in (back, forward, 0.0)]
@@ -33,6 +34,13 @@ def test_a_slow_one_changes_by_so_much_a_step_and_the_feedback_gives_way():
 
 def test_the_rate_is_held_after_the_limit():
     assert act([9, 9, 9], [0, 0, 0], limit=5, change=3)[2] == [3, 5, 5]
+
+
+def test_one_with_a_lag_goes_half_of_the_way_in_each_step_after_the_limit():
+    halving = 1.0 / np.log(2.0)
+    assert act([9, 9, 9], [4, 4, 4], limit=12, lag=halving) == pytest.approx(
+        np.array([[4, 6, 7], [2, 3, 3.5], [6, 9, 10.5]])
+    )
 
 
 @pytest.mark.parametrize("delay", [1, 3])

@@ -187,7 +187,7 @@ def test_the_seed_of_the_start_tells_where_it_starts(make_config):
 
 def test_the_plant_chooses_settings_that_walk_and_the_command_line_wins(make_config):
     chosen = make_config(*WALK)
-    assert (chosen.sampling_period, chosen.reference, chosen.learning.lead) == (0.002, "force_feedforward", 1)
+    assert (chosen.sampling_period, chosen.reference, chosen.learning.lead) == (0.002, "force_feedforward", "auto")
     assert make_config(*WALK, "learning.lead=0", "sampling_period=0.005").learning.lead == 0
     assert make_config("scenario=quadruped").learning.lead == 0
 

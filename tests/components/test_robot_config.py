@@ -8,8 +8,9 @@ from cmacexp.config import config_folder, to_config, to_plain
 from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.config.explain import explain_composition
 from cmacexp.errors import BadInput
+from cmacexp.models.lateness import Lateness
 from cmacexp.models.lead import discretise
-from cmacexp.models.robot_gains import derive_basis, derive_gains
+from cmacexp.models.robot_gains import derive_basis, derive_gains, recommend_period
 
 ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}")
 
@@ -29,6 +30,18 @@ def test_settings_follow_model_period_and_lead(overrides):
     assert settings(config) == pytest.approx(derive_gains(basis, config.sampling_period, lead.b0), rel=1e-5)
     assert config.terrain.stiffness == pytest.approx(basis.stiffness, rel=1e-5)
     assert config.machine.hip_height == pytest.approx(basis.hip_height, rel=1e-5)
+
+
+def test_settings_count_what_delays_the_feedback_of_the_velocity():
+    late = ("sensors=encoders", "actuator.delay=1", "actuator.lag=0.001", "sensors.position.delay=9")
+    config = compose_config([*ROBOT, *late])
+    lateness = Lateness(2, (0.001,))
+    period = recommend_period(derive_basis(read()).ratio, lateness)
+    lead = discretise(config.controller.lead_omega, config.controller.lead_alpha, period)
+    assert config.sampling_period == period
+    assert settings(config) == pytest.approx(derive_gains(derive_basis(read()), period, lead.b0, lateness), rel=1e-5)
+    with pytest.raises(BadInput, match=r"^actuator\.lag=-1: must be a number of at least 0, from which gains follow"):
+        compose_config([*ROBOT, "actuator.lag=-1"])
 
 
 def test_settings_are_numbers_in_the_manifest_and_typed_again_they_stay():

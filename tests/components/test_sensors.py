@@ -23,7 +23,7 @@ from cmacexp.models.mechanism import get_leg
 from cmacexp.plants import Measurement
 from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE
 from cmacexp.sensors.noise import normal, uniform
-from cmacexp.sensors.protocol import SIGNALS
+from cmacexp.sensors.protocol import SIGNALS, PerfectSensors
 
 REAL = "sensors=real"
 
@@ -74,6 +74,13 @@ def test_delay_gives_the_value_of_so_many_samples_ago_and_the_first_before(make_
 def test_bias_and_quantum(make_config):
     told = tell_one(make_config, [0.0, 0.9, 1.2, -1.0], "sensors.force.bias=0.2", "sensors.force.quantum=0.5")
     assert told == [0.0, 1.0, 1.5, -1.0]
+
+
+def test_a_filter_follows_the_reading_with_a_first_order_lag_from_the_first_one_on(make_config):
+    half = f"sensors.force.lag={0.005 / np.log(2.0)}"
+    assert tell_one(make_config, [1, 5, 5, 5], half) == pytest.approx([1, 3, 4, 4.5])
+    assert tell_one(make_config, [1, 5, 5, 5], half, "sensors.force.start=0.01") == pytest.approx([1, 5, 5, 5])
+    assert tell_one(make_config, [1, 5, 9, 9], half, "sensors.force.start=0.01") == pytest.approx([1, 5, 7, 8])
 
 
 def test_imperfections_begin_at_their_start(make_config):
@@ -197,6 +204,7 @@ FAULTY = {
     "one leg": [*[o for o in ALL if "dropout=0.1" not in o], "cycles=3", "learning.lead=auto"],
     "point mass": ["scenario=force_step", REAL, "sensors.position.noise=0.001", "sensors.velocity.quantum=0.01"],
     "late": ["cycles=3", "actuator.delay=2", "actuator.rate_limit=900", "actuator.torque_limit=9"],
+    "lagging": ["cycles=3", REAL, "learning=lasting", "actuator.lag=0.004", "sensors.velocity.lag=0.005"],
     "quadruped": [
         *("scenario=quadruped", REAL, "sensors.height.noise=0.0001", "sensors.tilt.delay=1"),
         *("sensors.force.fault.kind=noise", "sensors.force.fault.legs=[2]", "sensors.force.fault.value=4"),
@@ -227,7 +235,7 @@ np.savez(sys.argv[1], samples=rollout.samples, body=rollout.body_samples)
 
 
 @pytest.mark.usefixtures("compiled")
-@pytest.mark.parametrize("name", ["one leg", "quadruped"])
+@pytest.mark.parametrize("name", ["one leg", "quadruped", "lagging"])
 def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, name):
     overrides = [*FAULTY[name], "cycles=1", "sensors.force.fault.start=0.5"]
     command = [sys.executable, "-c", PLAIN, str(tmp_path / "plain.npz"), *overrides]
@@ -274,6 +282,8 @@ def test_perfect_sensors_add_no_columns(make_config, tmp_path):
         (["actuator.delay=2"], 3),
         ([REAL, "sensors.velocity.delay=1", "actuator.delay=1"], 3),
         ([REAL, "sensors.position.delay=3"], 1),
+        ([REAL, "sensors.velocity.lag=0.01", "actuator.lag=0.02", "actuator.delay=1"], 6),
+        ([REAL, "sensors.position.lag=0.02"], 1),
         ([REAL, "sensors.position.delay=3", "controller.velocity_gain=0"], 4),
     ],
 )
@@ -283,6 +293,22 @@ def test_an_automatic_lead_counts_the_samples_from_torque_to_feedback(make_confi
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     assert (manifest["learning_lead"], manifest["config"]["learning"]["lead"]) == (lead, "auto")
     assert make_scenario(config).feedforward.params.learning.lead == lead
+
+
+class LateSensors(PerfectSensors):
+    """They declare how late they are."""
+
+    def feedback_delay(self, uses_velocity):
+        return 2 if uses_velocity else 0
+
+
+def test_custom_sensors_declare_by_how_much_they_delay_the_feedback(make_config):
+    config = make_config("learning=lasting")
+    sensors = LateSensors(config.sensors)
+    assert make_scenario(config, sensors=sensors).setup.lead == 3
+    sensors.feedback_lag = lambda uses_velocity: 0.02
+    setup = make_scenario(config, sensors=sensors).setup
+    assert (setup.lead, setup.rate) == (5, 50 / 256 / 9)
 
 
 @pytest.mark.parametrize("delay", [1, 2])

@@ -25,6 +25,7 @@ SPREAD = {
     "learning.lead": [0, 1],
     "plant.substeps": [1, 3],
     "actuator.torque_limit": ["null", 8.0],
+    "actuator.lag": [0.0, 0.003],
 }
 
 

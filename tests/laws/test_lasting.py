@@ -14,12 +14,12 @@ def pooled(metrics, name):
     return (metrics[name] ** 2).groupby(metrics["cycle"]).mean() ** 0.5
 
 
-def test_lasting_is_the_paper_s_law_but_for_its_lead(make_config):
+def test_lasting_is_the_paper_s_law_but_for_lead_and_a_rate_that_follows_from_it(make_config):
     lasting, paper = make_config("learning=lasting"), make_config("learning=paper")
-    assert lasting.learning.lead == "auto"
-    assert (lasting.learning.rule, lasting.learning.rate) == ("paper", paper.learning.rate)
-    assert make_scenario(lasting).feedforward.params.learning.lead == 1
-    assert make_scenario(make_config("learning=lasting", "actuator.delay=2")).feedforward.params.learning.lead == 3
+    assert (lasting.learning.rule, lasting.learning.lead, lasting.learning.rate) == ("paper", "auto", "auto")
+    on_time, late = (make_scenario(make_config("learning=lasting", f"actuator.delay={d}")) for d in (0, 2))
+    assert on_time.feedforward.params.learning[:2] == (paper.learning.rate, 1)
+    assert late.feedforward.params.learning[:2] == (paper.learning.rate / 5, 3)
 
 
 def test_one_leg_stays_as_good_as_it_was(make_config, tmp_path):
@@ -33,9 +33,8 @@ def test_one_leg_stays_as_good_as_it_was(make_config, tmp_path):
     assert (np.diff(metrics["feedback_change"][200:]) < 0.0).mean() > 0.99
 
 
-@pytest.mark.parametrize("delay", [1, 2])
-def test_a_late_actuator_does_not_end_it(make_config, tmp_path, delay):
-    late = f"actuator.delay={delay}"
+@pytest.mark.parametrize("late", ["actuator.delay=1", "actuator.delay=2", "actuator.lag=0.02"])
+def test_a_late_actuator_does_not_end_it(make_config, tmp_path, late):
     result = run_scenario(make_config("learning=lasting", late, "cycles=300", *THIN), tmp_path / "auto")
     assert (result.status, result.manifest["drift"]) == ("completed", None)
     for lead in (0, 1):

@@ -42,7 +42,7 @@ def test_the_foot_stands_in_its_body(name):
 @pytest.mark.parametrize("name", MODELS)
 def test_every_robot_can_have_gains_at_the_period_that_it_is_recommended(name):
     basis = derive_basis(read(MODELS[name]))
-    assert all(value > 0.0 for value in derive_gains(basis, basis.sampling_period, 2.9))
+    assert all(value > 0.0 for value in derive_gains(basis, recommend_period(basis.ratio), 2.9))
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -113,12 +113,12 @@ def refused(ratio, period):
 
 @pytest.mark.parametrize("name", sorted(set(MODELS) & {"go1", "go2", "mini_cheetah", "pegasus"}))
 def test_robots_that_walk_at_two_milliseconds_are_recommended_it(name):
-    assert derive_basis(read(MODELS[name])).sampling_period == 0.002
+    assert recommend_period(derive_basis(read(MODELS[name])).ratio) == 0.002
 
 
 @pytest.mark.parametrize("name", sorted(set(MODELS) & {"aliengo", "hyqreal1", "hyqreal2", "spot", "a2", "b2"}))
 def test_robots_with_lighter_feet_are_recommended_one_millisecond(name):
-    assert derive_basis(read(MODELS[name])).sampling_period == 0.001
+    assert recommend_period(derive_basis(read(MODELS[name])).ratio) == 0.001
 
 
 def test_masses_limits_and_losses_of_the_own_model_are_those_of_its_file():

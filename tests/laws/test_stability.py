@@ -34,6 +34,7 @@ RUNS = [
     ("scenario=one_leg", "learning.rule=zero_phase", "actuator.delay=1", "actuator.rate_limit=5000"),
     ("scenario=one_leg", "feedforward=ilc"),
     ("scenario=one_leg", "sensors=real", "sensors.velocity.delay=2", "sensors.force.dropout=0.1"),
+    ("scenario=one_leg", "sensors=real", "sensors.velocity.lag=0.004", "actuator.lag=0.006"),
     ("scenario=force_step",),
     ("scenario=quadruped", "terrain=patchy", "terrain.damping=5", "sensors=noisy_force", "plausibility=force"),
 ]

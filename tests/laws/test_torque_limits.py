@@ -20,9 +20,9 @@ def commands(seed):
     return np.random.default_rng(seed).normal(size=(2, STEPS, LEGS, 2))
 
 
-def act(limit, rate_limit, delay, commanded):
+def act(limit, rate_limit, delay, commanded, lag=0.0):
     """Feedback, feedforward and torque that act, (3, steps, L, 2)."""
-    actuator = new_actuator(ActuatorConfig(limit, rate_limit, delay), PERIOD, commanded.shape[2])
+    actuator = new_actuator(ActuatorConfig(limit, rate_limit, delay, lag), PERIOD, commanded.shape[2])
     acting = []
     for step in range(commanded.shape[1]):
         feedback, feedforward = commanded[:, step].copy()
@@ -69,6 +69,16 @@ def test_the_feedback_gives_way_and_the_feedforward_only_where_it_is_too_large_i
     _, feedforward, _ = act(limit, rate_limit, 0, commanded)
     most = np.inf if limit is None else limit
     assert_array_equal(feedforward, np.clip(commanded[1], -most, most))
+
+
+@given(seeds, limits, limits, delays, st.floats(0.01, 10.0))
+def test_both_parts_follow_the_limited_torques_with_a_first_order_lag(seed, limit, rate_limit, delay, lag):
+    commanded = commands(seed)
+    limited, lagging = (act(limit, rate_limit, delay, commanded, each) for each in (0.0, lag))
+    ages = np.arange(STEPS)[:, None] - np.arange(STEPS)
+    response = np.where(ages >= 0, -np.expm1(-PERIOD / lag) * np.exp(-np.maximum(ages, 0) * PERIOD / lag), 0.0)
+    assert_allclose(lagging, np.einsum("nm,kmlj->knlj", response, limited), atol=1e-9)
+    assert_array_equal(lagging[2], lagging[0] + lagging[1])
 
 
 @given(seeds, limits, limits, delays)

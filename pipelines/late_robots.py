@@ -1,0 +1,192 @@
+"""Robots whose feedback is late: gains, sampling period, lead and rate count delays and lags.
+
+``python -m pipelines.late_robots`` (needs the extra ``robots``). Ten robots walk with encoders, with encoders and
+torques that act a sample late, and with torques that lag, by feedback alone and with a CMAC. Two of them walk on for
+long.
+"""
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from cmacexp.commands.study import main
+from cmacexp.metrics.registry import SHOWN
+from cmacexp.models.robot import load_mujoco
+from cmacexp.models.robot_file import find_model
+from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
+from cmacexp.study.curves import over_cycles
+from cmacexp.study.statements import percent
+from cmacexp.study.tables import cross_tabulate, ends, tabulate
+from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+ROBOTS = {
+    "Go1": ("machine=go1",),
+    "Go2": ("machine=go2",),
+    "Aliengo": ("machine=aliengo",),
+    "Mini Cheetah": ("machine=mini_cheetah",),
+    "HyQReal1": ("machine=hyqreal1",),
+    "Spot": ("machine=spot",),
+    "A2": ("machine=a2",),
+    "B2": ("machine=b2",),
+    "HyQReal2": ("machine=hyqreal2",),
+    "Pegasus": ("machine=pegasus",),
+}
+ALONE, CMAC = "feedback alone", "CMAC"
+BOTH = {ALONE: ("feedforward=none",), CMAC: ("feedforward=cmac",)}
+POSITION, FORCE = "transfer_rmse", "force_rmse"
+ENCODERS, LATE_TORQUE, LAG = "encoders", "encoders and late torque", "lag"
+WORLDS = {
+    ENCODERS: ("sensors=encoders",),
+    LATE_TORQUE: ("sensors=encoders", "actuator.delay=1"),
+    LAG: ("actuator.lag=0.005",),
+}
+ALL, LONG = "all", "long"
+"""The parts of the study."""
+LASTING = ("Go1", "Aliengo")
+"""Robots that walk for long; they fell while learning before delays counted."""
+QUICK, SETTLED, LEARNT, LASTED = 2, 6, 80, 200
+"""Cycles of the quick form, of feedback alone, of the walks with a CMAC, and of the long ones."""
+ACCURATE = 1.2e-3
+"""Transfer error that counts as small, m."""
+
+
+def runs(quick: bool) -> list[Request]:
+    """All walks; the quick form is of one robot, two cycles each.
+
+    Raises:
+        BadInput: MuJoCo or the models are not installed; says how to install them.
+    """
+    load_mujoco()
+    find_model("go1", None)
+    walks = []
+    for kind, feedforward in BOTH.items():
+        over: dict[str, Any] = {"robot": {"Go1": ROBOTS["Go1"]} if quick else ROBOTS, "world": WORLDS}
+        cycles = QUICK if quick else LEARNT if kind == CMAC else SETTLED
+        kept = (f"cycles={cycles}", f"record.cycles=[{cycles}]")
+        walks += grid("scenario=robot", *kept, *feedforward, over=over, part=ALL, kind=kind)
+    cycles = QUICK if quick else LASTED
+    over = {"robot": {name: ROBOTS[name] for name in (LASTING[:1] if quick else LASTING)}}
+    kept = (f"cycles={cycles}", f"record.cycles=[{cycles}]")
+    return walks + grid("scenario=robot", *kept, *WORLDS[ENCODERS], over=over, seeded=True, part=LONG)
+
+
+def last(results: Results, name: str) -> Array:
+    """(runs,): a metric of the last planned cycle; the worst value of a run that ended before."""
+    return results.end(name, cycles=1)
+
+
+def _over_alone(results: Results, name: str) -> Array:
+    """(runs,): a metric of the last cycle with a CMAC over that of feedback alone."""
+    return last(results.select(kind=CMAC), name) / last(results.select(kind=ALONE), name)
+
+
+def _errors(world: str, kind: str, words: str, limit: float) -> Finding:
+    shown = SHOWN[POSITION]
+    return Finding(
+        [
+            Criterion(
+                f"{shown.title} error with {words}, {robot}", partial(last, name=POSITION), at_most(limit),
+                unit=shown.unit, scale=shown.factor, of={"part": ALL, "world": world, "kind": kind, "robot": robot},
+            )
+            for robot in ROBOTS
+        ],
+        yes=f"“{world}”, {words}: the feet of every robot follow their paths within {1e3 * limit:g} mm.",
+        no=f"“{world}”, {words}: the feet of some robots do not follow their paths within {1e3 * limit:g} mm.",
+    )  # fmt: skip
+
+
+def _forces(world: str) -> Finding:
+    return Finding(
+        [
+            percent(
+                f"force error over that of feedback alone, {robot}", partial(_over_alone, name=FORCE), at_most(1.0),
+                part=ALL, world=world, robot=robot,
+            )
+            for robot in ROBOTS
+        ],
+        yes=f"“{world}”: learning lowers the force error of every robot.",
+        no=f"“{world}”: learning does not lower the force error of every robot.",
+    )  # fmt: skip
+
+
+def _completed(results: Results) -> list[bool]:
+    return results.completed
+
+
+FINDINGS = {
+    "walks": Finding(
+        [percent("walks completed", _completed, at_least(0.9), part=ALL)],
+        yes="Robots whose feedback is late walk to the end, with a CMAC as by feedback alone: {value}.",
+        no="Some robots whose feedback is late do not walk to the end: {value} do.",
+    ),
+    "lasts": Finding(
+        [
+            percent(f"walks completed, {robot}", _completed, at_least(0.5), part=LONG, robot=robot)
+            for robot in LASTING
+        ],
+        yes="With encoders they walk on to the end: {values[0]} and {values[1]} of the walks complete.",
+        no="With encoders some do not walk on to the end: {values[0]} and {values[1]} of the walks complete.",
+    ),
+    "accurate": Finding(
+        [
+            Criterion(
+                f"transfer error, {robot}", partial(last, name=POSITION), at_most(ACCURATE), unit="mm", scale=1e3,
+                of={"part": LONG, "robot": robot},
+            )
+            for robot in LASTING
+        ],
+        yes="They stay accurate: {values[0]} and {values[1]}.",
+        no="They do not stay accurate: {values[0]} and {values[1]}.",
+    ),
+    **{f"alone_{world}": _errors(world, ALONE, "feedback alone", 0.03) for world in WORLDS},
+    **{f"position_{world}": _errors(world, CMAC, "a CMAC", ACCURATE) for world in WORLDS},
+    **{f"force_{world}": _forces(world) for world in WORLDS},
+}  # fmt: skip
+
+
+def table_periods(results: Results) -> "pd.DataFrame":
+    """Sampling period by rule of every robot, ms."""
+    learning = results.select(part=ALL, kind=CMAC)
+    return cross_tabulate(
+        learning, ("robot", "robot"), ("world", ""), lambda walks: 1e3 * walks.run.config["sampling_period"]
+    )
+
+
+def table_errors(results: Results) -> "pd.DataFrame":
+    """Errors of the last cycle of every walk."""
+    columns = {"robot": "robot", "world": "feedback", "kind": "feedforward"}
+    return tabulate(results.select(part=ALL), columns, ends((POSITION, FORCE), cycles=1))
+
+
+def draw_long(results: Results) -> "Figure":
+    """Transfer error of the long walks over their cycles."""
+    return draw([over_cycles(results.select(part=LONG), POSITION, "robot", log="y")], columns=1)
+
+
+def values(results: Results) -> dict[str, Any]:
+    """Counts and settings that the page names."""
+    learning = results.select(part=ALL, kind=CMAC)
+    return {
+        "cycles": max(learning.values("cycles")),
+        "lasting": results.select(part=LONG).value("cycles"),
+        "robots": len(learning.values("robot")),
+        "lag": 1e3 * results.select(part=ALL, world=LAG, kind=CMAC).run.config["actuator"]["lag"],
+    }
+
+
+STUDY = Study(
+    title="Robots whose feedback is late",
+    question="Do robots walk and learn when encoders and actuators delay their feedback, with gains, sampling "
+    "period, lead and rate by rule?",
+    runs=runs,
+    findings=FINDINGS,
+    figures={"long": draw_long},
+    tables={"periods": table_periods, "errors": table_errors},
+    values=values,
+)
+
+if __name__ == "__main__":
+    main(__file__)
