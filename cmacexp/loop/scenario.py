@@ -25,6 +25,9 @@ from cmacexp.plants.protocol import STATE, get_state, new_measurement
 from cmacexp.sensors import Sensors
 from cmacexp.typing import Array, Weights
 
+STABLE_SHARE = 0.3
+"""Of its critical gain, learning that is guarded has at most."""
+
 
 @dataclass
 class Scenario:
@@ -75,9 +78,17 @@ def resolve_lead(config: Config, sensors: Sensors) -> int:
     return 1 + count_lateness(config, sensors).count_samples(config.sampling_period)
 
 
-def resolve_rate(config: Config, lead: int) -> float:
-    """``learning.rate``; ``auto`` follows from the lead in samples."""
-    return derive_rate(lead) if config.learning.rate == "auto" else float(config.learning.rate)
+def resolve_rate(config: Config, sensors: Sensors, lead: int) -> float:
+    """``learning.rate``; ``auto`` follows from the lead in samples, and the guard of learning limits it.
+
+    Neighbouring samples share weights: within a cycle learning is a sampled integrator behind the lateness of the
+    feedback. Above its critical gain it escapes in a few samples, too few to return.
+    """
+    rate = derive_rate(lead) if config.learning.rate == "auto" else float(config.learning.rate)
+    if config.learning.guard == "none":
+        return rate
+    late = count_lateness(config, sensors)
+    return min(rate, STABLE_SHARE * Lateness(late.delay + 1, late.lags).find_critical_gain(config.sampling_period))
 
 
 def _start(config: Config, plan: Plan, joints: int) -> Array:
@@ -142,7 +153,7 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     check_weights(config, components["feedforward"])
     plan = make_plan(config, mechanism, components["feedforward"].acts)
     lead = resolve_lead(config, components["sensors"])
-    start, rate = _start(config, plan, mechanism.shape[1]), resolve_rate(config, lead)
+    start, rate = _start(config, plan, mechanism.shape[1]), resolve_rate(config, components["sensors"], lead)
     setup = Setup(config, mechanism, plan, start, read_weights(config), lead, rate)
     first, fault = new_measurement(*mechanism.shape), None
     try:

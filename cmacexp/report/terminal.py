@@ -147,8 +147,9 @@ def _print_notes(result: StoredRun) -> None:
     if guarded := describe_guard(manifest):
         say(guarded)
     for name in ("lead", "rate"):
-        if manifest["config"]["learning"][name] == "auto" and f"learning_{name}" in manifest:
-            say(f"learning.{name}=auto is {manifest[f'learning_{name}']:.4g} here")
+        given, taken = manifest["config"]["learning"][name], manifest.get(f"learning_{name}")
+        if taken not in (None, given):
+            say(f"learning.{name}={given} is {taken:.4g} here")
     for dropped in manifest["dropped"]:
         time = dropped["step"] * manifest["config"]["sampling_period"]
         where = f"force sensor of leg {dropped['leg']} rejected at step {dropped['step']} (t = {time:g} s)"
