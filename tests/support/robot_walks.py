@@ -16,6 +16,7 @@ from cmacexp.planning.columns import X, Y, Z
 ROBOT = ("scenario=robot", "machine=mjcf")
 EXACT = "feedforward=inverse_dynamics"
 ON_MODEL = "feedforward=cmac_on_model"
+UNGUARDED = "learning.guard=none"
 HEAVY = "feedforward.mass_factor=1.2"
 RIGID = "plant=mujoco_robot_rigid"
 TWO = (
