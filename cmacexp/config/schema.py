@@ -100,8 +100,9 @@ class LearningConfig:
     """One of cmacexp/cmac/rules.py; each but the paper's has its strength in a field below."""
     rate: float | str = number("", above=0, below=2, words=("auto",), needs=LEARNS)
     """Fraction of the error that a step corrects, beta; 50/256 in the paper; auto: that over 2 x lead - 1."""
-    lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto",), needs=LEARNS)
-    """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback."""
+    lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto", "estimate"), needs=LEARNS)
+    """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback, as
+    actuator and sensors declare them; estimate: as a small torque shows them before learning."""
     guard: str = choice(*GUARDS, needs=LEARNS)
     """What happens when learning does harm: nothing; the torque of the best cycle is repeated; and then improved."""
     start_cycle: int = number("", at_least=1, at_most=10**9)

@@ -85,6 +85,7 @@ RUN_FIELDS = {
     "learning_lead?": NUMBER,
     "guard?": [{"cycle": COUNT, "step": WHOLE, "cause": TEXT, "restored": WHOLE}],
     "learning_rate?": NUMBER,
+    "lead_estimates?": [{"cycle": COUNT, "lead": WHOLE}],
     "robot?": {"chains": [[NUMBER]], "hips": [[NUMBER]], "foot_radius": NUMBER},
     "model_hash?": _or_null(HASH),
     "traceback?": TEXT,

@@ -50,20 +50,28 @@ def make_guard(scenario: Scenario, external: External) -> Guard | None:
     """The guard of learning of a scenario, None if nothing learns or nothing is to be guarded.
 
     Raises:
-        BadInput: it is to improve the torque of a feedforward whose weights it does not know.
+        BadInput: it is to improve the torque of a feedforward whose weights it does not know, or to estimate the lead
+            of one whose lead it cannot set.
     """
     setup, feedforward = scenario.setup, scenario.feedforward
     mode, rows = setup.config.learning.guard, (setup.mechanism.shape[0], 0)
+    estimates = setup.config.learning.lead == "estimate"
     known = isinstance(feedforward, BuiltInFeedforward) and not (external.controller or external.feedforward)
-    if mode == NONE or not feedforward.acts:
+    if not feedforward.acts:
         return None
     if isinstance(feedforward, BuiltInFeedforward):
         if feedforward.params.kind == TABLE:
             return None
         rows = feedforward.params.log.rows.shape
+    if estimates and (mode == NONE or not known):
+        needs = "needs learning.guard=freeze or refine" if mode == NONE else "needs a built-in network and controller"
+        raise BadInput("learning.lead", "estimate", f"{needs}; use that, or auto")
+    if mode == NONE:
+        return None
     if mode == REFINE and not known:
         raise BadInput("learning.guard", mode, "needs a built-in network and controller; use freeze")
-    return new_guard(mode, setup.mechanism, setup.plan, rows if known else (rows[0], 0))
+    seed = setup.config.seed if estimates else None
+    return new_guard(mode, setup.mechanism, setup.plan, rows if known else (rows[0], 0), seed)
 
 
 def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard: Guard | None = None) -> Loop:

@@ -15,6 +15,19 @@ from cmacexp.config.schema import GUARDS
 from cmacexp.control.hybrid_kernels import HybridState
 from cmacexp.feedforward.kernels import FeedforwardParams, correct
 from cmacexp.jit.compiler import kernel, kernel_apart
+from cmacexp.loop.probe import (
+    DONE,
+    LEARN_AGAIN,
+    LEFT,
+    MOST,
+    PROBED,
+    WAITING,
+    Probe,
+    add_torque,
+    begin_probe,
+    new_probe,
+    note_response,
+)
 from cmacexp.models.mechanism import Mechanism, has_body
 from cmacexp.models.trend import SIGNIFICANT, WINDOW, count_rises
 from cmacexp.planning.columns import JOINT_COLUMNS
@@ -82,6 +95,8 @@ class Guard(NamedTuple):
     """(J,): of one network, N m."""
     weights: Clock
     """(L, M, J): weights in use at the end of the best cycle, in the order of the log of weights."""
+    probe: Probe
+    """Of how late feedback is, before learning and after each retreat."""
     events: Clock
     """(MOST_EVENTS, 3): step, cause and restored cycle, 0 for feedback alone, of each event."""
 
@@ -105,7 +120,7 @@ def read_events(guard: Guard | None) -> list[Event]:
     return [Event(int(step) // samples + 1, int(step), CAUSES[int(cause)], int(cycle)) for step, cause, cycle in rows]
 
 
-def new_guard(mode: str, mechanism: Mechanism, plan: Plan, log: tuple[int, ...]) -> Guard:
+def new_guard(mode: str, mechanism: Mechanism, plan: Plan, log: tuple[int, ...], probe_seed: int | None) -> Guard:
     """A guard at the start of a run.
 
     Args:
@@ -113,6 +128,7 @@ def new_guard(mode: str, mechanism: Mechanism, plan: Plan, log: tuple[int, ...])
         mechanism: of the run.
         plan: of the run.
         log: (L, M): shape of the rows of weights in use.
+        probe_seed: of the torque that probes how late feedback is; None: nothing probes it.
     """
     shape, samples = mechanism.shape, len(plan.support)
     planned = plan.joints[:, :, JOINT_COLUMNS["velocity"][: shape[1]]]
@@ -133,6 +149,7 @@ def new_guard(mode: str, mechanism: Mechanism, plan: Plan, log: tuple[int, ...])
         np.zeros((samples if mode == REFINE else 0, *shape)),
         np.zeros(shape[1]),
         np.zeros((*log, shape[1])),
+        new_probe(0 if probe_seed is None else samples, shape, probe_seed or 0),
         np.zeros((MOST_EVENTS, 3)),
     )
 
@@ -182,6 +199,7 @@ def watch(guard: Guard, sample: int, support: Mask, control: HybridState, observ
     values[EFFORT] += effort
     values[ERROR] += error + guard.lever * tilt
     counts[STEPS] += 1
+    note_response(guard.probe, sample, control.learning_error)
     if effort > guard.limits[EFFORT_LIMIT] or speed > guard.limits[SPEED_LIMIT] or tilt > guard.limits[TILT_LIMIT]:
         if LEARNING <= counts[PHASE] < ALONE:
             counts[ALARM] = 1
@@ -199,6 +217,7 @@ def take_torque(guard: Guard, sample: int, torque: Array) -> None:
                 table[i, j] = torque[i, j]
             else:
                 torque[i, j] = table[i, j] if LEARNING < phase < ALONE else 0.0
+    add_torque(guard.probe, sample, torque)
 
 
 @kernel_apart
@@ -240,6 +259,8 @@ def retreat(guard: Guard, params: FeedforwardParams | None, step: int, cause: in
     exchange(params, guard.weights, False, 1.0 if counts[BEST_CYCLE] > 0 else 0.0)
     counts[SETTLING], counts[LEARNT] = 2, 0
     values[LOWEST] = math.inf
+    if 0 < guard.probe.counts[PROBED] < MOST:
+        guard.probe.counts[LEFT] = WAITING
     if counts[EVENTS] < guard.events.shape[0]:
         event = guard.events[counts[EVENTS]]
         event[0], event[1], event[2] = step, cause, counts[BEST_CYCLE]
@@ -270,13 +291,31 @@ def measure_alone(guard: Guard) -> None:
 
 
 @kernel_apart
+def learn_from_now_on(guard: Guard) -> None:
+    """Learn, from the weights of the best cycle, whose torque stays in its slot."""
+    counts, probe = guard.counts, guard.probe
+    if counts[PHASE] != WATCHING:
+        counts[SLOT] = 1 - counts[SLOT]
+    counts[PHASE], counts[LEARNT], probe.counts[LEARN_AGAIN] = LEARNING, 0, 0
+
+
+@kernel_apart
 def judge(guard: Guard, params: FeedforwardParams | None, step: int) -> None:
     """Judge the cycle that has ended before ``step``."""
-    counts, values = guard.counts, guard.values
+    counts, values, probe = guard.counts, guard.values, guard.probe
+    if probe.counts[LEFT] > DONE:
+        return
     if counts[PHASE] == WATCHING:
-        measure_alone(guard)
-        if step >= guard.start_step:
-            counts[PHASE] = LEARNING
+        if probe.counts[PROBED] == 0:
+            measure_alone(guard)
+        if counts[CYCLE] > 1 and begin_probe(probe, values[EFFORT_ALONE]):
+            return
+        if probe.counts[LEFT] == DONE and step >= guard.start_step:
+            learn_from_now_on(guard)
+    elif probe.counts[LEARN_AGAIN] != 0:
+        learn_from_now_on(guard)
+    elif counts[SETTLING] == 0 and begin_probe(probe, values[EFFORT_ALONE]):
+        return
     elif counts[PHASE] != ALONE and counts[SETTLING] == 0:
         effort = math.sqrt(values[EFFORT]) / values[EFFORT_ALONE]
         error = math.sqrt(values[ERROR]) / values[ERROR_ALONE]
@@ -319,7 +358,7 @@ def begin_step(guard: Guard, params: FeedforwardParams | None, step: int, sample
     if sample == 0:
         if counts[STEPS] == guard.torque.shape[1]:
             judge(guard, params, step)
-            if counts[PHASE] == REFINING and counts[SETTLING] == 0:
+            if counts[PHASE] == REFINING and counts[SETTLING] == 0 and guard.probe.counts[LEFT] <= DONE:
                 correct(params, guard.errors, guard.output, guard.torque[counts[SLOT]])
         counts[STEPS], counts[CYCLE] = 0, counts[CYCLE] + 1
         values[EFFORT], values[ERROR] = 0.0, 0.0

@@ -19,9 +19,11 @@ from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_guard, make_l
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.external import ExternalDriver
 from cmacexp.loop.guard import Event, read_events
+from cmacexp.loop.probe import LEARN_AGAIN, PROBED, LeadEstimate, estimate_lead
 from cmacexp.loop.samples import ALL_SAMPLES, TRAVEL, WIDE_BODY_SAMPLES, make_samples, name_samples
-from cmacexp.loop.scenario import Scenario
+from cmacexp.loop.scenario import Scenario, resolve_rate
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits
+from cmacexp.models.lateness import Lateness
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.planning.stability import STABILITY
@@ -76,6 +78,10 @@ class End:
     """What a component raised."""
     events: Sequence[Event]
     """What the guard of learning did."""
+    estimates: Sequence[LeadEstimate]
+    """Of the lead, by ``learning.lead=estimate``."""
+    rate: float
+    """Of learning at the end."""
 
 
 def _format_error(raised: Exception) -> str:
@@ -127,6 +133,8 @@ class _Stream:
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
         self.status, self.cause, self.seconds = "completed", "", 0.0
         self.error: Exception | None = None
+        self.estimates: list[LeadEstimate] = []
+        self.rate = setup.rate
 
     @property
     def runs(self) -> bool:
@@ -161,12 +169,35 @@ class _Stream:
         done, stop = 0, RUNNING
         while stop == RUNNING and done < len(samples):
             raise_if_interrupted()
-            steps, began = min(self.together, len(samples) - done), time.perf_counter()
+            steps, began = min(self._most_steps(), len(samples) - done), time.perf_counter()
             stop = self.driver.run(samples[done : done + steps], body[done : done + steps])
             done += steps
+            self._take_estimate()
             self.together = max(1, int(steps * LONGEST_CALL / max(time.perf_counter() - began, 1e-6)))
             self.watch(self.driver.taken / self.config.steps_per_cycle)
         return stop
+
+    def _most_steps(self) -> int:
+        """Steps of the next call of the driver; a lead can be taken over only at the start of a cycle."""
+        if self.config.learning.lead != "estimate":
+            return self.together
+        return min(self.together, self.config.steps_per_cycle - self.driver.taken % self.config.steps_per_cycle)
+
+    def _take_estimate(self) -> None:
+        """Learn with the lead that a probe has given; after a retreat with a longer one than has failed."""
+        params = self.driver.loop.feedforward
+        if self.guard is None or params is None or len(self.estimates) == self.guard.probe.counts[PROBED]:
+            return
+        lead, learning = estimate_lead(self.guard.probe), params.learning
+        if self.estimates:  # too short a lead does harm more often than one that is too long
+            lead = max(lead, learning.lead + 1)
+        self.rate = resolve_rate(self.config, Lateness(max(0, lead - 1)), lead)
+        self.guard.probe.counts[LEARN_AGAIN] = 1
+        learning = learning._replace(
+            lead=lead, rate=self.rate, cycle_rate=learning.cycle_rate * self.rate / learning.rate
+        )
+        self.driver.loop = self.driver.loop._replace(feedforward=params._replace(learning=learning))
+        self.estimates.append(LeadEstimate(self.driver.taken // self.config.steps_per_cycle + 1, lead))
 
     def collect(self, start: int) -> Samples:
         """The samples since step ``start``."""
@@ -213,7 +244,16 @@ def stream(
     if scenario.fault is not None:
         legs, joints = scenario.setup.mechanism.shape
         keep(Samples(0, *make_samples(0, legs, _samples_measured(scenario), joints), None))
-        return End(0, "failed", f"before the first step: {_format_error(scenario.fault)}", 0.0, scenario.fault, [])
+        return End(
+            0,
+            "failed",
+            f"before the first step: {_format_error(scenario.fault)}",
+            0.0,
+            scenario.fault,
+            [],
+            [],
+            scenario.setup.rate,
+        )
     config = scenario.setup.config
     expect_steps(config.cycles * config.steps_per_cycle * config.legs)
     with interrupt_held_back():  # until the next call of the driver
@@ -223,7 +263,8 @@ def stream(
             if start == 0 or run.driver.taken > start:
                 keep(run.collect(start))
     expect_steps(math.inf)
-    return End(run.driver.taken, run.status, run.cause, run.seconds, run.error, read_events(run.guard))
+    events = read_events(run.guard)
+    return End(run.driver.taken, run.status, run.cause, run.seconds, run.error, events, run.estimates, run.rate)
 
 
 @dataclass(frozen=True)

@@ -72,13 +72,16 @@ def count_lateness(config: Config, sensors: Sensors) -> Lateness:
 
 
 def resolve_lead(config: Config, sensors: Sensors) -> int:
-    """``learning.lead`` in samples; ``auto`` is their number from a torque to the feedback that it causes."""
-    if config.learning.lead != "auto":
-        return int(config.learning.lead)
-    return 1 + count_lateness(config, sensors).count_samples(config.sampling_period)
+    """``learning.lead`` in samples; ``auto`` is their number from a torque to the feedback that it causes.
+
+    Until the first estimate of ``estimate``, that is the same.
+    """
+    if isinstance(config.learning.lead, str):
+        return 1 + count_lateness(config, sensors).count_samples(config.sampling_period)
+    return int(config.learning.lead)
 
 
-def resolve_rate(config: Config, sensors: Sensors, lead: int) -> float:
+def resolve_rate(config: Config, late: Lateness, lead: int) -> float:
     """``learning.rate``; ``auto`` follows from the lead in samples, and the guard of learning limits it.
 
     Neighbouring samples share weights: within a cycle learning is a sampled integrator behind the lateness of the
@@ -87,7 +90,6 @@ def resolve_rate(config: Config, sensors: Sensors, lead: int) -> float:
     rate = derive_rate(lead) if config.learning.rate == "auto" else float(config.learning.rate)
     if config.learning.guard == "none":
         return rate
-    late = count_lateness(config, sensors)
     return min(rate, STABLE_SHARE * Lateness(late.delay + 1, late.lags).find_critical_gain(config.sampling_period))
 
 
@@ -153,7 +155,8 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     check_weights(config, components["feedforward"])
     plan = make_plan(config, mechanism, components["feedforward"].acts)
     lead = resolve_lead(config, components["sensors"])
-    start, rate = _start(config, plan, mechanism.shape[1]), resolve_rate(config, components["sensors"], lead)
+    rate = resolve_rate(config, count_lateness(config, components["sensors"]), lead)
+    start = _start(config, plan, mechanism.shape[1])
     setup = Setup(config, mechanism, plan, start, read_weights(config), lead, rate)
     first, fault = new_measurement(*mechanism.shape), None
     try:

@@ -1,0 +1,63 @@
+"""``learning.lead=estimate``: how late feedback is, from its response to a small torque."""
+
+import numpy as np
+import pytest
+
+from cmacexp.errors import BadInput
+from cmacexp.experiment.run import run_scenario
+from cmacexp.loop import roll_out
+from cmacexp.loop.probe import CYCLES, SHARE
+from cmacexp.loop.scenario import make_scenario
+
+ESTIMATED = ("scenario=one_leg", "learning=lasting", "learning.lead=estimate", "warn=false")
+LATE = {
+    "at once": ((), 1),
+    "actuator": (("actuator.delay=2",), 3),
+    "velocity": (("sensors=real", "sensors.velocity.delay=2"), 3),
+    "both": (("actuator.delay=1", "sensors=encoders", "sensors.velocity.delay=1"), 3),
+}
+
+
+@pytest.mark.parametrize(("late", "lead"), LATE.values(), ids=LATE)
+def test_the_lead_is_the_samples_from_a_torque_to_the_feedback(make_config, late, lead):
+    config = make_config(*ESTIMATED, *late, f"cycles={CYCLES + 6}")
+    run = roll_out(make_scenario(config))
+    ((cycle, estimated),) = run.estimates
+    assert (cycle, estimated) == (CYCLES + 3, lead)
+    auto = roll_out(make_scenario(make_config(*ESTIMATED, *late, "learning.lead=auto", "cycles=1")))
+    assert run.rate == auto.rate
+
+
+def test_a_small_torque_probes_before_learning_and_nothing_of_it_stays(make_config):
+    run = roll_out(make_scenario(make_config(*ESTIMATED, f"cycles={CYCLES + 4}")))
+    samples = len(run.plan.support)
+    by_cycle = [run.columns()[name].reshape(-1, samples) for name in ("tau_feedforward_1", "tau_feedback_1")]
+    probing, effort = (values[2 : 2 + CYCLES] for values in by_cycle)
+    assert not by_cycle[0][:2].any()
+    np.testing.assert_array_equal(np.abs(probing), np.abs(probing[0, 0]))
+    np.testing.assert_array_equal(probing.sum(axis=0), 0.0)
+    assert np.abs(probing).max() < 2.0 * SHARE * np.sqrt((effort**2).mean())
+
+
+def test_after_a_retreat_it_learns_again_with_a_longer_lead_from_the_best_cycle(make_config):
+    run = roll_out(make_scenario(make_config(*ESTIMATED, "actuator.delay=3", "cycles=70")))
+    (event,), (first, second) = run.events, run.estimates
+    assert (event.cycle + 2 + CYCLES, first.lead + 1) == (second.cycle - 1, second.lead)
+    samples = len(run.plan.support)
+    effort = np.sqrt((run.columns()["tau_feedback_1"].reshape(-1, samples) ** 2).mean(axis=1))
+    assert effort[second.cycle] < 1.2 * effort[event.restored - 1]
+    assert effort[-1] < 0.5 * effort[1]
+
+
+def test_the_manifest_lists_the_estimates(tmp_path, make_config):
+    config = make_config(*ESTIMATED, f"cycles={CYCLES + 4}", "actuator.delay=1", "record=trace")
+    manifest = run_scenario(config, tmp_path / "run").manifest
+    assert manifest["lead_estimates"] == [{"cycle": CYCLES + 3, "lead": 2}]
+    assert manifest["learning_lead"] == 2
+    assert manifest["learning_rate"] < 50 / 256
+
+
+@pytest.mark.parametrize("setting", ["learning.guard=none", "feedforward=mlp"])
+def test_what_cannot_take_an_estimate_is_refused_in_a_line(make_config, setting):
+    with pytest.raises(BadInput, match="learning.lead=estimate: needs [^\n]*use that, or auto"):
+        roll_out(make_scenario(make_config(*ESTIMATED, setting, "cycles=3")))
