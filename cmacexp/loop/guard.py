@@ -39,18 +39,19 @@ NONE, FREEZE, REFINE = GUARDS
 WATCHING, LEARNING, HOLDING, REFINING, ALONE = range(5)
 """Phases: feedback alone before learning; learning; the best torque repeated; that improved once a cycle; feedback
 alone since nothing else held."""
-PEAK, WORSE, DRIFT = range(3)
+PEAK, WORSE, DRIFT, CHATTER = range(4)
 CAUSES = (
     "effort, speed or tilt beyond that of feedback alone",
     "feedback alone was better",
     "effort and error drifted",
+    "feedback alone chatters, which leaves nothing to learn from",
 )
 PHASE, STEPS, CYCLE, LEARNT, SETTLING, SLOT, BEST_CYCLE, EVENTS, ALARM = range(9)
 """Counters: phase; steps seen of this cycle; cycles begun; cycles of the phase; cycles before it is judged; the slot
 of the torque that acts, the other one holds that of the best cycle; that cycle, 0: none; events; whether a step was
 beyond a limit."""
-EFFORT, ERROR, EFFORT_ALONE, ERROR_ALONE, LAST, BEST, LOWEST = range(7)
-"""Values: sums of squares over this cycle, and the roots of those of feedback alone; error of the last cycle over
+EFFORT, ERROR, MOTION, EFFORT_ALONE, ERROR_ALONE, MOTION_PLANNED, LAST, BEST, LOWEST = range(9)
+"""Values: sums of squares over this cycle; the roots of those of feedback alone, and the planned sum of motion; error of the last cycle over
 that of feedback alone; level of the best cycle; lowest mean level."""
 EFFORT_LIMIT, SPEED_LIMIT, TILT_LIMIT = range(3)
 """Limits of one step, as squares: of the effort, the joint velocities and the tilt of the body."""
@@ -60,6 +61,9 @@ HIGHEST = (3.0, 1.3, 1.4)
 """Ratios of these limits to the peaks with feedback alone."""
 HIGHEST_EFFORT = 2.0
 """Effort of a cycle, over that of feedback alone, that no smaller error justifies."""
+CHATTERS = 3.0
+"""Root mean square of the joint velocities with feedback alone, over that planned, from which on it chatters: in random
+worlds it was up to 1.9, or 3 and more in a limit cycle."""
 RISE = 1.2
 """Ratio of the mean level of WINDOW cycles to its lowest at which a trend is a drift."""
 BETTER = 0.98
@@ -80,7 +84,7 @@ class Guard(NamedTuple):
     counts: Annotated[Counts, CLOCK]
     """(9,): counters."""
     values: Clock
-    """(7,): values."""
+    """(9,): values."""
     limits: Clock
     """(3,): limits of one step; learning ends at once beyond them."""
     lever: float
@@ -133,10 +137,11 @@ def new_guard(mode: str, mechanism: Mechanism, plan: Plan, log: tuple[int, ...],
     shape, samples = mechanism.shape, len(plan.support)
     planned = plan.joints[:, :, JOINT_COLUMNS["velocity"][: shape[1]]]
     limits = np.zeros(3)
-    limits[SPEED_LIMIT] = HIGHEST[SPEED_LIMIT] ** 2 * (planned**2).sum(axis=(1, 2)).max()
+    motion = (planned**2).sum(axis=(1, 2))
+    limits[SPEED_LIMIT] = HIGHEST[SPEED_LIMIT] ** 2 * motion.max()
     lever = 0.5 * float((mechanism.hips**2).sum()) if has_body(mechanism) else 0.0
-    values = np.zeros(7)
-    values[[BEST, LOWEST]] = LEVEL_ALONE, math.inf
+    values = np.zeros(9)
+    values[[MOTION_PLANNED, BEST, LOWEST]] = motion.sum(), LEVEL_ALONE, math.inf
     return Guard(
         mode == REFINE,
         plan.start_step,
@@ -198,6 +203,7 @@ def watch(guard: Guard, sample: int, support: Mask, control: HybridState, observ
     tilt = observation.body[1] * observation.body[1] + observation.body[2] * observation.body[2]
     values[EFFORT] += effort
     values[ERROR] += error + guard.lever * tilt
+    values[MOTION] += speed
     counts[STEPS] += 1
     note_response(guard.probe, sample, control.learning_error)
     if effort > guard.limits[EFFORT_LIMIT] or speed > guard.limits[SPEED_LIMIT] or tilt > guard.limits[TILT_LIMIT]:
@@ -290,6 +296,12 @@ def measure_alone(guard: Guard) -> None:
     values[EFFORT_ALONE], values[ERROR_ALONE] = math.sqrt(values[EFFORT]) + TINY, math.sqrt(values[ERROR]) + TINY
 
 
+@kernel
+def chatters(values: Array) -> bool:
+    """Whether the joints moved far more in the cycle that has ended than planned."""
+    return 0.0 < CHATTERS * CHATTERS * values[MOTION_PLANNED] < values[MOTION]
+
+
 @kernel_apart
 def learn_from_now_on(guard: Guard) -> None:
     """Learn, from the weights of the best cycle, whose torque stays in its slot."""
@@ -308,9 +320,11 @@ def judge(guard: Guard, params: FeedforwardParams | None, step: int) -> None:
     if counts[PHASE] == WATCHING:
         if probe.counts[PROBED] == 0:
             measure_alone(guard)
-        if counts[CYCLE] > 1 and begin_probe(probe, values[EFFORT_ALONE]):
+        if chatters(values):
+            retreat(guard, params, step, CHATTER)
+        elif counts[CYCLE] > 1 and begin_probe(probe, values[EFFORT_ALONE]):
             return
-        if probe.counts[LEFT] == DONE and step >= guard.start_step:
+        elif probe.counts[LEFT] == DONE and step >= guard.start_step:
             learn_from_now_on(guard)
     elif probe.counts[LEARN_AGAIN] != 0:
         learn_from_now_on(guard)
@@ -361,4 +375,4 @@ def begin_step(guard: Guard, params: FeedforwardParams | None, step: int, sample
             if counts[PHASE] == REFINING and counts[SETTLING] == 0 and guard.probe.counts[LEFT] <= DONE:
                 correct(params, guard.errors, guard.output, guard.torque[counts[SLOT]])
         counts[STEPS], counts[CYCLE] = 0, counts[CYCLE] + 1
-        values[EFFORT], values[ERROR] = 0.0, 0.0
+        values[EFFORT], values[ERROR], values[MOTION] = 0.0, 0.0, 0.0

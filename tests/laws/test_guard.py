@@ -8,7 +8,7 @@ from cmacexp.experiment.run import run_scenario
 from cmacexp.feedforward.kernels import correct
 from cmacexp.feedforward.network import kernel_norm
 from cmacexp.loop import roll_out
-from cmacexp.loop.guard import CAUSES, DRIFT, PEAK, WORSE
+from cmacexp.loop.guard import CAUSES, CHATTER, DRIFT, PEAK, WORSE
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.trend import WINDOW, count_rises
 
@@ -178,3 +178,12 @@ def test_rises_are_counted_in_a_ring():
     turned = np.roll(np.arange(WINDOW, dtype=float), 4)
     assert count_rises(turned, 3) == WINDOW * (WINDOW - 1) // 2
     assert count_rises(np.ones(WINDOW), 0) == 0
+
+
+def test_nothing_is_learnt_where_feedback_alone_chatters(make_config):
+    late = ("sensors=real", "sensors.velocity.delay=2", "actuator.delay=1", "cycles=6")
+    guarded = roll_out(make_scenario(make_config(*LASTING, *late)))
+    alone = roll_out(make_scenario(make_config(*LASTING, *late, "feedforward=none")))
+    ((cycle, _, cause, restored),) = guarded.events
+    assert (cycle, cause, restored) == (2, CAUSES[CHATTER], 0)
+    assert guarded.samples.tobytes() == alone.samples.tobytes()
