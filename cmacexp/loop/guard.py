@@ -51,8 +51,8 @@ PHASE, STEPS, CYCLE, LEARNT, SETTLING, SLOT, BEST_CYCLE, EVENTS, ALARM = range(9
 of the torque that acts, the other one holds that of the best cycle; that cycle, 0: none; events; whether a step was
 beyond a limit."""
 EFFORT, ERROR, MOTION, EFFORT_ALONE, ERROR_ALONE, MOTION_PLANNED, LAST, BEST, LOWEST = range(9)
-"""Values: sums of squares over this cycle; the roots of those of feedback alone, and the planned sum of motion; error of the last cycle over
-that of feedback alone; level of the best cycle; lowest mean level."""
+"""Values: sums of squares over this cycle; the roots of those of feedback alone, and the planned sum of motion; error of
+the last cycle over that of feedback alone; level of the best cycle; lowest mean level."""
 EFFORT_LIMIT, SPEED_LIMIT, TILT_LIMIT = range(3)
 """Limits of one step, as squares: of the effort, the joint velocities and the tilt of the body."""
 LEVEL_ALONE = 1.0
@@ -62,8 +62,8 @@ HIGHEST = (3.0, 1.3, 1.4)
 HIGHEST_EFFORT = 2.0
 """Effort of a cycle, over that of feedback alone, that no smaller error justifies."""
 CHATTERS = 3.0
-"""Root mean square of the joint velocities with feedback alone, over that planned, from which on it chatters: in random
-worlds it was up to 1.9, or 3 and more in a limit cycle."""
+"""Root mean square of the joint velocities with feedback alone, over that planned, above which it chatters: in random
+worlds it was up to 1.9, or in a limit cycle above 3."""
 RISE = 1.2
 """Ratio of the mean level of WINDOW cycles to its lowest at which a trend is a drift."""
 BETTER = 0.98
