@@ -51,8 +51,8 @@ PHASE, STEPS, CYCLE, LEARNT, SETTLING, SLOT, BEST_CYCLE, EVENTS, ALARM = range(9
 of the torque that acts, the other one holds that of the best cycle; that cycle, 0: none; events; whether a step was
 beyond a limit."""
 EFFORT, ERROR, MOTION, EFFORT_ALONE, ERROR_ALONE, MOTION_PLANNED, LAST, BEST, LOWEST = range(9)
-"""Values: sums of squares over this cycle; the roots of those of feedback alone, and the planned sum of motion; error of
-the last cycle over that of feedback alone; level of the best cycle; lowest mean level."""
+"""Values: sums of squares over this cycle; the roots of those of feedback alone, and the planned sum of motion; error
+of the last cycle over that of feedback alone; level of the best cycle; lowest mean level."""
 EFFORT_LIMIT, SPEED_LIMIT, TILT_LIMIT = range(3)
 """Limits of one step, as squares: of the effort, the joint velocities and the tilt of the body."""
 LEVEL_ALONE = 1.0

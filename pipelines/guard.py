@@ -1,0 +1,88 @@
+"""The guard of learning: whether a run that learns can end worse than with feedback alone.
+
+``python -m pipelines.guard`` draws worlds and settings of one leg and of the quadruped by chance, and runs each by
+feedback alone, with guarded and with unguarded learning. One leg learns on for long with random settings.
+"""
+
+from typing import Any
+
+from cmacexp.commands.study import main
+from cmacexp.study import Finding, Request, Results, Study, at_least, grid
+from cmacexp.study.statements import percent
+from pipelines.guard_measures import (
+    ENOUGH,
+    ERROR,
+    GUARDED,
+    LEVEL,
+    QUICK,
+    QUICK_NUMBER,
+    count_worlds,
+    draw_errors,
+    measure_error,
+    measure_level,
+    never_worse,
+    request_worlds,
+    table_worlds,
+)
+from pipelines.guard_worlds import ONE_LEG, QUADRUPED, SCENARIOS, draw_settings
+
+NUMBER, CYCLES = {ONE_LEG: 240, QUADRUPED: 480}, 100
+"""Worlds that are drawn: in some feedback alone does not complete."""
+LASTING, LONG_NUMBER, LONG = "long", 100, 10_000
+"""The part of the study in which one leg learns for long; its settings, and their cycles."""
+STEADY = 1.2
+"""Level over that of the best cycle that counts as kept."""
+
+
+def runs(quick: bool) -> list[Request]:
+    """Every world by feedback alone, guarded and unguarded; the long runs."""
+    requests = []
+    for machine, number in NUMBER.items():
+        requests += request_worlds(machine, QUICK_NUMBER if quick else number, QUICK if quick else CYCLES)
+    cycles = 3 * QUICK if quick else LONG
+    common = (*SCENARIOS[ONE_LEG], f"cycles={cycles}", f"record.cycles=[{cycles}]", "warn=false")
+    for number in range(QUICK_NUMBER if quick else LONG_NUMBER):
+        requests += grid(*common, *draw_settings(number), part=LASTING, kind=GUARDED, machine=ONE_LEG, world=number)
+    return requests
+
+
+FINDINGS = {
+    **{f"guarded_{machine}": never_worse(machine) for machine in NUMBER},
+    "lasts": Finding(
+        [
+            percent("long runs that complete", lambda results: results.completed, at_least(ENOUGH), part=LASTING),
+            percent(
+                f"long runs whose level is at most {STEADY:g} of that of the best cycle",
+                lambda results: results.measure(LEVEL) <= STEADY, at_least(ENOUGH), part=LASTING,
+            ),
+        ],
+        yes="One leg learns on for long with random settings: {value} complete, {values[1]} keep their level.",
+        no="One leg does not learn on for long with all settings: {value} complete, {values[1]} keep their level.",
+    ),
+}  # fmt: skip
+
+
+def values(results: Results) -> dict[str, Any]:
+    """Counts that the page names."""
+    lasting = results.select(part=LASTING)
+    return {
+        **count_worlds(results),
+        "long": lasting.value("cycles"),
+        "settings": len(lasting),
+        "acted": sum(bool(run.manifest["guard"]) for run in lasting.runs),
+    }
+
+
+STUDY = Study(
+    title="The guard of learning",
+    question="Can a run that learns end worse than with feedback alone, when its learning is guarded?",
+    runs=runs,
+    measures={ERROR: measure_error, LEVEL: measure_level},
+    findings=FINDINGS,
+    figures={"errors": draw_errors},
+    tables={"worlds": table_worlds},
+    values=values,
+)
+
+if __name__ == "__main__":
+    main(__file__)
