@@ -126,6 +126,11 @@ def test_learning_with_the_lead_lasts_as_the_page_says(folder):
     assert last_row(folder, "lasting").cycle == 400
 
 
+def test_the_guard_acts_as_the_page_says():
+    (line,) = (block.code.strip() for block in blocks("long-runs.md") if block.language == "text")
+    assert any(line in text for command, text in printed.items() if "outputs/guarded" in command)
+
+
 def test_the_first_run_learns_as_the_tutorial_says(folder):
     metrics = pd.read_parquet(folder / "outputs" / "first" / "metrics.parquet")
     learning = metrics[metrics.cycle >= 2]

@@ -1,0 +1,243 @@
+"""Settings of learning tried again where feedback is late: lead, rate, rule, size of the CMAC, path, guard.
+
+``python -m pipelines.late_learning`` repeats the choices that `docs/how-to-choose.md` recommends with encoders, late
+torques and lags, over more cycles than the studies that recommend them.
+"""
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cmacexp.cmac.rules import PAPER_RATE, RULES
+from cmacexp.commands.study import main
+from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
+from cmacexp.study.curves import over_cycles
+from cmacexp.study.samples import Sample, per_seed, plane_error, relative, share_done
+from cmacexp.study.statements import Limit, percent
+from cmacexp.study.tables import cross_tabulate, describe_end
+from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+ON_TIME, LATE_TORQUE = "on time", "torque two samples late"
+WORLDS = {
+    ON_TIME: (),
+    "encoders": ("sensors=encoders",),
+    LATE_TORQUE: ("actuator.delay=2",),
+    "lag of 5 ms": ("actuator.lag=0.005",),
+    "lag of 15 ms": ("actuator.lag=0.015",),
+}
+LEG, WALK = "one leg", "quadruped"
+MACHINES = {LEG: ("scenario=one_leg", "learning=lasting"), WALK: ("scenario=quadruped_lasting",)}
+UNGUARDED = "learning.guard=none"
+RATE, LEAD, WRONG, GUARDED, CHOICE = "rate", "lead 1", "lead 1, guarded", "auto, guarded", "choice"
+"""The parts of the study."""
+FASTEST = 0.8
+RATES = ("auto", 0.05, PAPER_RATE, 0.4, FASTEST)
+ONE = ("learning.lead=1", f"learning.rate={PAPER_RATE}")
+"""Right where feedback is on time."""
+DEFAULT = "default"
+OTHER_RULES = {f"rule {rule}": (f"learning.rule={rule}",) for rule in RULES if rule != "paper"}
+SETTINGS = {
+    "angles alone": ("cmac.inputs=[angle]",),
+    "9 resolution elements": ("cmac.resolution_elements=9",),
+    "8 layers": ("cmac.layers=8",),
+    "128 layers": ("cmac.layers=128",),
+    "path without jumps": ("gait.vertical=two_cubics",),
+}
+LEADS = {f"zero_phase, lead {lead}": ("learning.rule=zero_phase", f"learning.lead={lead}") for lead in (3, 1)}
+"""The longest lead that is right in one of these worlds, and the shortest."""
+CHOICES = {DEFAULT: (), **SETTINGS, **OTHER_RULES, **LEADS}
+"""Of one leg."""
+CYCLES, QUICK_CYCLES, LAST = 300, 4, 10
+HELD, AS_GOOD, HARMLESS = 1.5, 1.25, 1.05
+"""Final error over the least of the run up to which learning holds, over another one as good, over feedback alone."""
+
+
+def runs(quick: bool) -> list[Request]:
+    """Every part in every world; the quick form is of two worlds and the first choices."""
+    worlds = {name: WORLDS[name] for name in ((ON_TIME, LATE_TORQUE) if quick else WORLDS)}
+    rates = (RATES[0], RATES[-1]) if quick else RATES
+    choices = dict(list(CHOICES.items())[:2]) if quick else CHOICES
+
+    def part(name: str, machines: dict[str, Any], *words: str, **over: Any) -> list[Request]:
+        kept = (f"cycles={QUICK_CYCLES if quick else CYCLES}", "record.cycles=[1]", *words)
+        return grid(*kept, over={"machine": machines, "world": worlds, **over}, seeded=True, part=name)
+
+    leg = {LEG: MACHINES[LEG]}
+    return [
+        *part(RATE, MACHINES, UNGUARDED, **{"learning.rate": rates}),
+        *part(LEAD, MACHINES, UNGUARDED, *ONE),
+        *part(WRONG, MACHINES, *ONE),
+        *part(GUARDED, MACHINES),
+        *part(CHOICE, leg, UNGUARDED, choice=choices),
+    ]
+
+
+def final(results: Results) -> Array:
+    """(runs,): median transfer error of the last cycles, m; infinite of a run that ended before."""
+    ended = zip(results.completed, results.rows, strict=True)
+    return np.array([np.median(plane_error(row)[-LAST:]) if done else np.inf for done, row in ended])
+
+
+def over_least(results: Results) -> Array:
+    """(runs,): final error over the least median of as many cycles in a row; infinite of a run that ended before."""
+    least = []
+    for row in results.rows:
+        error = plane_error(row)
+        windows = np.lib.stride_tricks.sliding_window_view(error, min(LAST, len(error)))
+        least.append(np.median(windows, axis=1).min())
+    return final(results) / np.array(least)
+
+
+def over_alone(results: Results) -> Array:
+    """(runs,): final error over that of the first cycle, feedback alone."""
+    return final(results) / np.array([plane_error(row)[0] for row in results.rows])
+
+
+def _over(results: Results, chosen: dict[str, Any], other: dict[str, Any]) -> Array:
+    """(seeds,): final error of some runs over that of others."""
+    return relative(results.select(chosen), results.select(other), final)
+
+
+def _least_rule(results: Results) -> Array:
+    """(seeds,): least final error of the other rules over that of the paper's."""
+    others = results.select(choice=list(OTHER_RULES))
+    return per_seed(others, relative(others, results.select(choice=DEFAULT), final), min)
+
+
+def _by_world(quantity: str, sample: Sample, limit: Limit, **of: Any) -> list[Criterion]:
+    """A criterion for each world, in their order."""
+    return [Criterion(f"{quantity}, {world}", sample, limit, of={**of, "world": world}) for world in WORLDS]
+
+
+def _done(what: str, **of: Any) -> list[Criterion]:
+    return [
+        percent(f"cycles done of those asked for, {what}, {world}", share_done, at_least(0.9), world=world, **of)
+        for world in WORLDS
+    ]
+
+
+def _compare_choice(choice: str) -> Finding:
+    sample = partial(_over, chosen={"choice": choice}, other={"choice": DEFAULT})
+    return Finding(
+        _by_world(f"final error with {choice} over that with the defaults", sample, at_most(AS_GOOD), part=CHOICE),
+        yes=f"One leg, {choice}: after so many cycles as good as the defaults, in every world.",
+        no=f"One leg, {choice}: after so many cycles not as good as the defaults in every world; on time {{value}} "
+        "times their error.",
+    )
+
+
+AUTO = {"learning.rate": "auto"}
+FINDINGS = {
+    **{
+        f"{name}_{machine}": Finding(
+            _by_world("final error over the least", over_least, at_most(HELD), machine=machine, **of),
+            yes=f"{machine}: learning holds with {what} in every world.",
+            no=f"{machine}: learning does not hold with {what} in every world.",
+        )
+        for machine in MACHINES
+        for name, what, of in (
+            ("auto", "lead and rate `auto`, unguarded,", {"part": RATE, **AUTO}),
+            ("guarded", "lead and rate `auto`, guarded,", {"part": GUARDED}),
+        )
+    },
+    **{
+        f"{name}_{machine}": Finding(
+            _done(what, machine=machine, **of),
+            yes=f"{machine}: runs complete with {what} in every world.",
+            no=f"{machine}: runs with {what} do not complete in every world; with encoders {{values[1]}}.",
+        )
+        for machine in MACHINES
+        for name, what, of in (
+            ("fastest", f"rate {FASTEST}", {"part": RATE, "learning.rate": FASTEST}),
+            ("fast", "rate 0.4", {"part": RATE, "learning.rate": 0.4}),
+            ("lead", "lead 1 at the paper's rate", {"part": LEAD}),
+        )
+    },
+    "paper_rate": Finding(
+        _by_world(
+            "final error with the paper's rate over that with `auto`",
+            partial(_over, chosen={"learning.rate": PAPER_RATE}, other=AUTO), at_most(AS_GOOD),
+            part=RATE, machine=LEG,
+        ),
+        yes="With the right lead the paper's rate leaves one leg no larger error than `auto` in any world.",
+        no="The paper's rate leaves one leg a larger error than `auto` in some worlds.",
+    ),
+    **{
+        f"wrong_{machine}": Finding(
+            _by_world("final error over feedback alone", over_alone, at_most(HARMLESS), part=WRONG, machine=machine),
+            yes=f"{machine}: guarded, it ends no worse than feedback alone with lead 1 in every world.",
+            no=f"{machine}: guarded, it ends worse than feedback alone with lead 1 in some world.",
+        )
+        for machine in MACHINES
+    },
+    "rules": Finding(
+        _done("every rule", part=CHOICE, choice=[DEFAULT, *OTHER_RULES]),
+        yes="One leg completes with every rule in every world.",
+        no="One leg does not complete with every rule in every world.",
+    ),
+    "rule": Finding(
+        _by_world("least error of another rule over that of the paper's", _least_rule, at_most(0.9), part=CHOICE),
+        yes="In every world another rule leaves one leg an error at least a tenth smaller.",
+        no="There are worlds in which no rule leaves one leg an error at least a tenth smaller than the paper's.",
+    ),
+    **{
+        choice: Finding(
+            _by_world("final error over the least", over_least, at_most(HELD), part=CHOICE, choice=choice),
+            yes=f"One leg: learning holds with {choice} in every world.",
+            no=f"One leg: learning does not hold with {choice} in every world.",
+        )
+        for choice in LEADS
+    },
+    **{choice: _compare_choice(choice) for choice in SETTINGS},
+}  # fmt: skip
+
+
+def _table(results: Results, key: str, title: str, **of: str) -> "pd.DataFrame":
+    """Final errors of the runs ``of`` these settings, mm, or how they ended; a column for each world."""
+    chosen = results.select(of)
+    return cross_tabulate(chosen, (key, title), ("world", ""), lambda own: describe_end(own, 1e3 * final(own)))
+
+
+def draw_rates(results: Results) -> "Figure":
+    """Transfer error in y over the cycles with `auto` in every world, for each machine."""
+    chosen = results.select(AUTO, part=RATE)
+    return draw(
+        [
+            over_cycles(own, "transfer_rmse_y", "world", log="y", title=name)
+            for name, own in chosen.by("machine").items()
+        ]
+    )
+
+
+def values(results: Results) -> dict[str, Any]:
+    """Counts and settings that the page names."""
+    return {"cycles": results.values("cycles")[0], "last": LAST, "seeds": len(results.values("seed"))}
+
+
+STUDY = Study(
+    title="Learning behind late feedback",
+    question="Do lead, rate, rule, size and path that serve with feedback on time serve with late feedback?",
+    runs=runs,
+    findings=FINDINGS,
+    figures={"auto": draw_rates},
+    tables={
+        **{
+            f"rates_{machine}": partial(_table, key="learning.rate", title="rate", part=RATE, machine=machine)
+            for machine in MACHINES
+        },
+        **{
+            name: partial(_table, key="machine", title="machine", part=part)
+            for name, part in (("lead", LEAD), ("wrong", WRONG), ("guarded", GUARDED))
+        },
+        "choices": partial(_table, key="choice", title="choice", part=CHOICE),
+    },
+    values=values,
+)
+
+if __name__ == "__main__":
+    main(__file__)
