@@ -34,10 +34,10 @@ AHEAD = 2000
 """Cycles ahead over which changes are added up."""
 MAX_RITZ = 1.0005
 """Largest Ritz value with which learning holds."""
-MAX_REST = 0.7
-"""Ratio of the changes to come, added up, to the lowest level with which learning holds."""
-POSITIVE, REST_IF_POSITIVE = 0.05, 1.4
-"""Least Re T from which twice as much may be to come."""
+MAX_LEVEL = 1.7
+"""Ratio to its lowest level that the feedback may reach where learning holds, if all changes to come add up."""
+POSITIVE, MAX_IF_POSITIVE = 0.05, 2.4
+"""Least Re T from which it may reach more, and how much."""
 MIN_GROWTH = 1.003
 """Growth per cycle and largest Ritz value from which learning grows, where Re T is negative somewhere."""
 BOUNDED_RULES = ("dead_zone", "e_modification", "decaying_rate")
@@ -67,7 +67,8 @@ class _Evidence(NamedTuple):
 
     growth: float
     ritz: float
-    rest: float
+    reached: float
+    """Level over the lowest if all changes to come add up."""
     least_real: float
 
 
@@ -108,7 +109,7 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
     if risen >= DRIFT_RATIO:
         growth, cycle = _growth_before(config, scenario, history)
         return Verdict(GROWS, growth, lead, (f"{level} (grows from {DRIFT_RATIO:g}).",), cycle)
-    evidence = _linearise(config, lead, loop, lowest)
+    evidence = _linearise(config, lead, loop, lowest, risen)
     verdict = _decide(config.learning.rule, evidence)
     return Verdict(verdict, evidence.growth, lead, (f"{level}.", *_explain(evidence)), done)
 
@@ -137,19 +138,20 @@ def _least_real(config: Config, lead: int, cycle: int) -> float:
     return min(compute_spectrum(place, frequencies, period).least(lead) for place in places)
 
 
-def _linearise(config: Config, lead: int, loop: RestorableLoop, lowest: float) -> _Evidence:
+def _linearise(config: Config, lead: int, loop: RestorableLoop, lowest: float, risen: float) -> _Evidence:
     least_real = _least_real(config, lead, config.learning.start_cycle + MAX_CYCLES_BEFORE)
     try:
         growth, other = grow(loop), grow(loop, seed=SEED)
     except NotPredictable:
         return _Evidence(float("nan"), float("nan"), float("nan"), least_real)
     ritz = max(float(abs(space.krylov.eigenvalues()[0])) for space in (growth, other))
-    return _Evidence(growth.per_cycle, ritz, float(growth.sizes(AHEAD).sum()) / lowest, least_real)
+    reached = risen + float(growth.sizes(AHEAD).sum()) / lowest
+    return _Evidence(growth.per_cycle, ritz, reached, least_real)
 
 
 def _decide(rule: str, evidence: _Evidence) -> str:
-    allowed = REST_IF_POSITIVE if evidence.least_real >= POSITIVE else MAX_REST
-    if evidence.ritz <= MAX_RITZ and evidence.rest <= allowed:
+    allowed = MAX_IF_POSITIVE if evidence.least_real >= POSITIVE else MAX_LEVEL
+    if evidence.ritz <= MAX_RITZ and evidence.reached <= allowed:
         return HOLDS
     map_grows = min(evidence.growth, evidence.ritz) >= MIN_GROWTH and evidence.least_real < 0.0
     return GROWS if map_grows and rule not in BOUNDED_RULES else UNDECIDED
@@ -159,7 +161,7 @@ def _explain(evidence: _Evidence) -> tuple[str, ...]:
     return (
         f"Linearised there, its changes grow by a factor of {evidence.growth:.4f} per cycle; the largest Ritz value "
         f"is {evidence.ritz:.4f} (holds up to {MAX_RITZ:g}).",
-        f"Added up over {AHEAD} cycles the changes come to {evidence.rest:.3g} of the lowest level (holds up to "
-        f"{MAX_REST:g}; where Re T is positive, to {REST_IF_POSITIVE:g}).",
+        f"If all changes of {AHEAD} more cycles add up, it reaches {evidence.reached:.3g} times that level (holds up "
+        f"to {MAX_LEVEL:g}; where Re T is positive, to {MAX_IF_POSITIVE:g}).",
         f"The least Re T is {evidence.least_real:.3f} (positive from {POSITIVE:g}).",
     )
