@@ -23,7 +23,7 @@ from cmacexp.stability.growth import (
     require_learning,
     watch,
 )
-from cmacexp.stability.transfer import compute_spectrum, locals_along
+from cmacexp.stability.transfer import spectra_along
 
 HOLDS, GROWS, UNDECIDED = "holds", "grows", "undecided"
 MAX_CYCLES = 1000
@@ -126,20 +126,17 @@ def _growth_before(config: Config, scenario: Scenario, history: History) -> tupl
         return float("nan"), cycle
 
 
-def _least_real(config: Config, lead: int, cycle: int) -> float:
+def _least_real(config: Config, lead: int) -> float:
     """Least Re z^lead T over frequency and place, NaN where the loop without learning does not last."""
-    period, steps = config.sampling_period, config.steps_per_cycle
-    samples = sorted({int(sample) for sample in np.linspace(0, steps, PLACES, endpoint=False)})
-    frequencies = np.linspace(0.0, 0.5 / period, FREQUENCIES + 1)[1:]
     try:
-        places = locals_along(config, cycle, samples)
+        spectra = spectra_along(config, config.learning.start_cycle + MAX_CYCLES_BEFORE, PLACES, FREQUENCIES)
     except NotPredictable:
         return float("nan")
-    return min(compute_spectrum(place, frequencies, period).least(lead) for place in places)
+    return min(spectrum.least(lead) for spectrum in spectra)
 
 
 def _linearise(config: Config, lead: int, loop: RestorableLoop, lowest: float, risen: float) -> _Evidence:
-    least_real = _least_real(config, lead, config.learning.start_cycle + MAX_CYCLES_BEFORE)
+    least_real = _least_real(config, lead)
     try:
         growth, other = grow(loop), grow(loop, seed=SEED)
     except NotPredictable:
