@@ -49,12 +49,12 @@ class Growth:
     cycle: int
     """Cycles done where it was linearised."""
     krylov: Krylov
-    """The map from cycle to cycle; its observation: feedback and feedforward torques (2, N, L, 2) of a cycle, N m."""
+    """The map from cycle to cycle; its observation: feedback and feedforward torques (2, N, L, J) of a cycle, N m."""
     shape: tuple[int, int, int]
-    """N, L, 2."""
+    """N, L, J."""
 
     def changes(self, times: int) -> Array:
-        """Change of the feedback torque, then of the feedforward, from cycle to cycle: (times, 2, N, L, 2), N m.
+        """Change of the feedback torque, then of the feedforward, from cycle to cycle: (times, 2, N, L, J), N m.
 
         The first is the change from cycle ``cycle + 1`` to the next.
         """
@@ -148,7 +148,7 @@ def grow(loop: RestorableLoop, dimension: int = DIMENSION, seed: int | None = No
         raise NotPredictable(f"the run ends in cycle {done + 1}")
     space = krylov(apply, start, dimension)
     loop.put(now)
-    return Growth(done, space, (loop.period, loop.samples.shape[1], 2))
+    return Growth(done, space, (loop.period, loop.samples.shape[1], loop.joints))
 
 
 def require_learning(loop: RestorableLoop) -> None:

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 from cmacexp.config import Config
+from cmacexp.loop.builtin import find_external
 from cmacexp.loop.guard import NONE
 from cmacexp.loop.scenario import Scenario, resolve_lead
 from cmacexp.report.terminal import activity
@@ -19,7 +20,7 @@ MIN_TOTAL_GROWTH = 10.0
 def _is_checked(config: Config, scenario: Scenario) -> bool:
     steps = config.steps_per_cycle * len(scenario.setup.mechanism.legs) * getattr(config.plant, "substeps", 1)
     enough = config.cycles - config.learning.start_cycle >= MIN_LEARNING_CYCLES
-    return config.warn and enough and steps <= MAX_STEPS_PER_CYCLE
+    return config.warn and enough and steps <= MAX_STEPS_PER_CYCLE and not any(find_external(scenario))
 
 
 def _cure(config: Config, scenario: Scenario) -> str:
