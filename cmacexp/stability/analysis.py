@@ -10,6 +10,7 @@ from cmacexp.config import Config
 from cmacexp.data.stored_run import StoredRun, read_config
 from cmacexp.errors import BadRun
 from cmacexp.loop.scenario import Scenario, make_scenario
+from cmacexp.plants import AnalyticPlant
 from cmacexp.stability.cycle_map import NotPredictable, open_loop
 from cmacexp.stability.growth import Growth, change_sizes, predicted_growth, with_lead
 from cmacexp.stability.measured import Stretch, growth_over, read_changes, stretch
@@ -99,9 +100,10 @@ def _run_lead(lead: int, config: Config, cycles: int) -> LeadGrowth:
 
 
 def _read_feedforward_change(run: StoredRun, cycle: int, shape: tuple[int, int, int]) -> Array:
-    """Change of the feedforward from ``cycle`` to the next, (N, L, 2), N m."""
+    """Change of the feedforward from ``cycle`` to the next, (N, L, J), N m."""
     rows = run.cycles([cycle, cycle + 1]).sort_values(["step", "leg"])
-    torques = [rows.loc[rows["cycle"] == c, ["tau_feedforward_1", "tau_feedforward_2"]] for c in (cycle, cycle + 1)]
+    names = [f"tau_feedforward_{joint + 1}" for joint in range(shape[2])]
+    torques = [rows.loc[rows["cycle"] == c, names] for c in (cycle, cycle + 1)]
     return np.asarray(torques[1].to_numpy() - torques[0].to_numpy()).reshape(shape)
 
 
@@ -142,7 +144,7 @@ def analyse(run: StoredRun) -> Analysis:
     config = read_config(run)
     guarded = next((event["cycle"] for event in run.manifest.get("guard", [])), 0)
     enough = min(config.cycles, MAX_CYCLES_OF_OTHER_LEADS)
-    sizes: Sequence[float] | Array = change_sizes(config, enough) if guarded else read_changes(run)
+    sizes: Sequence[float] | Array = change_sizes(config, enough) if guarded else read_changes(run, config.joints)
     if len(sizes) < config.learning.start_cycle + 3:
         raise BadRun(
             f"{run.folder}: growth is measured over at least {config.learning.start_cycle + 4} cycles; run more"
@@ -152,7 +154,8 @@ def analyse(run: StoredRun) -> Analysis:
     own = _measure_lead(lead, config, sizes, len(sizes) == enough - 1 if guarded else run.status == "completed")
     if own.growth is None:
         raise NotPredictable(own.why_not)
-    others = [own if tried == lead else _run_lead(tried, config, enough) for tried in sorted({*LEADS, lead})]
+    leads = sorted({*LEADS, lead}) if isinstance(scenario.plant, AnalyticPlant) else [lead]  # others take minutes
+    others = [own if tried == lead else _run_lead(tried, config, enough) for tried in leads]
     return _explain(run, scenario, own, others, guarded)
 
 
