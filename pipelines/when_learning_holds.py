@@ -1,8 +1,8 @@
 """When learning holds: verdicts on random settings, compared with long runs.
 
-``python -m pipelines.when_learning_holds`` draws settings of one leg and of the quadruped, runs each for thousands of
-cycles without a guard, and compares how it went with what several criteria say of the config alone. The limits of the
-verdict (``cmacexp/stability/verdict.py``) were chosen on other draws.
+``python -m pipelines.when_learning_holds`` draws settings of one leg, of the quadruped and of robots, runs each for
+thousands of cycles without a guard (robots for fewer), and compares how it went with what several criteria say of the
+config alone. The limits of the verdict (``cmacexp/stability/verdict.py``) were chosen on other draws.
 """
 
 from functools import partial
@@ -11,22 +11,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.commands.study import main
+from cmacexp.models.robot_file import package_models
 from cmacexp.report.figures import Panel, Series
 from cmacexp.stability.growth import MAX_CYCLES_BEFORE
 from cmacexp.stability.verdict import HOLDS, MAX_CYCLES, PLACES, UNDECIDED
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw
 from cmacexp.study.statements import percent
 from cmacexp.typing import Array, Mask
-from pipelines.when_learning_holds_draws import FIRST, LEG, WALK, Draws
+from pipelines.when_learning_holds_draws import FIRST, LEG, ROBOT, WALK, Draws
 from pipelines.when_learning_holds_measures import LINEAR, MEASURES, REALS, SAID
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-DRAWS, QUICK_DRAWS = {LEG: 1200, WALK: 200}, {LEG: 5, WALK: 4}
+DRAWS, QUICK_DRAWS = {LEG: 1200, WALK: 200, ROBOT: 20}, {LEG: 5, WALK: 4}
 """Settings that are drawn: with some of them feedback alone does not last."""
-CYCLES, QUICK_CYCLES = 3000, 40
+CYCLES, QUICK_CYCLES = {LEG: 3000, WALK: 3000, ROBOT: 150}, 40
 SEED = 25
 CRITERIA = {
     "condition": "Re(z^l T) > (beta/2) |T|^2",
@@ -40,15 +41,14 @@ WITHIN = 0.002
 
 
 def runs(quick: bool) -> list[Request]:
-    """One run for each draw."""
-    cycles = f"cycles={QUICK_CYCLES if quick else CYCLES}"
-    return [
-        Request(
-            (*Draws(machine, SEED).draw(number), cycles, "record=trace", "record.cycles=[1]"), {"machine": machine}
-        )
-        for machine, count in (QUICK_DRAWS if quick else DRAWS).items()
-        for number in range(count)
-    ]
+    """One run for each draw; of robots only where their models are installed."""
+    requests = []
+    for machine, count in (QUICK_DRAWS if quick else DRAWS).items():
+        common = (f"cycles={QUICK_CYCLES if quick else CYCLES[machine]}", "record=trace", "record.cycles=[1]")
+        draws = Draws(machine, SEED)
+        for number in range(count if machine != ROBOT or package_models() else 0):
+            requests.append(Request((*draws.draw(number), *common), {"machine": machine}))
+    return requests
 
 
 def learning(results: Results) -> Results:
@@ -225,6 +225,8 @@ def values(results: Results) -> dict[str, Any]:
         "drawn": len(results.rows),
         "legs": counts.get(LEG, 0),
         "walks": counts.get(WALK, 0),
+        "robots": counts.get(ROBOT, 0),
+        "robot_cycles": CYCLES[ROBOT],
         "cycles": leg.value("cycles"),
         "first": FIRST,
         "short": MAX_CYCLES_BEFORE,

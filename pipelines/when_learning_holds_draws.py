@@ -1,11 +1,12 @@
-"""Random settings of one leg and of the quadruped, whether or not learning holds with them."""
+"""Random settings of one leg, of the quadruped and of robots, whether or not learning holds with them."""
 
 from typing import Any
 
 import numpy as np
 
-LEG, WALK = "one leg", "quadruped"
-SCENARIOS = {LEG: "one_leg", WALK: "quadruped"}
+LEG, WALK, ROBOT = "one leg", "quadruped", "robots"
+SCENARIOS = {LEG: "one_leg", WALK: "quadruped", ROBOT: "robot"}
+ROBOTS = ("go1", "go2", "aliengo", "mini_cheetah")
 GAINS = {LEG: (100.0, 5.0), WALK: (50.0, 5.0)}
 """Position gain, N/m, and velocity gain, N s/m, that are scaled."""
 STIFFNESS = {LEG: (8.0, 100.0), WALK: (4e3, 3e4)}
@@ -30,8 +31,12 @@ class Draws:
     def draw(self, number: int) -> tuple[str, ...]:
         """The overrides of one config."""
         self._random = np.random.default_rng((self.seed, number))
-        parts = (self._control(), self._learning(), self._memory(), self._gait())
-        return (f"scenario={SCENARIOS[self.machine]}", "warn=false", *(text for part in parts for text in part))
+        if self.machine == ROBOT:  # its gains, gait and memory follow from its model
+            parts = [f"machine={self._choose(*ROBOTS)}"]
+        else:
+            parts = [*self._control(), *self._memory(), *self._gait()]
+        parts += [*self._lateness(), *self._learning()]
+        return (f"scenario={SCENARIOS[self.machine]}", "warn=false", *parts)
 
     def _between(self, low: float, high: float) -> float:
         """Even in the logarithm."""
@@ -47,7 +52,12 @@ class Draws:
         lead = "lead_alpha=1.0" if self._random.random() < 0.12 else f"lead_omega={self._between(5.0, 30.0):.3g}"
         return [
             f"controller.position_gain={position * factor:.4g}", f"controller.velocity_gain={velocity:.4g}",
-            f"controller.{lead}", "sensors=real", f"sensors.velocity.delay={self._choose(0, 0, 0, 1, 2)}",
+            f"controller.{lead}",
+        ]  # fmt: skip
+
+    def _lateness(self) -> list[str]:
+        return [
+            "sensors=real", f"sensors.velocity.delay={self._choose(0, 0, 0, 1, 2)}",
             f"actuator.delay={self._choose(0, 0, 0, 0, 1, 2)}", f"actuator.lag={self._choose(0, 0, 0, 0.005, 0.01)}",
         ]  # fmt: skip
 
