@@ -2,12 +2,13 @@
 
 import argparse
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import require_no_link
-from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.stored_run import StoredRun, read_config
 from cmacexp.errors import BadInput
 from cmacexp.report.terminal import activity, say
 from cmacexp.report.terminal_tables import print_table
@@ -19,7 +20,9 @@ FOLDER = "stability"
 def _analyse(arguments: argparse.Namespace) -> int:
     from cmacexp.report.terminal import announce_compiling
     from cmacexp.stability.analysis import analyse
-    from cmacexp.stability.page import TITLES, rows, verdict, write_stability_report
+    from cmacexp.stability.cycle_map import NotPredictable
+    from cmacexp.stability.page import TITLES, conclude, describe, rows, write_stability_report
+    from cmacexp.stability.verdict import assess
 
     announce_compiling()
     folders = list(dict.fromkeys(run for given in arguments.folders for run in runs_below(given)))
@@ -27,11 +30,17 @@ def _analyse(arguments: argparse.Namespace) -> int:
         raise BadInput("--out", arguments.out, f"is for one run, but {len(folders)} were given")
     out = None if arguments.out is None else require_place("--out", Path(arguments.out))
     for folder in folders:
+        analysis = None
         with activity(f"analysing {folder}"):
-            analysis = analyse(StoredRun(folder))
-            path = write_stability_report(analysis, out or require_no_link(folder / FOLDER))
-        print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis))
-        say(verdict(analysis))
+            run = StoredRun(folder)
+            verdict = assess(read_config(run))
+            with suppress(NotPredictable):  # the verdict is undecided, and says why
+                analysis = analyse(run)
+            path = write_stability_report(run, verdict, analysis, out or require_no_link(folder / FOLDER))
+        say(describe(verdict))
+        if analysis is not None:
+            print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis))
+            say(conclude(analysis))
         say(str(path))
     return 0
 

@@ -106,6 +106,10 @@ class ExternalDriver:
         """Steps whose torque the plant has taken, also when a component raised."""
         return self.start + int(self.progress[TAKEN])
 
+    @taken.setter
+    def taken(self, steps: int) -> None:
+        self.start, self.progress[TAKEN] = steps, 0
+
     @interrupt_held_back(False)  # a step of an external component may take any time
     def run(self, samples: Array, body_samples: Array) -> int:
         """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows.

@@ -97,7 +97,7 @@ class MujocoPlant:
         # Views: what acts on the joints, and how often MuJoCo has given each of its warnings.
         self.torque, self.dof, self.warned = data.qfrc_applied, dq, data.warning.number
         model.opt.timestep = config.sampling_period / self.config.substeps
-        trunk_rate = np.zeros(6)
+        trunk_rate, self._floats = np.zeros(6), int(trunk > 0)
         if trunk:
             free = model.body_jntadr[trunk]
             first, first_rate = model.jnt_qposadr[free], model.jnt_dofadr[free]
@@ -160,6 +160,37 @@ class MujocoPlant:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)
+
+    def hold(self) -> Array:
+        """Remember this step as the one that :meth:`put` returns to; its state, (n,).
+
+        That are positions and velocities, and where feet stick; on a floating trunk all are relative to its place.
+        """
+        kind = self.mujoco.mjtState.mjSTATE_INTEGRATION
+        whole = np.empty(self.mujoco.mj_stateSize(self.model, kind))
+        self.mujoco.mj_getState(self.model, self.data, whole, kind)
+        self._held = whole, [values.copy() for values in (*self.contacts, *self._measured)]
+        return self.state()
+
+    def state(self) -> Array:
+        """The present state, see :meth:`hold`."""
+        place = self.data.qpos[: 2 * self._floats]
+        anchor = self.contacts.anchor - (place if self._floats else 0.0)
+        return np.concatenate([self.data.qpos[2 * self._floats :], self.data.qvel, anchor.ravel()])
+
+    def put(self, state: Array) -> Measurement:
+        """Return to the step of :meth:`hold`, with this state (n,)."""
+        data, anchor, (whole, arrays) = self.data, self.contacts.anchor, self._held
+        self.mujoco.mj_setState(self.model, data, whole, self.mujoco.mjtState.mjSTATE_INTEGRATION)
+        for values, held in zip((*self.contacts, *self._measured), arrays, strict=True):
+            values[...] = held
+        positions = len(data.qpos) - 2 * self._floats
+        data.qpos[2 * self._floats :], data.qvel[:] = state[:positions], state[positions : positions + len(data.qvel)]
+        anchor[...] = state[positions + len(data.qvel) :].reshape(anchor.shape)
+        anchor += data.qpos[:2] if self._floats else 0.0
+        self.mujoco.mj_step1(self.model, data)
+        next(self._pressing)
+        return self.measure()
 
     def _press_in_stage(self, model: Any, data: Any) -> None:
         next(self._pressing_in_stage)

@@ -10,7 +10,8 @@ from cmacexp.config import Config
 from cmacexp.data.stored_run import StoredRun, read_config
 from cmacexp.errors import BadRun
 from cmacexp.loop.scenario import Scenario, make_scenario
-from cmacexp.stability.cycle_map import NotPredictable
+from cmacexp.plants import AnalyticPlant
+from cmacexp.stability.cycle_map import NotPredictable, open_loop
 from cmacexp.stability.growth import Growth, change_sizes, predicted_growth, with_lead
 from cmacexp.stability.measured import Stretch, growth_over, read_changes, stretch
 from cmacexp.stability.mode import Mode, describe
@@ -64,15 +65,17 @@ class Analysis:
     run: StoredRun
     config: Config
     own: LeadGrowth
-    """Measured in the run's trace."""
+    """Measured in the run's trace, unless the guard of learning acted."""
     leads: Sequence[LeadGrowth]
     """Measured in memory, but that of the run."""
     predicted_mode: Mode
     """Predicted change of the feedforward in the last cycle of the stretch."""
     measured_mode: Mode
-    """The measured one, from the trace."""
+    """The measured one."""
     places: dict[str, Spectrum]
     """T at a few places of the first leg's cycle."""
+    guarded: int
+    """Cycle in which the guard of learning acted, 0: in none; the run is then measured in memory, without it."""
 
     def least_real(self, lead: int) -> float:
         """Least Re T over all frequencies and those places."""
@@ -97,10 +100,20 @@ def _run_lead(lead: int, config: Config, cycles: int) -> LeadGrowth:
 
 
 def _read_feedforward_change(run: StoredRun, cycle: int, shape: tuple[int, int, int]) -> Array:
-    """Change of the feedforward from ``cycle`` to the next, (N, L, 2), N m."""
+    """Change of the feedforward from ``cycle`` to the next, (N, L, J), N m."""
     rows = run.cycles([cycle, cycle + 1]).sort_values(["step", "leg"])
-    torques = [rows.loc[rows["cycle"] == c, ["tau_feedforward_1", "tau_feedforward_2"]] for c in (cycle, cycle + 1)]
+    names = [f"tau_feedforward_{joint + 1}" for joint in range(shape[2])]
+    torques = [rows.loc[rows["cycle"] == c, names] for c in (cycle, cycle + 1)]
     return np.asarray(torques[1].to_numpy() - torques[0].to_numpy()).reshape(shape)
+
+
+def _run_feedforward_change(config: Config, cycle: int) -> Array:
+    """The same of a run in memory, without the guard of learning."""
+    loop = open_loop(config)
+    before = after = np.zeros(0)
+    while loop.cycles <= cycle and loop.advance(loop.period):
+        before, after = after, loop.column("tau_feedforward")
+    return np.asarray(after - before)
 
 
 def choose_samples(support: Any) -> dict[str, int]:
@@ -125,29 +138,37 @@ def analyse(run: StoredRun) -> Analysis:
         run: that ended, with any status; its trace has every step.
 
     Raises:
-        BadRun: the run cannot be read, is too short, or does not learn.
+        BadRun: the run cannot be read, or is too short.
+        NotPredictable: it does not learn, or its loop cannot be linearised.
     """
     config = read_config(run)
-    sizes = read_changes(run)
+    guarded = next((event["cycle"] for event in run.manifest.get("guard", [])), 0)
+    enough = min(config.cycles, MAX_CYCLES_OF_OTHER_LEADS)
+    sizes: Sequence[float] | Array = change_sizes(config, enough) if guarded else read_changes(run, config.joints)
     if len(sizes) < config.learning.start_cycle + 3:
         raise BadRun(
             f"{run.folder}: growth is measured over at least {config.learning.start_cycle + 4} cycles; run more"
         )
     scenario = make_scenario(config)
     lead = scenario.setup.lead
-    own = _measure_lead(lead, config, sizes, run.status == "completed")
+    own = _measure_lead(lead, config, sizes, len(sizes) == enough - 1 if guarded else run.status == "completed")
     if own.growth is None:
-        raise BadRun(f"{run.folder}: its learning cannot be predicted: {own.why_not}")
-    enough = min(config.cycles, MAX_CYCLES_OF_OTHER_LEADS)
-    others = [own if tried == lead else _run_lead(tried, config, enough) for tried in sorted({*LEADS, lead})]
-    return _explain(run, scenario, own, others)
+        raise NotPredictable(own.why_not)
+    leads = sorted({*LEADS, lead}) if isinstance(scenario.plant, AnalyticPlant) else [lead]  # others take minutes
+    others = [own if tried == lead else _run_lead(tried, config, enough) for tried in leads]
+    return _explain(run, scenario, own, others, guarded)
 
 
-def _explain(run: StoredRun, scenario: Scenario, own: LeadGrowth, others: Sequence[LeadGrowth]) -> Analysis:
+def _explain(
+    run: StoredRun, scenario: Scenario, own: LeadGrowth, others: Sequence[LeadGrowth], guarded: int
+) -> Analysis:
     assert own.growth is not None
     config, support = scenario.setup.config, scenario.setup.plan.support
     predicted = own.growth.changes(own.place.last - own.place.calm)[-1, 1]
-    measured = _read_feedforward_change(run, own.place.last, own.growth.shape)
+    if guarded:
+        measured = _run_feedforward_change(config, own.place.last)
+    else:
+        measured = _read_feedforward_change(run, own.place.last, own.growth.shape)
     period = config.sampling_period
     places = choose_samples(support)
     by_sample = {local.sample: local for local in locals_along(config, own.place.calm, list(places.values()))}
@@ -160,4 +181,5 @@ def _explain(run: StoredRun, scenario: Scenario, own: LeadGrowth, others: Sequen
         describe(predicted, support, period),
         describe(measured, support, period),
         {name: compute_spectrum(by_sample[sample], frequencies, period) for name, sample in places.items()},
+        guarded,
     )

@@ -17,9 +17,12 @@ from cmacexp.feedforward.kernels import CMAC, TABLE, WEIGHTED
 from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.builtin import find_external, make_loop
 from cmacexp.loop.compiled import CompiledDriver
-from cmacexp.loop.samples import SAMPLES, make_samples
+from cmacexp.loop.external import ExternalDriver
+from cmacexp.loop.samples import ALL_SAMPLES, make_samples
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.stop import RUNNING, new_limits
+from cmacexp.plants.mujoco_plant import MujocoPlant
+from cmacexp.plants.protocol import get_state
 from cmacexp.typing import CLOCK, STATE, Array, Role
 
 NUDGE = 1e-6
@@ -27,7 +30,7 @@ NUDGE = 1e-6
 
 
 class NotPredictable(CmacexpError):
-    """The loop cannot be linearised: external components or MuJoCo, no learning, or a run that ends at once."""
+    """The loop cannot be linearised: external components, no learning, or a run that ends at once."""
 
 
 class Declared(NamedTuple):
@@ -71,27 +74,29 @@ def _write(part: Declared, step: int, values: Array) -> None:
 
 
 class RestorableLoop:
-    """A scenario in the compiled loop whose state can be read and set.
+    """A scenario in the loop whose state can be read and set.
 
     Args:
         scenario: fresh; of built-in components.
 
     Raises:
-        NotPredictable: it has external components.
+        NotPredictable: it has external components but a plant of MuJoCo.
     """
 
     def __init__(self, scenario: Scenario):
         external = find_external(scenario)
-        if any(external) or scenario.fault is not None:
-            raise NotPredictable("only a loop of built-in components with an analytic plant can be linearised")
+        self.plant = scenario.plant if isinstance(scenario.plant, MujocoPlant) else None
+        if any(external._replace(plant=external.plant and self.plant is None)) or scenario.fault is not None:
+            raise NotPredictable("only a loop of built-in components with a plant of the project can be linearised")
         setup = scenario.setup
-        config, legs = setup.config, setup.mechanism.legs.shape[0]
+        config, (legs, self.joints) = setup.config, setup.mechanism.shape
         limits = new_limits(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
-        self.run = CompiledDriver(make_loop(scenario, external, limits))
+        loop = make_loop(scenario, external, limits)
+        self.run = ExternalDriver(scenario, loop, external) if external.plant else CompiledDriver(loop)
         self.plan = setup.plan
         self.config = config
         self.period = config.steps_per_cycle
-        self.samples, self.body = make_samples(self.period, legs, False)
+        self.samples, self.body = make_samples(self.period, legs, False, self.joints)
         self._list_state()
 
     def _list_state(self) -> None:
@@ -101,6 +106,8 @@ class RestorableLoop:
         learns = feedforward.kind in (CMAC, WEIGHTED)
         self._weights, log = feedforward.weights, feedforward.log
         states = [each for each in arrays if each.role is not None and each.role.name == STATE.name]
+        if self.plant is not None:  # its own state stands for what is measured of it
+            states = [each for each in states if not each.name.startswith("plant_state.")]
         self._parts = [each for each in states if each.array is not self._weights]
         self._in_use = [rows[:used] for rows, used in zip(log.rows, log.used, strict=True)] if learns else []
         self._clocks = [(each.array, each.array.copy()) for each in arrays if each.role == CLOCK]
@@ -116,12 +123,12 @@ class RestorableLoop:
         return self.run.run(self.samples[:steps], self.body[:steps]) == RUNNING
 
     def column(self, name: str) -> Array:
-        """Torques (N, L, 2) of the last cycle's samples by the name of their pair, e.g. ``tau_feedback``."""
-        first = SAMPLES.index(f"{name}_1")
-        return self.samples[:, :, first : first + 2].copy()
+        """Torques (N, L, J) of the last cycle's samples by the name of the joints', e.g. ``tau_feedback``."""
+        columns = [ALL_SAMPLES.index(f"{name}_{joint + 1}") for joint in range(self.joints)]
+        return self.samples[:, :, columns]
 
     def play(self, torque: Array) -> None:
-        """From now on the feedforward is ``torque`` (N, L, 2), N m, which may change in place; it learns no more."""
+        """From now on the feedforward is ``torque`` (N, L, J), N m, which may change in place; it learns no more."""
         params = self.run.loop.feedforward
         assert params is not None
         self.run.loop = self.run.loop._replace(feedforward=params._replace(kind=TABLE, torque=torque))
@@ -131,12 +138,15 @@ class RestorableLoop:
         """Remember this step as the one that :meth:`put` returns to; its state, (n,)."""
         self._clocks = [(array, array.copy()) for array, _ in self._clocks]
         self._held = self.run.taken
+        if self.plant is not None:
+            self.plant.hold()
         return self.state()
 
     def state(self) -> Array:
         """The state, (n,)."""
         weights = [self._weights[i, rows].ravel() for i, rows in enumerate(self._in_use)]
-        return np.concatenate([*(_read(part, self.run.taken) for part in self._parts), *weights])
+        plant = [] if self.plant is None else [self.plant.state()]
+        return np.concatenate([*(_read(part, self.run.taken) for part in self._parts), *weights, *plant])
 
     def put(self, state: Array) -> None:
         """Return to the step of :meth:`hold`, with this state (n,)."""
@@ -145,11 +155,17 @@ class RestorableLoop:
             _write(part, self._held, state[done : done + part.array.size])
             done += part.array.size
         for i, rows in enumerate(self._in_use):
-            self._weights[i, rows] = state[done : done + 2 * len(rows)].reshape(-1, 2)
-            done += 2 * len(rows)
+            size = self.joints * len(rows)
+            self._weights[i, rows] = state[done : done + size].reshape(-1, self.joints)
+            done += size
         for array, held in self._clocks:
             array[...] = held
         self.run.taken = self._held
+        if isinstance(self.run, ExternalDriver) and self.plant is not None:
+            measured = self.plant.put(state[done:])
+            self.run.travel = measured.travel
+            for values, new in zip(get_state(self.run.state), get_state(measured), strict=True):
+                values[...] = new
 
     def derivative(self, about: Array, along: Array, observe: Callable[[], Array], steps: int) -> tuple[Array, Array]:
         """Directional derivative of the state after some steps, and of an observation of them.
@@ -181,8 +197,11 @@ def open_loop(config: Config, prepared: Scenario | None = None) -> RestorableLoo
         config: a checked config.
         prepared: its scenario if it is already made and has not run; it stays unchanged.
     """
-    scenario = make_scenario(config) if prepared is None else prepared
-    if prepared is not None and not any(find_external(prepared)):
+    scenario = prepared
+    if prepared is None or isinstance(prepared.plant, MujocoPlant):  # which cannot be copied
+        scenario = make_scenario(config)
+    elif not any(find_external(prepared)):
         scenario = copy.deepcopy(prepared)
     expect_steps(math.inf)  # each cycle is run for dozens of nearby states
+    assert scenario is not None
     return RestorableLoop(scenario)

@@ -54,7 +54,7 @@ def mode(analysis: Analysis) -> "Figure":
     period = analysis.config.sampling_period
     leg = int(np.argmax((measured**2).sum(axis=(0, 2))))
     clock, change = period * np.arange(len(measured)), []
-    for index, joint in enumerate(("hip", "knee")):
+    for index, joint in enumerate(("hip", "knee", "third joint")[: measured.shape[2]]):
         solid = {"color": SERIES[1 + index], "linestyle": "-"}
         change.append(Series(f"{joint}, measured", clock, _relative(measured[:, leg], index), style=solid))
         change.append(Series("predicted", clock, _relative(predicted[:, leg], index), style=PREDICTED))

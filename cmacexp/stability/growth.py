@@ -7,6 +7,7 @@ cycle and grows faster than the largest eigenvalue indicates, so the growth is c
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,12 +49,12 @@ class Growth:
     cycle: int
     """Cycles done where it was linearised."""
     krylov: Krylov
-    """The map from cycle to cycle; its observation: feedback and feedforward torques (2, N, L, 2) of a cycle, N m."""
+    """The map from cycle to cycle; its observation: feedback and feedforward torques (2, N, L, J) of a cycle, N m."""
     shape: tuple[int, int, int]
-    """N, L, 2."""
+    """N, L, J."""
 
     def changes(self, times: int) -> Array:
-        """Change of the feedback torque, then of the feedforward, from cycle to cycle: (times, 2, N, L, 2), N m.
+        """Change of the feedback torque, then of the feedforward, from cycle to cycle: (times, 2, N, L, J), N m.
 
         The first is the change from cycle ``cycle + 1`` to the next.
         """
@@ -61,7 +62,7 @@ class Growth:
 
     def sizes(self, times: int) -> Array:
         """Root of the summed squares of the change of the feedback torque, (times,), N m; see :meth:`changes`."""
-        return np.asarray(np.sqrt((self.changes(times)[:, 0] ** 2).sum(axis=(1, 2, 3))))
+        return self.krylov.lengths(times, int(np.prod(self.shape)))
 
     def over(self, first: int, last: int) -> float:
         """Growth per cycle of the change of the feedback, from that of cycle ``first`` to that of ``last``.
@@ -82,19 +83,31 @@ def with_lead(config: Config, lead: int) -> Config:
     return replace(config, learning=replace(config.learning, lead=lead))
 
 
-def change_sizes(config: Config, cycles: int, prepared: Scenario | None = None) -> list[float]:
-    """Run in memory; root of the summed squares of each change of the feedback torque from cycle to cycle, N m.
+class History(NamedTuple):
+    """The feedback torque of a run in memory, cycle by cycle."""
 
-    Entry j is from cycle j + 1 to j + 2; the list ends where the run does.
-    """
-    loop, before = open_loop(config, prepared), None
-    sizes: list[float] = []
+    sizes: list[float]
+    """Root of the summed squares of its change to the next cycle, N m; entry j is from cycle j + 1 to j + 2."""
+    levels: list[float]
+    """Root of its summed squares, N m."""
+
+
+def watch(loop: RestorableLoop, cycles: int) -> History:
+    """Run a loop in memory until so many cycles are done; the history ends where the run does."""
+    before: Array | None = None
+    history = History([], [])
     while loop.cycles < cycles and loop.advance(loop.period):
         feedback = loop.column("tau_feedback")
+        history.levels.append(float(np.linalg.norm(feedback)))
         if before is not None:
-            sizes.append(float(np.linalg.norm(feedback - before)))
+            history.sizes.append(float(np.linalg.norm(feedback - before)))
         before = feedback
-    return sizes
+    return history
+
+
+def change_sizes(config: Config, cycles: int, prepared: Scenario | None = None) -> list[float]:
+    """Changes of the feedback torque from cycle to cycle of a run in memory, N m; see :class:`History`."""
+    return watch(open_loop(config, prepared), cycles).sizes
 
 
 def calmest(sizes: Sequence[float] | Array, first: int) -> int:
@@ -107,23 +120,46 @@ def calmest(sizes: Sequence[float] | Array, first: int) -> int:
     return int(np.argmin(sizes[first - 1 :])) + first
 
 
-def grow(loop: RestorableLoop, dimension: int = DIMENSION) -> Growth:
+def grow(loop: RestorableLoop, dimension: int = DIMENSION, seed: int | None = None) -> Growth:
     """Linearise a loop where it stands, at the start of a cycle.
+
+    Args:
+        loop: stays as it is.
+        dimension: of the Krylov space; each direction costs two cycles.
+        seed: of a random start; None: the start is the change that the loop makes in this cycle.
 
     Raises:
         NotPredictable: the run, or one from nearby, ends within a cycle.
     """
     done, now = loop.cycles, loop.hold()
-    if not loop.advance(loop.period):
-        raise NotPredictable(f"the run ends in cycle {done + 1}")
-    after = loop.state()
 
     def observe() -> Array:
         return np.concatenate([loop.column("tau_feedback").ravel(), loop.column("tau_feedforward").ravel()])
 
-    space = krylov(lambda along: loop.derivative(now, along, observe, loop.period), after - now, dimension)
+    def apply(along: Array) -> tuple[Array, Array]:
+        return loop.derivative(now, along, observe, loop.period)
+
+    if seed is not None:  # its change: most weights in use change no torque, so the map keeps them as they are
+        along = np.random.default_rng(seed).standard_normal(len(now))
+        start = apply(along)[0] - along
+    elif loop.advance(loop.period):
+        start = loop.state() - now
+    else:
+        raise NotPredictable(f"the run ends in cycle {done + 1}")
+    space = krylov(apply, start, dimension)
     loop.put(now)
-    return Growth(done, space, (loop.period, loop.samples.shape[1], 2))
+    return Growth(done, space, (loop.period, loop.samples.shape[1], loop.joints))
+
+
+def require_learning(loop: RestorableLoop) -> None:
+    """Check that something learns from cycle to cycle where a loop stands.
+
+    Raises:
+        NotPredictable: nothing does.
+    """
+    params = loop.run.loop.feedforward
+    if loop.run.taken < loop.plan.start_step or params is None or params.kind == TABLE:
+        raise NotPredictable("nothing learns from cycle to cycle")
 
 
 def predicted_growth(
@@ -152,7 +188,5 @@ def predicted_growth(
     while loop.cycles < cycle:
         if not loop.advance(loop.period):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
-    params = loop.run.loop.feedforward
-    if loop.run.taken < loop.plan.start_step or params is None or params.kind == TABLE:
-        raise NotPredictable("nothing learns from cycle to cycle")
+    require_learning(loop)
     return grow(loop, dimension)

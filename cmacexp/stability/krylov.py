@@ -28,15 +28,25 @@ class Krylov(NamedTuple):
         values = np.linalg.eigvals(self.hessenberg).astype(np.complex128)
         return values[np.argsort(-np.abs(values))]
 
+    def _weights(self, times: int) -> Array:
+        """The vector and its first images in the basis, (times, m)."""
+        weights = np.zeros((times, len(self.hessenberg)))
+        weights[0, 0] = self.start
+        with np.errstate(over="ignore", invalid="ignore"):  # what grows without end is not finite
+            for k in range(1, times):
+                weights[k] = np.einsum("ij,j", self.hessenberg, weights[k - 1])
+        return weights
+
     def iterate(self, times: int) -> Array:
         """Observations of the map at the vector and its first images, (times, p); exact for the first m of them."""
-        weights = np.zeros(len(self.hessenberg))
-        weights[0] = self.start
-        iterated = []
-        for _ in range(times):
-            iterated.append(np.einsum("i,ij", weights, self.observations))
-            weights = np.einsum("ij,j", self.hessenberg, weights)
-        return np.array(iterated)
+        return np.array([np.einsum("i,ij", weights, self.observations) for weights in self._weights(times)])
+
+    def lengths(self, times: int, count: int) -> Array:
+        """Lengths of the first ``count`` numbers of those observations, (times,)."""
+        part, weights = self.observations[:, :count], self._weights(times)
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = np.einsum("ti,ij,tj->t", weights, np.einsum("ip,jp", part, part), weights, optimize=True)
+        return np.sqrt(np.where(np.isnan(squares), np.inf, np.maximum(squares, 0.0)))
 
 
 def krylov(apply: Callable[[Array], tuple[Array, Array]], start: Array, dimension: int) -> Krylov:

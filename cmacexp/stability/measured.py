@@ -13,7 +13,6 @@ from cmacexp.errors import BadRun
 from cmacexp.stability.growth import GROWTH_CYCLES, MAX_CYCLES_BEFORE, SETTLING_CYCLES, calmest, fitted_growth
 from cmacexp.typing import Array
 
-FEEDBACK = ("tau_feedback_1", "tau_feedback_2")
 MIN_GROWTH_RATIO = 2.0
 """A change at least this many times the least one counts as growth."""
 SHARE_LEFT_OUT = 0.05
@@ -46,10 +45,10 @@ def stretch(sizes: Sequence[float] | Array, first: int, completed: bool) -> Stre
     return Stretch(calm, start, min(start + GROWTH_CYCLES, last))
 
 
-def read_changes(run: StoredRun) -> Array:
+def read_changes(run: StoredRun, joints: int) -> Array:
     """Root of the summed squares of the change of the feedback torque from each cycle to the next, (n,), N m.
 
-    Entry j is from cycle j + 1 to j + 2.
+    Entry j is from cycle j + 1 to j + 2; legs have so many ``joints``.
 
     Raises:
         BadRun: the trace cannot be read, or is thinned: its norm would be another, or its cycles not successive.
@@ -60,10 +59,11 @@ def read_changes(run: StoredRun) -> Array:
             f"{run.folder}: its trace lacks steps, but growth is computed from every step; run it again without "
             "record.cycles and record.every_nth_step"
         )
-    parts = read_parts(run.folder / TRACE, list(FEEDBACK))
-    torques = np.concatenate([np.stack([as_array(part, name) for name in FEEDBACK], axis=1) for part in parts])
+    names = [f"tau_feedback_{joint + 1}" for joint in range(joints)]
+    parts = read_parts(run.folder / TRACE, names)
+    torques = np.concatenate([np.stack([as_array(part, name) for name in names], axis=1) for part in parts])
     rows = len(torques) // run.manifest["steps"] * run.steps_per_cycle
-    whole = torques[: len(torques) // rows * rows].reshape(-1, rows, 2)
+    whole = torques[: len(torques) // rows * rows].reshape(-1, rows, joints)
     return np.array([np.linalg.norm(after - before) for before, after in pairwise(whole)])
 
 

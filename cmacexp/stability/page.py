@@ -1,27 +1,34 @@
 """The stability of a run as a page, and as a table in the terminal."""
 
+import json
+import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cmacexp.data.folder import OUT_KEY, replacing
 from cmacexp.data.manifest import REPORT
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import TRACE
 from cmacexp.metrics.text import format_cell
 from cmacexp.report.markdown import render_markdown
 from cmacexp.report.page import Report, write_report
+from cmacexp.report.parts import Section
 from cmacexp.report.render import Renderer
 from cmacexp.stability import figures
 from cmacexp.stability.analysis import LEADS, Analysis
+from cmacexp.stability.growth import with_lead
 from cmacexp.stability.mode import AFTER_LIFT_OFF
+from cmacexp.stability.verdict import HOLDS, Verdict, assess
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 TITLES = ("lead", "predicted growth", "measured growth", "over cycles", "largest eigenvalue", "least Re T", "ends")
+VERDICT = "stability.json"
 DECIMALS = 4
 """Of factors of growth."""
 
@@ -40,20 +47,28 @@ def rows(analysis: Analysis) -> list[list[str]]:
     return table
 
 
-def verdict(analysis: Analysis) -> str:
-    """The conclusion for the run, in a sentence or two."""
+def describe(verdict: Verdict) -> str:
+    """The verdict and its reasons."""
+    return f"{verdict.verdict}: {' '.join(verdict.reasons)}"
+
+
+def conclude(analysis: Analysis) -> str:
+    """The growth of a run, and the leads with which its learning holds, in a few sentences."""
     own = analysis.own
-    grows = own.predicted > 1.0
-    change = "grows" if grows else "shrinks"
+    change = "grows" if own.predicted > 1.0 else "shrinks"
     predicted, measured = format_cell(own.predicted, DECIMALS), format_cell(own.measured, DECIMALS)
+    apart = f"in memory without the guard, which acted in cycle {analysis.guarded}, " if analysis.guarded else ""
     text = (
         f"With lead {own.lead} the change of the feedback from cycle to cycle {change} by a factor of "
-        f"{predicted} per cycle, predicted after cycle {own.place.calm}; measured over cycles "
-        f"{own.place.first} to {own.place.last}: {measured}."
+        f"{predicted} per cycle, predicted after cycle {own.place.calm}; measured {apart}"
+        f"over cycles {own.place.first} to {own.place.last}: {measured}."
     )
-    held = [str(each.lead) for each in analysis.leads if each.predicted < 1.0]
-    if grows:
-        text += f" Learning holds with lead {' or '.join(held)}." if held else " No lead that was tried holds."
+    if own.predicted > 1.0:
+        shrinking = [each.lead for each in analysis.leads if each.predicted < 1.0]
+        held = [str(lead) for lead in shrinking if assess(with_lead(analysis.config, lead)).verdict == HOLDS]
+        text += (
+            f" Learning holds with lead {' or '.join(held)}." if held else " No lead that was tried is sure to hold."
+        )
     return text
 
 
@@ -82,29 +97,43 @@ def _tables(analysis: Analysis) -> "dict[str, Callable[[], DataFrame]]":
     }
 
 
-def write_stability_report(analysis: Analysis, folder: Path) -> Path:
-    """Write the page of an analysis into ``folder``; returns the HTML file."""
-    run, growth = analysis.run, analysis.own.place
-    measured, predicted = analysis.measured_mode.change, analysis.predicted_mode.change
-    title = f"Stability of learning: {analysis.config.scenario}, {run.folder.resolve().name}"
-    asked = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}, "cycle": growth.calm}
+def write_stability_report(run: StoredRun, verdict: Verdict, analysis: Analysis | None, folder: Path) -> Path:
+    """Write verdict and page of a run into ``folder``; returns the HTML file.
+
+    Args:
+        run: that was analysed.
+        verdict: on its config.
+        analysis: None where the loop cannot be linearised.
+        folder: of the page.
+    """
+    title = f"Stability of learning: {run.config['scenario']}, {run.folder.resolve().name}"
+    asked: dict[str, Any] = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}}
     with replacing(folder, OUT_KEY, REPORT) as place:
-        renderer = Renderer(place.new)
-        sections = render_markdown(
-            Path(__file__).with_name("page.md"),
-            "Does learning hold",
-            renderer,
-            {draw.__name__: partial(draw, analysis) for draw in (figures.growth, figures.mode, figures.real_parts)},
-            _tables(analysis),
-            {
-                "calm": growth.calm,
-                "last": growth.last,
-                "ahead": growth.last - growth.calm,
-                "likeness": float(
-                    (measured * predicted).sum() / np.linalg.norm(measured) / np.linalg.norm(predicted)
-                ),
-                "holding": [f"lead {lead}" for lead in LEADS if analysis.least_real(lead) > 0.0],
-            },
-        )
-        inputs = [run.folder / TRACE, *renderer.files]
-        return write_report(Report(title, verdict(analysis), sections, inputs, asked), place)
+        growth = verdict.growth if math.isfinite(verdict.growth) else None
+        place.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")
+        renderer, sections, summary = Renderer(place.new), [], describe(verdict)
+        inputs = [place.new / VERDICT]
+        if analysis is not None:
+            asked["cycle"] = analysis.own.place.calm
+            sections = _render(analysis, renderer)
+            summary = f"{summary} {conclude(analysis)}"
+            inputs = [*inputs, run.folder / TRACE, *renderer.files]
+        return write_report(Report(title, summary, sections, inputs, asked), place)
+
+
+def _render(analysis: Analysis, renderer: Renderer) -> list[Section]:
+    growth, measured, predicted = analysis.own.place, analysis.measured_mode.change, analysis.predicted_mode.change
+    return render_markdown(
+        Path(__file__).with_name("page.md"),
+        "Does learning hold",
+        renderer,
+        {draw.__name__: partial(draw, analysis) for draw in (figures.growth, figures.mode, figures.real_parts)},
+        _tables(analysis),
+        {
+            "calm": growth.calm,
+            "last": growth.last,
+            "ahead": growth.last - growth.calm,
+            "likeness": float((measured * predicted).sum() / np.linalg.norm(measured) / np.linalg.norm(predicted)),
+            "holding": [f"lead {lead}" for lead in LEADS if analysis.least_real(lead) > 0.0],
+        },
+    )

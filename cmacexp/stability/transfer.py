@@ -151,3 +151,14 @@ def compute_spectrum(local: Local, frequencies: Array, period: float) -> Spectru
     """Eigenvalues of T at some frequencies; arguments as of :func:`transfer`."""
     values = np.linalg.eigvals(transfer(local, frequencies, period))
     return Spectrum(frequencies, period, values.astype(np.complex128))
+
+
+def spectra_along(config: Config, cycle: int, places: int, frequencies: int) -> list[Spectrum]:
+    """T at evenly spaced places of the cycle after ``cycle`` cycles of learning, up to half the sampling rate.
+
+    Raises:
+        NotPredictable: as of :func:`locals_along`.
+    """
+    samples = sorted({int(sample) for sample in np.linspace(0, config.steps_per_cycle, places, endpoint=False)})
+    hertz = np.linspace(0.0, 0.5 / config.sampling_period, frequencies + 1)[1:]
+    return [compute_spectrum(local, hertz, config.sampling_period) for local in locals_along(config, cycle, samples)]

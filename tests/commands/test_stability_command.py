@@ -18,6 +18,7 @@ def folder(tmp_path_factory):
 def test_a_run_that_diverges_is_told_with_the_lead_that_holds(folder):
     done = python("-m", "cmacexp.stability", "run", folder=folder)
     assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("grows: The run ends in cycle 41.")
     assert "-2 (this run)" in done.stdout
     assert "Learning holds with lead 1." in done.stdout
     page = folder / "run" / "stability"
@@ -27,4 +28,28 @@ def test_a_run_that_diverges_is_told_with_the_lead_that_holds(folder):
     for name in ("growth", "mode", "real_parts"):
         assert (page / "figures" / f"{name}.png").is_file()
         assert (page / "figures" / f"{name}.svg").is_file()
+    verdict = json.loads((page / "stability.json").read_text())
+    assert (verdict["verdict"], verdict["lead"]) == ("grows", -2)
+    assert verdict["growth"] == pytest.approx(1.15, abs=0.02)
+    assert "grows: The run ends in cycle 41." in (page / "report.html").read_text()
     assert python("-m", "cmacexp.verify", "run", folder=folder).returncode == 0
+
+
+def test_a_run_whose_learning_the_guard_ended_is_analysed_without_it(folder):
+    assert cmacexp(*DIVERGING, "learning.guard=freeze", "hydra.run.dir=guarded", folder=folder).returncode == 0
+    done = python("-m", "cmacexp.stability", "guarded", folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("grows:")
+    assert "measured in memory without the guard, which acted in cycle" in done.stdout
+
+
+def test_what_does_not_learn_gets_a_verdict_alone(folder):
+    assert cmacexp("feedforward=none", "cycles=6", "hydra.run.dir=alone", folder=folder).returncode == 0
+    done = python("-m", "cmacexp.stability", "alone", folder=folder)
+    assert done.returncode == 0, done.stderr
+    page = folder / "alone" / "stability"
+    assert done.stdout.splitlines() == [
+        "undecided: nothing learns from cycle to cycle.",
+        str(page.relative_to(folder) / "report.html"),
+    ]
+    assert json.loads((page / "stability.json").read_text())["growth"] is None

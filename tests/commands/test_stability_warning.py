@@ -17,7 +17,14 @@ def told(config):
 def test_the_papers_law_is_warned_of_with_its_cure(make_config):
     warning = told(make_config("scenario=one_leg", "cycles=160"))
     assert "factor of 1.02" in warning
-    assert "learning.lead=1 is predicted to hold (0.97" in warning
+    assert "learning is predicted to diverge" in warning
+    assert "learning.lead=1 is predicted to hold" in warning
+
+
+def test_a_guarded_run_is_warned_that_the_guard_will_act(make_config):
+    warning = told(make_config("scenario=one_leg", "cycles=160", "learning.guard=freeze"))
+    assert "learning.guard=freeze is predicted to end learning" in warning
+    assert "\n" not in warning
 
 
 @pytest.mark.parametrize(

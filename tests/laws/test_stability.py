@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from support.robot_walks import ROBOT, SHORT
+from support.robots import OWN
 
 from cmacexp.stability import predicted_growth
 from cmacexp.stability.cycle_map import NotPredictable, list_arrays, open_loop
@@ -51,8 +53,17 @@ def test_every_array_that_the_loop_changes_is_declared(make_config, overrides):
     assert changed <= {each.name for each in arrays if each.role is not None}
 
 
-@pytest.mark.parametrize("overrides", RUNS, ids=lambda run: " ".join(run))
+IN_MUJOCO = [
+    ("scenario=one_leg", "plant=mujoco_leg"),
+    ("scenario=quadruped", "plant=mujoco_quadruped", "sensors=noisy_force"),
+    (*ROBOT, f"machine.path={OWN}", *SHORT, "sensors=encoders"),
+]
+
+
+@pytest.mark.parametrize("overrides", RUNS + IN_MUJOCO, ids=lambda run: " ".join(run[:2]))
 def test_a_loop_put_back_repeats_itself(make_config, overrides):
+    if overrides in IN_MUJOCO:
+        pytest.importorskip("mujoco")
     loop = open_loop(make_config(*overrides, "cycles=9", "learning.start_cycle=1"))
     assert loop.advance(loop.period)
     assert loop.advance(7)  # so that ring buffers do not begin at their first sample

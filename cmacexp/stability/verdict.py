@@ -1,0 +1,176 @@
+"""Whether learning holds, in three values: from a run in memory, and from the loop linearised where that run ends.
+
+It is about learning itself, so the guard of learning never acts here; lead and rate are those of the guarded run.
+Limits were chosen on 200 random settings of one leg; ``pipelines/when_learning_holds.py`` tests them on others.
+"""
+
+from dataclasses import is_dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from cmacexp.config import Config
+from cmacexp.loop.scenario import Scenario, make_scenario
+from cmacexp.metrics.drift import DRIFT_RATIO, LEAST
+from cmacexp.models.trend import WINDOW
+from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, open_loop
+from cmacexp.stability.growth import (
+    MAX_CYCLES_BEFORE,
+    History,
+    calmest,
+    grow,
+    predicted_growth,
+    require_learning,
+    watch,
+)
+from cmacexp.stability.transfer import spectra_along
+
+HOLDS, GROWS, UNDECIDED = "holds", "grows", "undecided"
+MAX_CYCLES = 1000
+"""Cycles of learning that are run at most."""
+AFFORDABLE = 1_200_000
+"""Steps of all legs that are run: a second or less."""
+AHEAD = 2000
+"""Cycles ahead over which changes are added up."""
+MAX_RITZ = 1.0005
+"""Largest Ritz value with which learning holds."""
+MAX_LEVEL = 1.7
+"""Ratio to its lowest level that the feedback may reach where learning holds, if all changes to come add up."""
+POSITIVE, MAX_IF_POSITIVE = 0.05, 2.4
+"""Least Re T from which it may reach more, and how much."""
+MIN_GROWTH = 1.003
+"""Growth per cycle and largest Ritz value from which learning grows, where Re T is negative somewhere."""
+BOUNDED_RULES = ("dead_zone", "e_modification", "decaying_rate")
+"""Rules that bound growth by themselves: the linearised loop does not contain it."""
+PLACES, FREQUENCIES = 12, 150
+"""Samples of the cycle, and frequencies up to half the sampling rate, at which T is computed."""
+SEED = 0
+
+
+class Verdict(NamedTuple):
+    """Whether learning holds; its fields are the content of ``stability.json``."""
+
+    verdict: str
+    """``holds``, ``grows`` or ``undecided``."""
+    growth: float
+    """Factor from cycle to cycle by which the change of the feedback grows; NaN if it is not known."""
+    lead: int
+    """Of learning, samples."""
+    reasons: tuple[str, ...]
+    """Sentences, with numbers and limits."""
+    cycle: int = 0
+    """Cycles done where the growth begins."""
+
+
+class _Evidence(NamedTuple):
+    """What decides where a run ends as it began; NaN where it is not known."""
+
+    growth: float
+    ritz: float
+    reached: float
+    """Level over the lowest if all changes to come add up."""
+    least_real: float
+
+
+def assess(config: Config, prepared: Scenario | None = None, simulate: bool = True) -> Verdict:
+    """Say whether the learning of a config holds.
+
+    Args:
+        config: a checked config.
+        prepared: its scenario if it is already made; it stays unchanged.
+        simulate: run as many cycles in memory as take a second, MAX_CYCLES at most; otherwise MAX_CYCLES_BEFORE.
+
+    Raises:
+        BadInput: the machine cannot follow the plan.
+    """
+    scenario = make_scenario(config) if prepared is None else prepared
+    try:
+        return _assess(config, scenario, simulate)
+    except NotPredictable as error:
+        return Verdict(UNDECIDED, float("nan"), scenario.setup.lead, (f"{error}.",))
+
+
+def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
+    loop, lead, first = open_loop(config, scenario), scenario.setup.lead, config.learning.start_cycle
+    steps = loop.period * loop.samples.shape[1] * getattr(config.plant, "substeps", 1)
+    compiled = loop.plant is None  # MuJoCo takes a hundred times as long
+    cycles = max(MAX_CYCLES_BEFORE, min(MAX_CYCLES, AFFORDABLE // steps) if simulate and compiled else 0)
+    history = watch(loop, first + cycles)
+    done = len(history.levels)
+    if done < first - 1:
+        raise NotPredictable(f"the run ends in cycle {done + 1}, before learning shows")
+    require_learning(loop)
+    if done < first + cycles:
+        growth, cycle = _growth_before(config, scenario, history)
+        return Verdict(GROWS, growth, lead, (f"The run ends in cycle {done + 1}.",), cycle)
+    levels = np.median(sliding_window_view(history.levels[first - 1 :], WINDOW), axis=1)
+    lowest = max(float(levels.min()), LEAST * max(history.levels))
+    risen = float(levels[-1]) / lowest
+    level = f"After {done} cycles without a guard the feedback is {risen:.3g} times its lowest level"
+    if risen >= DRIFT_RATIO:
+        growth, cycle = _growth_before(config, scenario, history)
+        return Verdict(GROWS, growth, lead, (f"{level} (grows from {DRIFT_RATIO:g}).",), cycle)
+    if quantised := _find_quantised(config):
+        reason = f"{quantised} is above 0: what is quantised cannot be linearised."
+        return Verdict(UNDECIDED, float("nan"), lead, (f"{level}.", reason), done)
+    evidence = _linearise(config, lead, loop, lowest, risen)
+    verdict = _decide(evidence, compiled and config.learning.rule not in BOUNDED_RULES)
+    return Verdict(verdict, evidence.growth, lead, (f"{level}.", *_explain(evidence)), done)
+
+
+def _find_quantised(config: Config) -> str:
+    """The key of a sensor's quantum; empty if there is none."""
+    channels = vars(config.sensors) if is_dataclass(config.sensors) else {}
+    return next((f"sensors.{name}.quantum" for name, each in channels.items() if getattr(each, "quantum", 0.0)), "")
+
+
+def _growth_before(config: Config, scenario: Scenario, history: History) -> tuple[float, int]:
+    """Growth per cycle after the calmest cycle of a run that grew, and that cycle; NaN if it ended too soon."""
+    first = config.learning.start_cycle
+    if len(history.sizes) <= first:
+        return float("nan"), 0
+    cycle = calmest(history.sizes, first)
+    try:
+        return predicted_growth(config, cycle, prepared=scenario).per_cycle, cycle
+    except NotPredictable:
+        return float("nan"), cycle
+
+
+def _least_real(config: Config, lead: int) -> float:
+    """Least Re z^lead T over frequency and place, NaN where the loop without learning does not last."""
+    try:
+        spectra = spectra_along(config, config.learning.start_cycle + MAX_CYCLES_BEFORE, PLACES, FREQUENCIES)
+    except NotPredictable:
+        return float("nan")
+    return min(spectrum.least(lead) for spectrum in spectra)
+
+
+def _linearise(config: Config, lead: int, loop: RestorableLoop, lowest: float, risen: float) -> _Evidence:
+    least_real = _least_real(config, lead)
+    try:
+        growth, other = grow(loop), grow(loop, seed=SEED)
+    except NotPredictable:
+        return _Evidence(float("nan"), float("nan"), float("nan"), least_real)
+    ritz = max(float(abs(space.krylov.eigenvalues()[0])) for space in (growth, other))
+    reached = risen + float(growth.sizes(AHEAD).sum()) / lowest
+    return _Evidence(growth.per_cycle, ritz, reached, least_real)
+
+
+def _decide(evidence: _Evidence, trusts_growth: bool) -> str:
+    """The verdict; growth of the map may end in a limit cycle of a rule, or of contacts in MuJoCo."""
+    allowed = MAX_IF_POSITIVE if evidence.least_real >= POSITIVE else MAX_LEVEL
+    if evidence.ritz <= MAX_RITZ and evidence.reached <= allowed:
+        return HOLDS
+    map_grows = min(evidence.growth, evidence.ritz) >= MIN_GROWTH and evidence.least_real < 0.0
+    return GROWS if map_grows and trusts_growth else UNDECIDED
+
+
+def _explain(evidence: _Evidence) -> tuple[str, ...]:
+    return (
+        f"Linearised there, its changes grow by a factor of {evidence.growth:.4f} per cycle; the largest Ritz value "
+        f"is {evidence.ritz:.4f} (holds up to {MAX_RITZ:g}).",
+        f"If all changes of {AHEAD} more cycles add up, it reaches {evidence.reached:.3g} times that level (holds up "
+        f"to {MAX_LEVEL:g}; where Re T is positive, to {MAX_IF_POSITIVE:g}).",
+        f"The least Re T is {evidence.least_real:.3f} (positive from {POSITIVE:g}).",
+    )
