@@ -19,7 +19,7 @@ from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.stability.cycle_map import NUDGE, NotPredictable
 from cmacexp.stability.growth import GROWTH_CYCLES, SETTLING_CYCLES, fitted_growth
 from cmacexp.stability.transfer import Replay, find_commanded, replay
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Counts
 
 FIRST_SPACING = 120
 """Samples between the impulses of the first comb; doubled until responses decay."""
@@ -29,6 +29,8 @@ with 1e-3 growth is the same to four decimals."""
 FIRST_WINDOW = (SETTLING_CYCLES, SETTLING_CYCLES + GROWTH_CYCLES + 1)
 LAST_WINDOW = (2 * GROWTH_CYCLES, 3 * GROWTH_CYCLES)
 """Cycles over which growth is fitted."""
+PLACES, FREQUENCIES = 20, 80
+"""At which T is computed."""
 MOST_CYCLES = 4
 """Cycles after which a response must have decayed."""
 
@@ -104,6 +106,16 @@ class Lifted:
         sizes = self.sizes(lead, rate, LAST_WINDOW[1])
         return max(_fit(sizes[slice(*FIRST_WINDOW)]), _fit(sizes[slice(*LAST_WINDOW)]))
 
+    def find_least_real(self, lead: int) -> float:
+        """Least real part of an eigenvalue of z^lead T over frequencies and places of the cycle; T is -H there."""
+        samples, lags = self.response.shape[:2]
+        after, turns = np.arange(lags), np.linspace(0.02, np.pi, FREQUENCIES)
+        phase, least = np.exp(-1j * np.outer(turns, after - lead)), float("inf")
+        for place in np.linspace(0, samples, PLACES, endpoint=False).astype(int):
+            transfer = -np.einsum("fl,lji->fij", phase, self.response[(place + after) % samples, after])
+            least = min(least, float(np.linalg.eigvals(transfer).real.min()))
+        return least
+
 
 def _fit(sizes: Array) -> float:
     """Growth per cycle of changes (n,); infinite where they are not finite, 0 where they vanish."""
@@ -112,7 +124,7 @@ def _fit(sizes: Array) -> float:
     return fitted_growth(sizes) if (sizes > 0.0).all() else 0.0
 
 
-def _respond(learnt: Replay, config: Config, held: Array, samples: Array, joint: int, cycles: int) -> Array:
+def _respond(learnt: Replay, config: Config, held: Array, samples: Counts, joint: int, cycles: int) -> Array:
     """Response (cycles N, L J) of the learning error to 1 N m of one joint at some samples of the first cycle."""
     loop, nominal, ends = learnt.loop, learnt.torque.copy(), []
     for sign in (1.0, -1.0):

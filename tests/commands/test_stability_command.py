@@ -28,3 +28,21 @@ def test_a_run_that_diverges_is_told_with_the_lead_that_holds(folder):
         assert (page / "figures" / f"{name}.png").is_file()
         assert (page / "figures" / f"{name}.svg").is_file()
     assert python("-m", "cmacexp.verify", "run", folder=folder).returncode == 0
+
+
+def test_leads_and_rates_are_mapped_and_corners_judged(folder):
+    asked = ("--leads", "0", "1", "--rates", "0.1", "--robust", "0.3", "--out", "page")
+    done = python("-m", "cmacexp.stability", "run", *asked, folder=folder)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert all(len(line) <= 80 for line in lines if line[:5].strip().lstrip("-").isdigit() or "stiffness" in line)
+    assert "Below 1 with lead 1 (rate 0.1, 0.1953)." in done.stdout
+    (own,) = [line.split() for line in lines if line.endswith("*")]
+    assert own[0] == "-2"
+    assert float(own[-2]) > 1.1
+    assert sum(line.startswith("stiffness x ") and ": grows (" in line for line in lines) == 4
+    assert "Of 4 corners learning holds in 0, grows in 4, and is undecided in 0." in lines
+    page = (folder / "page" / "report.html").read_text()
+    assert "Other leads and rates" in page
+    assert "Margins" in page
+    assert (folder / "page" / "figures" / "growth_map.png").is_file()

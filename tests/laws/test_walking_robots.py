@@ -166,9 +166,8 @@ def test_a_cmac_mends_a_model_that_is_too_heavy():
 
 
 def test_the_model_below_a_cmac_is_inverse_dynamics_with_the_same_masses():
-    model, barely = (
-        walk_robot(EXACT, HEAVY, *SHORT),
-        walk_robot(ON_MODEL, HEAVY, *SHORT, "learning.rate=1e-12", UNGUARDED),
+    model, barely = walk_robot(EXACT, HEAVY, *SHORT), walk_robot(
+        ON_MODEL, HEAVY, *SHORT, "learning.rate=1e-12", UNGUARDED
     )
     for n in (1, 2, 3):
         assert_allclose(vars(barely)[f"tau_feedforward_{n}"], vars(model)[f"tau_feedforward_{n}"], atol=1e-6)

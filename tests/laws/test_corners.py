@@ -1,0 +1,42 @@
+"""Margins of learning: what the corners change, and how they are judged."""
+
+import pytest
+
+from cmacexp.stability.corners import GROWS, HOLDS, UNDECIDED, Judged, judge, judge_corners, summarise
+
+
+def test_corners_change_ground_and_masses_but_not_what_is_assumed(make_config):
+    config = make_config("scenario=quadruped", "terrain.stiffness=8000")
+    seen = []
+    verdicts = iter((HOLDS, HOLDS, GROWS, UNDECIDED))
+
+    def note(corner):
+        seen.append(corner)
+        return Judged(next(verdicts), 1.0, ("noted",))
+
+    corners = judge_corners(config, 0.25, note)
+    assert summarise(corners) == "Of 4 corners learning holds in 2, grows in 1, and is undecided in 1."
+    assert corners[2].describe() == "stiffness x 1.25, masses x 0.75: grows (noted)"
+    assert {corner.terrain.stiffness for corner in seen} == {6000.0, 10000.0}
+    assert {corner.assumed_stiffness for corner in seen} == {8000.0}
+    assert {corner.controller.position_gain for corner in seen} == {config.controller.position_gain}
+    for corner, factor in zip(seen, (0.75, 1.25, 0.75, 1.25), strict=True):
+        legs, nominal = corner.machine.legs.in_order, config.machine.legs.in_order
+        assert [leg.mass_2 for leg in legs] == pytest.approx([factor * leg.mass_2 for leg in nominal])
+        assert corner.machine.body_mass == pytest.approx(factor * config.machine.body_mass)
+        assert corner.machine.weight == pytest.approx(factor * config.machine.weight)
+        assert [leg.length_1 for leg in legs] == [leg.length_1 for leg in nominal]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "verdict"),
+    [
+        (("learning.lead=1",), HOLDS),
+        (("learning.lead=1", "learning.guard=freeze"), HOLDS),
+        (("learning.lead=2",), GROWS),
+        (("learning.lead=1", "learning.rule=dead_zone"), UNDECIDED),
+        (("learning.lead=9",), GROWS),
+    ],
+)
+def test_a_corner_is_judged(make_config, overrides, verdict):
+    assert judge(make_config("scenario=one_leg", "cycles=200", *overrides)).verdict == verdict
