@@ -1,12 +1,11 @@
 """Margins: whether learning still holds where ground and masses are not those that were assumed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from cmacexp.config import Config
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.metrics.text import format_cell
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import MAX_CYCLES_BEFORE, calmest, change_sizes, predicted_growth
 from cmacexp.stability.lifted import lift, unguarded
@@ -18,48 +17,35 @@ CLEARLY = 1.001
 """Growth per cycle from which on learning grows for certain."""
 
 
-class Judgement(Protocol):
+class Judged(NamedTuple):
     """Whether learning holds, and why."""
 
-    @property
-    def verdict(self) -> str:
-        """HOLDS, GROWS or UNDECIDED."""
-
-    @property
-    def growth(self) -> float:
-        """Per cycle; NaN if unknown."""
-
-    @property
-    def reasons(self) -> Sequence[str]:
-        """Sentences."""
-
-
-class Judged(NamedTuple):
-    """A :class:`Judgement` from maps and frequencies alone."""
-
     verdict: str
+    """HOLDS, GROWS or UNDECIDED."""
     growth: float
+    """Per cycle; NaN if unknown."""
+    lead: int
     reasons: tuple[str, ...]
 
 
 def judge(config: Config) -> Judged:
     """Judge the learning of a config, without its guard, by the linearised cycle, its lifted map, and Re z^lead T."""
     config = unguarded(make_scenario(config))
+    lead, rate = int(config.learning.lead), float(config.learning.rate)
     first = config.learning.start_cycle
     sizes = change_sizes(config, first + MAX_CYCLES_BEFORE)
     if len(sizes) < first + MAX_CYCLES_BEFORE - 1:
-        return Judged(GROWS, float("inf"), (f"the run ends in cycle {len(sizes) + 1}",))
+        return Judged(GROWS, float("inf"), lead, (f"the run ends in cycle {len(sizes) + 1}",))
     try:
         cycle = calmest(sizes, first)
         growth, lifted = predicted_growth(config, cycle), lift(config, cycle)
     except NotPredictable as error:
-        return Judged(UNDECIDED, float("nan"), (str(error),))
-    lead, rate = int(config.learning.lead), float(config.learning.rate)
+        return Judged(UNDECIDED, float("nan"), lead, (str(error),))
     lasting, least = lifted.lasting_growth(lead, rate), lifted.find_least_real(lead)
     factors = (growth.per_cycle, float(abs(growth.krylov.eigenvalues()[0])), lasting)
     grows, holds = min(factors) > CLEARLY, max(factors) < 1.0 and least > 0.0
     named = f"growth {min(factors):.4f} to {max(factors):.4f}, least Re T {least:.2g}"
-    return Judged(GROWS if grows else HOLDS if holds else UNDECIDED, max(factors), (named,))
+    return Judged(GROWS if grows else HOLDS if holds else UNDECIDED, max(factors), lead, (named,))
 
 
 @dataclass(frozen=True)
@@ -70,22 +56,12 @@ class Corner:
     """Of the ground, over the one that is assumed."""
     masses: float
     """Over those of the config."""
-    judgement: Judgement
-
-    @property
-    def row(self) -> list[str]:
-        """Row of a table under CORNER_TITLES."""
-        judged = self.judgement
-        factors = [f"x {factor:g}" for factor in (self.stiffness, self.masses)]
-        return [*factors, judged.verdict, format_cell(judged.growth, 4), "; ".join(judged.reasons)]
+    judgement: Judged
 
     def describe(self) -> str:
-        """One line."""
-        stiffness, masses, verdict, _, reasons = self.row
-        return f"stiffness {stiffness}, masses {masses}: {verdict} ({reasons})"
-
-
-CORNER_TITLES = ("stiffness", "masses", "learning", "growth", "reason")
+        """In one line."""
+        verdict, reasons = self.judgement.verdict, "; ".join(self.judgement.reasons)
+        return f"stiffness x {self.stiffness:g}, masses x {self.masses:g}: {verdict} ({reasons})"
 
 
 def scale_masses(machine: Any, factor: float) -> Any:
@@ -100,7 +76,7 @@ def scale_masses(machine: Any, factor: float) -> Any:
     return replace(machine, **changed)
 
 
-def judge_corners(config: Config, share: float, judged_by: Callable[[Config], Judgement] = judge) -> list[Corner]:
+def judge_corners(config: Config, share: float, judged_by: Callable[[Config], Judged] = judge) -> list[Corner]:
     """Judge learning where stiffness and masses are less and more than the config says, by ``share`` of them.
 
     The stiffness that planner and controller assume and the gains stay; masses change for planner and plant alike.
@@ -116,12 +92,3 @@ def judge_corners(config: Config, share: float, judged_by: Callable[[Config], Ju
             corner = replace(config, terrain=terrain, machine=scale_masses(config.machine, masses))
             corners.append(Corner(stiffness, masses, judged_by(corner)))
     return corners
-
-
-def summarise(corners: Sequence[Corner]) -> str:
-    """How many corners hold, grow and are undecided, in a sentence."""
-    counts = {name: sum(corner.judgement.verdict == name for corner in corners) for name in (HOLDS, GROWS, UNDECIDED)}
-    return (
-        f"Of {len(corners)} corners learning holds in {counts[HOLDS]}, grows in {counts[GROWS]}, "
-        f"and is undecided in {counts[UNDECIDED]}."
-    )

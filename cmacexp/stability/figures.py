@@ -4,11 +4,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.report.figures import HeatMap, Panel, Series, draw
+from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.style import SERIES
 from cmacexp.stability import mode as modes
 from cmacexp.stability.analysis import LEADS, Analysis
-from cmacexp.stability.growth_map import GrowthMap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,8 +16,6 @@ SHOWN = 80
 """Samples of the growing change that are shown."""
 MIN_SHOWN_REAL = -0.6
 """Real parts below this are cut off."""
-SHOWN_GROWTH = (0.95, 1.05)
-"""Factors of growth beyond these have the colour of the nearer one."""
 PREDICTED: dict[str, Any] = {"color": "black", "linestyle": ":", "linewidth": 1.0}
 
 
@@ -94,12 +91,3 @@ def real_parts(analysis: Analysis) -> "Figure":
             )
         )
     return draw(panels, len(panels), 2.8, share="xy")
-
-
-def growth_map(of: GrowthMap) -> "Figure":
-    """Growth over lead and rate, and the run's own setting."""
-    panel = HeatMap(
-        "growth per cycle", "learning.rate", "learning.lead, samples", [f"{rate:.4g}" for rate in of.rates],
-        [str(lead) for lead in of.leads], np.clip(of.growth, *SHOWN_GROWTH), marks=[of.present],
-    )  # fmt: skip
-    return draw([panel], 1, 2.8)

@@ -32,37 +32,30 @@ class GrowthMap:
     present: tuple[int, int]
     """Row and column of the run's own lead and rate."""
 
-    @property
-    def titles(self) -> list[str]:
-        """Columns of a table."""
-        return ["lead", *(f"rate\n{rate:.4g}" for rate in self.rates)]
-
-    @property
-    def rows(self) -> list[list[str]]:
-        """Rows of a table; an asterisk marks the run's own setting."""
+    def tabulate(self) -> tuple[list[str], list[list[str]]]:
+        """Titles and rows of a table; an asterisk marks the run's own setting."""
         cells = [[format_cell(value, DECIMALS) for value in row] for row in self.growth]
-        row, column = self.present
-        cells[row][column] += " *"
-        return [[str(lead), *line] for lead, line in zip(self.leads, cells, strict=True)]
+        cells[self.present[0]][self.present[1]] += " *"
+        rows = [[str(lead), *line] for lead, line in zip(self.leads, cells, strict=True)]
+        return ["lead", *(f"rate\n{rate:.4g}" for rate in self.rates)], rows
 
     def summarise(self) -> str:
         """The rates with which each lead holds, in a sentence."""
-        held = {lead: self.growth[i] < 1.0 for i, lead in enumerate(self.leads)}
-        named = [
-            f"{lead} (rate {', '.join(f'{rate:.4g}' for rate, holds in zip(self.rates, row, strict=True) if holds)})"
-            for lead, row in held.items()
-            if row.any()
+        held = [
+            f"{lead} (rate {', '.join(f'{self.rates[int(column)]:.4g}' for column in np.flatnonzero(row < 1.0))})"
+            for lead, row in zip(self.leads, self.growth, strict=True)
+            if (row < 1.0).any()
         ]
-        return f"Below 1 with lead {'; '.join(named)}." if named else "No lead and rate of the map is below 1."
+        return f"Below 1 with lead {'; '.join(held)}." if held else "No lead and rate of the map is below 1."
 
 
-def map_growth(config: Config, cycle: int, leads: Sequence[int] | None, rates: Sequence[float] | None) -> GrowthMap:
+def map_growth(config: Config, cycle: int, ends: Sequence[int] | None, rates: Sequence[float] | None) -> GrowthMap:
     """Growth of learning with some leads and rates, and those of the run.
 
     Args:
         config: of a run.
         cycle: the loop is linearised about the torque of the one after it.
-        leads: samples; None: AROUND that of the run.
+        ends: first and last lead, samples; None: AROUND that of the run.
         rates: None: those of RATES that are not near that of the run.
 
     Raises:
@@ -71,7 +64,8 @@ def map_growth(config: Config, cycle: int, leads: Sequence[int] | None, rates: S
     setup = make_scenario(config).setup
     lifted = lift(config, cycle)
     lead, rate = setup.lead, setup.rate
-    all_leads = sorted({*(range(lead - AROUND, lead + AROUND + 1) if leads is None else leads), lead})
+    first, last = ends or (lead - AROUND, lead + AROUND)
+    all_leads = sorted({*range(first, last + 1), lead})
     others = [other for other in RATES if abs(other - rate) > 0.1 * rate] if rates is None else rates
     all_rates = sorted({*others, rate})
     growth = np.array([[lifted.lasting_growth(row, column) for column in all_rates] for row in all_leads])

@@ -75,7 +75,7 @@ class Lifted:
     """The loop linearised about the torque learnt in one cycle; ready for any lead and rate."""
 
     feedforward: FeedforwardParams
-    """Its weights are changes, zero at first; with lead and rate of the run."""
+    """Its weights are changes, zero at first."""
     response: Array
     """(N, lags, L J, L J): see :func:`repeat_cycles`."""
     start: Array
@@ -191,12 +191,8 @@ def lift(config: Config, cycle: int) -> Lifted:
         response = _measure(learnt, config, lags)
         rest = np.abs(response[:, -(lags // 10) :]).max()
         if rest <= DECAYED * np.abs(response).max():
-            return Lifted(_zeroed(learnt.feedforward), response, learnt.learning_error)
+            torque, weights = np.zeros((1, *learnt.torque.shape[1:])), np.zeros_like(learnt.feedforward.weights)
+            learner = learnt.feedforward._replace(weights=weights, torque=torque)
+            return Lifted(learner, response, learnt.learning_error)
         lags *= 2
     raise NotPredictable(f"responses to a torque have not decayed after {MOST_CYCLES} cycles")
-
-
-def _zeroed(feedforward: FeedforwardParams) -> FeedforwardParams:
-    """A network that learns the same way from zero, without a torque of its own."""
-    nothing = np.zeros((1, *feedforward.torque.shape[1:]))
-    return feedforward._replace(weights=np.zeros_like(feedforward.weights), torque=nothing)

@@ -1,7 +1,6 @@
 """The stability of a run as a page, and as a table in the terminal."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,8 +16,7 @@ from cmacexp.report.page import Report, write_report
 from cmacexp.report.render import Renderer
 from cmacexp.stability import figures
 from cmacexp.stability.analysis import LEADS, Analysis
-from cmacexp.stability.corners import CORNER_TITLES, Corner, summarise
-from cmacexp.stability.growth_map import GrowthMap
+from cmacexp.stability.further import NOTHING, Further
 from cmacexp.stability.mode import AFTER_LIFT_OFF
 
 if TYPE_CHECKING:
@@ -60,18 +58,7 @@ def verdict(analysis: Analysis) -> str:
     return text
 
 
-@dataclass(frozen=True)
-class Further:
-    """What a page shows where it is asked for."""
-
-    growth_map: GrowthMap | None = None
-    corners: Sequence[Corner] = ()
-
-
-NOTHING = Further()
-
-
-def _tables(analysis: Analysis, further: Further) -> "dict[str, Callable[[], DataFrame]]":
+def _tables(analysis: Analysis) -> "dict[str, Callable[[], DataFrame]]":
     """The tables of the page: growth of each lead; the growing change; frequencies at which learning goes wrong."""
     from pandas import DataFrame
 
@@ -89,14 +76,10 @@ def _tables(analysis: Analysis, further: Further) -> "dict[str, Callable[[], Dat
         {"place in the cycle": name} | {f"lead {lead}": spectrum.wrong_from(lead) for lead in LEADS}
         for name, spectrum in analysis.places.items()
     ]
-    mapped = further.growth_map
-    shown = {} if mapped is None else {"map": partial(DataFrame, mapped.rows, columns=mapped.titles)}
     return {
-        **shown,
         "leads": partial(DataFrame, rows(analysis), columns=list(TITLES)),
         "where": partial(DataFrame, changes),
         "reasons": partial(DataFrame, wrong_from),
-        "corners": lambda: DataFrame([corner.row for corner in further.corners], columns=list(CORNER_TITLES)),
     }
 
 
@@ -112,17 +95,11 @@ def write_stability_report(analysis: Analysis, folder: Path, further: Further = 
             Path(__file__).with_name("page.md"),
             "Does learning hold",
             renderer,
+            {draw.__name__: partial(draw, analysis) for draw in (figures.growth, figures.mode, figures.real_parts)}
+            | further.list_figures(),
+            _tables(analysis) | further.list_tables(),
             {
-                **{
-                    draw.__name__: partial(draw, analysis)
-                    for draw in (figures.growth, figures.mode, figures.real_parts)
-                },
-                **({"growth_map": partial(figures.growth_map, further.growth_map)} if further.growth_map else {}),
-            },
-            _tables(analysis, further),
-            {
-                "map": further.growth_map,
-                "corners": further.corners and summarise(further.corners),
+                "further": further,
                 "calm": growth.calm,
                 "last": growth.last,
                 "ahead": growth.last - growth.calm,

@@ -41,7 +41,7 @@ def test_leads_and_rates_are_mapped_and_corners_judged(folder):
     assert own[0] == "-2"
     assert float(own[-2]) > 1.1
     assert sum(line.startswith("stiffness x ") and ": grows (" in line for line in lines) == 4
-    assert "Of 4 corners learning holds in 0, grows in 4, and is undecided in 0." in lines
+    assert "Of 4 corners learning holds in 0, grows in 4, is undecided in 0." in lines
     page = (folder / "page" / "report.html").read_text()
     assert "Other leads and rates" in page
     assert "Margins" in page

@@ -2,7 +2,8 @@
 
 import pytest
 
-from cmacexp.stability.corners import GROWS, HOLDS, UNDECIDED, Judged, judge, judge_corners, summarise
+from cmacexp.stability.corners import GROWS, HOLDS, UNDECIDED, Judged, judge, judge_corners
+from cmacexp.stability.further import Further
 
 
 def test_corners_change_ground_and_masses_but_not_what_is_assumed(make_config):
@@ -12,10 +13,12 @@ def test_corners_change_ground_and_masses_but_not_what_is_assumed(make_config):
 
     def note(corner):
         seen.append(corner)
-        return Judged(next(verdicts), 1.0, ("noted",))
+        return Judged(next(verdicts), 1.0, 0, ("noted",))
 
     corners = judge_corners(config, 0.25, note)
-    assert summarise(corners) == "Of 4 corners learning holds in 2, grows in 1, and is undecided in 1."
+    assert (
+        Further(None, corners).count_corners() == "Of 4 corners learning holds in 2, grows in 1, is undecided in 1."
+    )
     assert corners[2].describe() == "stiffness x 1.25, masses x 0.75: grows (noted)"
     assert {corner.terrain.stiffness for corner in seen} == {6000.0, 10000.0}
     assert {corner.assumed_stiffness for corner in seen} == {8000.0}
