@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, NamedTuple
 
 from cmacexp.config import Config
+from cmacexp.errors import BadInput
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import MAX_CYCLES_BEFORE, calmest, change_sizes, predicted_growth
@@ -79,16 +80,22 @@ def scale_masses(machine: Any, factor: float) -> Any:
 def judge_corners(config: Config, share: float, judged_by: Callable[[Config], Judged] = judge) -> list[Corner]:
     """Judge learning where stiffness and masses are less and more than the config says, by ``share`` of them.
 
-    The stiffness that planner and controller assume and the gains stay; masses change for planner and plant alike.
+    The stiffness that planner and controller assume and the gains stay; masses change for planner and plant alike,
+    but those of a robot, which its model contains, not at all.
     """
-    corners = []
-    for stiffness in (1.0 - share, 1.0 + share):
+    corners, factors = [], (1.0 - share, 1.0 + share)
+    has_masses = scale_masses(config.machine, 2.0) != config.machine  # those of a robot are its model's
+    for stiffness in factors:
         terrain = replace(
             config.terrain,
             stiffness=stiffness * config.terrain.stiffness,
             assumed_stiffness=config.assumed_stiffness,
         )
-        for masses in (1.0 - share, 1.0 + share):
+        for masses in factors if has_masses else (1.0,):
             corner = replace(config, terrain=terrain, machine=scale_masses(config.machine, masses))
-            corners.append(Corner(stiffness, masses, judged_by(corner)))
+            try:
+                judgement = judged_by(corner)
+            except BadInput as error:  # the plan cannot be walked with these masses
+                judgement = Judged(UNDECIDED, float("nan"), 0, (str(error),))
+            corners.append(Corner(stiffness, masses, judgement))
     return corners

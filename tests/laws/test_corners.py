@@ -2,6 +2,7 @@
 
 import pytest
 
+from cmacexp.loop.scenario import make_scenario
 from cmacexp.stability.corners import GROWS, HOLDS, UNDECIDED, Judged, judge, judge_corners
 from cmacexp.stability.further import Further
 
@@ -29,6 +30,13 @@ def test_corners_change_ground_and_masses_but_not_what_is_assumed(make_config):
         assert corner.machine.body_mass == pytest.approx(factor * config.machine.body_mass)
         assert corner.machine.weight == pytest.approx(factor * config.machine.weight)
         assert [leg.length_1 for leg in legs] == [leg.length_1 for leg in nominal]
+
+
+def test_masses_that_no_plan_allows_are_undecided(make_config):
+    config = make_config("scenario=quadruped", "terrain.stiffness=200")
+    corners = judge_corners(config, 0.9, lambda corner: Judged(HOLDS, 0.9, make_scenario(corner).setup.lead, ()))
+    assert [corner.judgement.verdict for corner in corners] == [HOLDS, UNDECIDED] * 2
+    assert "gait.lift=0.1: must be at least" in corners[1].describe()
 
 
 @pytest.mark.parametrize(
