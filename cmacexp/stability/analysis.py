@@ -131,6 +131,16 @@ def choose_samples(support: Any) -> dict[str, int]:
     }
 
 
+def read_learning(run: StoredRun) -> Config:
+    """The config of a run; of a lead that it estimated, with the last estimate.
+
+    Raises:
+        BadRun: it cannot be read.
+    """
+    config = read_config(run)
+    return with_lead(config, int(run.manifest["learning_lead"])) if config.learning.lead == "estimate" else config
+
+
 def analyse(run: StoredRun) -> Analysis:
     """Linearise the loop of a stored run, and compare its prediction with the measurement.
 
@@ -141,7 +151,7 @@ def analyse(run: StoredRun) -> Analysis:
         BadRun: the run cannot be read, or is too short.
         NotPredictable: it does not learn, or its loop cannot be linearised.
     """
-    config = read_config(run)
+    config = read_learning(run)
     guarded = next((event["cycle"] for event in run.manifest.get("guard", [])), 0)
     enough = min(config.cycles, MAX_CYCLES_OF_OTHER_LEADS)
     sizes: Sequence[float] | Array = change_sizes(config, enough) if guarded else read_changes(run, config.joints)

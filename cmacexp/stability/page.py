@@ -20,6 +20,7 @@ from cmacexp.report.parts import Section
 from cmacexp.report.render import Renderer
 from cmacexp.stability import figures
 from cmacexp.stability.analysis import LEADS, Analysis
+from cmacexp.stability.further import NOTHING, Further
 from cmacexp.stability.growth import with_lead
 from cmacexp.stability.mode import AFTER_LIFT_OFF
 from cmacexp.stability.verdict import HOLDS, Verdict, assess
@@ -97,7 +98,9 @@ def _tables(analysis: Analysis) -> "dict[str, Callable[[], DataFrame]]":
     }
 
 
-def write_stability_report(run: StoredRun, verdict: Verdict, analysis: Analysis | None, folder: Path) -> Path:
+def write_stability_report(
+    run: StoredRun, verdict: Verdict, analysis: Analysis | None, folder: Path, further: Further = NOTHING
+) -> Path:
     """Write verdict and page of a run into ``folder``; returns the HTML file.
 
     Args:
@@ -105,6 +108,7 @@ def write_stability_report(run: StoredRun, verdict: Verdict, analysis: Analysis 
         verdict: on its config.
         analysis: None where the loop cannot be linearised.
         folder: of the page.
+        further: what was asked for besides.
     """
     title = f"Stability of learning: {run.config['scenario']}, {run.folder.resolve().name}"
     asked: dict[str, Any] = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}}
@@ -115,21 +119,23 @@ def write_stability_report(run: StoredRun, verdict: Verdict, analysis: Analysis 
         inputs = [place.new / VERDICT]
         if analysis is not None:
             asked["cycle"] = analysis.own.place.calm
-            sections = _render(analysis, renderer)
+            sections = _render(analysis, further, renderer)
             summary = f"{summary} {conclude(analysis)}"
             inputs = [*inputs, run.folder / TRACE, *renderer.files]
         return write_report(Report(title, summary, sections, inputs, asked), place)
 
 
-def _render(analysis: Analysis, renderer: Renderer) -> list[Section]:
+def _render(analysis: Analysis, further: Further, renderer: Renderer) -> list[Section]:
     growth, measured, predicted = analysis.own.place, analysis.measured_mode.change, analysis.predicted_mode.change
     return render_markdown(
         Path(__file__).with_name("page.md"),
         "Does learning hold",
         renderer,
-        {draw.__name__: partial(draw, analysis) for draw in (figures.growth, figures.mode, figures.real_parts)},
-        _tables(analysis),
+        {draw.__name__: partial(draw, analysis) for draw in (figures.growth, figures.mode, figures.real_parts)}
+        | further.list_figures(),
+        _tables(analysis) | further.list_tables(),
         {
+            "further": further,
             "calm": growth.calm,
             "last": growth.last,
             "ahead": growth.last - growth.calm,

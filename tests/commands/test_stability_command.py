@@ -53,3 +53,21 @@ def test_what_does_not_learn_gets_a_verdict_alone(folder):
         str(page.relative_to(folder) / "report.html"),
     ]
     assert json.loads((page / "stability.json").read_text())["growth"] is None
+
+
+def test_leads_and_rates_are_mapped_and_corners_judged(folder):
+    asked = ("--leads", "0", "1", "--rates", "0.1", "--robust", "0.3", "--out", "page")
+    done = python("-m", "cmacexp.stability", "run", *asked, folder=folder)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert all(len(line) <= 80 for line in lines if line[:5].strip().lstrip("-").isdigit() or "stiffness" in line)
+    assert "Below 1 with lead 1 (rate 0.1, 0.1953)." in done.stdout
+    (own,) = [line.split() for line in lines if line.endswith("*")]
+    assert own[0] == "-2"
+    assert float(own[-2]) > 1.1
+    assert sum(line.startswith("stiffness x ") and ": grows (" in line for line in lines) == 4
+    assert "Of 4 corners learning holds in 0, grows in 4, is undecided in 0." in lines
+    page = (folder / "page" / "report.html").read_text()
+    assert "Other leads and rates" in page
+    assert "Margins" in page
+    assert (folder / "page" / "figures" / "growth_map.png").is_file()
