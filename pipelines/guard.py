@@ -1,12 +1,14 @@
 """The guard of learning: whether a run that learns can end worse than with feedback alone.
 
-``python -m pipelines.guard`` draws worlds and settings of one leg and of the quadruped by chance, and runs each by
-feedback alone, with guarded and with unguarded learning. One leg learns on for long with random settings.
+``python -m pipelines.guard`` (needs the extra ``robots``; its quick form goes without) draws worlds and settings of
+one leg, of the quadruped and of two robots by chance, and runs each by feedback alone, with guarded and with
+unguarded learning. One leg learns on for long with random settings.
 """
 
 from typing import Any
 
 from cmacexp.commands.study import main
+from cmacexp.models.robot_file import package_models
 from cmacexp.study import Finding, Request, Results, Study, at_least, grid
 from cmacexp.study.statements import percent
 from pipelines.guard_measures import (
@@ -24,10 +26,11 @@ from pipelines.guard_measures import (
     request_worlds,
     table_worlds,
 )
-from pipelines.guard_worlds import ONE_LEG, QUADRUPED, SCENARIOS, draw_settings
+from pipelines.guard_worlds import ALIENGO, GO1, ONE_LEG, QUADRUPED, SCENARIOS, draw_settings
 
-NUMBER, CYCLES = {ONE_LEG: 240, QUADRUPED: 480}, 100
+NUMBER = {ONE_LEG: 240, QUADRUPED: 480, GO1: 45, ALIENGO: 45}
 """Worlds that are drawn: in some feedback alone does not complete."""
+CYCLES = {ONE_LEG: 100, QUADRUPED: 100, GO1: 40, ALIENGO: 40}
 LASTING, LONG_NUMBER, LONG = "long", 100, 10_000
 """The part of the study in which one leg learns for long; its settings, and their cycles."""
 STEADY = 1.2
@@ -35,10 +38,17 @@ STEADY = 1.2
 
 
 def runs(quick: bool) -> list[Request]:
-    """Every world by feedback alone, guarded and unguarded; the long runs."""
+    """Every world by feedback alone, guarded and unguarded; the long runs.
+
+    Raises:
+        BadInput: the models of the robots are not installed; says how to install them.
+    """
     requests = []
     for machine, number in NUMBER.items():
-        requests += request_worlds(machine, QUICK_NUMBER if quick else number, QUICK if quick else CYCLES)
+        if not quick:
+            requests += request_worlds(machine, number, CYCLES[machine])
+        elif machine != ALIENGO and (machine != GO1 or package_models()):
+            requests += request_worlds(machine, QUICK_NUMBER, QUICK)
     cycles = 3 * QUICK if quick else LONG
     common = (*SCENARIOS[ONE_LEG], f"cycles={cycles}", f"record.cycles=[{cycles}]", "warn=false")
     for number in range(QUICK_NUMBER if quick else LONG_NUMBER):

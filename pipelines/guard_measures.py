@@ -1,4 +1,4 @@
-"""What the studies of the guard of learning run and measure: random worlds, by feedback alone beside learning."""
+"""What the study of the guard of learning runs and measures: random worlds, by feedback alone beside learning."""
 
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ ENOUGH = 0.95
 WORSE = 1.05
 """Error over that of feedback alone up to which it counts as no worse."""
 WORLDS = "worlds"
-"""The part of a study with random worlds."""
+"""The part of the study with random worlds."""
 QUICK_NUMBER, QUICK = 2, 4
 """Worlds and cycles of the quick form."""
 

@@ -240,7 +240,7 @@ def values(results: Results) -> dict[str, Any]:
 
 STUDY = Study(
     title="When learning holds",
-    question="What do frequency tests, the cycle map, a short simulation and the verdict say of random settings, and "
+    question="What do frequency tests, the cycle map, a short simulation and `stability` say of random settings, and "
     "are they right?",
     runs=runs,
     measures=MEASURES,
