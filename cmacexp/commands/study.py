@@ -11,6 +11,7 @@ from cmacexp.commands.command import COMPLETED, Parser, run_command
 from cmacexp.data.discovery import require_place
 from cmacexp.data.folder import HTML, replacing
 from cmacexp.data.manifest import REPORT
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.experiment.collect import Collected, collect
 from cmacexp.experiment.workers import workers
 from cmacexp.report.terminal import say
@@ -58,7 +59,19 @@ class Options:
         return [request.with_seed(seed) for request in requests for seed in (numbers if request.seeded else [0])]
 
 
-def _write(path: Path, requests: Sequence[Request], collected: Collected, options: Options) -> Written:
+def _measure(path: Path, folder: Path) -> dict[str, float]:
+    """Measures of one run of a study, by name."""
+    run = StoredRun(folder)
+    return {name: float(measure(run)) for name, measure in load_study(path).study.measures.items()}
+
+
+def _write(
+    path: Path,
+    requests: Sequence[Request],
+    collected: Collected,
+    measured: Mapping[Path, Mapping[str, float]],
+    options: Options,
+) -> Written:
     """Evaluate one study and write its own page."""
     file = load_study(path)
     study, folder = file.study, options.place(file.name)
@@ -69,7 +82,7 @@ def _write(path: Path, requests: Sequence[Request], collected: Collected, option
     for request in requests:
         run, choices = collected[request]
         found[run, repr(sorted(request.labels.items()))] = (run, request.labels, choices)
-    rows = [read_row(*each, keys, study.measures) for each in found.values()]
+    rows = [read_row(*each, keys, measured[each[0]]) for each in found.values()]
     results = Results(rows)
     results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
     runs = {run.folder: str(run.manifest["config_hash"]) for run in results.runs}
@@ -91,10 +104,12 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Written]
     with workers() as each:
         requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
         collected = collect(each, [r for own in requests.values() for r in own], options.folder / "runs")
-        items = [
-            (file.path, requests[file.name], {r: collected[r] for r in requests[file.name]}, options)
-            for file in files
-        ]
+        items = []
+        for file in files:
+            own = {request: collected[request] for request in requests[file.name]}
+            folders = list(dict.fromkeys(folder for folder, _ in own.values()))
+            measured = each("measuring", _measure, [(file.path, folder) for folder in folders])
+            items.append((file.path, requests[file.name], own, dict(zip(folders, measured, strict=True)), options))
         return each("evaluating", _write, items)
 
 

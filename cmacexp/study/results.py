@@ -41,12 +41,15 @@ class NoSuchRuns(ValueError):
 
 
 def read_row(
-    folder: Path, labels: Mapping[str, Any], options: Mapping[str, str], keys: Sequence[str], measures: Measures
+    folder: Path,
+    labels: Mapping[str, Any],
+    options: Mapping[str, str],
+    keys: Sequence[str],
+    measured: Mapping[str, float],
 ) -> Row:
-    """Read a run, and measure it."""
-    summary, run = read_summary(folder), StoredRun(folder)
+    """Read a run of which further measures are known."""
+    summary = read_summary(folder)
     settings = {**summary.config, **options, **labels}
-    measured = {name: float(measure(run)) for name, measure in measures.items()}
     return Row(summary, settings, {key: settings.get(key) for key in keys} | dict(labels), measured)
 
 
