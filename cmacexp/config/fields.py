@@ -66,7 +66,7 @@ def _within(value: float, metadata: dict[str, Any]) -> bool:
 
 
 def _is_allowed(item: object, metadata: dict[str, Any]) -> bool:
-    """Whether a number or word is; numbers of samples are whole."""
+    """Whether a number or word is allowed; numbers of samples are whole."""
     if isinstance(item, str):
         return not metadata["words"] or item in metadata["words"]
     if not isinstance(item, int | float) or isinstance(item, bool):

@@ -62,13 +62,12 @@ def _read_number(root: DictConfig, key: str, least: float = 1e-9) -> float:
 
 def _read_lateness(root: DictConfig) -> Lateness:
     """Of the velocity feedback, by actuator and sensors; custom sensors may lack these fields."""
-    stages = []
-    for stage in ("actuator", "sensors.velocity"):
-        node = OmegaConf.select(root, stage)
-        keys = [f"{stage}.{name}" if name in node else "" for name in ("delay", "lag")] if node else ["", ""]
-        delay, lag = (_read_number(root, key, least=0.0) if key else 0.0 for key in keys)
-        stages.append((round(delay), lag))
-    return add_up(*stages)
+
+    def read(key: str) -> float:
+        return 0.0 if OmegaConf.select(root, key) is None else _read_number(root, key, least=0.0)
+
+    stages = ("actuator", "sensors.velocity")
+    return add_up(*((round(read(f"{stage}.delay")), read(f"{stage}.lag")) for stage in stages))
 
 
 def _read_machine(root: DictConfig) -> RobotModel:

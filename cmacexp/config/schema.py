@@ -13,7 +13,8 @@ from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.machine import HAS_BODY, BodyMachine, RobotMachine
 from cmacexp.models.robot_legs import JOINTS
 
-GUARDS = ("none", "freeze", "refine")
+NONE, FREEZE, REFINE = GUARDS = ("none", "freeze", "refine")
+AUTO, ESTIMATE = "auto", "estimate"
 LEARNS = ("option.feedforward not in ('none', 'inverse_dynamics')",)
 """What fields of learning need beside :data:`ACTS`."""
 DRAWS = (
@@ -98,13 +99,14 @@ class LearningConfig:
 
     rule: str = field(kw_only=True, metadata={"needs": LEARNS})
     """One of cmacexp/cmac/rules.py; each but the paper's has its strength in a field below."""
-    rate: float | str = number("", above=0, below=2, words=("auto",), needs=LEARNS)
+    rate: float | str = number("", above=0, below=2, words=(AUTO,), needs=LEARNS)
     """Fraction of the error that a step corrects, beta; 50/256 in the paper; auto: that over 2 x lead - 1."""
-    lead: int | float | str = number("samples", at_least=-100, at_most=100, words=("auto", "estimate"), needs=LEARNS)
+    lead: int | float | str = number("samples", at_least=-100, at_most=100, words=(AUTO, ESTIMATE), needs=LEARNS)
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback, as
     actuator and sensors declare them; estimate: as a small torque shows them before learning."""
     guard: str = choice(*GUARDS, needs=LEARNS)
-    """What happens when learning does harm: nothing; the torque of the best cycle is repeated; and then improved."""
+    """What happens when learning does harm: nothing; the torque of the best cycle is repeated; or it is repeated and
+    improved once a cycle, by the paper's rule."""
     start_cycle: int = number("", at_least=1, at_most=10**9)
     """First cycle in which the feedforward learns and acts; with a guard the second at least."""
     start_from: str | None = field(kw_only=True, metadata={"needs": LEARNS})

@@ -145,9 +145,9 @@ BODY_SIGNALS = (
 )
 """Of ``body.parquet``: one row per step."""
 
-REPEATED, FEEDBACK_ALONE = 1, 2
+LEARNS, REPEATED, FEEDBACK_ALONE = range(3)
 GUARD_STATES = (
-    f"0 learning goes on, {REPEATED} the torque of the best cycle acts, {FEEDBACK_ALONE} feedback alone acts"
+    f"{LEARNS} learning goes on, {REPEATED} the torque of the best cycle acts, {FEEDBACK_ALONE} feedback alone acts"
 )
 MEMORY_SIGNALS = (
     Signal("cycle", "", "gait cycle, from 1", CLOCK, pa.int32()),

@@ -11,6 +11,7 @@ from cmacexp.cmac.rules import NEIGHBOURS, PAPER, make_rule
 from cmacexp.cmac.spread import spread_shares
 from cmacexp.cmac.use import MemoryUse
 from cmacexp.config import ComponentConfig, FeedforwardConfig
+from cmacexp.config.schema import REFINE
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.kernels import (
     CMAC,
@@ -93,7 +94,7 @@ def _learning(setup: Setup, cells: Cells, activation: Array, binary: bool) -> Le
     """How a network of these cells and activations (N, L, C) learns; ``binary``: two joints, activations of 1."""
     config = setup.config.learning
     rule = make_rule(config, activation)
-    cycle_rate = setup.rate / kernel_norm(cells, activation) if config.guard == "refine" else 0.0
+    cycle_rate = setup.rate / kernel_norm(cells, activation) if config.guard == REFINE else 0.0
     params = LearningParams(
         setup.rate, setup.lead, rule, rule == PAPER and binary, setup.plan.start_step, cycle_rate=cycle_rate
     )

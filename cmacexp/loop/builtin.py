@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cmacexp.config.schema import ESTIMATE, NONE, REFINE
 from cmacexp.control import HybridController
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.hybrid_kernels import new_hybrid_state
@@ -9,7 +10,8 @@ from cmacexp.errors import BadInput
 from cmacexp.feedforward.kernels import TABLE
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.loop.external import External
-from cmacexp.loop.guard import NONE, REFINE, Guard, new_guard
+from cmacexp.loop.guard import Guard, new_guard
+from cmacexp.loop.probe import FIRST_LEARNING
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import Loop, Torques
 from cmacexp.loop.stop import StopLimits
@@ -19,6 +21,7 @@ from cmacexp.sensors import PerfectSensors, RealSensors
 from cmacexp.sensors.channel import Sensing
 from cmacexp.sensors.kernels import Observation, new_observation
 
+BUILT_IN = "needs feedforward=cmac, rbf or ilc, and the built-in controller"
 ALL_EXTERNAL = External(plant=True, sensors=True, controller=True, feedforward=False)
 
 
@@ -51,27 +54,29 @@ def make_guard(scenario: Scenario, external: External) -> Guard | None:
 
     Raises:
         BadInput: it is to improve the torque of a feedforward whose weights it does not know, or to estimate the lead
-            of one whose lead it cannot set.
+            of one whose lead it cannot set, or in a run that ends before.
     """
     setup, feedforward = scenario.setup, scenario.feedforward
-    mode, rows = setup.config.learning.guard, (setup.mechanism.shape[0], 0)
-    estimates = setup.config.learning.lead == "estimate"
+    config, mode, (legs, joints) = setup.config, setup.config.learning.guard, setup.mechanism.shape
+    estimates, weights = config.learning.lead == ESTIMATE, np.zeros((legs, 0, joints))
     known = isinstance(feedforward, BuiltInFeedforward) and not (external.controller or external.feedforward)
-    if not feedforward.acts:
+    if not feedforward.acts or (isinstance(feedforward, BuiltInFeedforward) and feedforward.params.kind == TABLE):
         return None
-    if isinstance(feedforward, BuiltInFeedforward):
-        if feedforward.params.kind == TABLE:
-            return None
-        rows = feedforward.params.log.rows.shape
-    if estimates and (mode == NONE or not known):
-        needs = "needs learning.guard=freeze or refine" if mode == NONE else "needs a built-in network and controller"
-        raise BadInput("learning.lead", "estimate", f"{needs}; use that, or auto")
+    if estimates and mode == NONE:
+        raise BadInput("learning.lead", ESTIMATE, "needs learning.guard=freeze or refine; use that, or auto")
+    if estimates and not known:
+        raise BadInput("learning.lead", ESTIMATE, f"{BUILT_IN}; use that, or auto")
+    if estimates and config.cycles < FIRST_LEARNING:
+        least = f"must be at least {FIRST_LEARNING} with learning.lead=estimate, which learns from that cycle on"
+        raise BadInput("cycles", config.cycles, f"{least}; use that, or learning.lead=auto")
     if mode == NONE:
         return None
     if mode == REFINE and not known:
-        raise BadInput("learning.guard", mode, "needs a built-in network and controller; use freeze")
-    seed = setup.config.seed if estimates else None
-    return new_guard(mode, setup.mechanism, setup.plan, rows if known else (rows[0], 0), seed)
+        raise BadInput("learning.guard", mode, f"{BUILT_IN}; use that, or freeze")
+    if known and isinstance(feedforward, BuiltInFeedforward):
+        rows = feedforward.params.log.rows
+        weights = np.stack([own[used] for own, used in zip(feedforward.params.weights, rows, strict=True)])
+    return new_guard(mode, setup.mechanism, setup.plan, weights, config.seed if estimates else None)
 
 
 def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard: Guard | None = None) -> Loop:

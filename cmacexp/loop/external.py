@@ -5,8 +5,7 @@ Resuming that costs a tenth of a microsecond, calling a program some 10: numba u
 A component owns its inputs: it may keep them, and nothing that it writes into them reaches the loop.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import repeat
 from typing import Any, NamedTuple
@@ -27,7 +26,7 @@ from cmacexp.loop.validation import require_finite, take, take_action, take_meas
 from cmacexp.planning.columns import ACTING, BEFORE, Y
 from cmacexp.planning.setup import Reference
 from cmacexp.plants.protocol import STATE, Measurement, get_state
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Weights
 
 MOST_TOGETHER = 512
 """Steps whose inputs are allocated together."""
@@ -133,25 +132,22 @@ class ExternalDriver:
         self.progress[TAKEN], self.body_samples = 0, body_samples
         inputs, progress = self._make_inputs(len(samples)), self.progress
         calls = (self._measure, self._act, self._predict, self._step)
-        with self._keeping_best():
-            for method, row in coroutine_loop(self.loop, inputs, progress, self.start, samples, body_samples):
-                calls[method](row)
+        weights = self._weights_before()
+        for method, row in coroutine_loop(self.loop, inputs, progress, self.start, samples, body_samples):
+            calls[method](row)
+        if weights is not None and self.loop.guard is not None:
+            kept, best = self.scenario.kept, int(self.loop.guard.counts[BEST_CYCLE])
+            if best not in kept:
+                self.scenario.kept = {0: kept.get(0, weights), best: weights}
         if progress[NOT_FINITE] != NO_METHOD:
             self._require_finite(int(progress[NOT_FINITE]))
         return int(progress[STOP])
 
-    @contextmanager
-    def _keeping_best(self) -> Iterator[None]:
-        """Keep the weights of an external feedforward at the end of the best cycle, during the next steps."""
-        guard, feedforward, kept = self.loop.guard, self.feedforward, self.scenario.kept
+    def _weights_before(self) -> Weights | None:
+        """Weights of an external feedforward at the start of a cycle: a guard may find them the best so far."""
         asked = self.scenario.setup.config.record.weights and self.loop.feedforward is None
-        if guard is None or not (asked and isinstance(feedforward, Learns)) or self.start % self.period:
-            yield
-            return
-        weights = feedforward.learnt()
-        yield
-        if (best := int(guard.counts[BEST_CYCLE])) not in kept:
-            self.scenario.kept = {0: kept.get(0, weights), best: weights}
+        starts = asked and self.loop.guard is not None and self.start % self.period == 0
+        return self.feedforward.learnt() if starts and isinstance(self.feedforward, Learns) else None
 
     def _make_inputs(self, steps: int) -> Inputs:
         """Arrays for the inputs of external components in the next steps, and one view of them per step."""

@@ -1,9 +1,10 @@
 """The guard of learning: no run ends worse than with feedback alone because it learnt.
 
 The guard compares every cycle with one of feedback alone, by two root mean squares: that of the effort (the learning
-error, J^T U) and that of the error of feet and body. Its level is the sum of both over those of feedback alone, which
-has the level 2. It keeps the feedforward torque of the best cycle; when learning does harm, that torque is repeated.
-If this does not help either, feedback goes on alone.
+error, J^T U) and that of the error of feet and body. The level of a cycle is the geometric mean of their ratios to
+those of feedback alone, which has the level 1. The guard keeps the feedforward torque of the best cycle; when
+learning does harm, that torque is repeated. If this does not help either, feedback goes on alone. The last cycle of a
+run is not judged.
 """
 
 import math
@@ -11,15 +12,15 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from cmacexp.config.schema import GUARDS
+from cmacexp.config.schema import REFINE
 from cmacexp.control.hybrid_kernels import HybridState
 from cmacexp.feedforward.kernels import FeedforwardParams, correct
 from cmacexp.jit.compiler import kernel, kernel_apart
 from cmacexp.loop.probe import (
+    CYCLES_LEFT,
     DONE,
     LEARN_AGAIN,
-    LEFT,
-    MOST,
+    MOST_PROBES,
     PROBED,
     WAITING,
     Probe,
@@ -35,7 +36,6 @@ from cmacexp.planning.plan import Plan
 from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import CLOCK, Array, Clock, Counts, Mask, Scratch
 
-NONE, FREEZE, REFINE = GUARDS
 WATCHING, LEARNING, HOLDING, REFINING, ALONE = range(5)
 """Phases: feedback alone before learning; learning; the best torque repeated; that improved once a cycle; feedback
 alone since nothing else held."""
@@ -55,8 +55,6 @@ EFFORT, ERROR, MOTION, EFFORT_ALONE, ERROR_ALONE, MOTION_PLANNED, LAST, BEST, LO
 of the last cycle over that of feedback alone; level of the best cycle; lowest mean level."""
 EFFORT_LIMIT, SPEED_LIMIT, TILT_LIMIT = range(3)
 """Limits of one step, as squares: of the effort, the joint velocities and the tilt of the body."""
-LEVEL_ALONE = 1.0
-"""Level of feedback alone."""
 HIGHEST = (3.0, 1.3, 1.4)
 """Ratios of these limits to the peaks with feedback alone."""
 HIGHEST_EFFORT = 2.0
@@ -69,7 +67,8 @@ RISE = 1.2
 BETTER = 0.98
 """Ratio to the level of the best cycle below which a cycle becomes the best one: most cycles copy nothing."""
 TINY = 1e-300
-FALLS = 0.95
+"""Is added to divisors that may be 0."""
+STILL_FALLS = 0.95
 """Ratio to the error of the last cycle up to which an error above that of feedback alone still falls."""
 MOST_EVENTS = 8
 
@@ -98,7 +97,7 @@ class Guard(NamedTuple):
     output: Scratch
     """(J,): of one network, N m."""
     weights: Clock
-    """(L, M, J): weights in use at the end of the best cycle, in the order of the log of weights."""
+    """(L, M, J): weights in use at the end of the best cycle, at first those of the start, as in their log."""
     probe: Probe
     """Of how late feedback is, before learning and after each retreat."""
     events: Clock
@@ -124,14 +123,14 @@ def read_events(guard: Guard | None) -> list[Event]:
     return [Event(int(step) // samples + 1, int(step), CAUSES[int(cause)], int(cycle)) for step, cause, cycle in rows]
 
 
-def new_guard(mode: str, mechanism: Mechanism, plan: Plan, log: tuple[int, ...], probe_seed: int | None) -> Guard:
+def new_guard(mode: str, mechanism: Mechanism, plan: Plan, weights: Array, probe_seed: int | None) -> Guard:
     """A guard at the start of a run.
 
     Args:
-        mode: one of GUARDS but ``none``.
+        mode: ``freeze`` or ``refine``.
         mechanism: of the run.
         plan: of the run.
-        log: (L, M): shape of the rows of weights in use.
+        weights: (L, M, J): in use at the start, in the order of the log of weights.
         probe_seed: of the torque that probes how late feedback is; None: nothing probes it.
     """
     shape, samples = mechanism.shape, len(plan.support)
@@ -141,7 +140,7 @@ def new_guard(mode: str, mechanism: Mechanism, plan: Plan, log: tuple[int, ...],
     limits[SPEED_LIMIT] = HIGHEST[SPEED_LIMIT] ** 2 * motion.max()
     lever = 0.5 * float((mechanism.hips**2).sum()) if has_body(mechanism) else 0.0
     values = np.zeros(9)
-    values[[MOTION_PLANNED, BEST, LOWEST]] = motion.sum(), LEVEL_ALONE, math.inf
+    values[[MOTION_PLANNED, BEST, LOWEST]] = motion.sum(), 1.0, math.inf
     return Guard(
         mode == REFINE,
         plan.start_step,
@@ -153,7 +152,7 @@ def new_guard(mode: str, mechanism: Mechanism, plan: Plan, log: tuple[int, ...],
         np.zeros((2, samples, *shape)),
         np.zeros((samples if mode == REFINE else 0, *shape)),
         np.zeros(shape[1]),
-        np.zeros((*log, shape[1])),
+        weights,
         new_probe(0 if probe_seed is None else samples, shape, probe_seed or 0),
         np.zeros((MOST_EVENTS, 3)),
     )
@@ -171,12 +170,6 @@ def lets_act(guard: Guard | None, start_step: int, step: int) -> bool:
 def lets_learn(guard: Guard | None) -> bool:
     """Whether the feedforward itself learns and gives the torque, where it acts."""
     return guard is None or guard.counts[PHASE] == LEARNING
-
-
-@kernel
-def has_learnt(guard: Guard | None) -> bool:
-    """Whether learning has begun, and perhaps ended."""
-    return guard is None or guard.counts[PHASE] > WATCHING
 
 
 @kernel
@@ -236,8 +229,8 @@ def copy_slot(torque: Array, slot: int) -> None:
 
 
 @kernel_apart
-def exchange(params: FeedforwardParams | None, kept: Array, keep: bool, share: float = 1.0) -> None:
-    """Copy the weights in use to ``kept`` (L, M, J), or a ``share`` of those kept from there."""
+def exchange(params: FeedforwardParams | None, kept: Array, keep: bool) -> None:
+    """Copy the weights in use to ``kept`` (L, M, J), or back from there."""
     if params is not None and kept.shape[1] > 0:
         for i in range(kept.shape[0]):
             for m in range(params.log.used[i]):
@@ -246,7 +239,7 @@ def exchange(params: FeedforwardParams | None, kept: Array, keep: bool, share: f
                     if keep:
                         kept[i, m, o] = params.weights[i, row, o]
                     else:
-                        params.weights[i, row, o] = share * kept[i, m, o]
+                        params.weights[i, row, o] = kept[i, m, o]
 
 
 @kernel_apart
@@ -262,11 +255,11 @@ def retreat(guard: Guard, params: FeedforwardParams | None, step: int, cause: in
         copy_slot(guard.torque, counts[SLOT])
     else:
         counts[PHASE] = HOLDING if counts[BEST_CYCLE] > 0 else ALONE
-    exchange(params, guard.weights, False, 1.0 if counts[BEST_CYCLE] > 0 else 0.0)
+    exchange(params, guard.weights, False)
     counts[SETTLING], counts[LEARNT] = 2, 0
     values[LOWEST] = math.inf
-    if 0 < guard.probe.counts[PROBED] < MOST:
-        guard.probe.counts[LEFT] = WAITING
+    probed = guard.probe.counts[PROBED]
+    guard.probe.counts[CYCLES_LEFT] = WAITING if 0 < probed < MOST_PROBES and cause != CHATTER else DONE
     if counts[EVENTS] < guard.events.shape[0]:
         event = guard.events[counts[EVENTS]]
         event[0], event[1], event[2] = step, cause, counts[BEST_CYCLE]
@@ -304,7 +297,7 @@ def chatters(values: Array) -> bool:
 
 @kernel_apart
 def learn_from_now_on(guard: Guard) -> None:
-    """Learn, from the weights of the best cycle, whose torque stays in its slot."""
+    """Learn, from the weights of the best cycle, in the slot that does not hold its torque."""
     counts, probe = guard.counts, guard.probe
     if counts[PHASE] != WATCHING:
         counts[SLOT] = 1 - counts[SLOT]
@@ -315,7 +308,7 @@ def learn_from_now_on(guard: Guard) -> None:
 def judge(guard: Guard, params: FeedforwardParams | None, step: int) -> None:
     """Judge the cycle that has ended before ``step``."""
     counts, values, probe = guard.counts, guard.values, guard.probe
-    if probe.counts[LEFT] > DONE:
+    if probe.counts[CYCLES_LEFT] > DONE:
         return
     if counts[PHASE] == WATCHING:
         if probe.counts[PROBED] == 0:
@@ -324,7 +317,7 @@ def judge(guard: Guard, params: FeedforwardParams | None, step: int) -> None:
             retreat(guard, params, step, CHATTER)
         elif counts[CYCLE] > 1 and begin_probe(probe, values[EFFORT_ALONE]):
             return
-        elif probe.counts[LEFT] == DONE and step >= guard.start_step:
+        elif probe.counts[CYCLES_LEFT] == DONE and step >= guard.start_step:
             learn_from_now_on(guard)
     elif probe.counts[LEARN_AGAIN] != 0:
         learn_from_now_on(guard)
@@ -344,7 +337,7 @@ def judge(guard: Guard, params: FeedforwardParams | None, step: int) -> None:
                 counts[SLOT] = 1 - counts[SLOT]
             else:
                 copy_slot(guard.torque, counts[SLOT])
-        elif not first and (effort > HIGHEST_EFFORT or error > max(1.0, FALLS * values[LAST])):
+        elif not first and (effort > HIGHEST_EFFORT or error > max(1.0, STILL_FALLS * values[LAST])):
             retreat(guard, params, step, WORSE)
         elif drifts and counts[PHASE] != HOLDING:
             retreat(guard, params, step, DRIFT)
@@ -364,15 +357,15 @@ def needs_judging(guard: Guard, sample: int) -> bool:
 @kernel_apart
 def begin_step(guard: Guard, params: FeedforwardParams | None, step: int, sample: int) -> None:
     """End learning at once after a step beyond the limits; at the start of a cycle judge the last one."""
-    counts, values = guard.counts, guard.values
+    counts, values, probes = guard.counts, guard.values, guard.probe.counts[CYCLES_LEFT] != DONE
     if counts[ALARM] != 0:
         counts[ALARM] = 0
-        if counts[PHASE] == LEARNING or (counts[PHASE] == REFINING and counts[SETTLING] == 0):
+        if counts[PHASE] == LEARNING or (counts[PHASE] == REFINING and counts[SETTLING] == 0 and not probes):
             retreat(guard, params, step, PEAK)
     if sample == 0:
         if counts[STEPS] == guard.torque.shape[1]:
             judge(guard, params, step)
-            if counts[PHASE] == REFINING and counts[SETTLING] == 0 and guard.probe.counts[LEFT] <= DONE:
+            if counts[PHASE] == REFINING and counts[SETTLING] == 0 and guard.probe.counts[CYCLES_LEFT] == DONE:
                 correct(params, guard.errors, guard.output, guard.torque[counts[SLOT]])
         counts[STEPS], counts[CYCLE] = 0, counts[CYCLE] + 1
         values[EFFORT], values[ERROR], values[MOTION] = 0.0, 0.0, 0.0

@@ -4,12 +4,14 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from cmacexp.config import Config
-from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, REPEATED
+from cmacexp.config.schema import ESTIMATE
+from cmacexp.data.signals import ARRAYS, FEEDBACK_ALONE, LEARNS, REPEATED
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
@@ -179,7 +181,7 @@ class _Stream:
 
     def _most_steps(self) -> int:
         """Steps of the next call of the driver; a lead can be taken over only at the start of a cycle."""
-        if self.config.learning.lead != "estimate":
+        if self.config.learning.lead != ESTIMATE:
             return self.together
         return min(self.together, self.config.steps_per_cycle - self.driver.taken % self.config.steps_per_cycle)
 
@@ -188,13 +190,17 @@ class _Stream:
         params = self.driver.loop.feedforward
         if self.guard is None or params is None or len(self.estimates) == self.guard.probe.counts[PROBED]:
             return
-        lead, learning = estimate_lead(self.guard.probe), params.learning
+        learning = params.learning
+        lead = estimate_lead(self.guard.probe) or learning.lead
         if self.estimates:  # too short a lead does harm more often than one that is too long
             lead = max(lead, learning.lead + 1)
-        self.rate = resolve_rate(self.config, Lateness(max(0, lead - 1)), lead)
+        self.rate = resolve_rate(self.config, Lateness(lead - 1), lead)
         self.guard.probe.counts[LEARN_AGAIN] = 1
         learning = learning._replace(
-            lead=lead, rate=self.rate, cycle_rate=learning.cycle_rate * self.rate / learning.rate
+            lead=lead,
+            rate=self.rate,
+            cycle_rate=learning.cycle_rate * self.rate / learning.rate,
+            start_step=self.driver.taken,
         )
         self.driver.loop = self.driver.loop._replace(feedforward=params._replace(learning=learning))
         self.estimates.append(LeadEstimate(self.driver.taken // self.config.steps_per_cycle + 1, lead))
@@ -214,8 +220,12 @@ class _Stream:
     def _guard_states(self, start: int, shape: tuple[int, int]) -> Array:
         """States of the guard of learning at the end of the cycles from step ``start`` on; ``shape`` (cycles, L)."""
         cycles, states = start // self.config.steps_per_cycle + 1 + np.arange(shape[0]), np.zeros(shape)
-        for event in read_events(self.guard):
-            states[cycles >= event.cycle] = REPEATED if event.restored else FEEDBACK_ALONE
+        changes = [(estimate.cycle, LEARNS) for estimate in self.estimates]
+        changes += [
+            (event.cycle, REPEATED if event.restored else FEEDBACK_ALONE) for event in read_events(self.guard)
+        ]
+        for cycle, state in sorted(changes, key=itemgetter(0)):
+            states[cycles >= cycle] = state
         return states
 
 

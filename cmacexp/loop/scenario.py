@@ -9,6 +9,7 @@ import numpy as np
 from cmacexp.cmac.rules import derive_rate, find_rule
 from cmacexp.config import Config
 from cmacexp.config.machine import PointMassMachine
+from cmacexp.config.schema import AUTO, NONE
 from cmacexp.control import Controller
 from cmacexp.data.weights import read_weights
 from cmacexp.errors import BadInput, CmacexpError
@@ -25,7 +26,7 @@ from cmacexp.plants.protocol import STATE, get_state, new_measurement
 from cmacexp.sensors import Sensors
 from cmacexp.typing import Array, Weights
 
-STABLE_SHARE = 0.3
+GUARDED_SHARE = 0.3
 """Of its critical gain, learning that is guarded has at most."""
 
 
@@ -87,10 +88,10 @@ def resolve_rate(config: Config, late: Lateness, lead: int) -> float:
     Neighbouring samples share weights: within a cycle learning is a sampled integrator behind the lateness of the
     feedback. Above its critical gain it escapes in a few samples, too few to return.
     """
-    rate = derive_rate(lead) if config.learning.rate == "auto" else float(config.learning.rate)
-    if config.learning.guard == "none":
+    rate = derive_rate(lead) if config.learning.rate == AUTO else float(config.learning.rate)
+    if config.learning.guard == NONE:
         return rate
-    return min(rate, STABLE_SHARE * Lateness(late.delay + 1, late.lags).find_critical_gain(config.sampling_period))
+    return min(rate, GUARDED_SHARE * Lateness(late.delay + 1, late.lags).find_critical_gain(config.sampling_period))
 
 
 def _start(config: Config, plan: Plan, joints: int) -> Array:

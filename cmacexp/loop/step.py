@@ -14,7 +14,7 @@ from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_fee
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.feedforward.weight_log import log_cycle
 from cmacexp.jit.compiler import kernel
-from cmacexp.loop.guard import Guard, begin_step, has_learnt, lets_act, lets_learn, needs_judging, take_torque, watch
+from cmacexp.loop.guard import Guard, begin_step, lets_act, lets_learn, needs_judging, take_torque, watch
 from cmacexp.loop.samples import write_samples as commit
 from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, stop_reason
 from cmacexp.models.mechanism import Mechanism, update_geometry
@@ -155,7 +155,7 @@ def predict(
     if params is not None:
         if lets_learn(guard):
             feedforward_step(params, step, sample, error, torque)
-        elif sample == 0 and has_learnt(guard):
+        elif sample == 0:
             log_cycle(params.log, params.weights)
 
 

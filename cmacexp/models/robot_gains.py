@@ -32,9 +32,9 @@ HEIGHT_OF_LINKS = 0.7
 """Height of the hips over the length of the stretched leg."""
 PERIODS = ((0.001, 0.004), (0.002, 0.017), (0.004, 0.02))
 """Sampling periods, s, each with the least m_f/m of the robots that walked with it."""
-NONE = Lateness()
 RECOMMENDED = PERIODS[:2]
 """Those at which robots walk as well as with a shorter one."""
+NONE = Lateness()
 LATE_MARGIN = 1.3
 """What late feedback asks of m_f/m besides; with 1.22 on B2, and 1.06 on Spot, learning diverges."""
 
@@ -118,7 +118,7 @@ def recommend_period(ratio: float, lateness: Lateness = NONE) -> float:
     for period, least in (*reversed(RECOMMENDED), *itertools.islice(shorter, 36)):
         if ratio * choose_feedback(lateness, period) > margin * least:
             return period
-    allowed = "cannot follow by rule, feedback lags too much for feet so light: set it and the gains, or other lags"
+    allowed = "none suits feet so light with these lags: set sampling_period and the gains, or reduce the lags"
     raise BadInput("sampling_period", "by rule", allowed)
 
 

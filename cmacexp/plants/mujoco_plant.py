@@ -164,7 +164,7 @@ class MujocoPlant:
     def hold(self) -> Array:
         """Remember this step as the one that :meth:`put` returns to; its state, (n,).
 
-        That are positions and velocities, and where feet stick; on a floating trunk all are relative to its place.
+        It contains positions, velocities, and where feet stick; on a floating trunk all are relative to its place.
         """
         kind = self.mujoco.mjtState.mjSTATE_INTEGRATION
         whole = np.empty(self.mujoco.mj_stateSize(self.model, kind))

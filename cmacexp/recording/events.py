@@ -52,7 +52,7 @@ def find_events(view: RunView) -> list[Event]:
     for leg in view.legs:
         found += _contacts(view, leg)
     found += [
-        Event(int(np.searchsorted(view.step, event["step"])), format_event(event))
+        Event(int(np.searchsorted(view.step, event["step"])), f"guard of learning: {format_event(event)}")
         for event in view.manifest.get("guard", ())
         if view.step[0] <= event["step"] <= view.step[-1]
     ]

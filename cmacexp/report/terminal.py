@@ -145,7 +145,7 @@ def _print_notes(result: StoredRun) -> None:
     if drift := describe_drift(result):
         say(drift)
     if guarded := describe_guard(manifest):
-        say(guarded)
+        say(f"guard of learning: {guarded}")
     for name in ("lead", "rate"):
         given, taken = manifest["config"]["learning"][name], manifest.get(f"learning_{name}")
         if taken not in (None, given):

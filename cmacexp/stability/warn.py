@@ -4,8 +4,8 @@ import math
 from dataclasses import replace
 
 from cmacexp.config import Config
+from cmacexp.config.schema import NONE
 from cmacexp.loop.builtin import find_external
-from cmacexp.loop.guard import NONE
 from cmacexp.loop.scenario import Scenario, resolve_lead
 from cmacexp.report.terminal import activity
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput
 from cmacexp.experiment.run import run_scenario
 from cmacexp.feedforward.kernels import correct
@@ -17,6 +18,8 @@ DRIFTS = (*LASTING, "learning.lead=2", "cycles=60")
 """One sample too many."""
 ESCAPES = (*LASTING, "learning.rate=0.5", "learning.lead=0", "actuator.delay=2", "cycles=6")
 """Within the first cycle of learning."""
+CHATTERS = ("sensors=real", "sensors.velocity.delay=2", "actuator.delay=1", "cycles=14")
+"""Feedback alone is in a limit cycle."""
 
 
 class SlowToLearn:
@@ -180,10 +183,20 @@ def test_rises_are_counted_in_a_ring():
     assert count_rises(np.ones(WINDOW), 0) == 0
 
 
-def test_nothing_is_learnt_where_feedback_alone_chatters(make_config):
-    late = ("sensors=real", "sensors.velocity.delay=2", "actuator.delay=1", "cycles=6")
-    guarded = roll_out(make_scenario(make_config(*LASTING, *late)))
-    alone = roll_out(make_scenario(make_config(*LASTING, *late, "feedforward=none")))
+@pytest.mark.parametrize("lead", ["auto", "estimate"])
+def test_nothing_is_learnt_where_feedback_alone_chatters(make_config, lead):
+    guarded = roll_out(make_scenario(make_config(*LASTING, *CHATTERS, f"learning.lead={lead}")))
+    alone = roll_out(make_scenario(make_config(*LASTING, *CHATTERS, "feedforward=none")))
     ((cycle, _, cause, restored),) = guarded.events
     assert (cycle, cause, restored) == (2, CAUSES[CHATTER], 0)
     assert guarded.samples.tobytes() == alone.samples.tobytes()
+
+
+def test_weights_to_start_from_stay_where_nothing_is_learnt(tmp_path, make_config):
+    kept = ("record=trace", "record.weights=true")
+    run_scenario(make_config(*LASTING, "cycles=3", *kept), tmp_path / "start")
+    config = make_config(*LASTING, *CHATTERS, *kept, f"learning.start_from={tmp_path / 'start'}")
+    run_scenario(config, tmp_path / "run")
+    before, after = (np.load(tmp_path / run / WEIGHTS) for run in ("start", "run"))
+    assert before["weights"].any()
+    np.testing.assert_array_equal(after["weights"], before["weights"])

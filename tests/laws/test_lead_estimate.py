@@ -1,13 +1,17 @@
 """``learning.lead=estimate``: how late feedback is, from its response to a small torque."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cmacexp.errors import BadInput
 from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import roll_out
-from cmacexp.loop.probe import CYCLES, SHARE
+from cmacexp.data.signals import LEARNS, REPEATED
+from cmacexp.data.tables import MEMORY
+from cmacexp.loop.probe import CYCLES, FIRST_LEARNING, SHARE, estimate_lead, new_probe
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.metrics.guard import describe_guard
 
 ESTIMATED = ("scenario=one_leg", "learning=lasting", "learning.lead=estimate", "warn=false")
 LATE = {
@@ -39,14 +43,38 @@ def test_a_small_torque_probes_before_learning_and_nothing_of_it_stays(make_conf
     assert np.abs(probing).max() < 2.0 * SHARE * np.sqrt((effort**2).mean())
 
 
-def test_after_a_retreat_it_learns_again_with_a_longer_lead_from_the_best_cycle(make_config):
-    run = roll_out(make_scenario(make_config(*ESTIMATED, "actuator.delay=3", "cycles=70")))
-    (event,), (first, second) = run.events, run.estimates
+@pytest.mark.parametrize("guard", ["freeze", "refine"])
+def test_after_a_retreat_it_learns_again_with_a_longer_lead_from_the_best_cycle(make_config, guard):
+    delay = 3
+    late = (f"actuator.delay={delay}", "cycles=70")
+    run = roll_out(make_scenario(make_config(*ESTIMATED, f"learning.guard={guard}", *late)))
+    event, (first, second) = run.events[0], run.estimates[:2]
     assert (event.cycle + 2 + CYCLES, first.lead + 1) == (second.cycle - 1, second.lead)
     samples = len(run.plan.support)
-    effort = np.sqrt((run.columns()["tau_feedback_1"].reshape(-1, samples) ** 2).mean(axis=1))
+    torque, feedback = (run.columns()[f"tau_{name}_1"].reshape(-1, samples) for name in ("feedforward", "feedback"))
+    probing = torque[second.cycle - 1 - CYCLES : second.cycle - 1]
+    np.testing.assert_allclose(probing.mean(axis=0)[delay:], torque[event.restored - 1][delay:], atol=1e-12)
+    effort = np.sqrt((feedback**2).mean(axis=1))
     assert effort[second.cycle] < 1.2 * effort[event.restored - 1]
     assert effort[-1] < 0.5 * effort[1]
+
+
+def test_memory_shows_when_it_learns_again(tmp_path, make_config):
+    run = run_scenario(make_config(*ESTIMATED, "actuator.delay=3", "cycles=56", "record=trace"), tmp_path / "run")
+    (event,), (_, second) = run.manifest["guard"], run.manifest["lead_estimates"]
+    states = pd.read_parquet(run.folder / MEMORY)["guard"].to_numpy()
+    assert (states[event["cycle"] - 1 : second["cycle"] - 1] == REPEATED).all()
+    assert (states[second["cycle"] - 1 :] == LEARNS).all()
+    assert f"cycle {second['cycle']}: learns again with lead {second['lead']}" in describe_guard(run.manifest)
+
+
+def test_a_response_that_chance_could_give_is_no_estimate():
+    probe, random = new_probe(200, (1, 2), 0), np.random.default_rng(1)
+    noise = random.standard_normal(probe.response.shape)
+    probe.response[:] = noise
+    assert estimate_lead(probe) is None
+    probe.response[:] = noise - np.roll(probe.torque, 3, axis=0)
+    assert estimate_lead(probe) == 3
 
 
 def test_the_manifest_lists_the_estimates(tmp_path, make_config):
@@ -61,3 +89,8 @@ def test_the_manifest_lists_the_estimates(tmp_path, make_config):
 def test_what_cannot_take_an_estimate_is_refused_in_a_line(make_config, setting):
     with pytest.raises(BadInput, match=r"learning.lead=estimate: needs [^\n]*use that, or auto"):
         roll_out(make_scenario(make_config(*ESTIMATED, setting, "cycles=3")))
+
+
+def test_a_run_that_ends_before_the_estimate_is_refused_in_a_line(make_config):
+    with pytest.raises(BadInput, match=f"cycles=10: must be at least {FIRST_LEARNING} with learning.lead=estimate"):
+        roll_out(make_scenario(make_config(*ESTIMATED, "cycles=10")))
