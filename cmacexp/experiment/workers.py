@@ -83,7 +83,8 @@ def _end_with(process: int) -> None:
     Thread(target=watch, daemon=True).start()
 
 
-def _work_on(number: int, work: Callable[..., Any], item: tuple[Any, ...]) -> Any:
+def _work_on(shared: str, number: int, work: Callable[..., Any], item: tuple[Any, ...]) -> Any:
+    os.environ[VARIABLE] = shared  # of these items: a process that works on already has that of the last ones
     report = share_progress(number)
     result = work(*item)
     report(1.0)
@@ -106,7 +107,8 @@ def workers() -> Iterator[Each]:
         with shared_progress(what, lambda: len(items)):
             before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # is inherited: Ctrl-C reaches workers too
             try:
-                futures = [pool.submit(_work_on, number, work, item) for number, item in enumerate(items)]
+                shared = os.environ[VARIABLE]
+                futures = [pool.submit(_work_on, shared, number, work, item) for number, item in enumerate(items)]
             finally:
                 signal.signal(signal.SIGINT, before)
             for future in as_completed(futures):

@@ -1,6 +1,7 @@
 """Work that takes seconds shows that it goes on: in a terminal at once, in a log by a line now and then."""
 
 import io
+import os
 import sys
 import threading
 import time
@@ -11,7 +12,7 @@ import cmacexp
 from cmacexp.commands import main as command_line
 from cmacexp.commands.score import main as score
 from cmacexp.commands.verify import main as verify
-from cmacexp.experiment.workers import share_progress, shared_progress
+from cmacexp.experiment.workers import VARIABLE, share_progress, shared_progress, workers
 from cmacexp.report import terminal
 from cmacexp.report.terminal import activity, format_progress, progress
 
@@ -121,3 +122,9 @@ def test_work_of_other_processes_is_counted(monkeypatch):
         while "1/4 jobs (37.5 %)" not in screen.getvalue():
             time.sleep(0.01)
     share_progress(1)(0.5)  # nobody shows it
+
+
+def test_processes_that_work_on_report_to_who_shows_it_now():
+    with workers() as each:
+        first, second = (each(what, os.getenv, [(VARIABLE,)]) for what in ("looking", "running"))
+    assert first != second
