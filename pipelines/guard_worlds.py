@@ -102,7 +102,7 @@ def draw_settings(number: int) -> Sequence[str]:
     """Overrides of one leg that learns for long: gains, rate, lead, network, period, ground and step."""
     draw = Draw(ONE_LEG, 10**6 + number)
     gain, period = float(draw.log_between(50.0, 250.0)), draw.one_of(*PERIODS)
-    stiffness = float(draw.log_between(4.0, 60.0))
+    stiffness = float(draw.log_between(8.0, 100.0))
     elasticity = float(draw.log_between(0.1, 3.0)) / stiffness
     samples = 20 * round(float(draw.between(2.0, 4.0)) / period / 20)
     return (
