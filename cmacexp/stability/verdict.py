@@ -25,6 +25,7 @@ from cmacexp.stability.growth import (
     watch,
 )
 from cmacexp.stability.transfer import spectra_along
+from cmacexp.typing import Array
 
 HOLDS, GROWS, UNDECIDED = "holds", "grows", "undecided"
 MAX_CYCLES = 1000
@@ -73,6 +74,17 @@ class _Evidence(NamedTuple):
     least_real: float
 
 
+def compute_rise(levels: Array) -> tuple[float, float]:
+    """Level of the feedback at the end of the cycles of learning over its lowest there, and that lowest level.
+
+    Args:
+        levels: (n,), in these cycles alone; n at least WINDOW.
+    """
+    medians = np.median(sliding_window_view(levels, WINDOW), axis=1)
+    lowest = max(float(medians.min()), LEAST * float(levels.max()))
+    return float(medians[-1]) / lowest, lowest
+
+
 def assess(config: Config, prepared: Scenario | None = None, simulate: bool = True) -> Verdict:
     """Say whether the learning of a config holds.
 
@@ -104,9 +116,7 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
     if done < first + cycles:
         growth, cycle = _growth_before(config, scenario, history)
         return Verdict(GROWS, growth, lead, (f"The run ends in cycle {done + 1}.",), cycle)
-    levels = np.median(sliding_window_view(history.levels[first - 1 :], WINDOW), axis=1)
-    lowest = max(float(levels.min()), LEAST * max(history.levels))
-    risen = float(levels[-1]) / lowest
+    risen, lowest = compute_rise(np.array(history.levels[first - 1 :]))
     level = f"After {done} cycles without a guard the feedback is {risen:.3g} times its lowest level"
     if risen >= DRIFT_RATIO:
         growth, cycle = _growth_before(config, scenario, history)
