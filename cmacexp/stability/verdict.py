@@ -62,6 +62,12 @@ class Verdict(NamedTuple):
     """Sentences, with numbers and limits."""
     cycle: int = 0
     """Cycles done where the growth begins."""
+    ends: int = 0
+    """Cycle in which the run ends without a guard, 0: in none of those that were run."""
+
+    def describe(self) -> str:
+        """The verdict and its reasons, in one line."""
+        return f"{self.verdict}: {' '.join(self.reasons)}"
 
 
 class _Evidence(NamedTuple):
@@ -115,7 +121,7 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
     require_learning(loop)
     if done < first + cycles:
         growth, cycle = _growth_before(config, scenario, history)
-        return Verdict(GROWS, growth, lead, (f"The run ends in cycle {done + 1}.",), cycle)
+        return Verdict(GROWS, growth, lead, (f"The run ends in cycle {done + 1}.",), cycle, done + 1)
     risen, lowest = compute_rise(np.array(history.levels[first - 1 :]))
     level = f"After {done} cycles without a guard the feedback is {risen:.3g} times its lowest level"
     if risen >= DRIFT_RATIO:
