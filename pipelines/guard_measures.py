@@ -110,10 +110,10 @@ def never_worse(machine: str) -> Finding:
                 partial(no_worse, kind=GUARDED), at_least(ENOUGH), of=of,
             ),
         ],
-        yes=f"{machine}: guarded learning is not worse than nothing: {{value}} of the runs complete, {{values[1]}} "
-        "end no worse than feedback alone.",
-        no=f"{machine}: guarded learning can be worse than nothing: {{value}} of the runs complete, {{values[1]}} "
-        "end no worse than feedback alone.",
+        yes=f"{machine}: guarded learning is no worse than feedback alone: {{value}} of the runs complete, "
+        "{values[1]} end no worse.",
+        no=f"{machine}: guarded learning can be worse than feedback alone: {{value}} of the runs complete, "
+        "{values[1]} end no worse.",
     )  # fmt: skip
 
 

@@ -221,7 +221,7 @@ def values(results: Results) -> dict[str, Any]:
 
 STUDY = Study(
     title="Learning behind late feedback",
-    question="Do lead, rate, rule, size and path that serve with feedback on time serve with late feedback?",
+    question="Do the lead, rate, rule, size and path that suit feedback on time also suit late feedback?",
     runs=runs,
     findings=FINDINGS,
     figures={"auto": draw_rates},

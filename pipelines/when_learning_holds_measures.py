@@ -1,21 +1,21 @@
 """What the study of verdicts measures of one run: how it went, and what each criterion says of its config."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
+from cmacexp.config import Config
 from cmacexp.data.stored_run import StoredRun, read_config
 from cmacexp.loop.scenario import make_scenario, resolve_lead
-from cmacexp.metrics.drift import DRIFT_RATIO, LEAST
-from cmacexp.models.trend import WINDOW
+from cmacexp.metrics.drift import DRIFT_RATIO
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import GROWTH_CYCLES, MAX_CYCLES_BEFORE, SETTLING_CYCLES, fitted_growth
 from cmacexp.stability.transfer import Spectrum, spectra_along
-from cmacexp.stability.verdict import FREQUENCIES, GROWS, HOLDS, MAX_CYCLES, PLACES, UNDECIDED, assess
+from cmacexp.stability.verdict import FREQUENCIES, GROWS, HOLDS, MAX_CYCLES, PLACES, UNDECIDED, assess, compute_rise
 from cmacexp.study.results import Measures
 from cmacexp.typing import Array
 
@@ -53,7 +53,8 @@ class Outcome(NamedTuple):
     """Lead below that of ``learning.lead=auto``, samples."""
 
 
-NOTHING = Outcome(0.0, *[float("nan")] * (len(Outcome._fields) - 1))
+REALS = [f"real_{place}" for place in range(PLACES)]
+"""Names of the least Re z^l T over frequency at each place of the cycle."""
 
 
 def _over_legs(run: StoredRun, name: str) -> Array:
@@ -62,11 +63,8 @@ def _over_legs(run: StoredRun, name: str) -> Array:
 
 
 def _held(levels: Array, cycles: int) -> bool:
-    """Whether so many cycles of learning completed without growth of their level."""
-    if len(levels) < cycles:
-        return False
-    medians = np.median(sliding_window_view(levels[:cycles], WINDOW), axis=1)
-    return bool(medians[-1] < DRIFT_RATIO * max(medians.min(), LEAST * levels.max()))
+    """Whether so many cycles of learning completed, of the ``levels`` of learning, and did not rise."""
+    return len(levels) >= cycles and compute_rise(levels[:cycles])[0] < DRIFT_RATIO
 
 
 def _measure_growth(changes: Array, lowest: float, cycle: int) -> float:
@@ -76,10 +74,8 @@ def _measure_growth(changes: Array, lowest: float, cycle: int) -> float:
     return fitted_growth(after) if cycle and len(after) >= FEWEST and small.all() else float("nan")
 
 
-@lru_cache(maxsize=2)
-def spectra(folder: Path) -> list[Spectrum]:
-    """T at the places of the cycle of a run; none where its loop without learning does not last."""
-    config = read_config(StoredRun(folder))
+def _spectra(config: Config) -> list[Spectrum]:
+    """T at the places of the cycle; none where the loop without learning does not last."""
     try:
         return spectra_along(config, config.learning.start_cycle + MAX_CYCLES_BEFORE, PLACES, FREQUENCIES)
     except NotPredictable:
@@ -92,52 +88,47 @@ def _margin(spectrum: Spectrum, lead: int, rate: float) -> float:
     return float((turned.real - 0.5 * rate * np.abs(turned) ** 2).min())
 
 
+def _say(holds: bool) -> float:
+    return SAID[HOLDS] if holds else SAID[GROWS]
+
+
+def _say_if_positive(values: Sequence[float]) -> float:
+    """What a criterion says that holds where all of ``values`` are above 0; NaN without any."""
+    return _say(min(values) > 0.0) if values else float("nan")
+
+
 @lru_cache(maxsize=2)
-def _assess(folder: Path) -> Outcome:
+def _measure(folder: Path) -> Mapping[str, float]:
+    """Of a run: its Outcome and REALS; without what cannot be computed."""
     run = StoredRun(folder)
     config = read_config(run)
     first = config.learning.start_cycle
     levels = _over_legs(run, "feedback_rms") if run.whole_cycles else np.empty(0)
     if len(levels) < first - 1:
-        return NOTHING
+        return {"learns": 0.0}
     scenario, verdict, short = make_scenario(config), assess(config), assess(config, simulate=False)
-    setup, automatic = scenario.setup, replace(config.learning, lead="auto")
-    margins = [_margin(place, setup.lead, setup.rate) for place in spectra(folder)]
-    reals = [place.least(setup.lead) for place in spectra(folder)]
+    setup, automatic, spectra = scenario.setup, replace(config.learning, lead="auto"), _spectra(config)
+    reals = [place.least(setup.lead) for place in spectra]
     asked = min(MAX_CYCLES, config.cycles - first + 1)
     learning = levels[first - 1 :]
     changes = _over_legs(run, "feedback_change")[1:]
-    return Outcome(
+    outcome = Outcome(
         1.0,
         float(_held(learning, config.cycles - first + 1)),
-        _above(min(margins, default=np.nan), 0.0),
-        _above(min(reals, default=np.nan), 0.0),
-        _above(-short.growth, -1.0),
-        SAID[HOLDS] if _held(learning, asked) else SAID[GROWS],
+        _say_if_positive([_margin(place, setup.lead, setup.rate) for place in spectra]),
+        _say_if_positive(reals),
+        float("nan") if np.isnan(short.growth) else _say(short.growth < 1.0),
+        _say(_held(learning, asked)),
         SAID[verdict.verdict],
         verdict.growth,
         _measure_growth(changes, float(learning.min(initial=np.inf)), verdict.cycle),
         float(resolve_lead(replace(config, learning=automatic), scenario.sensors) - setup.lead),
     )
-
-
-def _above(value: float, limit: float) -> float:
-    return float("nan") if np.isnan(value) else SAID[HOLDS] if value > limit else SAID[GROWS]
+    return {**outcome._asdict(), **dict(zip(REALS, reals, strict=False))}
 
 
 def _read(run: StoredRun, name: str) -> float:
-    return float(getattr(_assess(run.folder), name))
+    return _measure(run.folder).get(name, float("nan"))
 
 
-def _read_real(run: StoredRun, place: int) -> float:
-    """Least Re z^l T over frequency at one place of the cycle, NaN where nothing learns."""
-    if not _read(run, "learns") or not spectra(run.folder):
-        return float("nan")
-    return spectra(run.folder)[place].least(make_scenario(read_config(run)).setup.lead)
-
-
-REALS = [f"real_{place}" for place in range(PLACES)]
-MEASURES: Measures = {
-    **{name: partial(_read, name=name) for name in Outcome._fields},
-    **{name: partial(_read_real, place=place) for place, name in enumerate(REALS)},
-}
+MEASURES: Measures = {name: partial(_read, name=name) for name in (*Outcome._fields, *REALS)}

@@ -8,7 +8,6 @@ import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.data.stored_run import StoredRun, read_config
-from cmacexp.errors import BadRun
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.plants import AnalyticPlant
 from cmacexp.stability.cycle_map import NotPredictable, open_loop
@@ -77,6 +76,11 @@ class Analysis:
     guarded: int
     """Cycle in which the guard of learning acted, 0: in none; the run is then measured in memory, without it."""
 
+    @property
+    def tried(self) -> list[int]:
+        """The leads, samples."""
+        return [each.lead for each in self.leads]
+
     def least_real(self, lead: int) -> float:
         """Least Re T over all frequencies and those places."""
         return min(spectrum.least(lead) for spectrum in self.places.values())
@@ -85,7 +89,7 @@ class Analysis:
 def _measure_lead(lead: int, config: Config, sizes: Sequence[float] | Array, completed: bool) -> LeadGrowth:
     if len(sizes) <= config.learning.start_cycle:
         place = Stretch(1, 1, 1)
-        return LeadGrowth(lead, place, np.asarray(sizes), completed, None, f"ends in cycle {len(sizes) + 1}")
+        return LeadGrowth(lead, place, np.asarray(sizes), completed, None, f"ends in cycle {len(sizes) + 2}")
     place = stretch(sizes, config.learning.start_cycle, completed)
     try:
         return LeadGrowth(lead, place, np.asarray(sizes), completed, predicted_growth(config, place.calm))
@@ -145,20 +149,18 @@ def analyse(run: StoredRun) -> Analysis:
     """Linearise the loop of a stored run, and compare its prediction with the measurement.
 
     Args:
-        run: that ended, with any status; its trace has every step.
+        run: that ended, with any status.
 
     Raises:
-        BadRun: the run cannot be read, or is too short.
-        NotPredictable: it does not learn, or its loop cannot be linearised.
+        BadRun: the run cannot be read.
+        NotPredictable: it is too short, thinned, does not learn, or its loop cannot be linearised.
     """
     config = read_learning(run)
     guarded = next((event["cycle"] for event in run.manifest.get("guard", [])), 0)
     enough = min(config.cycles, MAX_CYCLES_OF_OTHER_LEADS)
     sizes: Sequence[float] | Array = change_sizes(config, enough) if guarded else read_changes(run, config.joints)
     if len(sizes) < config.learning.start_cycle + 3:
-        raise BadRun(
-            f"{run.folder}: growth is measured over at least {config.learning.start_cycle + 4} cycles; run more"
-        )
+        raise NotPredictable(f"growth is measured over at least {config.learning.start_cycle + 4} cycles; run more")
     scenario = make_scenario(config)
     lead = scenario.setup.lead
     own = _measure_lead(lead, config, sizes, len(sizes) == enough - 1 if guarded else run.status == "completed")

@@ -23,8 +23,7 @@ class Corner:
 
     def describe(self) -> str:
         """In one line."""
-        verdict, reasons = self.judgement.verdict, "; ".join(self.judgement.reasons)
-        return f"stiffness x {self.stiffness:g}, masses x {self.masses:g}: {verdict} ({reasons})"
+        return f"stiffness x {self.stiffness:g}, masses x {self.masses:g}: {self.judgement.describe()}"
 
 
 def scale_masses(machine: Any, factor: float) -> Any:
@@ -58,6 +57,6 @@ def judge_corners(config: Config, share: float) -> list[Corner]:
             try:
                 judgement = assess(corner)
             except BadInput as error:  # the plan cannot be walked with these masses
-                judgement = Verdict(UNDECIDED, float("nan"), 0, (str(error),))
+                judgement = Verdict(UNDECIDED, float("nan"), 0, (f"{error}.",))
             corners.append(Corner(stiffness, masses, judgement))
     return corners

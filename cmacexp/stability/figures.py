@@ -7,7 +7,7 @@ import numpy as np
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.style import SERIES
 from cmacexp.stability import mode as modes
-from cmacexp.stability.analysis import LEADS, Analysis
+from cmacexp.stability.analysis import Analysis
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,7 +84,7 @@ def real_parts(analysis: Analysis) -> "Figure":
     """Re T over frequency for each lead, at a few places of the cycle."""
     panels = []
     for name, spectrum in analysis.places.items():
-        series = [Series(f"lead {lead}", spectrum.frequencies, spectrum.least_real(lead)) for lead in LEADS]
+        series = [Series(f"lead {lead}", spectrum.frequencies, spectrum.least_real(lead)) for lead in analysis.tried]
         panels.append(
             Panel(
                 name, "frequency, Hz", "Re T, least eigenvalue", series, y_limits=[0.0], y_range=(MIN_SHOWN_REAL, 1.3)

@@ -30,10 +30,12 @@ def draw_map(growth_map: GrowthMap) -> "Figure":
 
 @dataclass(frozen=True)
 class Further:
-    """The map and the corners; None and empty where they are not asked for."""
+    """What is said besides the verdict, the map and the corners; None and empty where they are not asked for."""
 
     growth_map: GrowthMap | None = None
     corners: Sequence[Corner] = ()
+    notes: Sequence[str] = ()
+    """Sentences: the conclusion of the analysis, or why there is no analysis or map."""
 
     def count_corners(self) -> str:
         """How many corners hold, grow and are undecided, in a sentence."""
@@ -63,15 +65,14 @@ class Further:
         return {"growth_map": partial(DataFrame, rows, columns=titles), "corners": partial(DataFrame, corners)}
 
     def print(self) -> None:
-        """Print both in the terminal."""
+        """Print all of it in the terminal."""
         from cmacexp.report.terminal import say
         from cmacexp.report.terminal_tables import print_table
 
+        for line in self.notes:
+            say(line)
         if self.growth_map is not None:
             print_table(*self.growth_map.tabulate())
             say(f"Growth per cycle; * is this run. {self.growth_map.summarise()}")
         for line in (*(corner.describe() for corner in self.corners), self.count_corners()) if self.corners else ():
             say(line)
-
-
-NOTHING = Further()

@@ -74,7 +74,7 @@ class Growth:
 
     @property
     def per_cycle(self) -> float:
-        """Growth per cycle over the cycles that follow; below 1 learning holds."""
+        """Growth per cycle over the cycles that follow."""
         return self.over(self.cycle + SETTLING_CYCLES, self.cycle + SETTLING_CYCLES + GROWTH_CYCLES)
 
 
@@ -162,15 +162,12 @@ def require_learning(loop: RestorableLoop) -> None:
         raise NotPredictable("nothing learns from cycle to cycle")
 
 
-def predicted_growth(
-    config: Config, cycle: int | None = None, dimension: int = DIMENSION, prepared: Scenario | None = None
-) -> Growth:
+def predicted_growth(config: Config, cycle: int | None = None, prepared: Scenario | None = None) -> Growth:
     """Predict the growth of learning, by running a few cycles in memory and linearising the loop there.
 
     Args:
         config: a checked config.
         cycle: where to linearise, in cycles done; None: at the calmest of the first MAX_CYCLES_BEFORE.
-        dimension: of the Krylov space; each direction costs two cycles.
         prepared: the scenario of ``config`` if it is already made; it stays unchanged.
 
     Raises:
@@ -182,11 +179,11 @@ def predicted_growth(
     if cycle is None:
         sizes = change_sizes(config, first + MAX_CYCLES_BEFORE, scenario)
         if len(sizes) <= first:
-            raise NotPredictable(f"the run ends in cycle {len(sizes) + 1}, before learning shows")
+            raise NotPredictable(f"the run ends in cycle {len(sizes) + 2}, before learning shows")
         cycle = calmest(sizes, first)
     loop = open_loop(config, scenario)
     while loop.cycles < cycle:
         if not loop.advance(loop.period):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
     require_learning(loop)
-    return grow(loop, dimension)
+    return grow(loop)

@@ -19,6 +19,11 @@ DECIMALS = 4
 """Of factors of growth."""
 
 
+def _label(rate: float) -> str:
+    """A rate as printed: those that read alike are one."""
+    return f"{rate:.4g}"
+
+
 @dataclass(frozen=True)
 class GrowthMap:
     """Growth per cycle with every lead and rate, from one linearisation."""
@@ -37,12 +42,12 @@ class GrowthMap:
         cells = [[format_cell(value, DECIMALS) for value in row] for row in self.growth]
         cells[self.present[0]][self.present[1]] += " *"
         rows = [[str(lead), *line] for lead, line in zip(self.leads, cells, strict=True)]
-        return ["lead", *(f"rate\n{rate:.4g}" for rate in self.rates)], rows
+        return ["lead", *(f"rate\n{_label(rate)}" for rate in self.rates)], rows
 
     def summarise(self) -> str:
         """The rates with which each lead holds, in a sentence."""
         held = [
-            f"{lead} (rate {', '.join(f'{self.rates[int(column)]:.4g}' for column in np.flatnonzero(row < 1.0))})"
+            f"{lead} (rate {', '.join(_label(self.rates[int(column)]) for column in np.flatnonzero(row < 1.0))})"
             for lead, row in zip(self.leads, self.growth, strict=True)
             if (row < 1.0).any()
         ]
@@ -67,6 +72,6 @@ def map_growth(config: Config, cycle: int, ends: Sequence[int] | None, rates: Se
     first, last = ends or (lead - AROUND, lead + AROUND)
     all_leads = sorted({*range(first, last + 1), lead})
     others = [other for other in RATES if abs(other - rate) > 0.1 * rate] if rates is None else rates
-    all_rates = sorted({*others, rate})
+    all_rates = sorted(({_label(other): other for other in others} | {_label(rate): rate}).values())
     growth = np.array([[lifted.lasting_growth(row, column) for column in all_rates] for row in all_leads])
     return GrowthMap(cycle + 1, all_leads, all_rates, growth, (all_leads.index(lead), all_rates.index(rate)))

@@ -16,6 +16,7 @@ from cmacexp.config import Config
 from cmacexp.feedforward.kernels import TABLE, FeedforwardParams, feedforward_step
 from cmacexp.jit.compiler import program
 from cmacexp.loop.scenario import Scenario, make_scenario
+from cmacexp.plants import AnalyticPlant
 from cmacexp.stability.cycle_map import NUDGE, NotPredictable
 from cmacexp.stability.growth import GROWTH_CYCLES, SETTLING_CYCLES, fitted_growth
 from cmacexp.stability.transfer import Replay, find_commanded, replay
@@ -95,12 +96,8 @@ class Lifted:
         )
         return sizes
 
-    def growth(self, lead: int, rate: float) -> float:
-        """Growth per cycle over the same cycles as :attr:`cmacexp.stability.growth.Growth.per_cycle`."""
-        return _fit(self.sizes(lead, rate, FIRST_WINDOW[1])[slice(*FIRST_WINDOW)])
-
     def lasting_growth(self, lead: int, rate: float) -> float:
-        """The larger of :meth:`growth` and that over cycles in which only slow changes are left."""
+        """The larger of growth over the cycles of ``Growth.per_cycle``, and over those with slow changes alone."""
         sizes = self.sizes(lead, rate, LAST_WINDOW[1])
         return max(_fit(sizes[slice(*FIRST_WINDOW)]), _fit(sizes[slice(*LAST_WINDOW)]))
 
@@ -170,9 +167,12 @@ def lift(config: Config, cycle: int) -> Lifted:
     """Linearise the loop of a config about the torque learnt in the cycle after ``cycle``.
 
     Raises:
-        NotPredictable: the loop cannot be linearised, its law of learning is not linear, or responses do not decay.
+        NotPredictable: the loop or its law of learning is not linear, its plant not analytic, or responses stay.
     """
-    learnt = replay(unguarded(make_scenario(config)), cycle)
+    scenario = make_scenario(config)
+    if not isinstance(scenario.plant, AnalyticPlant):
+        raise NotPredictable("only the analytic plant of planar machines is fast enough")
+    learnt = replay(unguarded(scenario), cycle)
     require_linear(learnt.feedforward)
     lags = FIRST_SPACING
     while lags <= MOST_CYCLES * len(learnt.torque):

@@ -9,7 +9,7 @@ import numpy as np
 from cmacexp.data.parquet import as_array, read_parts
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import TRACE
-from cmacexp.errors import BadRun
+from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import GROWTH_CYCLES, MAX_CYCLES_BEFORE, SETTLING_CYCLES, calmest, fitted_growth
 from cmacexp.typing import Array
 
@@ -51,13 +51,14 @@ def read_changes(run: StoredRun, joints: int) -> Array:
     Entry j is from cycle j + 1 to j + 2; legs have so many ``joints``.
 
     Raises:
-        BadRun: the trace cannot be read, or is thinned: its norm would be another, or its cycles not successive.
+        BadRun: the trace cannot be read.
+        NotPredictable: it is thinned: its norm would be another, or its cycles not successive.
     """
     record: dict[str, Any] = run.config["record"]
     if record.get("every_nth_step", 1) > 1 or record.get("cycles") is not None:
-        raise BadRun(
-            f"{run.folder}: its trace lacks steps, but growth is computed from every step; run it again without "
-            "record.cycles and record.every_nth_step"
+        raise NotPredictable(
+            "the trace lacks steps, but growth is computed from every step; run it again without record.cycles and "
+            "record.every_nth_step"
         )
     names = [f"tau_feedback_{joint + 1}" for joint in range(joints)]
     parts = read_parts(run.folder / TRACE, names)

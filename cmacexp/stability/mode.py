@@ -14,7 +14,7 @@ class Mode(NamedTuple):
     """A change of torque over one cycle."""
 
     change: Array
-    """(N, L, 2), N m."""
+    """(N, L, J), N m."""
     share_after_lift_off: float
     """Share of its squares in the steps after the lift-off of each leg; NaN without lift-off."""
     frequency: float
@@ -33,13 +33,13 @@ def after_lift_off(support: Mask, steps: int = AFTER_LIFT_OFF) -> Mask:
 
 
 def spectrum(change: Array, period: float) -> tuple[Array, Array]:
-    """Frequencies (f,), Hz, and power (f,) of a change (N, L, 2), all torques together."""
+    """Frequencies (f,), Hz, and power (f,) of a change (N, L, J), all torques together."""
     power = (np.abs(np.fft.rfft(change, axis=0)) ** 2).sum(axis=(1, 2))
     return np.asarray(np.fft.rfftfreq(len(change), period), dtype=float), np.asarray(power)
 
 
 def describe(change: Array, support: Mask, period: float) -> Mode:
-    """Place and frequency of a change (N, L, 2) of torque; ``period`` is between samples, s."""
+    """Place and frequency of a change (N, L, J) of torque; ``period`` is between samples, s."""
     squares = (change**2).sum(axis=2)
     near = after_lift_off(support)
     share = float(squares[near].sum() / squares.sum()) if near.any() and squares.any() else float("nan")

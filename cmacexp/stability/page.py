@@ -19,8 +19,9 @@ from cmacexp.report.page import Report, write_report
 from cmacexp.report.parts import Section
 from cmacexp.report.render import Renderer
 from cmacexp.stability import figures
-from cmacexp.stability.analysis import LEADS, Analysis
-from cmacexp.stability.further import NOTHING, Further
+from cmacexp.stability import verdict as limits
+from cmacexp.stability.analysis import Analysis
+from cmacexp.stability.further import Further
 from cmacexp.stability.growth import with_lead
 from cmacexp.stability.mode import AFTER_LIFT_OFF
 from cmacexp.stability.verdict import HOLDS, Verdict, assess
@@ -48,13 +49,8 @@ def rows(analysis: Analysis) -> list[list[str]]:
     return table
 
 
-def describe(verdict: Verdict) -> str:
-    """The verdict and its reasons."""
-    return f"{verdict.verdict}: {' '.join(verdict.reasons)}"
-
-
-def conclude(analysis: Analysis) -> str:
-    """The growth of a run, and the leads with which its learning holds, in a few sentences."""
+def conclude(analysis: Analysis, verdict: Verdict) -> str:
+    """The growth of a run, and other leads with which learning holds if its own does not, in a few sentences."""
     own = analysis.own
     change = "grows" if own.predicted > 1.0 else "shrinks"
     predicted, measured = format_cell(own.predicted, DECIMALS), format_cell(own.measured, DECIMALS)
@@ -64,8 +60,9 @@ def conclude(analysis: Analysis) -> str:
         f"{predicted} per cycle, predicted after cycle {own.place.calm}; measured {apart}"
         f"over cycles {own.place.first} to {own.place.last}: {measured}."
     )
-    if own.predicted > 1.0:
-        shrinking = [each.lead for each in analysis.leads if each.predicted < 1.0]
+    others = [each for each in analysis.leads if each is not own]
+    if others and verdict.verdict != HOLDS:
+        shrinking = [each.lead for each in others if each.predicted < 1.0]
         held = [str(lead) for lead in shrinking if assess(with_lead(analysis.config, lead)).verdict == HOLDS]
         text += (
             f" Learning holds with lead {' or '.join(held)}." if held else " No lead that was tried is sure to hold."
@@ -88,7 +85,7 @@ def _tables(analysis: Analysis) -> "dict[str, Callable[[], DataFrame]]":
         for name, mode in modes.items()
     ]
     wrong_from = [
-        {"place in the cycle": name} | {f"lead {lead}": spectrum.wrong_from(lead) for lead in LEADS}
+        {"place in the cycle": name} | {f"lead {lead}": spectrum.wrong_from(lead) for lead in analysis.tried}
         for name, spectrum in analysis.places.items()
     ]
     return {
@@ -99,47 +96,44 @@ def _tables(analysis: Analysis) -> "dict[str, Callable[[], DataFrame]]":
 
 
 def write_stability_report(
-    run: StoredRun, verdict: Verdict, analysis: Analysis | None, folder: Path, further: Further = NOTHING
+    run: StoredRun, verdict: Verdict, analysis: Analysis | None, folder: Path, further: Further
 ) -> Path:
     """Write verdict and page of a run into ``folder``; returns the HTML file.
 
     Args:
         run: that was analysed.
         verdict: on its config.
-        analysis: None where the loop cannot be linearised.
+        analysis: None where there is none.
         folder: of the page.
-        further: what was asked for besides.
+        further: what is said besides.
     """
     title = f"Stability of learning: {run.config['scenario']}, {run.folder.resolve().name}"
     asked: dict[str, Any] = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}}
     with replacing(folder, OUT_KEY, REPORT) as place:
         growth = verdict.growth if math.isfinite(verdict.growth) else None
         place.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")
-        renderer, sections, summary = Renderer(place.new), [], describe(verdict)
-        inputs = [place.new / VERDICT]
+        renderer = Renderer(place.new)
+        sections, inputs = _render(analysis, further, renderer), [place.new / VERDICT, *renderer.files]
         if analysis is not None:
             asked["cycle"] = analysis.own.place.calm
-            sections = _render(analysis, further, renderer)
-            summary = f"{summary} {conclude(analysis)}"
-            inputs = [*inputs, run.folder / TRACE, *renderer.files]
+            inputs.append(run.folder / TRACE)
+        summary = " ".join((verdict.describe(), *further.notes))
         return write_report(Report(title, summary, sections, inputs, asked), place)
 
 
-def _render(analysis: Analysis, further: Further, renderer: Renderer) -> list[Section]:
-    growth, measured, predicted = analysis.own.place, analysis.measured_mode.change, analysis.predicted_mode.change
-    return render_markdown(
-        Path(__file__).with_name("page.md"),
-        "Does learning hold",
-        renderer,
-        {draw.__name__: partial(draw, analysis) for draw in (figures.growth, figures.mode, figures.real_parts)}
-        | further.list_figures(),
-        _tables(analysis) | further.list_tables(),
-        {
-            "further": further,
+def _render(analysis: Analysis | None, further: Further, renderer: Renderer) -> list[Section]:
+    drawn, tables = further.list_figures(), further.list_tables()
+    values: dict[str, Any] = {"analysis": analysis, "further": further, "limits": limits}
+    if analysis is not None:
+        growth, drawings = analysis.own.place, (figures.growth, figures.mode, figures.real_parts)
+        measured, predicted = analysis.measured_mode.change, analysis.predicted_mode.change
+        drawn |= {draw.__name__: partial(draw, analysis) for draw in drawings}
+        tables |= _tables(analysis)
+        values |= {
             "calm": growth.calm,
             "last": growth.last,
             "ahead": growth.last - growth.calm,
             "likeness": float((measured * predicted).sum() / np.linalg.norm(measured) / np.linalg.norm(predicted)),
-            "holding": [f"lead {lead}" for lead in LEADS if analysis.least_real(lead) > 0.0],
-        },
-    )
+            "holding": [f"lead {lead}" for lead in analysis.tried if analysis.least_real(lead) > 0.0],
+        }
+    return render_markdown(Path(__file__).with_name("page.md"), "Does learning hold", renderer, drawn, tables, values)

@@ -19,16 +19,16 @@ from cmacexp.typing import Array
 
 
 class Local(NamedTuple):
-    """The loop without learning, linearised at one step: x+ = A x + B (C x + u); n numbers of state, L legs."""
+    """The loop without learning, linearised at one step: x+ = A x + B (C x + u); n numbers of state."""
 
     sample: int
     """Of the cycle."""
     a: Array
     """A, (n, n): without feedback."""
     b: Array
-    """B, (n, 2 L): from torque."""
+    """B, (n, L J): from torque."""
     c: Array
-    """C, (2 L, n): to the feedback torque that a feedforward learns from."""
+    """C, (L J, n): to the feedback torque that a feedforward learns from."""
 
 
 def _advance_one(loop: RestorableLoop) -> None:
@@ -37,7 +37,7 @@ def _advance_one(loop: RestorableLoop) -> None:
 
 
 def _from_torque(loop: RestorableLoop, now: Array, torque: Array) -> Array:
-    """B at the step where the loop is held; ``torque`` (L, 2) is the torque of that step."""
+    """B at the step where the loop is held; ``torque`` (L, J) is the torque of that step."""
     nominal, columns = torque.copy(), []
     for j in range(nominal.size):
         ends = []
@@ -62,7 +62,7 @@ def _drop_unused(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
 
 
 def _local(loop: RestorableLoop, table: Array) -> Local:
-    """Linearise at the step that comes next; ``table`` (N, L, 2) holds the torques of the loop."""
+    """Linearise at the step that comes next; ``table`` (N, L, J) holds the torques of the loop."""
     sample = loop.run.taken % loop.period
     now = loop.hold()
 
@@ -145,7 +145,7 @@ def transfer(local: Local, frequencies: Array, period: float) -> NDArray[np.comp
         period: sampling period, s.
 
     Returns:
-        (f, 2 L, 2 L); [f, i, j] from feedforward torque j to torque i of the learning error, with opposite sign.
+        (f, L J, L J); [f, i, j] from feedforward torque j to torque i of the learning error, with opposite sign.
     """
     z = np.exp(2j * np.pi * np.asarray(frequencies, dtype=float) * period)[:, None, None]
     path = local.c @ np.linalg.solve(z * np.eye(len(local.a)) - local.a, local.b.astype(complex)[None])
@@ -160,7 +160,7 @@ class Spectrum(NamedTuple):
     period: float
     """Between two samples, s."""
     eigenvalues: NDArray[np.complex128]
-    """(f, 2 L), without lead."""
+    """(f, L J), without lead."""
 
     def least_real(self, lead: int) -> Array:
         """Least real part (f,) of the eigenvalues with a lead of so many samples."""

@@ -25,6 +25,7 @@ from cmacexp.stability.growth import (
     watch,
 )
 from cmacexp.stability.transfer import spectra_along
+from cmacexp.typing import Array
 
 HOLDS, GROWS, UNDECIDED = "holds", "grows", "undecided"
 MAX_CYCLES = 1000
@@ -61,6 +62,12 @@ class Verdict(NamedTuple):
     """Sentences, with numbers and limits."""
     cycle: int = 0
     """Cycles done where the growth begins."""
+    ends: int = 0
+    """Cycle in which the run ends without a guard, 0: in none of those that were run."""
+
+    def describe(self) -> str:
+        """The verdict and its reasons, in one line."""
+        return f"{self.verdict}: {' '.join(self.reasons)}"
 
 
 class _Evidence(NamedTuple):
@@ -71,6 +78,17 @@ class _Evidence(NamedTuple):
     reached: float
     """Level over the lowest if all changes to come add up."""
     least_real: float
+
+
+def compute_rise(levels: Array) -> tuple[float, float]:
+    """Level of the feedback at the end of the cycles of learning over its lowest there, and that lowest level.
+
+    Args:
+        levels: (n,), in these cycles alone; n at least WINDOW.
+    """
+    medians = np.median(sliding_window_view(levels, WINDOW), axis=1)
+    lowest = max(float(medians.min()), LEAST * float(levels.max()))
+    return float(medians[-1]) / lowest, lowest
 
 
 def assess(config: Config, prepared: Scenario | None = None, simulate: bool = True) -> Verdict:
@@ -103,10 +121,8 @@ def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
     require_learning(loop)
     if done < first + cycles:
         growth, cycle = _growth_before(config, scenario, history)
-        return Verdict(GROWS, growth, lead, (f"The run ends in cycle {done + 1}.",), cycle)
-    levels = np.median(sliding_window_view(history.levels[first - 1 :], WINDOW), axis=1)
-    lowest = max(float(levels.min()), LEAST * max(history.levels))
-    risen = float(levels[-1]) / lowest
+        return Verdict(GROWS, growth, lead, (f"The run ends in cycle {done + 1}.",), cycle, done + 1)
+    risen, lowest = compute_rise(np.array(history.levels[first - 1 :]))
     level = f"After {done} cycles without a guard the feedback is {risen:.3g} times its lowest level"
     if risen >= DRIFT_RATIO:
         growth, cycle = _growth_before(config, scenario, history)

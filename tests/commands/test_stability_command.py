@@ -1,9 +1,14 @@
 """``python -m cmacexp.stability``: the page, the table, and what it cannot look at."""
 
 import json
+from argparse import Namespace
 
 import pytest
 from support.command import cmacexp, python
+
+from cmacexp.stability import page as pages
+from cmacexp.stability.measured import Stretch
+from cmacexp.stability.verdict import GROWS, HOLDS, Verdict
 
 DIVERGING = ("learning.lead=-2", "cycles=45", "record=trace")
 
@@ -36,11 +41,27 @@ def test_a_run_that_diverges_is_told_with_the_lead_that_holds(folder):
 
 
 def test_a_run_whose_learning_the_guard_ended_is_analysed_without_it(folder):
-    assert cmacexp(*DIVERGING, "learning.guard=freeze", "hydra.run.dir=guarded", folder=folder).returncode == 0
+    settings = (*DIVERGING, "learning.lead=-3", "learning.guard=freeze", "hydra.run.dir=guarded")
+    assert cmacexp(*settings, folder=folder).returncode == 0
     done = python("-m", "cmacexp.stability", "guarded", folder=folder)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("grows:")
     assert "measured in memory without the guard, which acted in cycle" in done.stdout
+    assert "lead -3</th>" in (folder / "guarded" / "stability" / "report.html").read_text()  # among the reasons
+
+
+@pytest.mark.parametrize(
+    ("verdict", "growth", "advice"),
+    [(GROWS, 0.99, "Learning holds with lead 2."), (HOLDS, 1.0002, "2 to 3: 1.0000.")],
+)
+def test_a_lead_is_advised_where_learning_does_not_hold(monkeypatch, verdict, growth, advice):
+    monkeypatch.setattr(pages, "assess", lambda config: Verdict(HOLDS, 0.9, 2, ()))
+    monkeypatch.setattr(pages, "with_lead", lambda config, lead: config)
+    own, other = (
+        Namespace(lead=i, predicted=g, measured=1.0, place=Stretch(1, 2, 3)) for i, g in ((1, growth), (2, 0.9))
+    )
+    analysis = Namespace(own=own, leads=[own, other], guarded=0, config=None)
+    assert pages.conclude(analysis, Verdict(verdict, growth, 1, ())).endswith(advice)
 
 
 def test_what_does_not_learn_gets_a_verdict_alone(folder):
@@ -55,8 +76,35 @@ def test_what_does_not_learn_gets_a_verdict_alone(folder):
     assert json.loads((page / "stability.json").read_text())["growth"] is None
 
 
+@pytest.mark.parametrize(
+    ("overrides", "asked", "reason"),
+    [
+        (("cycles=5",), (), "No analysis: growth is measured over at least 6 cycles; run more."),
+        (("cycles=6", "record.every_nth_step=600"), (), "No analysis: the trace lacks steps"),
+        (
+            ("feedforward=none", "cycles=6"),
+            ("--leads", "0", "1"),
+            "No analysis and no map of leads and rates: nothing",
+        ),
+        (("cycles=30", "learning.rule=dead_zone"), ("--leads", "0", "1"), "No map of leads and rates: the map needs"),
+        (("cycles=5",), ("--robust", "0.5"), "Of 4 corners learning holds in"),
+    ],
+)
+def test_what_cannot_be_answered_says_why_beside_the_verdict(tmp_path, overrides, asked, reason):
+    """In a folder of runs the others follow."""
+    for name in "ab":
+        assert cmacexp(*overrides, "record=trace", f"hydra.run.dir=runs/{name}", folder=tmp_path).returncode == 0
+    done = python("-m", "cmacexp.stability", "runs", *asked, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count(reason) == 2
+    for name in "ab":
+        page = tmp_path / "runs" / name / "stability"
+        assert json.loads((page / "stability.json").read_text())["verdict"] in ("holds", "grows", "undecided")
+        assert reason in (page / "report.html").read_text()
+
+
 def test_leads_and_rates_are_mapped_and_corners_judged(folder):
-    asked = ("--leads", "0", "1", "--rates", "0.1", "--robust", "0.3", "--out", "page")
+    asked = ("--leads", "0", "1", "--rates", "0.1,0.1953", "--robust", "0.3", "--out", "page")
     done = python("-m", "cmacexp.stability", "run", *asked, folder=folder)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
@@ -65,7 +113,7 @@ def test_leads_and_rates_are_mapped_and_corners_judged(folder):
     (own,) = [line.split() for line in lines if line.endswith("*")]
     assert own[0] == "-2"
     assert float(own[-2]) > 1.1
-    assert sum(line.startswith("stiffness x ") and ": grows (" in line for line in lines) == 4
+    assert sum(line.startswith("stiffness x ") and ": grows: " in line for line in lines) == 4
     assert "Of 4 corners learning holds in 0, grows in 4, is undecided in 0." in lines
     page = (folder / "page" / "report.html").read_text()
     assert "Other leads and rates" in page

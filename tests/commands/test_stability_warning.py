@@ -7,6 +7,8 @@ from support.command import cmacexp
 
 from cmacexp.config import config_hash, to_plain
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.stability import verdict as verdicts
+from cmacexp.stability.verdict import GROWS, Verdict
 from cmacexp.stability.warn import growth_warning
 
 
@@ -49,6 +51,24 @@ def test_delay_asks_for_more_lead(make_config):
     assert "learning.lead=2 is predicted to hold" in told(
         make_config("scenario=one_leg", "cycles=160", "actuator.delay=1", "learning.lead=1")
     )
+
+
+@pytest.mark.parametrize(
+    ("growth", "ends", "expected"),
+    [
+        (1.001, 90, "diverge: the run ends in cycle 90; "),
+        (float("nan"), 90, "diverge: the run ends in cycle 90; "),
+        (float("nan"), 200, None),
+        (1.1, 90, "diverge: its changes grow by a factor of 1.100 per cycle; "),
+        (1.001, 0, None),
+    ],
+)
+def test_an_end_before_the_run_does_is_warned_of_whatever_the_growth(
+    make_config, monkeypatch, growth, ends, expected
+):
+    monkeypatch.setattr(verdicts, "assess", lambda *_: Verdict(GROWS, growth, 0, (), 5, ends))
+    warning = told(make_config("scenario=one_leg", "cycles=160"))
+    assert warning is None if expected is None else expected in warning
 
 
 def test_the_check_changes_nothing(tmp_path, make_config):

@@ -16,14 +16,14 @@ def test_corners_change_ground_and_masses_but_not_what_is_assumed(make_config, m
 
     def note(corner):
         seen.append(corner)
-        return Verdict(next(verdicts), 1.0, 0, ("noted",))
+        return Verdict(next(verdicts), 1.0, 0, ("One.", "Two."))
 
     monkeypatch.setattr(margins, "assess", note)
     corners = judge_corners(config, 0.25)
     assert (
         Further(None, corners).count_corners() == "Of 4 corners learning holds in 2, grows in 1, is undecided in 1."
     )
-    assert corners[2].describe() == "stiffness x 1.25, masses x 0.75: grows (noted)"
+    assert corners[2].describe() == "stiffness x 1.25, masses x 0.75: grows: One. Two."
     assert {corner.terrain.stiffness for corner in seen} == {6000.0, 10000.0}
     assert {corner.assumed_stiffness for corner in seen} == {8000.0}
     assert {corner.controller.position_gain for corner in seen} == {config.controller.position_gain}

@@ -2,12 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.models.trend import WINDOW
 from cmacexp.stability.cycle_map import open_loop
 from cmacexp.stability.growth import grow
-from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES, UNDECIDED, assess
+from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES, UNDECIDED, assess, compute_rise
 
 
 @pytest.mark.parametrize(("lead", "expected"), [(0, GROWS), (1, HOLDS), (2, GROWS)])
@@ -76,3 +78,10 @@ def test_a_leg_in_mujoco_gets_the_verdict_of_the_analytic_one(make_config):
     )
     assert mujoco.verdict == analytic.verdict == HOLDS
     assert mujoco.growth == pytest.approx(analytic.growth, abs=0.003)
+
+
+def test_a_rise_is_that_over_the_lowest_level_of_the_cycles_given():
+    levels = np.repeat([4.0, 1.0, 2.0], WINDOW)
+    assert compute_rise(levels) == (2.0, 1.0)
+    assert compute_rise(levels[:-WINDOW]) == (1.0, 1.0)
+    assert compute_rise(np.append(1000.0, levels))[1] == 10.0  # what is below a hundredth of the highest does no harm
