@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-DRAWS, QUICK_DRAWS = {LEG: 1200, WALK: 200, ROBOT: 20}, {LEG: 5, WALK: 4}
+DRAWS, QUICK_DRAWS = {LEG: 1200, WALK: 240, ROBOT: 20}, {LEG: 5, WALK: 4}
 """Settings that are drawn: with some of them feedback alone does not last."""
 CYCLES, QUICK_CYCLES = {LEG: 3000, WALK: 3000, ROBOT: 150}, 40
 SEED = 25
