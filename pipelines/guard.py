@@ -56,10 +56,11 @@ def runs(quick: bool) -> list[Request]:
             requests += request_worlds(machine, QUICK_NUMBER, QUICK)
     cycles = 3 * QUICK if quick else LONG
     for number in range(QUICK_NUMBER if quick else LONG_NUMBER):
-        common = (*SCENARIOS[ONE_LEG], *draw_settings(number), f"record.cycles=[{cycles}]", "warn=false")
+        common = (*SCENARIOS[ONE_LEG], *draw_settings(number), "warn=false")
         of: dict[str, Any] = {"part": LASTING, "machine": ONE_LEG, "world": number}
-        requests += grid(*common, f"cycles={cycles}", kind=GUARDED, **of)
-        requests += grid(*common, f"cycles={ALONE_CYCLES}", *KINDS[ALONE], kind=ALONE, **of)
+        for kind, count in {GUARDED: cycles, ALONE: ALONE_CYCLES}.items():
+            lasts = (f"cycles={count}", f"record.cycles=[{count}]")
+            requests += grid(*common, *KINDS[kind], *lasts, kind=kind, **of)
     return requests
 
 
