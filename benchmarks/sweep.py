@@ -1,4 +1,4 @@
-"""A sweep of 64 runs of one leg against the same sweep of an empty Hydra app, and on two cores against one."""
+"""A sweep of 64 runs of one leg, by each launcher, against the same sweep of an empty Hydra app."""
 
 import importlib.util
 import os
@@ -41,18 +41,20 @@ def tables(quick: bool) -> list[Table]:
         workers = {
             "empty": sweep("empty", "empty.py", "-m", f"+seed=range({runs})"),
             "same config": sweep("same", "same_config.py", "-m", f"seed=range({runs})"),
-            "basic": sweep("basic", *ours),
-            "public": sweep("public", *WITHOUT_PRIVATE_NAMES, *ours[2:]),
+            "cores": sweep("cores", *ours),
+            "basic": sweep("basic", *ours, "hydra/launcher=basic"),
+            "public": sweep("public", *WITHOUT_PRIVATE_NAMES, *ours[2:], "hydra/launcher=basic"),
         }
         if importlib.util.find_spec("hydra_plugins.hydra_joblib_launcher"):
             workers["joblib"] = sweep("joblib", *ours, "hydra/launcher=joblib", f"hydra.launcher.n_jobs={CORES}")
         times = in_turn(workers, 1 if quick else 2)
     what = f"{runs} runs, `basic`"
     rows = [
+        compared(times, f"{runs} runs as typed, `cores`", "cores", "empty", "empty Hydra app", "0.35"),
         compared(times, what, "basic", "empty", "empty Hydra app", "1.6"),
         compared(times, what, "basic", "same config", "Hydra app with this config that does nothing"),
     ]
     rows.append(compared(times, f"{what}, without Hydra's private names", "public", "basic", "with them"))
     if "joblib" in times:
-        rows.append(compared(times, f"{runs} runs, `joblib` on {CORES} cores", "joblib", "basic", "`basic`", "1"))
+        rows.append(compared(times, f"{runs} runs, `joblib` on {CORES} cores", "joblib", "cores", "`cores`"))
     return [Table("Sweep, `record=trace`", rows)]

@@ -45,7 +45,7 @@ def finish_sweep(sweep: Sweep) -> str:
         say(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
     if len(failed) > MAX_LISTED_FAILURES:
         say(f"  and {len(failed) - MAX_LISTED_FAILURES} more: see {TABLE_CSV}", error=True)
-    for text in warnings_of_sweep(sweep.kinds.values()):
+    for text in warnings_of_sweep((kind.composed, kind.runs) for kind in sweep.kinds.values() if kind.runs):
         say(f"warning: {text}", error=True)
     if len(failed) < len(jobs):
         print_next(sweep.folder, {"report": "report"})

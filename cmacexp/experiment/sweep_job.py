@@ -15,13 +15,13 @@ from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.folder import RUN_KEY, replacing
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.experiment.sweep_start import count_jobs, select_run_overrides
-from cmacexp.experiment.workers import share_progress
+from cmacexp.experiment.workers import FAILED_SHARE, share_progress
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
 
 
-def run_job(composed: DictConfig) -> float | None:
-    """Run one job of a sweep; a failure is left on disk and does not end the sweep.
+def run_job(composed: DictConfig, jobs: float | None = None) -> float | None:
+    """Run one of so many jobs of a sweep; a failure is left on disk and does not end the sweep.
 
     Returns:
         What the sweeper asked for by ``optimize``, as :func:`cmacexp.experiment.objective.read_objective` gives it.
@@ -38,7 +38,7 @@ def run_job(composed: DictConfig) -> float | None:
         from cmacexp.report.terminal import announce_compiling, describe_drift, format_outcome, say
 
     announce_compiling()
-    expect_runs(count_jobs())
+    expect_runs(jobs or count_jobs())
     record, overrides = make_record(composed), select_run_overrides(hydra.overrides.task)
     summary, result = None, None
     name = f"#{hydra.job.num} {' '.join(overrides)}"
@@ -70,7 +70,7 @@ def run_job(composed: DictConfig) -> float | None:
             say(f"{name}: {format_outcome(result)}{'; ' if drift else ''}{drift}")
         if result is not None and result.status == "interrupted":
             raise KeyboardInterrupt
-    report(1.0)
+    report(1.0 if summary is None else FAILED_SHARE)
     return None if metric is None else read_objective(metric, summary or read_summary(folder))
 
 

@@ -32,11 +32,9 @@ def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[Row]]:
             missing[tuple(overrides)] -= 1
             jobs.append(job)
             typed.append(overrides)
-    settings = [dict(text.lstrip("+").partition("=")[::2] for text in overrides) for overrides in typed]
-    keys = list(dict.fromkeys(key for values in settings for key in values))
-    configs = [{key: parse_value(values[key]) if key in values else None for key in keys} for values in settings]
+    configs = parse_overrides(typed)
     jobs = [replace(job, config=config) for job, config in zip(jobs, configs, strict=True)]
-    rows = zip(make_rows(jobs, keys), typed, strict=True)
+    rows = zip(make_rows(jobs, list(configs[0]) if configs else []), typed, strict=True)
     return jobs, [{"run": row["run"], "overrides": " ".join(overrides), **row} for row, overrides in rows]
 
 
@@ -54,6 +52,13 @@ def _read_jobs(folder: Path) -> Iterator[tuple[RunSummary, list[str]]]:
             yield summary, manifest["overrides"]
 
 
+def parse_overrides(typed: Sequence[Sequence[str]]) -> list[dict[str, Any]]:
+    """The value of each key that some job overrides, for each job; None where it overrides others."""
+    settings = [dict(text.lstrip("+").partition("=")[::2] for text in overrides) for overrides in typed]
+    keys = list(dict.fromkeys(key for values in settings for key in values))
+    return [{key: parse_value(values[key]) if key in values else None for key in keys} for values in settings]
+
+
 def parse_value(text: str) -> Any:
     """A value as typed on the command line: a number, true, false, null, else text."""
     if text in ("true", "false"):
@@ -69,10 +74,10 @@ def parse_value(text: str) -> Any:
 def make_table(rows: Sequence[Row]) -> pa.Table:
     """Rows as a table; a number that a row lacks is NaN."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    return pa.table({name: _make_column([row.get(name, math.nan) for row in rows]) for name in names})
+    return pa.table({name: make_column([row.get(name, math.nan) for row in rows]) for name in names})
 
 
-def _make_column(values: Sequence[Any]) -> pa.Array:
+def make_column(values: Sequence[Any]) -> pa.Array:
     """Values as an Arrow column: of integers, floats or booleans if all are, else of text."""
     kinds = {type(value) for value in values}
     if kinds == {bool}:

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -23,10 +23,22 @@ from cmacexp.errors import BadInput
 
 if TYPE_CHECKING:
     from cmacexp.data.folder import Place
+    from cmacexp.experiment.workers import RunAll
 
 SWEEP_KEY = "hydra.sweep.dir"
 DEFAULT = "record=trace"
 """Override of a sweep that does not set ``record``."""
+
+
+class Kind(NamedTuple):
+    """Jobs that differ in values alone."""
+
+    composed: DictConfig
+    """What Hydra composes for the first of them."""
+    first: Sequence[str]
+    """Overrides of that job."""
+    runs: list[list[str]]
+    """Overrides of the run of each job."""
 
 
 class Sweep:
@@ -36,15 +48,15 @@ class Sweep:
         folder: ``hydra.sweep.dir``.
         place: the same once it is locked, for the table.
         planned: how many jobs have which overrides, see :func:`select_run_overrides`.
-        kinds: the same jobs by their kind, see :meth:`check`: what Hydra composes for the first, and the overrides of
-            the run for each.
+        kinds: of jobs, see :meth:`get_kind`.
     """
 
     def __init__(self, folder: Path):
         self.folder = folder
         self.place: Place | None = None
         self.planned: Counter[tuple[str, ...]] = Counter()
-        self.kinds: dict[tuple[str, ...], tuple[DictConfig, list[list[str]]]] = {}
+        self.kinds: dict[tuple[str, ...], Kind] = {}
+        self.run_all: RunAll | None = None
         self.lock, self.progress = ExitStack(), ExitStack()
         """Left when the sweep is over, and when its jobs are."""
 
@@ -62,27 +74,54 @@ class Sweep:
         self.place = self.lock.enter_context(replacing(self.folder, SWEEP_KEY, SWEEP))
         self.progress.enter_context(shared_progress("sweep", self.planned.total, "jobs"))
 
+    def start_workers(self, processes: int | None) -> "RunAll":
+        """Start the processes that run jobs, as many as there are cores unless so many are asked for; once."""
+        from cmacexp.experiment.workers import start_pool
+
+        if self.run_all is None:
+            self.run_all = self.progress.enter_context(start_pool(processes))
+        return self.run_all
+
+    def get_kind(self, caller: Any, overrides: Sequence[str]) -> Kind:
+        """The kind of a job: whether it can be composed depends on its keys and on the options that it chooses.
+
+        Jobs that differ in values alone, which can be thousands, are of one kind, composed once. See
+        ``benchmarks/sweep.py``.
+
+        Args:
+            caller: a sweeper or launcher, which Hydra has set up.
+            overrides: of the job.
+
+        Raises:
+            HydraException: it cannot be composed.
+        """
+        loader = caller.hydra_context.config_loader
+        keys = [text.split("=")[0] for text in overrides]
+        changes = [key[0] in "+~" or "@" in key or _is_group(loader, key) for key in keys]
+        kind = tuple(text if change else key for text, key, change in zip(overrides, keys, changes, strict=True))
+        if kind not in self.kinds:
+            try:
+                composed = loader.load_sweep_config(caller.config, list(overrides))
+            except (TypeError, ValueError) as error:  # of overrides whose shape Hydra does not foresee
+                raise HydraException(str(error)) from error
+            self.kinds[kind] = Kind(composed, overrides, [])
+        return self.kinds[kind]
+
     def check(self, sweeper: Any, batch: Sequence[Sequence[str]]) -> None:
         """Note the next jobs, before they start, and compose one of each kind.
-
-        Whether a job can be composed depends on its keys and on the options that it chooses: jobs that differ in
-        values alone, which can be thousands, are of one kind. See ``benchmarks/sweep.py``.
 
         Raises:
             HydraException: a job cannot be composed.
         """
-        loader = sweeper.hydra_context.config_loader
-        is_group = cache(lambda key: bool(loader.get_group_options(key)))
         for overrides in batch:
             self.planned[tuple(select_run_overrides(overrides))] += 1
-            kind = tuple(text if is_group(key) else key for text, key in ((o, o.split("=")[0]) for o in overrides))
-            if kind not in self.kinds:
-                try:
-                    composed = loader.load_sweep_config(sweeper.config, list(overrides))
-                except (TypeError, ValueError) as error:  # of overrides whose shape Hydra does not foresee
-                    raise HydraException(str(error)) from error
-                self.kinds[kind] = composed, []
-            self.kinds[kind][1].append(select_run_overrides(overrides))
+            self.get_kind(sweeper, overrides).runs.append(select_run_overrides(overrides))
+
+
+@cache
+def _is_group(loader: Any, key: str) -> bool:
+    """Whether a key chooses an option."""
+    return bool(loader.get_group_options(key))
 
 
 class SweepRefused(BaseException):
@@ -149,7 +188,7 @@ def _check_size(config: DictConfig) -> None:
 
 
 def count_jobs() -> float:
-    """Jobs of the sweep that this process started; infinite in a process of its launcher, which cannot know."""
+    """Jobs of the sweep that this process started; infinite in a process of another launcher, which cannot know."""
     return SweepStart.sweep.planned.total() if SweepStart.sweep is not None else math.inf
 
 

@@ -19,10 +19,13 @@ from typing import Any
 from cmacexp.report.terminal import format_progress, shown
 
 Each = Callable[[str, Callable[..., Any], Sequence[tuple[Any, ...]]], list[Any]]
+RunAll = Callable[..., list[Any]]
 VARIABLE = "CMACEXP_WORK"
 """Environment variable of workers: host and id of the process they work for, and the file of what is done."""
 SHARE = struct.Struct("d")
-"""What is done of one item, 0 to 1, in that file."""
+"""What is done of one item, 0 to 1 or FAILED_SHARE, in that file."""
+FAILED_SHARE = 2.0
+"""Of an item that failed."""
 WATCH_INTERVAL = 1.0
 """Seconds between two looks at whether the process is alive."""
 
@@ -42,9 +45,11 @@ def shared_progress(what: str, count: Callable[[], int], unit: str = "") -> Iter
 
         def describe() -> str:
             nonlocal began
-            done = sum(share for (share,) in SHARE.iter_unpack(path.read_bytes()))
+            shares = [share for (share,) in SHARE.iter_unpack(path.read_bytes())]
+            done, failed = sum(min(share, 1.0) for share in shares), shares.count(FAILED_SHARE)
             began = began if done else time.monotonic()  # workers take seconds to start
-            return format_progress(what, done, count(), unit, time.monotonic() - began)
+            text = format_progress(what, done, count(), unit, time.monotonic() - began)
+            return f"{text}, {failed} failed" if failed else text
 
         with shown(describe):
             yield path
@@ -91,39 +96,58 @@ def _work_on(shared: str, number: int, work: Callable[..., Any], item: tuple[Any
     return result
 
 
+def count_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def start_pool(processes: int | None = None) -> Iterator[RunAll]:
+    """Start processes, one for each core unless so many are asked for; gives ``run_all(work, items, first)``.
+
+    That gives ``work`` of every item, in their order, within :func:`shared_progress`, whose first item is ``first``.
+    What ``work`` raises is raised; work that has not begun is dropped then. An interrupt ends the processes at once:
+    their files are whole or absent.
+    """
+    pool = ProcessPoolExecutor(processes or count_cores(), get_context("spawn"))
+
+    def run_all(work: Callable[..., Any], items: Sequence[tuple[Any, ...]], first: int = 0) -> list[Any]:
+        shared = os.environ[VARIABLE]
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # is inherited: Ctrl-C reaches workers too
+        try:
+            futures = [pool.submit(_work_on, shared, number, work, item) for number, item in enumerate(items, first)]
+        finally:
+            signal.signal(signal.SIGINT, before)
+        try:
+            for future in as_completed(futures):
+                future.result()
+        except BrokenProcessPool as error:
+            raise ChildProcessError(
+                "a worker process was killed, perhaps for want of memory; completed runs are kept"
+            ) from error
+        except KeyboardInterrupt:
+            for process in active_children():
+                process.terminate()
+            raise
+        return [future.result() for future in futures]
+
+    try:
+        yield run_all
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
 @contextmanager
 def workers() -> Iterator[Each]:
-    """Start a process for every core; gives ``each(what, work, items)``: ``work`` of every item, in their order.
-
-    ``what`` is shown beside the progress. What ``work`` raises is raised; work that has not begun is dropped then.
-    An interrupt ends the processes at once: their files are whole or absent.
+    """Processes for all cores; gives ``each(what, work, items)``, which shows ``what`` beside the progress.
 
     Raises:
         ChildProcessError: a process was killed.
     """
-    pool = ProcessPoolExecutor(os.cpu_count(), get_context("spawn"))
+    with start_pool() as run_all:
 
-    def each(what: str, work: Callable[..., Any], items: Sequence[tuple[Any, ...]]) -> list[Any]:
-        with shared_progress(what, lambda: len(items)):
-            before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # is inherited: Ctrl-C reaches workers too
-            try:
-                shared = os.environ[VARIABLE]
-                futures = [pool.submit(_work_on, shared, number, work, item) for number, item in enumerate(items)]
-            finally:
-                signal.signal(signal.SIGINT, before)
-            for future in as_completed(futures):
-                future.result()
-        return [future.result() for future in futures]
+        def each(what: str, work: Callable[..., Any], items: Sequence[tuple[Any, ...]]) -> list[Any]:
+            with shared_progress(what, lambda: len(items)):
+                return run_all(work, items)
 
-    try:
         yield each
-    except BrokenProcessPool as error:
-        raise ChildProcessError(
-            "a worker process was killed, perhaps for want of memory; completed runs are kept"
-        ) from error
-    except KeyboardInterrupt:
-        for process in active_children():
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)

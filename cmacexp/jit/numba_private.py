@@ -6,12 +6,13 @@ shows its gain.
 """
 
 import contextlib
+import fcntl
 import hashlib
 import os
 import pickle
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -87,6 +88,10 @@ def compiled_program(function: Callable[..., object], folder: Path) -> Callable[
     return compiled  # type: ignore[no-any-return]
 
 
+_locks: list[ExitStack] = []
+"""What holds the locks of forms that are being made; empty if nobody is to wait for them."""
+
+
 class CheckedFiles:
     """Compiled forms of one function, a file each, instead of numba's own files, which it reads without a check.
 
@@ -107,6 +112,10 @@ class CheckedFiles:
     def load(self, key: object) -> object:
         """The form for a key, which names types and processor; None if there is none that can be used."""
         path = self._path(key)
+        if not path.exists() and _locks:
+            with contextlib.suppress(OSError):  # of a file system without locks
+                lock = _locks[-1].enter_context(path.with_suffix(".lock").open("w"))
+                fcntl.flock(lock, fcntl.LOCK_EX)  # another process that makes this form now has it for us then
         try:
             content = path.read_bytes()
         except OSError:
@@ -169,10 +178,17 @@ register("numba:compile", _quick_compilation)
 
 
 @contextmanager
-def before_compiling(call: Callable[[], None], again: Callable[[], None]) -> Iterator[None]:
+def before_compiling(call: Callable[[], None], again: Callable[[], None], waits: bool) -> Iterator[None]:
     """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that.
 
-    ``again`` is called many times while it is compiled; what it raises ends that.
+    Args:
+        call: see above.
+        again: is called many times while it is compiled; what it raises ends that.
+        waits: whether to wait for another process that compiles the same; else both do.
     """
-    with install_listener("numba:compile", _Listener(call)), install_listener("numba:run_pass", _Listener(again)):
+    with ExitStack() as locks:
+        locks.enter_context(install_listener("numba:compile", _Listener(call)))
+        locks.enter_context(install_listener("numba:run_pass", _Listener(again)))
+        locks.callback(_locks.clear)
+        _locks[:] = [locks] if waits else []
         yield

@@ -12,8 +12,10 @@ import pytest
 from support.command import ROOT, cmacexp, python, started
 from support.manifests import change_manifest
 
+from cmacexp import load_sweep
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.integrity import faults
+from cmacexp.errors import BadRun
 from cmacexp.experiment.sweep_results import read_results
 from cmacexp.experiment.sweep_start import Sweep
 
@@ -73,6 +75,27 @@ def test_the_table_has_a_row_for_each_job_with_overrides_status_and_metrics(mixe
     assert table["best_force_rmse"][0] == metrics["force_rmse"].min()
     assert table["final_torque_peak"][0] == metrics["torque_peak"].iloc[-1]
     assert table["final_force_rmse"][1:].isna().all()
+
+
+def test_all_metrics_of_a_sweep_are_one_table(mixed, tmp_path):
+    table = load_sweep(mixed[0])
+    assert table["run"].tolist() == ["0", "0", "1", "2"]
+    assert table["controller.velocity_gain"].tolist() == [5, 5, 80, -1]
+    assert table["status"].tolist() == ["completed", "completed", "diverged", "failed"]
+    own = pd.read_parquet(mixed[0] / "0" / "metrics.parquet")
+    pd.testing.assert_frame_equal(table[:2][own.columns], own, check_dtype=False)
+    assert table["cycle"].isna().tolist() == [False, False, False, True]
+    folder = shutil.copytree(mixed[0], tmp_path / "s")
+    (folder / "0" / "metrics.parquet").write_bytes((folder / "1" / "metrics.parquet").read_bytes())
+    with pytest.raises(BadRun, match=r"0/metrics.parquet"):
+        load_sweep(folder)
+
+
+def test_a_row_of_a_body_has_its_metrics_too(tmp_path):
+    cmacexp("-m", "scenario=quadruped", "seed=0,1", "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
+    table, body = load_sweep(tmp_path / "s"), pd.read_parquet(tmp_path / "s" / "1" / "body_metrics.parquet")
+    assert table["leg"].tolist() == [1, 2, 3, 4] * 2
+    assert table["tilt_max"][4:].tolist() == [body["tilt_max"][0]] * 4
 
 
 def test_both_tables_say_the_same(mixed):
@@ -191,15 +214,15 @@ def test_the_objective_counts_a_fall_as_the_worst(tmp_path):
     assert read_objective("feedforward_share", fell) == read_objective("margin_front_min", fell) == float("-inf")
 
 
-@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+@pytest.mark.parametrize("launcher", ["basic", "joblib", "submitit_local"])
 def test_other_launchers_leave_the_same_table(launcher, tmp_path):
     swept = ["-m", "cmac.layers=8,0,32", "cycles=1"]
-    ends = [cmacexp(*swept, "hydra.sweep.dir=basic", folder=tmp_path)]
+    ends = [cmacexp(*swept, "hydra.sweep.dir=cores", folder=tmp_path)]
     ends.append(cmacexp(*swept, f"hydra/launcher={launcher}", "hydra.sweep.dir=other", folder=tmp_path))
     assert [end.returncode for end in ends] == [1, 1]
     assert ends[0].stderr.splitlines()[-1] == ends[1].stderr.splitlines()[-1]
     assert "Traceback" not in ends[1].stderr
-    pd.testing.assert_frame_equal(table_of(tmp_path / "basic"), table_of(tmp_path / "other"))
+    pd.testing.assert_frame_equal(table_of(tmp_path / "cores"), table_of(tmp_path / "other"))
 
 
 def test_a_launcher_that_is_not_installed_is_told_with_its_extra():
