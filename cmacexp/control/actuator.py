@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.config.schema import ActuatorConfig
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.lateness import first_order_share
-from cmacexp.typing import Array, Role, State
+from cmacexp.typing import STATE, Array, Role, State
 
 
 class Actuator(NamedTuple):
@@ -26,7 +26,7 @@ class Actuator(NamedTuple):
     """(L, J): torque of the last step, N m, before the lag."""
     share: float
     """Part of its difference from the command by which a torque changes in a step; 1 without a lag."""
-    lagged: State | None
+    lagged: Annotated[Array | None, STATE]
     """(2, L, J): feedback and feedforward that acted in the last step, N m; None without a lag, since a test in each
     step would take a fifth of its time."""
 

@@ -247,4 +247,6 @@ def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
     assert "Traceback" not in err
     assert "500 jobs: " in out
     assert "not completed" in out
-    assert table_of(tmp_path / "s")["status"][:3].tolist() == ["completed"] * 3
+    table = table_of(tmp_path / "s")
+    assert "2" in table["run"].tolist()
+    assert set(table["status"]) == {"completed"}

@@ -80,7 +80,7 @@ def test_the_recommended_period_is_allowed_and_not_longer_than_with_feedback_on_
 
 
 def test_lags_that_no_period_makes_up_for_are_refused():
-    with pytest.raises(BadInput, match="feedback lags too much for feet so light"):
+    with pytest.raises(BadInput, match="none suits feet so light with these lags"):
         recommend_period(0.0041, Lateness(1, (0.03, 0.02)))
 
 
