@@ -9,6 +9,7 @@ from hydra.core.utils import JobReturn, JobRuntime, JobStatus, run_job, setup_gl
 from hydra.types import HydraContext
 from omegaconf import DictConfig, OmegaConf, open_dict
 
+from cmacexp.errors import BadInput
 from cmacexp.experiment.sweep_start import SweepStart
 
 
@@ -27,6 +28,8 @@ def launch(launcher: Any, batch: Sequence[Sequence[str]], first: int, processes:
     sweep = SweepStart.sweep
     if sweep is None:
         raise RuntimeError("hydra/launcher=cores is for python -m cmacexp -m; choose hydra/launcher=basic")
+    if processes is not None and processes < 1:
+        raise BadInput("hydra.launcher.processes", processes, "must be at least 1, or null: one for each core")
     packed: dict[int, bytes] = {}
     items = []
     for number, overrides in enumerate(batch, first):

@@ -225,6 +225,12 @@ def test_other_launchers_leave_the_same_table(launcher, tmp_path):
     pd.testing.assert_frame_equal(table_of(tmp_path / "cores"), table_of(tmp_path / "other"))
 
 
+def test_jobs_need_a_process(tmp_path):
+    done = cmacexp("-m", "seed=1,2", "hydra.launcher.processes=-2", "hydra.sweep.dir=s", folder=tmp_path)
+    assert (done.returncode, "Traceback" in done.stderr) == (2, False)
+    assert "hydra.launcher.processes=-2: must be at least 1" in done.stderr
+
+
 def test_a_launcher_that_is_not_installed_is_told_with_its_extra():
     from hydra.errors import MissingConfigException
 
