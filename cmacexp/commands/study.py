@@ -104,12 +104,19 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Written]
     with workers() as each:
         requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
         collected = collect(each, [r for own in requests.values() for r in own], options.folder / "runs")
-        items = []
-        for file in files:
-            own = {request: collected[request] for request in requests[file.name]}
-            folders = list(dict.fromkeys(folder for folder, _ in own.values()))
-            measured = each("measuring", _measure, [(file.path, folder) for folder in folders])
-            items.append((file.path, requests[file.name], own, dict(zip(folders, measured, strict=True)), options))
+        folders = {file.path: list({collected[r][0] for r in requests[file.name]}) for file in files}
+        pairs = [(f.path, folder) for f in files if f.study.measures for folder in folders[f.path]]
+        measured = dict(zip(pairs, each("measuring", _measure, pairs), strict=True))
+        items = [
+            (
+                file.path,
+                requests[file.name],
+                {r: collected[r] for r in requests[file.name]},
+                {folder: measured.get((file.path, folder), {}) for folder in folders[file.path]},
+                options,
+            )
+            for file in files
+        ]
         return each("evaluating", _write, items)
 
 

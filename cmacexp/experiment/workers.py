@@ -113,12 +113,13 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
 
     def run_all(work: Callable[..., Any], items: Sequence[tuple[Any, ...]], first: int = 0) -> list[Any]:
         shared = os.environ[VARIABLE]
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # is inherited: Ctrl-C reaches workers too
         try:
-            futures = [pool.submit(_work_on, shared, number, work, item) for number, item in enumerate(items, first)]
-        finally:
-            signal.signal(signal.SIGINT, before)
-        try:
+            before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # is inherited: Ctrl-C reaches workers too
+            try:
+                own = enumerate(items, first)
+                futures = [pool.submit(_work_on, shared, number, work, item) for number, item in own]
+            finally:
+                signal.signal(signal.SIGINT, before)
             for future in as_completed(futures):
                 future.result()
         except BrokenProcessPool as error:
