@@ -6,7 +6,7 @@ import os
 import re
 import sys
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from hydra import main as hydra_main
 from hydra.core.hydra_config import HydraConfig
@@ -100,12 +100,12 @@ class _Task:
         self.called = True
         hydra = HydraConfig.get()
         if hydra.mode == RunMode.MULTIRUN:
-            from cmacexp.experiment.sweep_job import run_job
+            from cmacexp.experiment.sweep_job import run_hydra_job
 
-            return run_job(composed)
+            return run_hydra_job(composed)
         folder = Path(hydra.runtime.output_dir)
         try:
-            self.status = _run(composed, folder)
+            self.status = _run(composed, hydra)
         except Exception as error:  # of which Hydra would print more than a line
             self.error = self.explain(error)
         finally:
@@ -125,7 +125,7 @@ class _Task:
         return error
 
 
-def _run(composed: DictConfig, folder: Path) -> str:
+def _run(composed: DictConfig, hydra: Any) -> str:
     """Run a config and print what it gave; the status of the run."""
     config = to_config(composed)
     if config.sweep.resume:
@@ -143,7 +143,7 @@ def _run(composed: DictConfig, folder: Path) -> str:
     check_metric(config.optimize, config.machine.kind)
     with activity(f"planning {config.steps_per_cycle} steps a cycle"):
         scenario = make_scenario(config)
-    for text in warnings_of(config, HydraConfig.get().overrides.task, composed):
+    for text in warnings_of(config, hydra.overrides.task, composed):
         say(f"warning: {text}", error=True)
     if (warning := growth_warning(config, scenario)) is not None:
         say(warning, error=True)
@@ -151,8 +151,9 @@ def _run(composed: DictConfig, folder: Path) -> str:
     def warn(drift: Drift) -> None:
         say(f"warning: {format_drift(drift)}", error=True)
 
+    folder, record = Path(hydra.runtime.output_dir), make_record(composed, hydra) if config.record.trace else None
     with progress(config.scenario, config.cycles, "cycles") as watch:
-        result = run_scenario(config, folder, watch, scenario, warn, make_record(composed))
+        result = run_scenario(config, folder, watch, scenario, warn, record)
     print_summary(result)
     if result.status == "interrupted":
         raise KeyboardInterrupt

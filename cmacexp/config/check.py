@@ -37,6 +37,8 @@ def check_run(config: Config) -> Mistakes:
     for i, cycle in enumerate(config.record.cycles or []):
         if cycle > config.cycles:
             yield f"record.cycles.{i}", f"must be at most {config.cycles}, the cycles of the run"
+    if config.record.recording and not config.record.trace:
+        yield "record.recording", "must be false with record.trace=false: a recording is made of the traces"
     if config.force_control.method == "damping" and config.gains is not None and config.gains[1] == 0.0:
         yield "controller.velocity_gain", "must be above 0 with force_control=damping (eq. 11)"
     if config.actuator.delay >= steps:

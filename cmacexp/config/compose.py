@@ -1,8 +1,10 @@
 """From overrides, as typed on the command line, to a checked config; for studies and notebooks."""
 
-import copy
-from collections.abc import Sequence
+import pickle
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from omegaconf import DictConfig, OmegaConf, open_dict
 
@@ -13,8 +15,23 @@ from cmacexp.config.schema import Config
 from cmacexp.errors import CmacexpError
 
 _MISSING = object()
-_composed: dict[tuple[str, ...], tuple[DictConfig, dict[str, str]]] = {}
-"""Results of :func:`_compose` by the options chosen: Hydra takes longer to read some 30 files than most runs take."""
+_composed: dict[tuple[str, ...], bytes] = {}
+"""Results of :func:`_compose` by the options chosen: Hydra takes longer to read some 30 files than most runs take.
+Pickled: nothing copies a config faster."""
+
+
+@lru_cache(4096)
+def parse_override(override: str) -> Any:
+    """What Hydra reads in an override."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    return OverridesParser.create().parse_override(override)
+
+
+def set_values(config: DictConfig, overrides: Iterable[str]) -> None:
+    """Set values of keys in a composed config, as Hydra does once the options are chosen."""
+    for override in map(parse_override, overrides):
+        OmegaConf.update(config, override.key_or_group, override.value(), merge=True)
 
 
 def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
@@ -31,19 +48,19 @@ def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
 
 def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
     """The same from a cached result: Hydra, too, chooses options before it sets values, whatever their order."""
-    from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.core.override_parser.types import OverrideType
 
     options = tuple(text for text in overrides if (config_folder() / text.partition("=")[0]).is_dir())
     if options not in _composed:
-        _composed[options] = _compose(options)
-    config, choices = copy.deepcopy(_composed[options])
-    for override in OverridesParser.create().parse_overrides([text for text in overrides if text not in options]):
+        _composed[options] = pickle.dumps(_compose(options))
+    config, choices = pickle.loads(_composed[options])
+    values = [text for text in overrides if text not in options]
+    for override in map(parse_override, values):
         key = override.key_or_group
         exists = OmegaConf.select(config, key, default=_MISSING, throw_on_resolution_failure=False) is not _MISSING
         if override.type != OverrideType.CHANGE or override.package or override.is_sweep_override() or not exists:
             return _compose(overrides)  # it adds or removes a key, or is a mistake
-        OmegaConf.update(config, key, override.value(), merge=True)
+    set_values(config, values)
     return config, choices
 
 

@@ -53,11 +53,11 @@ def _make_machine(node: Mapping[str, Any], target: object) -> Any:
         raise BadInput("plant", plant, f"is not for machine.kind={kind}: {scenario}") from error
 
 
-def to_config(composed: DictConfig) -> Config:
+def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     """Type and check a composed config.
 
     Args:
-        composed: what Hydra composed, or the ``config`` of a manifest as a DictConfig.
+        composed: what Hydra composed, or plain values, as the ``config`` of a manifest.
 
     Returns:
         The config; every value in its range, every combination of values possible.
@@ -65,8 +65,10 @@ def to_config(composed: DictConfig) -> Config:
     Raises:
         BadInput: names the first key that is wrong.
     """
+    plain: Any = composed
     try:
-        plain: Any = OmegaConf.to_container(composed, resolve=True, throw_on_missing=True)
+        if isinstance(composed, DictConfig):
+            plain = OmegaConf.to_container(composed, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
         reason = str(error.msg or error).splitlines()[0]
         key = str(error.full_key or "config")

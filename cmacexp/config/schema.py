@@ -131,6 +131,8 @@ class LearningConfig:
 class RecordConfig:
     """What a run keeps besides its metrics."""
 
+    trace: bool
+    """Write the traces, the metrics as CSV too, and Hydra's own record; false: metrics and manifest alone."""
     recording: bool
     """Write recording.rrd, the Rerun view."""
     weights: bool

@@ -171,11 +171,13 @@ class Place:
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
 
-    def commit(self, manifest: dict[str, Any]) -> None:
+    def commit(self, manifest: dict[str, Any], sync: bool = True) -> None:
         """Replace the earlier result.
 
         Args:
             manifest: of the new result; lists files of the earlier one that stay, too.
+            sync: whether all files, and not only the manifest, are on the disk before they replace anything. Without
+                that a file that a power failure cuts short no longer has the hash that the manifest lists.
 
         Raises:
             BadInput: the folder holds a file of the same name that is not of the earlier result; nothing is replaced.
@@ -184,7 +186,8 @@ class Place:
         for name in _list_files(self.new):
             if name in manifest["files"] and name not in self.earlier:
                 _refuse_if_taken(self.folder, name, self.key)
-            _sync(self.new / name)
+            if sync:
+                _sync(self.new / name)
         manifests.write(self.new, manifest)
         _sync(self.new / manifests.NAME)
         _replace(self, manifest)

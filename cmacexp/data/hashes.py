@@ -1,17 +1,13 @@
 """Whether a file of a run is as the run wrote it: everything that reads one asks here first."""
 
 import os
-import time
-from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import is_behind_link, sha256
+from cmacexp.data.files import is_behind_link, sha256, stamp
 from cmacexp.errors import BadRun
 
-TIME_RESOLUTION = 20_000_000
-"""Two changes of a file within so many nanoseconds may leave it the same times."""
 MAX_CACHED_FILES = 4096
 """Files whose hash is kept."""
 
@@ -22,17 +18,14 @@ def _cached_hash(path: Path, stamp: tuple[int, ...]) -> str:
 
 
 def current_hash(path: Path) -> str:
-    """SHA-256 of a file as it is now; computed once while its size, inode and times do not change."""
-    status = path.lstat()
-    stamp = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
-    just_written = time.time_ns() - max(stamp[-2:]) < TIME_RESOLUTION
-    return sha256(path) if just_written else _cached_hash(path, stamp)
+    """SHA-256 of a file as it is now; computed once while the file does not change."""
+    return _cached_hash(path, stamp(path))
 
 
-def _listed(folder: Path) -> Mapping[str, str] | None:
-    """Files of a run and their hashes; None while it is written, when it has no manifest yet."""
+def _read_manifest(folder: Path) -> manifests.Manifest | None:
+    """The manifest of a run; None while it is written, when it has none yet."""
     path = folder / manifests.NAME
-    return manifests.read_file(path)["files"] if os.path.lexists(path) else None
+    return manifests.read_file(path) if os.path.lexists(path) else None
 
 
 def find_fault(folder: Path, name: str, expected: str) -> str | None:
@@ -53,8 +46,8 @@ def was_written(path: Path) -> bool:
     Raises:
         BadRun: the manifest of the run is damaged.
     """
-    listed = _listed(path.parent)
-    return path.is_file() if listed is None else path.name in listed
+    manifest = _read_manifest(path.parent)
+    return path.is_file() if manifest is None else path.name in manifest["files"]
 
 
 def require_intact(path: Path) -> Path:
@@ -65,11 +58,13 @@ def require_intact(path: Path) -> Path:
     Raises:
         BadRun: it is missing, has changed, cannot be read, or the manifest of the run is damaged or does not list it.
     """
-    listed = _listed(path.parent)
-    if listed is None:
+    manifest = _read_manifest(path.parent)
+    if manifest is None:
         return path
-    if path.name not in listed:
+    if path.name not in manifest["files"]:
+        if manifest["config"].get("record", {}).get("trace") is False:
+            raise BadRun(f"{path}: the run keeps metrics alone (record.trace=false); run it again with record=trace")
         raise BadRun(f"{path}: the run did not write this file, its {manifests.NAME} does not list it")
-    if fault := find_fault(path.parent, path.name, listed[path.name]):
+    if fault := find_fault(path.parent, path.name, manifest["files"][path.name]):
         raise BadRun(f"{path}: {fault}; run it again")
     return path

@@ -34,8 +34,9 @@ def is_finished(folder: Path, config: Config) -> bool:
     same = same and manifest.get("start_weights") == start_hash(config)
     same = same and manifest.get("model_hash") == model_hash(config.machine)
     as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
+    has_trace = (TRACE in manifest["files"] and as_thin) or not config.record.trace
     has_weights = WEIGHTS in manifest["files"] or not config.record.weights
-    return same and as_thin and has_weights and manifest["status"] in RESULTS and not faults(folder)
+    return same and has_trace and has_weights and manifest["status"] in RESULTS and not faults(folder)
 
 
 def _list_missing(manifest: manifests.Manifest) -> list[str]:
@@ -44,7 +45,9 @@ def _list_missing(manifest: manifests.Manifest) -> list[str]:
         return []
     machine = manifest["config"].get("machine")
     walks = isinstance(machine, dict) and MACHINES.get(str(machine.get("kind"))) in get_args(BodyMachine)
-    names = (TRACE, METRICS, METRICS_CSV, *((BODY, BODY_METRICS) if walks else ()))
+    names = [METRICS, BODY_METRICS] if walks else [METRICS]
+    if manifest["config"].get("record", {}).get("trace", True):
+        names += [METRICS_CSV, TRACE, BODY] if walks else [METRICS_CSV, TRACE]
     return [f"{name}: not listed in {manifests.NAME}" for name in names if name not in manifest["files"]]
 
 

@@ -5,13 +5,13 @@ import json
 import os
 import platform
 import subprocess
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from cmacexp.config import config_hash
-from cmacexp.data.files import NEW, open_file
+from cmacexp.data.files import NEW, open_file, stamp
 from cmacexp.data.manifest_fields import REPORT as REPORT
 from cmacexp.data.manifest_fields import SWEEP as SWEEP
 from cmacexp.data.manifest_fields import find_wrong
@@ -20,6 +20,8 @@ from cmacexp.errors import BadRun
 
 NAME, CHECKSUM = "manifest.json", "checksum"
 """The file, and its last entry: the SHA-256 of all others."""
+LAST = f',\n  "{CHECKSUM}": '
+"""How that entry begins."""
 MAX_BYTES = 16 << 20
 PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun-sdk")
 
@@ -77,9 +79,13 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
 
 def dump(manifest: Manifest) -> str:
     """The text of a manifest, which ends with the checksum of what is before it."""
-    content = {key: value for key, value in manifest.items() if key != CHECKSUM}
-    checksum = hashlib.sha256(json.dumps(content, indent=2).encode()).hexdigest()
-    return json.dumps({**content, CHECKSUM: checksum}, indent=2) + "\n"
+    return _end(json.dumps(manifest, indent=2).removesuffix("\n}"))
+
+
+def _end(content: str) -> str:
+    """The text of a manifest that begins with ``content``, all of its entries but the checksum."""
+    checksum = hashlib.sha256((content + "\n}").encode()).hexdigest()
+    return f'{content}{LAST}"{checksum}"\n}}\n'
 
 
 def write(folder: Path, manifest: Manifest) -> None:
@@ -107,22 +113,28 @@ def read_file(path: Path) -> Manifest:
         BadRun: as :func:`read`.
     """
     try:
-        with open_file(path) as file:
-            if os.fstat(file.fileno()).st_size > MAX_BYTES:
-                raise BadRun(f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run")
-            text = file.read().decode()
-        found = json.loads(text)
-        changed = isinstance(found, dict) and CHECKSUM in found and dump(found) != text
+        manifest: Manifest = json.loads(_read_checked(path, stamp(path)))
     except (FileNotFoundError, NotADirectoryError):
         reason = f"no {path.name}: not the folder of a run, or the run was killed before its end"
         raise BadRun(f"{path.parent}: {reason}") from None
     except (ValueError, OSError, RecursionError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error) or type(error).__name__
         raise BadRun(f"{path}: cannot be read ({reason.splitlines()[0]})") from None
-    if changed:
+    del manifest[CHECKSUM]
+    return manifest
+
+
+@lru_cache(16)  # whoever reads a table of a run reads its manifest too
+def _read_checked(path: Path, stamp: tuple[int, ...]) -> bytes:
+    """The text of a manifest, which has this stamp."""
+    with open_file(path) as file:
+        if os.fstat(file.fileno()).st_size > MAX_BYTES:
+            raise BadRun(f"{path}: larger than {MAX_BYTES >> 20} MB, not the manifest of a run")
+        text = file.read()
+    found = json.loads(text)
+    if isinstance(found, dict) and CHECKSUM in found and _end(text.decode().rpartition(LAST)[0]) != text.decode():
         raise BadRun(f"{path}: changed since it was written; run it again")
     wrong = find_wrong(found)
-    if wrong or found.pop(CHECKSUM, None) is None:
+    if wrong or CHECKSUM not in found:
         raise BadRun(f"{path}: not the manifest of a run: {wrong or f'it has no {CHECKSUM}'}; run it again")
-    manifest: Manifest = found
-    return manifest
+    return text

@@ -104,7 +104,7 @@ CONFIG = {
     "terrain": {"stiffness": POSITIVE, "slope?": NUMBER, "slope_start": NUMBER},
     "learning": {"start_cycle": COUNT},
     "cmac": OBJECT,
-    "record": {"every_nth_step": COUNT, "cycles": _or_null(COUNTS)},
+    "record": {"trace?": FLAG, "every_nth_step": COUNT, "cycles": _or_null(COUNTS)},
     **{group: {"_target_": TEXT} for group in COMPONENTS},
 }
 """Of the config of a run that took steps or has files: what readers use of it."""

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
-from omegaconf import OmegaConf
 
 from cmacexp.config import Config, to_config
 from cmacexp.config.schema import count_steps
@@ -105,7 +104,7 @@ class StoredRun:
     @property
     def walks(self) -> bool:
         """Whether there is a body on legs."""
-        return BODY in self.manifest["files"]
+        return BODY_METRICS in self.manifest["files"]
 
     @cached_property
     def body(self) -> "pd.DataFrame":
@@ -141,6 +140,6 @@ def read_config(run: StoredRun) -> Config:
     """
     plain = run.config
     try:
-        return to_config(OmegaConf.create(plain))
+        return to_config(plain)
     except CmacexpError as error:
         raise BadRun(f"{run.folder}: its config is not one of this version ({error}); run it again") from None

@@ -87,11 +87,14 @@ def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int =
     return Traces(legs, _read(folder / BODY, select_signals(BODY_SIGNALS), cycles, every) if walks else None)
 
 
-def write_scores(folder: Path, scores: Scores) -> list[str]:
-    """Write the metrics of a run; the names of the files."""
+def write_scores(folder: Path, scores: Scores, as_csv: bool = True) -> list[str]:
+    """Write the metrics of a run, as CSV too unless that is not wanted; the names of the files."""
     write_table(scores.legs, folder / METRICS)
-    pa_csv.write_csv(scores.legs, folder / METRICS_CSV)
-    if scores.body is None:
-        return [METRICS, METRICS_CSV]
-    write_table(scores.body, folder / BODY_METRICS)
-    return [METRICS, METRICS_CSV, BODY_METRICS]
+    names = [METRICS]
+    if as_csv:
+        pa_csv.write_csv(scores.legs, folder / METRICS_CSV)
+        names.append(METRICS_CSV)
+    if scores.body is not None:
+        write_table(scores.body, folder / BODY_METRICS)
+        names.append(BODY_METRICS)
+    return names

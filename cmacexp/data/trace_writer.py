@@ -79,11 +79,13 @@ def trace_writer(
 
     Args:
         folder: of the run.
-        record: which rows the traces keep.
+        record: which rows the traces keep; without traces nothing is written.
         legs: columns of their trace.
         body: likewise; None for a machine without a body.
     """
-    columns = {TRACE: legs} if body is None else {TRACE: legs, BODY: body}
+    columns = {TRACE: legs} if record.trace else {}
+    if columns and body is not None:
+        columns[BODY] = body
     with ExitStack() as stack:
         files = [table_writer(folder / name, make_schema(signals)) for name, signals in columns.items()]
         yield TraceWriter([stack.enter_context(file) for file in files], record)

@@ -99,6 +99,8 @@ def _roll_out(
 
         end = stream(scenario, take, watch)
         writer.finish(end.status == "completed")
+    if not config.record.trace:
+        return end, []
     names = [TRACE, BODY] if columns[1] else [TRACE]
     if memory:
         write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
@@ -174,7 +176,8 @@ def run_scenario(
         prepared: the scenario of ``config`` if it is already made.
         warn: is called once a drift is detected, while the run goes on; see :mod:`cmacexp.metrics.drift`.
         record: Hydra's own record of the run, texts by file name.
-        overrides: of a job of a sweep, as typed.
+        overrides: of a job of a sweep, as typed. A power failure may cost it its result: a sweep that is resumed runs
+            it again.
 
     Returns:
         The result; a run that diverged, failed or was interrupted keeps its results up to there.
@@ -193,9 +196,12 @@ def run_scenario(
         for name, text in (record or {}).items():
             place.write_text(f"{HYDRA_FOLDER}/{name}", text)
         manifest = _write(scenario, place, watch, warn)
-        typed = {} if overrides is None else {"overrides": list(overrides)}
-        place.commit({**manifest, **typed, "wall_seconds": time.perf_counter() - began})
-    return StoredRun(place.folder)
+        manifest |= {} if overrides is None else {"overrides": list(overrides)}
+        manifest["wall_seconds"] = time.perf_counter() - began
+        place.commit(manifest, sync=overrides is None)
+    run = StoredRun(place.folder)
+    vars(run)["manifest"] = manifest  # what has just been written needs not be read
+    return run
 
 
 def _write(
@@ -206,7 +212,7 @@ def _write(
     scorer = RunScorer(config.steps_per_cycle)
     end, names = _roll_out(scenario, folder, scorer, watch, warn)
     scores = scorer.scores
-    names += write_scores(folder, scores)
+    names += write_scores(folder, scores, config.record.trace)
     shown = {"guard": [event._asdict() for event in end.events], **_robot_entry(scenario)}  # in the recording
     manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps, **shown)
     try:

@@ -1,9 +1,8 @@
 """One job of a sweep, in whatever process: it prints a line, and leaves on disk how it ended."""
 
-from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
@@ -20,15 +19,30 @@ from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
 
 
-def run_job(composed: DictConfig, jobs: float | None = None) -> float | None:
+class Job(NamedTuple):
+    """A job of a sweep, composed."""
+
+    number: int
+    folder: Path
+    config: DictConfig | dict[str, Any]
+    hydra: DictConfig | dict[str, Any]
+    """Hydra's own config."""
+
+
+def run_hydra_job(composed: DictConfig, jobs: float | None = None) -> float | None:
+    """:func:`run_job` for a job that Hydra has composed and begun; None: it is one of as many as the sweep has."""
+    hydra: Any = HydraConfig.get()
+    return run_job(Job(hydra.job.num, Path(hydra.runtime.output_dir), composed, hydra), jobs or count_jobs())
+
+
+def run_job(job: Job, jobs: float) -> float | None:
     """Run one of so many jobs of a sweep; a failure is left on disk and does not end the sweep.
 
     Returns:
         What the sweeper asked for by ``optimize``, as :func:`cmacexp.experiment.objective.read_objective` gives it.
     """
-    hydra = HydraConfig.get()
-    folder, metric = Path(hydra.runtime.output_dir), composed.get("optimize")
-    report = share_progress(hydra.job.num)
+    number, folder, composed, hydra = job
+    metric, report = composed.get("optimize"), share_progress(number)
     with interrupt_held_back():  # some libraries cannot be imported partially
         from cmacexp.data.integrity import is_finished
         from cmacexp.experiment.objective import check_metric, read_objective
@@ -38,10 +52,9 @@ def run_job(composed: DictConfig, jobs: float | None = None) -> float | None:
         from cmacexp.report.terminal import announce_compiling, describe_drift, format_outcome, say
 
     announce_compiling()
-    expect_runs(jobs or count_jobs())
-    record, overrides = make_record(composed), select_run_overrides(hydra.overrides.task)
-    summary, result = None, None
-    name = f"#{hydra.job.num} {' '.join(overrides)}"
+    expect_runs(jobs)
+    overrides = select_run_overrides(hydra["overrides"]["task"])
+    summary, result, name = None, None, f"#{number} {' '.join(overrides)}"
     try:
         config = to_config(composed)
         check_metric(config.optimize, config.machine.kind)
@@ -49,7 +62,9 @@ def run_job(composed: DictConfig, jobs: float | None = None) -> float | None:
             if not (config.sweep.resume and is_finished(folder, config)):
                 scenario, cycles = make_scenario(config), config.cycles
                 result = run_scenario(
-                    config, place, lambda done: report(done / cycles), scenario, record=record, overrides=overrides
+                    *(config, place, lambda done: report(done / cycles), scenario),
+                    record=make_record(composed, hydra) if config.record.trace else None,
+                    overrides=overrides,
                 )
             elif (manifest := manifests.read(folder)).get("overrides") != overrides:  # the same config by other words
                 place.commit({**manifest, "overrides": overrides})
@@ -58,8 +73,8 @@ def run_job(composed: DictConfig, jobs: float | None = None) -> float | None:
             raise KeyboardInterrupt from error
         cause = _describe(error)
         summary = RunSummary(folder, "failed", cause)
-        _write_failure(folder, composed, record, overrides, error, cause)
-        say(f"error: #{hydra.job.num}: {cause}", error=True)
+        _write_failure(job, overrides, error, cause)
+        say(f"error: #{number}: {cause}", error=True)
     else:
         if result is None:
             say(f"{name}: finished before, not run again")
@@ -80,23 +95,18 @@ def _describe(error: Exception) -> str:
     return " ".join(text.split())
 
 
-def _write_failure(
-    folder: Path,
-    composed: DictConfig,
-    record: Mapping[str, str],
-    overrides: list[str],
-    error: Exception,
-    cause: str,
-) -> None:
+def _write_failure(job: Job, overrides: list[str], error: Exception, cause: str) -> None:
     """Leave a manifest that names why there is no result; an earlier run in the folder stays, with it beside."""
-    plain: Any = OmegaConf.to_container(composed)  # as typed: an interpolation may be what is wrong
+    plain: Any = job.config
+    if isinstance(plain, DictConfig):
+        plain = OmegaConf.to_container(plain)  # as typed: an interpolation may be what is wrong
     bad_input = isinstance(error, BadInput)
     manifest = manifests.make_manifest(plain, "failed", cause, bad_input=bad_input, overrides=overrides)
     if isinstance(error, BadComponent) or not isinstance(error, CmacexpError | OSError | MemoryError):
         manifest["traceback"] = format_user_traceback(error.raised if isinstance(error, BadComponent) else error)
-    with suppress(OSError, BadInput), replacing(folder, RUN_KEY) as place:
+    with suppress(OSError, BadInput), replacing(job.folder, RUN_KEY) as place:
         # where this fails, the job counts as not completed, and the terminal shows its cause
-        for name, text in record.items():
+        for name, text in make_record(job.config, job.hydra).items():
             place.write_text(f"{HYDRA_FOLDER}/{name}", text)
         if place.earlier:
             place.leave_failure(manifest)

@@ -32,9 +32,11 @@ def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[Row]]:
             missing[tuple(overrides)] -= 1
             jobs.append(job)
             typed.append(overrides)
+    if not jobs:
+        return [], []
     configs = parse_overrides(typed)
     jobs = [replace(job, config=config) for job, config in zip(jobs, configs, strict=True)]
-    rows = zip(make_rows(jobs, list(configs[0]) if configs else []), typed, strict=True)
+    rows = zip(make_rows(jobs, list(configs[0])), typed, strict=True)
     return jobs, [{"run": row["run"], "overrides": " ".join(overrides), **row} for row, overrides in rows]
 
 

@@ -1,19 +1,22 @@
 """Processes that work for this one: they end with it, and report how far they are."""
 
+import gc
 import os
 import signal
 import socket
 import struct
+import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import cache
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_all_start_methods, get_context
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from threading import Thread
+from types import ModuleType
 from typing import Any
 
 from cmacexp.report.terminal import format_progress, shown
@@ -24,6 +27,9 @@ VARIABLE = "CMACEXP_WORK"
 """Environment variable of workers: host and id of the process they work for, and the file of what is done."""
 SHARE = struct.Struct("d")
 """What is done of one item, 0 to 1 or FAILED_SHARE, in that file."""
+PRELOADED = ["cmacexp.experiment.sweep_job", "cmacexp.experiment.run", "cmacexp.report.run_summary"]
+PRELOADED += ["cmacexp.jit.numba_private", "cmacexp.config.compose", "hydra.core.override_parser.overrides_parser"]
+"""Modules that workers need."""
 FAILED_SHARE = 2.0
 """Of an item that failed."""
 WATCH_INTERVAL = 1.0
@@ -96,6 +102,16 @@ def _work_on(shared: str, number: int, work: Callable[..., Any], item: tuple[Any
     return result
 
 
+def _start(environment: Mapping[str, str]) -> None:
+    """Begin as a process that this one has started would."""
+    os.environ.update(environment)
+    gc.freeze()  # what has been imported is no garbage
+
+
+def _wait() -> None:
+    """Do nothing: let a process start before there is work for it."""
+
+
 def count_cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -106,20 +122,27 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
     """Start processes, one for each core unless so many are asked for; gives ``run_all(work, items, first)``.
 
     That gives ``work`` of every item, in their order, within :func:`shared_progress`, whose first item is ``first``.
-    What ``work`` raises is raised; work that has not begun is dropped then. An interrupt ends the processes at once:
-    their files are whole or absent.
+    What ``work`` raises is raised, once all work that has begun is done; the rest is dropped. An interrupt ends the
+    processes at once: their files are whole or absent.
     """
-    pool = ProcessPoolExecutor(processes or count_cores(), get_context("spawn"))
+    count = processes or count_cores()
+    pool = ProcessPoolExecutor(count, _make_context(), _start, (dict(os.environ),))
+
+    def submit(*call: Any) -> Future[Any]:
+        # Processes start here. They inherit that Ctrl-C is ignored, which reaches them too; and they do not import
+        # the program of the caller, which needs no guard then.
+        before, program = signal.signal(signal.SIGINT, signal.SIG_IGN), sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            return pool.submit(*call)
+        finally:
+            sys.modules["__main__"] = program
+            signal.signal(signal.SIGINT, before)
 
     def run_all(work: Callable[..., Any], items: Sequence[tuple[Any, ...]], first: int = 0) -> list[Any]:
         shared = os.environ[VARIABLE]
         try:
-            before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # is inherited: Ctrl-C reaches workers too
-            try:
-                own = enumerate(items, first)
-                futures = [pool.submit(_work_on, shared, number, work, item) for number, item in own]
-            finally:
-                signal.signal(signal.SIGINT, before)
+            futures = [submit(_work_on, shared, number, work, item) for number, item in enumerate(items, first)]
             for future in as_completed(futures):
                 future.result()
         except BrokenProcessPool as error:
@@ -132,10 +155,21 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
             raise
         return [future.result() for future in futures]
 
+    for _ in range(count):
+        submit(_wait)
     try:
         yield run_all
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _make_context() -> Any:
+    """Processes are copies of one that has imported what they need; where there is no fork, each imports it."""
+    if "forkserver" not in get_all_start_methods():
+        return get_context("spawn")
+    context = get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    return context
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """Desired motion and force of the feet over one cycle."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -113,13 +114,20 @@ def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:
         joints[...] = desired
         return
     for i in range(desired.shape[1]):
-        leg = Leg(*mechanism.legs[i].tolist())
         # Python's own numbers are faster than NumPy's.
-        for k, (x, y, vx, vy, ax, ay) in enumerate(desired[:, i].tolist()):
-            q1, q2 = inverse_kinematics(leg, x, y)
-            trig = trigonometry(q1, q2)
-            dq1, dq2 = joint_velocity(leg, trig, vx, vy)
-            joints[k, i] = q1, q2, dq1, dq2, *joint_acceleration(leg, trig, dq1, dq2, ax, ay)
+        joints[:, i] = _plan_leg(Leg(*mechanism.legs[i].tolist()), tuple(map(tuple, desired[:, i].tolist())))
+
+
+@lru_cache(64)  # most runs of a sweep have the same plan
+def _plan_leg(leg: Leg, desired: tuple[tuple[float, ...], ...]) -> Array:
+    """:func:`plan_joints` for one leg."""
+    rows = []
+    for x, y, vx, vy, ax, ay in desired:
+        q1, q2 = inverse_kinematics(leg, x, y)
+        trig = trigonometry(q1, q2)
+        dq1, dq2 = joint_velocity(leg, trig, vx, vy)
+        rows.append((q1, q2, dq1, dq2, *joint_acceleration(leg, trig, dq1, dq2, ax, ay)))
+    return np.array(rows)
 
 
 def plan_chains(chains: Array, home: Array, desired: Array, joints: Array) -> None:

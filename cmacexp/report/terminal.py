@@ -172,5 +172,5 @@ def print_summary(result: StoredRun) -> None:
     _print_notes(result)
     if scores.legs.num_rows:
         drifts = {"stability": "explain"} if result.manifest["drift"] else {}
-        print_next(result.folder, drifts | NEXT)
+        print_next(result.folder, drifts | NEXT if result.config["record"]["trace"] else {})
     say(str(result.folder))

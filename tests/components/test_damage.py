@@ -10,6 +10,7 @@ import time
 import zipfile
 from dataclasses import replace
 from functools import cache
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,7 @@ from cmacexp.config.compose import compose_config
 from cmacexp.data import hashes
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below, runs_below
+from cmacexp.data.files import TIME_RESOLUTION
 from cmacexp.data.integrity import faults, is_finished
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, METRICS_CSV, RECORDING, TRACE, read_traces
@@ -151,7 +153,7 @@ def test_a_damaged_recording_is_built_anew_with_a_word(walk, capsys):
 def test_a_hash_is_computed_once_while_a_file_does_not_change(leg, monkeypatch):
     computed = []
     monkeypatch.setattr(hashes, "sha256", computed.append)
-    path, later = leg / TRACE, time.time_ns() + 2 * hashes.TIME_RESOLUTION
+    path, later = leg / TRACE, time.time_ns() + 2 * TIME_RESOLUTION
     monkeypatch.setattr(time, "time_ns", lambda: later)
     hashes.current_hash(path)
     hashes.current_hash(path)
@@ -164,7 +166,8 @@ def test_a_hash_is_computed_once_while_a_file_does_not_change(leg, monkeypatch):
 def test_just_written_files_may_change_again_within_the_resolution_of_their_times(leg, monkeypatch):
     computed = []
     monkeypatch.setattr(hashes, "sha256", computed.append)
-    monkeypatch.setattr(time, "time_ns", lambda: (leg / TRACE).stat().st_mtime_ns)
+    clock = count((leg / TRACE).stat().st_mtime_ns)
+    monkeypatch.setattr(time, "time_ns", lambda: next(clock))
     hashes.current_hash(leg / TRACE)
     hashes.current_hash(leg / TRACE)
     assert len(computed) == 2
@@ -310,7 +313,7 @@ def test_what_is_printed_has_no_control_characters(leg, tmp_path, capsys):
 
 def test_a_run_with_a_result_lists_its_tables(walk):
     change_manifest(walk, files={})
-    missing = [TRACE, METRICS, METRICS_CSV, BODY, BODY_METRICS]
+    missing = [METRICS, BODY_METRICS, METRICS_CSV, TRACE, BODY]
     assert faults(walk) == [f"{name}: not listed in manifest.json" for name in missing]
     change_manifest(walk, status="failed")
     assert not faults(walk), "a run that failed may have nothing"
