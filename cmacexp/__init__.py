@@ -1,21 +1,22 @@
 """Learned feedforward (CMAC) for hybrid position/force control of legs: Lin & Song 1997 and beyond."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from cmacexp.data.version import __version__
 
 if TYPE_CHECKING:
     from cmacexp.experiment.api import load, run
+    from cmacexp.experiment.batch import run_many
     from cmacexp.experiment.sweep_table import load_sweep
 
-__all__ = ["__version__", "load", "load_sweep", "run"]
+__all__ = ["__version__", "load", "load_sweep", "run", "run_many"]
 __path__.append(f"{__path__[0]}/commands")  # ``python -m cmacexp.score`` runs commands/score.py
+_PLACES = {"load": "api", "load_sweep": "sweep_table", "run": "api", "run_many": "batch"}
 
 
 def __getattr__(name: str) -> Any:
-    """``run``, ``load`` and ``load_sweep`` of :mod:`cmacexp.experiment`, imported when they are first asked for."""
-    if name in ("load", "load_sweep", "run"):
-        from cmacexp.experiment import api, sweep_table
-
-        return getattr(sweep_table if name == "load_sweep" else api, name)
+    """A function of :mod:`cmacexp.experiment`, imported when it is first asked for."""
+    if name in _PLACES:
+        return getattr(import_module(f"cmacexp.experiment.{_PLACES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

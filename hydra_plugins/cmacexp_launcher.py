@@ -28,7 +28,7 @@ class CoresLauncher(Launcher):
     """Runs jobs in processes that import once and compose each kind of job once."""
 
     def __init__(self, processes: int | None = None):
-        self.processes = processes
+        """The sweep itself reads how many processes it may start."""
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
         """Note what the jobs of the sweep have in common."""
@@ -38,4 +38,4 @@ class CoresLauncher(Launcher):
         """Run the next jobs of the sweep; what they return, in their order."""
         from cmacexp.experiment.launch import launch
 
-        return launch(self, job_overrides, initial_job_idx, self.processes)
+        return launch(self, job_overrides, initial_job_idx)

@@ -20,7 +20,8 @@ from cmacexp.config.hydra_private import report_parser_errors, skip_mode_lookup
 from cmacexp.config.hydra_record import make_record
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput, CmacexpError
-from cmacexp.experiment.sweep_start import SweepRefused, SweepStart
+from cmacexp.experiment.sweep import Sweep
+from cmacexp.experiment.sweep_start import SweepRefused
 from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
 
 EXIT_CODES = {"completed": COMPLETED, "failed": FAILED, "bad input": BAD_INPUT, "fell": STOPPED, "diverged": STOPPED}
@@ -48,9 +49,9 @@ def _run_or_sweep() -> int:
     try:
         return _call_hydra(task)
     finally:
-        if SweepStart.sweep is not None:
-            SweepStart.sweep.progress.close()
-            SweepStart.sweep.lock.close()
+        if Sweep.current is not None:
+            Sweep.current.progress.close()
+            Sweep.current.lock.close()
 
 
 def _call_hydra(task: "_Task") -> int:
@@ -65,7 +66,7 @@ def _call_hydra(task: "_Task") -> int:
         task.error = task.explain(error)
     if task.error is None:
         return EXIT_CODES[_end_sweep() or task.status]
-    if SweepStart.sweep is None or isinstance(task.error, CmacexpError):
+    if Sweep.current is None or isinstance(task.error, CmacexpError):
         raise task.error
     print(f"error: the sweep ended early: {describe_error(task.error)}", file=sys.stderr)
     with contextlib.suppress(OSError):
@@ -75,12 +76,15 @@ def _call_hydra(task: "_Task") -> int:
 
 def _end_sweep() -> str | None:
     """Write and print the table of the sweep of this process; how it ended, None without a sweep."""
-    if SweepStart.sweep is None:
+    if Sweep.current is None:
         return None
+    from cmacexp.experiment.dry_run import finish_dry_run
     from cmacexp.experiment.sweep_end import finish_sweep
 
-    SweepStart.sweep.progress.close()
-    return finish_sweep(SweepStart.sweep)
+    Sweep.current.progress.close()
+    if Sweep.current.is_dry:
+        return finish_dry_run(Sweep.current)
+    return finish_sweep(Sweep.current)
 
 
 class _Task:
@@ -116,7 +120,7 @@ class _Task:
 
     def explain(self, error: Exception) -> Exception:
         """The error that says what is wrong with the command line, if that is the cause of ``error``."""
-        composing = not self.called and SweepStart.sweep is None
+        composing = not self.called and Sweep.current is None
         if isinstance(error, COMPOSITION_ERRORS) or (composing and not isinstance(error, CmacexpError | OSError)):
             return CmacexpError(explain_composition(error, sys.argv[1:]))
         if composing and isinstance(error, OSError) and not str(error.filename).endswith(".yaml"):
@@ -130,6 +134,8 @@ def _run(composed: DictConfig, hydra: Any) -> str:
     config = to_config(composed)
     if config.sweep.resume:
         raise BadInput("sweep.resume", True, "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR")
+    if config.sweep.dry_run:
+        raise BadInput("sweep.dry_run", True, "is for sweeps: add -m")
     with interrupt_held_back():  # some libraries cannot be imported partially
         from cmacexp.experiment.objective import check_metric
         from cmacexp.experiment.run import run_scenario

@@ -26,6 +26,8 @@ from cmacexp.study.study import StudyFile, load_study
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"
 SEEDS = 3
+WORKERS = 8
+SETTINGS = "hydra.launcher."
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,12 @@ class Options:
     quick: bool = False
     seeds: int = SEEDS
     """Seeds of each run that depends on its seed; a quick study takes one."""
+    launcher: str | None = None
+    """Of Hydra, whose tasks do the runs; None: processes on all cores."""
+    workers: int = WORKERS
+    """Tasks of that launcher."""
+    settings: Sequence[str] = ()
+    """Overrides of its config."""
 
     def place(self, name: str) -> Path:
         """Folder of a report."""
@@ -101,7 +109,12 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Written]
     """Run studies and write a report of each; complete runs are not run again."""
     for file in files:
         check_page(file)
-    with workers() as each:
+    elsewhere = None
+    if options.launcher is not None:
+        from cmacexp.experiment.tasks import start_tasks
+
+        elsewhere = start_tasks(options.launcher, options.settings, options.workers, options.folder / "tasks")
+    with workers(elsewhere) as each:
         requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
         collected = collect(each, [r for own in requests.values() for r in own], options.folder / "runs")
         folders = {file.path: list({collected[r][0] for r in requests[file.name]}) for file in files}
@@ -168,7 +181,20 @@ def study_parser(name: str, description: str) -> Parser:
     seeds = f"seeds of each run that depends on its seed (default: {SEEDS})"
     parser.add_argument("--seeds", type=_positive, default=SEEDS, metavar="N", help=seeds)
     parser.add_argument("--folder", type=Path, default=FOLDER, help=f"reports and runs of all studies ({FOLDER})")
+    parser.add_argument(
+        "--launcher", metavar="NAME", help="of Hydra, for the runs: submitit_slurm (default: all cores)"
+    )
+    tasks = f"tasks of that launcher (default: {WORKERS})"
+    parser.add_argument("--workers", type=_positive, default=WORKERS, metavar="N", help=tasks)
+    settings = f"of that launcher: {SETTINGS}timeout_min=600"
+    parser.add_argument("settings", nargs="*", type=_setting, metavar="KEY=VALUE", help=settings)
     return parser
+
+
+def _setting(text: str) -> str:
+    if not text.startswith(SETTINGS) or "=" not in text:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be {SETTINGS}KEY=VALUE, a setting of --launcher")
+    return text
 
 
 def _positive(text: str) -> int:
@@ -187,7 +213,8 @@ def command(parser: Parser, work: Callable[[argparse.Namespace, Options], Path])
 
     def run() -> int:
         arguments = parser.parse_args()
-        options = Options(require_place(FOLDER_KEY, arguments.folder), arguments.quick, arguments.seeds)
+        folder, chosen = require_place(FOLDER_KEY, arguments.folder), (arguments.launcher, arguments.workers)
+        options = Options(folder, arguments.quick, arguments.seeds, *chosen, arguments.settings)
         say(str(work(arguments, options)))
         return COMPLETED
 

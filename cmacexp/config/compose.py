@@ -25,7 +25,7 @@ def parse_override(override: str) -> Any:
     """What Hydra reads in an override."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
-    return OverridesParser.create().parse_override(override)
+    return OverridesParser.create().parse_overrides([override])[0]
 
 
 def set_values(config: DictConfig, overrides: Iterable[str]) -> None:

@@ -59,7 +59,7 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
     missing = {folder: config for folder, config, _, finished in looked_up.values() if not finished}
     print(f"{len(looked_up)} runs, {len(missing)} of them to be run", file=sys.stderr)
     if missing:
-        each("running", _run, [(i, *item, len(missing)) for i, item in enumerate(missing.items())])
+        each("running", _run, [(i, *item, len(missing)) for i, item in enumerate(missing.items())], long=True)
     return {request: (looked_up[overrides(request)][0], looked_up[overrides(request)][2]) for request in requests}
 
 

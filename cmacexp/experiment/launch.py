@@ -1,37 +1,40 @@
 """The jobs of a sweep on all cores: a process imports once, and a kind of job is composed once."""
 
 import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hydra.core.utils import JobReturn, JobRuntime, JobStatus, run_job, setup_globals
 from hydra.types import HydraContext
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from cmacexp.config.compose import parse_override, set_values
-from cmacexp.errors import BadInput
-from cmacexp.experiment.sweep_start import Kind, SweepStart
+from cmacexp.experiment.sweep import Kind, get_sweep
+
+if TYPE_CHECKING:
+    from cmacexp.experiment.sweep_job import Job
 
 
-def launch(launcher: Any, batch: Sequence[Sequence[str]], first: int, processes: int | None) -> list[JobReturn]:
+def launch(launcher: Any, batch: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
     """Run the jobs of a batch of a sweep.
 
     Args:
         launcher: that Hydra has set up.
         batch: overrides of each job.
         first: number of the first.
-        processes: as of ``hydra/launcher=cores``.
 
     Returns:
         What they return, in their order.
     """
-    sweep = SweepStart.sweep
-    if sweep is None:
-        raise RuntimeError("hydra/launcher=cores is for python -m cmacexp -m; choose hydra/launcher=basic")
-    if processes is not None and processes < 1:
-        raise BadInput("hydra.launcher.processes", processes, "must be at least 1, or null: one for each core")
-    packed: dict[int, bytes] = {}
+    items = make_items(launcher, batch, first)
+    return [make_return(*ended) for ended in get_sweep().start_workers()(run_packed, items, first)]
+
+
+def make_items(launcher: Any, batch: Sequence[Sequence[str]], first: int) -> list[tuple[Any, ...]]:
+    """The arguments of :func:`run_packed` for each job of a batch."""
+    sweep, packed = get_sweep(), dict[int, bytes]()
     items = []
     for number, overrides in enumerate(batch, first):
         kind = sweep.get_kind(launcher, overrides)
@@ -39,10 +42,11 @@ def launch(launcher: Any, batch: Sequence[Sequence[str]], first: int, processes:
             packed[id(kind)] = _pack(kind, sweep.folder.absolute(), launcher.hydra_context.callbacks)
         changed = [new for new, old in zip(overrides, kind.first, strict=True) if new != old]
         items.append((packed[id(kind)], list(overrides), changed, number, max(sweep.planned.total(), len(batch))))
-    return [_make_return(*ended) for ended in sweep.start_workers(processes)(run_packed, items, first)]
+    return items
 
 
-def _make_return(value: Any, status: JobStatus) -> JobReturn:
+def make_return(value: Any, status: JobStatus) -> JobReturn:
+    """What a launcher gives Hydra for a job."""
     returned = JobReturn(status=status)
     returned.return_value = value
     return returned
@@ -60,7 +64,7 @@ def _pack(kind: Kind, folder: Path, callbacks: Any) -> bytes:
     asked = job["chdir"], job["env_set"], hydra["output_subdir"], hydra["job_logging"]["root"]
     is_default = where == "${hydra.job.num}" and len(hydra["callbacks"]) == 1 and not any(asked)
     is_plain = is_default and not any(text in str((config, kind.runs)) for text in SPECIAL)
-    return pickle.dumps((config, hydra, folder) if is_plain else (kind.composed, callbacks))
+    return pickle.dumps((config, hydra, folder) if is_plain else (kind.composed, callbacks, folder))
 
 
 def run_packed(
@@ -75,19 +79,45 @@ def run_packed(
         number: of the job.
         jobs: of the sweep.
     """
-    from cmacexp.experiment.sweep_job import Job
     from cmacexp.experiment.sweep_job import run_job as run_here
 
-    config, rest, *more = pickle.loads(kind)
+    job, callbacks = unpack(kind, overrides, changed, number)
+    if callbacks is None:
+        return run_here(job, jobs), JobStatus.COMPLETED
+    return _run_by_hydra(job.config, callbacks, jobs)
+
+
+def unpack(kind: bytes, overrides: list[str], changed: list[str], number: int) -> "tuple[Job, Any]":
+    """A job of a sweep, and Hydra's callbacks if they are to be called; arguments as those of :func:`run_packed`.
+
+    A config that only OmegaConf understands has that of Hydra within it.
+    """
+    from cmacexp.experiment.sweep_job import Job
+
+    config, rest, folder = pickle.loads(kind)
+    hydra, callbacks = rest, None
     if isinstance(config, DictConfig):
-        return _run_by_hydra(config, rest, overrides, changed, number, jobs)
-    hydra, (folder,) = rest, more
-    for override in map(parse_override, changed):
-        _set(config, override.key_or_group.split("."), override.value())
-    hydra["overrides"]["task"] = overrides
-    hydra["runtime"]["output_dir"] = str(folder / str(number))
-    hydra["job"] |= {"override_dirname": _name(hydra, overrides), "id": str(number), "num": number}
-    return run_here(Job(number, folder / str(number), config, hydra), jobs), JobStatus.COMPLETED
+        hydra, callbacks = config.hydra, rest
+        set_values(config, changed)
+    else:
+        for override in map(parse_override, changed):
+            _set(config, override.key_or_group.split("."), override.value())
+    how = hydra["job"]["config"]["override_dirname"]
+    named = sorted(text for text in overrides if text.partition("=")[0] not in how["exclude_keys"])
+    with open_dict(hydra) if callbacks else nullcontext():
+        hydra["overrides"]["task"] = overrides
+        hydra["job"]["override_dirname"] = how["item_sep"].join(named).replace("=", how["kv_sep"])
+        hydra["job"]["id"], hydra["job"]["num"] = str(number), number
+        path = folder / str(number if callbacks is None else hydra["sweep"]["subdir"])
+        hydra["runtime"]["output_dir"] = str(path)
+    return Job(number, path, config, hydra), callbacks
+
+
+def without_hydra(config: DictConfig | dict[str, Any]) -> DictConfig | dict[str, Any]:
+    """The config of a job without that of Hydra."""
+    if not isinstance(config, DictConfig):
+        return config
+    return OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"])
 
 
 def _set(config: dict[str, Any], key: list[str], value: Any) -> None:
@@ -101,25 +131,11 @@ def _set(config: dict[str, Any], key: list[str], value: Any) -> None:
         config[key[-1]] = value
 
 
-def _name(hydra: Mapping[str, Any], overrides: list[str]) -> str:
-    """Hydra's name for a job of these overrides."""
-    how = hydra["job"]["config"]["override_dirname"]
-    named = sorted(text for text in overrides if text.partition("=")[0] not in how["exclude_keys"])
-    return str(how["item_sep"].join(named).replace("=", how["kv_sep"]))
-
-
-def _run_by_hydra(
-    composed: DictConfig, callbacks: Any, overrides: list[str], changed: list[str], number: int, jobs: int
-) -> tuple[Any, JobStatus]:
-    """:func:`run_packed` of a config that only Hydra and OmegaConf understand; Hydra copies it four times."""
+def _run_by_hydra(composed: Any, callbacks: Any, jobs: int) -> tuple[Any, JobStatus]:
+    """Run a job whose config only Hydra and OmegaConf understand; Hydra copies it four times."""
     from cmacexp.experiment.sweep_job import run_hydra_job
 
     setup_globals()
-    set_values(composed, changed)
-    with open_dict(composed):
-        composed.hydra.overrides.task = overrides
-        composed.hydra.job.override_dirname = _name(composed.hydra, overrides)
-        composed.hydra.job.id, composed.hydra.job.num = str(number), number
     JobRuntime.instance().set("name", composed.hydra.job.name)
     returned = run_job(
         hydra_context=HydraContext(None, callbacks),  # type: ignore[arg-type]  # no job composes anything

@@ -23,6 +23,7 @@ from cmacexp.data.tables import (
     MEMORY,
     RECORDING,
     TRACE,
+    Scores,
     Traces,
     steps_by_cycle,
     write_scores,
@@ -106,6 +107,23 @@ def _roll_out(
         write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
         names.append(MEMORY)
     return end, names
+
+
+def score_scenario(scenario: Scenario, keep: Callable[[Traces], None] = lambda traces: None) -> tuple[End, Scores]:
+    """Run a scenario in memory; how it ended, and its metrics.
+
+    Args:
+        scenario: new.
+        keep: called with the traces of some cycles at a time.
+    """
+    columns, scorer = _columns(scenario), RunScorer(scenario.setup.config.steps_per_cycle)
+
+    def take(samples: Samples) -> None:
+        traces = _assemble(scenario, columns, samples)
+        scorer.add(traces)
+        keep(traces)
+
+    return stream(scenario, take), scorer.scores
 
 
 def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest, names: list[str]) -> None:

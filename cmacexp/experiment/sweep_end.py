@@ -9,8 +9,8 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import TABLE, TABLE_CSV, Place
 from cmacexp.data.parquet import write_table
+from cmacexp.experiment.sweep import Sweep
 from cmacexp.experiment.sweep_results import make_table, read_results
-from cmacexp.experiment.sweep_start import Sweep
 from cmacexp.experiment.without_effect import warnings_of_sweep
 from cmacexp.report.comparison import print_runs
 from cmacexp.report.terminal import activity, print_next, say

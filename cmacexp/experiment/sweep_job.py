@@ -13,7 +13,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.folder import RUN_KEY, replacing
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
-from cmacexp.experiment.sweep_start import count_jobs, select_run_overrides
+from cmacexp.experiment.sweep import count_jobs, select_run_overrides
 from cmacexp.experiment.workers import FAILED_SHARE, share_progress
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt

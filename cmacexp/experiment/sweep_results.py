@@ -15,7 +15,7 @@ from cmacexp.data.discovery import walk
 from cmacexp.data.files import FAILED
 from cmacexp.data.parquet import arrow, arrow_strings
 from cmacexp.errors import BadRun
-from cmacexp.experiment.sweep_start import Sweep
+from cmacexp.experiment.sweep import Sweep
 from cmacexp.report.comparison import Row, make_rows
 from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
 

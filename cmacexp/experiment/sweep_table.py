@@ -1,6 +1,6 @@
 """The results of a sweep as one table: a row for each job, cycle and leg."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,9 +8,9 @@ import numpy as np
 import pyarrow as pa
 
 from cmacexp.data.discovery import runs_below
-from cmacexp.data.parquet import as_array, read_table
+from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY_METRICS, METRICS
+from cmacexp.data.tables import METRICS, Scores
 from cmacexp.experiment.sweep_results import make_column, parse_overrides
 from cmacexp.report.run_summary import sort_folders
 
@@ -34,26 +34,28 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
     """
     root = Path(folder).resolve()
     runs = [StoredRun(path) for path in sort_folders(runs_below(root))]
-    tables = [_read_metrics(run) for run in runs]
     settings = parse_overrides([run.manifest.get("overrides", []) for run in runs])
-    rows: list[Mapping[str, Any]] = [
+    rows = [
         {"run": str(run.folder.relative_to(root)), **values, "status": run.status}
         for run, values in zip(runs, settings, strict=True)
     ]
-    job = np.repeat(np.arange(len(runs)), [table.num_rows for table in tables])
-    columns = {name: make_column([row[name] for row in rows]).take(job) for name in rows[0]}
-    metrics = pa.concat_tables(tables, promote_options="default")
-    return pa.table(columns | dict(zip(metrics.column_names, metrics.columns, strict=True))).to_pandas()
+    return stack(rows, [join_scores(run.scores if METRICS in run.manifest["files"] else None) for run in runs])
 
 
-def _read_metrics(run: StoredRun) -> pa.Table:
+def stack(rows: Sequence[Mapping[str, Any]], tables: Sequence[pa.Table]) -> "pd.DataFrame":
+    """Tables of runs as one, each with the values of its run in columns of their own."""
+    run = np.repeat(np.arange(len(tables)), [table.num_rows for table in tables])
+    columns = {name: make_column([row[name] for row in rows]).take(run) for name in rows[0]}
+    values = pa.concat_tables(tables, promote_options="default")
+    return pa.table(columns | dict(zip(values.column_names, values.columns, strict=True))).to_pandas()
+
+
+def join_scores(scores: Scores | None) -> pa.Table:
     """Metrics of a run, with those of its body for each leg; a row of nothing if it has none."""
-    files = run.manifest["files"]
-    if METRICS not in files:
+    if scores is None:
         return pa.table({"cycle": pa.nulls(1)})
-    table = read_table(run.folder / METRICS)
-    if BODY_METRICS in files and table.num_rows:
-        body = read_table(run.folder / BODY_METRICS)
+    table, body = scores
+    if body is not None and table.num_rows:
         rows = np.searchsorted(as_array(body, "cycle"), as_array(table, "cycle"))
         for name in body.column_names:
             if name not in table.column_names:

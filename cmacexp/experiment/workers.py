@@ -21,7 +21,7 @@ from typing import Any
 
 from cmacexp.report.terminal import format_progress, shown
 
-Each = Callable[[str, Callable[..., Any], Sequence[tuple[Any, ...]]], list[Any]]
+Each = Callable[..., list[Any]]
 RunAll = Callable[..., list[Any]]
 VARIABLE = "CMACEXP_WORK"
 """Environment variable of workers: host and id of the process they work for, and the file of what is done."""
@@ -94,7 +94,8 @@ def _end_with(process: int) -> None:
     Thread(target=watch, daemon=True).start()
 
 
-def _work_on(shared: str, number: int, work: Callable[..., Any], item: tuple[Any, ...]) -> Any:
+def work_on(shared: str, number: int, work: Callable[..., Any], item: tuple[Any, ...]) -> Any:
+    """In any process: do one item of shared work, whose progress is reported to where ``VARIABLE`` was ``shared``."""
     os.environ[VARIABLE] = shared  # of these items: a process that works on already has that of the last ones
     report = share_progress(number)
     result = work(*item)
@@ -139,10 +140,13 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
             sys.modules["__main__"] = program
             signal.signal(signal.SIGINT, before)
 
+    is_idle = True
+
     def run_all(work: Callable[..., Any], items: Sequence[tuple[Any, ...]], first: int = 0) -> list[Any]:
-        shared = os.environ[VARIABLE]
+        nonlocal is_idle
+        shared, is_idle = os.environ[VARIABLE], False
         try:
-            futures = [submit(_work_on, shared, number, work, item) for number, item in enumerate(items, first)]
+            futures = [submit(work_on, shared, number, work, item) for number, item in enumerate(items, first)]
             for future in as_completed(futures):
                 future.result()
         except BrokenProcessPool as error:
@@ -153,6 +157,7 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
             for process in active_children():
                 process.terminate()
             raise
+        is_idle = True
         return [future.result() for future in futures]
 
     for _ in range(count):
@@ -160,7 +165,10 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
     try:
         yield run_all
     finally:
-        pool.shutdown(cancel_futures=True)
+        pool.shutdown(wait=not is_idle, cancel_futures=True)
+        if is_idle:  # it may still be starting
+            for process in active_children():
+                process.terminate()
 
 
 def _make_context() -> Any:
@@ -173,16 +181,22 @@ def _make_context() -> Any:
 
 
 @contextmanager
-def workers() -> Iterator[Each]:
+def workers(elsewhere: RunAll | None = None, processes: int | None = None) -> Iterator[Each]:
     """Processes for all cores; gives ``each(what, work, items)``, which shows ``what`` beside the progress.
+
+    Args:
+        elsewhere: does the items of ``each(what, work, items, long=True)``; None: the same processes.
+        processes: as :func:`start_pool` takes them.
 
     Raises:
         ChildProcessError: a process was killed.
     """
-    with start_pool() as run_all:
+    with start_pool(processes) as run_here:
 
-        def each(what: str, work: Callable[..., Any], items: Sequence[tuple[Any, ...]]) -> list[Any]:
+        def each(
+            what: str, work: Callable[..., Any], items: Sequence[tuple[Any, ...]], long: bool = False
+        ) -> list[Any]:
             with shared_progress(what, lambda: len(items)):
-                return run_all(work, items)
+                return (elsewhere if elsewhere and long else run_here)(work, items)
 
         yield each

@@ -86,9 +86,13 @@ def format_progress(what: str, done: float, total: int, unit: str, seconds: floa
     text = f"{what}: {int(done)}/{total} {unit}".rstrip()
     if not done:
         return text
-    left = seconds * (total - done) / done
-    size, name = next(each for each in UNITS if left >= 2.0 * each[0])
-    return f"{text} ({100.0 * done / total:.1f} %), {left / (size or 1.0):.0f} {name} left"
+    return f"{text} ({100.0 * done / total:.1f} %), {format_duration(seconds * (total - done) / done)} left"
+
+
+def format_duration(seconds: float) -> str:
+    """A time in the unit that suits it."""
+    size, name = next(each for each in UNITS if seconds >= 2.0 * each[0])
+    return f"{seconds / (size or 1.0):.0f} {name}"
 
 
 @contextmanager

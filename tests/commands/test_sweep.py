@@ -16,8 +16,8 @@ from cmacexp import load_sweep
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.integrity import faults
 from cmacexp.errors import BadRun
+from cmacexp.experiment.sweep import Sweep
 from cmacexp.experiment.sweep_results import read_results
-from cmacexp.experiment.sweep_start import Sweep
 
 SWEEPER = '''
 import json

@@ -1,0 +1,95 @@
+"""``sweep.dry_run=true``: the jobs of a sweep, whether they can run, and what they take; nothing is run."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from cmacexp.config import Config, to_config
+from cmacexp.errors import CmacexpError
+from cmacexp.experiment.launch import make_items, unpack, without_hydra
+from cmacexp.experiment.sweep import Sweep, select_run_overrides
+from cmacexp.experiment.workers import count_cores
+from cmacexp.jit.compiler import expect_runs
+from cmacexp.report.terminal import format_duration, say
+
+START_SECONDS = 2.0
+"""Of the processes that run jobs."""
+JOB_SECONDS, STEP_SECONDS = 0.02, {"AnalyticPlant": 0.5e-6}
+"""Processor time of a job, and of a step of one leg, by the class of the plant; ``docs/performance.md``."""
+OTHER_STEP, TRACE_STEP = 5e-6, 1e-6
+"""Likewise of a step of other plants, and to write a row of a trace."""
+JOB_BYTES, ROW_BYTES = 60_000, 100
+"""On disk, of a job, and of a row of its trace."""
+
+
+class Checked(NamedTuple):
+    """A job that was not run."""
+
+    error: str | None
+    """Why it could not run."""
+    seconds: float = 0.0
+    size: float = 0.0
+    """Bytes."""
+
+
+def _check(kind: bytes, overrides: list[str], changed: list[str], number: int, jobs: int) -> Checked:
+    """Check a job; arguments as those of :func:`cmacexp.experiment.launch.run_packed`."""
+    from cmacexp.data.integrity import is_finished
+    from cmacexp.experiment.objective import check_metric
+    from cmacexp.loop.scenario import make_scenario
+
+    expect_runs(jobs)
+    job, _ = unpack(kind, overrides, changed, number)
+    try:
+        config = to_config(without_hydra(job.config))
+        check_metric(config.optimize, config.machine.kind)
+        if config.sweep.resume and is_finished(job.folder, config):
+            return Checked(None)
+        make_scenario(config)
+    except (CmacexpError, OSError) as error:
+        return Checked(" ".join(str(error).split()))
+    return Checked(None, *_estimate(config))
+
+
+def _estimate(config: Config) -> tuple[float, float]:
+    """Processor time of a run, s, and its bytes on disk."""
+    steps = config.cycles * config.steps_per_cycle * config.legs
+    target = config.plant._target_ if hasattr(config.plant, "_target_") else config.plant["_target_"]
+    step = STEP_SECONDS.get(target.rpartition(".")[2], OTHER_STEP)
+    if not config.record.trace:
+        return JOB_SECONDS + steps * step, JOB_BYTES
+    kept = 1.0 if config.record.cycles is None else len(config.record.cycles) / config.cycles
+    rows = steps * kept / config.record.every_nth_step
+    return JOB_SECONDS + steps * step + rows * TRACE_STEP, JOB_BYTES + rows * ROW_BYTES
+
+
+class DryRun:
+    """A launcher of Hydra that runs nothing.
+
+    Args:
+        launcher: that would run the jobs.
+        sweep: of the jobs; is given what was found, for :func:`finish_dry_run`.
+    """
+
+    def __init__(self, launcher: Any, sweep: Sweep):
+        self.launcher, self.sweep = launcher, sweep
+
+    def launch(self, batch: Sequence[Sequence[str]], initial_job_idx: int) -> list[Any]:
+        """List and check the next jobs."""
+        items = make_items(self.launcher, batch, initial_job_idx)
+        checked = self.sweep.start_workers()(_check, items, initial_job_idx)
+        for number, (overrides, job) in enumerate(zip(batch, checked, strict=True), initial_job_idx):
+            say(f"#{number} {' '.join(select_run_overrides(overrides))}")
+            if job.error is not None:
+                say(f"error: #{number}: {job.error}", error=True)
+        self.sweep.checked += checked
+        return []
+
+
+def finish_dry_run(sweep: Sweep) -> str:
+    """Print what all jobs would take; how the sweep would end, at best."""
+    errors, seconds, size = zip(*sweep.checked, strict=True)
+    refused, cores = sum(error is not None for error in errors), sweep.processes or count_cores()
+    time = format_duration(START_SECONDS + sum(seconds) / cores)
+    say(f"{len(errors)} jobs, {refused} of them cannot run; nothing was run")
+    say(f"about {time} on {cores} cores, {sum(size) / 1e6:.3g} MB in {sweep.folder}")
+    return "bad input" if refused == len(errors) else "failed" if refused else "completed"

@@ -1,0 +1,139 @@
+"""A sweep: its folder, the kinds of its jobs, and the processes that run them."""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import ExitStack
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from hydra.errors import HydraException
+from omegaconf import DictConfig
+
+if TYPE_CHECKING:
+    from cmacexp.data.folder import Place
+    from cmacexp.experiment.workers import RunAll
+
+SWEEP_KEY = "hydra.sweep.dir"
+
+
+class Kind(NamedTuple):
+    """Jobs that differ in values alone."""
+
+    composed: DictConfig
+    """What Hydra composes for the first of them."""
+    first: Sequence[str]
+    """Overrides of that job."""
+    runs: list[list[str]]
+    """Overrides of the run of each job."""
+
+
+class Sweep:
+    """The sweep of this process.
+
+    Attributes:
+        folder: ``hydra.sweep.dir``.
+        is_dry: whether nothing is to be run.
+        chunk: jobs in each task of a launcher.
+        processes: that run jobs on this machine; None: one for each core.
+        place: the same once it is locked, for the table.
+        planned: how many jobs have which overrides, see :func:`select_run_overrides`.
+        kinds: of jobs, see :meth:`get_kind`.
+        checked: what a dry run found of each job.
+    """
+
+    current: "Sweep | None" = None
+    """The sweep that this process started."""
+
+    def __init__(self, folder: Path, is_dry: bool = False, chunk: int | None = None, processes: int | None = None):
+        self.folder, self.is_dry, self.chunk, self.processes = folder, is_dry, chunk, processes
+        self.place: Place | None = None
+        self.planned: Counter[tuple[str, ...]] = Counter()
+        self.kinds: dict[tuple[str, ...], Kind] = {}
+        self.run_all: RunAll | None = None
+        self.checked: list[Any] = []
+        self.lock, self.progress = ExitStack(), ExitStack()
+        """Left when the sweep is over, and when its jobs are."""
+
+    def begin(self) -> None:
+        """Keep other sweeps out of the folder, and show how many jobs are done.
+
+        Raises:
+            BadInput: another sweep runs there, or tables in it are not those of a sweep.
+            OSError: the folder cannot be written.
+        """
+        from cmacexp.data.folder import replacing  # here, because every command imports this file
+        from cmacexp.data.manifest import SWEEP
+        from cmacexp.experiment.workers import shared_progress
+
+        if not self.is_dry:
+            self.place = self.lock.enter_context(replacing(self.folder, SWEEP_KEY, SWEEP))
+        self.progress.enter_context(shared_progress("sweep", self.planned.total, "jobs"))
+
+    def start_workers(self) -> "RunAll":
+        """Start the processes that run jobs, as many as there are cores unless so many are asked for; once."""
+        from cmacexp.experiment.workers import start_pool
+
+        if self.run_all is None:
+            self.run_all = self.progress.enter_context(start_pool(self.processes))
+        return self.run_all
+
+    def get_kind(self, caller: Any, overrides: Sequence[str]) -> Kind:
+        """The kind of a job: whether it can be composed depends on its keys and on the options that it chooses.
+
+        Jobs that differ in values alone, which can be thousands, are of one kind, composed once. See
+        ``benchmarks/sweep.py``.
+
+        Args:
+            caller: a sweeper or launcher, which Hydra has set up.
+            overrides: of the job.
+
+        Raises:
+            HydraException: it cannot be composed.
+        """
+        loader = caller.hydra_context.config_loader
+        keys = [text.split("=")[0] for text in overrides]
+        changes = [key[0] in "+~" or "@" in key or _is_group(loader, key) for key in keys]
+        kind = tuple(text if change else key for text, key, change in zip(overrides, keys, changes, strict=True))
+        if kind not in self.kinds:
+            try:
+                composed = loader.load_sweep_config(caller.config, list(overrides))
+            except (TypeError, ValueError) as error:  # of overrides whose shape Hydra does not foresee
+                raise HydraException(str(error)) from error
+            self.kinds[kind] = Kind(composed, overrides, [])
+        return self.kinds[kind]
+
+    def check(self, sweeper: Any, batch: Sequence[Sequence[str]]) -> None:
+        """Note the next jobs, before they start, and compose one of each kind.
+
+        Raises:
+            HydraException: a job cannot be composed.
+        """
+        for overrides in batch:
+            self.planned[tuple(select_run_overrides(overrides))] += 1
+            self.get_kind(sweeper, overrides).runs.append(select_run_overrides(overrides))
+
+
+@cache
+def _is_group(loader: Any, key: str) -> bool:
+    """Whether a key chooses an option."""
+    return bool(loader.get_group_options(key))
+
+
+def get_sweep() -> Sweep:
+    """The sweep that this process started."""
+    if Sweep.current is None:
+        raise RuntimeError("hydra/launcher=cores is for python -m cmacexp -m; choose hydra/launcher=basic")
+    return Sweep.current
+
+
+def count_jobs() -> float:
+    """Jobs of the sweep that this process started; infinite in a process of another launcher, which cannot know."""
+    return Sweep.current.planned.total() if Sweep.current is not None else math.inf
+
+
+def select_run_overrides(overrides: Sequence[str]) -> list[str]:
+    """The overrides of the run, without those of the sweep."""
+    return [text for text in overrides if re.split(r"[=./]", text)[0] not in ("sweep", "optimize", "hydra")]
