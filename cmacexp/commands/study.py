@@ -27,7 +27,6 @@ FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"
 SEEDS = 3
 WORKERS = 8
-SETTINGS = "hydra.launcher."
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ class Options:
     workers: int = WORKERS
     """Tasks of that launcher."""
     settings: Sequence[str] = ()
-    """Overrides of its config."""
+    """Of its config, ``timeout_min=600``."""
 
     def place(self, name: str) -> Path:
         """Folder of a report."""
@@ -186,15 +185,9 @@ def study_parser(name: str, description: str) -> Parser:
     )
     tasks = f"tasks of that launcher (default: {WORKERS})"
     parser.add_argument("--workers", type=_positive, default=WORKERS, metavar="N", help=tasks)
-    settings = f"of that launcher: {SETTINGS}timeout_min=600"
-    parser.add_argument("settings", nargs="*", type=_setting, metavar="KEY=VALUE", help=settings)
+    setting = "of its config, as often as needed: --setting timeout_min=600"
+    parser.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help=setting)
     return parser
-
-
-def _setting(text: str) -> str:
-    if not text.startswith(SETTINGS) or "=" not in text:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be {SETTINGS}KEY=VALUE, a setting of --launcher")
-    return text
 
 
 def _positive(text: str) -> int:
@@ -214,7 +207,7 @@ def command(parser: Parser, work: Callable[[argparse.Namespace, Options], Path])
     def run() -> int:
         arguments = parser.parse_args()
         folder, chosen = require_place(FOLDER_KEY, arguments.folder), (arguments.launcher, arguments.workers)
-        options = Options(folder, arguments.quick, arguments.seeds, *chosen, arguments.settings)
+        options = Options(folder, arguments.quick, arguments.seeds, *chosen, arguments.setting)
         say(str(work(arguments, options)))
         return COMPLETED
 

@@ -28,9 +28,10 @@ def make_record(composed: Node, hydra: Node) -> dict[str, str]:
         composed: the config of the run, as Hydra gives it to its task.
         hydra: Hydra's own config.
     """
-    config, own = (
-        OmegaConf.to_container(node, enum_to_str=True) if isinstance(node, DictConfig) else node
-        for node in (composed, hydra)
-    )
-    nodes: dict[str, Any] = {"config": config, "hydra": {"hydra": own}, "overrides": list(hydra["overrides"]["task"])}
+    config, own = map(_make_plain, (composed, hydra))
+    nodes: dict[str, Any] = {"config": config, "hydra": {"hydra": own}, "overrides": own["overrides"]["task"]}
     return {f"{name}.yaml": yaml.dump(node, Dumper=_Dumper, sort_keys=False) for name, node in nodes.items()}
+
+
+def _make_plain(node: Node) -> Any:
+    return OmegaConf.to_container(node, enum_to_str=True) if isinstance(node, DictConfig) else node

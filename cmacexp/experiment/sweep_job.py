@@ -25,14 +25,15 @@ class Job(NamedTuple):
     number: int
     folder: Path
     config: DictConfig | dict[str, Any]
-    hydra: DictConfig | dict[str, Any]
+    hydra: dict[str, Any]
     """Hydra's own config."""
 
 
 def run_hydra_job(composed: DictConfig, jobs: float | None = None) -> float | None:
     """:func:`run_job` for a job that Hydra has composed and begun; None: it is one of as many as the sweep has."""
     hydra: Any = HydraConfig.get()
-    return run_job(Job(hydra.job.num, Path(hydra.runtime.output_dir), composed, hydra), jobs or count_jobs())
+    plain: Any = OmegaConf.to_container(hydra, enum_to_str=True)  # overrides as typed: some name other values
+    return run_job(Job(hydra.job.num, Path(hydra.runtime.output_dir), composed, plain), jobs or count_jobs())
 
 
 def run_job(job: Job, jobs: float) -> float | None:

@@ -94,7 +94,7 @@ def start_tasks(name: str, settings: Sequence[str], count: int, folder: Path) ->
 
     Args:
         name: of the launcher, ``submitit_slurm``.
-        settings: overrides of its config, ``hydra.launcher.timeout_min=600``.
+        settings: of its config, ``timeout_min=600``.
         count: of the tasks.
         folder: where the launcher and the tasks keep their files.
 
@@ -103,7 +103,8 @@ def start_tasks(name: str, settings: Sequence[str], count: int, folder: Path) ->
     """
     if name == "cores":
         raise BadInput("--launcher", name, "is for sweeps; without --launcher a study uses all cores")
-    chosen = [f"hydra/launcher={name}", f"hydra.sweep.dir={folder}", "hydra.sweep.subdir=.", *settings]
+    chosen = [f"hydra/launcher={name}", f"hydra.sweep.dir={folder}", "hydra.sweep.subdir=."]
+    chosen += [f"hydra.launcher.{setting}" for setting in settings]
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         try:
             config = compose("config", chosen, return_hydra_config=True)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import time
@@ -9,6 +10,7 @@ import time
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from support.command import ROOT, cmacexp, python, started
 from support.manifests import change_manifest
 
@@ -214,15 +216,47 @@ def test_the_objective_counts_a_fall_as_the_worst(tmp_path):
     assert read_objective("feedforward_share", fell) == read_objective("margin_front_min", fell) == float("-inf")
 
 
-@pytest.mark.parametrize("launcher", ["basic", "joblib", "submitit_local"])
-def test_other_launchers_leave_the_same_table(launcher, tmp_path):
-    swept = ["-m", "cmac.layers=8,0,32", "cycles=1"]
-    ends = [cmacexp(*swept, "hydra.sweep.dir=cores", folder=tmp_path)]
-    ends.append(cmacexp(*swept, f"hydra/launcher={launcher}", "hydra.sweep.dir=other", folder=tmp_path))
-    assert [end.returncode for end in ends] == [1, 1]
-    assert ends[0].stderr.splitlines()[-1] == ends[1].stderr.splitlines()[-1]
-    assert "Traceback" not in ends[1].stderr
-    pd.testing.assert_frame_equal(table_of(tmp_path / "cores"), table_of(tmp_path / "other"))
+KINDS = ["-m", "cmac.layers=8,0", "feedforward=cmac,none", "cycles=1"]
+
+
+@pytest.fixture(scope="module")
+def by_cores(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cores")
+    return folder / "s", cmacexp(*KINDS, "hydra.sweep.dir=s", folder=folder)
+
+
+@pytest.mark.parametrize("launcher", ["basic", "joblib", "basic sweep.chunk=3", "submitit_local sweep.chunk=3"])
+def test_other_launchers_leave_the_same_folders_and_table(launcher, by_cores, tmp_path):
+    folder, done = by_cores
+    other = cmacexp(*KINDS, *f"hydra/launcher={launcher}".split(), "hydra.sweep.dir=s", folder=tmp_path)
+    assert [done.returncode, other.returncode] == [1, 1]
+    assert done.stderr.splitlines()[-1] == other.stderr.splitlines()[-1]
+    assert "Traceback" not in other.stderr
+    pd.testing.assert_frame_equal(table_of(folder), table_of(tmp_path / "s"))
+    for job in ("0", "1"):
+        assert files_of(folder / job) == files_of(tmp_path / "s" / job)
+
+
+def files_of(folder):
+    """Hashes of the files of a job, its config and overrides, and what Hydra calls the job."""
+    texts = [(folder / ".hydra" / f"{name}.yaml").read_text() for name in ("config", "overrides")]
+    texts = [re.sub(r"(- .?sweep.|  )chunk.*\n", "", text) for text in texts]
+    job = yaml.safe_load((folder / ".hydra" / "hydra.yaml").read_text())["hydra"]["job"]
+    name = job["override_dirname"].removesuffix(",sweep.chunk=3")
+    return json.loads((folder / "manifest.json").read_text())["files"], texts, job["num"], name
+
+
+def test_a_job_has_the_bytes_of_a_single_run(by_cores, tmp_path):
+    cmacexp("cmac.layers=8", "feedforward=cmac", "cycles=1", "record=trace", "hydra.run.dir=r", folder=tmp_path)
+    single = json.loads((tmp_path / "r" / "manifest.json").read_text())["files"]
+    assert single == json.loads((by_cores[0] / "0" / "manifest.json").read_text())["files"]
+
+
+def test_jobs_that_only_hydra_understands_are_run_by_it(tmp_path):
+    linked = ["cmac.resolution_elements='${cmac.layers}'", "hydra.sweep.subdir='layers-${cmac.layers}'"]
+    done = cmacexp("-m", "cmac.layers=8,16", "cycles=1", *linked, "hydra.sweep.dir=s", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert table_of(tmp_path / "s")["run"].tolist() == ["layers-8", "layers-16"]
 
 
 def test_jobs_need_a_process(tmp_path):

@@ -1,0 +1,127 @@
+"""Many runs: dry runs, metrics alone, chunks, runs in memory, studies in tasks of a launcher."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.command import cmacexp, python
+
+from cmacexp import load_sweep, run, run_many
+from cmacexp.errors import BadInput
+
+JOBS = ["seed=1,2", "cycles=1", "warn=false"]
+
+
+def test_a_dry_run_lists_and_checks_the_jobs_and_leaves_nothing(tmp_path):
+    swept = ["-m", "cmac.layers=8,0", "cycles=1", "gait.lift=0.1,9", "hydra.sweep.dir=s"]
+    done = cmacexp(*swept, "sweep.dry_run=true", folder=tmp_path)
+    assert done.returncode == 1, done.stderr
+    assert [line.split()[0] for line in done.stdout.splitlines()[:4]] == ["#0", "#1", "#2", "#3"]
+    refused = [line for line in done.stderr.splitlines() if line.startswith("error: #")]
+    assert f"4 jobs, {len(refused)} of them cannot run; nothing was run" in done.stdout
+    assert "error: #2: cmac.layers=0: must be at least 1" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_dry_run_knows_what_is_finished_and_how_large_the_rest_is(tmp_path):
+    swept = ["-m", *JOBS, "record=trace", "hydra.sweep.dir=s"]
+    cmacexp(*swept, folder=tmp_path)
+    size = sum(path.stat().st_size for path in (tmp_path / "s").rglob("?/*") if path.is_file())
+    again = cmacexp(*swept, "sweep.dry_run=true", folder=tmp_path)
+    assert 0.5 < float(again.stdout.split(" MB in ")[0].split()[-1]) / (size / 1e6) < 2.0
+    finished = cmacexp(*swept, "sweep.dry_run=true", "sweep.resume=true", folder=tmp_path)
+    assert " 0 MB in s" in finished.stdout
+
+
+@pytest.mark.parametrize(
+    "given", [["sweep.dry_run=true"], ["-m", "sweep.dry_run=1"], ["-m", "sweep.chunk=2"], ["-m", "sweep.chunk=0"]]
+)
+def test_options_of_sweeps_that_make_no_sense_are_refused(given, tmp_path):
+    done = cmacexp(*given, "cycles=1", folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"error: {given[-1].partition('=')[0]}=")
+
+
+@pytest.fixture(scope="module")
+def lean(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lean")
+    done = cmacexp("-m", *JOBS, "record=metrics", "hydra.sweep.dir=s", folder=folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "s"
+
+
+def test_a_job_with_metrics_alone_has_two_files_and_the_metrics_of_any_other(lean, tmp_path):
+    assert {path.name for path in (lean / "0").iterdir()} == {"manifest.json", "metrics.parquet"}
+    full = run(["seed=1", "cycles=1", "record=trace"], tmp_path / "full")
+    one = load_sweep(lean).query("run == '0'")
+    pd.testing.assert_frame_equal(one[full.metrics.columns].reset_index(drop=True), full.metrics)
+
+
+@pytest.mark.parametrize("command", ["report", "score", "replay --no-viewer", "stability"])
+def test_what_needs_a_trace_says_that_there_is_none(lean, command):
+    done = python("-m", *f"cmacexp.{command}".split(), str(lean / "0"), folder=lean)
+    assert done.returncode == 2
+    assert "keeps metrics alone (record.trace=false); run it again with record=trace" in done.stderr
+
+
+def test_metrics_alone_are_whole_repeatable_and_finished_unless_traces_are_asked_for(lean):
+    for command in (["verify"], ["verify", "--repeat"], ["report"]):
+        assert python("-m", f"cmacexp.{command[0]}", *command[1:], str(lean), folder=lean.parent).returncode == 0, (
+            command
+        )
+    resume = ["-m", *JOBS, "hydra.sweep.dir=s", "sweep.resume=true"]
+    again = cmacexp(*resume, "record=metrics", folder=lean.parent)
+    assert again.stdout.count("finished before") == 2
+    more = cmacexp(*resume, "record=trace", folder=lean.parent)
+    assert more.stdout.count("finished before") == 0
+    fewer = cmacexp(*resume, "record=metrics", folder=lean.parent)
+    assert fewer.stdout.count("finished before") == 2, "a run with traces has metrics too"
+
+
+def test_a_recording_needs_traces(tmp_path):
+    done = cmacexp("record=metrics", "record.recording=true", folder=tmp_path)
+    assert "record.recording=True: must be false with record.trace=false" in done.stderr
+
+
+def test_runs_in_memory_are_those_on_disk(lean, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    overrides = [["seed=1", "cycles=1"], ["seed=2", "cycles=1"]]
+    many, stored = run_many(overrides, processes=2), load_sweep(lean)
+    metrics = many.columns.difference(["run", "warn", "record"])
+    pd.testing.assert_frame_equal(many[metrics], stored[metrics])
+    trace = run_many(overrides[:1], "trace", processes=1)
+    assert np.array_equal(trace["q1"], run(overrides[0], tmp_path / "full").trace["q1"])
+    assert list(tmp_path.iterdir()) == [tmp_path / "full"]
+
+
+def test_a_script_without_a_guard_can_run_many(tmp_path):
+    (tmp_path / "script.py").write_text("import cmacexp\nprint(len(cmacexp.run_many([['cycles=1']] * 2)))\n")
+    done = python("script.py", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "2\n"), done.stderr
+
+
+@pytest.mark.parametrize("runs", [[], ["cycles=1"], [["cycles=0"]]])
+def test_runs_that_cannot_be_are_refused(runs):
+    with pytest.raises(BadInput):
+        run_many(runs)
+
+
+STUDY = """
+from cmacexp.study import Study, grid
+STUDY = Study(title="Few", question="Does it run?", runs=lambda quick: grid("cycles=1", over={"seed": [1, 2, 3]}))
+"""
+
+
+def test_a_study_runs_in_tasks_of_a_launcher(tmp_path):
+    (tmp_path / "few.py").write_text(STUDY)
+    (tmp_path / "few.md").write_text("Nothing to say.\n")
+    command = ["-m", "cmacexp.study", "few.py", "--folder", "st", "--launcher", "submitit_local", "--workers", "2"]
+    done = python(*command, "--setting", "timeout_min=5", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "3 runs, 3 of them to be run" in done.stderr
+    manifests = [json.loads(path.read_text()) for path in (tmp_path / "st" / "runs").glob("*/manifest.json")]
+    assert [manifest["status"] for manifest in manifests] == ["completed"] * 3
+    assert len(list((tmp_path / "st" / "tasks" / ".submitit").iterdir())) >= 2
+    wrong = python(*command[:4], "other", *command[5:-3], "nosuch", folder=tmp_path)
+    assert (wrong.returncode, wrong.stderr[:24]) == (2, "error: hydra/launcher=no")
