@@ -78,7 +78,8 @@ def _import(key: str, target: str, name: str) -> ModuleType:
         BadInput: there is none, or it needs one that is not installed.
         BadComponent: it raises when it is imported.
     """
-    importlib.invalidate_caches()  # a file may have been written a moment ago
+    if name not in sys.modules:
+        importlib.invalidate_caches()  # a file may have been written a moment ago
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:

@@ -1,6 +1,7 @@
 """Make the components of a run: of the class that each names by ``_target_``, with the fields that it takes."""
 
 import inspect
+from functools import lru_cache
 from typing import Any
 
 from cmacexp.config import ComponentConfig
@@ -28,14 +29,15 @@ def require_members(group: str, target: object, component: object) -> None:
         raise BadInput(f"{group}._target_", target, f"is not a {group}: it has no {' and no '.join(missing)}")
 
 
-def require_class(group: str, target: object, component: type[Any], given: dict[str, Any]) -> None:
+@lru_cache(64)  # the jobs of a sweep have few classes
+def require_class(group: str, target: object, component: type[Any], given: tuple[str, ...]) -> None:
     """Require that a class has the methods of its protocol, before anything of it is called.
 
     Args:
         group: of the component, ``controller``.
         target: its ``_target_``.
         component: the class.
-        given: what it is made with, by name.
+        given: names of what it is made with.
 
     Raises:
         BadInput: names the method that is missing or takes other arguments, or the fields that do not fit.
@@ -48,7 +50,7 @@ def require_class(group: str, target: object, component: type[Any], given: dict[
         if not _takes(component, name, taken := list(inspect.signature(getattr(protocol, name)).parameters)):
             raise BadInput(key, target, f"is not a {group}: {name} must take ({', '.join(taken[1:])})")
     try:
-        inspect.signature(component).bind(**given)
+        inspect.signature(component).bind(**dict.fromkeys(given))
     except TypeError as error:
         raise BadInput(key, target, f"cannot be made of its fields: {error}") from error
     except ValueError:  # a class that is not written in Python
@@ -85,7 +87,7 @@ def make_component(group: str, node: ComponentConfig | dict[str, Any]) -> Any:
     key = f"{group}._target_"
     with current_folder_importable():
         component = find_class(key, target)
-        require_class(group, target, component, given)
+        require_class(group, target, component, tuple(given))
         try:
             made = component(**given)
         except BadInput:
