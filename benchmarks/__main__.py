@@ -14,7 +14,7 @@ from benchmarks.c_loop import compiler
 from benchmarks.timing import Table, keep_freed_memory, markdown
 from cmacexp.jit.compiler import expect_runs
 
-ALL = ("loop", "robot", "cmac", "trace", "command", "sweep")
+ALL = ("loop", "robot", "cmac", "trace", "command", "sweep", "many")
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 
 

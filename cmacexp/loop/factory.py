@@ -87,7 +87,7 @@ def make_component(group: str, node: ComponentConfig | dict[str, Any]) -> Any:
     key = f"{group}._target_"
     with current_folder_importable():
         component = find_class(key, target)
-        require_class(group, target, component, tuple(given))
+        require_class(group, target, component, tuple(given))  # type: ignore[arg-type]  # any class is hashable
         try:
             made = component(**given)
         except BadInput:
