@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.config import Config, FeedforwardConfig, choice, number
-from cmacexp.config.cmac import INPUTS, check_inputs
+from cmacexp.config import FeedforwardConfig, choice, number
+from cmacexp.config.cmac import INPUTS
 from cmacexp.errors import BadInput, format_install_command
 from cmacexp.feedforward.network import planned_inputs
 from cmacexp.planning.setup import Reference, Setup
@@ -48,10 +48,6 @@ class Perceptron:
         """Samples of one gradient step."""
         step_size: float = number("", above=0, at_most=10)
         """Step size of Adam (Kingma & Ba 2015)."""
-
-        def check(self, config: Config) -> None:
-            """Check the inputs."""
-            check_inputs("feedforward.inputs", self.inputs)
 
     acts = True
 
