@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cmacexp.metrics.drift import DRIFT_RATIO, follow_drift
+from cmacexp.metrics.drift import DRIFT_RATIO
 from cmacexp.metrics.measures import divide
 from cmacexp.metrics.metric import BRISTOW, MANN, MEAN, NEITHER, SEN, SMALL, SMALLEST, Metric, worst
 from cmacexp.models.trend import WINDOW
@@ -72,14 +72,14 @@ LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
         f"factor by which feedback_rms grows per cycle, over the last {WINDOW} cycles",
         f"the first {WINDOW - 1} cycles",
         SEN,
-        lambda known: follow_drift(known["feedback_rms"])[0],
+        lambda known: known["feedback_growth"],
     ),
     "drift_cycle": Metric(
         "",
         f"cycle since which feedback_rms drifts: it rises, and has risen to {DRIFT_RATIO:g} times its lowest level",
         "no drift named up to this cycle",
         f"rise: {MANN}",
-        lambda known: follow_drift(known["feedback_rms"])[1],
+        lambda known: known["drift_cycle"],
         SMALLEST,
         NEITHER,
     ),
