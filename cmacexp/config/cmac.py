@@ -50,23 +50,16 @@ def check_size(cmac: CmacConfig, inputs: int, outputs: int) -> None:
     """
     least = cmac.layers * outputs * WORD_BYTES
     if cmac.memory_bytes < least:
-        raise BadInput(
-            "cmac.memory_bytes",
-            cmac.memory_bytes,
-            f"must be at least {least} B, one float64 per layer and output ({cmac.layers} layers)",
-        )
+        allowed = f"must be at least {least} B, one float64 per layer and output ({cmac.layers} layers)"
+        raise BadInput("cmac.memory_bytes", cmac.memory_bytes, allowed)
     dense = least * cmac.resolution_elements**inputs
     if cmac.addressing == "visited" and dense // (outputs * WORD_BYTES) > MOST_POSITIONS:
-        raise BadInput(
-            "cmac.addressing",
-            "visited",
-            "must have at most 2^63 cells; use fewer cmac.inputs, layers or resolution_elements, or hashed",
-        )
+        allowed = "must have at most 2^63 cells; use fewer cmac.inputs, layers or resolution_elements, or hashed"
+        raise BadInput("cmac.addressing", "visited", allowed)
     if cmac.addressing == "dense" and dense > cmac.memory_bytes:
         limit = f", above the limit of {2**30} B" if dense > 2**30 else ""
-        raise BadInput(
-            "cmac.memory_bytes",
-            cmac.memory_bytes,
+        allowed = (
             f"must be at least {dense} B for dense addressing of {inputs} inputs{limit}; "
-            "use fewer cmac.inputs or layers, or cmac.addressing=hashed",
+            "use fewer cmac.inputs or layers, or cmac.addressing=hashed"
         )
+        raise BadInput("cmac.memory_bytes", cmac.memory_bytes, allowed)

@@ -62,11 +62,8 @@ class Perceptron:
         """
         make, rule = _regressor(), setup.config.learning.rule
         if rule != "paper":
-            raise BadInput(
-                "learning.rule",
-                rule,
-                "needs a network that is linear in its weights; feedforward=mlp is not, use paper",
-            )
+            allowed = "needs a network that is linear in its weights; feedforward=mlp is not, use paper"
+            raise BadInput("learning.rule", rule, allowed)
         samples, legs = setup.plan.support.shape
         self.rate, self.lead = setup.rate, setup.lead
         paths = np.stack([planned_inputs(setup, i, self.config.inputs) for i in range(legs)])
