@@ -1,5 +1,7 @@
 """Contact force; a support is the response to a step from no force to the desired one."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cmacexp.metrics import measures
@@ -19,7 +21,7 @@ from cmacexp.metrics.metric import (
     rms_error,
     worst,
 )
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 
 
 def force_settled(block: Block) -> Array:
@@ -46,27 +48,11 @@ def force_overshoot(block: Block) -> Array:
     return largest(block.force / pressed[..., None], block.support) - 1.0
 
 
-def force_rise_time(block: Block) -> Array:
-    """Time from 10 % to 90 % of the settled force in support, s; NaN if the foot pressed before touch-down."""
-    elapsed, settled = block.since_touch_down, force_settled(block)
-    rise = measures.rise_time(elapsed, block.force, settled, block.support, block.rhythm.step)
-    return rise * block.whole_support
-
-
-def force_settling_time(block: Block) -> Array:
-    """Time from touch-down until the force stays within 2 % of its settled value, s; NaN if it never does.
-
-    NaN as well where the support of a cycle does not begin and end within it, or settles at no force.
-    """
-    elapsed, settled = block.since_touch_down, force_settled(block)
-    settling = measures.settling_time(elapsed, block.force, settled, block.support, block.rhythm.step)
-    return settling * block.whole_support
-
-
-def force_itae(block: Block) -> Array:
-    """Integral of time since touch-down times absolute force error, N s^2; NaN unless support is whole in a cycle."""
-    weighted = measures.itae(block.since_touch_down, block.force_error, block.support, block.rhythm.step)
-    return weighted * block.whole_support
+def _since_touch_down(measure: Callable[[Array, Array, Array, Mask, float], Array]) -> Callable[[Block], Array]:
+    """A measure of the step response of the force, s; NaN unless a support begins and ends within its cycle."""
+    return lambda b: (
+        b.whole_support * measure(b.since_touch_down, b.force, force_settled(b), b.support, b.rhythm.step)
+    )
 
 
 _NO_SUPPORT, _NO_SECOND_HALF = "no sample of support", "no sample of the second half of support"
@@ -134,14 +120,14 @@ FORCE: dict[str, Metric[Block]] = {
         "from 10 % to 90 % of force_settled in support",
         "force_settling_time is, or beyond 10 % at touch-down already",
         OGATA,
-        force_rise_time,
+        _since_touch_down(measures.rise_time),
     ),
     "force_settling_time": worst(
         "s",
         "from touch-down to within 2 % of force_settled",
         f"never settles, settles at 0, or {_NOT_WHOLE}",
         OGATA,
-        force_settling_time,
+        _since_touch_down(measures.settling_time),
         shown=Shown("settling", "s", over_legs=False, head="settling\ntime"),
     ),
     "force_iae": integral(
@@ -163,7 +149,7 @@ FORCE: dict[str, Metric[Block]] = {
         "integral of time since touch-down times absolute force error over support",
         _NOT_WHOLE,
         GRAHAM_LATHROP,
-        force_itae,
+        lambda b: b.whole_support * measures.itae(b.since_touch_down, b.force_error, b.support, b.rhythm.step),
         shown=Shown("ITAE", "N s²", over_legs=False),
     ),
 }
