@@ -15,9 +15,6 @@ from cmacexp.errors import BadInput
 from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.models.leg import foot_position, foot_velocity, trigonometry
-from cmacexp.models.mechanism import get_leg
-from cmacexp.plants import Measurement
 from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE
 from cmacexp.sensors.noise import normal, uniform
 from cmacexp.sensors.protocol import SIGNALS, PerfectSensors
@@ -147,47 +144,13 @@ def test_only_the_named_legs_are_altered(make_config):
     assert tell(make_config, [[10, 20, 30, 40]], *overrides, scenario="quadruped").tolist() == [[11, 20, 31, 0]]
 
 
-def test_every_channel_has_noise_of_its_own(make_config):
-    config = make_config("scenario=quadruped", REAL, *(f"sensors.{s}.noise=1" for s in ("force", "position", "tilt")))
-    made = make_scenario(config)
-    seen = [made.sensors.measure(made.first) for _ in range(500)]
-    parts = [[*s.force, *s.q.ravel(), *s.body[1:]] for s in seen]
-    between = np.corrcoef(np.array(parts).T) - np.eye(14)
-    assert np.abs(between).max() < 0.2
-
-
 # Kinematics
-
-
-def test_the_foot_follows_from_the_joints_that_are_measured(make_config):
-    overrides = ["sensors.position.bias=0.02", "sensors.position.legs=[2]", "sensors.velocity.bias=-0.3"]
-    made = make_scenario(make_config("scenario=quadruped", REAL, *overrides))
-    true = made.first._replace(dq=np.arange(8.0).reshape(4, 2))
-    seen = made.sensors.measure(true)
-    for i in range(4):
-        q, dq = true.q[i] + (0.02 if i == 1 else 0.0), true.dq[i] - 0.3
-        leg, trig = get_leg(made.setup.mechanism, i), trigonometry(*q)
-        assert seen.q[i].tolist() == q.tolist()
-        assert tuple(seen.foot[i]) == foot_position(leg, trig)
-        assert tuple(seen.velocity[i]) == foot_velocity(leg, trig, *dq)
-    assert seen.foot[0].tolist() == true.foot[0].tolist()
 
 
 def test_a_point_mass_measures_where_it_is(make_config):
     made = make_scenario(make_config("scenario=force_step", REAL, "sensors.position.bias=0.5"))
     seen = made.sensors.measure(made.first)
     assert seen.foot.tolist() == seen.q.tolist() == (made.first.q + 0.5).tolist()
-
-
-def test_pose_and_rates_of_a_body(make_config):
-    overrides = [
-        f"sensors.{name}.bias={k}" for k, name in enumerate(("height", "tilt", "height_rate", "tilt_rate"), 1)
-    ]
-    made = make_scenario(make_config("scenario=quadruped", REAL, *overrides))
-    true = Measurement(*made.first[:5], np.array([0.5, 0.1, -0.1]), np.array([0.0, 0.2, -0.2]))
-    seen = made.sensors.measure(true)
-    assert (seen.body - true.body).tolist() == pytest.approx([1, 2, 2])
-    assert (seen.body_rate - true.body_rate).tolist() == pytest.approx([3, 4, 4])
 
 
 # Trace

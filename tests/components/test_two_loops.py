@@ -69,6 +69,10 @@ PLAIN = {
         for name in ("sensors of one leg", "sensors of a walk", "lagging")
     },
 }  # fmt: skip
+LEADS, OTHERS = (
+    ("cycles=4", "gait.cycle_time=1", "learning.lead=1"),
+    product(("one_leg", "quadruped"), ("ilc", "rbf")),
+)
 DAMPED = ("terrain.damping=2", "plant.substeps=2", "gait.cycle_time=1", "cycles=2")
 FIELDS = product(("linear", "cubic"), ("hashed", "visited"), ("paper", "weight_smoothing", "zero_phase"))
 
@@ -85,6 +89,7 @@ CASES = {
     **draw(WALK, 12, *SHORT_WALK),
     **FAULTY,
     **{f"damped {name}": [f"scenario={name}", *DAMPED] for name in ("one_leg", "quadruped", "force_step")},
+    **{f"{name} {own}": [f"scenario={name}", f"feedforward={own}", *LEADS] for name, own in OTHERS},
     **{
         " ".join(names): [
             *("cycles=2", "gait.cycle_time=1", "learning.start_cycle=1"),

@@ -1,4 +1,4 @@
-"""Laws of control: LEAD compensator, force control methods and their references, actuator limit, loop design."""
+"""Laws of control: LEAD compensator, force control methods and their references, loop design."""
 
 import math
 
@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy import signal
 
-from cmacexp.control.actuator import saturate
 from cmacexp.control.fault_detection import FaultDetection
 from cmacexp.control.hybrid_kernels import METHODS, HybridParams, hybrid_feedback, new_hybrid_state
 from cmacexp.errors import BadInput
@@ -246,33 +245,6 @@ def test_feedback_alone_never_leaves_its_first_references(make_config):
 def test_damping_control_without_velocity_gain_is_bad_input(make_config):
     with pytest.raises(BadInput, match=r"controller\.velocity_gain"):
         make_scenario(make_config("force_control=damping", "controller.velocity_gain=0"))
-
-
-# Actuator
-
-
-torque_pairs = st.lists(st.floats(-100.0, 100.0), min_size=4, max_size=4)
-
-
-@given(st.floats(0.1, 50.0), torque_pairs, torque_pairs)
-def test_limited_torque_is_the_sum_of_its_parts_and_feedback_gives_way_first(limit, feedback, feedforward):
-    asked_feedback, asked_feedforward = np.reshape(feedback, (2, 2)), np.reshape(feedforward, (2, 2))
-    feedback, feedforward, torque = asked_feedback.copy(), asked_feedforward.copy(), np.empty((2, 2))
-    saturate((limit, limit), feedback, feedforward, torque)
-    assert np.array_equal(torque, feedback + feedforward)
-    assert np.abs(torque).max() <= limit * (1.0 + 1e-15)
-    assert_allclose(torque, np.clip(asked_feedback + np.clip(asked_feedforward, -limit, limit), -limit, limit))
-    assert np.array_equal(feedforward, np.clip(asked_feedforward, -limit, limit))
-
-
-@given(torque_pairs, torque_pairs)
-def test_torque_without_limit_is_left_alone(feedback, feedforward):
-    asked_feedback, asked_feedforward = np.reshape(feedback, (2, 2)), np.reshape(feedforward, (2, 2))
-    feedback, feedforward, torque = asked_feedback.copy(), asked_feedforward.copy(), np.empty((2, 2))
-    saturate((math.inf, math.inf), feedback, feedforward, torque)
-    assert np.array_equal(feedback, asked_feedback)
-    assert np.array_equal(feedforward, asked_feedforward)
-    assert np.array_equal(torque, asked_feedback + asked_feedforward)
 
 
 # Design of the loop

@@ -108,6 +108,11 @@ def test_weights_that_are_not_active_stay(rule, activation, error):
     assert_array_equal(after[OTHERS], before[OTHERS])
 
 
+def test_without_activation_nothing_is_learnt():
+    after, before = trained("paper", 0.0, np.zeros(4), 3.0)
+    assert_array_equal(after, before)
+
+
 def test_normalised_learns_less_where_little_is_active():
     for scale, part in ((1.0, 4.0 / 5.0), (0.1, 0.04 / 1.04)):
         activation = np.full(4, scale)
