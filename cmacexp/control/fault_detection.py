@@ -19,14 +19,14 @@ LARGEST_INCREMENT = 1.0
 
 
 class FaultDetection(NamedTuple):
-    """Parameters of fault detection."""
+    """Parameters of fault detection: the fields of :class:`cmacexp.config.schema.PlausibilityConfig`."""
 
     enabled: bool
     tolerance: float
     """Allowed difference from the expected force, N."""
     relative_tolerance: float
     """Likewise over the expected force."""
-    patience: float
+    patience: int
     """Statistic above which a sensor is excluded: samples with twice the allowed difference."""
 
 

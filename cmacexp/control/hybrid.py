@@ -43,7 +43,6 @@ class HybridController:
 
     def reset(self, setup: Setup, feedforward: Feedforward) -> None:
         """Set the states of the LEAD compensators to zero."""
-        check = setup.config.plausibility
         self.params = HybridParams(
             setup.mechanism,
             METHODS[setup.config.force_control.method],
@@ -51,12 +50,7 @@ class HybridController:
             discretise(self.config.lead_omega, self.config.lead_alpha, setup.config.sampling_period),
             setup.config.posture.gain,
             setup.config.posture.rate_gain,
-            FaultDetection(
-                check.enabled,
-                check.tolerance,
-                check.relative_tolerance,
-                float(check.patience),
-            ),
+            FaultDetection(**vars(setup.config.plausibility)),
         )
         self.state = new_hybrid_state(*setup.mechanism.shape)
         self.geometry = np.zeros((setup.mechanism.shape[0], GEOMETRY_FIELDS[setup.mechanism.axes]))
