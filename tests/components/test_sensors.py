@@ -147,10 +147,11 @@ def test_only_the_named_legs_are_altered(make_config):
 # Kinematics
 
 
-def test_a_point_mass_measures_where_it_is(make_config):
+def test_a_point_mass_measures_where_it_is_and_how_fast(make_config):
     made = make_scenario(make_config("scenario=force_step", REAL, "sensors.position.bias=0.5"))
-    seen = made.sensors.measure(made.first)
+    seen = made.sensors.measure(made.first._replace(dq=np.array([[0.25, -0.5]])))
     assert seen.foot.tolist() == seen.q.tolist() == (made.first.q + 0.5).tolist()
+    assert seen.velocity.tolist() == seen.dq.tolist() == [[0.25, -0.5]]
 
 
 # Trace

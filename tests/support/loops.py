@@ -52,4 +52,5 @@ def run_both(config):
     """The run of the fused loop, which that of the stepped loop equals."""
     fused, stepped = roll_out(make_scenario(config)), roll_out(make_scenario(config), fused=False)
     require_same_bits(fused, stepped)
+    assert fused.events == stepped.events
     return fused
