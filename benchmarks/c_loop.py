@@ -97,8 +97,8 @@ def _law(scenario: Scenario, tables: dict[str, np.ndarray]) -> CLaw:
     leg, control, lead = config.machine.leg, scenario.controller.params, scenario.controller.params.lead
     numbers = (
         leg.length_1, leg.length_2, leg.mass_1, leg.mass_2, config.machine.hip_height, config.terrain.stiffness,
-        config.sampling_period, control.position_gain, control.velocity_gain, control.elasticity,
-        control.admittance, lead.b0, lead.b1, lead.a1, config.actuator.limit, config.learning.rate,
+        config.sampling_period, control.gains.position_gain, control.gains.velocity_gain, control.gains.elasticity,
+        control.gains.admittance, lead.b0, lead.b1, lead.a1, config.actuator.limit, config.learning.rate,
     )  # fmt: skip
     counts = (len(plan.support), plan.start_step, address.resolution_elements, address.rows, address.seed)
     return CLaw(*numbers, *counts, *(tables[name].ctypes.data for name in TABLES))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.planning.stability import FRONT, REAR, polygon
+from cmacexp.planning.stability import FRONT, REAR
 from cmacexp.recording import palette
 from cmacexp.report.axes import add_legend
 from cmacexp.report.machine import ALOFT, DENT, MM, NEAR, NEAR_SIDE, draw_leg, joints
@@ -79,6 +79,13 @@ def _number(axes: "Axes", x: float, y: float, text: str, ink: str = "black") -> 
     axes.text(x, y, text, ha="center", va="center", color=ink, weight="bold")
 
 
+def _hull(points: Array) -> Array:
+    """Corners of the convex hull of points (n, 2), counterclockwise."""
+    from scipy.spatial import ConvexHull
+
+    return points[ConvexHull(points).vertices]
+
+
 def _draw_elevation(axes: "Axes", walk: Walk, k: int, across: int, near: tuple[int, ...]) -> None:
     """A view along the ground; far legs are pale, their numbers stand in the upper row below the ground."""
     links, flat = MM * _links(walk, k), [across, Z]
@@ -90,7 +97,7 @@ def _draw_elevation(axes: "Axes", walk: Walk, k: int, across: int, near: tuple[i
         _number(
             axes, foot, -118.0 if is_near else -76.0, str(i + 1), ALOFT if aloft else NEAR if is_near else "#5F6B78"
         )
-    axes.fill(*polygon(MM * _plate(walk, k)[:, flat]).T, color=BODY, ec=NEAR, lw=0.8, zorder=3.5)
+    axes.fill(*_hull(MM * _plate(walk, k)[:, flat]).T, color=BODY, ec=NEAR, lw=0.8, zorder=3.5)
     axes.axhline(0.0, color=GROUND, lw=1.2, zorder=1)
     height = MM * float(walk.view.body["height"][k])
     axes.plot([0.0, 0.0], [0.0, height], color=COG, lw=1.0, ls="--", zorder=7)
@@ -101,11 +108,11 @@ def _draw_plan(axes: "Axes", walk: Walk, k: int) -> None:
     """The view from above: what the feet that carry span, what is planned, and the margins along the body."""
     links, carries, aloft = MM * _links(walk, k), walk.force[k] > 0.0, ~walk.support[k]
     feet = links[:, 2, :2]
-    axes.fill(*polygon(MM * _plate(walk, k)[:, :2]).T, color=BODY, alpha=0.55, lw=0.0, zorder=1)
+    axes.fill(*_hull(MM * _plate(walk, k)[:, :2]).T, color=BODY, alpha=0.55, lw=0.0, zorder=1)
     if carries.sum() >= 3:
-        axes.fill(*polygon(feet[carries]).T, fc=POLYGON, alpha=0.25, lw=0.0, zorder=2)
-        axes.fill(*polygon(feet[carries]).T, fill=False, ec=POLYGON, lw=1.2, zorder=2.5)
-    axes.fill(*polygon(feet[~aloft]).T, fill=False, ec="black", lw=0.9, ls=(0, (4, 3)), zorder=2.6)
+        axes.fill(*_hull(feet[carries]).T, fc=POLYGON, alpha=0.25, lw=0.0, zorder=2)
+        axes.fill(*_hull(feet[carries]).T, fill=False, ec=POLYGON, lw=1.2, zorder=2.5)
+    axes.fill(*_hull(feet[~aloft]).T, fill=False, ec="black", lw=0.9, ls=(0, (4, 3)), zorder=2.6)
     for i, (x, y) in enumerate(feet):
         draw_leg(axes, links[i][:, :2], True, bool(aloft[i]))
         _number(axes, x, y + (62.0 if y > 0.0 else -62.0), str(i + 1), ALOFT if aloft[i] else "black")
@@ -169,7 +176,7 @@ def diagram(walk: Walk) -> "Figure":
         _number(axes, leg[2, 0], leg[2, 1] - 34.0, f"foot {i + 1}")
     x, y, z = plate.T
     for seen in (x > 0.0, y < 0.0, z > z.mean()):
-        axes.fill(*polygon(_flat(plate[seen])).T, fc=BODY, ec=NEAR, lw=0.9, zorder=3)
+        axes.fill(*_hull(_flat(plate[seen])).T, fc=BODY, ec=NEAR, lw=0.9, zorder=3)
     height = MM * float(walk.view.body["height"][0])
     _draw_cog(axes, height)
     axes.annotate("centre of gravity", (0.0, height), xytext=(9, 9), textcoords="offset points")

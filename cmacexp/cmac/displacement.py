@@ -51,12 +51,11 @@ def parks_militzer(layers: int, inputs: int) -> Vector:
     coprime = [c for c in range(1, layers // 2 + 1) if math.gcd(c, layers) == 1]
     count = math.comb(len(coprime) + inputs - 2, inputs - 1)
     if count * layers > MOST_CANDIDATES * 32:
-        raise BadInput(
-            "cmac.displacement",
-            "parks_militzer",
+        allowed = (
             f"searching {count} vectors for {inputs} inputs and {layers} layers takes too long; "
-            "take fewer cmac.layers or cmac.inputs, or cmac.displacement=odd_lattice",
+            "take fewer cmac.layers or cmac.inputs, or cmac.displacement=odd_lattice"
         )
+        raise BadInput("cmac.displacement", "parks_militzer", allowed)
     rest = np.array(list(combinations_with_replacement(coprime, inputs - 1)), dtype=np.int64)
     vectors = np.concatenate([np.ones((len(rest), 1), dtype=np.int64), rest.reshape(len(rest), inputs - 1)], axis=1)
     best, chosen = -1, vectors[0]
@@ -87,10 +86,9 @@ def displacement(name: str, layers: int, inputs: int) -> NDArray[np.int64]:
     vector = DISPLACEMENTS[name](layers, inputs)
     shared = [int(c) for c in vector if math.gcd(int(c), layers) != 1]
     if shared:
-        raise BadInput(
-            "cmac.displacement",
-            name,
+        allowed = (
             f"its component {shared[0]} shares a factor with cmac.layers={layers}, so that layers coincide; "
-            "take a power of two of layers, or cmac.displacement=diagonal",
+            "take a power of two of layers, or cmac.displacement=diagonal"
         )
+        raise BadInput("cmac.displacement", name, allowed)
     return np.arange(layers)[:, None] * vector[None, :] % layers

@@ -11,7 +11,7 @@ from cmacexp.cmac.quantiser import InputRange
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate_batch
 from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.cmac.visited import Visited
-from cmacexp.config.cmac import WORD_BYTES, CmacConfig, check_memory
+from cmacexp.config.cmac import WORD_BYTES, CmacConfig, check_size
 from cmacexp.data.folder import write_atomically
 from cmacexp.models.mix import MASK
 from cmacexp.typing import Array, Cells
@@ -38,7 +38,7 @@ class Cmac:
 
     def __init__(self, config: CmacConfig, ranges: InputRange, outputs: int = 2, seed: int = 0):
         inputs = len(ranges.low)
-        check_memory(config, inputs, outputs)
+        check_size(config, inputs, outputs)
         if not (np.asarray(ranges.low) < np.asarray(ranges.high)).all():
             raise ValueError(f"ranges from {ranges.low} to {ranges.high}: the lower end must lie below the upper one")
         dense_rows = config.layers * config.resolution_elements**inputs

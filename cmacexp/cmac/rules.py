@@ -92,12 +92,11 @@ def make_rule(config: LearningConfig, activation: Array) -> RuleParams:
     rule = find_rule(config.rule)
     strength = float(getattr(config, rule.strength)) if rule.strength else 0.0
     if rule.params.goal == MEAN and activation.shape[2] == 1:
-        raise BadInput(
-            "learning.rule",
-            config.rule,
+        allowed = (
             "draws active weights to their mean, but this network has one active weight at a time; "
-            "use at least 2 (cmac.layers), or another rule",
+            "use at least 2 (cmac.layers), or another rule"
         )
+        raise BadInput("learning.rule", config.rule, allowed)
     if rule.params.divisor == REGULARISED or rule.params.teaches == NEIGHBOURS:
         power = (activation**2).sum(axis=2)
         strength *= math.fsum(power.flat) / power.size

@@ -32,9 +32,8 @@ def _check_window(cells: Cells, window: int) -> None:
     if 2 * window + 1 > samples:
         raise BadInput("learning.window", window, f"must be below {(samples + 1) // 2}, half the samples of a cycle")
     if cells.size * (2 * window + 1) > MOST_ENTRIES:
-        raise BadInput(
-            "learning.window", window, f"must be below {MOST_ENTRIES // (2 * cells.size)} with this network"
-        )
+        allowed = f"must be below {MOST_ENTRIES // (2 * cells.size)} with this network"
+        raise BadInput("learning.window", window, allowed)
 
 
 def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, Array]:

@@ -4,7 +4,7 @@ from typing import Any
 
 from cmacexp.config.check_environment import check_payload, check_slope, check_stiffness_step
 from cmacexp.config.check_gait import Mistakes, check_legs, check_pattern, check_timing
-from cmacexp.config.cmac import check_cmac
+from cmacexp.config.cmac import check_size
 from cmacexp.config.component import COMPONENTS, ComponentConfig
 from cmacexp.config.fields import check_fields
 from cmacexp.config.machine import RobotMachine, ask_for_robot, read_model
@@ -70,7 +70,7 @@ def check(config: Config) -> None:
     for find_mistakes in CHECKS:
         for key, allowed in find_mistakes(config):
             raise _mistake(config, key, allowed)
-    check_cmac(config.cmac, config.joints)
+    check_size(config.cmac, config.joints * len(config.cmac.inputs), config.joints)
     for group in COMPONENTS:
         component = getattr(config, group)
         if isinstance(component, ComponentConfig):

@@ -1,6 +1,5 @@
 """Size and shape of the CMAC, and the memory that it needs."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -43,7 +42,7 @@ class CmacConfig:
     """Activation of a cell over its width: constant, as in the paper, or a B-spline (Lane et al. 1992)."""
 
 
-def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
+def check_size(cmac: CmacConfig, inputs: int, outputs: int) -> None:
     """Check that the memory holds one weight per layer and output, and all cells if addressing is dense.
 
     Raises:
@@ -51,43 +50,16 @@ def check_memory(cmac: CmacConfig, inputs: int, outputs: int) -> None:
     """
     least = cmac.layers * outputs * WORD_BYTES
     if cmac.memory_bytes < least:
-        raise BadInput(
-            "cmac.memory_bytes",
-            cmac.memory_bytes,
-            f"must be at least {least} B, one float64 per layer and output ({cmac.layers} layers)",
-        )
+        allowed = f"must be at least {least} B, one float64 per layer and output ({cmac.layers} layers)"
+        raise BadInput("cmac.memory_bytes", cmac.memory_bytes, allowed)
     dense = least * cmac.resolution_elements**inputs
     if cmac.addressing == "visited" and dense // (outputs * WORD_BYTES) > MOST_POSITIONS:
-        raise BadInput(
-            "cmac.addressing",
-            "visited",
-            "must have at most 2^63 cells; use fewer cmac.inputs, layers or resolution_elements, or hashed",
-        )
+        allowed = "must have at most 2^63 cells; use fewer cmac.inputs, layers or resolution_elements, or hashed"
+        raise BadInput("cmac.addressing", "visited", allowed)
     if cmac.addressing == "dense" and dense > cmac.memory_bytes:
         limit = f", above the limit of {2**30} B" if dense > 2**30 else ""
-        raise BadInput(
-            "cmac.memory_bytes",
-            cmac.memory_bytes,
+        allowed = (
             f"must be at least {dense} B for dense addressing of {inputs} inputs{limit}; "
-            "use fewer cmac.inputs or layers, or cmac.addressing=hashed",
+            "use fewer cmac.inputs or layers, or cmac.addressing=hashed"
         )
-
-
-def check_inputs(key: str, inputs: Sequence[str]) -> None:
-    """Check that the inputs of a network are at least one, each named once.
-
-    Raises:
-        BadInput: they are not.
-    """
-    if not inputs or len(set(inputs)) != len(inputs):
-        raise BadInput(key, inputs, f"must name at least one of {', '.join(INPUTS)}, each once")
-
-
-def check_cmac(cmac: CmacConfig, joints: int) -> None:
-    """Check the inputs of a CMAC, and that its memory suffices for them, and for a torque of each of the ``joints``.
-
-    Raises:
-        BadInput: one of both is wrong.
-    """
-    check_inputs("cmac.inputs", cmac.inputs)
-    check_memory(cmac, joints * len(cmac.inputs), joints)
+        raise BadInput("cmac.memory_bytes", cmac.memory_bytes, allowed)

@@ -2,6 +2,7 @@
 
 import inspect
 import math
+import operator
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, field, fields, is_dataclass
@@ -15,6 +16,8 @@ TYPES = {int: "a whole number", float: "a number", bool: "true or false", str: "
 """Types of values in words."""
 FLAGS = dict.fromkeys(("true", "yes", "on", "y", "1"), True) | dict.fromkeys(("false", "no", "off", "n", "0"), False)
 """What can be typed for a flag."""
+BOUNDS = {"above": operator.gt, "at least": operator.ge, "below": operator.lt, "at most": operator.le}
+"""What a number must be to each of its bounds."""
 
 
 def number(
@@ -33,36 +36,21 @@ def number(
     Shipped fields have no default: their values stand in ``conf/``. What a field ``needs`` to have an effect, all of
     it, is written as :mod:`cmacexp.config.effect` describes.
     """
-    bounds = {"above": above, "at_least": at_least, "below": below, "at_most": at_most}
+    bounds = {"above": above, "at least": at_least, "below": below, "at most": at_most}
     given = {name: bound for name, bound in bounds.items() if bound is not None}
     return field(default=default, metadata={"unit": unit, "words": words, "needs": needs, **given})
 
 
 def choice(*names: str, needs: tuple[str, ...] = (), default: Any = MISSING) -> Any:
-    """A dataclass field for one of ``names``, or a list of some of them."""
+    """A dataclass field for one of ``names``, or a list of at least one of them, each once."""
     return field(default=default, metadata={"choices": names, "needs": needs})
 
 
 def describe_range(metadata: dict[str, Any]) -> str:
     """The allowed range in words, e.g. ``must be above 0 and at most 1``."""
-    words = {"above": "above", "at_least": "at least", "below": "below", "at_most": "at most"}
-    parts = [f"{word} {_plain(metadata[name])}" for name, word in words.items() if name in metadata]
+    parts = [f"{name} {metadata[name]:.15g}" for name in BOUNDS if name in metadata]
     words_too = "".join(f", or {name}" for name in metadata.get("words", ()))
     return "must be " + (" and ".join(parts) if parts else "a finite number") + words_too
-
-
-def _plain(bound: float) -> str:
-    """A bound as text: whole numbers in full."""
-    return str(int(bound)) if float(bound).is_integer() and abs(bound) < 1e15 else f"{bound:g}"
-
-
-def _within(value: float, metadata: dict[str, Any]) -> bool:
-    return abs(value) < math.inf and (
-        value > metadata.get("above", -math.inf)
-        and value >= metadata.get("at_least", -math.inf)
-        and value < metadata.get("below", math.inf)
-        and value <= metadata.get("at_most", math.inf)
-    )
 
 
 def _is_allowed(item: object, metadata: dict[str, Any]) -> bool:
@@ -71,15 +59,20 @@ def _is_allowed(item: object, metadata: dict[str, Any]) -> bool:
         return not metadata["words"] or item in metadata["words"]
     if not isinstance(item, int | float) or isinstance(item, bool):
         return True
-    return _within(item, metadata) and not (isinstance(item, float) and metadata["unit"] == "samples")
+    if not abs(item) < math.inf or (isinstance(item, float) and metadata["unit"] == "samples"):
+        return False
+    return all(holds(item, metadata[name]) for name, holds in BOUNDS.items() if name in metadata)
 
 
 def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
     if "choices" in metadata:
         allowed = metadata["choices"]
-        for name in value if isinstance(value, list) else [value]:
+        names = value if isinstance(value, list) else [value]
+        for name in names:
             if name not in allowed:
                 raise BadInput(key, name, "choose from " + ", ".join(allowed))
+        if len(set(names)) != len(names) or not names:
+            raise BadInput(key, value, f"must name at least one of {', '.join(allowed)}, each once")
     elif "unit" in metadata:
         unit, words = metadata["unit"], metadata["words"]
         for item in value if isinstance(value, list) else [value]:

@@ -19,16 +19,14 @@ LARGEST_INCREMENT = 1.0
 
 
 class FaultDetection(NamedTuple):
-    """Parameters of fault detection."""
+    """Parameters of fault detection: the fields of :class:`cmacexp.config.schema.PlausibilityConfig`."""
 
     enabled: bool
-    stiffness: float
-    """K_n of the ground as the controller assumes it, N/m."""
     tolerance: float
     """Allowed difference from the expected force, N."""
     relative_tolerance: float
     """Likewise over the expected force."""
-    patience: float
+    patience: int
     """Statistic above which a sensor is excluded: samples with twice the allowed difference."""
 
 
@@ -49,15 +47,15 @@ def new_fault_status(legs: int) -> FaultStatus:
 
 
 @kernel
-def expected_force(params: FaultDetection, mechanism: Mechanism, i: int, foot: Array, pose: Pose) -> float:
-    """Contact force that flat ground gives foot ``i`` at its measured depth, N (eq. 1).
+def expected_force(stiffness: float, mechanism: Mechanism, i: int, foot: Array, pose: Pose) -> float:
+    """Contact force that flat ground of K_n ``stiffness`` N/m gives foot ``i`` at its measured depth, N (eq. 1).
 
     ``foot`` (L, J) is in the frames of the hips, ``pose`` is that of the body.
     """
     if has_body(mechanism):
         hips = mechanism.hips
-        return contact_force(params.stiffness, depth(pose, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]))
-    return contact_force(params.stiffness, foot[i, 1] - mechanism.hip_height)
+        return contact_force(stiffness, depth(pose, hips[i, 0] + foot[i, 0], hips[i, 1], foot[i, 1]))
+    return contact_force(stiffness, foot[i, 1] - mechanism.hip_height)
 
 
 @kernel

@@ -11,6 +11,7 @@ from cmacexp.control.protocol import Action
 from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.models.lead import discretise
 from cmacexp.models.mechanism import GEOMETRY_FIELDS, update_geometry
+from cmacexp.planning.reference import make_gains
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array
@@ -42,25 +43,14 @@ class HybridController:
 
     def reset(self, setup: Setup, feedforward: Feedforward) -> None:
         """Set the states of the LEAD compensators to zero."""
-        method, check = setup.config.force_control, setup.config.plausibility
         self.params = HybridParams(
             setup.mechanism,
-            METHODS[method.method],
-            self.config.position_gain,
-            self.config.velocity_gain,
-            method.force_gain,
-            method.elasticity,
-            method.admittance,
+            METHODS[setup.config.force_control.method],
+            make_gains(setup.config, self.config.position_gain, self.config.velocity_gain),
             discretise(self.config.lead_omega, self.config.lead_alpha, setup.config.sampling_period),
             setup.config.posture.gain,
             setup.config.posture.rate_gain,
-            FaultDetection(
-                check.enabled,
-                setup.config.assumed_stiffness,
-                check.tolerance,
-                check.relative_tolerance,
-                float(check.patience),
-            ),
+            FaultDetection(**vars(setup.config.plausibility)),
         )
         self.state = new_hybrid_state(*setup.mechanism.shape)
         self.geometry = np.zeros((setup.mechanism.shape[0], GEOMETRY_FIELDS[setup.mechanism.axes]))

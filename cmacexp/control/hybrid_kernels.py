@@ -31,6 +31,7 @@ from cmacexp.planning.columns import (
     X,
     Y,
 )
+from cmacexp.planning.reference import Gains
 from cmacexp.typing import Array, Mask, Scratch, State
 
 STIFFNESS, DAMPING, COMBINED, EXPLICIT = range(4)
@@ -43,16 +44,7 @@ class HybridParams(NamedTuple):
     mechanism: Mechanism
     method: int
     """One of METHODS."""
-    position_gain: float
-    """K_ap, N/m."""
-    velocity_gain: float
-    """K_av, N s/m."""
-    force_gain: float
-    """K_a of explicit force control."""
-    elasticity: float
-    """P_fn, m/N."""
-    admittance: float
-    """V_fn, m/(N s)."""
+    gains: Gains
     lead: Lead
     posture_gain: float
     """Of the posture control of a body; 0 switches it off."""
@@ -86,7 +78,7 @@ def new_hybrid_state(legs: int, axes: int = len(PLANE)) -> HybridState:
 @kernel
 def position_error(params: HybridParams, reference: float, reference_rate: float, value: float, rate: float) -> float:
     """K_ap E + K_av E' without force terms, N (Lin & Song 1997, eq. 21)."""
-    return params.position_gain * (reference - value) + params.velocity_gain * (reference_rate - rate)
+    return params.gains.position_gain * (reference - value) + params.gains.velocity_gain * (reference_rate - rate)
 
 
 @kernel
@@ -131,9 +123,9 @@ def force_error(
     posture control.
     """
     if params.method == EXPLICIT:
-        return params.force_gain * (reference[i, FORCE_REFERENCE] - force)
-    stiffness = params.position_gain * (y_reference - y - force * params.elasticity)
-    damping = params.velocity_gain * (vy_reference - vy - force * params.admittance)
+        return params.gains.force_gain * (reference[i, FORCE_REFERENCE] - force)
+    stiffness = params.gains.position_gain * (y_reference - y - force * params.gains.elasticity)
+    damping = params.gains.velocity_gain * (vy_reference - vy - force * params.gains.admittance)
     if params.method == STIFFNESS:
         return stiffness
     if params.method == DAMPING:
@@ -153,7 +145,7 @@ def control_force(
     """
     if not params.fault_detection.enabled:
         return measured
-    expected = expected_force(params.fault_detection, params.mechanism, i, foot, pose)
+    expected = expected_force(params.gains.stiffness, params.mechanism, i, foot, pose)
     if update_status(params.fault_detection, status, i, measured, expected):
         return measured
     return desired if params.method == STIFFNESS or params.method == COMBINED else expected

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.config import Config, FeedforwardConfig, choice, number
-from cmacexp.config.cmac import INPUTS, check_inputs
+from cmacexp.config import FeedforwardConfig, choice, number
+from cmacexp.config.cmac import INPUTS
 from cmacexp.errors import BadInput, format_install_command
 from cmacexp.feedforward.network import planned_inputs
 from cmacexp.planning.setup import Reference, Setup
@@ -49,10 +49,6 @@ class Perceptron:
         step_size: float = number("", above=0, at_most=10)
         """Step size of Adam (Kingma & Ba 2015)."""
 
-        def check(self, config: Config) -> None:
-            """Check the inputs."""
-            check_inputs("feedforward.inputs", self.inputs)
-
     acts = True
 
     def __init__(self, config: Config):
@@ -66,11 +62,8 @@ class Perceptron:
         """
         make, rule = _regressor(), setup.config.learning.rule
         if rule != "paper":
-            raise BadInput(
-                "learning.rule",
-                rule,
-                "needs a network that is linear in its weights; feedforward=mlp is not, use paper",
-            )
+            allowed = "needs a network that is linear in its weights; feedforward=mlp is not, use paper"
+            raise BadInput("learning.rule", rule, allowed)
         samples, legs = setup.plan.support.shape
         self.rate, self.lead = setup.rate, setup.lead
         paths = np.stack([planned_inputs(setup, i, self.config.inputs) for i in range(legs)])

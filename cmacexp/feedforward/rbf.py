@@ -7,7 +7,7 @@ import numpy as np
 from cmacexp.cmac.quantiser import spanning
 from cmacexp.cmac.use import MemoryUse
 from cmacexp.config import Config, FeedforwardConfig, choice, number
-from cmacexp.config.cmac import INPUTS, check_inputs
+from cmacexp.config.cmac import INPUTS
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.models.exponential import exponential
@@ -71,12 +71,10 @@ class RadialBasis(BuiltInFeedforward):
         """Standard deviation of a Gaussian over the mean distance between neighbouring centres."""
 
         def check(self, config: Config) -> None:
-            """Check the inputs, and that there are as many centres as active ones."""
-            check_inputs("feedforward.inputs", self.inputs)
+            """Check that there are as many centres as active ones."""
             if self.active > self.centres:
-                raise BadInput(
-                    "feedforward.active", self.active, f"must be at most feedforward.centres={self.centres}"
-                )
+                allowed = f"must be at most feedforward.centres={self.centres}"
+                raise BadInput("feedforward.active", self.active, allowed)
 
     config: Config
 

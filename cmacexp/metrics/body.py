@@ -36,7 +36,7 @@ def _largest_tilt(block: BodyBlock) -> Array:
 
 
 def _height(which: str, compute: Callable[[BodyBlock], Array], shown: Shown) -> Metric[BodyBlock]:
-    return Metric("m", f"{which} height of the body", "never", CONTRACT, compute, BODY, NEITHER, shown)
+    return Metric("m", f"{which} height of the body", "never", compute, BODY, NEITHER, shown)
 
 
 PLANNED, TRUE = "planned support polygon", "polygon of the feet that carry load"
@@ -45,7 +45,7 @@ PLANNED, TRUE = "planned support polygon", "polygon of the feet that carry load"
 def _margin(column: str, to: str, of: str, source: str, shown: Shown | None = None) -> Metric[BodyBlock]:
     undefined = "never three feet down" if of == PLANNED else "never three feet carry"
     meaning = f"least margin to the {to} of the {of}"
-    return Metric("m", meaning, undefined, source, lambda b: b.reduce(np.fmin, column), BODY, LARGE, shown)
+    return Metric("m", meaning, undefined, lambda b: b.reduce(np.fmin, column), BODY, LARGE, shown, source=source)
 
 
 _TILT = "largest of abs(pitch) and abs(roll)"
@@ -60,7 +60,7 @@ BODY_METRICS: dict[str, Metric[BodyBlock]] = {
         lambda b: b.reduce(np.maximum, "height"),
         Shown("largest height", "mm", 1e3, False, from_zero=False),
     ),
-    "tilt_max": Metric("rad", _TILT, "never", CONTRACT, _largest_tilt, BODY, SMALL, Shown("tilt", "mrad", 1e3)),
+    "tilt_max": Metric("rad", _TILT, "never", _largest_tilt, BODY, SMALL, Shown("tilt", "mrad", 1e3)),
     "stability_margin_min": _margin(
         "stability_margin", "nearest edge", PLANNED, MCGHEE_FRANK, Shown("planned margin", "mm", 1e3, main=False)
     ),

@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from cmacexp.data.parquet import as_array
 from cmacexp.errors import BadRun
 from cmacexp.models.trend import SIGNIFICANT, WINDOW
-from cmacexp.typing import Array, Mask
+from cmacexp.typing import Array
 
 DRIFT_RATIO = 1.5
 """Ratio to its lowest level to which the feedback must have risen."""
@@ -53,16 +53,10 @@ class DriftDetector:
     """
 
     def __init__(self, legs: int):
-        self.cycles = 0
-        """Cycles tested so far."""
-        self.last_logs = np.full((WINDOW - 1, legs), np.nan)
+        self._logs = np.full((WINDOW - 1, legs), np.nan)
         """Logarithms of the feedback in the last WINDOW - 1 cycles."""
-        self.lowest, self.highest = np.full((1, legs), np.inf), np.full((1, legs), -np.inf)
-        """Logarithms of the lowest and highest level so far."""
-        self.lowest_cycle = np.zeros((1, legs))
-        """Middle of the window in which the level was lowest."""
-        self.started = np.full((1, legs), np.nan)
-        """Cycle in which the drift of each leg started; NaN before one is detected."""
+        self._level, self._rises = np.zeros((0, legs)), np.zeros((0, legs), dtype=bool)
+        """Logarithm of the level at the end of each cycle so far, and whether the last WINDOW cycles rise."""
         self.first: Drift | None = None
         """The first drift of all legs."""
 
@@ -74,68 +68,49 @@ class DriftDetector:
         """
         if not len(feedback):  # of a run that took no step
             return feedback, feedback
-        growth, rises, level = self._test_trend(feedback)
-        risen, lowest_cycle = self._test_level(level)
-        started = _accumulate(np.fmin, self.started, np.where(rises & risen, lowest_cycle, np.nan))
-        self.started = started[-1:]
+        tested, growth = len(self._level), self._test_trend(feedback)
+        started = self._test_level()[tested:]
         if self.first is None and len(detected := np.argwhere(~np.isnan(started))):
             cycle, leg = map(int, detected[0])
-            named = self.cycles + cycle + 1
-            self.first = Drift(int(started[cycle, leg]), leg + 1, named, float(growth[cycle, leg]))
-        self.cycles += len(feedback)
+            self.first = Drift(int(started[cycle, leg]), leg + 1, tested + cycle + 1, float(growth[cycle, leg]))
         return growth, started
 
-    def _test_trend(self, feedback: Array) -> tuple[Array, Mask, Array]:
-        """Whether the last WINDOW cycles rise significantly (Mann 1945).
-
-        Returns:
-            Factor of growth per cycle (Sen 1968), whether it is significant, and the logarithm of the level.
-        """
+    def _test_trend(self, feedback: Array) -> Array:
+        """Test whether the last WINDOW cycles rise significantly (Mann 1945); growth per cycle (Sen 1968)."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            logs = np.concatenate([self.last_logs, np.log(feedback)])
+            logs = np.concatenate([self._logs, np.log(feedback)])
             windows = sliding_window_view(logs, WINDOW, axis=0)
             differences = windows[..., _LATER] - windows[..., _EARLIER]
-            growth = np.exp(np.median(differences / (_LATER - _EARLIER), axis=-1))
+            growth: Array = np.exp(np.median(differences / (_LATER - _EARLIER), axis=-1))
             rises = np.sign(differences).sum(axis=-1) >= SIGNIFICANT
-        self.last_logs = logs[1 - WINDOW :]
-        return growth, rises, np.median(windows, axis=-1)
+        self._logs = logs[1 - WINDOW :]
+        self._level = np.concatenate([self._level, np.median(windows, axis=-1)])
+        self._rises = np.concatenate([self._rises, rises])
+        return growth
 
-    def _test_level(self, level: Array) -> tuple[Mask, Array]:
-        """Whether the logarithm of the level has risen far above its lowest, and the cycle in which it was lowest."""
-        cycles = np.arange(self.cycles + 1, self.cycles + len(level) + 1)[:, None]
-        lowest, highest = _accumulate(np.fmin, self.lowest, level), _accumulate(np.fmax, self.highest, level)
-        at_lowest = np.where(level == lowest, cycles - WINDOW // 2, 0.0)
-        lowest_cycle = _accumulate(np.fmax, self.lowest_cycle, at_lowest)
-        self.lowest, self.highest, self.lowest_cycle = lowest[-1:], highest[-1:], lowest_cycle[-1:]
-        return level > np.maximum(lowest, highest + np.log(LEAST)) + np.log(DRIFT_RATIO), lowest_cycle
-
-
-def _accumulate(function: np.ufunc, before: Array, values: Array) -> Array:
-    """Accumulate ``values`` (cycles, L), starting from the accumulated value ``before`` (1, L) them."""
-    accumulated: Array = function.accumulate(np.concatenate([before, values]))[1:]
-    return accumulated
+    def _test_level(self) -> Array:
+        """Cycle in which a drift started, for every cycle so far: it rises, and has risen far above its lowest."""
+        level, middle = self._level, np.arange(1, len(self._level) + 1)[:, None] - WINDOW // 2
+        lowest, highest = np.fmin.accumulate(level), np.fmax.accumulate(level)
+        lowest_cycle = np.fmax.accumulate(np.where(level == lowest, middle, 0.0))
+        risen = level > np.maximum(lowest, highest + np.log(LEAST)) + np.log(DRIFT_RATIO)
+        started: Array = np.fmin.accumulate(np.where(self._rises & risen, lowest_cycle, np.nan))
+        return started
 
 
-def follow_drift(feedback: Array) -> tuple[Array, Array]:
-    """What :class:`DriftDetector` finds in all cycles of RMS feedback torques (cycles, L)."""
-    return DriftDetector(feedback.shape[1]).add(feedback)
+def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
+    """The entry ``drift`` of a run's manifest: its first drift, with the growth in its last cycle; None if none.
 
-
-def find_drift(metrics: pa.Table) -> Drift | None:
-    """The first drift of a run from its metrics, with the growth in its last cycle; None if it does not drift."""
+    Args:
+        metrics: of the run.
+    """
     cycle, leg, started, growth = (as_array(metrics, n) for n in ("cycle", "leg", "drift_cycle", "feedback_growth"))
     detected = np.flatnonzero(~np.isnan(started))
     if not len(detected):
         return None
     first = detected[0]
     last = growth[leg == leg[first]][-1]
-    return Drift(int(started[first]), int(leg[first]), int(cycle[first]), float(last))
-
-
-def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
-    """The entry ``drift`` of a run's manifest: the fields of :class:`Drift`, or nothing."""
-    drift = find_drift(metrics)
-    return None if drift is None else drift._asdict()
+    return Drift(int(started[first]), int(leg[first]), int(cycle[first]), float(last))._asdict()
 
 
 def read_drift_entry(entry: Mapping[str, Any] | None) -> Drift | None:

@@ -1,14 +1,14 @@
 """Contact force; a support is the response to a step from no force to the desired one."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cmacexp.metrics import measures
 from cmacexp.metrics.block import Block, three_feet
 from cmacexp.metrics.measures import divide, iae, ise, largest, mean, rms
 from cmacexp.metrics.metric import (
-    BRISTOW,
     CONTRACT,
-    GRAHAM_LATHROP,
     MEAN,
     NEAR_ZERO,
     NEITHER,
@@ -19,7 +19,7 @@ from cmacexp.metrics.metric import (
     rms_error,
     worst,
 )
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 
 
 def force_settled(block: Block) -> Array:
@@ -46,27 +46,11 @@ def force_overshoot(block: Block) -> Array:
     return largest(block.force / pressed[..., None], block.support) - 1.0
 
 
-def force_rise_time(block: Block) -> Array:
-    """Time from 10 % to 90 % of the settled force in support, s; NaN if the foot pressed before touch-down."""
-    elapsed, settled = block.since_touch_down, force_settled(block)
-    rise = measures.rise_time(elapsed, block.force, settled, block.support, block.rhythm.step)
-    return rise * block.whole_support
-
-
-def force_settling_time(block: Block) -> Array:
-    """Time from touch-down until the force stays within 2 % of its settled value, s; NaN if it never does.
-
-    NaN as well where the support of a cycle does not begin and end within it, or settles at no force.
-    """
-    elapsed, settled = block.since_touch_down, force_settled(block)
-    settling = measures.settling_time(elapsed, block.force, settled, block.support, block.rhythm.step)
-    return settling * block.whole_support
-
-
-def force_itae(block: Block) -> Array:
-    """Integral of time since touch-down times absolute force error, N s^2; NaN unless support is whole in a cycle."""
-    weighted = measures.itae(block.since_touch_down, block.force_error, block.support, block.rhythm.step)
-    return weighted * block.whole_support
+def _since_touch_down(measure: Callable[[Array, Array, Array, Mask, float], Array]) -> Callable[[Block], Array]:
+    """A measure of the step response of the force, s; NaN unless a support begins and ends within its cycle."""
+    return lambda b: (
+        b.whole_support * measure(b.since_touch_down, b.force, force_settled(b), b.support, b.rhythm.step)
+    )
 
 
 _NO_SUPPORT, _NO_SECOND_HALF = "no sample of support", "no sample of the second half of support"
@@ -78,26 +62,24 @@ FORCE: dict[str, Metric[Block]] = {
         "N",
         "RMS force error in support",
         _NO_SUPPORT,
-        BRISTOW,
         lambda b: rms(b.force_error, b.support),
         shown=Shown("force rmse", "N", head="force\nerror"),
     ),
     "force_rmse_cycle": rms_error(
-        "N", "RMS force error, all samples", "never", BRISTOW, lambda b: rms(b.force_error, b.valid)
+        "N", "RMS force error, all samples", "never", lambda b: rms(b.force_error, b.valid)
     ),
     "force_rmse_three_feet": rms_error(
         "N",
         "RMS force error over the middle half of each planned three-foot interval",
         "never three feet down (one leg)",
-        CONTRACT,
         lambda b: rms(b.force_error, three_feet(b)),
         shown=Shown("three feet", "N", head="on three\nfeet"),
+        source=CONTRACT,
     ),
     "force_settled": Metric(
         "N",
         "mean force over the second half of support",
         _NO_SECOND_HALF,
-        CONTRACT,
         force_settled,
         MEAN,
         NEITHER,
@@ -107,7 +89,6 @@ FORCE: dict[str, Metric[Block]] = {
         "",
         "(force_settled - desired)/desired, signed",
         f"{_NO_SECOND_HALF}, or desired force 0",
-        CONTRACT,
         force_steady_state_error,
         MEAN,
         NEAR_ZERO,
@@ -117,53 +98,50 @@ FORCE: dict[str, Metric[Block]] = {
         "",
         "max force/desired - 1 over support",
         "desired force not constant over the second half of support, or 0",
-        f"{OGATA}, of the desired force",
         force_overshoot,
         shown=Shown("overshoot", "%", 100.0, over_legs=False, head="over-\nshoot"),
+        source=f"{OGATA}, of the desired force",
     ),
     "force_ripple": rms_error(
         "N",
         "standard deviation of force over the second half of support",
         _NO_SECOND_HALF,
-        CONTRACT,
         lambda b: measures.ripple(b.force, b.second_half),
         shown=Shown("ripple", "N", main=False),
+        source=CONTRACT,
     ),
     "force_rise_time": worst(
         "s",
         "from 10 % to 90 % of force_settled in support",
         "force_settling_time is, or beyond 10 % at touch-down already",
-        OGATA,
-        force_rise_time,
+        _since_touch_down(measures.rise_time),
+        source=OGATA,
     ),
     "force_settling_time": worst(
         "s",
         "from touch-down to within 2 % of force_settled",
         f"never settles, settles at 0, or {_NOT_WHOLE}",
-        OGATA,
-        force_settling_time,
+        _since_touch_down(measures.settling_time),
         shown=Shown("settling", "s", over_legs=False, head="settling\ntime"),
+        source=OGATA,
     ),
     "force_iae": integral(
         "N s",
         "integral of the absolute force error over support",
         _NO_PERIOD,
-        GRAHAM_LATHROP,
         lambda b: iae(b.force_error, b.support, b.rhythm.step),
     ),
     "force_ise": integral(
         "N^2 s",
         "integral of the squared force error over support",
         _NO_PERIOD,
-        GRAHAM_LATHROP,
         lambda b: ise(b.force_error, b.support, b.rhythm.step),
     ),
     "force_itae": integral(
         "N s^2",
         "integral of time since touch-down times absolute force error over support",
         _NOT_WHOLE,
-        GRAHAM_LATHROP,
-        force_itae,
+        lambda b: b.whole_support * measures.itae(b.since_touch_down, b.force_error, b.support, b.rhythm.step),
         shown=Shown("ITAE", "N s²", over_legs=False),
     ),
 }

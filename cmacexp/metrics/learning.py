@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cmacexp.metrics.drift import DRIFT_RATIO, follow_drift
+from cmacexp.metrics.drift import DRIFT_RATIO
 from cmacexp.metrics.measures import divide
 from cmacexp.metrics.metric import BRISTOW, MANN, MEAN, NEITHER, SEN, SMALL, SMALLEST, Metric, worst
 from cmacexp.models.trend import WINDOW
@@ -50,17 +50,17 @@ def _make_columns(name: str) -> dict[str, Metric[Mapping[str, Array]]]:
             "",
             f"abs({name}) over that of cycle 1, same leg",
             "either is, or that of cycle 1 is 0",
-            BRISTOW,
             lambda known: ratio_to_first(known[name]),
             MEAN,
             SMALL,
+            source=BRISTOW,
         ),
         f"{name}_cycles_to_1_e": worst(
             "",
             f"cycles after the first until {name}_ratio is first at most 1/e",
             "not reached up to this cycle",
-            "time constant: Ogata 2010, section 5-2",
             lambda known: cycles_to_1_e(known[name]),
+            source="time constant: Ogata 2010, section 5-2",
         ),
     }
 
@@ -71,17 +71,17 @@ LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
         "",
         f"factor by which feedback_rms grows per cycle, over the last {WINDOW} cycles",
         f"the first {WINDOW - 1} cycles",
-        SEN,
-        lambda known: follow_drift(known["feedback_rms"])[0],
+        lambda known: known["feedback_growth"],
+        source=SEN,
     ),
     "drift_cycle": Metric(
         "",
         f"cycle since which feedback_rms drifts: it rises, and has risen to {DRIFT_RATIO:g} times its lowest level",
         "no drift named up to this cycle",
-        f"rise: {MANN}",
-        lambda known: follow_drift(known["feedback_rms"])[1],
+        lambda known: known["drift_cycle"],
         SMALLEST,
         NEITHER,
+        source=f"rise: {MANN}",
     ),
 }
 """Columns that follow from those of all cycles, by name."""

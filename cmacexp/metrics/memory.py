@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from cmacexp.data.parquet import as_array
 from cmacexp.data.signals import CLOCK, GUARD_STATES, MEMORY_SIGNALS
-from cmacexp.metrics.metric import ALBUS, CONTRACT, LARGEST, MEAN, NEITHER, RMS, Metric
+from cmacexp.metrics.metric import ALBUS, LARGEST, MEAN, NEITHER, RMS, Metric
 from cmacexp.typing import Array
 
 COLUMNS = [signal.name for signal in MEMORY_SIGNALS if signal.owner != CLOCK]
@@ -26,7 +26,7 @@ def split_columns(memory: pa.Table | None, cycles: int, legs: int) -> dict[str, 
 
 
 _NO_WEIGHTS = "no weights that a built-in feedforward keeps"
-_of_weights = partial(Metric, undefined=_NO_WEIGHTS, source=CONTRACT, better=NEITHER)
+_of_weights = partial(Metric, undefined=_NO_WEIGHTS, better=NEITHER)
 
 MEMORY: dict[str, Metric[Mapping[str, Array]]] = {
     "weight_norm": _of_weights(
@@ -51,10 +51,10 @@ MEMORY: dict[str, Metric[Mapping[str, Array]]] = {
         "",
         "visited cells that share their row with another one by hashing",
         f"{_NO_WEIGHTS}, not a CMAC, or more cells than 64 bits count",
-        ALBUS,
         lambda m: m["cells_colliding"],
         MEAN,
         NEITHER,
+        source=ALBUS,
     ),
     "guard_state": _of_weights(
         "",

@@ -72,20 +72,20 @@ Of = TypeVar("Of")
 
 
 class Metric(NamedTuple, Generic[Of]):
-    """A column of ``metrics.parquet`` or ``body_metrics.parquet``; the first four fields are in its metadata."""
+    """A column of ``metrics.parquet`` or ``body_metrics.parquet``; what :class:`Index` has is in its metadata."""
 
     unit: str
     meaning: str
     undefined: str
     """Where it is NaN."""
-    source: str
-    """Where the definition comes from; :data:`CONTRACT` only where nothing else applies."""
     compute: Callable[[Of], Array]
     pooling: Pooling
     better: str
     """:data:`SMALL`, :data:`NEAR_ZERO`, :data:`LARGE` or :data:`NEITHER`."""
     shown: Shown | None = None
     """None: shown only where all metrics are, under its name and in its unit."""
+    source: str = CONTRACT
+    """Where the definition comes from; :data:`CONTRACT` only where nothing else applies."""
 
     def find_best(self, values: Array) -> float:
         """The best of some values; NaN if none is defined or neither direction is better."""
@@ -97,8 +97,8 @@ class Metric(NamedTuple, Generic[Of]):
         return float(values.max() if self.better == LARGE else values.min())
 
 
-rms_error = partial(Metric, pooling=RMS, better=SMALL)
-integral = partial(Metric, pooling=MEAN, better=SMALL)
+rms_error = partial(Metric, pooling=RMS, better=SMALL, source=BRISTOW)
+integral = partial(Metric, pooling=MEAN, better=SMALL, source=GRAHAM_LATHROP)
 worst = partial(Metric, pooling=LARGEST, better=SMALL)
 
 

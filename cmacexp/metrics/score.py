@@ -53,10 +53,10 @@ class RunScorer:
         self._block = block = cut(trace, self.steps_per_cycle, self._block)
         known = OF_A_CYCLE if block.joint_error is None else {**OF_A_CYCLE, **SPATIAL}
         part = {name: metric.compute(block) for name, metric in known.items()}
-        self._parts.append(part)
         feedback = part["feedback_rms"]
         self._detector = self._detector or DriftDetector(feedback.shape[1])
-        self._detector.add(feedback)
+        part["feedback_growth"], part["drift_cycle"] = self._detector.add(feedback)
+        self._parts.append(part)
 
     def add_body(self, body: pa.Table) -> None:
         """Score the body in the next cycles (:func:`cmacexp.loop.trace.assemble_body`)."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import mean
-from cmacexp.metrics.metric import BRISTOW, Metric, Shown, rms_error
+from cmacexp.metrics.metric import Metric, Shown, rms_error
 from cmacexp.metrics.tracking import NO_TRANSFER, support_rmse, transfer_rmse
 from cmacexp.typing import Array
 
@@ -27,7 +27,6 @@ SPATIAL: dict[str, Metric[Block]] = {
         "m",
         "RMS distance of the foot from where it should be in transfer",
         NO_TRANSFER,
-        BRISTOW,
         foot_rmse,
         shown=Shown("transfer", "mm", 1e3, head="foot\nerror"),
     ),
@@ -36,7 +35,6 @@ SPATIAL: dict[str, Metric[Block]] = {
         "rad",
         "RMS of q - q_desired, all joints",
         "never",
-        BRISTOW,
         joint_rmse,
         shown=Shown("joints", "mrad", 1e3, head="joint\nerror"),
     ),

@@ -7,7 +7,6 @@ import numpy as np
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import divide, largest, mean
 from cmacexp.metrics.metric import (
-    BRISTOW,
     CONTRACT,
     LARGE,
     LARGEST,
@@ -49,35 +48,32 @@ TORQUE: dict[str, Metric[Block]] = {
         "N m",
         "RMS feedback torque, all joints",
         "never",
-        CONTRACT,
         lambda b: _torque_rms(b.feedback, b.valid),
         shown=Shown("feedback", "N m", main=False),
+        source=CONTRACT,
     ),
     "feedback_change": rms_error(
         "N m",
         "RMS change of the feedback torque from the cycle before, all joints",
         "the first cycle",
-        BRISTOW,
         lambda b: _torque_rms(b.feedback_change, b.valid),
     ),
     "feedforward_rms": Metric(
         "N m",
         "RMS feedforward torque, all joints",
         "never",
-        CONTRACT,
         lambda b: _torque_rms(b.feedforward, b.valid),
         RMS,
         NEITHER,
         Shown("feedforward", "N m", main=False),
     ),
     "torque_peak": worst(
-        "N m", "largest absolute joint torque", "never", CONTRACT, torque_peak, shown=Shown("peak", "N m", main=False)
+        "N m", "largest absolute joint torque", "never", torque_peak, shown=Shown("peak", "N m", main=False)
     ),
     "feedforward_peak": Metric(
         "N m",
         "largest absolute feedforward torque",
         "never",
-        CONTRACT,
         lambda b: largest(_joints(np.maximum, np.abs(b.feedforward)), b.valid),
         LARGEST,
         NEITHER,
@@ -86,7 +82,6 @@ TORQUE: dict[str, Metric[Block]] = {
         "",
         "feedforward over feedforward + feedback, absolute torques",
         "no torque in the whole cycle",
-        CONTRACT,
         feedforward_share,
         MEAN,
         LARGE,

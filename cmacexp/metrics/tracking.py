@@ -2,7 +2,7 @@
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import iae, ise, rms
-from cmacexp.metrics.metric import BRISTOW, GRAHAM_LATHROP, Metric, Shown, integral, rms_error
+from cmacexp.metrics.metric import Metric, Shown, integral, rms_error
 
 NO_TRANSFER, NO_SUPPORT = "no sample of transfer", "no sample of support"
 _NO_PERIOD = f"{NO_TRANSFER}, or one sample in all"
@@ -12,27 +12,23 @@ def transfer_rmse(axis: str) -> Metric[Block]:
     """The column ``transfer_rmse_*`` of an axis."""
     meaning = f"RMS of {axis} - {axis}_desired in transfer"
     shown = Shown(f"transfer {axis}", "mm", 1e3, head=f"{axis}\nerror", instead="transfer_rmse")
-    return rms_error("m", meaning, NO_TRANSFER, BRISTOW, lambda b: rms(b.error[axis], b.transfer), shown=shown)
+    return rms_error("m", meaning, NO_TRANSFER, lambda b: rms(b.error[axis], b.transfer), shown=shown)
 
 
 def support_rmse(axis: str) -> Metric[Block]:
     """The column ``support_rmse_*`` of an axis."""
     meaning, shown = f"RMS of {axis} - {axis}_desired in support", Shown(f"support {axis}", "mm", 1e3, main=False)
-    return rms_error("m", meaning, NO_SUPPORT, BRISTOW, lambda b: rms(b.error[axis], b.support), shown=shown)
+    return rms_error("m", meaning, NO_SUPPORT, lambda b: rms(b.error[axis], b.support), shown=shown)
 
 
 def _transfer_iae(axis: str) -> Metric[Block]:
     meaning = f"integral of abs({axis} - {axis}_desired) over transfer"
-    return integral(
-        "m s", meaning, _NO_PERIOD, GRAHAM_LATHROP, lambda b: iae(b.error[axis], b.transfer, b.rhythm.step)
-    )
+    return integral("m s", meaning, _NO_PERIOD, lambda b: iae(b.error[axis], b.transfer, b.rhythm.step))
 
 
 def _transfer_ise(axis: str) -> Metric[Block]:
     meaning = f"integral of ({axis} - {axis}_desired)^2 over transfer"
-    return integral(
-        "m^2 s", meaning, _NO_PERIOD, GRAHAM_LATHROP, lambda b: ise(b.error[axis], b.transfer, b.rhythm.step)
-    )
+    return integral("m^2 s", meaning, _NO_PERIOD, lambda b: ise(b.error[axis], b.transfer, b.rhythm.step))
 
 
 TRACKING: dict[str, Metric[Block]] = {

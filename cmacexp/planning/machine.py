@@ -50,11 +50,8 @@ def check_load_sharing(config: Config) -> None:
     if config.force_control.load_sharing == "static" or isinstance(machine, RobotMachine):
         return
     if not isinstance(machine, QuadrupedMachine):
-        raise BadInput(
-            "force_control.load_sharing",
-            config.force_control.load_sharing,
-            f"must be static with machine.kind={machine.kind}, whose force is force_control.desired_force",
-        )
+        allowed = f"must be static with machine.kind={machine.kind}, whose force is force_control.desired_force"
+        raise BadInput("force_control.load_sharing", config.force_control.load_sharing, allowed)
     of_masses = compute_weight_of_masses(machine)
     if abs(compute_total_weight(machine) - of_masses) > TOLERANCE * of_masses:
         raise BadInput(

@@ -100,12 +100,11 @@ def check_apex(config: Config, gap: float) -> None:
     """
     gait = config.gait
     if gait.vertical == "cubic" and abs(gap) > 1e-12 and gait.lift < 1.25 * abs(gap):
-        raise BadInput(
-            "gait.lift",
-            gait.lift,
+        allowed = (
             f"must be at least {1.25 * abs(gap):.6g} m for one cubic between ends {abs(gap):.3g} m apart in height; "
-            "or use gait.vertical=two_cubics",
+            "or use gait.vertical=two_cubics"
         )
+        raise BadInput("gait.lift", gait.lift, allowed)
 
 
 def plan_joints(mechanism: Mechanism, desired: Array, joints: Array) -> None:

@@ -35,20 +35,18 @@ def _check_far(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array)
     if y.max() >= reach and mechanism.hip_height < reach - 1e-6 and depression > 0.5 * (reach - FOLDED):
         key = "assumed_stiffness" if config.terrain.assumed_stiffness is not None else "stiffness"
         stiffest = config.assumed_stiffness * depression / (reach - mechanism.hip_height)
-        raise BadInput(
-            f"terrain.{key}",
-            config.assumed_stiffness,
+        allowed = (
             f"gives way by {depression:.3g} m under the desired force, further than leg {i + 1} reaches; "
-            f"must be above {stiffest:.4g} N/m, or the desired force smaller",
+            f"must be above {stiffest:.4g} N/m, or the desired force smaller"
         )
+        raise BadInput(f"terrain.{key}", config.assumed_stiffness, allowed)
     if y.max() >= reach:
         height = mechanism.hip_height - (y.max() - reach)
-        raise BadInput(
-            "machine.hip_height",
-            mechanism.hip_height,
+        allowed = (
             f"{where}, and the ground gives way by {depression:.3g} m under the desired force; "
-            f"must be below {_round_down(height - 1e-9)} m",
+            f"must be below {_round_down(height - 1e-9)} m"
         )
+        raise BadInput("machine.hip_height", mechanism.hip_height, allowed)
     # Every x is proportional to the stroke.
     room = np.sqrt(reach**2 - y**2) / np.maximum(np.abs(x), 1e-12)
     widest = config.gait.stroke * float(room.min())
@@ -60,20 +58,16 @@ def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array
     nearest = float(abs(mechanism.legs[i, 0] - mechanism.legs[i, 1])) + FOLDED
     ground = float(y.max())
     if ground <= nearest:
-        raise BadInput(
-            "machine.hip_height",
-            mechanism.hip_height,
-            f"leg {i + 1} cannot fold that far: its foot comes no nearer to the hip than {nearest:.3f} m",
-        )
+        allowed = f"leg {i + 1} cannot fold that far: its foot comes no nearer to the hip than {nearest:.3f} m"
+        raise BadInput("machine.hip_height", mechanism.hip_height, allowed)
     k = int(np.argmin(np.where(y < FOLDED, y, np.hypot(x, y))))
     if y[k] < FOLDED or np.hypot(x[k], y[k]) <= nearest:
         place = f"{abs(y[k]):.3f} m {'above' if y[k] < 0.0 else 'below'} its hip"
-        raise BadInput(
-            "gait.lift",
-            config.gait.lift,
+        allowed = (
             f"leg {i + 1} cannot lift its foot to {place}, as at sample {k}; "
-            f"must be below {_round_down(ground - nearest)} m",
+            f"must be below {_round_down(ground - nearest)} m"
         )
+        raise BadInput("gait.lift", config.gait.lift, allowed)
 
 
 def check_reach(config: Config, mechanism: Mechanism, desired: Array) -> None:

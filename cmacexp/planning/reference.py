@@ -27,7 +27,7 @@ from cmacexp.typing import Array, Mask
 
 
 class Gains(NamedTuple):
-    """Gains in the equations of the reference."""
+    """Gains of position and force control, and what the controller knows of the ground."""
 
     position_gain: float
     """K_ap, N/m."""
@@ -41,6 +41,14 @@ class Gains(NamedTuple):
     """V_fn, m/(N s)."""
     stiffness: float
     """K_n that the controller assumes, N/m."""
+
+
+def make_gains(config: Config, position_gain: float, velocity_gain: float) -> Gains:
+    """The gains under a config of a controller with these, N/m and N s/m."""
+    force = config.force_control
+    return Gains(
+        position_gain, velocity_gain, force.force_gain, force.elasticity, force.admittance, config.assumed_stiffness
+    )
 
 
 class SupportReference(NamedTuple):
@@ -103,13 +111,7 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
     with damping the depression lags behind.
     """
     method = config.force_control
-    gains = Gains(
-        *(config.gains or (math.inf, 0.0)),
-        method.force_gain,
-        method.elasticity,
-        method.admittance,
-        config.assumed_stiffness,
-    )
+    gains = make_gains(config, *(config.gains or (math.inf, 0.0)))
     reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS[desired.shape[2] // 3]))
     copied = [X, Y, VX, VY]
     reference[..., copied], reference[..., FORCE_DESIRED] = desired[..., copied], force

@@ -21,22 +21,6 @@ SAME_PLACE = 1e-6
 """Feet closer together than this span no edge, m."""
 
 
-def _half_hull(feet: list[Array]) -> list[Array]:
-    """Feet that bound the others on one side, by turning left from each to the next."""
-    hull: list[Array] = []
-    for foot in feet:
-        while len(hull) > 1 and np.cross(np.append(hull[-1] - hull[-2], 0), np.append(foot - hull[-1], 0))[2] <= 0.0:
-            hull.pop()
-        hull.append(foot)
-    return hull[:-1]
-
-
-def polygon(feet: Array) -> Array:
-    """Convex hull of feet (n, 2), counterclockwise (Andrew 1979); a foot inside the hull is no corner."""
-    ordered = [feet[i] for i in np.lexsort((feet[:, 1], feet[:, 0]))]
-    return np.array(_half_hull(ordered) + _half_hull(ordered[::-1]))
-
-
 def margins(feet: Array, down: Mask | None = None) -> Array:
     """Margins of the origin in the polygon of feet, m: (..., 3), nearest edge, front and rear boundary along x.
 

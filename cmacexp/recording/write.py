@@ -16,7 +16,7 @@ from cmacexp.data.folder import write_atomically
 from cmacexp.data.hashes import was_written
 from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import read_table
-from cmacexp.data.tables import BODY_METRICS, METRICS, Scores, read_traces, steps_by_cycle
+from cmacexp.data.tables import BODY_METRICS, METRICS, Scores, read_traces
 from cmacexp.metrics.pooling import pool_legs
 from cmacexp.recording.blueprint import KEY, describe_key, layout
 from cmacexp.recording.entities import Entities
@@ -25,7 +25,7 @@ from cmacexp.recording.ground import log_ground
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
-from cmacexp.recording.window import Window, make_window
+from cmacexp.recording.window import Window
 
 
 class _NoPandas(MetaPathFinder):
@@ -112,8 +112,8 @@ def write_recording(
     manifest: Manifest,
     path: Path,
     *,
-    label: str | None = None,
-    window: Window | None = None,
+    label: str,
+    window: Window,
     names: Sequence[str] | None = None,
 ) -> str:
     """Write the Rerun view of a run, whole or not at all.
@@ -122,17 +122,16 @@ def write_recording(
         folder: of the run, whose trace has at least one step.
         manifest: how it ended, and of what config.
         path: of the ``.rrd`` file.
-        label: name of the run; None: that of the folder of ``path``.
-        window: the steps that are shown; None: all cycles, thinned if the run is long.
+        label: name of the run.
+        window: the steps that are shown.
         names: of the panels to show; None: the default ones.
 
     Returns:
         The name of the recording, which describes its content.
     """
     with _pandas_left_out():
-        window = window or make_window(steps_by_cycle(folder))
         traces = read_traces(folder, window.cycles, window.every)
-        view = make_view(traces, manifest, window, label or path.parent.name)
+        view = make_view(traces, manifest, window, label)
         name = f"{manifest['config']['scenario']} {view.label}, {window}"
         write_views({folder: view}, layout(view, names), name, path)
     return name

@@ -141,7 +141,6 @@ class RealSensorsConfig(ComponentConfig):
         for each in fields(self)[1:]:
             key, signal = f"sensors.{each.name}", getattr(self, each.name)
             if signal.alters and not config.has_body and not isinstance(signal, LegSignalConfig):
-                raise BadInput(
-                    key, "altered", f"must be unaltered with machine.kind={config.machine.kind}, which has no body"
-                )
+                allowed = f"must be unaltered with machine.kind={config.machine.kind}, which has no body"
+                raise BadInput(key, "altered", allowed)
             signal.check(key, config)

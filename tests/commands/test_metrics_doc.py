@@ -10,7 +10,7 @@ import pytest
 
 from cmacexp.metrics import compute
 from cmacexp.metrics.body import BODY_METRICS
-from cmacexp.metrics.metric import CONTRACT, CYCLE, LEG, Metric
+from cmacexp.metrics.metric import CONTRACT, CYCLE, LEG, Metric, describe
 from cmacexp.metrics.registry import METRICS, OF_A_ROBOT
 
 PAGE = Path(__file__).parents[2] / "docs" / "metrics.md"
@@ -66,7 +66,7 @@ def test_the_page_speaks_of_the_columns_that_are_written(headings):
     assert table.column_names == list(columns)
     for name, column in columns.items():
         about = table.schema.field(name).metadata
-        assert [about[key].decode() for key in (b"unit", b"meaning", b"undefined", b"source")] == [*column[:4]]
+        assert {key.decode(): text.decode() for key, text in about.items()} == describe(column)
 
 
 @pytest.mark.parametrize("columns", COLUMNS.values(), ids=COLUMNS)

@@ -11,18 +11,17 @@ from support.made_traces import measure
 from support.manifests import change_manifest
 
 from cmacexp.commands.score import score
-from cmacexp.metrics.drift import (
-    DRIFT_RATIO,
-    Drift,
-    DriftDetector,
-    find_drift,
-    follow_drift,
-)
+from cmacexp.metrics.drift import DRIFT_RATIO, Drift, DriftDetector, make_drift_entry
 from cmacexp.models.trend import WINDOW
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 FALLING = 0.9 ** np.arange(20.0)
+
+
+def follow_drift(feedback):
+    """Growth and start of drift at all cycles of ``feedback`` (cycles, legs)."""
+    return DriftDetector(feedback.shape[1]).add(feedback)
 
 
 def first_detected(feedback):
@@ -65,8 +64,8 @@ def test_the_first_drift_of_a_run_is_read_from_its_metrics(drifts):
     growth, started = detector.add(feedback)
     cycle, leg = (each.ravel() for each in np.mgrid[1:61, 1:3])
     table = {"cycle": cycle, "leg": leg, "drift_cycle": started.ravel(), "feedback_growth": growth.ravel()}
-    found = find_drift(pa.table(table))
-    assert (found and found._replace(growth=0.0)) == (detector.first and detector.first._replace(growth=0.0))
+    found = make_drift_entry(pa.table(table))
+    assert found == (detector.first and {**detector.first._asdict(), "growth": growth[-1, 1]})
     assert (found is not None) == drifts
 
 
@@ -156,7 +155,7 @@ def test_the_drift_is_known_from_the_trace_alone(drifting):
     folder, _ = drifting
     manifest = json.loads((folder / "manifest.json").read_text())
     change_manifest(folder, drift=None)
-    assert find_drift(score(folder).legs) == Drift(**manifest["drift"])
+    assert make_drift_entry(score(folder).legs) == manifest["drift"]
     assert json.loads((folder / "manifest.json").read_text())["drift"] == manifest["drift"]
 
 

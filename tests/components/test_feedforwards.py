@@ -25,16 +25,6 @@ def transfer_error(rollout, cycle):
     return float(np.sqrt((away**2).sum(axis=0).mean()))
 
 
-@pytest.mark.parametrize("scenario", ["one_leg", "quadruped"])
-@pytest.mark.parametrize("name", FUSED)
-def test_both_loops_give_the_same_bits(make_config, name, scenario):
-    config = make_config(
-        f"scenario={scenario}", f"feedforward={name}", "cycles=4", "gait.cycle_time=1", "learning.lead=1"
-    )
-    fused, stepped = (roll_out(make_scenario(config), fused=fused) for fused in (True, False))
-    assert_array_equal(fused.samples, stepped.samples)
-
-
 @pytest.mark.parametrize(("scenario", "cycles", "least"), [("one_leg", 20, 10.0), ("quadruped", 40, 10.0)])
 @pytest.mark.parametrize("name", FUSED)
 def test_errors_fall_below_a_tenth_of_feedback_alone(make_config, name, scenario, cycles, least):

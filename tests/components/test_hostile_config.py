@@ -19,6 +19,7 @@ from support.robots import OWN
 from cmacexp.config import config_folder, to_config, to_plain
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.compose import compose_config, compose_untyped
+from cmacexp.config.fields import BOUNDS
 from cmacexp.errors import CmacexpError
 from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.loop.scenario import make_scenario
@@ -76,7 +77,7 @@ def near(value, declared) -> list[str]:
     """Values about that of a field and about the bounds of its range, in the ways in which they may be typed."""
     if isinstance(value, bool):
         return ["true", "no", "ON", "0"]
-    bounds = [declared[name] for name in ("above", "at_least", "below", "at_most") if name in declared]
+    bounds = [declared[name] for name in BOUNDS if name in declared]
     numbers = [each for each in (value, *bounds) if isinstance(each, int | float)]
     if isinstance(value, int):
         texts = [text for each in numbers for text in (f"{each:.0f}", f"{each + 1:_.0f}", f"{each // 2:+.0f}")]

@@ -13,42 +13,30 @@ from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import make_pose
 
-LAW = FaultDetection(True, 10.0, 1.0, 0.5, 3.0)
+LAW = FaultDetection(True, 1.0, 0.5, 3.0)
 
 
-def look(told, expected):
-    """Whether the sensor is trusted after each sample."""
+def look(told):
+    """Whether the sensor is trusted after each sample of these forces, where none is expected."""
     status = new_fault_status(1)
-    return [update_status(LAW, status, 0, a, b) for a, b in zip(told, expected, strict=True)], status
-
-
-def test_what_is_wrong_by_twice_the_tolerance_adds_a_sample_of_doubt():
-    trusted, status = look([12.0] * 5, [0.0] * 5)
-    assert trusted == [True, True, True, False, False]
-    assert (status.trusted[0], status.steps[0]) == (0.0, 3.0)
-
-
-def test_the_tolerance_grows_with_the_expected_force():
-    assert look([0.0] * 30, [1.9] * 30)[0] == [True] * 30  # wrong by 1.9 N of 1.95 N
-    assert not look([0.0] * 30, [4.0] * 30)[0][-1]  # wrong by 4 N of 3 N
+    return [update_status(LAW, status, 0, each, 0.0) for each in told]
 
 
 def test_a_spike_is_forgotten_and_a_dropped_sensor_stays_dropped():
-    spikes = ([1e6, 1e6, 0.0, 0.0] * 50)[:200]
-    assert all(look(spikes, [0.0] * 200)[0])
-    assert not any(look([9.0] * 4 + [0.0] * 50, [0.0] * 54)[0][4:])
+    assert all(look([1e6, 1e6, 0.0, 0.0] * 50))
+    assert not any(look([9.0] * 4 + [0.0] * 50)[4:])
 
 
 @pytest.mark.parametrize("scenario", ["one_leg", "quadruped"])
 def test_the_expected_force_is_the_true_one_where_all_else_is_known(make_config, scenario):
     made = make_scenario(make_config(f"scenario={scenario}", "cycles=1"))
-    params, mechanism = LAW._replace(stiffness=made.setup.config.terrain.stiffness), made.setup.mechanism
+    stiffness, mechanism = made.setup.config.terrain.stiffness, made.setup.mechanism
     rollout = roll_out(made)
     columns, body = rollout.columns(), rollout.body_columns()
     for k in range(0, 600, 7):
         foot = np.stack([columns["x"][k], columns["y"][k]], axis=1)
         pose = make_pose(np.array([body[name][k] for name in ("height", "pitch", "roll")]))
-        expected = [expected_force(params, mechanism, i, foot, pose) for i in range(len(foot))]
+        expected = [expected_force(stiffness, mechanism, i, foot, pose) for i in range(len(foot))]
         np.testing.assert_allclose(expected, columns["force"][k], atol=1e-8)
 
 

@@ -71,7 +71,7 @@ def test_supporting_feet_are_sent_down_by_gain_times_the_speed_of_a_sinking_hip(
     support = np.array([True, True, True, False])
     params = hybrid_law._replace(method=METHODS[method])
     sinking = 0.1 + 0.2 * np.array([0.225, 0.225, -0.225, -0.225])
-    expected = weight * params.lead.b0 * params.velocity_gain * 5.0 * np.where(support, sinking, 0.0)
+    expected = weight * params.lead.b0 * params.gains.velocity_gain * 5.0 * np.where(support, sinking, 0.0)
     assert_allclose(feedback_of(params, support, np.array([-0.1, 0.2, 0.0])), expected, rtol=1e-12, atol=1e-12)
 
 

@@ -97,3 +97,4 @@ def test_every_robot_has_a_config(name):
     assert config.machine.model == name
     assert config.machine.feet == list(FEET)
     assert config.sampling_period in (0.001, 0.002)
+    assert min(*config.gains, config.posture.gain, config.posture.rate_gain, config.force_control.elasticity) > 0.0

@@ -1,76 +1,23 @@
-"""Laws of the closed loop: both loops agree, runs repeat to the bit, and nothing that stops a run loses its trace."""
+"""Laws of the closed loop: runs repeat to the bit, and nothing that stops a run loses its trace."""
 
 import dataclasses
-import itertools
-import os
-import random
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from support.loops import run_elsewhere, same_bits
 
 from cmacexp.config import config_hash, to_plain
 from cmacexp.data.parquet import write_table
 from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import roll_out
-from cmacexp.loop.samples import SAMPLES
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stop import FASTEST_JOINT
 from cmacexp.loop.trace import assemble
 
-SPREAD = {
-    "scenario": ["one_leg", "force_step"],
-    "force_control": ["stiffness", "damping", "combined", "explicit"],
-    "feedforward": ["none", "cmac", "inverse_dynamics"],
-    "reference": ["literal", "aware", "force_feedforward"],
-    "learning.lead": [-1, 0, 1, 2],
-    "plant.substeps": [1, 3],
-    "actuator.torque_limit": ["null", 2.5],
-}
-CASES = random.Random(1997).sample(list(itertools.product(*SPREAD.values())), 40)
-
 
 def run(config, **options):
     return roll_out(make_scenario(config), **options)
-
-
-def same_bits(one, other):
-    return one.shape == other.shape and one.tobytes() == other.tobytes()
-
-
-def differing_columns(one, other):
-    """Names of the columns whose bits differ, for a message that helps."""
-    return [name for i, name in enumerate(SAMPLES) if not same_bits(one[:, :, i].copy(), other[:, :, i].copy())]
-
-
-# Two loops, one result
-
-
-def test_the_cases_take_in_every_value():
-    assert [set(column) for column in zip(*CASES, strict=True)] == [set(values) for values in SPREAD.values()]
-
-
-@pytest.mark.parametrize("case", CASES, ids=lambda case: "-".join(map(str, case)))
-def test_fused_loop_equals_stepped_loop_to_the_bit(make_config, case):
-    overrides = [f"{key}={value}" for key, value in zip(SPREAD, case, strict=True)]
-    config = make_config(*overrides, "gait.cycle_time=0.5", "cycles=3", "cmac.memory_bytes=16384")
-    fused, stepped = run(config), run(config, fused=False)
-    assert (fused.status, fused.cause) == (stepped.status, stepped.cause)
-    assert np.array_equal(fused.samples, stepped.samples, equal_nan=True)
-    assert differing_columns(fused.samples, stepped.samples) == []
-
-
-@pytest.mark.parametrize("gain", [0.5, 80.0])
-def test_fused_loop_equals_stepped_loop_where_it_diverges(make_config, gain):
-    config = make_config(
-        f"controller.velocity_gain={gain}", "controller.position_gain=2000", "learning.start_cycle=1"
-    )
-    fused, stepped = run(config), run(config, fused=False)
-    assert fused.status == "diverged"
-    assert (fused.status, fused.cause) == (stepped.status, stepped.cause)
-    assert same_bits(fused.samples, stepped.samples)
 
 
 # What the rows say
@@ -125,66 +72,14 @@ def test_the_trace_repeats_the_plan_and_holds_the_samples(make_config):
 
 # The same run again
 
-ELSEWHERE = """
-import sys
-from pathlib import Path
-import numpy as np
-from hydra import compose, initialize_config_dir
-from cmacexp.config import config_folder, to_config
-from cmacexp.loop import roll_out
-from cmacexp.loop.scenario import make_scenario
-from cmacexp.data.parquet import write_table
-from cmacexp.loop.trace import assemble
-
-folder, *overrides = sys.argv[1:]
-with initialize_config_dir(str(config_folder()), version_base="1.3"):
-    config = to_config(compose("config", overrides))
-rollout = roll_out(make_scenario(config))
-np.save(folder + "/samples.npy", rollout.samples)
-trace = assemble(rollout.plan, rollout.columns(), config.sampling_period)
-write_table(trace, Path(folder, "trace.parquet"))
-"""
-
-
-def run_elsewhere(folder, overrides, **environment):
-    """Samples and trace bytes of a run in another process."""
-    command = [sys.executable, "-c", ELSEWHERE, str(folder), *overrides]
-    subprocess.run(command, env={**os.environ, **environment}, check=True)
-    return np.load(folder / "samples.npy"), (folder / "trace.parquet").read_bytes()
-
 
 def test_the_same_seed_gives_the_same_bytes_in_another_process(make_config, tmp_path):
     overrides = "scenario=one_leg", "cycles=3", "seed=7"
     config = make_config(*overrides)
     rollout = run(config)
     write_table(assemble(rollout.plan, rollout.columns(), config.sampling_period), tmp_path / "here.parquet")
-    samples, trace = run_elsewhere(tmp_path, overrides)
-    assert same_bits(samples, rollout.samples)
-    assert trace == (tmp_path / "here.parquet").read_bytes()
-
-
-@pytest.mark.usefixtures("compiled")
-@pytest.mark.parametrize(
-    "overrides",
-    [
-        ["cycles=2", "gait.cycle_time=1.5", "cmac.displacement=odd_lattice", "learning.lead=1"],
-        [
-            "scenario=one_leg",
-            "cycles=1",
-            "feedforward=inverse_dynamics",
-            "learning.start_cycle=1",
-            "plant.substeps=2",
-        ],
-        ["scenario=force_step", "gait.cycle_time=3", "force_control=explicit", "actuator.torque_limit=1.5"],
-        ["cycles=1", "controller.velocity_gain=80"],
-    ],
-    ids=["cmac", "inverse dynamics", "limited point mass", "diverging"],
-)
-def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, overrides):
-    samples, _ = run_elsewhere(tmp_path, overrides, NUMBA_DISABLE_JIT="1")
-    compiled = run(make_config(*overrides)).samples
-    assert samples.shape == compiled.shape
-    assert differing_columns(samples, compiled) == []
+    assert same_bits(run_elsewhere(tmp_path, overrides).samples, rollout.samples)
+    assert (tmp_path / "trace.parquet").read_bytes() == (tmp_path / "here.parquet").read_bytes()
 
 
 def test_another_seed_gives_another_hash_and_other_samples(make_config):

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.models.body import Load, energy, slope
 from cmacexp.models.ground import first_sample, height_at
 
 HIPS = np.array([(0.225, 0.225), (0.225, -0.225), (-0.225, 0.225), (-0.225, -0.225)])
@@ -111,28 +110,6 @@ def test_feet_carry_the_payload_and_its_moments_from_its_time_on(run):
         y_from_left = (-0.05 + 0.225) / 0.45
         lies = lies[1] + y_from_left * (lies[0] - lies[1])
         assert_allclose(force[k] @ at[:, :2], 10.0 * lies[:2], atol=1e-8)
-
-
-@given(
-    st.floats(1.0, 60.0), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3),
-    st.lists(st.floats(-0.01, 0.01), min_size=4, max_size=4),
-)  # fmt: skip
-def test_slope_of_the_energy_is_its_derivative_off_centre_and_on_uneven_ground(weight, x, y, pitch, roll, level):
-    load, level, foot = Load(weight, x, y), np.array(level), np.tile([0.05, 0.5], (4, 1))
-    stiffness, body, nudge = np.full(4, 1e4), np.array([0.43, pitch, roll]), 1e-6
-
-    def at(shift):
-        return slope(body + shift, HIPS, foot, stiffness, level, load, np.zeros(4))
-
-    here = at(np.zeros(3))
-    curvature = np.array([[here.hh, here.hp, here.hr], [here.hp, here.pp, here.pr], [here.hr, here.pr, here.rr]])
-    for n, shift in enumerate(nudge * np.eye(3)):
-        up, down = (energy(body + s, HIPS, foot, stiffness, level, load) for s in (shift, -shift))
-        assert here[n] == pytest.approx((up - down) / (2.0 * nudge), rel=1e-6, abs=1e-5)
-        change = (np.array(at(shift)[:3]) - np.array(at(-shift)[:3])) / (2.0 * nudge)
-        pressed = (in_world(body, foot)[:, 2] < -level - 1e-5) == (in_world(body, foot)[:, 2] < -level + 1e-5)
-        if pressed.all():
-            assert_allclose(curvature[n], change, rtol=1e-5, atol=1e-2)
 
 
 # Slope

@@ -1,19 +1,28 @@
-"""Both loops give a walk the same bits, and plain Python those of compiled code."""
+"""Both loops give a run the same bits, and plain Python those of compiled code."""
 
-import os
-import subprocess
-import sys
+from itertools import product
 from random import Random
 
-import numpy as np
 import pytest
+from support.loops import require_same_bits, run_both, run_elsewhere
 
 from cmacexp.loop import roll_out
 from cmacexp.loop.compiled import fused_loop
 from cmacexp.loop.external import coroutine_loop
 from cmacexp.loop.scenario import make_scenario
 
-SPREAD = {
+SHORT = ("gait.cycle_time=0.5", "cycles=3", "cmac.memory_bytes=16384")
+ONE_LEG = {
+    "scenario": ["one_leg", "force_step"],
+    "force_control": ["stiffness", "damping", "combined", "explicit"],
+    "feedforward": ["none", "cmac", "inverse_dynamics"],
+    "reference": ["literal", "aware", "force_feedforward"],
+    "learning.lead": [-1, 0, 1, 2],
+    "plant.substeps": [1, 3],
+    "actuator.torque_limit": ["null", 2.5],
+}
+SHORT_WALK = ("scenario=quadruped", "cycles=2", "gait.cycle_time=1.5", "cmac.memory_bytes=65536")
+WALK = {
     "terrain": ["soft_flat", "patchy"],
     "feedforward": ["none", "cmac", "inverse_dynamics"],
     "reference": ["literal", "aware", "force_feedforward"],
@@ -27,69 +36,90 @@ SPREAD = {
     "actuator.torque_limit": ["null", 8.0],
     "actuator.lag": [0.0, 0.003],
 }
+REAL = "sensors=real"
+ALL = [
+    *("sensors=encoders", "sensors.force.noise_relative=0.2", "sensors.force.delay=1"),
+    *("sensors.position.noise=0.0005", "sensors.velocity.bias=0.001", "sensors.force.fault.kind=last"),
+    *("sensors.force.fault.start=4", "sensors.force.legs=[1]", "sensors.velocity.dropout=0.05"),
+]
+FAULTY = {
+    "sensors of one leg": [*ALL, "cycles=3", "learning.lead=auto"],
+    "a mass": ["scenario=force_step", REAL, "sensors.position.noise=0.001", "sensors.velocity.quantum=0.01"],
+    "late": ["cycles=3", "actuator.delay=2", "actuator.rate_limit=900", "actuator.torque_limit=9"],
+    "lagging": ["cycles=3", REAL, "learning=lasting", "actuator.lag=0.004", "sensors.velocity.lag=0.005"],
+    "sensors of a walk": [
+        *("scenario=quadruped", REAL, "sensors.height.noise=0.0001", "sensors.tilt.delay=1"),
+        *("sensors.force.fault.kind=noise", "sensors.force.fault.legs=[2]", "sensors.force.fault.value=4"),
+        *("sensors.tilt_rate.noise=1", "cycles=3", "gait.cycle_time=1"),
+    ],
+}  # fmt: skip
+PLAIN = {
+    "inverse dynamics": ["cycles=1", "feedforward=inverse_dynamics", "learning.start_cycle=1", "plant.substeps=2"],
+    "a mass": ["scenario=force_step", "gait.cycle_time=3", "force_control=explicit", "actuator.torque_limit=1.5"],
+    "diverging": ["cycles=1", "controller.velocity_gain=80"],
+    "a walk that learns": [*SHORT_WALK, "learning.lead=1", "machine.legs.left_front.mass_1=0.6"],
+    "patchy": [
+        *("scenario=quadruped", "cycles=1", "terrain=patchy", "gait.load_ramp=0.1", "learning.start_cycle=1"),
+        "plant.substeps=2",
+    ],
+    "falling": ["scenario=quadruped", "cycles=1", "posture.gain=0"],
+    "friction": ["scenario=quadruped", "cycles=1", "plant=mujoco_quadruped", "plant.start_spread=0.01"],
+    **{
+        name: [*FAULTY[name], "cycles=1", "sensors.force.fault.start=0.5"]
+        for name in ("sensors of one leg", "sensors of a walk", "lagging")
+    },
+}  # fmt: skip
+LEADS, OTHERS = (
+    ("cycles=4", "gait.cycle_time=1", "learning.lead=1"),
+    product(("one_leg", "quadruped"), ("ilc", "rbf")),
+)
+DAMPED = ("terrain.damping=2", "plant.substeps=2", "gait.cycle_time=1", "cycles=2")
+FIELDS = product(("linear", "cubic"), ("hashed", "visited"), ("paper", "weight_smoothing", "zero_phase"))
 
 
-def cases(count):
-    """Draws of a value for each key; every value is taken equally often."""
+def draw(spread, count, *base):
+    """Commands, each with a value for each key; every value is taken equally often."""
     random = Random(1997)
-    return list(zip(*(random.sample((values * count)[:count], count) for values in SPREAD.values()), strict=True))
+    drawn = zip(*(random.sample((values * count)[:count], count) for values in spread.values()), strict=True)
+    return {"-".join(map(str, case)): [*base, *map("{}={}".format, spread, case)] for case in drawn}
 
 
-def same_bits(one, other):
-    return one.shape == other.shape and one.tobytes() == other.tobytes()
+CASES = {
+    **draw(ONE_LEG, 16, *SHORT),
+    **draw(WALK, 12, *SHORT_WALK),
+    **FAULTY,
+    **{f"damped {name}": [f"scenario={name}", *DAMPED] for name in ("one_leg", "quadruped", "force_step")},
+    **{f"{name} {own}": [f"scenario={name}", f"feedforward={own}", *LEADS] for name, own in OTHERS},
+    **{
+        " ".join(names): [
+            *("cycles=2", "gait.cycle_time=1", "learning.start_cycle=1"),
+            *map("{}={}".format, ("cmac.receptive_field", "cmac.addressing", "learning.rule"), names),
+        ]
+        for names in FIELDS
+    },
+}
 
 
-@pytest.mark.parametrize("case", cases(12), ids=lambda case: "-".join(map(str, case)))
+@pytest.mark.parametrize("case", CASES)
 def test_fused_loop_equals_stepped_loop_to_the_bit(make_config, case):
-    overrides = [f"{key}={value}" for key, value in zip(SPREAD, case, strict=True)]
-    config = make_config(
-        "scenario=quadruped", *overrides, "cycles=2", "gait.cycle_time=1.5", "cmac.memory_bytes=65536"
-    )
-    fused, stepped = roll_out(make_scenario(config)), roll_out(make_scenario(config), fused=False)
-    assert (fused.status, fused.cause) == (stepped.status, stepped.cause)
-    assert same_bits(fused.samples, stepped.samples)
-    assert same_bits(fused.body_samples, stepped.body_samples)
+    run_both(make_config(*CASES[case]))
 
 
-ELSEWHERE = """
-import sys
-import numpy as np
-from hydra import compose, initialize_config_dir
-from cmacexp.config import config_folder, to_config
-from cmacexp.loop import roll_out
-from cmacexp.loop.scenario import make_scenario
-
-with initialize_config_dir(str(config_folder()), version_base="1.3"):
-    rollout = roll_out(make_scenario(to_config(compose("config", sys.argv[2:]))))
-np.savez(sys.argv[1], samples=rollout.samples, body=rollout.body_samples, cause=rollout.cause)
-"""
+@pytest.mark.parametrize("gain", [0.5, 80.0])
+def test_fused_loop_equals_stepped_loop_where_it_diverges(make_config, gain):
+    gains = f"controller.velocity_gain={gain}", "controller.position_gain=2000"
+    assert run_both(make_config(*gains, "learning.start_cycle=1")).status == "diverged"
 
 
 @pytest.mark.usefixtures("compiled")
-@pytest.mark.parametrize(
-    "overrides",
-    [
-        ["cycles=2", "gait.cycle_time=1.5", "learning.lead=1", "machine.legs.left_front.mass_1=0.6"],
-        ["cycles=1", "terrain=patchy", "gait.load_ramp=0.1", "learning.start_cycle=1", "plant.substeps=2"],
-        ["cycles=1", "posture.gain=0"],
-        ["cycles=1", "plant=mujoco_quadruped", "plant.start_spread=0.01"],
-    ],
-    ids=["learning", "patchy", "falling", "friction"],
-)
-def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, overrides):
-    command = [sys.executable, "-c", ELSEWHERE, str(tmp_path / "plain.npz"), "scenario=quadruped", *overrides]
-    subprocess.run(command, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=True)
-    compiled = roll_out(make_scenario(make_config("scenario=quadruped", *overrides)))
-    with np.load(tmp_path / "plain.npz") as plain:
-        assert same_bits(plain["samples"], compiled.samples)
-        assert same_bits(plain["body"], compiled.body_samples)
-        assert str(plain["cause"]) == compiled.cause
+@pytest.mark.parametrize("name", PLAIN)
+def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, name):
+    plain = run_elsewhere(tmp_path, PLAIN[name], NUMBA_DISABLE_JIT="1")
+    require_same_bits(plain, roll_out(make_scenario(make_config(*PLAIN[name]))))
 
 
 @pytest.mark.usefixtures("compiled")
 def test_the_compiled_generator_gives_the_bits_of_the_fused_loop(make_config):
-    config = make_config("cycles=2", "learning.lead=1", "cmac.memory_bytes=65536")
-    fused, stepped = roll_out(make_scenario(config)), roll_out(make_scenario(config), fused=False)
+    run_both(make_config("cycles=2", "learning.lead=1", "cmac.memory_bytes=65536"))
     assert coroutine_loop.chosen == coroutine_loop.compiled
     assert fused_loop.chosen == fused_loop.compiled
-    assert same_bits(fused.samples, stepped.samples)

@@ -247,7 +247,7 @@ def test_batch_equals_loop_to_the_bit():
     assert batch.predict(inputs).tobytes() == one_by_one.tobytes()
 
 
-@pytest.mark.parametrize("addressing", ["dense", "hashed"])
+@pytest.mark.parametrize("addressing", ["dense", "hashed", "visited"])
 def test_saved_and_loaded_is_equal_to_the_bit(tmp_path, addressing):
     cmac = make_cmac(seed=2**63 - 1, addressing=addressing, vector="parks_militzer", rows=777)
     cmac.update(random_inputs(100) * 1.1, random_inputs(100, seed=1), 0.7)

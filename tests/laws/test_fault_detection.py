@@ -10,7 +10,7 @@ from cmacexp.control.hybrid_kernels import METHODS, control_force
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import LEVEL
 
-PARAMS = FaultDetection(enabled=True, stiffness=100.0, tolerance=0.5, relative_tolerance=0.1, patience=4.0)
+PARAMS = FaultDetection(enabled=True, tolerance=0.5, relative_tolerance=0.1, patience=4.0)
 
 
 def allowed(expected):
@@ -60,9 +60,8 @@ def test_the_measured_force_is_used_until_its_sensor_is_excluded_and_for_ever_wi
     pose = LEVEL._replace(height=mechanism.hip_height)
     foot = np.full((len(mechanism.legs), 2), mechanism.hip_height + 0.02)
     for enabled in (True, False):
-        params = controller.params._replace(
-            method=METHODS[method], fault_detection=PARAMS._replace(enabled=enabled, stiffness=300.0)
-        )
+        gains, detection = controller.params.gains._replace(stiffness=300.0), PARAMS._replace(enabled=enabled)
+        params = controller.params._replace(method=METHODS[method], gains=gains, fault_detection=detection)
         status = new_fault_status(len(foot))
         used = [control_force(params, status, 0, 99.0, 7.0, foot, pose) for _ in range(6)]
         instead = 7.0 if method in ("stiffness", "combined") else 300.0 * 0.02

@@ -76,12 +76,6 @@ def test_feet_of_a_wave_touch_down_at_their_phases(walk_plan, duty):
 
 
 @pytest.mark.parametrize("duty", DUTIES)
-def test_a_rear_foot_touches_down_as_the_front_foot_of_its_side_lifts(walk_plan, duty):
-    support = walk_plan(*of_wave(duty)).support
-    assert_array_equal(touch_downs(support)[[LR, RR]], lift_offs(support)[[LF, RF]])
-
-
-@pytest.mark.parametrize("duty", DUTIES)
 def test_transfers_go_right_rear_right_front_left_rear_left_front(walk_plan, duty):
     assert_array_equal(np.argsort(lift_offs(walk_plan(*of_wave(duty)).support)), [RR, RF, LR, LF])
 
@@ -109,13 +103,6 @@ def test_every_foot_of_a_wave_supports_for_exactly_its_duty_factor(wave):
     assert_array_equal(np.sort(timing.sample[~timing.support[:, LR], LR]), range(samples - support))
     assert timing.progress.min() == 0.0
     assert timing.progress.max() < 1.0
-
-
-@given(waves())
-def test_the_right_side_of_a_wave_does_as_the_left_half_a_cycle_later(wave):
-    samples, support = wave
-    timing = timing_of(support / samples, samples)
-    assert_array_equal(np.roll(timing.sample, samples // 2, axis=0)[:, [LF, LR]], timing.sample[:, [RF, RR]])
 
 
 @given(waves(), st.data())

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.loops import run_both
 
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput
@@ -58,7 +59,6 @@ def test_a_guard_that_does_not_act_changes_no_bit(make_config):
     assert len({run.samples.tobytes() for run in runs}) == 1
 
 
-@pytest.mark.parametrize("fused", [True, False])
 @pytest.mark.parametrize(
     "overrides",
     [
@@ -68,20 +68,12 @@ def test_a_guard_that_does_not_act_changes_no_bit(make_config):
     ],
     ids=["drift", "peak", "quadruped"],
 )
-def test_a_run_completes_and_ends_no_worse_than_feedback_alone(make_config, overrides, fused):
-    guarded = roll_out(make_scenario(make_config(*overrides)), fused=fused)
+def test_a_run_completes_in_both_loops_and_ends_no_worse_than_feedback_alone(make_config, overrides):
+    guarded = run_both(make_config(*overrides))
     alone = roll_out(make_scenario(make_config(*overrides, "feedforward=none", "learning.guard=none")))
     assert (guarded.status, alone.status) == ("completed", "completed")
     assert guarded.events
     assert errors(guarded)[-1] <= 1.05 * errors(alone)[-1]
-
-
-def test_both_loops_guard_with_the_same_bits(make_config):
-    for overrides in ((*LASTING, "learning.lead=0", "cycles=30"), ESCAPES):
-        config = make_config(*overrides)
-        fused, stepped = roll_out(make_scenario(config)), roll_out(make_scenario(config), fused=False)
-        assert fused.events == stepped.events != []
-        assert fused.samples.tobytes() == stepped.samples.tobytes()
 
 
 def test_the_torque_of_the_best_cycle_is_repeated_since_drift_was_detected(make_config):

@@ -53,6 +53,8 @@ GAITS = [
     ("gait.duty_factor=0.95", "machine.weight=49"),
     ("machine.legs.left_front.hip_x=0.25", "machine.legs.right_rear.hip_y=-0.2"),
     ("gait.duty_factor=0.9", "gait.touch_down=[0.1, 0.6, 0.0, 0.5]"),
+    ("gait.load_ramp=0.05",),
+    ("gait.duty_factor=0.9", "gait.load_ramp=0.15"),
 ]
 
 
@@ -126,16 +128,11 @@ def least_squares_by_solver(feet, willing):
 willing_feet = st.lists(st.floats(0.1, 1.0), min_size=4, max_size=4)
 
 
-@given(stances(3))
-def test_three_feet_carry_the_one_solution(feet):
-    expected = np.linalg.solve([np.ones(3), *feet.T], [WEIGHT, 0.0, 0.0])
-    assert_allclose(share(feet), expected, atol=1e-7)
-    assert share(feet).min() >= 0.0
-
-
 @given(stances(3), willing_feet)
-def test_three_feet_carry_it_whether_they_are_willing_or_not(feet, willing):
-    assert_allclose(share(feet, willing[:3]), share(feet), atol=1e-6)
+def test_three_feet_carry_the_one_solution_whether_they_are_willing_or_not(feet, willing):
+    expected = np.linalg.solve([np.ones(3), *feet.T], [WEIGHT, 0.0, 0.0])
+    assert_allclose(share(feet, willing[:3]), expected, atol=1e-7)
+    assert share(feet).min() >= 0.0
 
 
 @given(stances(4))
@@ -211,13 +208,6 @@ def test_forces_do_not_depend_on_the_unit_of_length(feet):
 RAMPS = [0.05, 0.1, 0.15]
 FRONT, REAR = (0, 1), (2, 3)
 TOUCH_DOWN = (0, 300, 480, 180)
-
-
-@pytest.mark.parametrize("ramp", RAMPS)
-@pytest.mark.parametrize("duty", [0.8, 0.9])
-def test_with_a_load_ramp_desired_forces_still_balance_at_every_step(planned, ramp, duty):
-    plan, feet = planned(f"gait.load_ramp={ramp}", f"gait.duty_factor={duty}")
-    assert np.flatnonzero(out_of_balance(plan.force_desired, feet) > TINY).tolist() == []
 
 
 @pytest.mark.parametrize("ramp", RAMPS)

@@ -11,7 +11,6 @@ from cmacexp.planning.body_load import dynamic_load
 from cmacexp.planning.columns import AX, AY, FORCE_DESIRED, VX, VY, X, Y
 from cmacexp.planning.machine import make_mechanism
 from cmacexp.planning.motion import check_apex, make_ramp
-from cmacexp.planning.reference import keeps_static_load
 
 PERIOD = 0.005
 GAITS = [
@@ -70,12 +69,6 @@ def test_between_samples_of_a_transfer_velocity_is_what_the_acceleration_adds_up
             middle = (up[1:, rate] + up[:-1, rate]) / 2.0
             curved = np.abs(np.diff(up[:, rate])).max()  # or jumps, as at the apex of two cubics
             assert_allclose(np.diff(up[:, place]), PERIOD * middle, atol=PERIOD * curved)
-
-
-@pytest.mark.parametrize("acts", [True, False])
-def test_the_term_of_the_static_load_is_kept_while_feedback_holds_it(acts):
-    kept = {name: keeps_static_load(name, acts) for name in ("literal", "aware", "force_feedforward")}
-    assert kept == {"literal": True, "aware": not acts, "force_feedforward": False}
 
 
 @pytest.mark.parametrize("damping", [0, 20])

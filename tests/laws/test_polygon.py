@@ -2,34 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from scipy.spatial import ConvexHull
 
 from cmacexp.errors import BadInput
 from cmacexp.models.leg import foot_position, trigonometry
 from cmacexp.models.mechanism import get_leg
 from cmacexp.planning.crossing import check_crossing, joints_in_plane
 from cmacexp.planning.machine import make_mechanism
-from cmacexp.planning.stability import margins, polygon
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(3, 30))
-def test_a_polygon_has_the_corners_of_the_hull_counterclockwise(seed, number):
-    feet = np.random.default_rng(seed).normal(size=(number, 2))
-    corners = polygon(feet)
-    hull = ConvexHull(feet)
-    assert {tuple(corner) for corner in corners} == {tuple(feet[i]) for i in hull.vertices}
-    edges = np.roll(corners, -1, axis=0) - corners
-    following = np.roll(edges, -1, axis=0)
-    assert (edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0] > 0.0).all()
-
-
-def test_a_foot_on_an_edge_is_no_corner():
-    square = np.array([(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)])
-    between = np.array([(0.0, 1.0), (1.0, 0.5), (0.0, 0.0)])
-    assert_allclose(sorted(polygon(np.concatenate([between, square])).tolist()), sorted(square.tolist()))
+from cmacexp.planning.stability import margins
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """Receptive fields of the CMAC, and addressing that gives every visited cell a row of its own."""
 
-import itertools
 import pickle
 
 import numpy as np
@@ -159,34 +158,7 @@ def test_more_cells_than_memory_are_bad_input_that_names_what_is_enough():
     assert cmac.cells(random_inputs(1)).max() == 7  # nothing was given in vain
 
 
-def test_visited_is_saved_and_loaded():
-    cmac = make_cmac(addressing="visited", rows=777)
-    cmac.update(random_inputs(50), random_inputs(50, seed=1), 0.7)
-    loaded = pickle.loads(pickle.dumps(cmac))
-    later = random_inputs(50, seed=3)
-    assert_array_equal(loaded.cells(later), cmac.cells(later))
-    assert loaded.predict(random_inputs(50)).tobytes() == cmac.predict(random_inputs(50)).tobytes()
-
-
 # In a run
-
-
-@pytest.mark.parametrize(
-    ("field", "addressing", "rule"),
-    list(itertools.product(SMOOTH, ["hashed", "visited"], ["paper", "weight_smoothing", "zero_phase"])),
-)
-def test_both_loops_give_the_same_bits(make_config, field, addressing, rule):
-    config = make_config(
-        "cycles=2",
-        "gait.cycle_time=1",
-        "learning.start_cycle=1",
-        f"cmac.receptive_field={field}",
-        f"cmac.addressing={addressing}",
-        f"learning.rule={rule}",
-    )
-    fused, stepped = roll_out(make_scenario(config)), roll_out(make_scenario(config), fused=False)
-    assert fused.samples.tobytes() == stepped.samples.tobytes()
-    assert np.abs(fused.columns()["tau_feedforward_1"])[-config.steps_per_cycle :].mean() > 0.1
 
 
 def test_hashing_does_not_change_what_visited_memory_learns(make_config):

@@ -17,10 +17,10 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import Scores, Traces
 from cmacexp.experiment.run import run_scenario
 from cmacexp.metrics.metric import NEITHER
-from cmacexp.metrics.pooling import count_legs, describe_pooling, pool_legs, select_main
+from cmacexp.metrics.pooling import count_legs, describe_pooling, select_main
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, RANKED, SHOWN
 from cmacexp.metrics.score import RunScorer, score_traces
-from cmacexp.metrics.summary import BETWEEN, ENDS, MOST_ROWS, shorten, tabulate_cycles
+from cmacexp.metrics.summary import BETWEEN, ENDS, MOST_ROWS, shorten
 from cmacexp.metrics.text import format_cell
 from cmacexp.typing import Array
 
@@ -60,20 +60,6 @@ def test_a_long_table_keeps_its_ends_and_rows_between_them_at_even_distances(num
         gaps = np.diff(kept[ENDS - 1 : -ENDS + 1])
         assert gaps.min() >= 1
         assert np.ptp(gaps) <= 1
-
-
-@pytest.mark.parametrize("legs", [1, 2, 4])
-def test_legs_are_counted_and_pooled_cycle_by_cycle(legs):
-    scores = random_scores(legs)
-    assert count_legs(scores) == legs
-    pooled, table = pool_legs(scores), columns(scores.legs)
-    assert set(pooled) == set(METRICS)
-    for name, values in pooled.items():
-        assert values.shape == (3,)
-        for cycle in range(3):
-            own = table[name][table["cycle"] == cycle + 1]
-            alone = ALL_METRICS[name].pooling.pool(own)
-            assert values[cycle] == pytest.approx(float(alone), nan_ok=True)
 
 
 def by_hand(values):
@@ -156,17 +142,6 @@ def test_a_main_metric_is_shown_if_one_cycle_defines_it_and_it_suits_the_number_
         values |= {name: np.array([math.nan, 2.0])}
         assert select_main(values, 1) == {name: shown}
         assert select_main(values, 4) == ({name: shown} if shown.over_legs else {})
-
-
-@pytest.mark.parametrize("legs", [1, 4])
-def test_a_table_has_a_row_of_each_cycle_and_a_column_of_each_main_metric_in_its_unit(legs):
-    scores = random_scores(legs, cycles=5)
-    main, rows = tabulate_cycles(scores)
-    pooled = pool_legs(scores)
-    assert main == select_main(pooled, legs) != {}
-    assert [row[0] for row in rows] == ["1", "2", "3", "4", "5"]
-    for cycle, (_, *cells) in enumerate(rows):
-        assert cells == [format_cell(shown.factor * pooled[name][cycle]) for name, shown in main.items()]
 
 
 def test_a_metric_is_judged_and_ranked_if_one_of_two_values_is_the_better_one():

@@ -8,6 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.config.schema import ActuatorConfig
 from cmacexp.control.actuator import actuate, new_actuator
+from cmacexp.loop import roll_out
+from cmacexp.loop.scenario import make_scenario
 
 PERIOD, LEGS, STEPS = 0.5, 3, 12
 limits = st.one_of(st.none(), st.floats(0.1, 3.0))
@@ -98,3 +100,13 @@ def test_one_step_of_any_size_is_climbed_at_the_rate(size):
     commanded = np.full((2, STEPS, LEGS, 2), size)
     *_, torque = act(None, 4.0, 0, commanded)
     assert_allclose(torque[:, 1, 1], 4.0 * PERIOD * np.arange(1, STEPS + 1))
+
+
+@pytest.mark.parametrize("delay", [1, 3])
+def test_in_a_run_the_torque_commanded_at_a_step_acts_so_many_steps_later(make_config, delay):
+    late = roll_out(make_scenario(make_config("cycles=1", f"actuator.delay={delay}"))).columns()
+    first = roll_out(make_scenario(make_config("cycles=1"))).columns()
+    for joint in ("1", "2"):
+        torque = late[f"tau_feedback_{joint}"][:, 0]
+        assert not torque[:delay].any()
+        assert torque[delay] == first[f"tau_feedback_{joint}"][0, 0]

@@ -27,21 +27,6 @@ from cmacexp.data.signals import TRUE_MARGINS
 # The plan, as the trace tells it
 
 
-def test_longitudinal_margins_at_the_limits_are_a_twentieth_of_the_stride(walk):
-    body, margin = walk(*ALL_THREE).body, 0.05 * 0.3 / 0.8
-    assert body.margin_rear[360] == pytest.approx(margin, abs=1e-9)
-    assert 2.0 * body.margin_front[299] - body.margin_front[298] == pytest.approx(margin, abs=1e-9)
-    assert body[["margin_front", "margin_rear"]].min(axis=None) == pytest.approx(margin, abs=1e-9)
-
-
-def test_desired_forces_balance_weight_and_moments_at_every_step(walk):
-    trace = walk(*ALL_THREE).trace
-    force = trace["force_desired"]
-    assert_allclose(force.sum(axis=1), WEIGHT, atol=1e-9)
-    assert_allclose((force * (HIPS[:, 0] + trace["x_desired"])).sum(axis=1), 0.0, atol=1e-9)
-    assert_allclose((force * HIPS[:, 1]).sum(axis=1), 0.0, atol=1e-9)
-
-
 # The plant
 
 
