@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.timing import ROOT, WITHOUT_PRIVATE_NAMES, Table, compared, in_turn, python, stopwatch
+from benchmarks.timing import ROOT, Table, compared, in_turn, python, stopwatch
 
 EMPTY = """
 import hydra
@@ -43,7 +43,6 @@ def tables(quick: bool) -> list[Table]:
             "same config": sweep("same", "same_config.py", "-m", f"seed=range({runs})"),
             "cores": sweep("cores", *ours),
             "basic": sweep("basic", *ours, "hydra/launcher=basic"),
-            "public": sweep("public", *WITHOUT_PRIVATE_NAMES, *ours[2:], "hydra/launcher=basic"),
         }
         if importlib.util.find_spec("hydra_plugins.hydra_joblib_launcher"):
             workers["joblib"] = sweep("joblib", *ours, "hydra/launcher=joblib", f"hydra.launcher.n_jobs={CORES}")
@@ -54,7 +53,6 @@ def tables(quick: bool) -> list[Table]:
         compared(times, what, "basic", "empty", "empty Hydra app", "1.6"),
         compared(times, what, "basic", "same config", "Hydra app with this config that does nothing"),
     ]
-    rows.append(compared(times, f"{what}, without Hydra's private names", "public", "basic", "with them"))
     if "joblib" in times:
         rows.append(compared(times, f"{runs} runs, `joblib` on {CORES} cores", "joblib", "cores", "`cores`"))
     return [Table("Sweep, `record=trace`", rows)]

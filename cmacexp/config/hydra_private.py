@@ -1,12 +1,9 @@
 """All private names of Hydra that this project uses; another version does without, slower or wordier."""
 
-import contextlib
-import pickle
 import sys
 from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 from types import MethodType
-from typing import Any
 
 from hydra import __version__
 
@@ -43,42 +40,3 @@ def report_parser_errors(report: Callable[[ArgumentParser, str], None]) -> None:
         return parser
 
     vars(sys.modules["hydra.main"])["get_args_parser"] = make_parser  # ``hydra.main`` itself is the function
-
-
-def read_config_files_once(hydra: Any) -> None:
-    """Keep Hydra from reading some 30 config files anew for each job of a sweep.
-
-    Measured by ``benchmarks/sweep.py``, row "without Hydra's private names".
-
-    Args:
-        hydra: the instance of :class:`hydra.core.global_hydra.GlobalHydra`.
-    """
-    if __version__.startswith(KNOWN):
-        loader = hydra.config_loader
-        loader.repository = _CachedRepository(loader.repository, {})
-
-
-class _CachedRepository:
-    """Hydra's repository of configs, which reads each file once."""
-
-    def __init__(self, repository: Any, files: dict[str, bytes]):
-        self.repository = repository
-        self.files = files
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.repository, name)
-
-    def __deepcopy__(self, memo: object) -> "_CachedRepository":
-        return self  # Hydra copies its repository for every job
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _CachedRepository, (self.repository, self.files)
-
-    def load_config(self, config_path: str) -> Any:
-        """The content of the file, new for each caller, which may change it."""
-        if config_path in self.files:
-            return pickle.loads(self.files[config_path])
-        loaded = self.repository.load_config(config_path=config_path)
-        with contextlib.suppress(pickle.PicklingError):  # as with the schemas of plugins in a worker
-            self.files[config_path] = pickle.dumps(loaded)
-        return loaded

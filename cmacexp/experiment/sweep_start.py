@@ -1,4 +1,4 @@
-"""The start of a sweep: record its folder and jobs, set ``record=trace`` by default, read each config file once."""
+"""The start of a sweep: lock its folder, check its options, note its jobs, set ``record=trace`` by default."""
 
 from collections.abc import Sequence
 from itertools import islice
@@ -14,7 +14,6 @@ from hydra.experimental.callback import Callback
 from hydra.plugins.sweeper import Sweeper
 from omegaconf import DictConfig, OmegaConf
 
-from cmacexp.config.hydra_private import read_config_files_once
 from cmacexp.errors import BadInput
 from cmacexp.experiment.sweep import Sweep
 
@@ -53,7 +52,6 @@ class SweepStart(Callback):
             sweeper.launcher = _wrap(sweep, sweeper.launcher)
 
         Sweeper.validate_batch_is_legal = check  # type: ignore[method-assign, assignment]  # called by all sweepers
-        read_config_files_once(GlobalHydra.instance().hydra)
 
 
 def _wrap(sweep: Sweep, launcher: Any) -> Any:
