@@ -64,7 +64,7 @@ def choose_cycles(run: StoredRun, asked: Sequence[int]) -> list[int]:
 
 def _learning(run: StoredRun, data: CycleData) -> list[Section]:
     """Figures over the cycles; none for a run of one cycle."""
-    if run.metrics["cycle"].max() < 2:
+    if run.last_cycle < 2:
         return []
     legs = [draw_legs(run)] if run.walks else []
     return [Section("Over the cycles", [draw_metrics(run, "N m" if data.has_joints else "N"), *legs])]
