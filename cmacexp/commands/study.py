@@ -85,8 +85,9 @@ def _write(
     rows = [read_row(*each, keys, measured[each[0]]) for each in found.values()]
     results = Results(rows)
     results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
-    runs = {run.folder: str(run.manifest["config_hash"]) for run in results.runs}
-    inputs = list({run.folder / name for run in results.runs for name in run.manifest["files"]})
+    manifests = {run.folder: run.manifest for run in results.runs}
+    runs = {path: str(manifest["config_hash"]) for path, manifest in manifests.items()}
+    inputs = [path / name for path, manifest in manifests.items() for name in manifest["files"]]
     key = state_key(file, options.quick, options.seeds)
     with replacing(folder, FOLDER_KEY, REPORT) as place:
         tables = write_results(results, place.new)

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pyarrow as pa
 from markupsafe import Markup
@@ -15,9 +15,6 @@ from cmacexp.report.parts import Section
 from cmacexp.study.page import QUICK_NOTICE, Evaluated, make_claims_section, make_reading_section
 from cmacexp.study.results import Results
 from cmacexp.study.statements import Found, Judged, Measured
-
-if TYPE_CHECKING:
-    pass
 
 RESULTS, CLAIMS = "results.parquet", "claims.json"
 
