@@ -11,10 +11,10 @@ from cmacexp.commands.study import main
 from cmacexp.report.figures import Panel, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
 from cmacexp.study.curves import over_setting
-from cmacexp.study.memory import SIDES, colliding, rows_per_cell, where_hashed, worsening
 from cmacexp.study.statements import Limit, percent
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
+from pipelines.common_memory import SIDES, colliding, rows_per_cell, where_hashed, worsening
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from cmacexp.commands.study import main
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_setting
-from cmacexp.study.memory import colliding, hashed, rows_per_cell, where_hashed, worsening
 from cmacexp.study.statements import percent
 from cmacexp.study.tables import completed, tabulate
 from cmacexp.typing import Array
+from pipelines.common_memory import colliding, hashed, rows_per_cell, where_hashed, worsening
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cmacexp.data.stored_run import StoredRun, read_config
-from cmacexp.stability import predicted_growth
 from cmacexp.stability.cycle_map import NotPredictable
+from cmacexp.stability.growth import predicted_growth
 from cmacexp.stability.measured import growth_over, stretch
 from cmacexp.study import Results
 from cmacexp.study.results import Row

@@ -1,6 +1,8 @@
 """What the commands share: their arguments, their exit codes, and how an error or an interrupt ends them."""
 
 import argparse
+import atexit
+import gc
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -55,6 +57,8 @@ def run_command(work: Callable[[], int], hint: str = "") -> int:
         work: returns an exit code.
         hint: what to do after an interrupt.
     """
+    gc.set_threshold(200_000)  # what a command imports and makes is rarely garbage; looking for it takes a tenth
+    atexit.register(gc.freeze)  # else Python looks once more as it ends, which takes longer still
     keep_outputs()
     with handled():
         try:

@@ -16,7 +16,7 @@ from cmacexp.experiment.collect import Collected, collect
 from cmacexp.experiment.workers import workers
 from cmacexp.report.terminal import say
 from cmacexp.report.terminal_tables import print_table
-from cmacexp.study.output import write_page, write_results
+from cmacexp.study.output import write_page
 from cmacexp.study.page import Evaluated, check_page, evaluate
 from cmacexp.study.requests import Request
 from cmacexp.study.results import Results, read_row
@@ -27,17 +27,6 @@ FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"
 SEEDS = 3
 WORKERS = 8
-
-
-@dataclass(frozen=True)
-class Written:
-    """A study whose page is written, and what a page over several studies needs of it."""
-
-    evaluated: Evaluated
-    inputs: Sequence[Path]
-    """Files that its numbers are computed from."""
-    runs: Mapping[Path, str]
-    """Hash of the config of each run, by folder."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +67,7 @@ def _write(
     collected: Collected,
     measured: Mapping[Path, Mapping[str, float]],
     options: Options,
-) -> Written:
+) -> Evaluated:
     """Evaluate one study and write its own page."""
     file = load_study(path)
     study, folder = file.study, options.place(file.name)
@@ -92,19 +81,14 @@ def _write(
     rows = [read_row(*each, keys, measured[each[0]]) for each in found.values()]
     results = Results(rows)
     results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
-    runs = {run.folder: str(run.manifest["config_hash"]) for run in results.runs}
-    inputs = list({run.folder / name for run in results.runs for name in run.manifest["files"]})
     key = state_key(file, options.quick, options.seeds)
     with replacing(folder, FOLDER_KEY, REPORT) as place:
-        tables = write_results(results, place.new)
         evaluated = evaluate(file, results, place.new, options.quick)
-        write_page(study.title, study.question, [evaluated], [*tables, *inputs], runs, place, key, options.quick)
-    inputs += [folder / path.name for path in tables]
-    figures = [folder / path.relative_to(place.new) for path in evaluated.files]
-    return Written(replace(evaluated, files=figures), inputs, runs)
+        write_page(study.title, study.question, [evaluated], place, key, options.quick)
+    return replace(evaluated, files=[folder / path.relative_to(place.new) for path in evaluated.files])
 
 
-def write_studies(files: Sequence[StudyFile], options: Options) -> list[Written]:
+def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluated]:
     """Run studies and write a report of each; complete runs are not run again."""
     for file in files:
         check_page(file)
@@ -138,7 +122,7 @@ def write_study(file: StudyFile, options: Options) -> Path:
     if is_up_to_date(page.parent, state_key(file, options.quick, options.seeds)):
         say(f"nothing changed since it was written: {page}")
         return page
-    print_claims([write_studies([file], options)[0].evaluated])
+    print_claims(write_studies([file], options))
     return page
 
 
@@ -149,13 +133,10 @@ def write_collection(name: str, title: str, question: str, files: Sequence[Study
     if is_up_to_date(folder, key):
         say(f"nothing changed since it was written: {folder / HTML}")
         return folder / HTML
-    written = write_studies(files, options)
-    studies = [each.evaluated for each in written]
+    studies = write_studies(files, options)
     print_claims(studies)
-    inputs = [path for each in written for path in each.inputs]
-    runs = {path: config_hash for each in written for path, config_hash in each.runs.items()}
     with replacing(folder, FOLDER_KEY, REPORT) as place:
-        return write_page(title, question, studies, inputs, runs, place, key, options.quick)
+        return write_page(title, question, studies, place, key, options.quick)
 
 
 def print_claims(studies: Sequence[Evaluated]) -> None:

@@ -83,8 +83,13 @@ def read_table(path: Path) -> pa.Table:
 
 def read_cycles(path: Path, numbers: Sequence[int]) -> pa.Table:
     """Rows of some cycles of a table; the others are never all in memory."""
-    with _open_table(path) as file:
-        return pq.read_table(file, filters=[("cycle", "in", list(numbers))])
+    with _open_table(path) as file, pq.ParquetFile(file) as table:
+        kept = [table.read_row_groups([])]
+        for group in range(table.num_row_groups):
+            rows = np.isin(as_array(table.read_row_group(group, ["cycle"]), "cycle"), numbers)
+            if rows.any():
+                kept.append(select_rows(table.read_row_group(group), rows))
+        return pa.concat_tables(kept)
 
 
 def _contiguous(table: pa.Table, name: str) -> pa.Array:

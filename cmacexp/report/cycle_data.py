@@ -2,21 +2,33 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmacexp.config.machine import LEG_NAMES
+from cmacexp.data.parquet import as_array, is_support, read_cycles
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import BODY
+from cmacexp.data.tables import BODY, TRACE
 from cmacexp.metrics.block import THIRD_AXIS
-from cmacexp.typing import Array
-
-if TYPE_CHECKING:
-    import pandas as pd
+from cmacexp.typing import Array, Mask
 
 MOST_CYCLES = 6
 """Cycles that are distinguishable in one figure."""
+Rows = dict[str, NDArray[Any]]
+"""Columns of a trace by name, ``phase`` as whether it is support; pandas takes longer to import than a figure."""
+
+
+def keep_rows(rows: Rows, kept: Mask | slice) -> Rows:
+    """Some rows of a trace."""
+    return {name: column[kept] for name, column in rows.items()}
+
+
+def _read_rows(path: Path, cycles: Sequence[int]) -> Rows:
+    table = read_cycles(path, cycles)
+    return {name: is_support(table) if name == "phase" else as_array(table, name) for name in table.column_names}
 
 
 @dataclass(frozen=True)
@@ -24,8 +36,8 @@ class CycleData:
     """Some cycles of a run, for figures."""
 
     cycles: Sequence[int]
-    trace: "pd.DataFrame"
-    body: "pd.DataFrame | None"
+    trace: Rows
+    body: Rows | None
     cycle_time: float
     period: float
     """Between two samples, s."""
@@ -50,23 +62,23 @@ class CycleData:
         """Duration of the longest of the cycles, s; less than a cycle if the run stopped in its first."""
         return float(self.time_in_cycle(self.trace).max()) + self.period
 
-    def select(self, cycle: int, leg: int) -> "pd.DataFrame":
+    def select(self, cycle: int, leg: int) -> Rows:
         """The trace of one leg in one cycle; of the body if ``leg`` is 0."""
         if not leg:
             assert self.body is not None
-            return self.body[self.body["cycle"] == cycle]
-        return self.trace[(self.trace["cycle"] == cycle) & (self.trace["leg"] == leg)]
+            return keep_rows(self.body, self.body["cycle"] == cycle)
+        return keep_rows(self.trace, (self.trace["cycle"] == cycle) & (self.trace["leg"] == leg))
 
-    def time_in_cycle(self, rows: "pd.DataFrame") -> Array:
+    def time_in_cycle(self, rows: Rows) -> Array:
         """Time since the cycle began, s."""
-        return np.asarray(rows["time"] - (rows["cycle"] - 1) * self.cycle_time)
+        return rows["time"] - (rows["cycle"] - 1) * self.cycle_time
 
     def support(self, leg: int) -> list[tuple[float, float]]:
         """Begin and end of each planned support in the first cycle, s; none if all is support, or of the body."""
         if not leg:
             return []
         rows = self.select(self.cycles[0], leg)
-        support = np.asarray(rows["phase"] == "support")
+        support = rows["phase"]
         edges = np.flatnonzero(np.diff(support.astype(int), prepend=0, append=0))
         clock = np.append(self.time_in_cycle(rows), self.cycle_time)
         return [] if support.all() else list(zip(clock[edges[::2]], clock[edges[1::2]], strict=True))
@@ -78,9 +90,9 @@ class CycleData:
 
 def read_cycle_data(run: StoredRun, cycles: Sequence[int]) -> CycleData:
     """Read some cycles of a run."""
-    trace = run.cycles(cycles)
-    body = run.cycles(cycles, BODY) if run.walks else None
-    has_joints = bool(trace["q1"].notna().any())
+    trace = _read_rows(run.folder / TRACE, cycles)
+    body = _read_rows(run.folder / BODY, cycles) if run.walks else None
+    has_joints = not np.isnan(trace["q1"]).all()
     times = run.config["gait"]["cycle_time"], run.config["sampling_period"]
-    axes = "xyz" if THIRD_AXIS in trace.columns else "xy"
+    axes = "xyz" if THIRD_AXIS in trace else "xy"
     return CycleData(cycles, trace, body, *times, range(1, int(trace["leg"].max()) + 1), has_joints, axes)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.data import manifest as manifests
-from cmacexp.data.files import sha256
 from cmacexp.data.folder import HTML, OUT_KEY, Place, replacing
+from cmacexp.data.hashes import current_hash
 from cmacexp.report.parts import Section
 from cmacexp.report.render import Renderer, ignore
 
@@ -91,7 +91,7 @@ def write_report(
             "key": key or hashlib.sha256(repr((report.title, report.config)).encode()).hexdigest(),
             "versions": manifests.versions(),
             "runs": {relative(path, place.folder): of_config for path, of_config in report.runs.items()},
-            "files": {_name_in(place, path): sha256(path) for path in [*written, *report.inputs]},
+            "files": {_name_in(place, path): current_hash(path) for path in [*written, *report.inputs]},
         }
     )
     return place.folder / HTML

@@ -53,12 +53,14 @@ class Renderer:
         """Save a figure; its address for the page."""
         self.say(f"drawing {drawing.name}")
         (self.folder / FIGURES).mkdir(parents=True, exist_ok=True)
+        if engine := drawing.figure.get_layout_engine():
+            engine.execute(drawing.figure)  # once for both formats; savefig would also draw the figure for it
+            drawing.figure.set_layout_engine(None)
         for kind in self.kinds:
             path = self.folder / FIGURES / f"{drawing.name}.{kind}"
             with write_atomically(path) as temporary:
                 metadata = {"Date": None} if kind == SVG else {"Software": None}
                 drawing.figure.savefig(temporary, format=kind, metadata=metadata)
-            drawing.figure.set_layout_engine(None)  # computed for the first format, kept for the second
             self.files.append(path)
         return "data:image/svg+xml;base64," + base64.b64encode(self.files[-1].read_bytes()).decode()
 

@@ -1,24 +1,22 @@
 """Figures of one run: its metrics cycle by cycle, some of its cycles over their time, and its last steps."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cmacexp.config.machine import LEG_NAMES
+from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.trace_writer import LAST_STEPS
 from cmacexp.metrics.pooling import count_legs, describe_pooling, is_shown, pool_legs
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.report.curves import find_log, over_cycles
-from cmacexp.report.cycle_data import CycleData
+from cmacexp.report.cycle_data import CycleData, Rows, keep_rows
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
 from cmacexp.report.parts import Drawing
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark
 from cmacexp.typing import Array
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 KEY = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse", "joint_rmse", "force_rmse", "feedforward_share")
 """The metrics that say most of each leg; tables show those that the run has."""
@@ -70,9 +68,13 @@ def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
 
 def draw_legs(run: StoredRun) -> Drawing:
     """Errors and share of the feedforward of each leg, per cycle."""
-    names = [name for name in KEY if name in run.metrics and is_shown(name, run.metrics, len(LEG_NAMES))]
-    histories = {leg: run.metrics[run.metrics["leg"] == index] for index, leg in enumerate(LEG_NAMES, 1)}
-    panels = [over_cycles(name, {leg: [np.asarray(rows[name])] for leg, rows in histories.items()}) for name in names]
+    table = run.scores.legs
+    known = set(table.column_names)
+    panels = []
+    for name in KEY:
+        if name in known and is_shown(name, known, len(LEG_NAMES)):
+            histories = as_array(table, name).reshape(-1, len(LEG_NAMES)).T
+            panels.append(over_cycles(name, {leg: [own] for leg, own in zip(LEG_NAMES, histories, strict=True)}))
     return Drawing("legs", draw(panels), "Errors of each leg and the share of its feedforward, cycle by cycle.")
 
 
@@ -105,16 +107,16 @@ QUANTITIES = {
 BODY = ("height", "stability_margin", "pitch", "roll")
 
 
-def read_quantity(rows: "pd.DataFrame", name: str) -> Array:
+def read_quantity(rows: Rows, name: str) -> Array:
     """Values of one of :data:`QUANTITIES`; the margin is the true one, but in a run of an earlier version."""
     if name in "xyz":
-        return np.asarray(1e3 * (rows[name] - rows[f"{name}_desired"]))
+        return 1e3 * (rows[name] - rows[f"{name}_desired"])
     if name == "stability_margin" and f"true_{name}" in rows:
         name = f"true_{name}"
-    return np.asarray(rows[name] if name == "force" else 1e3 * rows[name])
+    return rows[name] if name == "force" else 1e3 * rows[name]
 
 
-def read_desired(rows: "pd.DataFrame", clock: Array, name: str) -> list[Series]:
+def read_desired(rows: Rows, clock: Array, name: str) -> list[Series]:
     """The desired force or the planned margin as a line; of other quantities none."""
     if name == "force":
         return [Series("desired", clock, rows["force_desired"], style=DESIRED_LINE)]
@@ -175,7 +177,7 @@ def draw_torques(data: CycleData) -> Drawing:
     cycle, count = data.cycles[-1], len(data.axes)
     names = JOINTS[count] if data.has_joints else ("along x", "along y")
     unit = "torque, N m" if data.has_joints else "force, N"
-    learns = bool(data.trace[[f"tau_feedforward_{joint + 1}" for joint in range(count)]].to_numpy().any())
+    learns = any(data.trace[f"tau_feedforward_{joint + 1}"].any() for joint in range(count))
     panels = []
     for leg in data.legs:
         rows = data.select(cycle, leg)
@@ -201,7 +203,7 @@ def draw_torques(data: CycleData) -> Drawing:
     return Drawing("torques", figure, caption)
 
 
-def _end_of_body(rows: "pd.DataFrame", name: str) -> Panel:
+def _end_of_body(rows: Rows, name: str) -> Panel:
     title, y, _, from_zero = QUANTITIES[name]
     lines = [*read_desired(rows, rows["time"], name), Series("true", rows["time"], read_quantity(rows, name))]
     return Panel(title, "time, s", y, lines, from_zero=from_zero)
@@ -214,14 +216,14 @@ def draw_end(data: CycleData, status: str) -> Drawing:
         columns = {"vx": "along x", "vy": "along y"}
     speeds, forces = [], []
     for leg in data.legs:
-        rows = data.trace[data.trace["leg"] == leg].tail(LAST_STEPS)
+        rows = keep_rows(keep_rows(data.trace, data.trace["leg"] == leg), slice(-LAST_STEPS, None))
         whose = f"leg {leg} " if len(data.legs) > 1 else ""
         speeds += [Series(whose + name, rows["time"], rows[column]) for column, name in columns.items()]
         forces.append(Series(whose or "force", rows["time"], rows["force"]))
     panels = [Panel("contact force", "time, s", "force, N", forces)]
     if data.body is not None and status == "fell":
-        panels += [_end_of_body(data.body.tail(LAST_STEPS), name) for name in BODY]
+        panels += [_end_of_body(keep_rows(data.body, slice(-LAST_STEPS, None)), name) for name in BODY]
     else:
         panels.append(Panel("speed", "time, s", "joint speed, rad/s" if data.has_joints else "speed, m/s", speeds))
-    steps = min(LAST_STEPS, len(data.trace) // len(data.legs))
+    steps = min(LAST_STEPS, len(data.trace["leg"]) // len(data.legs))
     return Drawing("end", draw(panels, legend="panel"), f"The last {steps} recorded steps before the run stopped.")

@@ -11,9 +11,8 @@ from cmacexp.report.cycle_data import MOST_CYCLES, CycleData, read_cycle_data
 from cmacexp.report.page import Report
 from cmacexp.report.parts import Folded, Section, Table
 from cmacexp.report.run_figures import draw_body, draw_end, draw_legs, draw_metrics, draw_torques, draw_tracking
-from cmacexp.report.run_settings import list_settings
 from cmacexp.report.run_summary import TABLES
-from cmacexp.report.run_tables import list_facts, list_key_metrics, list_memory, list_metrics
+from cmacexp.report.run_tables import list_facts, list_key_metrics, list_memory, list_metrics, list_settings
 
 
 def require_whole(run: StoredRun) -> None:
@@ -64,7 +63,7 @@ def choose_cycles(run: StoredRun, asked: Sequence[int]) -> list[int]:
 
 def _learning(run: StoredRun, data: CycleData) -> list[Section]:
     """Figures over the cycles; none for a run of one cycle."""
-    if run.metrics["cycle"].max() < 2:
+    if run.last_cycle < 2:
         return []
     legs = [draw_legs(run)] if run.walks else []
     return [Section("Over the cycles", [draw_metrics(run, "N m" if data.has_joints else "N"), *legs])]

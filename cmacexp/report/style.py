@@ -28,7 +28,7 @@ STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.3,
     "legend.frameon": False,
     "legend.fontsize": 8.0,
-    "figure.dpi": 100,
+    "figure.dpi": 160,
     "savefig.dpi": 160,
     "svg.hashsalt": "cmacexp",
     "path.simplify": True,

@@ -45,9 +45,11 @@ def growth_warning(config: Config, scenario: Scenario) -> str | None:
         config: of the run.
         scenario: its components, which stay unchanged.
     """
+    if not _is_checked(config, scenario):
+        return None
     from cmacexp.stability.verdict import BOUNDED_RULES, GROWS, assess
 
-    if not _is_checked(config, scenario) or config.learning.rule in BOUNDED_RULES:
+    if config.learning.rule in BOUNDED_RULES:
         return None
     with activity("checking whether learning holds"):
         verdict = assess(config, scenario)

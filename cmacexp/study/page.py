@@ -1,4 +1,4 @@
-"""The page of a study: its Markdown with values, figures, tables, findings and claims inserted."""
+"""The page of a study: its Markdown with values, figures, tables, findings and claims inserted; and its tables."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -7,9 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
 from markupsafe import Markup
 
 from cmacexp.config.fields import listed
+from cmacexp.data.manifest import Manifest
+from cmacexp.data.parquet import write_table
 from cmacexp.errors import BadInput
 from cmacexp.report.markdown import find_insertions, render_markdown
 from cmacexp.report.page import HOW_TO_REPORT, find_page
@@ -23,6 +26,7 @@ from cmacexp.study.study import StudyFile
 QUICK_NOTICE = (
     "Quick run: this page checks the machinery and concludes nothing. It shows no verdicts and no findings."
 )
+RESULTS = "results.parquet"
 MOST_RUNS = 5
 """Runs that the table names for a claim."""
 
@@ -32,12 +36,13 @@ class Evaluated:
     """A study whose runs are complete: its statements judged, its values and tables computed."""
 
     name: str
-    title: str
     claims: Mapping[str, Judged]
     findings: Mapping[str, Found]
     sections: Sequence[Section]
     files: Sequence[Path]
-    """Everything that was written for the page."""
+    """Figures and tables that were written for the page."""
+    runs: Mapping[Path, Manifest]
+    """The manifest of each run, by folder."""
 
 
 def check_page(file: StudyFile) -> None:
@@ -56,8 +61,19 @@ def check_page(file: StudyFile) -> None:
             raise BadInput("page", file.page, f"line {line}: the study declares no {kind} {name!r}; it has {has}")
 
 
+def _write_tables(results: Results, folder: Path) -> list[Path]:
+    """Write the table of results, and every table that was computed; returns the files."""
+    frames = {f"{name}.parquet": frame for name, frame in results.computed.items()}
+    if results.rows:
+        frames[RESULTS] = results.table
+    for name, frame in frames.items():
+        table = pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None)
+        write_table(table, folder / name)
+    return [folder / name for name in frames]
+
+
 def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Evaluated:
-    """Judge the statements of a study, draw its figures below ``folder``, and render its page."""
+    """Judge the statements of a study, write its figures and tables below ``folder``, and render its page."""
     study = file.study
     claims = {} if quick else {name: claim.judge(results) for name, claim in study.claims.items()}
     findings = {} if quick else {name: finding.judge(results) for name, finding in study.findings.items()}
@@ -76,7 +92,8 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
             **study.values(results),
         },
     )
-    return Evaluated(file.name, study.title, claims, findings, sections, renderer.files)
+    files = [*renderer.files, *_write_tables(results, folder)]
+    return Evaluated(file.name, claims, findings, sections, files, {run.folder: run.manifest for run in results.runs})
 
 
 def _format_finding(found: Found) -> str:

@@ -63,8 +63,9 @@ class StudyFile:
 
     @property
     def sources(self) -> list[Path]:
-        """All files of the study: those in its folder whose names begin with its name."""
-        return sorted(file for file in self.path.parent.glob(f"{self.name}*") if file.suffix in (".py", ".md"))
+        """All files of the study: those in its folder whose names begin with its name, or with ``common_``."""
+        names = (self.name, "common_")
+        return sorted(file for file in self.path.parent.glob("*.[pm][yd]") if file.name.startswith(names))
 
 
 def load_study(path: Path) -> StudyFile:

@@ -21,7 +21,7 @@ from cmacexp.loop import roll_out
 from cmacexp.loop.builtin import find_external
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
-from cmacexp.report.run_settings import list_settings
+from cmacexp.report.run_tables import list_settings
 from cmacexp.sensors import PerfectSensors
 
 PARTS = {

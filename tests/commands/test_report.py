@@ -21,8 +21,8 @@ from cmacexp.report.comparison import make_rows
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.parts import Drawing, Folded, Table
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.run_settings import list_settings
 from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
+from cmacexp.report.run_tables import list_settings
 from cmacexp.report.style import mark, new_figure
 from cmacexp.report.sweep_report import make_sweep_report
 from cmacexp.report.swept import find_swept

@@ -11,12 +11,13 @@ from cmacexp.errors import BadInput
 from cmacexp.metrics.text import format_number
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, at_most, between, grid, starting_from
+from cmacexp.study.curves import draw_cycles, over_setting
 from cmacexp.study.interval import estimate
 from cmacexp.study.page import make_claims_section
 from cmacexp.study.results import NoSuchRuns, Row
-from cmacexp.study.samples import per_seed, relative
-from cmacexp.study.statements import UNDECIDED, VERDICTS, Judged, Measured
-from cmacexp.study.tables import cross_tabulate, describe_end
+from cmacexp.study.samples import over_history, per_seed, ratio, relative
+from cmacexp.study.statements import UNDECIDED, VERDICTS, Judged, Measured, percent
+from cmacexp.study.tables import completed, cross_tabulate, describe_end, ends, tabulate
 
 
 def made(*errors: float, asked: int = 5, **settings) -> Results:
@@ -219,6 +220,55 @@ def test_a_crossed_table_has_a_row_for_each_value_of_one_setting_and_a_column_fo
     runs = [made(10.0 * delay + lead, delay=delay, lead=lead).rows[0] for delay in (0, 1) for lead in (1, 2)]
     table = cross_tabulate(Results(runs), ("delay", "late"), ("lead", "lead"), lambda own: last_error(own)[0])
     assert table.to_dict("list") == {"late": [0, 1], "lead 1": [1.0, 11.0], "lead 2": [2.0, 12.0]}
+
+
+GROUPS = Results(
+    [
+        *made(0.001, walk="soft", law="a").rows,
+        *made(0.009, walk="soft", law="b").rows,
+        *made(0.002, math.nan, walk="hard", law="a").rows,
+    ]
+)
+
+
+def end(results: Results) -> np.ndarray:
+    return results.end("transfer_rmse_x", 1)
+
+
+def test_a_table_has_a_row_for_each_combination_that_occurs():
+    columns = {"completed": completed, **ends(["transfer_rmse_x"], 1)}
+    table = tabulate(GROUPS, {"walk": "ground", "law": "law"}, columns)
+    assert list(table.columns) == ["ground", "law", "completed", "transfer x, mm"]
+    assert table.to_numpy().tolist() == [
+        ["soft", "a", "1 of 1", pytest.approx(1.0)],
+        ["soft", "b", "1 of 1", pytest.approx(9.0)],
+        ["hard", "a", "1 of 2", np.inf],
+    ]
+
+
+def test_bars_stand_at_the_names_of_their_groups_and_an_infinite_one_is_missing():
+    panel = over_setting(GROUPS, "walk", "error, m", end, by="law", kind="bars")
+    first, second = panel.series
+    assert panel.ticks == ["soft", "hard"]
+    assert (first.name, first.x, second.x) == ("a", [0, 1], [0])
+    assert first.y == pytest.approx([0.001, np.nan], nan_ok=True)
+
+
+def test_a_figure_over_cycles_is_logarithmic_where_values_span_decades():
+    narrow, wide = (draw_cycles(runs, ["transfer_rmse_x"], "law") for runs in (made(0.5, law="a"), GROUPS))
+    assert [figure.axes[0].get_yscale() for figure in (narrow, wide)] == ["linear", "log"]
+
+
+def test_a_ratio_is_over_the_runs_selected_and_a_run_that_ended_is_infinite():
+    both = ratio(end, {"walk": "soft", "law": "b"}, {"walk": "soft", "law": "a"})
+    assert both(GROUPS) == pytest.approx([9.0])
+    least = over_history("transfer_rmse_x", lambda errors: float(errors.min()))
+    assert least(GROUPS.select(walk="hard")) == pytest.approx([0.002, np.inf])
+
+
+def test_a_share_is_of_the_runs_with_its_settings_and_shown_in_per_cent():
+    share = percent("error", end, at_most(0.002), of={"walk": "soft"}, law=["a", "b"])
+    assert Finding([share], "yes", "no").judge(GROUPS).measured[0].value == "0.5 %"
 
 
 def test_runs_end_with_an_error_or_in_a_cycle():

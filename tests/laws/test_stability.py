@@ -5,9 +5,8 @@ import pytest
 from support.robot_walks import ROBOT, SHORT
 from support.robots import OWN
 
-from cmacexp.stability import predicted_growth
 from cmacexp.stability.cycle_map import NotPredictable, list_arrays, open_loop
-from cmacexp.stability.growth import change_sizes, fitted_growth
+from cmacexp.stability.growth import change_sizes, fitted_growth, predicted_growth
 from cmacexp.stability.krylov import krylov
 
 WINDOW = (40, 140)

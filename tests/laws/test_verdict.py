@@ -72,7 +72,7 @@ def test_ritz_values_of_random_starts_are_those_of_changes(make_config, lead, ho
 
 def test_a_leg_in_mujoco_gets_the_verdict_of_the_analytic_one(make_config):
     pytest.importorskip("mujoco")
-    settings = ("scenario=one_leg", "learning.lead=1", "learning.rule=weight_smoothing")
+    settings = ("scenario=one_leg", "learning.lead=1", "learning.rule=weight_smoothing", "gait.cycle_time=0.6")
     analytic, mujoco = (
         assess(make_config(*settings, f"plant={plant}"), simulate=False) for plant in ("analytic", "mujoco_leg")
     )

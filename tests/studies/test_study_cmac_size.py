@@ -8,9 +8,9 @@ import pytest
 
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Results
-from cmacexp.study.memory import SIDES, colliding, rows_per_cell, where_hashed, worsening
 from cmacexp.study.results import Row
 from pipelines.cmac_size import OTHERS, PAPER
+from pipelines.common_memory import SIDES, colliding, rows_per_cell, where_hashed, worsening
 
 
 def run(x: float, y: float, status: str = "completed", crowd: float = 0.0, **settings) -> Row:
