@@ -8,7 +8,6 @@ from cmacexp.config.cmac import check_size
 from cmacexp.config.component import COMPONENTS, ComponentConfig
 from cmacexp.config.fields import check_fields
 from cmacexp.config.machine import RobotMachine, ask_for_robot, read_model
-from cmacexp.config.memory import check_memory
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
@@ -75,4 +74,3 @@ def check(config: Config) -> None:
         component = getattr(config, group)
         if isinstance(component, ComponentConfig):
             component.check(config)
-    check_memory(config)

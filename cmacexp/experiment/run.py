@@ -78,52 +78,53 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
     return Traces(assemble(plan, legs, period, start, columns[0], _known_torque(scenario)), body, memory)
 
 
-def _roll_out(
+def score_scenario(
     scenario: Scenario,
-    folder: Path,
-    scorer: RunScorer,
-    watch: Callable[[float], None],
-    warn: Callable[[Drift], None],
-) -> tuple[End, list[str]]:
-    """Run, score, and write traces and memory; how the run ended, and the names of the files."""
-    columns, config, memory = _columns(scenario), scenario.setup.config, list[pa.Table]()
-    with trace_writer(folder, config.record, *columns) as writer:
-
-        def take(samples: Samples) -> None:
-            known, traces = scorer.drift, _assemble(scenario, columns, samples)
-            writer.write(traces)
-            scorer.add(traces)
-            if traces.memory is not None:
-                memory.append(traces.memory)
-            if known is None and scorer.drift is not None:
-                warn(scorer.drift)
-
-        end = stream(scenario, take, watch)
-        writer.finish(end.status == "completed")
-    if not config.record.trace:
-        return end, []
-    names = [TRACE, BODY] if columns[1] else [TRACE]
-    if memory:
-        write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
-        names.append(MEMORY)
-    return end, names
-
-
-def score_scenario(scenario: Scenario, keep: Callable[[Traces], None] = lambda traces: None) -> tuple[End, Scores]:
-    """Run a scenario in memory; how it ended, and its metrics.
+    keep: Callable[[Traces], None] = lambda traces: None,
+    watch: Callable[[float], None] = lambda cycles: None,
+    warn: Callable[[Drift], None] = lambda drift: None,
+) -> tuple[End, Scores]:
+    """Run a scenario and write nothing; how it ended, and its metrics.
 
     Args:
         scenario: new.
-        keep: called with the traces of some cycles at a time.
+        keep: is called with the traces of some cycles at a time.
+        watch: as :func:`run_scenario` takes it, and the next.
+        warn: see there.
     """
     columns, scorer = _columns(scenario), RunScorer(scenario.setup.config.steps_per_cycle)
 
     def take(samples: Samples) -> None:
-        traces = _assemble(scenario, columns, samples)
-        scorer.add(traces)
+        known, traces = scorer.drift, _assemble(scenario, columns, samples)
         keep(traces)
+        scorer.add(traces)
+        if known is None and scorer.drift is not None:
+            warn(scorer.drift)
 
-    return stream(scenario, take), scorer.scores
+    return stream(scenario, take, watch), scorer.scores
+
+
+def _roll_out(
+    scenario: Scenario, folder: Path, watch: Callable[[float], None], warn: Callable[[Drift], None]
+) -> tuple[End, Scores, list[str]]:
+    """Run, and write traces and memory; how the run ended, its metrics, and the names of the files."""
+    columns, record, memory = _columns(scenario), scenario.setup.config.record, list[pa.Table]()
+    with trace_writer(folder, record, *columns) as writer:
+
+        def keep(traces: Traces) -> None:
+            writer.write(traces)
+            if traces.memory is not None:
+                memory.append(traces.memory)
+
+        end, scores = score_scenario(scenario, keep, watch, warn)
+        writer.finish(end.status == "completed")
+    if not record.trace:
+        return end, scores, []
+    names = [TRACE, BODY] if columns[1] else [TRACE]
+    if memory:
+        write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
+        names.append(MEMORY)
+    return end, scores, names
 
 
 def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest, names: list[str]) -> None:
@@ -227,9 +228,7 @@ def _write(
 ) -> manifests.Manifest:
     """Run, and write everything but the manifest, which is returned."""
     config, folder = scenario.setup.config, place.new
-    scorer = RunScorer(config.steps_per_cycle)
-    end, names = _roll_out(scenario, folder, scorer, watch, warn)
-    scores = scorer.scores
+    end, scores, names = _roll_out(scenario, folder, watch, warn)
     names += write_scores(folder, scores, config.record.trace)
     shown = {"guard": [event._asdict() for event in end.events], **_robot_entry(scenario)}  # in the recording
     manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps, **shown)
@@ -249,6 +248,6 @@ def _write(
         "rollout_seconds": end.seconds,
         "files": {name: sha256(folder / name) for name in names},
     }
-    if end.error is not None and not isinstance(end.error, BadOutput):
+    if end.error is not None and not isinstance(end.error, BadOutput | MemoryError):
         entries["traceback"] = format_user_traceback(end.error)
     return manifest | entries
