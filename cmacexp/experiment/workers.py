@@ -12,13 +12,14 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import cache
-from multiprocessing import active_children, get_all_start_methods, get_context
+from multiprocessing import active_children
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from threading import Thread
 from types import ModuleType
 from typing import Any
 
+from cmacexp.experiment.forking import make_context
 from cmacexp.report.terminal import format_progress, shown
 
 Each = Callable[..., list[Any]]
@@ -27,9 +28,6 @@ VARIABLE = "CMACEXP_WORK"
 """Environment variable of workers: host and id of the process they work for, and the file of what is done."""
 SHARE = struct.Struct("d")
 """What is done of one item, 0 to 1 or FAILED_SHARE, in that file."""
-PRELOADED = ["cmacexp.experiment.sweep_job", "cmacexp.experiment.run", "cmacexp.report.run_summary"]
-PRELOADED += ["cmacexp.jit.numba_private", "cmacexp.config.compose", "hydra.core.override_parser.overrides_parser"]
-"""Modules that workers need."""
 FAILED_SHARE = 2.0
 """Of an item that failed."""
 WATCH_INTERVAL = 1.0
@@ -127,7 +125,7 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
     processes at once: their files are whole or absent.
     """
     count = processes or count_cores()
-    pool = ProcessPoolExecutor(count, _make_context(), _start, (dict(os.environ),))
+    pool = ProcessPoolExecutor(count, make_context(), _start, (dict(os.environ),))
 
     def submit(*call: Any) -> Future[Any]:
         # Processes start here. They inherit that Ctrl-C is ignored, which reaches them too; and they do not import
@@ -169,15 +167,6 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
         if is_idle:  # it may still be starting
             for process in active_children():
                 process.terminate()
-
-
-def _make_context() -> Any:
-    """Processes are copies of one that has imported what they need; where there is no fork, each imports it."""
-    if "forkserver" not in get_all_start_methods():
-        return get_context("spawn")
-    context = get_context("forkserver")
-    context.set_forkserver_preload(PRELOADED)
-    return context
 
 
 @contextmanager

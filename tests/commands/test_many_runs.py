@@ -53,7 +53,7 @@ def lean(tmp_path_factory):
 
 def test_a_job_with_metrics_alone_has_two_files_and_the_metrics_of_any_other(lean, tmp_path):
     assert {path.name for path in (lean / "0").iterdir()} == {"manifest.json", "metrics.parquet"}
-    full = run(["seed=1", "cycles=1", "record=trace"], tmp_path / "full")
+    full = run(["seed=1", "cycles=1", "record=trace", "warn=false"], tmp_path / "full")
     one = load_sweep(lean).query("run == '0'")
     pd.testing.assert_frame_equal(one[full.metrics.columns].reset_index(drop=True), full.metrics)
 
@@ -86,7 +86,7 @@ def test_a_recording_needs_traces(tmp_path):
 
 def test_runs_in_memory_are_those_on_disk(lean, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    overrides = [["seed=1", "cycles=1"], ["seed=2", "cycles=1"]]
+    overrides = [["seed=1", *JOBS[1:]], ["seed=2", *JOBS[1:]]]
     many, stored = run_many(overrides, processes=2), load_sweep(lean)
     metrics = many.columns.difference(["run", "warn", "record"])
     pd.testing.assert_frame_equal(many[metrics], stored[metrics])

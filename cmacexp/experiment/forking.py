@@ -1,0 +1,24 @@
+"""How worker processes start: as copies of one that has imported what they need."""
+
+import multiprocessing
+import signal
+from multiprocessing import forkserver
+from typing import Any
+
+PRELOADED = ["cmacexp.experiment.sweep_job", "cmacexp.experiment.run", "cmacexp.report.run_summary"]
+PRELOADED += ["cmacexp.jit.numba_private", "cmacexp.config.compose", "hydra.core.override_parser.overrides_parser"]
+"""Modules that workers need."""
+
+
+def make_context() -> Any:
+    """What starts processes, the first one at once; where there is no fork, each imports for itself."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which it inherits: Ctrl-C reaches it too
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    return context
