@@ -31,6 +31,8 @@ from cmacexp.planning.columns import (
     X,
     Y,
 )
+from cmacexp.planning.reference import Gains
+from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Mask, Scratch, State
 
 STIFFNESS, DAMPING, COMBINED, EXPLICIT = range(4)
@@ -43,16 +45,7 @@ class HybridParams(NamedTuple):
     mechanism: Mechanism
     method: int
     """One of METHODS."""
-    position_gain: float
-    """K_ap, N/m."""
-    velocity_gain: float
-    """K_av, N s/m."""
-    force_gain: float
-    """K_a of explicit force control."""
-    elasticity: float
-    """P_fn, m/N."""
-    admittance: float
-    """V_fn, m/(N s)."""
+    gains: Gains
     lead: Lead
     posture_gain: float
     """Of the posture control of a body; 0 switches it off."""
@@ -86,7 +79,7 @@ def new_hybrid_state(legs: int, axes: int = len(PLANE)) -> HybridState:
 @kernel
 def position_error(params: HybridParams, reference: float, reference_rate: float, value: float, rate: float) -> float:
     """K_ap E + K_av E' without force terms, N (Lin & Song 1997, eq. 21)."""
-    return params.position_gain * (reference - value) + params.velocity_gain * (reference_rate - rate)
+    return params.gains.position_gain * (reference - value) + params.gains.velocity_gain * (reference_rate - rate)
 
 
 @kernel
@@ -131,9 +124,9 @@ def force_error(
     posture control.
     """
     if params.method == EXPLICIT:
-        return params.force_gain * (reference[i, FORCE_REFERENCE] - force)
-    stiffness = params.position_gain * (y_reference - y - force * params.elasticity)
-    damping = params.velocity_gain * (vy_reference - vy - force * params.admittance)
+        return params.gains.force_gain * (reference[i, FORCE_REFERENCE] - force)
+    stiffness = params.gains.position_gain * (y_reference - y - force * params.gains.elasticity)
+    damping = params.gains.velocity_gain * (vy_reference - vy - force * params.gains.admittance)
     if params.method == STIFFNESS:
         return stiffness
     if params.method == DAMPING:
@@ -176,12 +169,7 @@ def hybrid_feedback(
     state: HybridState,
     support: Mask,
     reference: Array,
-    geometry: Array,
-    foot: Array,
-    velocity: Array,
-    force: Array,
-    body: Array,
-    body_rate: Array,
+    observation: Observation,
 ) -> None:
     """Feedback torques of all legs; fills ``state``.
 
@@ -190,21 +178,18 @@ def hybrid_feedback(
         state: of the last step, becomes that of this one.
         support: (L,): force control along y where true, position control elsewhere.
         reference: (L, columns): a row of the plan, see :mod:`cmacexp.planning.columns`.
-        geometry: of the measured joint angles, see :func:`cmacexp.models.mechanism.update_geometry`.
-        foot: (L, J): measured foot position, m.
-        velocity: (L, J): measured foot velocity, m/s.
-        force: (L,): measured contact force, N.
-        body: (3,): measured height (m), pitch and roll (rad).
-        body_rate: (3,): their measured rates, m/s and rad/s.
+        observation: what sensors measure.
     """
-    pose = make_pose(body) if has_body(params.mechanism) else LEVEL
+    foot, velocity, geometry = observation.foot, observation.velocity, observation.geometry
+    pose = make_pose(observation.body) if has_body(params.mechanism) else LEVEL
     for i in range(support.shape[0]):
         x_error = position_error(params, reference[i, X], reference[i, VX], foot[i, 0], velocity[i, 0])
         y_reference = reference[i, Y]
-        pressed = control_force(params, state.fault_status, i, force[i], reference[i, FORCE_DESIRED], foot, pose)
+        force, desired = observation.force[i], reference[i, FORCE_DESIRED]
+        pressed = control_force(params, state.fault_status, i, force, desired, foot, pose)
         if support[i]:
             y_reference += posture_term(params, i, pose)
-            vy_reference = reference[i, VY] + posture_rate_term(params, i, pose, body_rate)
+            vy_reference = reference[i, VY] + posture_rate_term(params, i, pose, observation.body_rate)
             y_error = force_error(
                 params, i, reference, y_reference, vy_reference, foot[i, 1], velocity[i, 1], pressed
             )

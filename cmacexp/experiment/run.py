@@ -18,15 +18,7 @@ from cmacexp.data.folder import RUN_KEY, Place, replacing
 from cmacexp.data.parquet import write_table
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MODEL_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import (
-    BODY,
-    MEMORY,
-    RECORDING,
-    TRACE,
-    Traces,
-    steps_by_cycle,
-    write_scores,
-)
+from cmacexp.data.tables import BODY, MEMORY, RECORDING, TRACE, Traces, steps_by_cycle, write_scores
 from cmacexp.data.trace_writer import trace_writer
 from cmacexp.data.weights import WEIGHTS, start_hash, write_weights
 from cmacexp.errors import BadInput, BadOutput, format_user_traceback

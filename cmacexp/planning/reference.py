@@ -27,7 +27,7 @@ from cmacexp.typing import Array, Mask
 
 
 class Gains(NamedTuple):
-    """Gains in the equations of the reference."""
+    """Gains of the controller, which the equations of its reference contain."""
 
     position_gain: float
     """K_ap, N/m."""
@@ -41,6 +41,13 @@ class Gains(NamedTuple):
     """V_fn, m/(N s)."""
     stiffness: float
     """K_n that the controller assumes, N/m."""
+
+
+def make_gains(config: Config, position_gain: float, velocity_gain: float) -> Gains:
+    """Those of force control beside those of position control, N/m and N s/m."""
+    law = config.force_control
+    stiffness = config.assumed_stiffness
+    return Gains(position_gain, velocity_gain, law.force_gain, law.elasticity, law.admittance, stiffness)
 
 
 class SupportReference(NamedTuple):
@@ -102,14 +109,7 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
     reference follows the depression as the desired force changes: the velocity gain would resist that, and on ground
     with damping the depression lags behind.
     """
-    method = config.force_control
-    gains = Gains(
-        *(config.gains or (math.inf, 0.0)),
-        method.force_gain,
-        method.elasticity,
-        method.admittance,
-        config.assumed_stiffness,
-    )
+    method, gains = config.force_control, make_gains(config, *(config.gains or (math.inf, 0.0)))
     reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS[desired.shape[2] // 3]))
     copied = [X, Y, VX, VY]
     reference[..., copied], reference[..., FORCE_DESIRED] = desired[..., copied], force

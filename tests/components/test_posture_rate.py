@@ -11,6 +11,7 @@ from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import LEVEL, make_pose
 from cmacexp.models.leg import trigonometry
+from cmacexp.sensors.kernels import Observation
 
 
 @pytest.mark.parametrize("substeps", [1, 3])
@@ -59,7 +60,8 @@ def feedback_of(params, support, body_rate):
     state, two = new_hybrid_state(4), np.zeros((4, 2))
     trig = np.array([trigonometry(0.3, 1.2)] * 4)
     body = np.array([0.5, 0.0, 0.0])
-    hybrid_feedback(params, state, support, np.zeros((4, 7)), trig, two, two, np.zeros(4), body, body_rate)
+    observed = Observation(two, two, two, two, np.zeros(4), body, body_rate, trig)
+    hybrid_feedback(params, state, support, np.zeros((4, 7)), observed)
     return state.output[:, 1]
 
 
@@ -71,7 +73,7 @@ def test_supporting_feet_are_sent_down_by_gain_times_the_speed_of_a_sinking_hip(
     support = np.array([True, True, True, False])
     params = hybrid_law._replace(method=METHODS[method])
     sinking = 0.1 + 0.2 * np.array([0.225, 0.225, -0.225, -0.225])
-    expected = weight * params.lead.b0 * params.velocity_gain * 5.0 * np.where(support, sinking, 0.0)
+    expected = weight * params.lead.b0 * params.gains.velocity_gain * 5.0 * np.where(support, sinking, 0.0)
     assert_allclose(feedback_of(params, support, np.array([-0.1, 0.2, 0.0])), expected, rtol=1e-12, atol=1e-12)
 
 

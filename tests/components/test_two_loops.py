@@ -7,12 +7,15 @@ from random import Random
 
 import numpy as np
 import pytest
+from support.robot_walks import RIGID, ROBOT, SHORT
+from support.robots import OWN
 
 from cmacexp.loop import roll_out
 from cmacexp.loop.compiled import fused_loop
 from cmacexp.loop.external import coroutine_loop
 from cmacexp.loop.scenario import make_scenario
 
+QUADRUPED = "scenario=quadruped"
 SPREAD = {
     "terrain": ["soft_flat", "patchy"],
     "feedforward": ["none", "cmac", "inverse_dynamics"],
@@ -69,17 +72,19 @@ np.savez(sys.argv[1], samples=rollout.samples, body=rollout.body_samples, cause=
 @pytest.mark.parametrize(
     "overrides",
     [
-        ["cycles=2", "gait.cycle_time=1.5", "learning.lead=1", "machine.legs.left_front.mass_1=0.6"],
-        ["cycles=1", "terrain=patchy", "gait.load_ramp=0.1", "learning.start_cycle=1", "plant.substeps=2"],
-        ["cycles=1", "posture.gain=0"],
-        ["cycles=1", "plant=mujoco_quadruped", "plant.start_spread=0.01"],
+        [QUADRUPED, "cycles=2", "gait.cycle_time=1.5", "learning.lead=1", "machine.legs.left_front.mass_1=0.6"],
+        [QUADRUPED, "cycles=1", "terrain=patchy", "gait.load_ramp=0.1", "learning.start_cycle=1", "plant.substeps=2"],
+        [QUADRUPED, "cycles=1", "posture.gain=0"],
+        [QUADRUPED, "cycles=1", "plant=mujoco_quadruped", "plant.start_spread=0.01"],
+        [*ROBOT, f"machine.path={OWN}", *SHORT, "payload.weight=5", "plant.substeps=2"],
+        [*ROBOT, f"machine.path={OWN}", *SHORT, RIGID, "sensors=encoders", "actuator.delay=1"],
     ],
-    ids=["learning", "patchy", "falling", "friction"],
+    ids=["learning", "patchy", "falling", "friction", "robot", "robot on a rigid floor"],
 )
 def test_plain_python_gives_the_bits_of_compiled_code(make_config, tmp_path, overrides):
-    command = [sys.executable, "-c", ELSEWHERE, str(tmp_path / "plain.npz"), "scenario=quadruped", *overrides]
+    command = [sys.executable, "-c", ELSEWHERE, str(tmp_path / "plain.npz"), *overrides]
     subprocess.run(command, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=True)
-    compiled = roll_out(make_scenario(make_config("scenario=quadruped", *overrides)))
+    compiled = roll_out(make_scenario(make_config(*overrides)))
     with np.load(tmp_path / "plain.npz") as plain:
         assert same_bits(plain["samples"], compiled.samples)
         assert same_bits(plain["body"], compiled.body_samples)

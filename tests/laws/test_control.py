@@ -21,6 +21,7 @@ from cmacexp.models.leg import Leg, joint_torque, trigonometry
 from cmacexp.models.mechanism import legs_on_stand, point_mass
 from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains, keeps_static_load
+from cmacexp.sensors.kernels import new_observation
 from pipelines.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth
 
 corners = st.floats(0.5, 50.0)
@@ -90,10 +91,9 @@ def feedback(params, support, reference, foot, velocity, force, q=(0.0, 0.0)):
     """U and feedback torque of each step of one leg; rows of arrays are steps."""
     state, us, torques, trig = new_hybrid_state(1), [], [], np.array([trigonometry(*q)])
     for k in range(len(foot)):
-        hybrid_feedback(
-            params, state, np.array([support]), reference[k : k + 1], trig,
-            foot[k : k + 1], velocity[k : k + 1], force[k : k + 1], np.zeros(3), np.zeros(3),
-        )  # fmt: skip
+        rows = {"foot": foot[k : k + 1], "velocity": velocity[k : k + 1], "force": force[k : k + 1]}
+        observed = new_observation(1)._replace(geometry=trig, **rows)
+        hybrid_feedback(params, state, np.array([support]), reference[k : k + 1], observed)
         us.append(state.learning_error[0].copy())
         torques.append(state.feedback[0].copy())
     return np.array(us), np.array(torques)
@@ -106,7 +106,8 @@ NO_DETECTION = FaultDetection(False, 10.0, 0.0, 0.0, 1.0)
 def make_law(method="combined", mechanism=None, period=0.005):
     lead = discretise(5.0, 10.0, period)
     mechanism = mechanism or point_mass(0.5, 0.5)
-    return HybridParams(mechanism, METHODS[method], 90.0, 4.0, 70.0, 0.05, 0.02, lead, 0.0, 0.0, NO_DETECTION)
+    gains = Gains(90.0, 4.0, 70.0, 0.05, 0.02, 10.0)
+    return HybridParams(mechanism, METHODS[method], gains, lead, 0.0, 0.0, NO_DETECTION)
 
 
 def noise(columns, seed):
