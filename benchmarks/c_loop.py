@@ -94,11 +94,11 @@ def _tables(scenario: Scenario) -> dict[str, np.ndarray]:
 
 def _law(scenario: Scenario, tables: dict[str, np.ndarray]) -> CLaw:
     config, plan, address = scenario.setup.config, scenario.setup.plan, scenario.feedforward.cmacs[0].address
-    leg, control, lead = config.machine.leg, scenario.controller.params, scenario.controller.params.lead
+    leg, gains, lead = config.machine.leg, scenario.controller.params.gains, scenario.controller.params.lead
     numbers = (
         leg.length_1, leg.length_2, leg.mass_1, leg.mass_2, config.machine.hip_height, config.terrain.stiffness,
-        config.sampling_period, control.gains.position_gain, control.gains.velocity_gain, control.gains.elasticity,
-        control.gains.admittance, lead.b0, lead.b1, lead.a1, config.actuator.limit, config.learning.rate,
+        config.sampling_period, gains.position_gain, gains.velocity_gain, gains.elasticity,
+        gains.admittance, lead.b0, lead.b1, lead.a1, config.actuator.limit, config.learning.rate,
     )  # fmt: skip
     counts = (len(plan.support), plan.start_step, address.resolution_elements, address.rows, address.seed)
     return CLaw(*numbers, *counts, *(tables[name].ctypes.data for name in TABLES))

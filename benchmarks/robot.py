@@ -1,4 +1,4 @@
-"""A step of a robot: the whole loop, in which MuJoCo is called from Python, against MuJoCo's own step."""
+"""A step of a robot: the whole loop, of which MuJoCo's own step is a part, against that step alone."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from cmacexp.plants.mujoco_robot import MujocoRobot
 
 PLANTS = {"elastic ground": "mujoco_robot", "rigid floor": "mujoco_robot_rigid"}
 ROBOT = "go1"
-TARGET = "80 us"
+TARGET = "1.5 times"
 STEPS = 1_000
 
 

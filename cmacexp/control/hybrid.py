@@ -13,7 +13,8 @@ from cmacexp.models.lead import discretise
 from cmacexp.models.mechanism import GEOMETRY_FIELDS, update_geometry
 from cmacexp.planning.reference import make_gains
 from cmacexp.planning.setup import Reference, Setup
-from cmacexp.plants.protocol import Measurement
+from cmacexp.plants.protocol import Measurement, get_state
+from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array
 
 
@@ -70,11 +71,8 @@ class HybridController:
     def act(self, reference: Reference, measurement: Measurement) -> Action:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""
         last: Array = self.state.learning_error.copy()
-        m = measurement
-        update_geometry(self.params.mechanism, m.q, self.geometry)
-        hybrid_feedback(
-            self.params, self.state, reference.support, reference.values, self.geometry,
-            m.foot, m.velocity, m.force, m.body, m.body_rate,
-        )  # fmt: skip
+        update_geometry(self.params.mechanism, measurement.q, self.geometry)
+        observation = Observation._make((*get_state(measurement), self.geometry))
+        hybrid_feedback(self.params, self.state, reference.support, reference.values, observation)
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)
         return Action(self.state.feedback.copy(), feedforward, self.state.reference.copy())

@@ -32,6 +32,7 @@ from cmacexp.planning.columns import (
     Y,
 )
 from cmacexp.planning.reference import Gains
+from cmacexp.sensors.kernels import Observation
 from cmacexp.typing import Array, Mask, Scratch, State
 
 STIFFNESS, DAMPING, COMBINED, EXPLICIT = range(4)
@@ -168,12 +169,7 @@ def hybrid_feedback(
     state: HybridState,
     support: Mask,
     reference: Array,
-    geometry: Array,
-    foot: Array,
-    velocity: Array,
-    force: Array,
-    body: Array,
-    body_rate: Array,
+    observation: Observation,
 ) -> None:
     """Feedback torques of all legs; fills ``state``.
 
@@ -182,21 +178,18 @@ def hybrid_feedback(
         state: of the last step, becomes that of this one.
         support: (L,): force control along y where true, position control elsewhere.
         reference: (L, columns): a row of the plan, see :mod:`cmacexp.planning.columns`.
-        geometry: of the measured joint angles, see :func:`cmacexp.models.mechanism.update_geometry`.
-        foot: (L, J): measured foot position, m.
-        velocity: (L, J): measured foot velocity, m/s.
-        force: (L,): measured contact force, N.
-        body: (3,): measured height (m), pitch and roll (rad).
-        body_rate: (3,): their measured rates, m/s and rad/s.
+        observation: what sensors measure.
     """
-    pose = make_pose(body) if has_body(params.mechanism) else LEVEL
+    foot, velocity, geometry = observation.foot, observation.velocity, observation.geometry
+    pose = make_pose(observation.body) if has_body(params.mechanism) else LEVEL
     for i in range(support.shape[0]):
         x_error = position_error(params, reference[i, X], reference[i, VX], foot[i, 0], velocity[i, 0])
         y_reference = reference[i, Y]
-        pressed = control_force(params, state.fault_status, i, force[i], reference[i, FORCE_DESIRED], foot, pose)
+        force, desired = observation.force[i], reference[i, FORCE_DESIRED]
+        pressed = control_force(params, state.fault_status, i, force, desired, foot, pose)
         if support[i]:
             y_reference += posture_term(params, i, pose)
-            vy_reference = reference[i, VY] + posture_rate_term(params, i, pose, body_rate)
+            vy_reference = reference[i, VY] + posture_rate_term(params, i, pose, observation.body_rate)
             y_error = force_error(
                 params, i, reference, y_reference, vy_reference, foot[i, 1], velocity[i, 1], pressed
             )

@@ -22,7 +22,7 @@ from cmacexp.feedforward.kernels import (
     Smoothing,
     feedforward_step,
 )
-from cmacexp.feedforward.weight_log import LOGGED, new_log, take
+from cmacexp.feedforward.weight_log import LOGGED, WeightLog, new_log, take
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Cells
@@ -117,10 +117,13 @@ def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
     return FeedforwardParams(TABLE, torque, cells, activation, weights, learning, NO_SMOOTHING, log)
 
 
-def _start_weights(setup: Setup, shape: tuple[int, ...]) -> Array:
+def _start_weights(setup: Setup, shape: tuple[int, ...], log: WeightLog) -> Array:
     """Weights of zero, or those of an earlier run."""
     if setup.learnt is None:
-        return np.zeros(shape)
+        weights = np.zeros(shape)
+        for own, rows in zip(weights, log.rows, strict=True):
+            own[rows] = 0.0  # the loop would read before it writes: two page faults a page, a third of a short run
+        return weights
     weights = np.array(setup.learnt["weights"], dtype=float)
     if weights.shape != shape:
         reason = f"has weights of shape {weights.shape}, this run needs {shape}; give the config that was learnt"
@@ -148,14 +151,14 @@ def network(
     # The paper's law is written for the two joints of a planar leg.
     binary = joints == 2 and (activation is None or bool((activation == 1.0).all()))
     counts = np.broadcast_to(1.0, cells.shape) if activation is None else activation  # which takes no memory
-    learning = _learning(setup, cells, counts, binary)
+    learning, log = _learning(setup, cells, counts, binary), new_log(cells)
     return FeedforwardParams(
         CMAC if binary else WEIGHTED,
         np.zeros((1, legs, joints)),
         cells,
         np.zeros((1, legs, 1)) if learning.plain else np.ascontiguousarray(counts, dtype=float),
-        _start_weights(setup, (legs, rows, joints)),
+        _start_weights(setup, (legs, rows, joints), log),
         learning,
         NO_SMOOTHING if taps is None else Smoothing(np.ascontiguousarray(taps, dtype=float), np.zeros(rows)),
-        new_log(cells),
+        log,
     )

@@ -20,10 +20,11 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 import numba
+from numba import types
 from numba.core import event, serialize
 from numba.extending import typeof_impl
 
-from cmacexp.jit.kernels import inlined_kernels
+from cmacexp.jit.kernels import c_functions, inlined_kernels
 
 TESTED = ((0, 62), (0, 70))
 """First version of numba that these names were tested with, and first that they were not."""
@@ -67,7 +68,10 @@ def _inner(function: Callable[..., object]) -> Any:
 
 @typeof_impl.register(FunctionType)
 def _type_of_kernel(function: FunctionType, context: object) -> Any:
-    """numba's type of a global function that compiled code calls; None of what is no kernel."""
+    """numba's type of a global function that compiled code calls; None of what is neither kernel nor C function."""
+    if function in c_functions:
+        arguments = [types.intp] * function.__code__.co_argcount
+        return types.ExternalFunction(function.__name__, types.void(*arguments))
     return typeof(_inner(function)) if function in inlined_kernels else None
 
 

@@ -17,6 +17,10 @@ from cmacexp.loop.step import Loop, Torques
 from cmacexp.loop.stop import StopLimits
 from cmacexp.plants import AnalyticPlant
 from cmacexp.plants.kernels import PlantState, new_state
+from cmacexp.plants.mujoco_leg import MujocoLeg
+from cmacexp.plants.mujoco_plant import MujocoPlant
+from cmacexp.plants.mujoco_quadruped import MujocoQuadruped
+from cmacexp.plants.mujoco_robot import MujocoRobot
 from cmacexp.sensors import PerfectSensors, RealSensors
 from cmacexp.sensors.channel import Sensing
 from cmacexp.sensors.kernels import Observation, new_observation
@@ -30,7 +34,7 @@ def find_external(scenario: Scenario) -> External:
     controller, feedforward = type(scenario.controller) is not HybridController, scenario.feedforward
     known = isinstance(feedforward, BuiltInFeedforward) and type(feedforward).predict is BuiltInFeedforward.predict
     return External(
-        type(scenario.plant) is not AnalyticPlant,
+        type(scenario.plant) not in (AnalyticPlant, MujocoLeg, MujocoQuadruped, MujocoRobot),
         type(scenario.sensors) not in (PerfectSensors, RealSensors),
         controller,
         not controller and not known,
@@ -88,13 +92,18 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
         None if external.controller or external.feedforward else scenario.feedforward,
     )
     mechanism = setup.mechanism
-    machine = plant.state if isinstance(plant, AnalyticPlant) else new_state(mechanism.shape[0], mechanism.axes)
+    engine = plant.engine if isinstance(plant, MujocoPlant) else None
+    machine = new_state(mechanism.shape[0], mechanism.axes)
+    if isinstance(plant, AnalyticPlant | MujocoPlant):
+        machine = plant.state
     return Loop(
         setup.plan.support,
         setup.plan.reference,
         setup.plan.start_step,
         mechanism,
         plant.params if isinstance(plant, AnalyticPlant) else None,
+        engine,
+        None if engine is None else engine.travel,
         machine,
         *_make_observation(scenario, external, machine),
         controller.params if isinstance(controller, HybridController) else None,

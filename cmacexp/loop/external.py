@@ -109,7 +109,6 @@ class ExternalDriver:
     def taken(self, steps: int) -> None:
         self.start, self.progress[TAKEN] = steps, 0
 
-    @interrupt_held_back(False)  # a step of an external component may take any time
     def run(self, samples: Array, body_samples: Array) -> int:
         """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows.
 
@@ -120,10 +119,12 @@ class ExternalDriver:
             BadOutput: a component returned invalid output; ``taken`` is the number of steps before it.
         """
         done, stop = 0, RUNNING
-        while stop == RUNNING and done < len(samples):
-            steps = min(MOST_TOGETHER, self.period - self.taken % self.period, len(samples) - done)
-            stop = self._run(samples[done : done + steps], body_samples[done : done + steps])
-            done += steps
+        # An external component may take any time; MuJoCo would drop an interrupt in a function that it calls.
+        with interrupt_held_back(self.loop.engine is not None):
+            while stop == RUNNING and done < len(samples):
+                steps = min(MOST_TOGETHER, self.period - self.taken % self.period, len(samples) - done)
+                stop = self._run(samples[done : done + steps], body_samples[done : done + steps])
+                done += steps
         return stop
 
     def _run(self, samples: Array, body_samples: Array) -> int:

@@ -181,8 +181,13 @@ def raise_limits(limits: Array, effort: float, speed: float, tilt: float) -> Non
 
 
 @kernel
-def watch(guard: Guard, sample: int, support: Mask, control: HybridState, observation: Observation) -> None:
-    """Note effort and errors of a step, ``sample`` of its cycle."""
+def watch(guard: Guard | None, sample: int, support: Mask, control: HybridState, observation: Observation) -> None:
+    """Note effort and errors of a step, ``sample`` of its cycle, before the plant moves on.
+
+    Arrays that were written a moment before would be read slowly.
+    """
+    if guard is None:
+        return
     counts, values, effort, error, speed = guard.counts, guard.values, 0.0, 0.0, 0.0
     for i in range(support.shape[0]):
         for j in range(control.reference.shape[1]):
@@ -207,8 +212,10 @@ def watch(guard: Guard, sample: int, support: Mask, control: HybridState, observ
 
 
 @kernel
-def take_torque(guard: Guard, sample: int, torque: Array) -> None:
+def take_torque(guard: Guard | None, sample: int, torque: Array) -> None:
     """Keep the feedforward ``torque`` (L, J) of a step, N m; where learning has ended, replace it."""
+    if guard is None:
+        return
     phase, table = guard.counts[PHASE], guard.torque[guard.counts[SLOT], sample]
     for i in range(torque.shape[0]):
         for j in range(torque.shape[1]):

@@ -29,6 +29,7 @@ from cmacexp.models.lateness import Lateness
 from cmacexp.models.mechanism import POINT_MASS
 from cmacexp.planning.plan import Plan
 from cmacexp.planning.stability import STABILITY
+from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.sensors.protocol import find_altered
 from cmacexp.typing import Array
 
@@ -74,16 +75,16 @@ class End:
     """``completed``, ``diverged``, ``fell``, ``interrupted`` or ``failed``."""
     cause: str
     """Why it did not complete: step, time and cause; empty if it did."""
-    seconds: float
-    """Wall time of the closed loop alone, without compiling."""
-    error: Exception | None
-    """What a component raised."""
-    events: Sequence[Event]
-    """What the guard of learning did."""
-    estimates: Sequence[LeadEstimate]
-    """Of the lead, by ``learning.lead=estimate``."""
     rate: float
     """Of learning at the end."""
+    error: Exception | None = None
+    """What a component raised."""
+    seconds: float = 0.0
+    """Wall time of the closed loop alone, without compiling."""
+    events: Sequence[Event] = ()
+    """What the guard of learning did."""
+    estimates: Sequence[LeadEstimate] = ()
+    """Of the lead, by ``learning.lead=estimate``."""
 
 
 def _format_error(raised: Exception) -> str:
@@ -153,11 +154,10 @@ class _Stream:
         try:
             stop = self._drive(samples, body)
             if stop != RUNNING:
-                q, dq, pose = driver.state.q, driver.state.dq, driver.state.body
-                self.status = STATUSES[stop]
-                self.cause = describe_stop(
-                    self.limits, stop, driver.taken, config.sampling_period, q, dq, pose, driver.divergence
-                )
+                plant, self.status = self.scenario.plant, STATUSES[stop]
+                reported = driver.divergence or (plant.divergence if isinstance(plant, MujocoPlant) else "")
+                period, state = config.sampling_period, driver.state
+                self.cause = describe_stop(self.limits, stop, driver.taken, period, state, reported)
         except KeyboardInterrupt:
             self.status, self.cause = "interrupted", f"after step {driver.taken}"
         except Exception as raised:
@@ -254,16 +254,8 @@ def stream(
     if scenario.fault is not None:
         legs, joints = scenario.setup.mechanism.shape
         keep(Samples(0, *make_samples(0, legs, _samples_measured(scenario), joints), None))
-        return End(
-            0,
-            "failed",
-            f"before the first step: {_format_error(scenario.fault)}",
-            0.0,
-            scenario.fault,
-            [],
-            [],
-            scenario.setup.rate,
-        )
+        cause = f"before the first step: {_format_error(scenario.fault)}"
+        return End(0, "failed", cause, scenario.setup.rate, scenario.fault)
     config = scenario.setup.config
     expect_steps(config.cycles * config.steps_per_cycle * config.legs)
     with interrupt_held_back():  # until the next call of the driver
@@ -274,10 +266,10 @@ def stream(
                 keep(run.collect(start))
     expect_steps(math.inf)
     events = read_events(run.guard)
-    return End(run.driver.taken, run.status, run.cause, run.seconds, run.error, events, run.estimates, run.rate)
+    return End(run.driver.taken, run.status, run.cause, run.rate, run.error, run.seconds, events, run.estimates)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Rollout(End):
     """A closed loop with all its samples in memory."""
 

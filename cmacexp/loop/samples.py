@@ -42,7 +42,7 @@ HEIGHT_MEASURED, PITCH_MEASURED, ROLL_MEASURED = _body_columns("height_measured 
 HEIGHT_RATE_MEASURED, PITCH_RATE_MEASURED, ROLL_RATE_MEASURED = _body_columns(
     "height_rate_measured pitch_rate_measured roll_rate_measured"
 )
-TRAVEL = [BODY_SAMPLES.index(name) for name in ARRAYS["travel"]]
+COG_X, COG_Y, YAW = TRAVEL = [BODY_SAMPLES.index(name) for name in ARRAYS["travel"]]
 """Columns of the position of the body in the world; those of the plan unless the plant measures them."""
 
 
@@ -66,6 +66,7 @@ def write_samples(
     samples: Array,
     body_samples: Array,
     k: int,
+    travel: Array | None,
     machine: PlantState,
     observation: Observation,
     control: HybridState,
@@ -77,6 +78,8 @@ def write_samples(
     """
     body = machine.body
     body_samples[k, HEIGHT], body_samples[k, PITCH], body_samples[k, ROLL] = body[0], body[1], body[2]
+    if travel is not None:
+        body_samples[k, COG_X], body_samples[k, COG_Y], body_samples[k, YAW] = travel[0], travel[1], travel[2]
     for i in range(samples.shape[1]):
         row = samples[k, i]
         row[X], row[Y] = machine.foot[i, 0], machine.foot[i, 1]

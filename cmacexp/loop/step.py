@@ -1,8 +1,8 @@
 """The steps of the closed loop: observe, predict, control, guard, actuate, commit, advance, check, in this order.
 
-Each of them is a kernel that both drivers call. :func:`cmacexp.loop.compiled.fused_loop` runs built-in components
-without a pause; the generator :func:`take_steps` pauses wherever an external component has to act. It would do for
-both, but a generator keeps its state in memory: a step of built-in components would take three times as long.
+Each of them is a kernel that both drivers call. :func:`take_fused_steps` runs built-in components without a pause;
+the generator :func:`take_steps` pauses wherever an external component has to act. It would do for both, but a
+generator keeps its state in memory: a step of built-in components would take three times as long.
 """
 
 import math
@@ -16,10 +16,12 @@ from cmacexp.feedforward.weight_log import log_cycle
 from cmacexp.jit.compiler import kernel
 from cmacexp.loop.guard import Guard, begin_step, lets_act, lets_learn, needs_judging, take_torque, watch
 from cmacexp.loop.samples import write_samples as commit
-from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits, stop_reason
+from cmacexp.loop.stop import DIVERGED, RUNNING, StopLimits
+from cmacexp.loop.stop import stop_reason as check
 from cmacexp.models.mechanism import Mechanism, update_geometry
 from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.plants.kernels import PlantParams, PlantState, advance
+from cmacexp.plants.mujoco_kernels import Engine, advance_engine
 from cmacexp.plants.protocol import Measurement
 from cmacexp.sensors.channel import Sensing
 from cmacexp.sensors.kernels import Observation, read_sensors
@@ -49,6 +51,10 @@ class Loop(NamedTuple):
     start_step: int
     mechanism: Mechanism
     plant: PlantParams | None
+    engine: Engine | None
+    """Of a built-in plant in MuJoCo, which has no other parameters."""
+    travel: Array | None
+    """(3,): of a body that a built-in plant moves, as of a Measurement."""
     plant_state: PlantState
     sensing: Sensing | None
     """None also of sensors that alter nothing."""
@@ -165,38 +171,16 @@ def control(
 ) -> None:
     """The built-in controller, with rows of the plan."""
     if params is not None:
-        hybrid_feedback(
-            params, state, support, reference,
-            observation.geometry, observation.foot, observation.velocity, observation.force,
-            observation.body, observation.body_rate,
-        )  # fmt: skip
+        hybrid_feedback(params, state, support, reference, observation)
 
 
 @kernel
-def guard_torque(guard: Guard | None, sample: int, torque: Array) -> None:
-    """The guard of learning, between control and actuators: ``torque`` (L, J) of the feedforward, N m."""
-    if guard is not None:
-        take_torque(guard, sample, torque)
-
-
-@kernel
-def guard_step(guard: Guard | None, sample: int, support: Mask, state: HybridState, observation: Observation) -> None:
-    """The guard of learning, before the plant moves on; arrays written a moment before would be read slowly."""
-    if guard is not None:
-        watch(guard, sample, support, state, observation)
-
-
-@kernel
-def advance_plant(params: PlantParams | None, machine: PlantState, torque: Array) -> None:
+def advance_plant(params: PlantParams | None, engine: Engine | None, machine: PlantState, torque: Array) -> None:
     """The built-in plant."""
     if params is not None:
         advance(params, machine, torque)
-
-
-@kernel
-def check(limits: StopLimits, sample: int, machine: PlantState) -> int:
-    """RUNNING, or why the run stops at the start of a step, the ``sample`` of its cycle."""
-    return stop_reason(limits, sample, machine.q, machine.dq, machine.foot, machine.force, machine.body)
+    if engine is not None:
+        advance_engine(engine, machine, torque)
 
 
 @kernel
@@ -210,6 +194,35 @@ def check_measured(limits: StopLimits, sample: int, machine: PlantState) -> int:
         if not is_finite(machine.velocity):
             return DIVERGED
     return status
+
+
+@kernel
+def take_fused_steps(loop: Loop, progress: Counts, start: int, samples: Array, body_samples: Array) -> None:
+    """:func:`take_steps` for built-in components, without pauses."""
+    machine, observation, state = loop.plant_state, loop.observation, loop.control_state
+    feedforward, total = loop.torques
+    period = loop.support.shape[0]
+    sample, status, taken = start % period, RUNNING, 0
+    if start == 0 and samples.shape[0] > 0:
+        status = check(loop.limits, 0, machine)
+    while status == RUNNING and taken < samples.shape[0]:
+        step = start + taken
+        begin(loop.guard, loop.feedforward, step, sample)
+        acting = lets_act(loop.guard, loop.start_step, step)
+        observe(loop.sensing, loop.mechanism, step, machine, observation)
+        if step >= loop.start_step:
+            predict(loop.feedforward, loop.guard, step, sample, state.learning_error, feedforward)
+        reference = loop.reference[ACTING if acting else BEFORE, sample]
+        control(loop.control, state, loop.support[sample], reference, observation)
+        take_torque(loop.guard, sample, feedforward)
+        actuate(loop.actuator, step, state.feedback, feedforward, total)
+        commit(samples, body_samples, taken, loop.travel, machine, observation, state, feedforward)
+        watch(loop.guard, sample, loop.support[sample], state, observation)
+        advance_plant(loop.plant, loop.engine, machine, total)
+        taken += 1
+        sample = sample + 1 if sample + 1 < period else 0
+        status = check(loop.limits, sample, machine)
+    progress[TAKEN], progress[STOP] = taken, status
 
 
 @kernel
@@ -277,17 +290,18 @@ def take_steps(
                 loop.reference[stage, sample],
                 loop.observation,
             )
-        guard_torque(loop.guard, sample, loop.torques.feedforward)
+        take_torque(loop.guard, sample, loop.torques.feedforward)
         actuate(loop.actuator, step, loop.control_state.feedback, loop.torques.feedforward, loop.torques.total)
         commit(
-            samples, body_samples, k, loop.plant_state, loop.observation, loop.control_state, loop.torques.feedforward
-        )
-        guard_step(loop.guard, sample, loop.support[sample], loop.control_state, loop.observation)
+            samples, body_samples, k, loop.travel, loop.plant_state, loop.observation, loop.control_state,
+            loop.torques.feedforward,
+        )  # fmt: skip
+        watch(loop.guard, sample, loop.support[sample], loop.control_state, loop.observation)
         if inputs.plant is not None:
             copy_matrix(loop.torques.total, inputs.plant, k)
             yield STEP, k
         else:
-            advance_plant(loop.plant, loop.plant_state, loop.torques.total)
+            advance_plant(loop.plant, loop.engine, loop.plant_state, loop.torques.total)
         progress[TAKEN] = k + 1
         sample = sample + 1 if sample + 1 < period else 0
         if measured:

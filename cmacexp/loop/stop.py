@@ -8,6 +8,8 @@ import numpy as np
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import depth, make_pose
 from cmacexp.models.mechanism import POINT_MASS, Mechanism, has_body
+from cmacexp.plants.kernels import PlantState
+from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Clock
 
 RUNNING, DIVERGED, FELL = range(3)
@@ -69,16 +71,16 @@ def has_fallen(limits: StopLimits, body: Array) -> bool:
 
 
 @kernel
-def stop_reason(limits: StopLimits, sample: int, q: Array, dq: Array, foot: Array, force: Array, body: Array) -> int:
+def stop_reason(limits: StopLimits, sample: int, state: PlantState | Measurement) -> int:
     """RUNNING, DIVERGED or FELL at the start of a step, the ``sample`` of its cycle."""
-    if has_diverged(limits.mechanism, q, dq, foot):
+    if has_diverged(limits.mechanism, state.q, state.dq, state.foot):
         return DIVERGED
     if has_body(limits.mechanism):
         limits.unstable[0] = limits.unstable[0] + 1 if limits.margin[sample] < 0.0 else 0
-        if has_fallen(limits, body):
+        if has_fallen(limits, state.body):
             return FELL
-    for i in range(force.shape[0]):
-        if not math.isfinite(force[i]):
+    for i in range(state.force.shape[0]):
+        if not math.isfinite(state.force[i]):
             return DIVERGED
     return RUNNING
 
@@ -111,14 +113,7 @@ def _explain_fall(limits: StopLimits, body: Array) -> str:
 
 
 def describe_stop(
-    limits: StopLimits,
-    status: int,
-    step: int,
-    sampling_period: float,
-    q: Array,
-    dq: Array,
-    body: Array,
-    reported: str = "",
+    limits: StopLimits, status: int, step: int, sampling_period: float, state: Measurement, reported: str = ""
 ) -> str:
     """Step, time and cause of a stop.
 
@@ -127,10 +122,10 @@ def describe_stop(
         status: DIVERGED or FELL.
         step: at whose start it stopped.
         sampling_period: s.
-        q: (L, J): joint angles at that step, rad.
-        dq: (L, J): joint velocities, rad/s.
-        body: (3,): height, pitch and roll.
+        state: of the machine at that step.
         reported: cause that the plant reported; empty if it reported none.
     """
-    why = reported or (_explain_divergence(limits, q, dq) if status == DIVERGED else _explain_fall(limits, body))
+    why = reported or (
+        _explain_divergence(limits, state.q, state.dq) if status == DIVERGED else _explain_fall(limits, state.body)
+    )
     return f"at step {step} (t = {step * sampling_period:.3f} s): {why}"

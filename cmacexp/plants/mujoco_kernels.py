@@ -1,6 +1,6 @@
-"""Contact forces for MuJoCo, and measurements of its machines, as kernels.
+"""Steps of machines in MuJoCo, forces on them, and their measurements, as kernels.
 
-The function that MuJoCo calls in every stage is a compiled generator: resuming it costs a tenth of a call of a kernel
+What Python calls in every step or stage is a compiled generator: resuming it costs a tenth of a call of a program
 with as many arrays; its caller keeps these alive.
 """
 
@@ -11,8 +11,8 @@ from typing import NamedTuple
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.models.ground import Ground, damped_force, grade_at, height_at, stiffness_under
 from cmacexp.models.mechanism import CHAINS_UNDER_BODY, Mechanism, move_foot, place_foot, update_geometry
-from cmacexp.plants.kernels import Payload
-from cmacexp.plants.protocol import Measurement
+from cmacexp.plants.kernels import Payload, PlantState
+from cmacexp.plants.mujoco_library import mj_comPos, mj_comVel, mj_kinematics, mj_step, mj_step1, mj_step2
 from cmacexp.typing import Array, Counts
 
 Vector = tuple[float, float, float]
@@ -43,17 +43,6 @@ class Feet(NamedTuple):
     """Body with the free joint; that of legs on a stand is 0, the world."""
 
 
-class Joints(NamedTuple):
-    """MuJoCo's positions and velocities, and where those of the joints are in them."""
-
-    position: Array
-    velocity: Array
-    q: Counts
-    """(L, J): rows of ``position``."""
-    dq: Counts
-    """(L, J): rows of ``velocity``."""
-
-
 class Bodies(NamedTuple):
     """Arrays that MuJoCo fills and reads in place; B is the number of its bodies."""
 
@@ -75,17 +64,50 @@ class Bodies(NamedTuple):
     """(6,): its velocity in the world, m/s, and its angular velocity in its own frame, rad/s."""
 
 
-class Contacts(NamedTuple):
-    """State of the contacts of L feet."""
+class Engine(NamedTuple):
+    """A machine of L legs in MuJoCo, its surroundings, and where both are in MuJoCo's arrays."""
 
-    stiffness: Array
-    """(L,): K_n under each foot, N/m."""
-    force: Array
-    """(L,): normal forces, N."""
+    model: int
+    """Address of MuJoCo's model."""
+    data: int
+    """Address of its data."""
+    substeps: int
+    """Steps of MuJoCo per sampling period."""
+    warning: Counts
+    """(1,): variable of MuJoCo, the address of the function that it calls when it warns."""
+    ignore: int
+    """Its value during a step: MuJoCo would write to a file in the current folder; ``warned`` counts anyway."""
+    passive: Counts
+    """(1,): likewise that of the function for passive forces."""
+    press: int
+    """Its value during a step of the Runge-Kutta method: forces of the ground in a stage; 0: semi-implicit Euler."""
+    warned: Counts
+    """How often MuJoCo has given each of its warnings."""
+    position: Array
+    """Of all that moves, as the next two."""
+    velocity: Array
+    torque: Array
+    """N m."""
+    q: Counts
+    """(L, J): rows of ``position`` that are joint angles."""
+    dq: Counts
+    """(L, J): rows of ``velocity`` and ``torque``."""
+    bodies: Bodies
+    feet: Feet
+    origin: Array
+    """(3,): of the body's frame in that of the trunk, m."""
+    mechanism: Mechanism
+    payload: Payload
+    touch: Touch
+    """Contact of a foot with elastic ground, whose surface is the reference of the height of the body."""
     anchor: Array
     """(L, 2): where each foot sticks in the world, m."""
-    clock: Array
-    """(1,): number of sampling periods since the start."""
+    sensors: Array
+    """Values of MuJoCo's sensors."""
+    floor: Counts | None
+    """(L,): those that are normal forces of MuJoCo's own contacts, N; None: they do not act, ``touch`` does."""
+    travel: Array | None
+    """(3,): as of a Measurement."""
 
 
 @kernel
@@ -140,19 +162,19 @@ def pull_at(bodies: Bodies, body: int, place: Array | Vector, force: Vector) -> 
 
 
 @kernel
-def press(touch: Touch, bodies: Bodies, feet: Feet, contacts: Contacts, in_stage: bool) -> None:
-    """Forces of the ground on the feet: fills ``contacts`` and ``bodies.pull``.
+def press(touch: Touch, bodies: Bodies, feet: Feet, machine: PlantState, anchors: Array, in_stage: bool) -> None:
+    """Forces of the ground on the feet that stick at ``anchors`` (L, 2): fills ``bodies.pull``, and ``machine``.
 
     Stiffness and the points where feet stick are those of the start of an integration step ``in_stage``.
     """
-    for i in range(contacts.force.shape[0]):
-        place, anchor = bodies.place[feet.point[i]], contacts.anchor[i]
+    for i in range(anchors.shape[0]):
+        place, anchor = bodies.place[feet.point[i]], anchors[i]
         if not in_stage:
-            contacts.stiffness[i] = stiffness_under(touch.ground, i, contacts.clock[0], place[0], place[1])
-        force = ground_force(touch, contacts.stiffness[i], place, foot_velocity(bodies, feet, i), anchor)
-        contacts.force[i] = force[2]
+            machine.stiffness[i] = stiffness_under(touch.ground, i, machine.clock[0], place[0], place[1])
+        force = ground_force(touch, machine.stiffness[i], place, foot_velocity(bodies, feet, i), anchor)
+        machine.force[i] = force[2]
         if not in_stage:
-            drag(touch, place, contacts.force[i], anchor)
+            drag(touch, place, machine.force[i], anchor)
         pull_at(bodies, feet.body[i], place, force)
 
 
@@ -193,7 +215,7 @@ def observe_trunk(
 
 @kernel
 def observe_planar_foot(
-    hips: Array, bodies: Bodies, feet: Feet, at: Vector, velocity: Vector, i: int, measured: Measurement
+    hips: Array, bodies: Bodies, feet: Feet, at: Vector, velocity: Vector, i: int, measured: PlantState
 ) -> None:
     """Measure foot ``i`` of a planar leg under a body whose origin is at ``at``, m, with ``velocity``, m/s."""
     turn, w, place = bodies.trunk_turn, bodies.trunk_rate[3:], bodies.place[feet.point[i]]
@@ -208,27 +230,10 @@ def observe_planar_foot(
     measured.velocity[i, 1] = -(turn[2] * vx + turn[5] * vy + turn[8] * vz - w[0] * hips[i, 1] + w[1] * x)
 
 
-class Observed(NamedTuple):
-    """What the measurement of a machine follows from, and what it fills."""
-
-    mechanism: Mechanism
-    ground: Ground
-    """Reference of the height of the body."""
-    origin: Array
-    """(3,): of the body's frame in that of the trunk, m."""
-    bodies: Bodies
-    feet: Feet
-    joints: Joints
-    geometry: Array
-    """Filled, see :func:`cmacexp.models.mechanism.update_geometry`."""
-    measured: Measurement
-    """Filled but for the forces."""
-
-
 @kernel
-def observe(observed: Observed) -> None:
-    """Measure joints, body and feet of a machine at MuJoCo's present positions and velocities."""
-    mechanism, ground, origin, bodies, feet, joints, geometry, measured = observed
+def observe(engine: Engine, machine: PlantState) -> None:
+    """Measure joints, body and feet of a machine at MuJoCo's present positions and velocities; fills ``machine``."""
+    mechanism, origin, bodies, feet = engine.mechanism, engine.origin, engine.bodies, engine.feet
     turn, spin = bodies.trunk_turn, bodies.trunk_rate[3:]
     at = turned(bodies.trunk_place, turn, origin[0], origin[1], origin[2])
     velocity = turned(
@@ -238,43 +243,96 @@ def observe(observed: Observed) -> None:
         spin[2] * origin[0] - spin[0] * origin[2],
         spin[0] * origin[1] - spin[1] * origin[0],
     )
-    for i in range(measured.q.shape[0]):
-        for j in range(measured.q.shape[1]):
-            measured.q[i, j] = joints.position[joints.q[i, j]]
-            measured.dq[i, j] = joints.velocity[joints.dq[i, j]]
+    for i in range(machine.q.shape[0]):
+        for j in range(machine.q.shape[1]):
+            machine.q[i, j] = engine.position[engine.q[i, j]]
+            machine.dq[i, j] = engine.velocity[engine.dq[i, j]]
     if feet.trunk > 0:
-        observe_trunk(ground, bodies, at, velocity, measured.body, measured.body_rate, measured.travel)
-    if mechanism.kind == CHAINS_UNDER_BODY:
-        update_geometry(mechanism, measured.q, geometry)
-    for i in range(measured.q.shape[0]):
+        observe_trunk(engine.touch.ground, bodies, at, velocity, machine.body, machine.body_rate, engine.travel)
+    update_geometry(mechanism, machine.q, machine.geometry)
+    for i in range(machine.q.shape[0]):
         if mechanism.kind == CHAINS_UNDER_BODY:
-            place_foot(mechanism, i, geometry, measured.foot)
-            move_foot(mechanism, i, geometry, measured.dq, measured.velocity)
+            place_foot(mechanism, i, machine.geometry, machine.foot)
+            move_foot(mechanism, i, machine.geometry, machine.dq, machine.velocity)
         else:
-            observe_planar_foot(mechanism.hips, bodies, feet, at, velocity, i, measured)
+            observe_planar_foot(mechanism.hips, bodies, feet, at, velocity, i, machine)
+
+
+@kernel
+def read_floor(floor: Counts | None, sensors: Array, force: Array) -> None:
+    """Normal forces of MuJoCo's own contacts in the last step; fills ``force`` (L,), N."""
+    if floor is not None:
+        for i in range(force.shape[0]):
+            force[i] = sensors[floor[i]]
+
+
+@kernel
+def apply_forces(floor: Counts | None, engine: Engine, machine: PlantState, in_stage: bool) -> None:
+    """:func:`press`, without a floor of MuJoCo, and :func:`load_trunk`."""
+    if floor is None:
+        press(engine.touch, engine.bodies, engine.feet, machine, engine.anchor, in_stage)
+    load_trunk(engine.payload, engine.origin, engine.bodies, engine.feet, machine.clock[0])
+
+
+@kernel
+def integrate(engine: Engine, machine: PlantState) -> None:
+    """One step of MuJoCo: Runge-Kutta with forces of the ground in every stage, or Euler with those at its start.
+
+    Held over a step of Runge-Kutta they would excite oscillations of the ground.
+    """
+    model, data = engine.model, engine.data
+    if engine.press == 0:
+        mj_step2(model, data)
+        read_floor(engine.floor, engine.sensors, machine.force)
+        mj_step1(model, data)
+    else:
+        # Only during the step: MuJoCo calls it for every model of the process.
+        before = engine.passive[0]
+        engine.passive[0] = engine.press
+        mj_step(model, data)
+        engine.passive[0] = before
+        # The step leaves positions and velocities of its last stage.
+        mj_kinematics(model, data)
+        mj_comPos(model, data)
+        mj_comVel(model, data)
+
+
+@kernel
+def advance_engine(engine: Engine, machine: PlantState, torque: Array) -> None:
+    """Hold ``torque`` (L, J), N m, over one sampling period; joint angles become NaN if MuJoCo warns."""
+    for i in range(torque.shape[0]):
+        for j in range(torque.shape[1]):
+            engine.torque[engine.dq[i, j]] = torque[i, j]
+    before, warned = engine.warning[0], False
+    engine.warning[0] = engine.ignore
+    for substep in range(engine.substeps):
+        if not warned:
+            integrate(engine, machine)
+            warned = bool(engine.warned.any())
+        if not warned:
+            if substep + 1 == engine.substeps:
+                machine.clock[0] += 1
+            apply_forces(engine.floor, engine, machine, False)
+    engine.warning[0] = before
+    if not warned:
+        observe(engine, machine)
+    else:
+        for i in range(torque.shape[0]):
+            for j in range(torque.shape[1]):
+                machine.q[i, j] = math.nan
 
 
 @program
-def pressing(
-    touch: Touch | None,
-    payload: Payload,
-    origin: Array,
-    bodies: Bodies,
-    feet: Feet,
-    contacts: Contacts,
-    in_stage: bool,
-) -> Iterator[int]:
-    """:func:`press` and :func:`load_trunk` whenever it is resumed."""
+def pressing(engine: Engine, machine: PlantState) -> Iterator[int]:
+    """:func:`apply_forces` in a stage whenever it is resumed."""
     while True:
-        if touch is not None:
-            press(touch, bodies, feet, contacts, in_stage)
-        load_trunk(payload, origin, bodies, feet, contacts.clock[0])
+        apply_forces(engine.floor, engine, machine, True)
         yield 0
 
 
 @program
-def observing(observed: Observed) -> Iterator[int]:
-    """:func:`observe` whenever it is resumed."""
+def advancing(engine: Engine, machine: PlantState, torque: Array) -> Iterator[int]:
+    """:func:`advance_engine` whenever it is resumed."""
     while True:
-        observe(observed)
+        advance_engine(engine, machine, torque)
         yield 0

@@ -1,5 +1,6 @@
 """A machine in MuJoCo: what one leg, four planar legs and robots have in common."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -7,12 +8,14 @@ import numpy as np
 
 from cmacexp.config import ComponentConfig, number
 from cmacexp.errors import BadInput, Diverged
-from cmacexp.models.mechanism import GEOMETRY_FIELDS
-from cmacexp.models.robot import load_mujoco, warnings_dropped
+from cmacexp.jit.interrupt import interrupt_held_back
+from cmacexp.models.robot import load_mujoco
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
-from cmacexp.plants.mujoco_kernels import Bodies, Contacts, Feet, Joints, Observed, Touch, observing, pressing
-from cmacexp.plants.protocol import Measurement, get_state, new_measurement
+from cmacexp.plants.kernels import new_state
+from cmacexp.plants.mujoco_kernels import Bodies, Engine, Feet, Touch, advancing, apply_forces, observe, pressing
+from cmacexp.plants.mujoco_library import Callback, find_address, find_variable, ignore_warning
+from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Counts
 
 WARNINGS = {
@@ -79,23 +82,23 @@ class MujocoPlant:
     def __init__(self, config: MujocoConfig):
         self.config = config
 
-    def begin(self, setup: Setup, made: Model, touch: Touch | None, start: Array) -> Measurement:
+    def begin(
+        self, setup: Setup, made: Model, touch: Touch, start: Array, floor: Counts | None = None
+    ) -> Measurement:
         """Start at rest, the trunk level, every foot sticking where it is.
 
         Args:
             setup: of the run.
             made: the machine.
-            touch: of a foot with elastic ground; None: MuJoCo's own contacts act.
+            touch: of a foot with elastic ground.
             start: (L, J): joint angles, rad.
+            floor: (L,): which values of MuJoCo's sensors are normal forces of its own contacts; None: ``touch`` acts.
         """
         config, mechanism, mujoco = setup.config, setup.mechanism, load_mujoco()
         model, trunk, joint, foot, origin = made
         data = mujoco.MjData(model)
         self.mujoco, self.model, self.data = mujoco, model, data
         q, dq = (addresses[joint].astype(np.int64) for addresses in (model.jnt_qposadr, model.jnt_dofadr))
-        joints = Joints(data.qpos, data.qvel, q, dq)
-        # Views: what acts on the joints, and how often MuJoCo has given each of its warnings.
-        self.torque, self.dof, self.warned = data.qfrc_applied, dq, data.warning.number
         model.opt.timestep = config.sampling_period / self.config.substeps
         trunk_rate, self._floats = np.zeros(6), int(trunk > 0)
         if trunk:
@@ -106,26 +109,44 @@ class MujocoPlant:
             trunk_rate = data.qvel[first_rate : first_rate + 6]
         data.qpos[q] = start
         mujoco.mj_step1(model, data)
-        legs, ground = len(foot), make_ground(config.terrain, config.sampling_period)
         fixed_to = model.geom_bodyid[foot]
         point, body, root = (indices.astype(np.int64) for indices in (foot, fixed_to, model.body_rootid[fixed_to]))
-        feet = Feet(point, body, root, trunk)
-        bodies = Bodies(
-            *(data.geom_xpos, data.cvel, data.subtree_com, data.xipos, data.xfrc_applied),
-            *(data.xpos[trunk], data.xmat[trunk], trunk_rate),
+        self.state = new_state(mechanism.shape[0], mechanism.axes)
+        self.state.body[0] = mechanism.hip_height
+        in_stages = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+        self._callback = Callback(self._press_in_stage)
+        self.engine = Engine(
+            model=model._address,  # the bindings have no public name for it
+            data=data._address,
+            substeps=self.config.substeps,
+            warning=find_variable("mju_user_warning"),
+            ignore=find_address(ignore_warning),
+            passive=find_variable("mjcb_passive"),
+            press=find_address(self._callback) if in_stages else 0,
+            warned=data.warning.number,
+            position=data.qpos,
+            velocity=data.qvel,
+            torque=data.qfrc_applied,
+            q=q,
+            dq=dq,
+            bodies=Bodies(
+                *(data.geom_xpos, data.cvel, data.subtree_com, data.xipos, data.xfrc_applied),
+                *(data.xpos[trunk], data.xmat[trunk], trunk_rate),
+            ),
+            feet=Feet(point, body, root, trunk),
+            origin=origin,
+            mechanism=mechanism,
+            payload=make_payload(config.payload, config.sampling_period),
+            touch=touch,
+            anchor=data.geom_xpos[foot, :2].copy(),
+            sensors=data.sensordata,
+            floor=floor,
+            travel=np.zeros(3) if trunk else None,
         )
-        contacts = Contacts(np.zeros(legs), np.zeros(legs), data.geom_xpos[foot, :2].copy(), np.zeros(1))
-        geometry, measured = np.zeros((legs, GEOMETRY_FIELDS[mechanism.axes])), new_measurement(*mechanism.shape)
-        measured.body[0] = mechanism.hip_height
-        measured = measured._replace(force=contacts.force, travel=(travel := np.zeros(3)))
-        self.contacts, self._measured = contacts, (*get_state(measured), *([travel] if trunk else []))
-        acting = touch, make_payload(config.payload, config.sampling_period), origin, bodies, feet, contacts
-        observed = Observed(mechanism, ground, origin, bodies, feet, joints, geometry, measured)
-        # Compiled generators do not keep their arrays alive.
-        self._kept = acting, observed
-        self._pressing_in_stage, self._pressing = (pressing(*acting, in_stage) for in_stage in (True, False))
-        self._observing = observing(observed)
-        next(self._pressing)
+        self._torque = np.zeros(mechanism.shape)
+        self._advancing: Iterator[int] | None = None
+        self._pressing: Iterator[int] | None = None
+        apply_forces(floor, self.engine, self.state, False)
         return self.measure()
 
     def step(self, torque: Array) -> Measurement:
@@ -134,32 +155,19 @@ class MujocoPlant:
         Raises:
             Diverged: MuJoCo warns of its state.
         """
-        self.torque[self.dof] = torque
-        with warnings_dropped(self.mujoco):
-            for substep in range(self.config.substeps):
-                self.integrate()
-                if self.warned.any():
-                    raise Diverged(self._explain_warning())
-                self.contacts.clock[0] += substep + 1 == self.config.substeps
-                next(self._pressing)
-        return self.measure()
+        self._torque[...] = torque
+        if self._advancing is None:
+            self._advancing = advancing(self.engine, self.state, self._torque)
+        with interrupt_held_back():  # MuJoCo is to forget its handlers, and would drop an error in one
+            next(self._advancing)
+        if self.divergence:
+            raise Diverged(self.divergence)
+        return self._copy_state()
 
-    def integrate(self) -> None:
-        """One classical Runge-Kutta step, with contact forces in every stage, as the project's own method has them.
-
-        Held over a step they would excite oscillations of the ground.
-        """
-        mujoco, model, data = self.mujoco, self.model, self.data
-        # Only during the step: MuJoCo calls it for every model of the process.
-        mujoco.set_mjcb_passive(self._press_in_stage)
-        try:
-            mujoco.mj_step(model, data)
-        finally:
-            mujoco.set_mjcb_passive(None)
-        # The step leaves positions and velocities of its last stage.
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
+    def _press_in_stage(self, model: int, data: int) -> None:
+        if self._pressing is None:
+            self._pressing = pressing(self.engine, self.state)
+        next(self._pressing)
 
     def hold(self) -> Array:
         """Remember this step as the one that :meth:`put` returns to; its state, (n,).
@@ -169,40 +177,46 @@ class MujocoPlant:
         kind = self.mujoco.mjtState.mjSTATE_INTEGRATION
         whole = np.empty(self.mujoco.mj_stateSize(self.model, kind))
         self.mujoco.mj_getState(self.model, self.data, whole, kind)
-        self._held = whole, [values.copy() for values in (*self.contacts, *self._measured)]
-        return self.state()
+        self._held = whole, self.state.force.copy(), self.state.clock.copy()
+        return self.pack_state()
 
-    def state(self) -> Array:
+    def pack_state(self) -> Array:
         """The present state, see :meth:`hold`."""
         place = self.data.qpos[: 2 * self._floats]
-        anchor = self.contacts.anchor - (place if self._floats else 0.0)
+        anchor = self.engine.anchor - (place if self._floats else 0.0)
         return np.concatenate([self.data.qpos[2 * self._floats :], self.data.qvel, anchor.ravel()])
 
     def put(self, state: Array) -> Measurement:
         """Return to the step of :meth:`hold`, with this state (n,)."""
-        data, anchor, (whole, arrays) = self.data, self.contacts.anchor, self._held
+        data, anchor, whole = self.data, self.engine.anchor, self._held[0]
         self.mujoco.mj_setState(self.model, data, whole, self.mujoco.mjtState.mjSTATE_INTEGRATION)
-        for values, held in zip((*self.contacts, *self._measured), arrays, strict=True):
-            values[...] = held
+        self.state.force[...], self.state.clock[...] = self._held[1:]
         positions = len(data.qpos) - 2 * self._floats
         data.qpos[2 * self._floats :], data.qvel[:] = state[:positions], state[positions : positions + len(data.qvel)]
         anchor[...] = state[positions + len(data.qvel) :].reshape(anchor.shape)
         anchor += data.qpos[:2] if self._floats else 0.0
         self.mujoco.mj_step1(self.model, data)
-        next(self._pressing)
+        apply_forces(self.engine.floor, self.engine, self.state, False)
         return self.measure()
 
-    def _press_in_stage(self, model: Any, data: Any) -> None:
-        next(self._pressing_in_stage)
-
     def measure(self) -> Measurement:
-        """A copy of the present state."""
-        next(self._observing)
-        return Measurement(*[values.copy() for values in self._measured])
+        """The present state of MuJoCo, measured anew."""
+        observe(self.engine, self.state)
+        return self._copy_state()
 
-    def _explain_warning(self) -> str:
-        """The first of MuJoCo's warnings, in one line, with the joint to which the velocity that it names belongs."""
-        warning = int(np.flatnonzero(self.warned)[0])
+    def _copy_state(self) -> Measurement:
+        measured, travel = Measurement(*[values.copy() for values in self.state[:7]]), self.engine.travel
+        return measured if travel is None else measured._replace(travel=travel.copy())
+
+    @property
+    def divergence(self) -> str:
+        """The first of MuJoCo's warnings, in one line, with the joint to which the velocity that it names belongs.
+
+        Empty if there is none.
+        """
+        if not self.engine.warned.any():
+            return ""
+        warning = int(np.flatnonzero(self.engine.warned)[0])
         name, velocity = self.mujoco.mjtWarning(warning).name, int(self.data.warning.lastinfo[warning])
         if name == "mjWARN_BADQPOS":  # a body that floats has a position, of its quaternion, more than velocities
             velocity = max(0, velocity - (self.model.nq - self.model.nv))

@@ -12,8 +12,10 @@ from cmacexp.errors import BadInput
 from cmacexp.models.robot import load_mujoco, warnings_dropped
 from cmacexp.planning.robot import find_stance
 from cmacexp.planning.setup import Setup
+from cmacexp.plants.mujoco_kernels import read_floor
 from cmacexp.plants.mujoco_plant import FrictionConfig, Model, MujocoPlant, require_machine
 from cmacexp.plants.protocol import Measurement
+from cmacexp.typing import Counts
 
 ELASTIC, RIGID = "elastic", "mujoco"
 FLOOR = "floor of cmacexp"
@@ -64,29 +66,26 @@ class MujocoRobot(MujocoPlant):
         self.robot = read_model(machine)
         legs, origin = self.robot.legs, find_stance(self.robot, machine.hip_height).origin
         if self.config.contact == ELASTIC:
-            model, self.feet, touch = copy.copy(self.robot.model), legs.foot_geom, self.config.touch(setup)
+            model, feet, floor = copy.copy(self.robot.model), legs.foot_geom, None
             model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_CONTACT
         else:
-            model, touch = self._make_floor(machine), None
+            model, feet, floor = self._make_floor(machine)
         model.opt.integrator = self.mujoco.mjtIntegrator.mjINT_EULER
         model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        self.begin(
-            setup, Model(model, legs.base, legs.joint, self.feet, origin), touch, self.config.draw_start(setup)
-        )
-        if self.config.contact == RIGID:
-            self.mujoco.mj_forward(self.model, self.data)
-            self._read_forces()
+        made = Model(model, legs.base, legs.joint, feet, origin)
+        measured = self.begin(setup, made, self.config.touch(setup), self.config.draw_start(setup), floor)
+        if floor is None:
+            return measured
+        self.mujoco.mj_forward(self.model, self.data)
+        read_floor(floor, self.engine.sensors, self.state.force)
         return self.measure()
 
-    def integrate(self) -> None:
-        """One step of MuJoCo, with the forces of the ground at its start."""
-        self.mujoco.mj_step2(self.model, self.data)
-        if self.config.contact == RIGID:
-            self._read_forces()
-        self.mujoco.mj_step1(self.model, self.data)
+    def _make_floor(self, machine: RobotMachine) -> tuple[Any, Counts, Counts]:
+        """The robot's model with a rigid floor, which touches its feet and nothing else.
 
-    def _make_floor(self, machine: RobotMachine) -> Any:
-        """The robot's model with a rigid floor, which touches its feet and nothing else."""
+        Returns:
+            The model, geoms of its feet, and which of its sensors' values are their normal forces.
+        """
         spec = self.mujoco.MjSpec.from_file(str(self.robot.path))
         floor = spec.worldbody.add_geom(
             type=self.mujoco.mjtGeom.mjGEOM_PLANE,
@@ -96,26 +95,24 @@ class MujocoRobot(MujocoPlant):
         )
         for geom in (floor, *map(spec.geom, machine.feet)):
             geom.contype = geom.conaffinity = 1  # without them MuJoCo compiles a geom that can never touch anything
+        kind, geom = self.mujoco.mjtSensor.mjSENS_CONTACT, self.mujoco.mjtObj.mjOBJ_GEOM
+        force_of_one = [1 << int(self.mujoco.mjtConDataField.mjCONDATA_FORCE), 0, 1]  # a sphere touches a plane once
+        sensors = [
+            spec.add_sensor(type=kind, objtype=geom, objname=FLOOR, reftype=geom, refname=foot, intprm=force_of_one)
+            for foot in machine.feet
+        ]
         with warnings_dropped(self.mujoco):
             model = spec.compile()
         model.opt.gravity[:] = self.robot.model.opt.gravity
-        self.feet = np.array([model.geom(name).id for name in machine.feet])
-        self.leg_of = {int(geom): leg for leg, geom in enumerate(self.feet)}
-        touching = np.array([*self.feet, model.geom(floor.name).id])
+        feet = np.array([model.geom(name).id for name in machine.feet])
+        touching = np.array([*feet, model.geom(floor.name).id])
         model.geom_contype[:], model.geom_conaffinity[:] = 0, 0
-        model.geom_contype[touching[-1]], model.geom_conaffinity[self.feet] = 1, 1
+        model.geom_contype[touching[-1]], model.geom_conaffinity[feet] = 1, 1
         model.geom_friction[touching, 0], model.geom_condim[touching] = self.config.friction, 3
         model.geom_margin[touching], model.geom_gap[touching] = 0.0, 0.0
         model.pair_margin[:] = -1.0  # pairs of geoms that a model lists touch whatever else it says: these never do
-        model.opt.disableflags &= ~int(self.mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        for needed in (self.mujoco.mjtDisableBit.mjDSBL_CONTACT, self.mujoco.mjtDisableBit.mjDSBL_SENSOR):
+            model.opt.disableflags &= ~int(needed)
         model.opt.enableflags &= ~int(self.mujoco.mjtEnableBit.mjENBL_OVERRIDE)
         model.geom_solref[touching], model.geom_solimp[touching], model.geom_priority[touching] = SOLREF, SOLIMP, 0
-        return model
-
-    def _read_forces(self) -> None:
-        """Normal forces of MuJoCo's contacts in the last step, N; a plane comes before the sphere that touches it."""
-        wrench = np.zeros(6)
-        self.contacts.force[:] = 0.0
-        for k, (_, foot) in enumerate(self.data.contact.geom.tolist()):
-            self.mujoco.mj_contactForce(self.model, self.data, k, wrench)
-            self.contacts.force[self.leg_of[foot]] += wrench[0]
+        return model, feet, model.sensor_adr[[sensor.id for sensor in sensors]].astype(np.int64)

@@ -15,14 +15,13 @@ from cmacexp.config import Config
 from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.kernels import CMAC, TABLE, WEIGHTED
 from cmacexp.jit.compiler import expect_steps
+from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.builtin import find_external, make_loop
 from cmacexp.loop.compiled import CompiledDriver
-from cmacexp.loop.external import ExternalDriver
 from cmacexp.loop.samples import ALL_SAMPLES, make_samples
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.stop import RUNNING, new_limits
 from cmacexp.plants.mujoco_plant import MujocoPlant
-from cmacexp.plants.protocol import get_state
 from cmacexp.typing import CLOCK, STATE, Array, Role
 
 NUDGE = 1e-6
@@ -80,19 +79,18 @@ class RestorableLoop:
         scenario: fresh; of built-in components.
 
     Raises:
-        NotPredictable: it has external components but a plant of MuJoCo.
+        NotPredictable: it has external components.
     """
 
     def __init__(self, scenario: Scenario):
         external = find_external(scenario)
         self.plant = scenario.plant if isinstance(scenario.plant, MujocoPlant) else None
-        if any(external._replace(plant=external.plant and self.plant is None)) or scenario.fault is not None:
+        if any(external) or scenario.fault is not None:
             raise NotPredictable("only a loop of built-in components with a plant of the project can be linearised")
         setup = scenario.setup
         config, (legs, self.joints) = setup.config, setup.mechanism.shape
         limits = new_limits(setup.mechanism, setup.plan.margins[:, 0], config.sampling_period)
-        loop = make_loop(scenario, external, limits)
-        self.run = ExternalDriver(scenario, loop, external) if external.plant else CompiledDriver(loop)
+        self.run = CompiledDriver(make_loop(scenario, external, limits))
         self.plan = setup.plan
         self.config = config
         self.period = config.steps_per_cycle
@@ -120,7 +118,8 @@ class RestorableLoop:
 
     def advance(self, steps: int) -> bool:
         """Run some steps, at most a cycle; False if the run ended in them."""
-        return self.run.run(self.samples[:steps], self.body[:steps]) == RUNNING
+        with interrupt_held_back():  # MuJoCo would drop an interrupt in a function that it calls
+            return self.run.run(self.samples[:steps], self.body[:steps]) == RUNNING
 
     def column(self, name: str) -> Array:
         """Torques (N, L, J) of the last cycle's samples by the name of the joints', e.g. ``tau_feedback``."""
@@ -145,7 +144,7 @@ class RestorableLoop:
     def state(self) -> Array:
         """The state, (n,)."""
         weights = [self._weights[i, rows].ravel() for i, rows in enumerate(self._in_use)]
-        plant = [] if self.plant is None else [self.plant.state()]
+        plant = [] if self.plant is None else [self.plant.pack_state()]
         return np.concatenate([*(_read(part, self.run.taken) for part in self._parts), *weights, *plant])
 
     def put(self, state: Array) -> None:
@@ -161,11 +160,8 @@ class RestorableLoop:
         for array, held in self._clocks:
             array[...] = held
         self.run.taken = self._held
-        if isinstance(self.run, ExternalDriver) and self.plant is not None:
-            measured = self.plant.put(state[done:])
-            self.run.travel = measured.travel
-            for values, new in zip(get_state(self.run.state), get_state(measured), strict=True):
-                values[...] = new
+        if self.plant is not None:
+            self.plant.put(state[done:])
 
     def derivative(self, about: Array, along: Array, observe: Callable[[], Array], steps: int) -> tuple[Array, Array]:
         """Directional derivative of the state after some steps, and of an observation of them.
@@ -197,11 +193,9 @@ def open_loop(config: Config, prepared: Scenario | None = None) -> RestorableLoo
         config: a checked config.
         prepared: its scenario if it is already made and has not run; it stays unchanged.
     """
-    scenario = prepared
     if prepared is None or isinstance(prepared.plant, MujocoPlant):  # which cannot be copied
         scenario = make_scenario(config)
-    elif not any(find_external(prepared)):
-        scenario = copy.deepcopy(prepared)
+    else:
+        scenario = prepared if any(find_external(prepared)) else copy.deepcopy(prepared)
     expect_steps(math.inf)  # each cycle is run for dozens of nearby states
-    assert scenario is not None
     return RestorableLoop(scenario)

@@ -6,6 +6,7 @@ from cmacexp.config import Config
 from cmacexp.config.schema import NONE
 from cmacexp.loop.builtin import find_external
 from cmacexp.loop.scenario import Scenario, resolve_lead
+from cmacexp.plants import AnalyticPlant
 from cmacexp.report.terminal import activity
 
 MIN_LEARNING_CYCLES = 100
@@ -20,7 +21,8 @@ MIN_TOTAL_GROWTH = 10.0
 def _is_checked(config: Config, scenario: Scenario) -> bool:
     steps = config.steps_per_cycle * len(scenario.setup.mechanism.legs) * getattr(config.plant, "substeps", 1)
     enough = config.cycles - config.learning.start_cycle >= MIN_LEARNING_CYCLES
-    return config.warn and enough and steps <= MAX_STEPS_PER_CYCLE and not any(find_external(scenario))
+    quick = steps <= MAX_STEPS_PER_CYCLE and isinstance(scenario.plant, AnalyticPlant)
+    return config.warn and enough and quick and not any(find_external(scenario))
 
 
 def _cure(config: Config, scenario: Scenario) -> str:

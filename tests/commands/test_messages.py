@@ -27,6 +27,7 @@ from cmacexp.experiment.objective import check_metric, list_metrics
 from cmacexp.loop import roll_out, stop
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import Drift, format_drift
+from cmacexp.plants.protocol import new_measurement
 from cmacexp.report.terminal import COMPILING
 
 PAGE = Path(__file__).with_name("messages.txt")
@@ -142,7 +143,8 @@ def describe(status: int, q: float = 0.0, dq: float = 0.0, body: tuple[float, fl
     """How a stop of the quadruped in this state is described."""
     mechanism = make_scenario(compose_config(["scenario=quadruped", "feedforward=none"])).setup.mechanism
     limits = stop.new_limits(mechanism, np.zeros(1), 0.01)
-    return stop.describe_stop(limits, status, 7, 0.01, np.full((4, 2), q), np.full((4, 2), dq), np.array(body))
+    state = new_measurement(4)._replace(q=np.full((4, 2), q), dq=np.full((4, 2), dq), body=np.array(body))
+    return stop.describe_stop(limits, status, 7, 0.01, state)
 
 
 NAMES = {

@@ -18,6 +18,7 @@ from cmacexp.loop.stop import (
     stop_reason,
 )
 from cmacexp.planning.machine import make_mechanism
+from cmacexp.plants.protocol import new_measurement
 
 AT_REST = np.zeros((4, 2))
 
@@ -31,10 +32,10 @@ def limits(make_config):
 
 def stop_at(limits, body, sample=300, q=AT_REST, dq=AT_REST, force=None):
     """Why a machine stops in this state, and in words."""
-    body = np.array(body, dtype=float)
     force = np.full(4, 10.0) if force is None else np.asarray(force)
-    status = stop_reason(limits, sample, q, dq, np.zeros((4, 2)), force, body)
-    return status, describe_stop(limits, status, 200, PERIOD, q, dq, body) if status != RUNNING else ""
+    state = new_measurement(4)._replace(q=q, dq=dq, force=force, body=np.array(body, dtype=float))
+    status = stop_reason(limits, sample, state)
+    return status, describe_stop(limits, status, 200, PERIOD, state) if status != RUNNING else ""
 
 
 FALLS = {

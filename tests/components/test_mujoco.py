@@ -1,5 +1,6 @@
 """Plants in MuJoCo: the leg is our leg, the body obeys mechanics, and what they need is asked for in one line."""
 
+import signal
 import sys
 from dataclasses import replace
 from itertools import pairwise
@@ -10,15 +11,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support.grounds import still_ground
 from support.robots import OWN
 
+from cmacexp.control import HybridController
 from cmacexp.errors import BadInput, Diverged
 from cmacexp.loop import roll_out
+from cmacexp.loop.builtin import find_external
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.leg import Leg, foot_position, foot_velocity, forward_dynamics, trigonometry
 from cmacexp.models.mechanism import legs_on_stand, legs_under_body
 from cmacexp.planning.machine import compute_weight_of_masses
 from cmacexp.planning.setup import Setup
 from cmacexp.plants import Measurement
-from cmacexp.plants.mujoco_kernels import Bodies, Contacts, Feet, Touch, press
+from cmacexp.plants.kernels import new_state
+from cmacexp.plants.mujoco_kernels import Bodies, Feet, Touch, press
+from cmacexp.plants.mujoco_leg import MujocoLeg
 from cmacexp.plants.mujoco_model import make_planar
 from cmacexp.plants.mujoco_plant import MujocoConfig, MujocoPlant
 
@@ -135,9 +140,9 @@ def one_foot(place, velocity, anchor, touch=STICKY):
     bodies = Bodies(*np.zeros((5, 1, 6)), np.zeros(3), np.zeros(9), np.zeros(6))
     bodies.place[0, :3], bodies.motion[0, 3:] = place, velocity
     bodies.mass_centre[:] = bodies.place
-    contacts, leg = Contacts(np.zeros(1), np.zeros(1), np.array([anchor], dtype=float), np.zeros(1)), np.zeros(1, int)
-    press(touch, bodies, Feet(leg, leg, leg, 0), contacts, in_stage=False)
-    return bodies.pull[0, :3], contacts.anchor[0]
+    anchors, leg = np.array([anchor], dtype=float), np.zeros(1, int)
+    press(touch, bodies, Feet(leg, leg, leg, 0), new_state(1), anchors, in_stage=False)
+    return bodies.pull[0, :3], anchors[0]
 
 
 def test_friction_by_hand():
@@ -299,3 +304,38 @@ def test_on_a_slope_a_body_tells_its_height_above_the_ground_below_it(make_confi
     rollout = roll_out(make_scenario(make_config(*WALK, "cycles=2", "feedforward=none", "terrain.slope=0.05")))
     assert rollout.status == "completed"
     assert_allclose(rollout.body_samples[:, 0], 0.5, atol=0.05)
+
+
+class OwnLeg(MujocoLeg):
+    """A subclass: an external component."""
+
+
+class OwnController(HybridController):
+    """Likewise."""
+
+
+def test_a_plant_that_is_external_gives_the_bits_of_the_built_in_one(make_config):
+    config = make_config("scenario=one_leg", "plant=mujoco_leg", "cycles=2", "learning.start_cycle=1")
+    external = make_scenario(config, plant=OwnLeg(config.plant))
+    assert find_external(external).plant
+    one, other = roll_out(make_scenario(config)), roll_out(external)
+    assert other.samples.tobytes() == one.samples.tobytes()
+
+
+def test_an_interrupt_in_a_function_that_the_engine_calls_ends_the_run(make_config, monkeypatch):
+    """An error raised there would be dropped."""
+    press, calls = MujocoPlant._press_in_stage, []
+
+    def interrupted(plant, model, data):
+        calls.append(1)
+        if len(calls) == 30:
+            signal.raise_signal(signal.SIGINT)
+        press(plant, model, data)
+
+    monkeypatch.setattr(MujocoPlant, "_press_in_stage", interrupted)
+    config = make_config("scenario=one_leg", "plant=mujoco_leg", "cycles=50")
+    for given in ({}, {"controller": OwnController(config.controller)}, {"plant": OwnLeg(config.plant)}):
+        calls.clear()
+        end = roll_out(make_scenario(config, **given))
+        assert end.status == "interrupted"
+        assert 7 <= end.steps < 25000

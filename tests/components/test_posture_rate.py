@@ -11,6 +11,7 @@ from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import LEVEL, make_pose
 from cmacexp.models.leg import trigonometry
+from cmacexp.sensors.kernels import Observation
 
 
 @pytest.mark.parametrize("substeps", [1, 3])
@@ -59,7 +60,8 @@ def feedback_of(params, support, body_rate):
     state, two = new_hybrid_state(4), np.zeros((4, 2))
     trig = np.array([trigonometry(0.3, 1.2)] * 4)
     body = np.array([0.5, 0.0, 0.0])
-    hybrid_feedback(params, state, support, np.zeros((4, 7)), trig, two, two, np.zeros(4), body, body_rate)
+    observed = Observation(two, two, two, two, np.zeros(4), body, body_rate, trig)
+    hybrid_feedback(params, state, support, np.zeros((4, 7)), observed)
     return state.output[:, 1]
 
 

@@ -5,6 +5,9 @@ from random import Random
 
 import pytest
 from support.loops import require_same_bits, run_both, run_elsewhere
+from support.robot_walks import RIGID, ROBOT
+from support.robot_walks import SHORT as SHORT_ROBOT
+from support.robots import OWN
 
 from cmacexp.loop import roll_out
 from cmacexp.loop.compiled import fused_loop
@@ -64,6 +67,8 @@ PLAIN = {
     ],
     "falling": ["scenario=quadruped", "cycles=1", "posture.gain=0"],
     "friction": ["scenario=quadruped", "cycles=1", "plant=mujoco_quadruped", "plant.start_spread=0.01"],
+    "robot": [*ROBOT, f"machine.path={OWN}", *SHORT_ROBOT, "payload.weight=5", "plant.substeps=2"],
+    "rigid floor": [*ROBOT, f"machine.path={OWN}", *SHORT_ROBOT, RIGID, "sensors=encoders", "actuator.delay=1"],
     **{
         name: [*FAULTY[name], "cycles=1", "sensors.force.fault.start=0.5"]
         for name in ("sensors of one leg", "sensors of a walk", "lagging")

@@ -20,6 +20,7 @@ from cmacexp.models.leg import Leg, joint_torque, trigonometry
 from cmacexp.models.mechanism import legs_on_stand, point_mass
 from cmacexp.planning.columns import ACTING, BEFORE
 from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains, keeps_static_load
+from cmacexp.sensors.kernels import new_observation
 from pipelines.lead_design import EFFECTIVE_MASS, closed_loop, open_loop_bandwidth
 
 corners = st.floats(0.5, 50.0)
@@ -83,10 +84,9 @@ def feedback(params, support, reference, foot, velocity, force, q=(0.0, 0.0)):
     """U and feedback torque of each step of one leg; rows of arrays are steps."""
     state, us, torques, trig = new_hybrid_state(1), [], [], np.array([trigonometry(*q)])
     for k in range(len(foot)):
-        hybrid_feedback(
-            params, state, np.array([support]), reference[k : k + 1], trig,
-            foot[k : k + 1], velocity[k : k + 1], force[k : k + 1], np.zeros(3), np.zeros(3),
-        )  # fmt: skip
+        rows = {"foot": foot[k : k + 1], "velocity": velocity[k : k + 1], "force": force[k : k + 1]}
+        observed = new_observation(1)._replace(geometry=trig, **rows)
+        hybrid_feedback(params, state, np.array([support]), reference[k : k + 1], observed)
         us.append(state.learning_error[0].copy())
         torques.append(state.feedback[0].copy())
     return np.array(us), np.array(torques)

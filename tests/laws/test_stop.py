@@ -5,6 +5,7 @@ import pytest
 
 from cmacexp.loop.stop import DIVERGED, FASTEST_JOINT, FELL, RUNNING, STEEPEST, has_diverged, new_limits, stop_reason
 from cmacexp.planning.machine import make_mechanism
+from cmacexp.plants.protocol import new_measurement
 
 PERIOD = 0.005
 ENTRIES = [(leg, joint) for leg in range(4) for joint in range(2)]
@@ -22,8 +23,8 @@ def level(limits, pitch=0.0, roll=0.0, height=None):
 
 
 def reason(limits, body, force=None):
-    still = np.zeros((4, 2))
-    return stop_reason(limits, 0, still, still, still, np.ones(4) if force is None else force, body)
+    state = new_measurement(4)._replace(force=np.ones(4) if force is None else force, body=body)
+    return stop_reason(limits, 0, state)
 
 
 @pytest.mark.parametrize("entry", ENTRIES)
