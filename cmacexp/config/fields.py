@@ -92,6 +92,7 @@ def _declared_types(schema: Any) -> dict[str, Any]:
     return get_type_hints(schema)
 
 
+@cache
 def _choices_of_type(declared: Any) -> tuple[Any, ...]:
     return get_args(declared) if get_origin(declared) in (Union, UnionType) else (declared,)
 

@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, fields
+from functools import cache
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -53,6 +54,11 @@ def _make_machine(node: Mapping[str, Any], target: object) -> Any:
         raise BadInput("plant", plant, f"is not for machine.kind={kind}: {scenario}") from error
 
 
+@cache
+def _list_groups() -> list[str]:
+    return [field.name for field in fields(Config)[1:] if (config_folder() / field.name).is_dir()]
+
+
 def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     """Type and check a composed config.
 
@@ -73,7 +79,7 @@ def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
         reason = str(error.msg or error).splitlines()[0]
         key = str(error.full_key or "config")
         raise find_mistake(error) or BadInput(key, "?", reason[:1].lower() + reason[1:]) from error
-    for group in (field.name for field in fields(Config)[1:] if (config_folder() / field.name).is_dir()):
+    for group in _list_groups():
         if not isinstance(plain.get(group), dict):
             raise BadInput(group, plain.get(group), f"must be a group of fields; choose an option of conf/{group}")
     with current_folder_importable():

@@ -168,7 +168,8 @@ class Place:
     def write_text(self, name: str, text: str) -> None:
         """Write a file of text."""
         path = self.new / name
-        path.parent.mkdir(exist_ok=True)
+        if not path.parent.exists():
+            path.parent.mkdir()
         path.write_text(text, encoding="utf-8")
 
     def commit(self, manifest: dict[str, Any], sync: bool = True) -> None:
@@ -208,7 +209,8 @@ def _replace(place: Place, manifest: dict[str, Any]) -> None:
     folder, new = place.folder, place.new
     for name in filter(partial(_is_own, place.kind), _list_files(new)):
         if name in manifest["files"] or name.startswith(f"{HYDRA_FOLDER}/"):  # else it did not become whole
-            (folder / name).parent.mkdir(exist_ok=True)
+            if not (folder / name).parent.exists():
+                (folder / name).parent.mkdir()
             (new / name).replace(folder / name)
     for name in place.earlier - manifest["files"].keys():
         (folder / name).unlink(missing_ok=True)

@@ -30,13 +30,17 @@ def arrow_strings(values: list[str]) -> pa.Array:
     return pa.StringArray.from_buffers(len(values), pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded)))
 
 
-def table_writer(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
+FEW_ROWS = 1000
+"""Compressing columns of so few values takes longer than all else that writes and reads them."""
+
+
+def table_writer(path: Path, schema: pa.Schema, compression: str = "zstd") -> pq.ParquetWriter:
     """What writes a table as Parquet part by part, a row group each; same parts, same bytes."""
     floats = [field.name for field in schema if pa.types.is_floating(field.type)]
     return pq.ParquetWriter(
         path,
         schema,
-        compression="zstd",
+        compression=compression,
         use_dictionary=[name for name in schema.names if name not in floats],
         column_encoding=dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
     )
@@ -44,7 +48,7 @@ def table_writer(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
 
 def write_table(table: pa.Table, path: Path) -> None:
     """Write a table as Parquet; the same table gives the same bytes."""
-    with table_writer(path, table.schema) as writer:
+    with table_writer(path, table.schema, "zstd" if table.num_rows > FEW_ROWS else "none") as writer:
         writer.write_table(table)
 
 
