@@ -34,14 +34,14 @@ def launch(launcher: Any, batch: Sequence[Sequence[str]], first: int) -> list[Jo
 
 def make_items(launcher: Any, batch: Sequence[Sequence[str]], first: int) -> list[tuple[Any, ...]]:
     """The arguments of :func:`run_packed` for each job of a batch."""
-    sweep, packed = get_sweep(), dict[int, bytes]()
-    items = []
+    sweep, packed, items = get_sweep(), dict[int, bytes](), []
+    jobs = max(sweep.planned.total(), len(batch))
     for number, overrides in enumerate(batch, first):
         kind = sweep.get_kind(launcher, overrides)
         if id(kind) not in packed:
             packed[id(kind)] = _pack(kind, sweep.folder.absolute(), launcher.hydra_context.callbacks)
         changed = [new for new, old in zip(overrides, kind.first, strict=True) if new != old]
-        items.append((packed[id(kind)], list(overrides), changed, number, max(sweep.planned.total(), len(batch))))
+        items.append((packed[id(kind)], list(overrides), changed, number, jobs))
     return items
 
 

@@ -51,7 +51,7 @@ def _read_jobs(folder: Path) -> Iterator[tuple[RunSummary, list[str]]]:
         if "overrides" in manifest:
             cause, bad_input = manifest["cause"], manifest.get("bad_input", False)
             summary = RunSummary(job, "failed", cause, bad_input=bad_input) if failed else read_summary(job)
-            yield summary, manifest["overrides"]
+            yield replace(summary, config={}), manifest["overrides"]
 
 
 def parse_overrides(typed: Sequence[Sequence[str]]) -> list[dict[str, Any]]:

@@ -32,13 +32,13 @@ def make_rows(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[Row]:
     How it ended: ``status``, ``cause`` and ``cycles_done``, the whole ones. Metrics are in SI units under
     ``final_NAME`` (of the last whole cycle) and ``best_NAME`` (over all whole cycles), NaN where undefined.
     """
-    rows = []
+    rows, (main, ranked) = [], (_omit_robots(runs, names) for names in (MAIN, RANKED))
     for name, run in zip(make_names(runs), runs, strict=True):
         row: Row = {"run": name, **{key: run.config.get(key) for key in keys}}
         row |= {"status": run.status, "cause": run.cause, "cycles_done": run.cycles}
-        final = dict.fromkeys([*run.metrics, *_omit_robots(runs, MAIN)])
+        final = dict.fromkeys([*run.metrics, *main])
         row |= {f"final_{metric}": run.final(metric) for metric in final}
-        rows.append(row | {f"best_{metric}": run.best(metric) for metric in _omit_robots(runs, RANKED)})
+        rows.append(row | {f"best_{metric}": run.best(metric) for metric in ranked})
     return rows
 
 
