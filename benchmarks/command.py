@@ -4,7 +4,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from benchmarks.timing import ROOT, WITHOUT_PRIVATE_NAMES, Table, compared, in_turn, python, stopwatch
+from benchmarks.timing import ROOT, WITHOUT_PRIVATE_NAMES, Table, compared, in_turn, processor_time, python, stopwatch
 
 FLOOR = ["-c", "import hydra, numpy, numba, pyarrow.parquet, rerun"]
 
@@ -26,10 +26,16 @@ def tables(quick: bool) -> list[Table]:
         public = [*WITHOUT_PRIVATE_NAMES, "scenario=one_leg", f"hydra.run.dir={folder}/public"]
         workers["public"] = stopwatch(lambda: start(*public))
         times = in_turn(workers, 5 if quick else 9)
+        report = ["-m", "cmacexp.report", f"{folder}/one_leg", f"--out={folder}/report"]
+        single = ["-m", "cmacexp", "scenario=one_leg", f"hydra.run.dir={folder}/again"]
+        pair = {"report": processor_time(lambda: start(*report)), "run": processor_time(lambda: start(*single))}
+        used = in_turn(pair, 2 if quick else 7)
     rows = [
         compared(times, f"`python -m cmacexp scenario={scenario}`", scenario, "floor", "imports alone", target)
         for scenario, target in targets.items()
     ]
     what = "`python -m cmacexp scenario=one_leg` without Hydra's private names"
     rows.append(compared(times, what, "public", "one_leg", "with them"))
+    what = "`python -m cmacexp.report` of that run, processor time"
+    rows.append(compared(used, what, "report", "run", "the run itself", "1.2"))
     return [Table("Whole command, everything written", rows, f"Imports: `{FLOOR[1]}`.")]

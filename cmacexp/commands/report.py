@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.discovery import require_place, runs_below
-from cmacexp.data.folder import OUT_KEY, locked, require_no_link
+from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.comparison import print_runs
@@ -45,15 +45,6 @@ def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
         return write_report(make_run_report(StoredRun(folder), asked), out, say=show)
 
 
-def _animate(folder: Path, cycles: str | None, out: Path) -> Path:
-    from cmacexp.report.animation import ANIMATION, view_cycles, write_animation
-
-    views, path = view_cycles(StoredRun(folder), _parse_cycles(cycles) if cycles else []), out / ANIMATION
-    with locked(out, OUT_KEY), activity(f"drawing {path}"):
-        write_animation(views, path)
-    return path
-
-
 def _report_of_several(folders: Sequence[Path], given: Sequence[Path], cycles: str | None, out: Path) -> Path:
     if cycles:
         raise BadInput("--cycles", cycles, f"is for the report of one run, but {len(folders)} runs were given")
@@ -77,11 +68,7 @@ def _report(arguments: argparse.Namespace) -> int:
     given: list[Path] = arguments.folders
     folders = list(dict.fromkeys(run for folder in given for run in sort_folders(runs_below(folder))))
     out = _find_destination(given, arguments.out)
-    if arguments.gif and len(folders) > 1:
-        raise BadInput("--gif", True, f"is for one run, but {len(folders)} were given")
-    if arguments.gif:
-        say(str(_animate(folders[0], arguments.cycles, out)))
-    elif len(folders) == 1:
+    if len(folders) == 1:
         say(str(_report_of_one(folders[0], arguments.cycles, out)))
     else:
         say(str(_report_of_several(folders, given, arguments.cycles, out)))
@@ -92,8 +79,6 @@ def main() -> int:
     """Run the command."""
     description = "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page."
     parser = Parser("cmacexp.report", description, folders=True)
-    text = "instead of a page, cycles of one run side by side as a moving picture"
-    parser.add_argument("--gif", action="store_true", help=text)
     text = "cycles of one run to show (default: a selection)"
     parser.add_argument("--cycles", metavar="1,2,5", help=text)
     text = f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)"

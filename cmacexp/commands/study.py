@@ -20,7 +20,6 @@ from cmacexp.study.output import write_page
 from cmacexp.study.page import Evaluated, check_page, evaluate
 from cmacexp.study.requests import Request
 from cmacexp.study.results import Results, read_row
-from cmacexp.study.state import is_up_to_date, state_key
 from cmacexp.study.study import StudyFile, load_study
 
 FOLDER = Path("outputs/studies")
@@ -81,10 +80,9 @@ def _write(
     rows = [read_row(*each, keys, measured[each[0]]) for each in found.values()]
     results = Results(rows)
     results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
-    key = state_key(file, options.quick, options.seeds)
     with replacing(folder, FOLDER_KEY, REPORT) as place:
         evaluated = evaluate(file, results, place.new, options.quick)
-        write_page(study.title, study.question, [evaluated], place, key, options.quick)
+        write_page(study.title, study.question, [evaluated], place, options.quick)
     return replace(evaluated, files=[folder / path.relative_to(place.new) for path in evaluated.files])
 
 
@@ -117,26 +115,17 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluate
 
 
 def write_study(file: StudyFile, options: Options) -> Path:
-    """Run one study unless its report is up to date; returns the page."""
-    page = options.place(file.name) / HTML
-    if is_up_to_date(page.parent, state_key(file, options.quick, options.seeds)):
-        say(f"nothing changed since it was written: {page}")
-        return page
+    """Run one study and write its report; returns the page."""
     print_claims(write_studies([file], options))
-    return page
+    return options.place(file.name) / HTML
 
 
 def write_collection(name: str, title: str, question: str, files: Sequence[StudyFile], options: Options) -> Path:
-    """Run several studies unless the page over all is up to date, and write it; returns the page."""
-    folder = options.place(name)
-    key = " ".join([title, question, *(state_key(file, options.quick, options.seeds) for file in files)])
-    if is_up_to_date(folder, key):
-        say(f"nothing changed since it was written: {folder / HTML}")
-        return folder / HTML
+    """Run several studies and write a page over all of them; returns it."""
     studies = write_studies(files, options)
     print_claims(studies)
-    with replacing(folder, FOLDER_KEY, REPORT) as place:
-        return write_page(title, question, studies, place, key, options.quick)
+    with replacing(options.place(name), FOLDER_KEY, REPORT) as place:
+        return write_page(title, question, studies, place, options.quick)
 
 
 def print_claims(studies: Sequence[Evaluated]) -> None:

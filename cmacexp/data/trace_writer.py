@@ -83,9 +83,7 @@ def trace_writer(
         legs: columns of their trace.
         body: likewise; None for a machine without a body.
     """
-    columns = {TRACE: legs} if record.trace else {}
-    if columns and body is not None:
-        columns[BODY] = body
+    columns = {TRACE: legs, BODY: body} if record.trace else {}
     with ExitStack() as stack:
-        files = [table_writer(folder / name, make_schema(signals)) for name, signals in columns.items()]
+        files = [table_writer(folder / name, make_schema(own)) for name, own in columns.items() if own is not None]
         yield TraceWriter([stack.enter_context(file) for file in files], record)

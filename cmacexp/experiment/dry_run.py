@@ -1,11 +1,13 @@
 """``sweep.dry_run=true``: the jobs of a sweep, whether they can run, and what they take; nothing is run."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.config import Config, to_config
 from cmacexp.errors import CmacexpError
-from cmacexp.experiment.launch import make_items, unpack, without_hydra
+from cmacexp.experiment.launch import make_items, unpack
 from cmacexp.experiment.sweep import Sweep, select_run_overrides
 from cmacexp.experiment.workers import count_cores
 from cmacexp.jit.compiler import expect_runs
@@ -21,14 +23,8 @@ JOB_BYTES, ROW_BYTES = 60_000, 100
 """On disk, of a job, and of a row of its trace."""
 
 
-class Checked(NamedTuple):
-    """A job that was not run."""
-
-    error: str | None
-    """Why it could not run."""
-    seconds: float = 0.0
-    size: float = 0.0
-    """Bytes."""
+Checked = tuple[str | None, float, float]
+"""Of a job that was not run: why it could not run, seconds of a processor, bytes."""
 
 
 def _check(kind: bytes, overrides: list[str], changed: list[str], number: int, jobs: int) -> Checked:
@@ -39,15 +35,18 @@ def _check(kind: bytes, overrides: list[str], changed: list[str], number: int, j
 
     expect_runs(jobs)
     job, _ = unpack(kind, overrides, changed, number)
+    composed = job.config
+    if isinstance(composed, DictConfig):
+        composed = OmegaConf.masked_copy(composed, [str(key) for key in composed if key != "hydra"])
     try:
-        config = to_config(without_hydra(job.config))
+        config = to_config(composed)
         check_metric(config.optimize, config.machine.kind)
         if config.sweep.resume and is_finished(job.folder, config):
-            return Checked(None)
+            return None, 0.0, 0.0
         make_scenario(config)
     except (CmacexpError, OSError) as error:
-        return Checked(" ".join(str(error).split()))
-    return Checked(None, *_estimate(config))
+        return " ".join(str(error).split()), 0.0, 0.0
+    return None, *_estimate(config)
 
 
 def _estimate(config: Config) -> tuple[float, float]:
@@ -77,10 +76,10 @@ class DryRun:
         """List and check the next jobs."""
         items = make_items(self.launcher, batch, initial_job_idx)
         checked = self.sweep.start_workers()(_check, items, initial_job_idx)
-        for number, (overrides, job) in enumerate(zip(batch, checked, strict=True), initial_job_idx):
+        for number, (overrides, (error, _, _)) in enumerate(zip(batch, checked, strict=True), initial_job_idx):
             say(f"#{number} {' '.join(select_run_overrides(overrides))}")
-            if job.error is not None:
-                say(f"error: #{number}: {job.error}", error=True)
+            if error is not None:
+                say(f"error: #{number}: {error}", error=True)
         self.sweep.checked += checked
         return []
 

@@ -113,13 +113,6 @@ def unpack(kind: bytes, overrides: list[str], changed: list[str], number: int) -
     return Job(number, path, config, hydra), callbacks
 
 
-def without_hydra(config: DictConfig | dict[str, Any]) -> DictConfig | dict[str, Any]:
-    """The config of a job without that of Hydra."""
-    if not isinstance(config, DictConfig):
-        return config
-    return OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"])
-
-
 def _set(config: dict[str, Any], key: list[str], value: Any) -> None:
     """Set a value, as OmegaConf does: of an object that replaces another one, entry by entry."""
     for name in key[:-1]:

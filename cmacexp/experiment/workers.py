@@ -107,10 +107,6 @@ def _start(environment: Mapping[str, str]) -> None:
     gc.freeze()  # what has been imported is no garbage
 
 
-def _wait() -> None:
-    """Do nothing: let a process start before there is work for it."""
-
-
 def count_cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -159,7 +155,7 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
         return [future.result() for future in futures]
 
     for _ in range(count):
-        submit(_wait)
+        submit(os.getpid)  # let it start before there is work for it
     try:
         yield run_all
     finally:

@@ -7,8 +7,7 @@ import numpy as np
 
 from cmacexp.cmac.use import MemoryUse
 from cmacexp.config import FeedforwardConfig, number
-from cmacexp.feedforward.network import BuiltInFeedforward, network
-from cmacexp.models.exponential import exponential
+from cmacexp.feedforward.network import BuiltInFeedforward, exponential, network
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Weights
 

@@ -29,6 +29,9 @@ from cmacexp.typing import Array, Cells
 
 NO_SMOOTHING = Smoothing(np.zeros(0), np.zeros(1))
 
+exponential = np.vectorize(math.exp, otypes=[float])
+"""e^x of each element, by the C library: numpy's own gives other bits where the processor has AVX-512."""
+
 
 class BuiltInFeedforward(ABC):
     """A feedforward that the compiled loop knows; ``params`` define all that it does.

@@ -1,6 +1,5 @@
 """A report: sections of text, tables and figures as one self-contained HTML file."""
 
-import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -58,15 +57,12 @@ def _describe_origin() -> str:
     return f"Written on {date.today().isoformat()} by {version}."
 
 
-def write_report(
-    report: Report, where: Path | Place, key: str | None = None, say: Callable[[str], None] = ignore
-) -> Path:
+def write_report(report: Report, where: Path | Place, say: Callable[[str], None] = ignore) -> Path:
     """Write a report and its figures in place of an earlier one; the manifest has the hash of every file and input.
 
     Args:
         report: its content.
         where: a folder, created if missing; or one that is locked already, whose ``new`` files inputs can be.
-        key: of the code and the inputs behind it, which shows later whether it is up to date; None: of the request.
         say: called with what is done next.
 
     Returns:
@@ -78,7 +74,7 @@ def write_report(
     """
     if isinstance(where, Path):
         with replacing(where, OUT_KEY, manifests.REPORT) as locked:
-            return write_report(report, locked, key, say)
+            return write_report(report, locked, say)
     place = where
     renderer = Renderer(place.new, say=say)
     place.write_text(HTML, renderer.render_page(report=report, origin=_describe_origin()))
@@ -88,7 +84,6 @@ def write_report(
             "kind": manifests.REPORT,
             "status": "completed",
             "config": report.config,
-            "key": key or hashlib.sha256(repr((report.title, report.config)).encode()).hexdigest(),
             "versions": manifests.versions(),
             "runs": {relative(path, place.folder): of_config for path, of_config in report.runs.items()},
             "files": {_name_in(place, path): current_hash(path) for path in [*written, *report.inputs]},

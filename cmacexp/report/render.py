@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PNG, SVG = "png", "svg"
+SVG = "svg"
 COLOUR_BAR = "<colorbar>"
 """Label that matplotlib gives to the axes of a colour bar."""
 
@@ -26,14 +26,13 @@ class Renderer:
 
     Args:
         folder: of the report, where figures are saved.
-        png: whether figures are saved as PNG too, not as SVG alone.
         say: called with what is done next.
     """
 
-    def __init__(self, folder: Path, png: bool = True, say: Callable[[str], None] = ignore):
+    def __init__(self, folder: Path, say: Callable[[str], None] = ignore):
         from jinja2 import Environment, FileSystemLoader
 
-        self.folder, self.kinds, self.say = folder, (PNG, SVG) if png else (SVG,), say
+        self.folder, self.say = folder, say
         self.files: list[Path] = []
         """Figures that were saved."""
         loader = FileSystemLoader(Path(__file__).parent)
@@ -54,15 +53,13 @@ class Renderer:
         self.say(f"drawing {drawing.name}")
         (self.folder / FIGURES).mkdir(parents=True, exist_ok=True)
         if engine := drawing.figure.get_layout_engine():
-            engine.execute(drawing.figure)  # once for both formats; savefig would also draw the figure for it
+            engine.execute(drawing.figure)  # for which savefig would draw the whole figure once more
             drawing.figure.set_layout_engine(None)
-        for kind in self.kinds:
-            path = self.folder / FIGURES / f"{drawing.name}.{kind}"
-            with write_atomically(path) as temporary:
-                metadata = {"Date": None} if kind == SVG else {"Software": None}
-                drawing.figure.savefig(temporary, format=kind, metadata=metadata)
-            self.files.append(path)
-        return "data:image/svg+xml;base64," + base64.b64encode(self.files[-1].read_bytes()).decode()
+        path = self.folder / FIGURES / f"{drawing.name}.{SVG}"
+        with write_atomically(path) as temporary:
+            drawing.figure.savefig(temporary, format=SVG, metadata={"Date": None})
+        self.files.append(path)
+        return "data:image/svg+xml;base64," + base64.b64encode(path.read_bytes()).decode()
 
 
 def describe(figure: "Figure") -> str:

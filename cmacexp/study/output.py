@@ -44,7 +44,7 @@ def _statements(claims: Mapping[str, Judged], findings: Mapping[str, Found], fol
     return judged + found
 
 
-def write_page(title: str, question: str, studies: Sequence[Evaluated], place: Place, key: str, quick: bool) -> Path:
+def write_page(title: str, question: str, studies: Sequence[Evaluated], place: Place, quick: bool) -> Path:
     """Write the report of one study or of several together, and their statements.
 
     Args:
@@ -52,7 +52,6 @@ def write_page(title: str, question: str, studies: Sequence[Evaluated], place: P
         question: what it asks.
         studies: whose sections follow each other.
         place: of the report.
-        key: see :func:`cmacexp.study.state.state_key`.
         quick: whether the page says that it concludes nothing.
     """
     folder = place.folder
@@ -72,4 +71,4 @@ def write_page(title: str, question: str, studies: Sequence[Evaluated], place: P
     config = {"studies": [study.name for study in studies], "quick": quick}
     hashes = {path: str(manifest["config_hash"]) for path, manifest in runs.items()}
     report = Report(title, question, sections, sorted({*files}), config, hashes)
-    return write_report(report, place, key)
+    return write_report(report, place)

@@ -77,7 +77,7 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
     study = file.study
     claims = {} if quick else {name: claim.judge(results) for name, claim in study.claims.items()}
     findings = {} if quick else {name: finding.judge(results) for name, finding in study.findings.items()}
-    renderer = Renderer(folder, png=not quick)
+    renderer = Renderer(folder)
     sections = render_markdown(
         file.page,
         study.title,

@@ -61,12 +61,6 @@ class StudyFile:
         """Its text: Markdown with Jinja."""
         return self.path.with_suffix(".md")
 
-    @property
-    def sources(self) -> list[Path]:
-        """All files of the study: those in its folder whose names begin with its name, or with ``common_``."""
-        names = (self.name, "common_")
-        return sorted(file for file in self.path.parent.glob("*.[pm][yd]") if file.name.startswith(names))
-
 
 def load_study(path: Path) -> StudyFile:
     """Import the study of a file.

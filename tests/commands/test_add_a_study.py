@@ -46,7 +46,6 @@ def test_quick_says_so_and_finds_nothing(folder):
 
 
 def test_an_edit_of_the_page_alone_runs_nothing_again(folder):
-    assert "nothing changed" in python("-m", "cmacexp.study", "my_study.py", folder=folder).stdout
     page = folder / "my_study.md"
     page.write_text(page.read_text().replace("One leg learns", "A leg learns"))
     done = python("-m", "cmacexp.study", "my_study.py", folder=folder)

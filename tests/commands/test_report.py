@@ -103,7 +103,7 @@ def test_a_run_gets_a_page_that_needs_nothing_else(leg):
     assert len(sources) >= 3
     assert all(source.startswith("data:image/svg+xml;base64,") for source in sources)
     files = {path.name for path in (leg / "report" / "figures").iterdir()}
-    assert files == {f"{name}.{kind}" for name in ("metrics", "tracking", "torques") for kind in ("png", "svg")}
+    assert files == {f"{name}.svg" for name in ("metrics", "tracking", "torques")}
     assert not list((leg / "report").rglob(".*.part"))
     assert "Memory of the feedforward" in text_of(leg)
     assert "How it ended" not in text_of(leg)

@@ -31,7 +31,6 @@ def test_a_run_that_diverges_is_told_with_the_lead_that_holds(folder):
     manifest = json.loads((page / "manifest.json").read_text())
     assert "../trace.parquet" in manifest["files"]
     for name in ("growth", "mode", "real_parts"):
-        assert (page / "figures" / f"{name}.png").is_file()
         assert (page / "figures" / f"{name}.svg").is_file()
     verdict = json.loads((page / "stability.json").read_text())
     assert (verdict["verdict"], verdict["lead"]) == ("grows", -2)
@@ -119,4 +118,4 @@ def test_leads_and_rates_are_mapped_and_corners_judged(folder):
     page = (folder / "page" / "report.html").read_text()
     assert "Other leads and rates" in page
     assert "Margins" in page
-    assert (folder / "page" / "figures" / "growth_map.png").is_file()
+    assert (folder / "page" / "figures" / "growth_map.svg").is_file()

@@ -1,14 +1,12 @@
 """The moving picture of a run."""
 
+import draw_walk as animation
 import numpy as np
 import pytest
 from PIL import Image
 from support.views import make_walk
 
 import cmacexp
-from cmacexp.commands.report import main
-from cmacexp.data.folder import locked
-from cmacexp.report import animation
 from cmacexp.report.machine import joints
 
 RUN = ("cycles=3", "gait.cycle_time=1.5", "record=trace")
@@ -46,28 +44,11 @@ def test_a_picture_plays_for_the_time_of_one_cycle_and_again(tmp_path, monkeypat
     assert (frames[0] != frames[1]).any()
 
 
-def test_the_command_leaves_it_beside_the_page(tmp_path, monkeypatch):
-    """``docs/recordings.md``, of one leg and in fewer frames."""
+def test_the_command_draws_the_first_and_the_last_cycle_of_a_run(tmp_path, monkeypatch):
+    """``python -m docs.draw_walk`` as in ``docs/recordings.md``, of one leg and in fewer frames."""
     monkeypatch.setattr(animation, "FRAMES_PER_SECOND", 0.5)
     run = cmacexp.run(RUN, tmp_path / "run")
-    monkeypatch.setattr("sys.argv", ["report", str(run.folder), "--gif", "--cycles", "1,3"])
-    assert main() == 0
-    with Image.open(tmp_path / "run" / "report" / "animation.gif") as picture:
+    monkeypatch.setattr("sys.argv", ["draw_walk", str(run.folder), "--out", str(tmp_path / "leg.gif")])
+    assert animation.main() == 0
+    with Image.open(tmp_path / "leg.gif") as picture:
         assert picture.n_frames == 2
-
-
-def animate(monkeypatch, folder, out):
-    monkeypatch.setattr("sys.argv", ["report", str(folder), "--gif", "--out", str(out)])
-    return main()
-
-
-@pytest.fixture
-def stored(tmp_path):
-    return cmacexp.run(RUN, tmp_path / "run").folder
-
-
-def test_a_picture_is_not_put_into_a_folder_in_use(monkeypatch, stored, tmp_path, capsys):
-    with locked(tmp_path / "out", "key"):
-        assert animate(monkeypatch, stored, tmp_path / "out") == 2
-    assert "writes here; wait until it has ended" in capsys.readouterr().err
-    assert not list(tmp_path.rglob("*.gif"))

@@ -1,5 +1,6 @@
 """Robots as recordings and reports show them."""
 
+import draw_walk as animation
 import numpy as np
 import pytest
 from hypothesis import given
@@ -17,7 +18,6 @@ from cmacexp.recording.events import find_events
 from cmacexp.recording.run_view import make_view
 from cmacexp.recording.scene import find_trunk, turn_from_up
 from cmacexp.recording.series import collect_series
-from cmacexp.report import animation
 from cmacexp.report.machine import joints
 from cmacexp.report.run_report import make_run_report
 

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from draw_walk import view_cycles
 
 from cmacexp.commands.score import score
 from cmacexp.config.compose import compose_config
@@ -22,7 +23,6 @@ from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
 from cmacexp.recording.run_view import make_view
-from cmacexp.report.animation import view_cycles
 from cmacexp.report.run_report import choose_cycles
 
 TABLES = ("trace.parquet", "metrics.parquet")

@@ -107,25 +107,6 @@ def test_a_room_imports_only_from_the_layers_above_it():
     assert not upward
 
 
-def test_a_study_imports_only_the_package_and_files_that_begin_with_its_name_or_are_common():
-    """So that an edit of one study makes only its own report stale; one of a common file, as of the package, all."""
-    pages = {path.stem for path in Path(pipelines.__file__).parent.glob("*.md")}
-    foreign = {
-        (module, used)
-        for module in set(STUDIES) - OVER_STUDIES
-        for used in imports(module)
-        if used.startswith("pipelines.") and not used.startswith("pipelines.common_")
-        if owner(used, pages) != owner(module, pages)
-    }
-    assert not foreign
-
-
-def owner(module: str, pages: set[str]) -> str:
-    """The study of a module in ``pipelines``: the longest name of a page that begins its name."""
-    name = module.rpartition(".")[2]
-    return max((page for page in pages if name.startswith(page)), key=len, default=name)
-
-
 def test_what_reads_a_trace_never_reaches_the_loop():
     assert not [m for m in MODULES if room_of(m) in READERS and "loop" in {room_of(used) for used in reach(m)}]
 

@@ -1,5 +1,7 @@
-"""A moving picture of a run: some of its cycles side by side, each with foot paths, forces and tilt."""
+"""``python -m docs.draw_walk DIR``: cycles of a run side by side as a moving picture, for the README."""
 
+import argparse
+import sys
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
@@ -7,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.folder import write_atomically
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import read_traces
@@ -18,6 +21,7 @@ from cmacexp.report.figures import Panel, Series, draw_panel
 from cmacexp.report.machine import DENT, MM, NEAR, NEAR_SIDE, draw_leg, in_travel, joints
 from cmacexp.report.run_report import choose_cycles
 from cmacexp.report.style import DESIRED, GROUND, STYLE, colour
+from cmacexp.report.terminal import say
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
@@ -25,7 +29,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from PIL.Image import Image
 
-ANIMATION = "animation.gif"
 MOST_CYCLES = 3
 """More side by side are too narrow."""
 WIDTH, HEIGHT, DPI = 8.0, 4.8, 100
@@ -163,7 +166,7 @@ def view_cycles(run: StoredRun, asked: Sequence[int]) -> list[RunView]:
     cycles = choose_cycles(run, asked)
     whole = run.select_whole(cycles)
     if asked and (len(cycles) > MOST_CYCLES or whole != cycles):
-        raise BadInput("--cycles", ",".join(map(str, asked)), f"write up to {MOST_CYCLES} whole cycles for --gif")
+        raise BadInput("--cycles", ",".join(map(str, asked)), f"write up to {MOST_CYCLES} whole cycles")
     if not whole:
         raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
     if not asked:
@@ -199,3 +202,23 @@ def write_animation(views: Sequence[RunView], path: Path) -> int:
             loop=0,
         )
     return count
+
+
+def _draw(arguments: argparse.Namespace) -> int:
+    asked = [int(number) for number in arguments.cycles.split(",")] if arguments.cycles else []
+    write_animation(view_cycles(StoredRun(arguments.folder), asked), arguments.out)
+    say(str(arguments.out))
+    return 0
+
+
+def main() -> int:
+    """Draw a run."""
+    parser = Parser("docs.draw_walk", "Cycles of a run side by side as a moving picture.")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="a run")
+    parser.add_argument("--cycles", metavar="1,10", help=f"up to {MOST_CYCLES} (default: the first and the last)")
+    parser.add_argument("--out", type=Path, default=Path("walk.gif"), metavar="FILE.gif")
+    return run_command(lambda: _draw(parser.parse_args()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
