@@ -101,7 +101,7 @@ def unpack(kind: bytes, overrides: list[str], changed: list[str], number: int) -
         set_values(config, changed)
     else:
         for override in map(parse_override, changed):
-            _set(config, override.key_or_group.split("."), override.value())
+            set_value(config, override.key_or_group.split("."), override.value())
     how = hydra["job"]["config"]["override_dirname"]
     named = sorted(text for text in overrides if text.partition("=")[0] not in how["exclude_keys"])
     with open_dict(hydra) if callbacks else nullcontext():
@@ -113,15 +113,16 @@ def unpack(kind: bytes, overrides: list[str], changed: list[str], number: int) -
     return Job(number, path, config, hydra), callbacks
 
 
-def _set(config: dict[str, Any], key: list[str], value: Any) -> None:
+def set_value(config: Any, key: list[str], value: Any) -> None:
     """Set a value, as OmegaConf does: of an object that replaces another one, entry by entry."""
-    for name in key[:-1]:
-        config = config[name]
-    if isinstance(value, dict) and isinstance(config[key[-1]], dict):
+    place = int(key[0]) if isinstance(config, list) else key[0]
+    if len(key) > 1:
+        set_value(config[place], key[1:], value)
+    elif isinstance(value, dict) and isinstance(config[place], dict):
         for name, entry in value.items():
-            _set(config, [*key[-1:], name], entry)
+            set_value(config[place], [name], entry)
     else:
-        config[key[-1]] = value
+        config[place] = value
 
 
 def _run_by_hydra(composed: Any, callbacks: Any, jobs: int) -> tuple[Any, JobStatus]:

@@ -5,10 +5,13 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from omegaconf import OmegaConf
 from support.command import cmacexp, python
 
 from cmacexp import load_sweep, run, run_many
+from cmacexp.config.compose import compose_untyped, parse_override, set_values
 from cmacexp.errors import BadInput
+from cmacexp.experiment.launch import set_value
 
 JOBS = ["seed=1,2", "cycles=1", "warn=false"]
 
@@ -41,6 +44,15 @@ def test_options_of_sweeps_that_make_no_sense_are_refused(given, tmp_path):
     done = cmacexp(*given, "cycles=1", folder=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith(f"error: {given[-1].partition('=')[0]}=")
+
+
+@pytest.mark.parametrize("override", ["cmac.layers=8", "record.cycles=[1,2]", "gait={lift: 0.2}", "cmac.inputs.0=x"])
+def test_values_of_a_job_are_set_as_omegaconf_sets_them(override):
+    composed, _ = compose_untyped([])
+    plain, parsed = OmegaConf.to_container(composed), parse_override(override)
+    set_values(composed, [override])
+    set_value(plain, parsed.key_or_group.split("."), parsed.value())
+    assert plain == OmegaConf.to_container(composed)
 
 
 @pytest.fixture(scope="module")
