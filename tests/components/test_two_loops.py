@@ -67,11 +67,10 @@ PLAIN = {
     ],
     "falling": ["scenario=quadruped", "cycles=1", "posture.gain=0"],
     "friction": ["scenario=quadruped", "cycles=1", "plant=mujoco_quadruped", "plant.start_spread=0.01"],
-    "robot": [*ROBOT, f"machine.path={OWN}", *SHORT_ROBOT, "payload.weight=5", "plant.substeps=2"],
-    "rigid floor": [*ROBOT, f"machine.path={OWN}", *SHORT_ROBOT, RIGID, "sensors=encoders", "actuator.delay=1"],
+    "rigid floor": [*ROBOT, f"machine.path={OWN}", *SHORT_ROBOT, RIGID, "sensors=encoders", "actuator.lag=0.001"],
     **{
         name: [*FAULTY[name], "cycles=1", "sensors.force.fault.start=0.5"]
-        for name in ("sensors of one leg", "sensors of a walk", "lagging")
+        for name in ("sensors of one leg", "sensors of a walk")
     },
 }  # fmt: skip
 LEADS, OTHERS = (

@@ -89,7 +89,8 @@ def test_a_change_is_one_and_feedback_alone_walks_on_the_same_plan(name):
 
 def test_without_mujoco_it_says_how_to_install_it(tmp_path):
     (tmp_path / "mujoco.py").write_text("raise ImportError('not here')\n")
-    done = python("-m", "pipelines.dynamic_body", "--quick", "--folder", "studies", folder=tmp_path)
+    command = ["-m", "pipelines.dynamic_body", "--quick", "--folder", "studies"]
+    done = python(*command, folder=tmp_path, LC_ALL="C.UTF-8")  # a process of its own, which ends as any other
     assert done.returncode == 2
     assert done.stderr == 'error: plant=mujoco: MuJoCo is not installed: python -m pip install -e ".[mujoco]"\n'
     assert not (tmp_path / "studies" / "runs").exists()

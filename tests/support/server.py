@@ -5,7 +5,6 @@ Reads a request a line: folder, files for its output and errors, words after ``-
 
 import importlib
 import json
-import multiprocessing.util
 import os
 import runpy
 import sys
@@ -40,7 +39,6 @@ def execute(folder: str, output: str, errors: str, words: list[str]) -> NoReturn
         code = 1
     if isinstance(code, str):
         print(code, file=sys.stderr)
-    multiprocessing.util._exit_function()  # of all that the interpreter does at its end, what pools of processes need
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code if isinstance(code, int) else int(code is not None))
