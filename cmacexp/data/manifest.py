@@ -124,7 +124,7 @@ def read_file(path: Path) -> Manifest:
     return manifest
 
 
-@lru_cache(16)  # whoever reads a table of a run reads its manifest too
+@lru_cache(2048)  # whoever looks for runs, or reads a table of one, reads its manifest too
 def _read_checked(path: Path, stamp: tuple[int, ...]) -> bytes:
     """The text of a manifest, which has this stamp."""
     with open_file(path) as file:

@@ -34,12 +34,13 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
     """
     root = Path(folder).resolve()
     runs = [StoredRun(path) for path in sort_folders(runs_below(root))]
+    tables = [join_scores(run.scores if METRICS in run.manifest["files"] else None) for run in runs]
     settings = parse_overrides([run.manifest.get("overrides", []) for run in runs])
     rows = [
         {"run": str(run.folder.relative_to(root)), **values, "status": run.status}
         for run, values in zip(runs, settings, strict=True)
     ]
-    return stack(rows, [join_scores(run.scores if METRICS in run.manifest["files"] else None) for run in runs])
+    return stack(rows, tables)
 
 
 def stack(rows: Sequence[Mapping[str, Any]], tables: Sequence[pa.Table]) -> "pd.DataFrame":
