@@ -14,13 +14,6 @@ import hydra
 def main(config): pass
 main()
 """
-SAME_CONFIG = """
-import hydra
-from cmacexp.config import config_folder
-@hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")
-def main(config): pass
-main()
-"""
 CORES = 2
 
 
@@ -31,7 +24,6 @@ def tables(quick: bool) -> list[Table]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "empty.py").write_text(EMPTY)
-        (folder / "same_config.py").write_text(SAME_CONFIG)
 
         def sweep(kind: str, *command: str) -> Callable[[], float]:
             arguments = [*command, f"hydra.sweep.dir={folder}/{kind}"]
@@ -40,7 +32,6 @@ def tables(quick: bool) -> list[Table]:
         ours = ["-m", "cmacexp", "-m", f"seed=range({runs})", "record=trace"]
         workers = {
             "empty": sweep("empty", "empty.py", "-m", f"+seed=range({runs})"),
-            "same config": sweep("same", "same_config.py", "-m", f"seed=range({runs})"),
             "cores": sweep("cores", *ours),
             "basic": sweep("basic", *ours, "hydra/launcher=basic"),
         }
@@ -51,7 +42,6 @@ def tables(quick: bool) -> list[Table]:
     rows = [
         compared(times, f"{runs} runs as typed, `cores`", "cores", "empty", "empty Hydra app", "0.35"),
         compared(times, what, "basic", "empty", "empty Hydra app", "1.6"),
-        compared(times, what, "basic", "same config", "Hydra app with this config that does nothing"),
     ]
     if "joblib" in times:
         rows.append(compared(times, f"{runs} runs, `joblib` on {CORES} cores", "joblib", "cores", "`cores`"))
