@@ -12,6 +12,7 @@ from cmacexp.data.discovery import require_place
 from cmacexp.data.folder import HTML, replacing
 from cmacexp.data.manifest import REPORT
 from cmacexp.data.stored_run import StoredRun
+from cmacexp.errors import BadInput
 from cmacexp.experiment.collect import Collected, collect
 from cmacexp.experiment.workers import workers
 from cmacexp.report.terminal import say
@@ -150,9 +151,7 @@ def study_parser(name: str, description: str) -> Parser:
     seeds = f"seeds of each run that depends on its seed (default: {SEEDS})"
     parser.add_argument("--seeds", type=_positive, default=SEEDS, metavar="N", help=seeds)
     parser.add_argument("--folder", type=Path, default=FOLDER, help=f"reports and runs of all studies ({FOLDER})")
-    parser.add_argument(
-        "--launcher", metavar="NAME", help="of Hydra, for the runs: submitit_slurm (default: all cores)"
-    )
+    parser.add_argument("--launcher", metavar="NAME", help="of Hydra, for the runs (default: all cores here)")
     tasks = f"tasks of that launcher (default: {WORKERS})"
     parser.add_argument("--workers", type=_positive, default=WORKERS, metavar="N", help=tasks)
     setting = "of its config, as often as needed: --setting timeout_min=600"
@@ -176,6 +175,8 @@ def command(parser: Parser, work: Callable[[argparse.Namespace, Options], Path])
 
     def run() -> int:
         arguments = parser.parse_args()
+        if arguments.setting and arguments.launcher is None:
+            raise BadInput("--setting", arguments.setting[0], "is of a launcher: add --launcher NAME")
         folder, chosen = require_place(FOLDER_KEY, arguments.folder), (arguments.launcher, arguments.workers)
         options = Options(folder, arguments.quick, arguments.seeds, *chosen, arguments.setting)
         say(str(work(arguments, options)))
