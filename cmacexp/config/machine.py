@@ -75,7 +75,7 @@ LEG_NAMES = tuple(key.replace("_", " ") for key in LEG_KEYS)
 """The same as words."""
 
 
-MASS_COUNTS = ("option.plant == 'mujoco_quadruped' or force_control.load_sharing == 'dynamic' or own.weight is None",)
+MASS_COUNTS = ("option.plant == 'mujoco_quadruped' or force_control.load_sharing != 'static' or own.weight is None",)
 """What the mass of a body needs, which weighs as much as ``weight`` says wherever it does not move."""
 
 

@@ -15,6 +15,7 @@ from cmacexp.models.robot_legs import JOINTS
 
 NONE, FREEZE, REFINE = GUARDS = ("none", "freeze", "refine")
 AUTO, ESTIMATE = "auto", "estimate"
+ADAPTIVE = "adaptive"
 LEARNS = ("option.feedforward not in ('none', 'inverse_dynamics')",)
 """What fields of learning need beside :data:`ACTS`."""
 DRAWS = (
@@ -71,8 +72,9 @@ class ForceControlConfig:
     """Speed at which the reference gives way per force error, V_fn."""
     force_gain: float = number("", above=0, at_most=1e9, needs=("own.method == 'explicit'",))
     """K_a of explicit force control; stiffness uses K_ap and damping K_av for K_a."""
-    load_sharing: str = choice("static", "dynamic", needs=HAS_BODY)
-    """What the feet of a body share; static: its weight, as in the paper; dynamic: gravity, inertia of all masses."""
+    load_sharing: str = choice("static", "dynamic", ADAPTIVE, needs=HAS_BODY)
+    """What the feet of a body share; static: its weight, as in the paper; dynamic: gravity, inertia of all masses;
+    adaptive: also what they carried in the last cycle beyond that, on ground with the slope that they met."""
     load_rate: bool = field(kw_only=True, metadata={"needs": RATES})
     """Whether the reference in support contains the rate of the depression for F_d, and its lag on damped ground."""
 

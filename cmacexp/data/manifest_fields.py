@@ -86,6 +86,7 @@ RUN_FIELDS = {
     "guard?": [{"cycle": COUNT, "step": WHOLE, "cause": TEXT, "restored": WHOLE}],
     "learning_rate?": NUMBER,
     "lead_estimates?": [{"cycle": COUNT, "lead": WHOLE}],
+    "carried?": [{"cycle": COUNT, "weight": NUMBER, **dict.fromkeys(("x", "y", "slope_x", "slope_y"), NUMBER)}],
     "robot?": {"chains": [[NUMBER]], "hips": [[NUMBER]], "foot_radius": NUMBER},
     "model_hash?": _or_null(HASH),
     "traceback?": TEXT,

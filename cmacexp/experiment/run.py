@@ -244,6 +244,7 @@ def _write(
         "learning_lead": end.estimates[-1].lead if end.estimates else scenario.setup.lead,
         "learning_rate": end.rate,
         "lead_estimates": [estimate._asdict() for estimate in end.estimates],
+        "carried": [carried._asdict() for carried in end.carried],
         "drift": make_drift_entry(scores.legs),
         "rollout_seconds": end.seconds,
         "files": {name: sha256(folder / name) for name in names},

@@ -6,6 +6,7 @@ from cmacexp.config.schema import ESTIMATE, NONE, REFINE
 from cmacexp.control import HybridController
 from cmacexp.control.actuator import new_actuator
 from cmacexp.control.hybrid_kernels import new_hybrid_state
+from cmacexp.control.load_meter import new_load_meter
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.kernels import TABLE
 from cmacexp.feedforward.network import BuiltInFeedforward
@@ -115,4 +116,5 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
         Torques(np.zeros(mechanism.shape), np.zeros(mechanism.shape)),
         limits,
         guard,
+        new_load_meter(setup.config, mechanism),
     )

@@ -17,6 +17,7 @@ from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
 from cmacexp.jit.compiler import expect_steps
 from cmacexp.jit.interrupt import interrupt_held_back, raise_if_interrupted
+from cmacexp.loop.adaptation import Adaptation, Carried
 from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_guard, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.external import ExternalDriver
@@ -85,6 +86,8 @@ class End:
     """What the guard of learning did."""
     estimates: Sequence[LeadEstimate] = ()
     """Of the lead, by ``learning.lead=estimate``."""
+    carried: Sequence[Carried] = ()
+    """What the plan knows of the load, by ``force_control.load_sharing=adaptive``."""
 
 
 def _format_error(raised: Exception) -> str:
@@ -124,6 +127,7 @@ class _Stream:
         external = find_external(scenario) if fused else ALL_EXTERNAL
         self.guard = make_guard(scenario, external)
         loop, (legs, joints) = make_loop(scenario, external, self.limits, self.guard), mechanism.shape
+        self.adaptation = None if loop.meter is None else Adaptation(setup, loop.meter)
         self.driver: CompiledDriver | ExternalDriver
         if any(external):
             self.driver, cycles = ExternalDriver(scenario, loop, external), 1
@@ -147,6 +151,8 @@ class _Stream:
     def advance(self) -> int:
         """Run until the arrays are full or the run ends, as at an interrupt or an error; returns the first step."""
         config, driver, start = self.config, self.driver, self.driver.taken
+        if self.adaptation is not None:
+            self.adaptation.take(start // config.steps_per_cycle + 1)
         steps = min(len(self.samples), config.cycles * config.steps_per_cycle - start)
         samples, body = self.samples[:steps], self.body[:steps]
         _fill_planned_travel(body, start, config)
@@ -175,13 +181,21 @@ class _Stream:
             stop = self.driver.run(samples[done : done + steps], body[done : done + steps])
             done += steps
             self._take_estimate()
+            adapts = stop == RUNNING and self._ends_plan()
             self.together = max(1, int(steps * LONGEST_CALL / max(time.perf_counter() - began, 1e-6)))
             self.watch(self.driver.taken / self.config.steps_per_cycle)
+            if adapts:
+                break
         return stop
 
+    def _ends_plan(self) -> bool:
+        """Whether another plan is needed from here on."""
+        ends_cycle = self.driver.taken % self.config.steps_per_cycle == 0
+        return self.adaptation is not None and ends_cycle and self.adaptation.end_cycle()
+
     def _most_steps(self) -> int:
-        """Steps of the next call of the driver; a lead can be taken over only at the start of a cycle."""
-        if self.config.learning.lead != ESTIMATE:
+        """Steps of the next call of the driver; lead and plan can change only at the start of a cycle."""
+        if self.config.learning.lead != ESTIMATE and self.adaptation is None:
             return self.together
         return min(self.together, self.config.steps_per_cycle - self.driver.taken % self.config.steps_per_cycle)
 
@@ -265,8 +279,10 @@ def stream(
             if start == 0 or run.driver.taken > start:
                 keep(run.collect(start))
     expect_steps(math.inf)
-    events = read_events(run.guard)
-    return End(run.driver.taken, run.status, run.cause, run.rate, run.error, run.seconds, events, run.estimates)
+    events, carried = read_events(run.guard), run.adaptation.carried if run.adaptation is not None else []
+    return End(
+        run.driver.taken, run.status, run.cause, run.rate, run.error, run.seconds, events, run.estimates, carried
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

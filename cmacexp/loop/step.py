@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from cmacexp.control.actuator import Actuator, actuate
 from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
+from cmacexp.control.load_meter import LoadMeter, weigh
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.feedforward.weight_log import log_cycle
 from cmacexp.jit.compiler import kernel
@@ -68,6 +69,8 @@ class Loop(NamedTuple):
     limits: StopLimits
     guard: Guard | None
     """Of learning; None: nothing guards it."""
+    meter: LoadMeter | None
+    """Of the load of a body; None: its plan does not adapt."""
 
 
 class Inputs(NamedTuple):
@@ -218,6 +221,7 @@ def take_fused_steps(loop: Loop, progress: Counts, start: int, samples: Array, b
         actuate(loop.actuator, step, state.feedback, feedforward, total)
         commit(samples, body_samples, taken, loop.travel, machine, observation, state, feedforward)
         watch(loop.guard, sample, loop.support[sample], state, observation)
+        weigh(loop.meter, loop.support[sample], observation)
         advance_plant(loop.plant, loop.engine, machine, total)
         taken += 1
         sample = sample + 1 if sample + 1 < period else 0
@@ -297,6 +301,7 @@ def take_steps(
             loop.torques.feedforward,
         )  # fmt: skip
         watch(loop.guard, sample, loop.support[sample], loop.control_state, loop.observation)
+        weigh(loop.meter, loop.support[sample], loop.observation)
         if inputs.plant is not None:
             copy_matrix(loop.torques.total, inputs.plant, k)
             yield STEP, k

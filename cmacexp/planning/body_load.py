@@ -22,6 +22,12 @@ class BodyLoad(NamedTuple):
     centre: Array
     """(N, 2): centre of pressure, forward and left of the body's centre, m."""
 
+    @property
+    def mean_centre(self) -> Array:
+        """(2,): its mean over the cycle, weighted by force, m."""
+        mean: Array = (self.force[:, None] * self.centre).mean(axis=0) / self.force.mean()
+        return mean
+
 
 def static_load(weight: float, samples: int) -> BodyLoad:
     """The weight (N) of a body whose legs do not count, as in Lin & Song 1997, section 6."""

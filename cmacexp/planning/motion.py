@@ -48,7 +48,7 @@ def plan_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> t
     if force is None:
         # The rate matters for the path of a soft foot only: the depression of a quadruped's is a few mm.
         shared = share_load(load.force, feet - load.centre[:, None, :], timing.support, load_fraction)
-        if config.force_control.load_sharing == "dynamic":
+        if config.force_control.load_sharing != "static":
             # A swinging leg may briefly move the load slightly outside the three feet that are down.
             shared = remove_pull(shared)
         return shared, np.zeros_like(load_fraction)

@@ -1,7 +1,7 @@
 """A robot in MuJoCo, from its own model, on the project's elastic ground or on MuJoCo's rigid one."""
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from cmacexp.config import Config, choice, number
 from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.robot import load_mujoco, warnings_dropped
+from cmacexp.models.robot_legs import Legs
 from cmacexp.planning.robot import find_stance
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.mujoco_kernels import read_floor
@@ -24,6 +25,41 @@ SOLREF = (0.01, 1.0)
 SOLIMP = (0.99, 0.99, 0.001, 0.5, 2.0)
 """Their impedance, whatever a model says: some have soft feet, and with MuJoCo's default, 0.9 to 0.95, feet sink as
 deep as into the elastic ground."""
+
+
+@dataclass
+class AsBuilt:
+    """In what the robot differs from its model, which is all that planner, controller and feedforward know of it."""
+
+    joint_friction: float | None = number("N m", at_least=0, at_most=1e3)
+    """Dry friction of every joint; null: as modelled."""
+    joint_damping: float | None = number("N m s/rad", at_least=0, at_most=1e3)
+    """Damping of every joint; null: as modelled."""
+    rotor_inertia: float | None = number("kg m^2", at_least=0, at_most=1e3)
+    """Inertia of the rotor at every joint; null: as modelled."""
+    trunk_mass_factor: float = number("", above=0, at_most=10)
+    """Mass of the trunk over that of the model."""
+    trunk_inertia_factor: float = number("", above=0, at_most=10)
+    """Likewise of its inertia."""
+    trunk_shift: float = number("m", at_least=-1, at_most=1)
+    """How far forward of the model's the centre of mass of the trunk is."""
+    leg_mass_factor: float = number("", above=0, at_most=10)
+    """Mass and inertia of thighs and calves over those of the model."""
+
+    def change(self, mujoco: Any, model: Any, legs: Legs) -> None:
+        """Make ``model``, an MjModel, that of the robot as it is."""
+        given = (self.joint_friction, self.joint_damping, self.rotor_inertia)
+        of_model = (model.dof_frictionloss, model.dof_damping, model.dof_armature)
+        for values, value in zip(of_model, given, strict=True):
+            if value is not None:
+                values[legs.dof] = value
+        model.body_mass[legs.base] *= self.trunk_mass_factor
+        model.body_inertia[legs.base] *= self.trunk_inertia_factor
+        model.body_ipos[legs.base, 0] += self.trunk_shift
+        links = model.jnt_bodyid[legs.joint[:, 1:]]
+        model.body_mass[links] *= self.leg_mass_factor
+        model.body_inertia[links] *= self.leg_mass_factor
+        mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 class MujocoRobot(MujocoPlant):
@@ -43,6 +79,8 @@ class MujocoRobot(MujocoPlant):
         """Stiffness of the spring that holds a sticking foot."""
         friction_damping: float = number("N s/m", at_least=0, at_most=1e5, needs=("own.contact == 'elastic'",))
         """Damping beside that spring."""
+        as_built: AsBuilt = field(kw_only=True)
+        """In what the robot differs from its model."""
 
         def check(self, config: Config) -> None:
             """Check that MuJoCo's floor is asked for nothing but to be flat and rigid."""
@@ -70,6 +108,7 @@ class MujocoRobot(MujocoPlant):
             model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_CONTACT
         else:
             model, feet, floor = self._make_floor(machine)
+        self.config.as_built.change(self.mujoco, model, legs)
         model.opt.integrator = self.mujoco.mjtIntegrator.mjINT_EULER
         model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_AUTORESET
         made = Model(model, legs.base, legs.joint, feet, origin)

@@ -115,7 +115,8 @@ def test_own_phases_are_half_open_too(wave, data):
 
 
 def test_own_phases_plan_the_same_cycle_as_the_wave_they_repeat(walk_plan):
-    for one, other in zip(walk_plan(), walk_plan("gait.touch_down=[0.0, 0.5, 0.8, 0.3]"), strict=True):
+    plans = [walk_plan(), walk_plan("gait.touch_down=[0.0, 0.5, 0.8, 0.3]")]
+    for one, other in zip(*[[*plan._replace(load=0), *plan.load] for plan in plans], strict=True):
         assert_array_equal(one, other)
 
 

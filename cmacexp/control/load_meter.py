@@ -1,0 +1,90 @@
+"""What the feet carried and where they stood over a cycle: a load and a slope that nobody told the plan.
+
+Over a cycle of steady walking momentum does not change, so that the mean forces of the feet balance the weight, and
+their mean moments its lever arms. A plane through the feet that pressed is the ground.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cmacexp.config import Config
+from cmacexp.config.schema import ADAPTIVE
+from cmacexp.jit.compiler import kernel
+from cmacexp.models.mechanism import Mechanism, has_body
+from cmacexp.planning.plan import Met, Plan
+from cmacexp.sensors.kernels import Observation
+from cmacexp.typing import Array, Clock, Mask
+
+STEPS, FORCE, AHEAD, ASIDE = range(4)
+"""Sums over a cycle: steps; forces of the feet and their moments about the body's centre, N and N m."""
+FEET, X, Y, XX, XY, YY, DEPTH, X_DEPTH, Y_DEPTH = range(4, 13)
+"""Sums over the feet that pressed: their number, places, m, and depths of the ground below the body's centre, m."""
+SUMS = 13
+LEAST_SPREAD = 1e-6
+"""Of the places of the feet, as a variance, below which they span no plane, m^2."""
+
+
+class LoadMeter(NamedTuple):
+    """Sums over the present cycle."""
+
+    mechanism: Mechanism
+    stiffness: float
+    """K_n that the controller assumes, N/m."""
+    sums: Clock
+    """(13,)"""
+
+
+def new_load_meter(config: Config, mechanism: Mechanism) -> LoadMeter | None:
+    """A meter at the start of a cycle; None where the plan does not adapt to the load."""
+    adapts = has_body(mechanism) and config.force_control.load_sharing == ADAPTIVE
+    return LoadMeter(mechanism, config.assumed_stiffness, np.zeros(SUMS)) if adapts else None
+
+
+@kernel
+def weigh(meter: LoadMeter | None, support: Mask, observation: Observation) -> None:
+    """Note the forces and places of the feet in a step; ``support`` (L,) are those planned to press."""
+    if meter is None:
+        return
+    sums, hips, pitch, roll = meter.sums, meter.mechanism.hips, observation.body[1], observation.body[2]
+    sums[STEPS] += 1.0
+    for i in range(support.shape[0]):
+        force, foot = observation.force[i], observation.foot[i]
+        x, y = hips[i, 0] + foot[0] - pitch * foot[1], hips[i, 1] + roll * foot[1]
+        if len(meter.mechanism.axes) > 2:
+            y += foot[2]
+        sums[FORCE] += force
+        sums[AHEAD] += force * x
+        sums[ASIDE] += force * y
+        if support[i] and force > 0.0:
+            depth = foot[1] - force / meter.stiffness + pitch * x - roll * y
+            sums[FEET] += 1.0
+            sums[X] += x
+            sums[Y] += y
+            sums[XX] += x * x
+            sums[XY] += x * y
+            sums[YY] += y * y
+            sums[DEPTH] += depth
+            sums[X_DEPTH] += x * depth
+            sums[Y_DEPTH] += y * depth
+
+
+def _find_slopes(sums: Array) -> tuple[float, float]:
+    """Slopes of the least-squares plane through the feet, forward and to the left, m/m; 0 where they span none."""
+    count = max(1.0, sums[FEET])
+    x, y, depth = sums[X] / count, sums[Y] / count, sums[DEPTH] / count
+    xx, xy, yy = sums[XX] / count - x * x, sums[XY] / count - x * y, sums[YY] / count - y * y
+    ahead, aside = sums[X_DEPTH] / count - x * depth, sums[Y_DEPTH] / count - y * depth
+    size = xx * yy - xy * xy
+    if size < LEAST_SPREAD**2:
+        return 0.0, 0.0
+    return float((xy * aside - yy * ahead) / size), float((xy * ahead - xx * aside) / size)
+
+
+def read_meter(meter: LoadMeter, plan: Plan) -> Met:
+    """What was met in the cycle that has ended, beyond the load of the ``plan``; a new cycle begins."""
+    sums, steps = meter.sums.copy(), meter.sums[STEPS]
+    meter.sums[...] = 0.0
+    planned, force = plan.load.force.mean(), max(sums[FORCE] / steps, 1e-300)
+    x, y = sums[[AHEAD, ASIDE]] / (steps * force) - plan.load.mean_centre
+    return Met(float(force - planned), float(x), float(y), *_find_slopes(sums))

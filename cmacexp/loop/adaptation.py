@@ -1,0 +1,74 @@
+"""The plan of a run follows the load that its feet carried and the slope that they met, from cycle to cycle."""
+
+import copy
+import math
+from typing import NamedTuple
+
+from cmacexp.control.load_meter import LoadMeter, read_meter
+from cmacexp.errors import BadInput
+from cmacexp.planning.plan import NOTHING, Met, adapt_plan
+from cmacexp.planning.setup import Setup
+
+LEAST = Met(weight=0.002, x=0.0002, y=0.0002, slope_x=0.0005, slope_y=0.0005)
+"""Changes from which on the plan is made anew; the weight over the planned one."""
+MOST_SHIFT, MOST_SLOPE = 0.002, 0.02
+"""Changes from one cycle to the next that the plan follows: of the place of the feet, m, and of the slopes."""
+
+
+class Carried(NamedTuple):
+    """An entry of the manifest: what the plan knows from a cycle on."""
+
+    cycle: int
+    """The first one, from 1."""
+    weight: float
+    """That the feet carry, N."""
+    x: float
+    """Its centre, forward of the planned one, m."""
+    y: float
+    """To the left."""
+    slope_x: float
+    """Rise of the ground forward, m/m."""
+    slope_y: float
+    """To the left."""
+
+
+class Adaptation:
+    """Makes the plan of a run anew wherever its feet have met something else.
+
+    Args:
+        setup: of the run; arrays of its plan change in place.
+        meter: of the loop.
+    """
+
+    def __init__(self, setup: Setup, meter: LoadMeter):
+        self.setup, self.meter = setup, meter
+        self.nominal, self.known, self.new = copy.deepcopy(setup.plan), NOTHING, NOTHING
+        self.begun = False
+        """Whether a cycle has ended: the first one starts from rest, which moves the centre of the load."""
+        self.carried: list[Carried] = []
+
+    def end_cycle(self) -> bool:
+        """Whether what was met in the cycle that has ended asks for another plan; :meth:`take` makes it."""
+        met, planned = read_meter(self.meter, self.nominal), self.nominal.load.force.mean()
+        if not self.begun:
+            met, self.begun = NOTHING._replace(weight=met.weight), True
+        least, most = LEAST._replace(weight=LEAST.weight * planned), (math.inf, *[MOST_SHIFT] * 2, *[MOST_SLOPE] * 2)
+        if any(abs(a - b) > c for a, b, c in zip(met, self.known, least, strict=True)):
+            steps = (min(max(a - b, -c), c) for a, b, c in zip(met, self.known, most, strict=True))
+            self.new = Met(*map(sum, zip(self.known, steps, strict=True)))
+        return self.new != self.known
+
+    def take(self, cycle: int) -> None:
+        """Let the plan follow what was met before ``cycle``, unless the legs cannot reach there."""
+        if self.new == self.known:
+            return
+        plan = self.setup.plan
+        try:
+            adapted = adapt_plan(self.setup.config, self.setup.mechanism, self.nominal, self.new)
+        except BadInput:
+            self.new = self.known
+            return
+        for name in ("desired", "joints", "force_desired", "reference"):
+            getattr(plan, name)[...] = getattr(adapted, name)
+        self.known = self.new
+        self.carried.append(Carried(cycle, float(self.nominal.load.force.mean()) + self.new.weight, *self.new[1:]))
