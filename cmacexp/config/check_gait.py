@@ -8,6 +8,7 @@ from cmacexp.config.schema import Config
 
 Mistakes = Iterator[tuple[str, str]]
 """The keys that are wrong, with what is allowed of each; computed one by one, since the first ends the check."""
+ROBOT = "robot"
 SHORTEST_RAMP = 10
 """Samples of the shortest ramp of the load: a shorter one is a jump that no sampled motion follows."""
 TOLERANCE = 1e-9
@@ -54,6 +55,8 @@ def check_legs(config: Config) -> Mistakes:
     if config.legs != legs:
         fitting = listed([name for name, pattern in PATTERNS.items() if pattern.legs == legs])
         yield "gait.pattern", f"with machine.kind={kind} choose from {fitting}"
+    elif PATTERNS[gait.pattern].is_dynamic and kind != ROBOT:
+        yield "gait.pattern", f"needs a body that moves: with machine.kind={kind} choose wave, or scenario=robot"
     if gait.touch_down is not None and len(gait.touch_down) != legs:
         yield "gait.touch_down", f"must have one value for each of the {legs} legs, or be null"
     if (config.force_control.desired_force is None) != config.has_body:
@@ -74,6 +77,10 @@ def check_pattern(config: Config) -> Mistakes:
         yield "gait.duty_factor", f"must be 1 {given}"
     if not pattern.lifts and gait.stroke != 0:
         yield "gait.stroke", f"must be 0 {given}, which never lifts a foot"
+    if gait.speed is not None:
+        travel = gait.speed * duty * gait.cycle_time
+        if abs(gait.stroke - travel) > 1e-4 * max(travel, gait.stroke):
+            yield "gait.stroke", f"must be {travel:.6g} m with gait.speed={gait.speed:g}; or set gait.speed=null"
     shortest = SHORTEST_RAMP * period
     for key, ramp, other in (
         ("load", gait.load_ramp, gait.unload_ramp),

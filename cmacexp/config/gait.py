@@ -17,6 +17,17 @@ class GaitPattern(NamedTuple):
     """Below it the gait is not statically stable."""
     divisor: int = 1
     """The number of steps of a cycle must be a multiple of this."""
+    cycle_time: float = 0.0
+    """Longest cycle of a robot, s."""
+    stroke: float = 0.0
+    """Stroke of a robot that is told no speed, m."""
+    overlap: float = 0.0
+    """Share of the cycle for which a rear foot of a robot is down before the front foot of its side lifts."""
+
+    @property
+    def is_dynamic(self) -> bool:
+        """Whether four legs walk on two feet at times, which no static equilibrium allows."""
+        return self.lifts and self.legs > 1 and not self.least_duty_factor
 
     @property
     def legs(self) -> int:
@@ -27,11 +38,23 @@ class GaitPattern(NamedTuple):
 PATTERNS = {
     "transfer_first": GaitPattern(((1.0, -1.0),)),
     "standing": GaitPattern(((0.0, 0.0),), lifts=False),
-    "wave": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.0, 1.0), (0.5, 1.0)), least_duty_factor=0.75, divisor=2),
+    "wave": GaitPattern(
+        ((0.0, 0.0), (0.5, 0.0), (0.0, 1.0), (0.5, 1.0)),
+        least_duty_factor=0.75,
+        divisor=2,
+        cycle_time=2.0,
+        stroke=0.12,
+        overlap=0.05,
+    ),
+    "walk": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.75, 0.0), (0.25, 0.0)), divisor=4, cycle_time=0.8, stroke=0.1),
+    "amble": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.75, 0.0), (0.25, 0.0)), divisor=4, cycle_time=0.4, stroke=0.1),
+    "trot": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.5, 0.0), (0.0, 0.0)), divisor=2, cycle_time=0.4, stroke=0.1),
+    "pace": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.0, 0.0), (0.5, 0.0)), divisor=2, cycle_time=0.4, stroke=0.1),
 }
 """``transfer_first``: one leg, a cycle begins with lift-off. ``standing``: one leg. ``wave``: four legs; those of one
 side follow those of the other by half a cycle, and a rear foot touches down when the front foot of its side lifts
-(Lin & Song 1997, Fig. 14; the start of the cycle is assumed)."""
+(Lin & Song 1997, Fig. 14; the start of the cycle is assumed). The others are those of robots: ``walk`` and ``amble``
+by single feet, with three and two feet down, ``trot`` by diagonal pairs, ``pace`` by those of a side."""
 LINEAR, COSINE = "linear", "cosine"
 """Shapes of the ramps of the load."""
 LIFTS = (f"own.pattern in {tuple(name for name, pattern in PATTERNS.items() if pattern.lifts)}",)
@@ -49,13 +72,16 @@ class GaitConfig:
     """When and along which path the feet move."""
 
     pattern: str = choice(*PATTERNS)
-    """transfer_first: one leg, a cycle begins with lift-off; standing: one leg, no transfer; wave: four legs."""
+    """transfer_first: one leg, a cycle begins with lift-off; standing: one leg, no transfer; wave: four legs, a
+    statically stable walk; walk, amble, trot, pace: four legs of a robot, two feet down at times."""
     touch_down: list[float] | None = number("cycles", at_least=0, below=1)
     """Touch-down of each leg within the cycle; null: given by the pattern."""
     cycle_time: float = number("s", at_least=1e-3, at_most=1e5)
     """Duration of a gait cycle, T."""
     duty_factor: float = number("", above=0, at_most=1)
     """Fraction of the cycle in which a foot supports."""
+    speed: float | None = number("m/s", at_least=0)
+    """Of a robot, from which its stroke and cycle follow; null: they say it."""
     stroke: float = number("m", at_least=0)
     """Travel of the foot on the ground during support (assumed)."""
     lift: float = number("m", at_least=0, needs=LIFTS)

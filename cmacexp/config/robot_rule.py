@@ -4,6 +4,8 @@ It is resolved wherever the config is read, so that it follows machine, sampling
 actuator, and so that whoever types a number instead asks for nothing of the rule.
 """
 
+import math
+from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
@@ -11,6 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.config.component import find_option
 from cmacexp.config.fields import check_fields, make_config
+from cmacexp.config.gait import PATTERNS, GaitPattern
 from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.lateness import Lateness, add_up
@@ -18,30 +21,81 @@ from cmacexp.models.lead import discretise
 from cmacexp.models.robot_gains import Basis, Gains, derive_basis, derive_gains, recommend_period
 
 PERIOD = "sampling_period"
+LONGEST_STROKE = 0.45
+"""Stroke that a cycle is shortened for, over the length of a leg."""
+CYCLE_STEP = 0.04
+"""Cycles are multiples of this, so that feet touch down at samples, s."""
+RAMP_SHARE = 0.05
+"""Duration of the ramps of the load over that of the cycle."""
+DYNAMIC_PERIOD = 0.001
+"""Longest sampling period of a gait that stands on two feet at times, s."""
 DIGITS = 6
 """Significant digits of a number by rule: the config, and its hash, are the same with another MuJoCo."""
 
 
-def rule_value(name: str, _root_: DictConfig) -> float:
+def rule_value(name: str, _root_: DictConfig) -> float | list[float]:
     """The value of ``${rule:NAME}``.
 
     Args:
-        name: ``sampling_period``, or a field of :class:`cmacexp.models.robot_gains.Basis` or
+        name: ``sampling_period``, one of :data:`STRIDE`, or a field of :class:`cmacexp.models.robot_gains.Basis` or
             :class:`cmacexp.models.robot_gains.Gains`.
         _root_: the config.
 
     Raises:
         BadInput: there is no such name, the machine is no robot, or the rule does not serve it.
     """
-    names = (PERIOD, *Basis._fields, *Gains._fields)
+    if name in STRIDE:
+        return STRIDE[name](_root_)
+    names = (PERIOD, *STRIDE, *Basis._fields, *Gains._fields)
     if name not in names:
         raise BadInput("${rule:...}", name, f"choose from {', '.join(names)}")
     basis = derive_basis(read_model(_read_machine(_root_)))
     if name == PERIOD:
         value = recommend_period(basis.ratio, _read_lateness(_root_))
+        value = min(value, DYNAMIC_PERIOD) if _find_pattern(_root_).is_dynamic else value
     else:
         value = getattr(basis if name in Basis._fields else _derive_gains(basis, _root_), name)
     return float(f"{value:.{DIGITS}g}")
+
+
+def _find_pattern(root: DictConfig) -> GaitPattern:
+    name = OmegaConf.select(root, "gait.pattern")
+    pattern = PATTERNS.get(name)
+    if pattern is None or not pattern.stroke:
+        fitting = ", ".join(name for name, pattern in PATTERNS.items() if pattern.stroke)
+        raise BadInput("gait.pattern", name, f"with machine.kind=robot choose from {fitting}")
+    return pattern
+
+
+def _choose_cycle(root: DictConfig) -> float:
+    """The longest cycle of the gait, s, or a shorter one whose stroke the legs can do at the speed."""
+    pattern, longest = _find_pattern(root), sum(read_model(_read_machine(root)).links) * LONGEST_STROKE
+    if OmegaConf.select(root, "gait.speed") is None:
+        return pattern.cycle_time
+    travel = _read_number(root, "gait.speed", least=0.0) * _read_number(root, "gait.duty_factor")
+    parts = math.floor(min(pattern.cycle_time, longest / max(travel, 1e-9)) / CYCLE_STEP + 1e-9)
+    return round(max(1, parts) * CYCLE_STEP, DIGITS)
+
+
+def _choose_stroke(root: DictConfig) -> float:
+    if OmegaConf.select(root, "gait.speed") is None:
+        return _find_pattern(root).stroke
+    speed, duty = _read_number(root, "gait.speed", least=0.0), _read_number(root, "gait.duty_factor")
+    return float(f"{speed * duty * _read_number(root, 'gait.cycle_time'):.{DIGITS}g}")
+
+
+def _choose_touch_downs(root: DictConfig) -> list[float]:
+    pattern, duty = _find_pattern(root), _read_number(root, "gait.duty_factor")
+    return [round((start + slope * (duty - pattern.overlap)) % 1.0, DIGITS) for start, slope in pattern.touch_downs]
+
+
+STRIDE: dict[str, Callable[[DictConfig], float | list[float]]] = {
+    "cycle_time": _choose_cycle,
+    "stroke": _choose_stroke,
+    "touch_down": _choose_touch_downs,
+    "load_ramp": lambda root: round(RAMP_SHARE * _read_number(root, "gait.cycle_time"), DIGITS),
+}
+"""What follows from the gait, its speed and the length of the legs."""
 
 
 def _derive_gains(basis: Basis, root: DictConfig) -> Gains:

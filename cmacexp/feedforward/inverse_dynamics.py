@@ -66,5 +66,11 @@ class InverseDynamics(BuiltInFeedforward):
         plan, adds = setup.plan, setup.config.reference == "force_feedforward"
         pressed = np.zeros_like(plan.force_desired) if adds else plan.force_desired
         return planned_torques(
-            setup.config, setup.mechanism, plan.joints, plan.force_desired, pressed, self.config.mass_factor
+            setup.config,
+            setup.mechanism,
+            plan.joints,
+            plan.sway,
+            plan.force_desired,
+            pressed,
+            self.config.mass_factor,
         )

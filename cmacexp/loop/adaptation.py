@@ -11,6 +11,8 @@ from cmacexp.planning.setup import Setup
 
 LEAST = Met(weight=0.002, x=0.0002, y=0.0002, slope_x=0.0005, slope_y=0.0005)
 """Changes from which on the plan is made anew; the weight over the planned one."""
+SMOOTHING = 2.0
+"""Time over which cycles are averaged, s."""
 MOST_SHIFT, MOST_SLOPE = 0.002, 0.02
 """Changes from one cycle to the next that the plan follows: of the place of the feet, m, and of the slopes."""
 
@@ -43,18 +45,19 @@ class Adaptation:
     def __init__(self, setup: Setup, meter: LoadMeter):
         self.setup, self.meter = setup, meter
         self.nominal, self.known, self.new = copy.deepcopy(setup.plan), NOTHING, NOTHING
-        self.begun = False
-        """Whether a cycle has ended: the first one starts from rest, which moves the centre of the load."""
+        cycle = setup.config.gait.cycle_time
+        self.gain, self.begun = cycle / (cycle + SMOOTHING), False
+        """``begun``: a cycle has ended. The first one starts from rest, which moves the centre of the load."""
         self.carried: list[Carried] = []
 
     def end_cycle(self) -> bool:
         """Whether what was met in the cycle that has ended asks for another plan; :meth:`take` makes it."""
         met, planned = read_meter(self.meter, self.nominal), self.nominal.load.force.mean()
-        if not self.begun:
-            met, self.begun = NOTHING._replace(weight=met.weight), True
         least, most = LEAST._replace(weight=LEAST.weight * planned), (math.inf, *[MOST_SHIFT] * 2, *[MOST_SLOPE] * 2)
-        if any(abs(a - b) > c for a, b, c in zip(met, self.known, least, strict=True)):
-            steps = (min(max(a - b, -c), c) for a, b, c in zip(met, self.known, most, strict=True))
+        if not self.begun:
+            self.new, self.begun = NOTHING._replace(weight=met.weight), True
+        elif any(abs(a - b) > c for a, b, c in zip(met, self.known, least, strict=True)):
+            steps = (min(max(self.gain * (a - b), -c), c) for a, b, c in zip(met, self.known, most, strict=True))
             self.new = Met(*map(sum, zip(self.known, steps, strict=True)))
         return self.new != self.known
 

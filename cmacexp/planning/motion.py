@@ -34,16 +34,23 @@ def plan_horizontal(config: Config, timing: Timing) -> Array:
     return motion
 
 
+def plan_load_fraction(config: Config, timing: Timing) -> tuple[Array, Array]:
+    """Share (N, L) of its load that a foot takes along the ramps of the gait, 0 to 1, and its rate, 1/s."""
+    gait, elapsed = config.gait, np.asarray(timing.sample * config.sampling_period, dtype=float)
+    left: Array = timing.support_samples * config.sampling_period - elapsed
+    rising, rise_slope = make_ramp(gait.ramp, elapsed, gait.load_ramp)
+    falling, fall_slope = make_ramp(gait.ramp, left, gait.unload_ramp)
+    rise_rate = rise_slope * falling / (gait.load_ramp or 1.0)
+    fall_rate = fall_slope * rising / (gait.unload_ramp or 1.0)
+    return np.where(timing.support, rising * falling, 0.0), np.where(timing.support, rise_rate - fall_rate, 0.0)
+
+
 def plan_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> tuple[Array, Array]:
     """Desired force (N, L), N, and its rate, N/s; it rises and falls along ramps if the gait has them.
 
     One leg presses with F_d; under a body the feet (N, L, 2) share the load.
     """
-    gait, elapsed = config.gait, np.asarray(timing.sample * config.sampling_period, dtype=float)
-    left: Array = timing.support_samples * config.sampling_period - elapsed
-    rising, rise_slope = make_ramp(gait.ramp, elapsed, gait.load_ramp)
-    falling, fall_slope = make_ramp(gait.ramp, left, gait.unload_ramp)
-    load_fraction = np.where(timing.support, rising * falling, 0.0)
+    load_fraction, rate = plan_load_fraction(config, timing)
     force = config.force_control.desired_force
     if force is None:
         # The rate matters for the path of a soft foot only: the depression of a quadruped's is a few mm.
@@ -52,9 +59,7 @@ def plan_force(config: Config, timing: Timing, feet: Array, load: BodyLoad) -> t
             # A swinging leg may briefly move the load slightly outside the three feet that are down.
             shared = remove_pull(shared)
         return shared, np.zeros_like(load_fraction)
-    rise_rate = force * rise_slope * falling / (gait.load_ramp or 1.0)
-    fall_rate = force * fall_slope * rising / (gait.unload_ramp or 1.0)
-    return force * load_fraction, np.where(timing.support, rise_rate - fall_rate, 0.0)
+    return force * load_fraction, force * rate
 
 
 def make_ramp(shape: str, elapsed: Array, duration: float) -> tuple[Array, Array]:

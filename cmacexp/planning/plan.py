@@ -5,14 +5,16 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.config import Config
+from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import QuadrupedMachine, RobotMachine
 from cmacexp.models.ground import NEVER
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, SPACE, Mechanism, has_body
 from cmacexp.planning.body_load import BodyLoad, dynamic_load, static_load
-from cmacexp.planning.columns import MOTION_COLUMNS, VX, VY, X, Y, Z
+from cmacexp.planning.body_motion import Sway, find_pressure, find_sway
+from cmacexp.planning.columns import AX, AZ, VX, VY, VZ, X, Y, Z
 from cmacexp.planning.crossing import check_crossing
 from cmacexp.planning.gait import Timing, make_timing
-from cmacexp.planning.motion import plan_force, plan_horizontal, plan_joints, plan_motion
+from cmacexp.planning.motion import plan_force, plan_horizontal, plan_joints, plan_load_fraction, plan_motion
 from cmacexp.planning.reach import check_reach
 from cmacexp.planning.reference import plan_reference
 from cmacexp.planning.robot import plan_robot
@@ -22,6 +24,8 @@ from cmacexp.typing import Array, Mask
 
 LOAD_PASSES = 2
 """Forces depress the feet, which moves the masses that cause them: one pass reduces the error a thousandfold."""
+SWAY_PASSES = 5
+"""Each reduces what is missing in the moments tenfold."""
 LEAST_LOAD = 0.1
 """Share of the planned load that the feet always share."""
 
@@ -43,6 +47,8 @@ class Plan(NamedTuple):
     """(2, N, L, columns): reference of the controller, per stage."""
     load: BodyLoad
     """What the feet of a body share."""
+    sway: Sway
+    """Of a body, beside its constant speed."""
     margins: Array
     """(N, 3): stability margin, front and rear margin of a body over its planned support polygon, m; else NaN."""
     start_step: int
@@ -67,15 +73,49 @@ class Met(NamedTuple):
 NOTHING = Met(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def _plan_under_load(
-    config: Config, mechanism: Mechanism, timing: Timing, feet: Array, load: BodyLoad, met: Met = NOTHING
-) -> tuple[Array, Array, Array]:
+class _Walk(NamedTuple):
+    """Where body and feet are over a cycle, before the feet share a load."""
+
+    config: Config
+    mechanism: Mechanism
+    timing: Timing
+    feet: Array
+    """(N, L, 2): forward and left of the body's centre, m."""
+    sway: Sway
+
+    def moved(self, shift: Array) -> "_Walk":
+        """All feet moved by ``shift`` (2,), m."""
+        return self._replace(feet=self.feet + shift)
+
+
+def _start_walk(config: Config, mechanism: Mechanism) -> _Walk:
+    timing = make_timing(config.gait, config.steps_per_cycle)
+    feet = np.zeros((*timing.support.shape, 2))
+    feet[..., X] = plan_horizontal(config, timing)[..., 0]
+    still = Sway(*np.zeros((3, len(feet), 2)))
+    return _Walk(config, mechanism, timing, feet + mechanism.hips, still)
+
+
+def _sway(walk: _Walk, load: BodyLoad) -> _Walk:
+    """The body sways so that the feet can give the centre of pressure that the ``load`` needs."""
+    config, sway = walk.config, walk.sway
+    fraction, _ = plan_load_fraction(config, walk.timing)
+    missing = find_pressure(walk.feet, fraction, load.centre) - load.centre
+    more = find_sway(missing, walk.mechanism.hip_height, config.sampling_period)
+    swaying = Sway(*(old + new for old, new in zip(sway, more, strict=True)))
+    return walk._replace(feet=walk.feet - more.place[:, None], sway=swaying)
+
+
+def _plan_under_load(walk: _Walk, load: BodyLoad, met: Met = NOTHING) -> tuple[Array, Array, Array]:
     """Desired motion (N, L, columns) of feet that share a load, the same of joints, and desired forces (N, L)."""
+    config, mechanism, timing, feet, sway = walk
     force, rate = plan_force(config, timing, feet, load)
     desired = plan_motion(config, timing, mechanism, force, rate)
-    desired[..., X] += met.x
-    if desired.shape[2] > MOTION_COLUMNS[2]:
-        desired[..., Z] += met.y
+    shift = [met.x, met.y]
+    for axis, columns in enumerate(((X, VX, AX), (Z, VZ, AZ))[: mechanism.shape[1] - 1]):
+        for column, values in zip(columns, sway, strict=True):
+            desired[..., column] -= values[:, None, axis]
+        desired[..., columns[0]] += shift[axis]
     desired[..., Y] -= met.slope_x * feet[..., 0] + met.slope_y * feet[..., 1]
     desired[..., VY] -= met.slope_x * desired[..., VX]
     joints = np.empty_like(desired)
@@ -88,19 +128,13 @@ def _plan_under_load(
     return desired, joints, force
 
 
-def _moving_load(config: Config, mechanism: Mechanism, desired: Array, joints: Array) -> BodyLoad:
+def _moving_load(walk: _Walk, desired: Array, joints: Array) -> BodyLoad:
     """Gravity and inertia of all masses of a machine with a body along its planned motion."""
-    if isinstance(config.machine, RobotMachine):
-        return compute_load(config, joints)
-    assert isinstance(config.machine, QuadrupedMachine)
-    return dynamic_load(mechanism, config.machine.body_mass, desired, joints)
-
-
-def _plan_feet(config: Config, mechanism: Mechanism, timing: Timing) -> Array:
-    """Places (N, L, 2) of the feet, forward and left of the body's centre, m."""
-    feet = np.zeros((*timing.support.shape, 2))
-    feet[..., X] = plan_horizontal(config, timing)[..., 0]
-    return feet + mechanism.hips
+    machine = walk.config.machine
+    if isinstance(machine, RobotMachine):
+        return compute_load(walk.config, joints, walk.sway)
+    assert isinstance(machine, QuadrupedMachine)
+    return dynamic_load(walk.mechanism, machine.body_mass, desired, joints)
 
 
 def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
@@ -114,17 +148,20 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
     Raises:
         BadInput: a foot path leaves the reach of its leg, legs would cross, or the gait is not statically stable.
     """
-    timing = make_timing(config.gait, config.steps_per_cycle)
-    feet = _plan_feet(config, mechanism, timing)
+    walk = _start_walk(config, mechanism)
+    timing, feet = walk.timing, walk.feet
     planned_margins = margins(feet, timing.support)
     if has_body(mechanism):
         check_stability(config, timing.support, planned_margins)
     load = static_load(mechanism.weight, len(feet))
-    desired, joints, force = _plan_under_load(config, mechanism, timing, feet, load)
+    desired, joints, force = _plan_under_load(walk, load)
     if config.force_control.load_sharing != "static":
-        for _ in range(LOAD_PASSES):
-            load = _moving_load(config, mechanism, desired, joints)
-            desired, joints, force = _plan_under_load(config, mechanism, timing, feet, load)
+        dynamic = PATTERNS[config.gait.pattern].is_dynamic
+        for _ in range(SWAY_PASSES if dynamic else LOAD_PASSES):
+            load = _moving_load(walk, desired, joints)
+            if dynamic:
+                walk = _sway(walk, load)
+            desired, joints, force = _plan_under_load(walk, load)
     if mechanism.kind == LEGS_UNDER_BODY:
         check_crossing(config, mechanism, joints)
     return Plan(
@@ -135,6 +172,7 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
         force,
         plan_reference(config, timing.support, mechanism.hip_height, desired, force),
         load,
+        walk.sway,
         planned_margins,
         (config.learning.start_cycle - 1) * config.steps_per_cycle if feedforward_acts else NEVER,
     )
@@ -152,16 +190,15 @@ def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, met: Met) -> Pl
     Raises:
         BadInput: a foot path leaves the reach of its leg.
     """
-    timing = make_timing(config.gait, config.steps_per_cycle)
-    feet, shift = _plan_feet(config, mechanism, timing), np.array([met.x, met.y])
+    shift = np.array([met.x, met.y if mechanism.shape[1] == len(SPACE) else 0.0])
+    walk = _start_walk(config, mechanism).moved(shift)
+    walk = walk._replace(feet=walk.feet - plan.sway.place[:, None], sway=plan.sway)
     weight = np.maximum(plan.load.force + met.weight, LEAST_LOAD * plan.load.force)
-    added = weight.mean() * (plan.load.mean_centre + shift) - plan.load.force.mean() * plan.load.mean_centre
+    added = weight.mean() * (plan.load.mean_centre + [met.x, met.y]) - plan.load.force.mean() * plan.load.mean_centre
     moment = plan.load.force[:, None] * plan.load.centre + added
-    load = BodyLoad(weight, moment / weight[:, None])
-    feet += shift if mechanism.shape[1] == len(SPACE) else [met.x, 0.0]
-    desired, joints, force = _plan_under_load(config, mechanism, timing, feet, load, met)
+    desired, joints, force = _plan_under_load(walk, BodyLoad(weight, moment / weight[:, None]), met)
     reference = plan_reference(config, plan.support, mechanism.hip_height, desired, force)
-    rise = met.slope_x * feet[..., 0] + met.slope_y * feet[..., 1]
+    rise = met.slope_x * walk.feet[..., 0] + met.slope_y * walk.feet[..., 1]
     reference[:, plan.support, Y] -= rise[plan.support]
     reference[:, plan.support, VY] -= met.slope_x * desired[plan.support, VX]
     return plan._replace(desired=desired, joints=joints, force_desired=force, reference=reference)

@@ -17,11 +17,16 @@ from cmacexp.planning.columns import (
     FORCE_ADDED,
     FORCE_DESIRED,
     FORCE_REFERENCE,
+    MOTION_COLUMNS,
     REFERENCE_COLUMNS,
+    REFERENCE_VZ,
+    REFERENCE_Z,
     VX,
     VY,
+    VZ,
     X,
     Y,
+    Z,
 )  # fmt: skip
 from cmacexp.typing import Array, Mask
 
@@ -115,6 +120,8 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
     reference = np.zeros((2, *force.shape, REFERENCE_COLUMNS[desired.shape[2] // 3]))
     copied = [X, Y, VX, VY]
     reference[..., copied], reference[..., FORCE_DESIRED] = desired[..., copied], force
+    if desired.shape[2] > MOTION_COLUMNS[2]:
+        reference[..., [REFERENCE_Z, REFERENCE_VZ]] = desired[..., [Z, VZ]]
     for stage in (BEFORE, ACTING):
         keeps = config.gains is not None and keeps_static_load(config.reference, stage == ACTING)
         per_newton = SUPPORT_REFERENCES[method.method](gains, keeps)

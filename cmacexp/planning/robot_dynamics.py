@@ -15,6 +15,7 @@ from cmacexp.models.chain import batch_kinematics
 from cmacexp.models.mechanism import Mechanism
 from cmacexp.models.robot import load_mujoco, place
 from cmacexp.planning.body_load import BodyLoad
+from cmacexp.planning.body_motion import Sway
 from cmacexp.planning.columns import DDQ1, DDQ2, DDQ3, DQ1, DQ2, DQ3, Q1, Q2, Q3
 from cmacexp.planning.robot import find_stance
 from cmacexp.typing import Array
@@ -40,29 +41,31 @@ def make_model(robot_model: Any, mass_factor: float = 1.0) -> Any:
     return model
 
 
-def compute_needs(config: Config, joints: Array, mass_factor: float = 1.0) -> Needs:
-    """What the planned motion of the ``joints`` (N, 4, 9) needs, with masses that may be wrong."""
+def compute_needs(config: Config, joints: Array, sway: Sway, mass_factor: float = 1.0) -> Needs:
+    """What the planned motion of the ``joints`` (N, 4, 9) and of the body needs, with masses that may be wrong."""
     mujoco, robot = load_mujoco(), read_model(config.machine)
     origin, legs = find_stance(robot, config.machine.hip_height).origin, robot.legs
     model = make_model(robot.model, mass_factor)
     data = place(model, mujoco.MjData(model), legs, robot.home)
-    data.qvel[legs.base_dof] = config.body_speed
+    rates = sway.rate + [config.body_speed, 0.0]
     needs = np.empty((len(joints), model.nv))
     for k, sample in enumerate(joints):
         data.qpos[legs.qpos], data.qvel[legs.dof] = sample[:, [Q1, Q2, Q3]], sample[:, [DQ1, DQ2, DQ3]]
         data.qacc[legs.dof] = sample[:, [DDQ1, DDQ2, DDQ3]]
+        data.qvel[legs.base_dof : legs.base_dof + 2] = rates[k]
+        data.qacc[legs.base_dof : legs.base_dof + 2] = sway.acceleration[k]
         mujoco.mj_inverse(model, data)
         needs[k] = data.qfrc_inverse
     force, moment = needs[:, legs.base_dof : legs.base_dof + 3], needs[:, legs.base_dof + 3 : legs.base_dof + 6]
     return Needs(np.concatenate([force, moment - np.cross(origin, force)], axis=1), needs[:, legs.dof])
 
 
-def compute_load(config: Config, joints: Array) -> BodyLoad:
-    """The load of the feet along the planned motion of the ``joints`` (N, 4, 9).
+def compute_load(config: Config, joints: Array, sway: Sway) -> BodyLoad:
+    """The load of the feet along the planned motion of the ``joints`` (N, 4, 9) and of the body.
 
     The horizontal force acts at the ground, ``hip_height`` below the body: it moves the centre of pressure.
     """
-    force, moment = np.split(compute_needs(config, joints).trunk, 2, axis=1)
+    force, moment = np.split(compute_needs(config, joints, sway).trunk, 2, axis=1)
     ahead, aside, up = force.T
     height = config.machine.hip_height
     centre = np.stack([-moment[:, 1] - height * ahead, moment[:, 0] - height * aside], axis=1) / up[:, None]
@@ -70,7 +73,13 @@ def compute_load(config: Config, joints: Array) -> BodyLoad:
 
 
 def planned_torques(
-    config: Config, mechanism: Mechanism, joints: Array, load: Array, pressed: Array, mass_factor: float = 1.0
+    config: Config,
+    mechanism: Mechanism,
+    joints: Array,
+    sway: Sway,
+    load: Array,
+    pressed: Array,
+    mass_factor: float = 1.0,
 ) -> Array:
     """Joint torques (N, 4, 3), N m, that let the robot move as planned, with masses that may be wrong.
 
@@ -78,12 +87,13 @@ def planned_torques(
         config: of the run.
         mechanism: of the robot.
         joints: (N, 4, 9): planned.
+        sway: of the body.
         load: (N, 4): vertical forces on the feet, N; they share the horizontal force alike.
         pressed: (N, 4): those that these torques have to give.
         mass_factor: masses of the model over the true ones.
     """
     assert mechanism.chains is not None
-    needs = compute_needs(config, joints, mass_factor)
+    needs = compute_needs(config, joints, sway, mass_factor)
     share = load / load.sum(axis=1, keepdims=True)
     ground = np.stack([needs.trunk[:, :1] * share, -pressed, needs.trunk[:, 1:2] * share], axis=-1)
     torque = needs.joints.copy()

@@ -9,6 +9,7 @@ from itertools import permutations
 import numpy as np
 
 from cmacexp.config import Config
+from cmacexp.config.gait import PATTERNS
 from cmacexp.errors import BadInput
 from cmacexp.typing import Array, Mask
 
@@ -58,7 +59,7 @@ def check_stability(config: Config, support: Mask, planned: Array) -> None:
         BadInput: names the instant, and the feet that are down or the margin.
     """
     gait = config.gait
-    if gait.allow_unstable:
+    if gait.allow_unstable or PATTERNS[gait.pattern].is_dynamic:
         return
     key = "duty_factor" if gait.touch_down is None else "touch_down"
     few, k = np.flatnonzero(support.sum(axis=1) < 3), int(np.argmin(planned[:, STABILITY]))
