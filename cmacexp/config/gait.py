@@ -24,6 +24,9 @@ class GaitPattern(NamedTuple):
     overlap: float = 0.0
     """Share of the cycle for which a rear foot of a robot is down before the front foot of its side lifts."""
 
+    gain: float = 0.0
+    """Least feedback gain that a robot needs for it, over the largest one at a sampling period of 1 ms."""
+
     @property
     def is_dynamic(self) -> bool:
         """Whether four legs walk on two feet at times, which no static equilibrium allows."""
@@ -46,10 +49,10 @@ PATTERNS = {
         stroke=0.12,
         overlap=0.05,
     ),
-    "walk": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.75, 0.0), (0.25, 0.0)), divisor=4, cycle_time=0.8, stroke=0.1),
-    "amble": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.75, 0.0), (0.25, 0.0)), divisor=4, cycle_time=0.4, stroke=0.1),
-    "trot": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.5, 0.0), (0.0, 0.0)), divisor=2, cycle_time=0.4, stroke=0.1),
-    "pace": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.0, 0.0), (0.5, 0.0)), divisor=2, cycle_time=0.4, stroke=0.1),
+    "walk": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.75, 0.0), (0.25, 0.0)), True, 0.0, 4, 0.8, 0.1, gain=0.9),
+    "amble": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.75, 0.0), (0.25, 0.0)), True, 0.0, 4, 0.4, 0.1, gain=1.8),
+    "trot": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.5, 0.0), (0.0, 0.0)), True, 0.0, 2, 0.4, 0.1, gain=0.9),
+    "pace": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.0, 0.0), (0.5, 0.0)), True, 0.0, 2, 0.4, 0.1, gain=1.8),
 }
 """``transfer_first``: one leg, a cycle begins with lift-off. ``standing``: one leg. ``wave``: four legs; those of one
 side follow those of the other by half a cycle, and a rear foot touches down when the front foot of its side lifts

@@ -27,8 +27,6 @@ CYCLE_STEP = 0.04
 """Cycles are multiples of this, so that feet touch down at samples, s."""
 RAMP_SHARE = 0.05
 """Duration of the ramps of the load over that of the cycle."""
-DYNAMIC_PERIOD = 0.001
-"""Longest sampling period of a gait that stands on two feet at times, s."""
 DIGITS = 6
 """Significant digits of a number by rule: the config, and its hash, are the same with another MuJoCo."""
 
@@ -51,8 +49,7 @@ def rule_value(name: str, _root_: DictConfig) -> float | list[float]:
         raise BadInput("${rule:...}", name, f"choose from {', '.join(names)}")
     basis = derive_basis(read_model(_read_machine(_root_)))
     if name == PERIOD:
-        value = recommend_period(basis.ratio, _read_lateness(_root_))
-        value = min(value, DYNAMIC_PERIOD) if _find_pattern(_root_).is_dynamic else value
+        value = recommend_period(basis.ratio, _read_lateness(_root_), _find_pattern(_root_).gain)
     else:
         value = getattr(basis if name in Basis._fields else _derive_gains(basis, _root_), name)
     return float(f"{value:.{DIGITS}g}")

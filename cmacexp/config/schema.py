@@ -46,6 +46,10 @@ class ActuatorConfig:
         return float("inf") if self.torque_limit is None else self.torque_limit
 
 
+STEERED = ("machine.kind == 'robot'", "gait.stroke > 0")
+"""What keeping a course needs."""
+
+
 @dataclass
 class PostureConfig:
     """Posture control of a body (Lin & Song 1997, section 6.2)."""
@@ -56,6 +60,10 @@ class PostureConfig:
     """Depth that a supporting foot is pushed down, over the height that its hip lacks; 0 switches it off."""
     rate_gain: float = number("", at_least=0)
     """Speed at which a supporting foot is pushed down, over the speed at which its hip sinks; 0 as in the paper."""
+    course_gain: float = number("1/s", at_least=0, at_most=100, needs=STEERED)
+    """Speed of a robot towards its planned place, over the distance from it; 0 switches it off."""
+    heading_gain: float = number("1/s", at_least=0, at_most=100, needs=STEERED)
+    """Likewise of its heading."""
 
 
 @dataclass

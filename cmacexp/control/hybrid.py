@@ -8,6 +8,7 @@ from cmacexp.config import ComponentConfig, number
 from cmacexp.control.fault_detection import FaultDetection
 from cmacexp.control.hybrid_kernels import METHODS, HybridParams, HybridState, hybrid_feedback, new_hybrid_state
 from cmacexp.control.protocol import Action
+from cmacexp.control.steering import new_steering, steer
 from cmacexp.feedforward.protocol import Feedforward
 from cmacexp.models.lead import discretise
 from cmacexp.models.mechanism import GEOMETRY_FIELDS, update_geometry
@@ -52,6 +53,7 @@ class HybridController:
             setup.config.posture.gain,
             setup.config.posture.rate_gain,
             FaultDetection(**vars(setup.config.plausibility)),
+            new_steering(setup),
         )
         self.state = new_hybrid_state(*setup.mechanism.shape)
         self.geometry = np.zeros((setup.mechanism.shape[0], GEOMETRY_FIELDS[setup.mechanism.axes]))
@@ -72,6 +74,7 @@ class HybridController:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""
         last: Array = self.state.learning_error.copy()
         update_geometry(self.params.mechanism, measurement.q, self.geometry)
+        steer(self.params.steering, measurement.travel, reference.step, reference.sample)
         observation = Observation._make((*get_state(measurement), self.geometry))
         hybrid_feedback(self.params, self.state, reference.support, reference.values, observation)
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)

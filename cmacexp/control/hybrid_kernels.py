@@ -16,6 +16,7 @@ from cmacexp.control.fault_detection import (
     new_fault_status,
     update_status,
 )
+from cmacexp.control.steering import Steering, scale_ahead, scale_aside
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import LEVEL, Pose, depth, depth_rate, make_pose
 from cmacexp.models.lead import Lead, lead_step
@@ -52,6 +53,8 @@ class HybridParams(NamedTuple):
     posture_rate_gain: float
     """Gain of the posture term in the velocity reference; 0 as in the paper."""
     fault_detection: FaultDetection
+    steering: Steering | None
+    """None where nothing is steered."""
 
 
 class HybridState(NamedTuple):
@@ -157,7 +160,8 @@ def control_sideways(
     params: HybridParams, state: HybridState, i: int, reference: Array, foot: Array, velocity: Array
 ) -> None:
     """Position control of leg ``i`` along z; fills ``state``."""
-    z, vz = reference[i, REFERENCE_Z], reference[i, REFERENCE_VZ]
+    scale = scale_aside(params.steering, params.mechanism.hips, i)
+    z, vz = reference[i, REFERENCE_Z] + scale * reference[i, X], reference[i, REFERENCE_VZ] + scale * reference[i, VX]
     error = position_error(params, z, vz, foot[i, 2], velocity[i, 2])
     output = lead_step(params.lead, error, state.error[i, 2], state.output[i, 2])
     state.reference[i, 2], state.error[i, 2], state.output[i, 2] = z, error, output
@@ -183,7 +187,9 @@ def hybrid_feedback(
     foot, velocity, geometry = observation.foot, observation.velocity, observation.geometry
     pose = make_pose(observation.body) if has_body(params.mechanism) else LEVEL
     for i in range(support.shape[0]):
-        x_error = position_error(params, reference[i, X], reference[i, VX], foot[i, 0], velocity[i, 0])
+        scale = scale_ahead(params.steering, params.mechanism.hips, i)
+        x_reference = scale * reference[i, X]
+        x_error = position_error(params, x_reference, scale * reference[i, VX], foot[i, 0], velocity[i, 0])
         y_reference = reference[i, Y]
         force, desired = observation.force[i], reference[i, FORCE_DESIRED]
         pressed = control_force(params, state.fault_status, i, force, desired, foot, pose)
@@ -195,7 +201,7 @@ def hybrid_feedback(
             )
         else:
             y_error = position_error(params, y_reference, reference[i, VY], foot[i, 1], velocity[i, 1])
-        state.reference[i, 0], state.reference[i, 1] = reference[i, X], y_reference
+        state.reference[i, 0], state.reference[i, 1] = x_reference, y_reference
         ux = lead_step(params.lead, x_error, state.error[i, 0], state.output[i, 0])
         uy = lead_step(params.lead, y_error, state.error[i, 1], state.output[i, 1])
         state.error[i, 0], state.error[i, 1] = x_error, y_error

@@ -75,7 +75,10 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
         body = assemble_body(scenario.setup, samples.body_columns(), legs, moves, start, columns[1])
     if samples.memory is not None:
         memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)
-    return Traces(assemble(plan, legs, period, start, columns[0], _known_torque(scenario)), body, memory)
+    controller = scenario.controller
+    steered = isinstance(controller, HybridController) and controller.params.steering is not None
+    trace = assemble(plan, legs, period, start, columns[0], _known_torque(scenario), steered)
+    return Traces(trace, body, memory)
 
 
 def score_scenario(

@@ -182,7 +182,9 @@ class ExternalDriver:
 
     def _act(self, row: int) -> None:
         reference, state = self._reference(row), self.loop.control_state
-        action = self.controller.act(reference, self.observed[row])
+        travel = self.travel if self.external.plant else self.loop.travel
+        observed = self.observed[row]._replace(travel=None if travel is None else travel.copy())
+        action = self.controller.act(reference, observed)
         if self.has_fault_status:
             state.fault_status.trusted[...] = self.controller.force_trusted  # type: ignore[attr-defined]
         if not take_action(self.controller, action, state.feedback, self.loop.torques.feedforward, state.reference):

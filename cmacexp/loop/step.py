@@ -12,6 +12,7 @@ from typing import NamedTuple
 from cmacexp.control.actuator import Actuator, actuate
 from cmacexp.control.hybrid_kernels import HybridParams, HybridState, hybrid_feedback
 from cmacexp.control.load_meter import LoadMeter, weigh
+from cmacexp.control.steering import steer
 from cmacexp.feedforward.kernels import FeedforwardParams, feedforward_step
 from cmacexp.feedforward.weight_log import log_cycle
 from cmacexp.jit.compiler import kernel
@@ -170,10 +171,18 @@ def predict(
 
 @kernel
 def control(
-    params: HybridParams | None, state: HybridState, support: Mask, reference: Array, observation: Observation
+    params: HybridParams | None,
+    state: HybridState,
+    travel: Array | None,
+    step: int,
+    sample: int,
+    support: Mask,
+    reference: Array,
+    observation: Observation,
 ) -> None:
     """The built-in controller, with rows of the plan."""
     if params is not None:
+        steer(params.steering, travel, step, sample)
         hybrid_feedback(params, state, support, reference, observation)
 
 
@@ -216,7 +225,7 @@ def take_fused_steps(loop: Loop, progress: Counts, start: int, samples: Array, b
         if step >= loop.start_step:
             predict(loop.feedforward, loop.guard, step, sample, state.learning_error, feedforward)
         reference = loop.reference[ACTING if acting else BEFORE, sample]
-        control(loop.control, state, loop.support[sample], reference, observation)
+        control(loop.control, state, loop.travel, step, sample, loop.support[sample], reference, observation)
         take_torque(loop.guard, sample, feedforward)
         actuate(loop.actuator, step, state.feedback, feedforward, total)
         commit(samples, body_samples, taken, loop.travel, machine, observation, state, feedforward)
@@ -290,6 +299,9 @@ def take_steps(
             control(
                 loop.control,
                 loop.control_state,
+                loop.travel,
+                step,
+                sample,
                 loop.support[sample],
                 loop.reference[stage, sample],
                 loop.observation,

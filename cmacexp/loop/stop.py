@@ -24,7 +24,7 @@ LOWEST_HIP = 0.25
 LOWEST_SHARE = 0.5
 """A hip of a robot below this share of its planned height has fallen."""
 LONGEST_UNSTABLE = 0.25
-"""A body whose planned stability margin is negative for longer has fallen, s."""
+"""A body whose planned stability margin is negative, or that no foot bears, for longer has fallen, s."""
 
 
 class StopLimits(NamedTuple):
@@ -38,14 +38,14 @@ class StopLimits(NamedTuple):
     longest_unstable: int
     """Steps of LONGEST_UNSTABLE."""
     unstable: Clock
-    """(1,): steps for which the margin has been negative."""
+    """(2,): steps for which the margin has been negative, and for which no foot has borne the body."""
 
 
 def new_limits(mechanism: Mechanism, margin: Array, sampling_period: float) -> StopLimits:
     """The limits of a run, at its start."""
     lowest_hip = LOWEST_HIP if mechanism.chains is None else LOWEST_SHARE * mechanism.hip_height
     longest_unstable = round(LONGEST_UNSTABLE / sampling_period)
-    return StopLimits(mechanism, np.ascontiguousarray(margin), lowest_hip, longest_unstable, np.zeros(1))
+    return StopLimits(mechanism, np.ascontiguousarray(margin), lowest_hip, longest_unstable, np.zeros(2))
 
 
 @kernel
@@ -60,14 +60,23 @@ def has_diverged(mechanism: Mechanism, q: Array, dq: Array, foot: Array) -> bool
 
 @kernel
 def has_fallen(limits: StopLimits, body: Array) -> bool:
-    """Whether the body has no static equilibrium, is too steep or low, or has a negative margin for too long."""
+    """Whether the body has no static equilibrium, is too steep or low, or has been unstable or unborne too long."""
     if not (math.isfinite(body[0]) and abs(body[1]) <= STEEPEST and abs(body[2]) <= STEEPEST):
         return True
     hips, pose = limits.mechanism.hips, make_pose(body)
     for i in range(hips.shape[0]):
         if -depth(pose, hips[i, 0], hips[i, 1], 0.0) < limits.lowest_hip:
             return True
-    return limits.unstable[0] > limits.longest_unstable
+    return limits.unstable[0] > limits.longest_unstable or limits.unstable[1] > limits.longest_unstable
+
+
+@kernel
+def count_unborne(limits: StopLimits, force: Array) -> None:
+    """Count a step in which no foot bears the body."""
+    limits.unstable[1] += 1
+    for i in range(force.shape[0]):
+        if force[i] > 0.0:
+            limits.unstable[1] = 0
 
 
 @kernel
@@ -77,6 +86,7 @@ def stop_reason(limits: StopLimits, sample: int, state: PlantState | Measurement
         return DIVERGED
     if has_body(limits.mechanism):
         limits.unstable[0] = limits.unstable[0] + 1 if limits.margin[sample] < 0.0 else 0
+        count_unborne(limits, state.force)
         if has_fallen(limits, state.body):
             return FELL
     for i in range(state.force.shape[0]):
@@ -109,6 +119,8 @@ def _explain_fall(limits: StopLimits, body: Array) -> str:
     lowest = int(np.argmin(heights))
     if heights[lowest] < limits.lowest_hip:
         return f"hip of leg {lowest + 1} at {heights[lowest]:.3f} m, below {limits.lowest_hip:g} m"
+    if limits.unstable[1] > limits.longest_unstable:
+        return f"no foot has borne the body for more than {LONGEST_UNSTABLE:g} s"
     return f"planned stability margin negative for more than {LONGEST_UNSTABLE:g} s"
 
 

@@ -36,6 +36,7 @@ def assemble(
     start: int = 0,
     columns: Sequence[Signal] = select_signals(LEG_SIGNALS),
     model: Array | None = None,
+    steered: bool = False,
 ) -> pa.Table:
     """The trace of a run, or of a part of it, from the plan and the samples.
 
@@ -45,6 +46,7 @@ def assemble(
         sampling_period: T_s, s.
         start: step of the first row.
         columns: of the trace, see :func:`select_signals`.
+        steered: whether the controller keeps a course, so that feet should be where its reference is.
         model: (N, L, J): torque of a model that the feedforward learns on top of, N m; None: there is none.
     """
     steps, legs = samples["x"].shape
@@ -65,6 +67,8 @@ def assemble(
         known["z_desired"] = plan.desired[sample, :, Z].ravel()
         for number, column in enumerate(JOINT_COLUMNS["angle"], start=1):
             known[f"q{number}_desired"] = plan.joints[sample, :, column].ravel()
+    if steered:
+        known |= {f"{axis}_desired": samples[f"{axis}_reference"].flatten() for axis in "xz"}
     if model is not None:
         acting = (step >= plan.start_step)[:, None]
         for joint in range(model.shape[2]):

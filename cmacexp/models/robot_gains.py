@@ -102,11 +102,12 @@ def choose_feedback(lateness: Lateness, period: float) -> float:
     return min(MOST_FEEDBACK, STABLE_SHARE * lateness.find_critical_gain(period))
 
 
-def recommend_period(ratio: float, lateness: Lateness = NONE) -> float:
+def recommend_period(ratio: float, lateness: Lateness = NONE, gain: float = 0.0) -> float:
     """The longest sampling period, s, at which a robot with m_f/m = ``ratio`` walks as well as with a shorter one.
 
     Below the lightest feet that were measured the period shrinks with them, to a half, a fifth, a tenth and so on.
-    Where feedback is late the gains are lower, as if the feet were so much lighter, and a margin is kept.
+    Where feedback is late the gains are lower, as if the feet were so much lighter, and a margin is kept. A
+    gait on two feet at times needs at least ``gain`` times the largest gains at the first of PERIODS.
 
     Raises:
         BadInput: there is none, since lags limit the gains at any period.
@@ -116,6 +117,8 @@ def recommend_period(ratio: float, lateness: Lateness = NONE) -> float:
     shorter = ((period / part, least / part) for part in parts)
     margin = MOST_FEEDBACK * (1.0 if lateness == NONE else LATE_MARGIN)
     for period, least in (*reversed(RECOMMENDED), *itertools.islice(shorter, 36)):
+        if choose_feedback(lateness, period) < gain * MOST_FEEDBACK * period / PERIODS[0][0]:
+            continue
         if ratio * choose_feedback(lateness, period) > margin * least:
             return period
     allowed = "none suits feet so light with these lags: set sampling_period and the gains, or reduce the lags"

@@ -194,7 +194,8 @@ def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, met: Met) -> Pl
     walk = _start_walk(config, mechanism).moved(shift)
     walk = walk._replace(feet=walk.feet - plan.sway.place[:, None], sway=plan.sway)
     weight = np.maximum(plan.load.force + met.weight, LEAST_LOAD * plan.load.force)
-    added = weight.mean() * (plan.load.mean_centre + [met.x, met.y]) - plan.load.force.mean() * plan.load.mean_centre
+    centre, planned = plan.load.mean_centre, plan.load.force.mean()
+    added = weight.mean() * (centre + np.array([met.x, met.y])) - planned * centre
     moment = plan.load.force[:, None] * plan.load.centre + added
     desired, joints, force = _plan_under_load(walk, BodyLoad(weight, moment / weight[:, None]), met)
     reference = plan_reference(config, plan.support, mechanism.hip_height, desired, force)

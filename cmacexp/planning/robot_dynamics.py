@@ -47,7 +47,7 @@ def compute_needs(config: Config, joints: Array, sway: Sway, mass_factor: float 
     origin, legs = find_stance(robot, config.machine.hip_height).origin, robot.legs
     model = make_model(robot.model, mass_factor)
     data = place(model, mujoco.MjData(model), legs, robot.home)
-    rates = sway.rate + [config.body_speed, 0.0]
+    rates = sway.rate + np.array([config.body_speed, 0.0])
     needs = np.empty((len(joints), model.nv))
     for k, sample in enumerate(joints):
         data.qpos[legs.qpos], data.qvel[legs.dof] = sample[:, [Q1, Q2, Q3]], sample[:, [DQ1, DQ2, DQ3]]
