@@ -4,13 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cmacexp.cmac.addressing import Address, address_batch, count_outside
+from cmacexp.cmac.addressing import Address, InputRange, address_batch, count_outside
 from cmacexp.cmac.displacement import displacement
-from cmacexp.cmac.memory import read_batch
-from cmacexp.cmac.quantiser import InputRange
+from cmacexp.cmac.memory import Visited, read_batch
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate_batch
 from cmacexp.cmac.rules import PAPER, train_batch
-from cmacexp.cmac.visited import Visited
 from cmacexp.config.cmac import WORD_BYTES, CmacConfig, check_size
 from cmacexp.data.folder import write_atomically
 from cmacexp.models.mix import MASK

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cmacexp.cmac.addressing import address_batch, count_outside
+from cmacexp.cmac.memory import find_entered
 from cmacexp.cmac.network import Cmac
-from cmacexp.cmac.visited import find_entered
 from cmacexp.config.cmac import MOST_POSITIONS
 from cmacexp.typing import Array, Cells
 

@@ -79,7 +79,7 @@ def _end_sweep() -> str | None:
     if Sweep.current is None:
         return None
     from cmacexp.experiment.dry_run import finish_dry_run
-    from cmacexp.experiment.sweep_end import finish_sweep
+    from cmacexp.experiment.sweep_results import finish_sweep
 
     Sweep.current.progress.close()
     if Sweep.current.is_dry:

@@ -8,7 +8,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from cmacexp.config.folder import config_folder
+from cmacexp.config.component import config_folder
 from cmacexp.config.load import to_config
 from cmacexp.config.robot_rule import find_mistake
 from cmacexp.config.schema import Config

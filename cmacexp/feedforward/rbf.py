@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cmacexp.cmac.quantiser import spanning
+from cmacexp.cmac.addressing import spanning
 from cmacexp.cmac.use import MemoryUse
 from cmacexp.config import Config, FeedforwardConfig, choice, number
 from cmacexp.config.cmac import INPUTS

@@ -16,8 +16,7 @@ from cmacexp.data.tables import TRACE
 from cmacexp.metrics.text import format_cell
 from cmacexp.report.markdown import render_markdown
 from cmacexp.report.page import Report, write_report
-from cmacexp.report.parts import Section
-from cmacexp.report.render import Renderer
+from cmacexp.report.parts import Renderer, Section
 from cmacexp.stability import figures
 from cmacexp.stability import verdict as limits
 from cmacexp.stability.analysis import Analysis

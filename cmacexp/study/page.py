@@ -1,5 +1,6 @@
-"""The page of a study: its Markdown with values, figures, tables, findings and claims inserted; and its tables."""
+"""The page of a study: its Markdown with values, figures, tables, findings and claims; and its files beside it."""
 
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,16 +12,16 @@ import pyarrow as pa
 from markupsafe import Markup
 
 from cmacexp.config.fields import listed
+from cmacexp.data.folder import Place
 from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import write_table
 from cmacexp.errors import BadInput
 from cmacexp.report.markdown import find_insertions, render_markdown
-from cmacexp.report.page import HOW_TO_REPORT, find_page
-from cmacexp.report.parts import Section
-from cmacexp.report.render import Renderer
+from cmacexp.report.page import HOW_TO_REPORT, Report, find_page, relative, write_report
+from cmacexp.report.parts import Renderer, Section
 from cmacexp.study.interval import GUARD, TRIMMED_FROM
 from cmacexp.study.results import LAST_CYCLES, Results
-from cmacexp.study.statements import VERDICTS, Found, Judged
+from cmacexp.study.statements import VERDICTS, Found, Judged, Measured
 from cmacexp.study.study import StudyFile
 
 QUICK_NOTICE = (
@@ -134,3 +135,64 @@ def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
         how_to_report=HOW_TO_REPORT,
     )
     return Section("The claims", [Markup(table)])
+
+
+CLAIMS = "claims.json"
+
+
+def _entry(measured: Measured, folder: Path) -> dict[str, Any]:
+    criterion, interval = measured.criterion, measured.interval
+    limits = {
+        name: [limit.low, limit.high]
+        for name, limit in (("holds", criterion.holds), ("fails", criterion.fails))
+        if limit
+    }
+    return {
+        "quantity": criterion.quantity, "value": interval.value, "low": interval.low, "high": interval.high,
+        "count": interval.count, "method": interval.method, **limits, "shown": measured.value,
+        "runs": [relative(Path(run), folder) for run in measured.runs],
+    }  # fmt: skip
+
+
+def _statements(claims: Mapping[str, Judged], findings: Mapping[str, Found], folder: Path) -> list[dict[str, Any]]:
+    judged = [
+        {"name": name, "kind": "claim", "statement": each.claim.words, "where": each.claim.where,
+         "verdict": each.verdict, "criteria": [_entry(m, folder) for m in each.measured]}
+        for name, each in claims.items()
+    ]  # fmt: skip
+    found = [
+        {"name": name, "kind": "finding", "statement": each.sentence, "verdict": each.outcome,
+         "criteria": [_entry(m, folder) for m in each.measured]}
+        for name, each in findings.items()
+    ]  # fmt: skip
+    return judged + found
+
+
+def write_page(title: str, question: str, studies: Sequence[Evaluated], place: Place, quick: bool) -> Path:
+    """Write the report of one study or of several together, and their statements.
+
+    Args:
+        title: of the page.
+        question: what it asks.
+        studies: whose sections follow each other.
+        place: of the report.
+        quick: whether the page says that it concludes nothing.
+    """
+    folder = place.folder
+    claims = [judged for study in studies for judged in study.claims.values()]
+    sections = [make_claims_section(claims, folder)] if claims else []
+    sections += [Section("Quick run", [Markup(f'<p class="banner">{QUICK_NOTICE}</p>')])] if quick else []
+    sections += [section for study in studies for section in study.sections]
+    files = [file for study in studies for file in study.files]
+    runs = {path: manifest for study in studies for path, manifest in study.runs.items()}
+    files += [path / name for path, manifest in runs.items() for name in manifest["files"]]
+    if not quick:
+        if any(study.claims or study.findings for study in studies):
+            sections.append(make_reading_section())
+        statements = {study.name: _statements(study.claims, study.findings, folder) for study in studies}
+        place.write_text(CLAIMS, json.dumps(statements, indent=1, ensure_ascii=False) + "\n")
+        files.append(place.new / CLAIMS)
+    config = {"studies": [study.name for study in studies], "quick": quick}
+    hashes = {path: str(manifest["config_hash"]) for path, manifest in runs.items()}
+    report = Report(title, question, sections, sorted({*files}), config, hashes)
+    return write_report(report, place)

@@ -6,9 +6,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from cmacexp.cmac import spread, use
+from cmacexp.cmac.addressing import InputRange
 from cmacexp.cmac.displacement import DISPLACEMENTS, displacement
 from cmacexp.cmac.network import Cmac
-from cmacexp.cmac.quantiser import InputRange
 from cmacexp.cmac.spread import spread_shares
 from cmacexp.cmac.use import memory_use
 from cmacexp.config.cmac import CmacConfig
