@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cmacexp.data.stored_run import StoredRun, read_config
+from cmacexp.stability.analysis import growth_over, stretch
 from cmacexp.stability.cycle_map import NotPredictable
 from cmacexp.stability.growth import predicted_growth
-from cmacexp.stability.measured import growth_over, stretch
 from cmacexp.study import Results
 from cmacexp.study.results import Row
 from cmacexp.study.samples import plane_error

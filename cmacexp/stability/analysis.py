@@ -1,25 +1,38 @@
-"""The stability analysis of one run: its growth, that of other leads, and the reasons."""
+"""The stability analysis of one run: its growth, that of other leads, and the reasons; measured in memory."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.data.stored_run import StoredRun, read_config
-from cmacexp.loop.scenario import Scenario, make_scenario
+from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
-from cmacexp.stability.cycle_map import NotPredictable, open_loop
-from cmacexp.stability.growth import Growth, change_sizes, predicted_growth, with_lead
-from cmacexp.stability.measured import Stretch, growth_over, read_changes, stretch
-from cmacexp.stability.mode import Mode, describe
+from cmacexp.stability.cycle_map import NotPredictable
+from cmacexp.stability.growth import (
+    GROWTH_CYCLES,
+    MAX_CYCLES_BEFORE,
+    SETTLING_CYCLES,
+    Growth,
+    calmest,
+    change_sizes,
+    fitted_growth,
+    predicted_growth,
+    with_lead,
+)
 from cmacexp.stability.transfer import Spectrum, compute_spectrum, locals_along
+from cmacexp.stability.verdict import MAX_CYCLES
 from cmacexp.typing import Array
 
 LEADS = (-2, -1, 0, 1, 2, 3)
-MAX_CYCLES_OF_OTHER_LEADS = 200
-"""Cycles that other leads are run for, in memory."""
+MAX_CYCLES_IN_MUJOCO = 200
+"""Cycles that are run at most where they take a hundred times as long."""
+MIN_GROWTH_RATIO = 2.0
+"""A change at least this many times the least one counts as growth."""
+SHARE_LEFT_OUT = 0.05
+"""Share of the cycles that are left out at the end of a run that did not complete: nothing is small there."""
 LOWEST_FREQUENCY = 1.0
 """Lowest frequency of T, Hz; the highest is half the sampling rate."""
 FREQUENCIES = 200
@@ -28,13 +41,44 @@ STEPS_AFTER_LIFT_OFF = 5
 """Samples after lift-off where T is computed: the foot has left the ground."""
 
 
+class Stretch(NamedTuple):
+    """The cycles over which growth is read."""
+
+    calm: int
+    """The cycle before them where the loop is linearised, in cycles done."""
+    first: int
+    last: int
+
+
+def stretch(sizes: Sequence[float] | Array, first: int, completed: bool) -> Stretch:
+    """Choose where to read growth: from the calmest cycle on if changes grow after it, else early on.
+
+    Args:
+        sizes: (n,), of the change from each cycle to the next, the first that of cycle 1.
+        first: cycle in which the feedforward begins to act.
+        completed: whether the run reached its end.
+    """
+    last = len(sizes) if completed else len(sizes) - max(2, round(SHARE_LEFT_OUT * len(sizes)))
+    calm = calmest(sizes[:last], first) if last > first else first
+    grows = last > calm and bool(sizes[last - 1] > MIN_GROWTH_RATIO * sizes[calm - 1])
+    if not grows:
+        calm = min(first + MAX_CYCLES_BEFORE, (first + last) // 2)
+    start = calm + SETTLING_CYCLES if last > calm + 2 * SETTLING_CYCLES else calm + 1
+    return Stretch(calm, start, min(start + GROWTH_CYCLES, last))
+
+
+def growth_over(sizes: Sequence[float] | Array, place: Stretch) -> float:
+    """Growth per cycle of the changes over a stretch; NaN where it is too short."""
+    return fitted_growth(sizes[place.first - 1 : place.last])
+
+
 @dataclass(frozen=True)
 class LeadGrowth:
     """Growth with one lead; NaN where it is not defined."""
 
     lead: int
     place: Stretch
-    sizes: Array
+    sizes: Sequence[float]
     """(n,): changes of the feedback from cycle to cycle, N m."""
     completed: bool
     growth: Growth | None
@@ -61,20 +105,12 @@ class LeadGrowth:
 class Analysis:
     """The stability of one run."""
 
-    run: StoredRun
     config: Config
     own: LeadGrowth
-    """Measured in the run's trace, unless the guard of learning acted."""
     leads: Sequence[LeadGrowth]
-    """Measured in memory, but that of the run."""
-    predicted_mode: Mode
-    """Predicted change of the feedforward in the last cycle of the stretch."""
-    measured_mode: Mode
-    """The measured one."""
+    """That of the run among them."""
     places: dict[str, Spectrum]
     """T at a few places of the first leg's cycle."""
-    guarded: int
-    """Cycle in which the guard of learning acted, 0: in none; the run is then measured in memory, without it."""
 
     @property
     def tried(self) -> list[int]:
@@ -86,38 +122,18 @@ class Analysis:
         return min(spectrum.least(lead) for spectrum in self.places.values())
 
 
-def _measure_lead(lead: int, config: Config, sizes: Sequence[float] | Array, completed: bool) -> LeadGrowth:
-    if len(sizes) <= config.learning.start_cycle:
-        place = Stretch(1, 1, 1)
-        return LeadGrowth(lead, place, np.asarray(sizes), completed, None, f"ends in cycle {len(sizes) + 2}")
-    place = stretch(sizes, config.learning.start_cycle, completed)
-    try:
-        return LeadGrowth(lead, place, np.asarray(sizes), completed, predicted_growth(config, place.calm))
-    except NotPredictable as error:
-        return LeadGrowth(lead, place, np.asarray(sizes), completed, None, str(error))
-
-
 def _run_lead(lead: int, config: Config, cycles: int) -> LeadGrowth:
+    """Run so many cycles in memory without the guard of learning, measure growth, and predict it."""
     other = with_lead(config, lead)
     sizes = change_sizes(other, cycles)
-    return _measure_lead(lead, other, sizes, len(sizes) == cycles - 1)
-
-
-def _read_feedforward_change(run: StoredRun, cycle: int, shape: tuple[int, int, int]) -> Array:
-    """Change of the feedforward from ``cycle`` to the next, (N, L, J), N m."""
-    rows = run.cycles([cycle, cycle + 1]).sort_values(["step", "leg"])
-    names = [f"tau_feedforward_{joint + 1}" for joint in range(shape[2])]
-    torques = [rows.loc[rows["cycle"] == c, names] for c in (cycle, cycle + 1)]
-    return np.asarray(torques[1].to_numpy() - torques[0].to_numpy()).reshape(shape)
-
-
-def _run_feedforward_change(config: Config, cycle: int) -> Array:
-    """The same of a run in memory, without the guard of learning."""
-    loop = open_loop(config)
-    before = after = np.zeros(0)
-    while loop.cycles <= cycle and loop.advance(loop.period):
-        before, after = after, loop.column("tau_feedforward")
-    return np.asarray(after - before)
+    completed = len(sizes) == cycles - 1
+    if len(sizes) <= config.learning.start_cycle:
+        return LeadGrowth(lead, Stretch(1, 1, 1), sizes, completed, None, f"ends in cycle {len(sizes) + 2}")
+    place = stretch(sizes, config.learning.start_cycle, completed)
+    try:
+        return LeadGrowth(lead, place, sizes, completed, predicted_growth(other, place.calm))
+    except NotPredictable as error:
+        return LeadGrowth(lead, place, sizes, completed, None, str(error))
 
 
 def choose_samples(support: Any) -> dict[str, int]:
@@ -145,53 +161,31 @@ def read_learning(run: StoredRun) -> Config:
     return with_lead(config, int(run.manifest["learning_lead"])) if config.learning.lead == "estimate" else config
 
 
-def analyse(run: StoredRun) -> Analysis:
-    """Linearise the loop of a stored run, and compare its prediction with the measurement.
+def analyse(config: Config) -> Analysis:
+    """Linearise the loop of a run, and compare its prediction with what the run gives without the guard of learning.
 
     Args:
-        run: that ended, with any status.
+        config: of the run, see :func:`read_learning`.
 
     Raises:
-        BadRun: the run cannot be read.
-        NotPredictable: it is too short, thinned, does not learn, or its loop cannot be linearised.
+        NotPredictable: it is too short, does not learn, or its loop cannot be linearised.
     """
-    config = read_learning(run)
-    guarded = next((event["cycle"] for event in run.manifest.get("guard", [])), 0)
-    enough = min(config.cycles, MAX_CYCLES_OF_OTHER_LEADS)
-    sizes: Sequence[float] | Array = change_sizes(config, enough) if guarded else read_changes(run, config.joints)
-    if len(sizes) < config.learning.start_cycle + 3:
-        raise NotPredictable(f"growth is measured over at least {config.learning.start_cycle + 4} cycles; run more")
     scenario = make_scenario(config)
-    lead = scenario.setup.lead
-    own = _measure_lead(lead, config, sizes, len(sizes) == enough - 1 if guarded else run.status == "completed")
+    lead, first = scenario.setup.lead, config.learning.start_cycle
+    is_quick = isinstance(scenario.plant, AnalyticPlant)
+    cycles = min(config.cycles, MAX_CYCLES if is_quick else MAX_CYCLES_IN_MUJOCO)
+    own = _run_lead(lead, config, cycles)
+    if len(own.sizes) < first + 3:
+        raise NotPredictable(f"growth is measured over at least {first + 4} cycles; run more")
     if own.growth is None:
         raise NotPredictable(own.why_not)
-    leads = sorted({*LEADS, lead}) if isinstance(scenario.plant, AnalyticPlant) else [lead]  # others take minutes
-    others = [own if tried == lead else _run_lead(tried, config, enough) for tried in leads]
-    return _explain(run, scenario, own, others, guarded)
-
-
-def _explain(
-    run: StoredRun, scenario: Scenario, own: LeadGrowth, others: Sequence[LeadGrowth], guarded: int
-) -> Analysis:
-    assert own.growth is not None
-    config, support = scenario.setup.config, scenario.setup.plan.support
-    predicted = own.growth.changes(own.place.last - own.place.calm)[-1, 1]
-    if guarded:
-        measured = _run_feedforward_change(config, own.place.last)
-    else:
-        measured = _read_feedforward_change(run, own.place.last, own.growth.shape)
-    period = config.sampling_period
-    places = choose_samples(support)
+    leads = sorted({*LEADS, lead}) if is_quick else [lead]
+    period, places = config.sampling_period, choose_samples(scenario.setup.plan.support)
     by_sample = {local.sample: local for local in locals_along(config, own.place.calm, list(places.values()))}
     frequencies = np.linspace(min(LOWEST_FREQUENCY, 0.05 / period), 0.5 / period, FREQUENCIES)
     return Analysis(
-        run,
         config,
         own,
-        others,
-        describe(predicted, support, period),
-        describe(measured, support, period),
+        [own if tried == lead else _run_lead(tried, config, cycles) for tried in leads],
         {name: compute_spectrum(by_sample[sample], frequencies, period) for name, sample in places.items()},
-        guarded,
     )
