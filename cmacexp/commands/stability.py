@@ -1,7 +1,6 @@
 """``python -m cmacexp.stability DIR...``: whether the learning of a run holds, why, and with which lead it would."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from cmacexp.commands.command import Parser, run_command
@@ -58,19 +57,19 @@ def _analyse_run(run: StoredRun, out: Path, arguments: argparse.Namespace) -> No
     from cmacexp.stability.corners import count_corners, judge_corners
     from cmacexp.stability.cycle_map import NotPredictable
     from cmacexp.stability.growth_map import map_growth
-    from cmacexp.stability.page import TITLES, Findings, conclude, rows, write_stability_report
+    from cmacexp.stability.page import TITLES, Findings, advise, rows, write_stability_report
     from cmacexp.stability.verdict import assess
 
-    leads, rates, share, notes = arguments.leads, arguments.rates, arguments.robust, []
+    leads, rates, share, notes = arguments.leads, arguments.rates, arguments.robust, list[str]()
     analysis = growth_map = None
     with activity(f"analysing {run.folder}"):
         config = read_learning(run)
         verdict = assess(config)
         try:
-            analysis = analyse(config)
-            notes.append(conclude(analysis, verdict))
+            analysis = analyse(config, verdict)
+            notes += advise(analysis)
             if leads or rates:
-                growth_map = map_growth(config, analysis.own.place.calm, leads, rates)
+                growth_map = map_growth(config, analysis.growth.cycle, leads, rates)
         except NotPredictable as error:
             missing = ["analysis"] * (analysis is None) + ["map of leads and rates"] * bool(leads or rates)
             if missing != ["analysis"] or f"{error}." not in verdict.reasons:
@@ -105,7 +104,3 @@ def main() -> int:
     robust = "judge learning with stiffness and masses smaller and larger by this share, e.g. 0.5"
     parser.add_argument("--robust", metavar="SHARE", type=float, help=robust)
     return run_command(lambda: _analyse(parser.parse_args()))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

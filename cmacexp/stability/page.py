@@ -20,15 +20,14 @@ from cmacexp.report.parts import Renderer
 from cmacexp.stability import verdict as limits
 from cmacexp.stability.analysis import Analysis
 from cmacexp.stability.corners import Corner, count_corners
-from cmacexp.stability.growth import with_lead
 from cmacexp.stability.growth_map import GrowthMap
-from cmacexp.stability.verdict import HOLDS, Verdict, assess
+from cmacexp.stability.verdict import HOLDS, Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-TITLES = ("lead", "predicted growth", "measured growth", "over cycles", "largest eigenvalue", "least Re T", "ends")
+TITLES = ("lead", "learning", "growth per cycle", "least Re T", "ends in cycle")
 VERDICT = "stability.json"
 DECIMALS = 4
 """Of factors of growth."""
@@ -46,66 +45,45 @@ class Findings(NamedTuple):
     growth_map: GrowthMap | None
     corners: Sequence[Corner]
     notes: Sequence[str]
-    """Sentences: the conclusion of the analysis, or why there is no analysis or map."""
+    """Sentences: other leads, or why there is no analysis or map."""
 
 
 def rows(analysis: Analysis) -> list[list[str]]:
     """One row per lead, under :data:`TITLES`."""
-    table = []
-    for each in analysis.leads:
-        place = f"{each.place.first}-{each.place.last}" if each.growth is not None else each.why_not
-        own = " (this run)" if each is analysis.own else ""
-        growth = [format_cell(each.predicted, DECIMALS), format_cell(each.measured, DECIMALS), place]
-        reasons = [format_cell(each.eigenvalue, DECIMALS), format_cell(analysis.least_real(each.lead))]
-        cycles = len(each.sizes) + 1
-        end = f"runs {cycles} cycles" if each.completed else f"stops in cycle {cycles + 1}"
-        table.append([f"{each.lead}{own}", *growth, *reasons, end])
-    return table
+    return [
+        [
+            f"{lead} (this run)" if lead == analysis.lead else str(lead),
+            each.verdict,
+            format_cell(each.growth, DECIMALS),
+            format_cell(analysis.least_real(lead)),
+            str(each.ends or "-"),
+        ]
+        for lead, each in analysis.verdicts.items()
+    ]
 
 
-def conclude(analysis: Analysis, verdict: Verdict) -> str:
-    """The growth of a run, and other leads with which learning holds if its own does not, in a few sentences."""
-    own = analysis.own
-    change = "grows" if own.predicted > 1.0 else "shrinks"
-    predicted, measured = format_cell(own.predicted, DECIMALS), format_cell(own.measured, DECIMALS)
-    text = (
-        f"With lead {own.lead} the change of the feedback from cycle to cycle {change} by a factor of "
-        f"{predicted} per cycle, predicted after cycle {own.place.calm}; measured in memory without a guard "
-        f"over cycles {own.place.first} to {own.place.last}: {measured}."
-    )
-    others = [each for each in analysis.leads if each is not own]
-    if others and verdict.verdict != HOLDS:
-        shrinking = [each.lead for each in others if each.predicted < 1.0]
-        held = [str(lead) for lead in shrinking if assess(with_lead(analysis.config, lead)).verdict == HOLDS]
-        text += (
-            f" Learning holds with lead {' or '.join(held)}." if held else " No lead that was tried is sure to hold."
-        )
-    return text
+def advise(analysis: Analysis) -> list[str]:
+    """Other leads with which learning holds, in a sentence; nothing where it holds with that of the run."""
+    if len(analysis.verdicts) == 1 or analysis.verdicts[analysis.lead].verdict == HOLDS:
+        return []
+    held = [str(lead) for lead, each in analysis.verdicts.items() if each.verdict == HOLDS]
+    return [f"Learning holds with lead {' or '.join(held)}." if held else "No lead that was tried is sure to hold."]
 
 
 def _draw_growth(analysis: Analysis) -> "Figure":
     """Change of the feedback from cycle to cycle, measured and predicted; growth of every lead."""
-    own, place = analysis.own, analysis.own.place
-    assert own.growth is not None
-    last = min(place.last + (place.last - place.first) // 2, len(own.sizes))
-    predicted = own.growth.sizes(max(last - place.calm, 2))
+    start, sizes = analysis.growth.cycle + 1, analysis.sizes
+    predicted = analysis.growth.sizes(max(len(sizes) - start + 1, 2))
     change = [
-        Series("measured", np.arange(1, len(own.sizes) + 1), own.sizes),
-        Series("predicted", place.calm + 1 + np.arange(len(predicted)), predicted),
+        Series("in memory", np.arange(1, len(sizes) + 1), sizes),
+        Series("predicted", start + np.arange(len(predicted)), predicted),
     ]
-    known = [each for each in analysis.leads if each.growth is not None]
-    places, leads = np.arange(len(known)), [str(each.lead) for each in known]
-    factors = [
-        Series("measured", places, [each.measured for each in known], style={"ms": 8, "mfc": "none"}),
-        Series("predicted", places, [each.predicted for each in known]),
-    ]
+    leads, factors = list(map(str, analysis.verdicts)), [each.growth for each in analysis.verdicts.values()]
+    by_lead = [Series("growth", np.arange(len(leads)), factors)]
     panels = [
+        Panel("change of U to the next cycle", "cycle", "root of summed squares, N m", change, log="y"),
         Panel(
-            "change of U to the next cycle", "cycle", "root of summed squares, N m", change, log="y",
-            shaded=[(place.first, place.last)],
-        ),
-        Panel(
-            "growth per cycle", "learning.lead, samples", "factor from cycle to cycle", factors, "scatter",
+            "growth per cycle", "learning.lead, samples", "factor from cycle to cycle", by_lead, "scatter",
             ticks=leads, y_limits=[1.0], from_zero=False,
         ),
     ]  # fmt: skip
@@ -116,7 +94,9 @@ def _draw_real_parts(analysis: Analysis) -> "Figure":
     """Re T over frequency for each lead, at a few places of the cycle."""
     panels = []
     for name, spectrum in analysis.places.items():
-        series = [Series(f"lead {lead}", spectrum.frequencies, spectrum.least_real(lead)) for lead in analysis.tried]
+        series = [
+            Series(f"lead {lead}", spectrum.frequencies, spectrum.least_real(lead)) for lead in analysis.verdicts
+        ]
         panels.append(
             Panel(
                 name, "frequency, Hz", "Re T, least eigenvalue", series, y_limits=[0.0], y_range=(MIN_SHOWN_REAL, 1.3)
@@ -150,7 +130,7 @@ def _list_tables(found: Findings) -> "dict[str, Callable[[], DataFrame]]":
     tables: dict[str, Callable[[], DataFrame]] = {"corners": partial(DataFrame, corners)}
     if found.analysis is not None:
         tables["leads"] = partial(DataFrame, rows(found.analysis), columns=list(TITLES))
-        tried = found.analysis.tried
+        tried = found.analysis.verdicts
         wrong_from = [
             {"place in the cycle": name} | {f"lead {lead}": spectrum.wrong_from(lead) for lead in tried}
             for name, spectrum in found.analysis.places.items()
@@ -169,8 +149,8 @@ def write_stability_report(run: StoredRun, found: Findings, folder: Path) -> Pat
     verdict, analysis = found.verdict, found.analysis
     values: dict[str, Any] = {**found._asdict(), "limits": limits, "count": count_corners(found.corners)}
     if analysis is not None:
-        asked["cycle"] = analysis.own.place.calm
-        values["holding"] = [f"lead {lead}" for lead in analysis.tried if analysis.least_real(lead) > 0.0]
+        asked["cycle"] = analysis.growth.cycle
+        values["holding"] = [f"lead {lead}" for lead in analysis.verdicts if analysis.least_real(lead) > 0.0]
     with replacing(folder, OUT_KEY, REPORT) as place:
         growth = verdict.growth if math.isfinite(verdict.growth) else None
         place.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")

@@ -30,11 +30,6 @@ class Local(NamedTuple):
     """C, (L J, n): to the feedback torque that a feedforward learns from."""
 
 
-def _advance_one(loop: RestorableLoop) -> None:
-    if not loop.advance(1):
-        raise NotPredictable(f"a run from nearby ends at sample {loop.run.taken % loop.period}")
-
-
 def _from_torque(loop: RestorableLoop, now: Array, torque: Array) -> Array:
     """B at the step where the loop is held; ``torque`` (L, J) is the torque of that step."""
     nominal, columns = torque.copy(), []
@@ -43,7 +38,8 @@ def _from_torque(loop: RestorableLoop, now: Array, torque: Array) -> Array:
         for sign in (1.0, -1.0):
             loop.put(now)
             torque[np.unravel_index(j, nominal.shape)] += sign * NUDGE
-            _advance_one(loop)
+            if not loop.advance(1):
+                raise NotPredictable(f"a run from nearby ends at sample {loop.run.taken % loop.period}")
             torque[...] = nominal
             ends.append(loop.state())
         columns.append((ends[0] - ends[1]) / (2.0 * NUDGE))
