@@ -9,6 +9,8 @@ from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import Array, Cells, Mask
 
+Positions = NDArray[np.uint64]
+
 
 @kernel
 def read(weights: Array, cells: Cells, output: Array) -> None:
@@ -60,9 +62,6 @@ def read_batch(weights: Array, cells: Cells, activation: Array, output: Array) -
     """:func:`read_weighted` for a batch: ``cells`` and ``activation`` (samples, C), ``output`` (samples, outputs)."""
     for k in range(cells.shape[0]):
         read_weighted(weights, cells[k], activation[k], output[k])
-
-
-Positions = NDArray[np.uint64]
 
 
 def find_entered(cells: Cells | Positions) -> Mask:

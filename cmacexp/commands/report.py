@@ -1,7 +1,6 @@
 """``python -m cmacexp.report DIR...``: figures and tables of a run, or a comparison of several."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -82,7 +81,3 @@ def main() -> int:
     text = f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)"
     parser.add_argument("--out", metavar="FOLDER", help=text)
     return run_command(lambda: _report(parser.parse_args()))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -10,6 +10,11 @@ from cmacexp.config.machine import BodyMachine, RobotMachine, ask_for_robot, rea
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
+MOST_ROWS = 2**24
+"""Steps times legs of the longest cycle, which is held in memory as a whole."""
+MOST_STEPS = 2**31 - 1
+"""Steps of the longest run: the trace counts them in 32 bits."""
+
 
 def check_stiffness_step(config: Config) -> Mistakes:
     """A step of the stiffness falls into the run, under legs of the machine."""
@@ -43,12 +48,6 @@ def check_payload(config: Config) -> Mistakes:
     for axis, hips in zip("xy", zip(*machine.hips, strict=True), strict=True):
         if not min(hips) <= getattr(payload, axis) <= max(hips):
             yield f"payload.{axis}", f"must be from {min(hips):g} to {max(hips):g} m, between the hips"
-
-
-MOST_ROWS = 2**24
-"""Steps times legs of the longest cycle, which is held in memory as a whole."""
-MOST_STEPS = 2**31 - 1
-"""Steps of the longest run: the trace counts them in 32 bits."""
 
 
 def check_robot(config: Config) -> None:

@@ -20,6 +20,9 @@ from cmacexp.errors import BadRun
 TRACE, BODY, MEMORY = "trace.parquet", "body.parquet", "memory.parquet"
 METRICS, METRICS_CSV, BODY_METRICS = "metrics.parquet", "metrics.csv", "body_metrics.parquet"
 RECORDING = "recording.rrd"
+ALL_CYCLES = (1, 2**31 - 1)
+LAST_STEPS = 100
+"""Steps before the end of a run that did not complete, which a thinned trace keeps too: they show what went wrong."""
 
 
 class Traces(NamedTuple):
@@ -72,9 +75,6 @@ def _read(path: Path, columns: Sequence[Signal], cycles: tuple[int, int], every:
     return pa.concat_tables(kept).combine_chunks() if kept else make_schema(columns).empty_table()
 
 
-ALL_CYCLES = (1, 2**31 - 1)
-
-
 def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int = 1) -> Traces:
     """The traces of a run.
 
@@ -102,10 +102,6 @@ def write_scores(folder: Path, scores: Scores, as_csv: bool = True) -> list[str]
         write_table(scores.body, folder / BODY_METRICS)
         names.append(BODY_METRICS)
     return names
-
-
-LAST_STEPS = 100
-"""Steps before the end of a run that did not complete, which a thinned trace keeps too: they show what went wrong."""
 
 
 def _select_rows(table: pa.Table, record: RecordConfig, last: int | None) -> pa.Table:

@@ -22,6 +22,9 @@ from cmacexp.experiment.without_effect import warnings_of_sweep
 from cmacexp.report.run_summary import Row, RunSummary, make_rows, print_runs, read_summary, sort_folders
 from cmacexp.report.terminal import activity, print_next, say
 
+MAX_LISTED_FAILURES = 20
+"""Failures that are listed; more are only counted."""
+
 
 def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[Row]]:
     """The jobs of a sweep that left a manifest, and their rows; not those that an earlier sweep left in its folder.
@@ -92,10 +95,6 @@ def make_column(values: Sequence[Any]) -> pa.Array:
     if kinds <= {int, float}:
         return arrow(np.array(values, dtype=float), pa.float64())
     return arrow_strings(["null" if value is None else str(value) for value in values])
-
-
-MAX_LISTED_FAILURES = 20
-"""Failures that are listed; more are only counted."""
 
 
 def finish_sweep(sweep: Sweep) -> str:

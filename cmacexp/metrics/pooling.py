@@ -12,6 +12,11 @@ from cmacexp.metrics.registry import ALL_METRICS, MAIN, SHOWN
 from cmacexp.metrics.text import format_cell
 from cmacexp.typing import Array
 
+MOST_ROWS = 24
+"""A longer table shows its first and last ENDS rows, and BETWEEN of the others."""
+ENDS, BETWEEN = 6, 8
+Row = TypeVar("Row")
+
 
 def count_legs(scores: Scores) -> int:
     """Number of legs that were scored."""
@@ -60,12 +65,6 @@ def select_main(values: Mapping[str, Array], legs: int) -> dict[str, Shown]:
         for name, shown in MAIN.items()
         if is_shown(name, values, legs) and not np.isnan(values.get(name, np.nan)).all()
     }
-
-
-MOST_ROWS = 24
-"""A longer table shows its first and last ENDS rows, and BETWEEN of the others."""
-ENDS, BETWEEN = 6, 8
-Row = TypeVar("Row")
 
 
 def shorten(rows: Sequence[Row]) -> list[Row]:

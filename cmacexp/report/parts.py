@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 NUMBER = re.compile(r"([-+]?(\d[\d.]*(e[-+]?\d+|-\d+)?|infinite)( .*)?|-|undefined)?")
 """A cell that is a number or a range, with its unit or a remark, or says that there is none."""
+SVG = "svg"
+COLOUR_BAR = "<colorbar>"
+"""Label that matplotlib gives to the axes of a colour bar."""
 
 
 @dataclass(frozen=True)
@@ -72,11 +75,6 @@ class Section:
     def anchor(self) -> str:
         """Its anchor in the page."""
         return "".join(c if c.isalnum() else "-" for c in self.title.lower())
-
-
-SVG = "svg"
-COLOUR_BAR = "<colorbar>"
-"""Label that matplotlib gives to the axes of a colour bar."""
 
 
 def ignore(text: str) -> None:

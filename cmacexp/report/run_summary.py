@@ -26,6 +26,7 @@ TABLES = (TRACE, BODY, MEMORY, METRICS, BODY_METRICS)
 """Files of a run that a report can be computed from."""
 BROKEN = "not intact"
 """Status of a run whose manifest or tables are missing or changed."""
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -89,9 +90,6 @@ def sort_folders(folders: Iterable[Path]) -> list[Path]:
     """Folders without repeats, in the order of the numbers in their names: job 2 before job 10."""
     unique = {folder.resolve() for folder in folders}
     return sorted(unique, key=lambda path: [(p.isdigit() and int(p), p) for p in re.split(r"(\d+)", str(path))])
-
-
-Row = dict[str, Any]
 
 
 def make_names(runs: Sequence[RunSummary]) -> list[str]:

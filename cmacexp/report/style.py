@@ -38,6 +38,19 @@ STYLE: dict[Any, Any] = {
     "path.simplify_threshold": 0.2,
 }
 
+SERIES = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Colours of lines in one figure; each line also has its own dash or marker."""
+DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (7, 2)))
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+LEAST_SPAN = 0.05
+"""Least part of the values that an axis spans which does not begin at zero."""
+DECADES = 20.0
+"""Positive values that span more than this factor are drawn on a logarithmic axis."""
+LEAST_RATIO = 5.0
+"""A logarithmic axis over less than this factor has evenly spaced numbers: 1, 2 and 5 would be too few."""
+FIGURE_CHARACTERS, PANEL_CHARACTERS = 112, 72
+"""Characters of a line of the legend below a figure, and above a panel of half its width."""
+
 
 def colour(rgb: tuple[int, ...]) -> str:
     """A colour of the palette in the notation of matplotlib."""
@@ -46,10 +59,6 @@ def colour(rgb: tuple[int, ...]) -> str:
 
 DESIRED, GROUND = colour(palette.DESIRED), colour(palette.GROUND)
 FEEDBACK, FEEDFORWARD = colour(palette.FEEDBACK), colour(palette.FEEDFORWARD)
-SERIES = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Colours of lines in one figure; each line also has its own dash or marker."""
-DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (7, 2)))
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 
 def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: Any) -> tuple["Figure", list["Axes"]]:
@@ -80,16 +89,6 @@ def label(axes: "Axes", title: str, x: str, y: str) -> None:
     axes.set_title(title)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
-
-
-LEAST_SPAN = 0.05
-"""Least part of the values that an axis spans which does not begin at zero."""
-DECADES = 20.0
-"""Positive values that span more than this factor are drawn on a logarithmic axis."""
-LEAST_RATIO = 5.0
-"""A logarithmic axis over less than this factor has evenly spaced numbers: 1, 2 and 5 would be too few."""
-FIGURE_CHARACTERS, PANEL_CHARACTERS = 112, 72
-"""Characters of a line of the legend below a figure, and above a panel of half its width."""
 
 
 def include_zero(axes: "Axes", values: Sequence[float] | Array, from_zero: bool = True) -> None:

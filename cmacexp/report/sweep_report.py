@@ -14,6 +14,11 @@ from cmacexp.report.parts import Folded, Section, Table
 from cmacexp.report.run_summary import TABLES, RunSummary, format_runs, make_names
 from cmacexp.report.sweep_figures import draw_learning_curves, draw_over_key
 
+Partition = tuple[int, ...]
+"""For each run the first run that has the same value: values a, b, a give (0, 1, 0)."""
+MOST_KEYS = 4
+"""Swept keys that metrics are drawn over."""
+
 
 class Swept(NamedTuple):
     """The settings in which runs differ."""
@@ -24,10 +29,6 @@ class Swept(NamedTuple):
     """Keys that vary together with one of ``keys``, by that key."""
     seeds: list[str]
     """Seeds that vary besides ``keys``: runs that differ in them alone repeat each other."""
-
-
-Partition = tuple[int, ...]
-"""For each run the first run that has the same value: values a, b, a give (0, 1, 0)."""
 
 
 def _partition(values: Sequence[Any]) -> Partition:
@@ -66,10 +67,6 @@ def find_swept(runs: Iterable[RunSummary]) -> Swept:
     if not keys:
         return Swept(seeds, {}, [])
     return Swept(keys, {key: linked[key] for key in keys if linked[key]}, seeds)
-
-
-MOST_KEYS = 4
-"""Swept keys that metrics are drawn over."""
 
 
 def _list_stopped(runs: Sequence[RunSummary]) -> list[Any]:

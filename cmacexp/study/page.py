@@ -30,6 +30,12 @@ QUICK_NOTICE = (
 RESULTS = "results.parquet"
 MOST_RUNS = 5
 """Runs that the table names for a claim."""
+READING = """<p>Square brackets, and the table of claims if there is one, give what was measured: the value,
+its 95 % interval, the size n of the sample, and the limits that decide the statement. The
+interval of a proportion is Wilson's. That of values that differ between seeds or cases is a percentile bootstrap of
+their mean, or of their interquartile mean if there are at least {trimmed}. A value without a
+spread is given {guard:g} % to either side.</p>"""
+CLAIMS = "claims.json"
 
 
 @dataclass(frozen=True)
@@ -106,18 +112,6 @@ def _format_claim(judged: Judged) -> str:
     return f"“{judged.claim.words}” ({judged.claim.where}): {judged.verdict}."
 
 
-READING = """<p>Square brackets, and the table of claims if there is one, give what was measured: the value,
-its 95 % interval, the size n of the sample, and the limits that decide the statement. The
-interval of a proportion is Wilson's. That of values that differ between seeds or cases is a percentile bootstrap of
-their mean, or of their interquartile mean if there are at least {trimmed}. A value without a
-spread is given {guard:g} % to either side.</p>"""
-
-
-def make_reading_section() -> Section:
-    """The section of a report that says how its values and intervals are to be read."""
-    return Section("How to read the values", [Markup(READING.format(trimmed=TRIMMED_FROM, guard=100.0 * GUARD))])
-
-
 def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
     """The section of a report in ``folder`` with all claims, and what their verdicts mean."""
     from jinja2 import Environment, FileSystemLoader
@@ -135,9 +129,6 @@ def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
         how_to_report=HOW_TO_REPORT,
     )
     return Section("The claims", [Markup(table)])
-
-
-CLAIMS = "claims.json"
 
 
 def _entry(measured: Measured, folder: Path) -> dict[str, Any]:
@@ -188,7 +179,8 @@ def write_page(title: str, question: str, studies: Sequence[Evaluated], place: P
     files += [path / name for path, manifest in runs.items() for name in manifest["files"]]
     if not quick:
         if any(study.claims or study.findings for study in studies):
-            sections.append(make_reading_section())
+            reading = Markup(READING.format(trimmed=TRIMMED_FROM, guard=100.0 * GUARD))
+            sections.append(Section("How to read the values", [reading]))
         statements = {study.name: _statements(study.claims, study.findings, folder) for study in studies}
         place.write_text(CLAIMS, json.dumps(statements, indent=1, ensure_ascii=False) + "\n")
         files.append(place.new / CLAIMS)

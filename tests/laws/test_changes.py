@@ -8,8 +8,7 @@ from numpy.testing import assert_array_equal
 
 from cmacexp.cmac.addressing import InputRange
 from cmacexp.cmac.memory import find_entered
-from cmacexp.cmac.network import Cmac
-from cmacexp.cmac.use import memory_use
+from cmacexp.cmac.network import Cmac, memory_use
 from cmacexp.config.cmac import CmacConfig
 
 
