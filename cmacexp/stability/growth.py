@@ -21,7 +21,7 @@ from cmacexp.typing import Array
 MAX_CYCLES_BEFORE = 25
 """Cycles that are run by default; the calmest of them is linearised."""
 DIMENSION = 60
-"""Dimension of the Krylov space, two cycles each: 40 to 120 give the same growth to three decimals."""
+"""Dimension of the Krylov space: 40 to 120 give the same growth to three decimals."""
 SETTLING_CYCLES, GROWTH_CYCLES = 5, 100
 """Growth is fitted over GROWTH_CYCLES, SETTLING_CYCLES after the linearised one: by then fast modes have decayed."""
 
@@ -114,11 +114,12 @@ def calmest(sizes: Sequence[float] | Array, first: int) -> int:
     return int(np.argmin(sizes[first - 1 :])) + first
 
 
-def grow(loop: RestorableLoop, seed: int | None = None) -> Growth:
+def grow(loop: RestorableLoop, dimension: int = DIMENSION, seed: int | None = None) -> Growth:
     """Linearise a loop where it stands, at the start of a cycle.
 
     Args:
         loop: stays as it is.
+        dimension: of the Krylov space; each direction costs two cycles.
         seed: of a random start; None: the start is the change that the loop makes in this cycle.
 
     Raises:
@@ -140,7 +141,7 @@ def grow(loop: RestorableLoop, seed: int | None = None) -> Growth:
             start = loop.state() - now
         else:
             raise NotPredictable(f"the run ends in cycle {done + 1}")
-        space = krylov(apply, start, DIMENSION)
+        space = krylov(apply, start, dimension)
     finally:
         loop.put(now)
     return Growth(done, space)
