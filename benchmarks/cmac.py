@@ -7,10 +7,9 @@ import numpy as np
 from benchmarks.c_loop import planned_inputs
 from benchmarks.peers import NumpyCmac, Peer, installed
 from benchmarks.timing import Row, Table, compared, in_turn, make_config, ratio, stopwatch
-from cmacexp.cmac.addressing import Address, address
+from cmacexp.cmac.addressing import Address, InputRange, address, spanning
 from cmacexp.cmac.memory import read, train
 from cmacexp.cmac.network import Cmac
-from cmacexp.cmac.quantiser import InputRange, spanning
 from cmacexp.jit.compiler import program
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.typing import Array, Cells

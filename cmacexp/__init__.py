@@ -7,12 +7,11 @@ from cmacexp.data.version import __version__
 
 if TYPE_CHECKING:
     from cmacexp.experiment.api import load, run
-    from cmacexp.experiment.batch import run_many
-    from cmacexp.experiment.sweep_table import load_sweep
+    from cmacexp.experiment.batch import load_sweep, run_many
 
 __all__ = ["__version__", "load", "load_sweep", "run", "run_many"]
 __path__.append(f"{__path__[0]}/commands")  # ``python -m cmacexp.score`` runs commands/score.py
-_PLACES = {"load": "api", "load_sweep": "sweep_table", "run": "api", "run_many": "batch"}
+_PLACES = {"load": "api", "load_sweep": "batch", "run": "api", "run_many": "batch"}
 
 
 def __getattr__(name: str) -> Any:

@@ -16,10 +16,10 @@ import yaml
 
 from cmacexp.cmac.rules import RULES
 from cmacexp.config import Config, to_config
+from cmacexp.config.component import config_folder
 from cmacexp.config.compose import compose_untyped
 from cmacexp.config.describe import read_meanings
 from cmacexp.config.fields import describe_range
-from cmacexp.config.folder import config_folder
 from cmacexp.errors import CmacexpError
 
 PLACE = re.compile("<!-- fields: begin -->.*<!-- fields: end -->", flags=re.DOTALL)

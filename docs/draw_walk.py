@@ -18,11 +18,11 @@ from cmacexp.recording import palette
 from cmacexp.recording.ground import depression_scale
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.report.figures import Panel, Series, draw_panel
-from cmacexp.report.machine import DENT, MM, NEAR, NEAR_SIDE, draw_leg, in_travel, joints
 from cmacexp.report.run_report import choose_cycles
 from cmacexp.report.style import DESIRED, GROUND, STYLE, colour
 from cmacexp.report.terminal import say
 from cmacexp.typing import Array
+from pipelines.common_machine import DENT, MM, NEAR, NEAR_SIDE, draw_leg, in_travel, joints
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,7 @@ from typing import Any
 from cmacexp.commands.command import COMPLETED, Parser, run_command
 from cmacexp.commands.study import FOLDER
 from cmacexp.errors import BadInput
-from cmacexp.study.output import CLAIMS
+from cmacexp.study.page import CLAIMS
 from cmacexp.study.study import load_study
 
 PIPELINES = Path(__file__).resolve().parent

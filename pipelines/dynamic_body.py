@@ -20,9 +20,9 @@ from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.models.robot import load_mujoco
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import draw_cycles, over_setting
-from cmacexp.study.requests import Values
 from cmacexp.study.samples import ratio, share_of_time
 from cmacexp.study.statements import Limit, percent
+from cmacexp.study.study import Values
 from cmacexp.study.tables import completed, tabulate
 from cmacexp.typing import Array
 

@@ -13,8 +13,8 @@ import numpy as np
 from cmacexp.commands.study import main
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most
-from cmacexp.study.requests import grid, starting_from
 from cmacexp.study.statements import Limit
+from cmacexp.study.study import grid, starting_from
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
 from pipelines import feedforwards_measures as measures

@@ -151,8 +151,7 @@ def draw_maps(results: Results) -> "Figure":
     """One map per scenario: where (a) is met, lines of equal ratio of the bandwidths, and the pair used here."""
     from matplotlib.patches import Patch
 
-    from cmacexp.report.axes import logarithmic
-    from cmacexp.report.style import SERIES, label, new_figure
+    from cmacexp.report.style import SERIES, label, logarithmic, new_figure
 
     figure, panels = new_figure(1, len(SCENARIOS), height=3.3, sharey=True)
     for axes, name in zip(panels, SCENARIOS, strict=True):

@@ -1,13 +1,20 @@
 """What the study of long learning measures: errors at the end, how runs end, drift, and predicted growth."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from cmacexp.data.stored_run import StoredRun, read_config
 from cmacexp.stability.cycle_map import NotPredictable
-from cmacexp.stability.growth import predicted_growth
-from cmacexp.stability.measured import growth_over, stretch
+from cmacexp.stability.growth import (
+    GROWTH_CYCLES,
+    MAX_CYCLES_BEFORE,
+    SETTLING_CYCLES,
+    calmest,
+    fitted_growth,
+    predicted_growth,
+)
 from cmacexp.study import Results
 from cmacexp.study.results import Row
 from cmacexp.study.samples import plane_error
@@ -19,6 +26,10 @@ if TYPE_CHECKING:
 LAST = 100
 """Cycles whose median is the error at the end."""
 TRANSFER, FORCE = "transfer", "force_rmse_cycle"
+MIN_GROWTH_RATIO = 2.0
+"""A change at least this many times the least one counts as growth."""
+SHARE_LEFT_OUT = 0.05
+"""Share of the cycles that are left out at the end of a run that did not complete: nothing is small there."""
 PAPER = {"learning.rule": "paper"}
 LEG, WALK, GRID = "one leg", "quadruped", "rules"
 
@@ -77,6 +88,37 @@ def growth(results: Results) -> "pd.DataFrame":
         | dict(zip(("predicted", "measured"), predict_and_measure(row), strict=True))
         for row in chosen
     )
+
+
+class Stretch(NamedTuple):
+    """The cycles over which growth is read."""
+
+    calm: int
+    """The cycle before them where the loop is linearised, in cycles done."""
+    first: int
+    last: int
+
+
+def stretch(sizes: Sequence[float] | Array, first: int, completed: bool) -> Stretch:
+    """Choose where to read growth: from the calmest cycle on if changes grow after it, else early on.
+
+    Args:
+        sizes: (n,), of the change from each cycle to the next, the first that of cycle 1.
+        first: cycle in which the feedforward begins to act.
+        completed: whether the run reached its end.
+    """
+    last = len(sizes) if completed else len(sizes) - max(2, round(SHARE_LEFT_OUT * len(sizes)))
+    calm = calmest(sizes[:last], first) if last > first else first
+    grows = last > calm and bool(sizes[last - 1] > MIN_GROWTH_RATIO * sizes[calm - 1])
+    if not grows:
+        calm = min(first + MAX_CYCLES_BEFORE, (first + last) // 2)
+    start = calm + SETTLING_CYCLES if last > calm + 2 * SETTLING_CYCLES else calm + 1
+    return Stretch(calm, start, min(start + GROWTH_CYCLES, last))
+
+
+def growth_over(sizes: Sequence[float] | Array, place: Stretch) -> float:
+    """Growth per cycle of the changes over a stretch; NaN where it is too short."""
+    return fitted_growth(sizes[place.first - 1 : place.last])
 
 
 def predict_and_measure(row: Row) -> tuple[float, float]:

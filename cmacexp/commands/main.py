@@ -15,9 +15,9 @@ from omegaconf import DictConfig
 
 from cmacexp.commands.command import BAD_INPUT, COMPLETED, FAILED, STOPPED, describe_error, report_usage, run_command
 from cmacexp.config import config_folder, to_config
+from cmacexp.config.compose import make_record
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
 from cmacexp.config.hydra_private import report_parser_errors, skip_mode_lookup
-from cmacexp.config.hydra_record import make_record
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.experiment.sweep import Sweep
@@ -79,7 +79,7 @@ def _end_sweep() -> str | None:
     if Sweep.current is None:
         return None
     from cmacexp.experiment.dry_run import finish_dry_run
-    from cmacexp.experiment.sweep_end import finish_sweep
+    from cmacexp.experiment.sweep_results import finish_sweep
 
     Sweep.current.progress.close()
     if Sweep.current.is_dry:

@@ -1,7 +1,6 @@
 """``python -m cmacexp.report DIR...``: figures and tables of a run, or a comparison of several."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,12 +9,10 @@ from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.report.comparison import print_runs
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.run_summary import read_summary, sort_folders
-from cmacexp.report.sweep_report import make_sweep_report
-from cmacexp.report.swept import find_swept
+from cmacexp.report.run_summary import print_runs, read_summary, sort_folders
+from cmacexp.report.sweep_report import find_swept, make_sweep_report
 from cmacexp.report.terminal import activity, say
 
 REPORTS = Path("outputs/reports")
@@ -84,7 +81,3 @@ def main() -> int:
     text = f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)"
     parser.add_argument("--out", metavar="FOLDER", help=text)
     return run_command(lambda: _report(parser.parse_args()))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,6 @@
 """``python -m cmacexp.stability DIR...``: whether the learning of a run holds, why, and with which lead it would."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from cmacexp.commands.command import Parser, run_command
@@ -55,33 +54,39 @@ def _analyse(arguments: argparse.Namespace) -> int:
 def _analyse_run(run: StoredRun, out: Path, arguments: argparse.Namespace) -> None:
     """Write the verdict on a run, and whatever else is asked for or says why not."""
     from cmacexp.stability.analysis import analyse, read_learning
-    from cmacexp.stability.corners import judge_corners
+    from cmacexp.stability.corners import count_corners, judge_corners
     from cmacexp.stability.cycle_map import NotPredictable
-    from cmacexp.stability.further import Further
     from cmacexp.stability.growth_map import map_growth
-    from cmacexp.stability.page import TITLES, conclude, rows, write_stability_report
+    from cmacexp.stability.page import TITLES, Findings, advise, rows, write_stability_report
     from cmacexp.stability.verdict import assess
 
-    leads, rates, share, notes = arguments.leads, arguments.rates, arguments.robust, []
+    leads, rates, share, notes = arguments.leads, arguments.rates, arguments.robust, list[str]()
     analysis = growth_map = None
     with activity(f"analysing {run.folder}"):
         config = read_learning(run)
         verdict = assess(config)
         try:
-            analysis = analyse(run)
-            notes.append(conclude(analysis, verdict))
+            analysis = analyse(config, verdict)
+            notes += advise(analysis)
             if leads or rates:
-                growth_map = map_growth(config, analysis.own.place.calm, leads, rates)
+                growth_map = map_growth(config, analysis.growth.cycle, leads, rates)
         except NotPredictable as error:
             missing = ["analysis"] * (analysis is None) + ["map of leads and rates"] * bool(leads or rates)
             if missing != ["analysis"] or f"{error}." not in verdict.reasons:
                 notes.append(f"No {' and no '.join(missing)}: {error}.")
-        further = Further(growth_map, judge_corners(config, share) if share else (), notes)
-        path = write_stability_report(run, verdict, analysis, out, further)
+        corners = judge_corners(config, share) if share else []
+        found = Findings(verdict, analysis, growth_map, corners, notes)
+        path = write_stability_report(run, found, out)
     say(verdict.describe())
     if analysis is not None:
         print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis))
-    further.print()
+    for line in notes:
+        say(line)
+    if growth_map is not None:
+        print_table(*growth_map.tabulate())
+        say(f"Growth per cycle; * is this run. {growth_map.summarise()}")
+    for line in (*(corner.describe() for corner in corners), count_corners(corners)) if corners else ():
+        say(line)
     say(str(path))
 
 
@@ -99,7 +104,3 @@ def main() -> int:
     robust = "judge learning with stiffness and masses smaller and larger by this share, e.g. 0.5"
     parser.add_argument("--robust", metavar="SHARE", type=float, help=robust)
     return run_command(lambda: _analyse(parser.parse_args()))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -17,11 +17,9 @@ from cmacexp.experiment.collect import Collected, collect
 from cmacexp.experiment.workers import workers
 from cmacexp.report.terminal import say
 from cmacexp.report.terminal_tables import print_table
-from cmacexp.study.output import write_page
-from cmacexp.study.page import Evaluated, check_page, evaluate
-from cmacexp.study.requests import Request
+from cmacexp.study.page import Evaluated, check_page, evaluate, write_page
 from cmacexp.study.results import Results, read_row
-from cmacexp.study.study import StudyFile, load_study
+from cmacexp.study.study import Request, StudyFile, load_study
 
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"

@@ -1,8 +1,7 @@
 """Typed and checked configuration of a run."""
 
-from cmacexp.config.component import ComponentConfig, FeedforwardConfig
+from cmacexp.config.component import ComponentConfig, FeedforwardConfig, config_folder
 from cmacexp.config.fields import choice, number
-from cmacexp.config.folder import config_folder
 from cmacexp.config.load import config_hash, to_config, to_plain
 from cmacexp.config.schema import Config
 

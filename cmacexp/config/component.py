@@ -4,14 +4,23 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
+from pathlib import Path
 from typing import Any, ClassVar
 
 from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.config.cmac import ACTS
-from cmacexp.config.folder import config_folder
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput, suggest
+
+
+@cache
+def config_folder() -> Path:
+    """The folder of the shipped configs: inside an installed package, else at the top of the checkout."""
+    package = Path(__file__).resolve().parents[1]
+    inside = package / "conf"
+    return inside if inside.is_dir() else package.parent / "conf"
+
 
 COMPONENTS = ("plant", "sensors", "controller", "feedforward")
 """Groups that name a class by ``_target_``."""

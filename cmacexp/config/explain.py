@@ -10,8 +10,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
+from cmacexp.config.component import config_folder
 from cmacexp.config.fields import listed
-from cmacexp.config.folder import config_folder
 from cmacexp.config.robot_rule import find_mistake
 from cmacexp.errors import format_install_command, format_value, suggest
 

@@ -34,7 +34,7 @@ def number(
     """A dataclass field for a quantity in ``unit`` within the given range, or one of ``words``.
 
     Shipped fields have no default: their values stand in ``conf/``. What a field ``needs`` to have an effect, all of
-    it, is written as :mod:`cmacexp.config.effect` describes.
+    it, is written as :mod:`cmacexp.experiment.without_effect` describes.
     """
     bounds = {"above": above, "at least": at_least, "below": below, "at most": at_most}
     given = {name: bound for name, bound in bounds.items() if bound is not None}

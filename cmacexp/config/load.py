@@ -11,9 +11,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from cmacexp.config.check import check
-from cmacexp.config.component import COMPONENTS, config_class, find_option, fit_fields
+from cmacexp.config.component import COMPONENTS, config_class, config_folder, find_option, fit_fields
 from cmacexp.config.fields import make_config
-from cmacexp.config.folder import config_folder
 from cmacexp.config.machine import MACHINES
 from cmacexp.config.robot_rule import find_mistake, register_rule
 from cmacexp.config.schema import Config

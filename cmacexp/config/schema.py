@@ -202,8 +202,8 @@ class Config:
     optimize: str | None = field(kw_only=True, metadata={"needs": ("hydra.mode == 'MULTIRUN'",)})
     """Metric whose final value a job returns to the sweeper (see cmacexp/experiment/objective.py); null: none."""
     warn: bool
-    """Warn of overrides without effect (see cmacexp/config/effect.py), and before a long run whose learning is
-    predicted to diverge (see cmacexp/stability/warn.py)."""
+    """Warn of overrides without effect, and before a long run whose learning is predicted to diverge (see
+    cmacexp/experiment/without_effect.py and cmacexp/stability/warn.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)
     """Gait cycles after which the run ends."""
     seed: int = number("", at_least=0, below=2**32, needs=DRAWS)

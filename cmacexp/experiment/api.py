@@ -17,7 +17,7 @@ from cmacexp.errors import BadInput, WithoutEffect, in_one_line
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.metrics.summary import shorten, tabulate_cycles
+from cmacexp.metrics.pooling import shorten, tabulate_cycles
 
 if TYPE_CHECKING:
     import pandas as pd

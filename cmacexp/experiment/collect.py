@@ -12,7 +12,7 @@ from cmacexp.data.integrity import is_finished
 from cmacexp.experiment.workers import Each, share_progress
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.report.terminal import announce_compiling
-from cmacexp.study.requests import Request
+from cmacexp.study.study import Request
 
 HASH_DIGITS, THIN_DIGITS = 12, 4
 Collected = Mapping[Request, tuple[Path, Mapping[str, str]]]

@@ -26,9 +26,9 @@ from cmacexp.data.tables import (
     Scores,
     Traces,
     steps_by_cycle,
+    trace_writer,
     write_scores,
 )
-from cmacexp.data.trace_writer import trace_writer
 from cmacexp.data.weights import WEIGHTS, start_hash, write_weights
 from cmacexp.errors import BadInput, BadOutput, format_user_traceback
 from cmacexp.feedforward import Learns

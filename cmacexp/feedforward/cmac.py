@@ -4,10 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cmacexp.cmac.network import Cmac
-from cmacexp.cmac.quantiser import InputRange, spanning
+from cmacexp.cmac.addressing import InputRange, spanning
+from cmacexp.cmac.network import Cmac, memory_use
 from cmacexp.cmac.receptive_field import RECTANGULAR
-from cmacexp.cmac.use import memory_use
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Weights

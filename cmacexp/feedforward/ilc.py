@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cmacexp.cmac.use import MemoryUse
+from cmacexp.cmac.network import MemoryUse
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.feedforward.network import BuiltInFeedforward, exponential, network
 from cmacexp.planning.setup import Setup

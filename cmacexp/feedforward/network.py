@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from cmacexp.cmac.network import MemoryUse
 from cmacexp.cmac.rules import NEIGHBOURS, PAPER, make_rule
 from cmacexp.cmac.spread import spread_shares
-from cmacexp.cmac.use import MemoryUse
 from cmacexp.config import ComponentConfig, FeedforwardConfig
 from cmacexp.config.schema import REFINE
 from cmacexp.errors import BadInput

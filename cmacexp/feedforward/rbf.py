@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cmacexp.cmac.quantiser import spanning
-from cmacexp.cmac.use import MemoryUse
+from cmacexp.cmac.addressing import spanning
+from cmacexp.cmac.network import MemoryUse
 from cmacexp.config import Config, FeedforwardConfig, choice, number
 from cmacexp.config.cmac import INPUTS
 from cmacexp.errors import BadInput

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from cmacexp.cmac.visited import find_entered
+from cmacexp.cmac.memory import find_entered
 from cmacexp.data.signals import FEEDFORWARD, MEMORY_SIGNALS
 from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import CLOCK, Array, Cells, Clock, Counts

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from functools import cached_property, update_wrapper
 from typing import cast
 
-from cmacexp.jit.cache_folder import cache_folder
 from cmacexp.jit.interrupt import raise_if_interrupted
 from cmacexp.jit.kernels import Function
 from cmacexp.jit.kernels import kernel as kernel
 from cmacexp.jit.kernels import kernel_apart as kernel_apart
+from cmacexp.jit.sources import cache_folder
 
 WORTH_LOADING, WORTH_COMPILING = 4_000, 40_000
 """Steps, times legs, that take as long in plain Python as reading a program from the cache, and as compiling it."""

@@ -1,4 +1,4 @@
-"""Whether learning drifts: the feedback, which learning should reduce, grows again from cycle to cycle.
+"""Whether learning drifts: the feedback, which learning should reduce, grows again; and what its guard did.
 
 A drift is detected in the first cycle in which both tests hold: the last WINDOW cycles rise significantly, and their
 level has risen to DRIFT_RATIO times its lowest so far. A change of the ground that learning compensates, and the
@@ -123,3 +123,16 @@ def read_drift_entry(entry: Mapping[str, Any] | None) -> Drift | None:
         return None if entry is None else Drift(**entry)
     except TypeError:
         raise BadRun(f"drift: must have {', '.join(Drift._fields)} alone; score the run again") from None
+
+
+def format_event(event: Mapping[str, Any]) -> str:
+    """One event: what acts since then, and why."""
+    acts = f"the torque of cycle {event['restored']} acts" if event["restored"] else "feedback alone acts"
+    return f"{acts} ({event['cause']})"
+
+
+def describe_guard(manifest: Mapping[str, Any]) -> str:
+    """All events of a run in one line, and where it learnt again; empty if the guard did nothing."""
+    events = [(event["cycle"], format_event(event)) for event in manifest.get("guard", ())]
+    again = [(each["cycle"], f"learns again with lead {each['lead']}") for each in manifest.get("lead_estimates", ())]
+    return "; ".join(f"cycle {cycle}: {text}" for cycle, text in sorted(events + again[1:]))

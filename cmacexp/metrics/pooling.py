@@ -1,6 +1,7 @@
-"""Metrics of a run with one value per cycle: those of several legs pooled, as the registry says."""
+"""Metrics of a run with one value per cycle: several legs pooled, as the registry says; as a table of text."""
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -8,7 +9,13 @@ from cmacexp.data.parquet import as_array
 from cmacexp.data.tables import Scores
 from cmacexp.metrics.metric import BODY, Shown
 from cmacexp.metrics.registry import ALL_METRICS, MAIN, SHOWN
+from cmacexp.metrics.text import format_cell
 from cmacexp.typing import Array
+
+MOST_ROWS = 24
+"""A longer table shows its first and last ENDS rows, and BETWEEN of the others."""
+ENDS, BETWEEN = 6, 8
+Row = TypeVar("Row")
 
 
 def count_legs(scores: Scores) -> int:
@@ -58,3 +65,21 @@ def select_main(values: Mapping[str, Array], legs: int) -> dict[str, Shown]:
         for name, shown in MAIN.items()
         if is_shown(name, values, legs) and not np.isnan(values.get(name, np.nan)).all()
     }
+
+
+def shorten(rows: Sequence[Row]) -> list[Row]:
+    """The rows of a table; of a long one the first, some between, evenly spaced, and the last."""
+    if len(rows) <= MOST_ROWS:
+        return list(rows)
+    gap = (len(rows) - 2 * ENDS + 1) / (BETWEEN + 1)
+    between = [rows[round(ENDS - 1 + gap * (index + 1))] for index in range(BETWEEN)]
+    return [*rows[:ENDS], *between, *rows[-ENDS:]]
+
+
+def tabulate_cycles(scores: Scores) -> tuple[dict[str, Shown], list[list[str]]]:
+    """The main metrics that at least one cycle defines, by name, and a row of text per cycle, its number first."""
+    pooled = pool_legs(scores)
+    main = select_main(pooled, count_legs(scores))
+    columns = [map(format_cell, pooled[name] * shown.factor) for name, shown in main.items()]
+    cycles = range(1, len(next(iter(pooled.values()))) + 1)
+    return main, [list(row) for row in zip(map(str, cycles), *columns, strict=True)]

@@ -8,9 +8,8 @@ from cmacexp.metrics.force import FORCE
 from cmacexp.metrics.learning import LEARNING, LEARNING_IN_SPACE
 from cmacexp.metrics.memory import MEMORY
 from cmacexp.metrics.metric import NEITHER, Metric, Shown
-from cmacexp.metrics.spatial import SPATIAL
 from cmacexp.metrics.torque import TORQUE
-from cmacexp.metrics.tracking import TRACKING
+from cmacexp.metrics.tracking import SPATIAL, TRACKING
 
 OF_A_CYCLE: dict[str, Metric[Block]] = {**TRACKING, **FORCE, **TORQUE}
 """Those that follow from the trace of one cycle."""

@@ -15,7 +15,7 @@ from cmacexp.metrics.memory import MEMORY as MEMORY_METRICS
 from cmacexp.metrics.memory import split_columns
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
 from cmacexp.metrics.registry import METRICS, OF_A_CYCLE, OF_A_ROBOT
-from cmacexp.metrics.spatial import SPATIAL
+from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.typing import Array
 
 

@@ -6,18 +6,7 @@ import numpy as np
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import divide, largest, mean
-from cmacexp.metrics.metric import (
-    CONTRACT,
-    LARGE,
-    LARGEST,
-    MEAN,
-    NEITHER,
-    RMS,
-    Metric,
-    Shown,
-    rms_error,
-    worst,
-)
+from cmacexp.metrics.metric import CONTRACT, LARGE, LARGEST, MEAN, NEITHER, RMS, Metric, Shown, rms_error, worst
 from cmacexp.typing import Array, Mask
 
 

@@ -1,8 +1,11 @@
-"""Position errors of the foot."""
+"""Position errors of the foot, of a robot also across the machine and of the joints."""
+
+import numpy as np
 
 from cmacexp.metrics.block import Block
-from cmacexp.metrics.measures import iae, ise, rms
+from cmacexp.metrics.measures import iae, ise, mean, rms
 from cmacexp.metrics.metric import Metric, Shown, integral, rms_error
+from cmacexp.typing import Array
 
 NO_TRANSFER, NO_SUPPORT = "no sample of transfer", "no sample of support"
 _NO_PERIOD = f"{NO_TRANSFER}, or one sample in all"
@@ -41,3 +44,36 @@ TRACKING: dict[str, Metric[Block]] = {
     "transfer_ise_y": _transfer_ise("y"),
 }
 """Columns about position, by name."""
+
+
+def foot_rmse(block: Block) -> Array:
+    """Root mean square distance of the foot from where it should be in transfer, m."""
+    x, y, z = (block.error[axis] for axis in "xyz")
+    return np.sqrt(mean(x**2 + y**2 + z**2, block.transfer))
+
+
+def joint_rmse(block: Block) -> Array:
+    """Root mean square error of all joints over the cycle, rad."""
+    assert block.joint_error is not None
+    return np.sqrt(mean((block.joint_error**2).mean(axis=-1), block.valid))
+
+
+SPATIAL: dict[str, Metric[Block]] = {
+    "transfer_rmse_z": transfer_rmse("z"),
+    "transfer_rmse": rms_error(
+        "m",
+        "RMS distance of the foot from where it should be in transfer",
+        NO_TRANSFER,
+        foot_rmse,
+        shown=Shown("transfer", "mm", 1e3, head="foot\nerror"),
+    ),
+    "support_rmse_z": support_rmse("z"),
+    "joint_rmse": rms_error(
+        "rad",
+        "RMS of q - q_desired, all joints",
+        "never",
+        joint_rmse,
+        shown=Shown("joints", "mrad", 1e3, head="joint\nerror"),
+    ),
+}
+"""Columns of a robot alone, by name."""

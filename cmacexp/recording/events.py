@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import rerun as rr
 
-from cmacexp.metrics.guard import format_event
+from cmacexp.metrics.drift import format_event
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.run_view import LegView, RunView
 

@@ -9,8 +9,8 @@ import numpy as np
 from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN
 from cmacexp.metrics.text import format_setting
-from cmacexp.report.axes import spans_decades
 from cmacexp.report.figures import Panel, Series
+from cmacexp.report.style import spans_decades
 from cmacexp.typing import Array
 
 Reduce = Callable[[Array], tuple[float, float, float]]

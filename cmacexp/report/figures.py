@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import BadInput
-from cmacexp.report.axes import add_legend, include_zero, logarithmic
-from cmacexp.report.style import DESIRED, MARKERS, label, mark, new_figure
+from cmacexp.report.style import DESIRED, MARKERS, add_legend, include_zero, label, logarithmic, mark, new_figure
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from markupsafe import Markup
 from cmacexp.config.fields import listed
 from cmacexp.errors import BadInput
 from cmacexp.metrics.text import format_number
-from cmacexp.report.parts import Drawing, Section, Table
-from cmacexp.report.render import Renderer
+from cmacexp.report.parts import Drawing, Renderer, Section, Table
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,8 +10,7 @@ from typing import Any
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import HTML, OUT_KEY, Place, replacing
 from cmacexp.data.hashes import current_hash
-from cmacexp.report.parts import Section
-from cmacexp.report.render import Renderer, ignore
+from cmacexp.report.parts import Renderer, Section, ignore
 
 REPORT = "report"
 """The folder of its report in that of a run."""

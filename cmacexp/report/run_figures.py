@@ -8,7 +8,7 @@ import numpy as np
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.trace_writer import LAST_STEPS
+from cmacexp.data.tables import LAST_STEPS
 from cmacexp.metrics.pooling import count_legs, describe_pooling, is_shown, pool_legs
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.report.curves import find_log, over_cycles

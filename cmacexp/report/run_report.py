@@ -6,7 +6,7 @@ from cmacexp.data.integrity import faults
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.metrics.summary import shorten, tabulate_cycles
+from cmacexp.metrics.pooling import shorten, tabulate_cycles
 from cmacexp.report.cycle_data import MOST_CYCLES, CycleData, read_cycle_data
 from cmacexp.report.page import Report
 from cmacexp.report.parts import Folded, Section, Table

@@ -10,8 +10,7 @@ from cmacexp.config.difference import flat
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.body import BODY_METRICS
-from cmacexp.metrics.drift import format_drift, read_drift_entry
-from cmacexp.metrics.guard import describe_guard
+from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_cell, format_number, format_setting

@@ -1,14 +1,17 @@
-"""Style of all figures: legible in print and for colour-blind readers (Okabe & Ito 2008)."""
+"""Style of all figures: legible in print and for colour-blind readers (Okabe & Ito 2008); fair axes, legends."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cmacexp.recording import palette
+from cmacexp.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 
 WIDTH = 7.2
 """Width of a figure, inches: the text width of a page."""
@@ -35,6 +38,19 @@ STYLE: dict[Any, Any] = {
     "path.simplify_threshold": 0.2,
 }
 
+SERIES = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Colours of lines in one figure; each line also has its own dash or marker."""
+DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (7, 2)))
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+LEAST_SPAN = 0.05
+"""Least part of the values that an axis spans which does not begin at zero."""
+DECADES = 20.0
+"""Positive values that span more than this factor are drawn on a logarithmic axis."""
+LEAST_RATIO = 5.0
+"""A logarithmic axis over less than this factor has evenly spaced numbers: 1, 2 and 5 would be too few."""
+FIGURE_CHARACTERS, PANEL_CHARACTERS = 112, 72
+"""Characters of a line of the legend below a figure, and above a panel of half its width."""
+
 
 def colour(rgb: tuple[int, ...]) -> str:
     """A colour of the palette in the notation of matplotlib."""
@@ -43,10 +59,6 @@ def colour(rgb: tuple[int, ...]) -> str:
 
 DESIRED, GROUND = colour(palette.DESIRED), colour(palette.GROUND)
 FEEDBACK, FEEDFORWARD = colour(palette.FEEDBACK), colour(palette.FEEDFORWARD)
-SERIES = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Colours of lines in one figure; each line also has its own dash or marker."""
-DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (7, 2)))
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 
 def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: Any) -> tuple["Figure", list["Axes"]]:
@@ -77,3 +89,82 @@ def label(axes: "Axes", title: str, x: str, y: str) -> None:
     axes.set_title(title)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
+
+
+def include_zero(axes: "Axes", values: Sequence[float] | Array, from_zero: bool = True) -> None:
+    """Extend a linear y axis so that it does not exaggerate differences.
+
+    Args:
+        axes: with everything drawn.
+        values: on this axis.
+        from_zero: it includes zero; else it spans at least :data:`LEAST_SPAN` of the values.
+    """
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known)]
+    if not known.size or axes.get_yscale() != "linear":
+        return
+    middle, half = (known.min() + known.max()) / 2.0, LEAST_SPAN * np.abs(known).max() / 2.0
+    included = [0.0] if from_zero else [middle - half, middle + half]
+    axes.update_datalim([(0.0, value) for value in included], updatex=False)
+    axes.autoscale_view(scalex=False)
+
+
+def spans_decades(values: Sequence[float] | Array) -> bool:
+    """Whether values need a logarithmic axis: none is negative, and those above 0 span more than :data:`DECADES`."""
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known)]
+    above = known[known > 0]
+    return bool(above.size and known.min() >= 0 and above.max() > DECADES * above.min())
+
+
+def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> None:
+    """Make one axis logarithmic, with plain numbers at its ticks.
+
+    Args:
+        axes: to change.
+        which: ``x`` or ``y``.
+        values: on this axis; those not above 0 are not drawn.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known) & (known > 0)]
+    (axes.set_xscale if which == "x" else axes.set_yscale)("log", nonpositive="mask")
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    ratio = known.max() / known.min()
+    few = LogLocator(subs=(1.0, 2.0, 5.0) if ratio < 1e2 else (1.0,))
+    axis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 5, 10]) if ratio < LEAST_RATIO else few)
+    if ratio < LEAST_RATIO:
+        axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def add_legend(place: Any, axes: "Sequence[Axes]", title: str = "") -> None:
+    """A legend of all names in ``axes``, each once; a single name without a title has none.
+
+    Args:
+        place: a figure, below which it stands, or axes, between whose title and data it stands.
+        axes: whose names it has.
+        title: of the legend.
+    """
+    handles: dict[str, Any] = {}
+    for ax in axes:
+        for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):
+            if name:
+                handles.setdefault(name, handle)
+    above = place in axes
+    width = PANEL_CHARACTERS if above else FIGURE_CHARACTERS
+    columns = max(1, min(7, len(handles), width // (8 + max(map(len, handles), default=1))))
+    if above:
+        lines = -(-len(handles) // columns)
+        place.set_title(axes[0].get_title(loc="left"), pad=5 + 13 * max(lines, 1))  # of one name its place is free
+    if len(handles) < 2 and not title:
+        return
+    if above:
+        where: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (-0.02, 0.99), "borderaxespad": 0.1}
+        style = {"handlelength": 2.2, "columnspacing": 1.0}
+    else:
+        where, style = {"loc": "outside lower center"}, {"handlelength": 3}
+    legend = place.legend(list(handles.values()), list(handles), title=title or None, ncols=columns, **where, **style)
+    legend.set_in_layout(not above)

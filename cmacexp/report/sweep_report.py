@@ -1,21 +1,72 @@
-"""The report of several runs: their differences, how each ended, and their metrics."""
+"""The report of several runs: in which settings they differ, how each ended, and their metrics."""
 
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from cmacexp.config.component import COMPONENTS
+from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.metrics.text import format_setting
-from cmacexp.report.comparison import format_runs, make_names
 from cmacexp.report.page import HOW_TO_REPORT, Report
 from cmacexp.report.parts import Folded, Section, Table
-from cmacexp.report.run_summary import TABLES, RunSummary
+from cmacexp.report.run_summary import TABLES, RunSummary, format_runs, make_names
 from cmacexp.report.sweep_figures import draw_learning_curves, draw_over_key
-from cmacexp.report.swept import Swept, find_swept
 
+Partition = tuple[int, ...]
+"""For each run the first run that has the same value: values a, b, a give (0, 1, 0)."""
 MOST_KEYS = 4
 """Swept keys that metrics are drawn over."""
+
+
+class Swept(NamedTuple):
+    """The settings in which runs differ."""
+
+    keys: list[str]
+    """Config keys that vary independently of each other."""
+    linked: dict[str, list[str]]
+    """Keys that vary together with one of ``keys``, by that key."""
+    seeds: list[str]
+    """Seeds that vary besides ``keys``: runs that differ in them alone repeat each other."""
+
+
+def _partition(values: Sequence[Any]) -> Partition:
+    texts = [repr(value) for value in values]
+    return tuple(texts.index(text) for text in texts)
+
+
+def _group_keys(configs: Sequence[dict[str, Any]]) -> dict[Partition, list[str]]:
+    """The keys that differ, by the runs between which they differ.
+
+    A key that has one value for each scenario belongs to the scenario.
+    """
+    scenarios = _partition([config.get("scenario") for config in configs])
+    groups: dict[Partition, list[str]] = {}
+    for key in dict.fromkeys(key for config in configs for key in config):
+        runs = _partition([config.get(key) for config in configs])
+        if not any(runs) or key.split(".")[0] in WITHOUT_EFFECT:
+            continue
+        follows_scenario = len(set(zip(scenarios, runs, strict=True))) == len(set(scenarios))
+        groups.setdefault(scenarios if follows_scenario else runs, []).append(key)
+    return groups
+
+
+def _rank(key: str) -> tuple[int, int, str]:
+    """Order in which keys describe a difference: the scenario, the component or method chosen, the shortest key."""
+    order = [key == "scenario", key in COMPONENTS, key.endswith((".method", ".kind", ".rule", ".pattern"))]
+    return (order.index(True) if True in order else len(order), len(key), key)
+
+
+def find_swept(runs: Iterable[RunSummary]) -> Swept:
+    """The config keys in which runs differ; of keys that differ between the same runs, one stands for all."""
+    groups = _group_keys([run.config for run in runs if run.config])
+    linked = {first: others for first, *others in (sorted(keys, key=_rank) for keys in groups.values())}
+    seeds = [key for key in linked if key.endswith("seed")]
+    keys = [key for key in linked if key not in seeds]
+    if not keys:
+        return Swept(seeds, {}, [])
+    return Swept(keys, {key: linked[key] for key in keys if linked[key]}, seeds)
 
 
 def _list_stopped(runs: Sequence[RunSummary]) -> list[Any]:

@@ -14,8 +14,7 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING
 from cmacexp.errors import in_one_line
 from cmacexp.jit.compiler import call_before_compiling
-from cmacexp.metrics.drift import format_drift, read_drift_entry
-from cmacexp.metrics.guard import describe_guard
+from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs
 from cmacexp.report.outputs import keep_outputs
 from cmacexp.report.terminal_tables import print_key, print_scores

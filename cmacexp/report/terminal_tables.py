@@ -7,9 +7,8 @@ from pathlib import Path
 from cmacexp.data.tables import METRICS_CSV, Scores
 from cmacexp.errors import in_one_line
 from cmacexp.metrics.metric import Shown
-from cmacexp.metrics.pooling import describe_pooling
+from cmacexp.metrics.pooling import describe_pooling, shorten, tabulate_cycles
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN
-from cmacexp.metrics.summary import shorten, tabulate_cycles
 from cmacexp.report.parts import Table
 
 WIDTH = 400

@@ -1,11 +1,12 @@
 """Margins: whether learning still holds where ground and masses are not those that were assumed."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 from cmacexp.config import Config
 from cmacexp.errors import BadInput
-from cmacexp.stability.verdict import UNDECIDED, Verdict, assess
+from cmacexp.stability.verdict import GROWS, HOLDS, UNDECIDED, Verdict, assess
 
 MASSES = ("mass", "mass_1", "mass_2", "body_mass", "weight")
 """Fields of machines that are scaled."""
@@ -24,6 +25,23 @@ class Corner:
     def describe(self) -> str:
         """In one line."""
         return f"stiffness x {self.stiffness:g}, masses x {self.masses:g}: {self.judgement.describe()}"
+
+    def tabulate(self) -> dict[str, str | float]:
+        """A row of a table, by the titles of its columns."""
+        return {
+            "stiffness, over the assumed": self.stiffness,
+            "masses, over those of the run": self.masses,
+            "learning": self.judgement.verdict,
+            "growth": self.judgement.growth,
+            "reasons": " ".join(self.judgement.reasons),
+        }
+
+
+def count_corners(corners: Sequence[Corner]) -> str:
+    """How many corners hold, grow and are undecided, in a sentence."""
+    verdicts = [corner.judgement.verdict for corner in corners]
+    holds, grows, undecided = map(verdicts.count, (HOLDS, GROWS, UNDECIDED))
+    return f"Of {len(verdicts)} corners learning holds in {holds}, grows in {grows}, is undecided in {undecided}."
 
 
 def scale_masses(machine: Any, factor: float) -> Any:

@@ -49,20 +49,14 @@ class Growth:
     cycle: int
     """Cycles done where it was linearised."""
     krylov: Krylov
-    """The map from cycle to cycle; its observation: feedback and feedforward torques (2, N, L, J) of a cycle, N m."""
-    shape: tuple[int, int, int]
-    """N, L, J."""
+    """The map from cycle to cycle; its observation: feedback torques of a cycle, N m."""
 
-    def changes(self, times: int) -> Array:
-        """Change of the feedback torque, then of the feedforward, from cycle to cycle: (times, 2, N, L, J), N m.
+    def sizes(self, times: int) -> Array:
+        """Root of the summed squares of the change of the feedback torque from cycle to cycle, (times,), N m.
 
         The first is the change from cycle ``cycle + 1`` to the next.
         """
-        return self.krylov.iterate(times).reshape(times, 2, *self.shape)
-
-    def sizes(self, times: int) -> Array:
-        """Root of the summed squares of the change of the feedback torque, (times,), N m; see :meth:`changes`."""
-        return self.krylov.lengths(times, int(np.prod(self.shape)))
+        return self.krylov.lengths(times)
 
     def over(self, first: int, last: int) -> float:
         """Growth per cycle of the change of the feedback, from that of cycle ``first`` to that of ``last``.
@@ -134,21 +128,23 @@ def grow(loop: RestorableLoop, dimension: int = DIMENSION, seed: int | None = No
     done, now = loop.cycles, loop.hold()
 
     def observe() -> Array:
-        return np.concatenate([loop.column("tau_feedback").ravel(), loop.column("tau_feedforward").ravel()])
+        return loop.column("tau_feedback").ravel()
 
     def apply(along: Array) -> tuple[Array, Array]:
         return loop.derivative(now, along, observe, loop.period)
 
-    if seed is not None:  # its change: most weights in use change no torque, so the map keeps them as they are
-        along = np.random.default_rng(seed).standard_normal(len(now))
-        start = apply(along)[0] - along
-    elif loop.advance(loop.period):
-        start = loop.state() - now
-    else:
-        raise NotPredictable(f"the run ends in cycle {done + 1}")
-    space = krylov(apply, start, dimension)
-    loop.put(now)
-    return Growth(done, space, (loop.period, loop.samples.shape[1], loop.joints))
+    try:
+        if seed is not None:  # its change: most weights in use change no torque, so the map keeps them as they are
+            along = np.random.default_rng(seed).standard_normal(len(now))
+            start = apply(along)[0] - along
+        elif loop.advance(loop.period):
+            start = loop.state() - now
+        else:
+            raise NotPredictable(f"the run ends in cycle {done + 1}")
+        space = krylov(apply, start, dimension)
+    finally:
+        loop.put(now)
+    return Growth(done, space)
 
 
 def require_learning(loop: RestorableLoop) -> None:
@@ -160,6 +156,16 @@ def require_learning(loop: RestorableLoop) -> None:
     params = loop.run.loop.feedforward
     if loop.run.taken < loop.plan.start_step or params is None or params.kind == TABLE:
         raise NotPredictable("nothing learns from cycle to cycle")
+
+
+def learn_until(config: Config, cycle: int, prepared: Scenario | None = None) -> RestorableLoop:
+    """A loop that has learnt for so many cycles; arguments and errors as those of :func:`predicted_growth`."""
+    loop = open_loop(config, prepared)
+    while loop.cycles < cycle:
+        if not loop.advance(loop.period):
+            raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
+    require_learning(loop)
+    return loop
 
 
 def predicted_growth(config: Config, cycle: int | None = None, prepared: Scenario | None = None) -> Growth:
@@ -181,9 +187,4 @@ def predicted_growth(config: Config, cycle: int | None = None, prepared: Scenari
         if len(sizes) <= first:
             raise NotPredictable(f"the run ends in cycle {len(sizes) + 2}, before learning shows")
         cycle = calmest(sizes, first)
-    loop = open_loop(config, scenario)
-    while loop.cycles < cycle:
-        if not loop.advance(loop.period):
-            raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
-    require_learning(loop)
-    return grow(loop)
+    return grow(learn_until(config, cycle, scenario))

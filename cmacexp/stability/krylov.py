@@ -37,15 +37,11 @@ class Krylov(NamedTuple):
                 weights[k] = np.einsum("ij,j", self.hessenberg, weights[k - 1])
         return weights
 
-    def iterate(self, times: int) -> Array:
-        """Observations of the map at the vector and its first images, (times, p); exact for the first m of them."""
-        return np.array([np.einsum("i,ij", weights, self.observations) for weights in self._weights(times)])
-
-    def lengths(self, times: int, count: int) -> Array:
-        """Lengths of the first ``count`` numbers of those observations, (times,)."""
-        part, weights = self.observations[:, :count], self._weights(times)
+    def lengths(self, times: int) -> Array:
+        """Lengths of the observations at the vector and its first images, (times,); exact for the first m of them."""
+        each, weights = self.observations, self._weights(times)
         with np.errstate(over="ignore", invalid="ignore"):
-            squares = np.einsum("ti,ij,tj->t", weights, np.einsum("ip,jp", part, part), weights, optimize=True)
+            squares = np.einsum("ti,ij,tj->t", weights, np.einsum("ip,jp", each, each), weights, optimize=True)
         return np.sqrt(np.where(np.isnan(squares), np.inf, np.maximum(squares, 0.0)))
 
 

@@ -2,138 +2,160 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from cmacexp.data.folder import OUT_KEY, replacing
 from cmacexp.data.manifest import REPORT
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import TRACE
 from cmacexp.metrics.text import format_cell
+from cmacexp.report.figures import HeatMap, Panel, Series, draw
 from cmacexp.report.markdown import render_markdown
 from cmacexp.report.page import Report, write_report
-from cmacexp.report.parts import Section
-from cmacexp.report.render import Renderer
-from cmacexp.stability import figures
+from cmacexp.report.parts import Renderer
 from cmacexp.stability import verdict as limits
 from cmacexp.stability.analysis import Analysis
-from cmacexp.stability.further import Further
-from cmacexp.stability.growth import with_lead
-from cmacexp.stability.mode import AFTER_LIFT_OFF
-from cmacexp.stability.verdict import HOLDS, Verdict, assess
+from cmacexp.stability.corners import Corner, count_corners
+from cmacexp.stability.growth_map import GrowthMap
+from cmacexp.stability.verdict import HOLDS, Verdict
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from pandas import DataFrame
 
-TITLES = ("lead", "predicted growth", "measured growth", "over cycles", "largest eigenvalue", "least Re T", "ends")
+TITLES = ("lead", "learning", "growth per cycle", "least Re T", "ends in cycle")
 VERDICT = "stability.json"
 DECIMALS = 4
 """Of factors of growth."""
+MIN_SHOWN_REAL = -0.6
+"""Real parts below this are cut off."""
+SHOWN_GROWTH = (0.95, 1.05)
+"""Factors of growth beyond these have the colour of the nearer one."""
+
+
+class Findings(NamedTuple):
+    """What is said of a run; None and empty where there is none, or it is not asked for."""
+
+    verdict: Verdict
+    analysis: Analysis | None
+    growth_map: GrowthMap | None
+    corners: Sequence[Corner]
+    notes: Sequence[str]
+    """Sentences: other leads, or why there is no analysis or map."""
 
 
 def rows(analysis: Analysis) -> list[list[str]]:
     """One row per lead, under :data:`TITLES`."""
-    table = []
-    for each in analysis.leads:
-        place = f"{each.place.first}-{each.place.last}" if each.growth is not None else each.why_not
-        own = " (this run)" if each is analysis.own else ""
-        growth = [format_cell(each.predicted, DECIMALS), format_cell(each.measured, DECIMALS), place]
-        reasons = [format_cell(each.eigenvalue, DECIMALS), format_cell(analysis.least_real(each.lead))]
-        cycles = len(each.sizes) + 1
-        end = f"runs {cycles} cycles" if each.completed else f"stops in cycle {cycles + 1}"
-        table.append([f"{each.lead}{own}", *growth, *reasons, end])
-    return table
+    return [
+        [
+            f"{lead} (this run)" if lead == analysis.lead else str(lead),
+            each.verdict,
+            format_cell(each.growth, DECIMALS),
+            format_cell(analysis.least_real(lead)),
+            str(each.ends or "-"),
+        ]
+        for lead, each in analysis.verdicts.items()
+    ]
 
 
-def conclude(analysis: Analysis, verdict: Verdict) -> str:
-    """The growth of a run, and other leads with which learning holds if its own does not, in a few sentences."""
-    own = analysis.own
-    change = "grows" if own.predicted > 1.0 else "shrinks"
-    predicted, measured = format_cell(own.predicted, DECIMALS), format_cell(own.measured, DECIMALS)
-    apart = f"in memory without the guard, which acted in cycle {analysis.guarded}, " if analysis.guarded else ""
-    text = (
-        f"With lead {own.lead} the change of the feedback from cycle to cycle {change} by a factor of "
-        f"{predicted} per cycle, predicted after cycle {own.place.calm}; measured {apart}"
-        f"over cycles {own.place.first} to {own.place.last}: {measured}."
-    )
-    others = [each for each in analysis.leads if each is not own]
-    if others and verdict.verdict != HOLDS:
-        shrinking = [each.lead for each in others if each.predicted < 1.0]
-        held = [str(lead) for lead in shrinking if assess(with_lead(analysis.config, lead)).verdict == HOLDS]
-        text += (
-            f" Learning holds with lead {' or '.join(held)}." if held else " No lead that was tried is sure to hold."
+def advise(analysis: Analysis) -> list[str]:
+    """Other leads with which learning holds, in a sentence; nothing where it holds with that of the run."""
+    if len(analysis.verdicts) == 1 or analysis.verdicts[analysis.lead].verdict == HOLDS:
+        return []
+    held = [str(lead) for lead, each in analysis.verdicts.items() if each.verdict == HOLDS]
+    return [f"Learning holds with lead {' or '.join(held)}." if held else "No lead that was tried is sure to hold."]
+
+
+def _draw_growth(analysis: Analysis) -> "Figure":
+    """Change of the feedback from cycle to cycle, measured and predicted; growth of every lead."""
+    start, sizes = analysis.growth.cycle + 1, analysis.sizes
+    predicted = analysis.growth.sizes(max(len(sizes) - start + 1, 2))
+    change = [
+        Series("in memory", np.arange(1, len(sizes) + 1), sizes),
+        Series("predicted", start + np.arange(len(predicted)), predicted),
+    ]
+    leads, factors = list(map(str, analysis.verdicts)), [each.growth for each in analysis.verdicts.values()]
+    by_lead = [Series("growth", np.arange(len(leads)), factors)]
+    panels = [
+        Panel("change of U to the next cycle", "cycle", "root of summed squares, N m", change, log="y"),
+        Panel(
+            "growth per cycle", "learning.lead, samples", "factor from cycle to cycle", by_lead, "scatter",
+            ticks=leads, y_limits=[1.0], from_zero=False,
+        ),
+    ]  # fmt: skip
+    return draw(panels, height=3.0)
+
+
+def _draw_real_parts(analysis: Analysis) -> "Figure":
+    """Re T over frequency for each lead, at a few places of the cycle."""
+    panels = []
+    for name, spectrum in analysis.places.items():
+        series = [
+            Series(f"lead {lead}", spectrum.frequencies, spectrum.least_real(lead)) for lead in analysis.verdicts
+        ]
+        panels.append(
+            Panel(
+                name, "frequency, Hz", "Re T, least eigenvalue", series, y_limits=[0.0], y_range=(MIN_SHOWN_REAL, 1.3)
+            )
         )
-    return text
+    return draw(panels, len(panels), 2.8, share="xy")
 
 
-def _tables(analysis: Analysis) -> "dict[str, Callable[[], DataFrame]]":
-    """The tables of the page: growth of each lead; the growing change; frequencies at which learning goes wrong."""
+def _draw_map(growth_map: GrowthMap) -> "Figure":
+    """Growth over lead and rate, and the run's own setting."""
+    rates, leads = [f"{rate:.4g}" for rate in growth_map.rates], list(map(str, growth_map.leads))
+    values, axes = np.clip(growth_map.growth, *SHOWN_GROWTH), ("learning.rate", "learning.lead, samples")
+    return draw([HeatMap("growth per cycle", *axes, rates, leads, values, marks=[growth_map.present])], 1, 2.8)
+
+
+def _list_figures(found: Findings) -> "dict[str, Callable[[], Figure]]":
+    figures: dict[str, Callable[[], Figure]] = {}
+    if found.analysis is not None:
+        figures["growth"] = partial(_draw_growth, found.analysis)
+        figures["real_parts"] = partial(_draw_real_parts, found.analysis)
+    if found.growth_map is not None:
+        figures["growth_map"] = partial(_draw_map, found.growth_map)
+    return figures
+
+
+def _list_tables(found: Findings) -> "dict[str, Callable[[], DataFrame]]":
+    """Growth of each lead; frequencies at which learning goes wrong; the map; the corners."""
     from pandas import DataFrame
 
-    modes = {"measured": analysis.measured_mode, "predicted": analysis.predicted_mode}
-    changes = [
-        {
-            "change of the feedforward": name,
-            f"share in the {AFTER_LIFT_OFF} steps after lift-off, %": 100.0 * mode.share_after_lift_off,
-            "frequency at its peak, Hz": mode.frequency,
-            "largest at, s": mode.busiest * analysis.config.sampling_period,
-        }
-        for name, mode in modes.items()
-    ]
-    wrong_from = [
-        {"place in the cycle": name} | {f"lead {lead}": spectrum.wrong_from(lead) for lead in analysis.tried}
-        for name, spectrum in analysis.places.items()
-    ]
-    return {
-        "leads": partial(DataFrame, rows(analysis), columns=list(TITLES)),
-        "where": partial(DataFrame, changes),
-        "reasons": partial(DataFrame, wrong_from),
-    }
+    corners = [corner.tabulate() for corner in found.corners]
+    tables: dict[str, Callable[[], DataFrame]] = {"corners": partial(DataFrame, corners)}
+    if found.analysis is not None:
+        tables["leads"] = partial(DataFrame, rows(found.analysis), columns=list(TITLES))
+        tried = found.analysis.verdicts
+        wrong_from = [
+            {"place in the cycle": name} | {f"lead {lead}": spectrum.wrong_from(lead) for lead in tried}
+            for name, spectrum in found.analysis.places.items()
+        ]
+        tables["reasons"] = partial(DataFrame, wrong_from)
+    if found.growth_map is not None:
+        titles, cells = found.growth_map.tabulate()
+        tables["growth_map"] = partial(DataFrame, cells, columns=titles)
+    return tables
 
 
-def write_stability_report(
-    run: StoredRun, verdict: Verdict, analysis: Analysis | None, folder: Path, further: Further
-) -> Path:
-    """Write verdict and page of a run into ``folder``; returns the HTML file.
-
-    Args:
-        run: that was analysed.
-        verdict: on its config.
-        analysis: None where there is none.
-        folder: of the page.
-        further: what is said besides.
-    """
+def write_stability_report(run: StoredRun, found: Findings, folder: Path) -> Path:
+    """Write what was found of a run, verdict and page, into ``folder``; returns the HTML file."""
     title = f"Stability of learning: {run.config['scenario']}, {run.folder.resolve().name}"
     asked: dict[str, Any] = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}}
+    verdict, analysis = found.verdict, found.analysis
+    values: dict[str, Any] = {**found._asdict(), "limits": limits, "count": count_corners(found.corners)}
+    if analysis is not None:
+        asked["cycle"] = analysis.growth.cycle
+        values["holding"] = [f"lead {lead}" for lead in analysis.verdicts if analysis.least_real(lead) > 0.0]
     with replacing(folder, OUT_KEY, REPORT) as place:
         growth = verdict.growth if math.isfinite(verdict.growth) else None
         place.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")
-        renderer = Renderer(place.new)
-        sections, inputs = _render(analysis, further, renderer), [place.new / VERDICT, *renderer.files]
-        if analysis is not None:
-            asked["cycle"] = analysis.own.place.calm
-            inputs.append(run.folder / TRACE)
-        summary = " ".join((verdict.describe(), *further.notes))
-        return write_report(Report(title, summary, sections, inputs, asked), place)
-
-
-def _render(analysis: Analysis | None, further: Further, renderer: Renderer) -> list[Section]:
-    drawn, tables = further.list_figures(), further.list_tables()
-    values: dict[str, Any] = {"analysis": analysis, "further": further, "limits": limits}
-    if analysis is not None:
-        growth, drawings = analysis.own.place, (figures.growth, figures.mode, figures.real_parts)
-        measured, predicted = analysis.measured_mode.change, analysis.predicted_mode.change
-        drawn |= {draw.__name__: partial(draw, analysis) for draw in drawings}
-        tables |= _tables(analysis)
-        values |= {
-            "calm": growth.calm,
-            "last": growth.last,
-            "ahead": growth.last - growth.calm,
-            "likeness": float((measured * predicted).sum() / np.linalg.norm(measured) / np.linalg.norm(predicted)),
-            "holding": [f"lead {lead}" for lead in analysis.tried if analysis.least_real(lead) > 0.0],
-        }
-    return render_markdown(Path(__file__).with_name("page.md"), "Does learning hold", renderer, drawn, tables, values)
+        renderer, text = Renderer(place.new), Path(__file__).with_name("page.md")
+        drawn, tables = _list_figures(found), _list_tables(found)
+        sections = render_markdown(text, "Does learning hold", renderer, drawn, tables, values)
+        summary = " ".join((verdict.describe(), *found.notes))
+        return write_report(Report(title, summary, sections, [place.new / VERDICT, *renderer.files], asked), place)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.config import Config
-from cmacexp.feedforward.kernels import FeedforwardParams
 from cmacexp.models.lateness import first_order_share
 from cmacexp.stability.cycle_map import NUDGE, NotPredictable, RestorableLoop, open_loop
 from cmacexp.typing import Array
@@ -31,11 +30,6 @@ class Local(NamedTuple):
     """C, (L J, n): to the feedback torque that a feedforward learns from."""
 
 
-def _advance_one(loop: RestorableLoop) -> None:
-    if not loop.advance(1):
-        raise NotPredictable(f"a run from nearby ends at sample {loop.run.taken % loop.period}")
-
-
 def _from_torque(loop: RestorableLoop, now: Array, torque: Array) -> Array:
     """B at the step where the loop is held; ``torque`` (L, J) is the torque of that step."""
     nominal, columns = torque.copy(), []
@@ -44,7 +38,8 @@ def _from_torque(loop: RestorableLoop, now: Array, torque: Array) -> Array:
         for sign in (1.0, -1.0):
             loop.put(now)
             torque[np.unravel_index(j, nominal.shape)] += sign * NUDGE
-            _advance_one(loop)
+            if not loop.advance(1):
+                raise NotPredictable(f"a run from nearby ends at sample {loop.run.taken % loop.period}")
             torque[...] = nominal
             ends.append(loop.state())
         columns.append((ends[0] - ends[1]) / (2.0 * NUDGE))
@@ -78,44 +73,29 @@ def _local(loop: RestorableLoop, table: Array) -> Local:
     return Local(sample, a - b @ c, b, c)
 
 
-def find_commanded(config: Config, acting: Array) -> Array:
+def _find_commanded(config: Config, acting: Array) -> Array:
     """The torques (k, L, J), N m, that were commanded, from those that acted without a limit; of a whole period."""
     share = first_order_share(config.actuator.lag, config.sampling_period)
     ahead = acting + (1.0 / share - 1.0) * (acting - np.roll(acting, 1, axis=0)) if share < 1.0 else acting
     return np.roll(ahead, -config.actuator.delay, axis=0)
 
 
-class Replay(NamedTuple):
-    """A loop that repeats the torque learnt in one cycle, at the start of a cycle."""
+def _replay(config: Config, cycle: int) -> tuple[RestorableLoop, Array]:
+    """A loop that learns for some cycles and repeats the torque of the next one, after a cycle of that; that torque.
 
-    loop: RestorableLoop
-    torque: Array
-    """(N, L, J): its feedforward, N m, which may change in place."""
-    feedforward: FeedforwardParams
-    """That learnt, as that cycle left it."""
-    learning_error: Array
-    """(N, L, J): of that cycle, N m."""
-
-
-def replay(config: Config, cycle: int) -> Replay:
-    """Learn for some cycles and repeat the torque of the next one, for a cycle.
-
-    Raises:
-        NotPredictable: the run ends before, its components cannot be linearised, or it has no feedforward.
+    The torque (N, L, J), N m, is the loop's own and may change in place.
     """
     loop = open_loop(config)
-    feedforward = loop.run.loop.feedforward
-    if feedforward is None:
+    if loop.run.loop.feedforward is None:
         raise NotPredictable("nothing learns from cycle to cycle")
-    torque = learning_error = np.empty(0)
+    torque = np.empty(0)
     for done in range(cycle + 2):
         if not loop.advance(loop.period):
             raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}")
         if done == cycle:
-            torque = find_commanded(config, loop.column("tau_feedforward"))
-            learning_error = find_commanded(config, loop.column("tau_feedback"))
+            torque = _find_commanded(config, loop.column("tau_feedforward"))
             loop.play(torque)
-    return Replay(loop, torque, feedforward, learning_error)
+    return loop, torque
 
 
 def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Local]:
@@ -126,7 +106,7 @@ def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Loc
     Raises:
         NotPredictable: the run ends before, or its components cannot be linearised.
     """
-    loop, table, _, _ = replay(config, cycle)
+    loop, table = _replay(config, cycle)
     linearised = []
     for sample in sorted(samples):
         steps = sample - loop.run.taken % loop.period

@@ -2,10 +2,9 @@
 
 from cmacexp.report.figures import HeatMap, Panel, Series, draw
 from cmacexp.study.curves import over_cycles, over_setting
-from cmacexp.study.requests import Request, grid, starting_from
 from cmacexp.study.results import Results
 from cmacexp.study.statements import Claim, Criterion, Finding, at_least, at_most, between
-from cmacexp.study.study import Study
+from cmacexp.study.study import Request, Study, grid, starting_from
 
 __all__ = [
     "Claim",

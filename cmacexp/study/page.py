@@ -1,5 +1,6 @@
-"""The page of a study: its Markdown with values, figures, tables, findings and claims inserted; and its tables."""
+"""The page of a study: its Markdown with values, figures, tables, findings and claims; and its files beside it."""
 
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,16 +12,16 @@ import pyarrow as pa
 from markupsafe import Markup
 
 from cmacexp.config.fields import listed
+from cmacexp.data.folder import Place
 from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import write_table
 from cmacexp.errors import BadInput
 from cmacexp.report.markdown import find_insertions, render_markdown
-from cmacexp.report.page import HOW_TO_REPORT, find_page
-from cmacexp.report.parts import Section
-from cmacexp.report.render import Renderer
+from cmacexp.report.page import HOW_TO_REPORT, Report, find_page, relative, write_report
+from cmacexp.report.parts import Renderer, Section
 from cmacexp.study.interval import GUARD, TRIMMED_FROM
 from cmacexp.study.results import LAST_CYCLES, Results
-from cmacexp.study.statements import VERDICTS, Found, Judged
+from cmacexp.study.statements import VERDICTS, Found, Judged, Measured
 from cmacexp.study.study import StudyFile
 
 QUICK_NOTICE = (
@@ -29,6 +30,12 @@ QUICK_NOTICE = (
 RESULTS = "results.parquet"
 MOST_RUNS = 5
 """Runs that the table names for a claim."""
+READING = """<p>Square brackets, and the table of claims if there is one, give what was measured: the value,
+its 95 % interval, the size n of the sample, and the limits that decide the statement. The
+interval of a proportion is Wilson's. That of values that differ between seeds or cases is a percentile bootstrap of
+their mean, or of their interquartile mean if there are at least {trimmed}. A value without a
+spread is given {guard:g} % to either side.</p>"""
+CLAIMS = "claims.json"
 
 
 @dataclass(frozen=True)
@@ -105,18 +112,6 @@ def _format_claim(judged: Judged) -> str:
     return f"“{judged.claim.words}” ({judged.claim.where}): {judged.verdict}."
 
 
-READING = """<p>Square brackets, and the table of claims if there is one, give what was measured: the value,
-its 95 % interval, the size n of the sample, and the limits that decide the statement. The
-interval of a proportion is Wilson's. That of values that differ between seeds or cases is a percentile bootstrap of
-their mean, or of their interquartile mean if there are at least {trimmed}. A value without a
-spread is given {guard:g} % to either side.</p>"""
-
-
-def make_reading_section() -> Section:
-    """The section of a report that says how its values and intervals are to be read."""
-    return Section("How to read the values", [Markup(READING.format(trimmed=TRIMMED_FROM, guard=100.0 * GUARD))])
-
-
 def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
     """The section of a report in ``folder`` with all claims, and what their verdicts mean."""
     from jinja2 import Environment, FileSystemLoader
@@ -134,3 +129,62 @@ def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
         how_to_report=HOW_TO_REPORT,
     )
     return Section("The claims", [Markup(table)])
+
+
+def _entry(measured: Measured, folder: Path) -> dict[str, Any]:
+    criterion, interval = measured.criterion, measured.interval
+    limits = {
+        name: [limit.low, limit.high]
+        for name, limit in (("holds", criterion.holds), ("fails", criterion.fails))
+        if limit
+    }
+    return {
+        "quantity": criterion.quantity, "value": interval.value, "low": interval.low, "high": interval.high,
+        "count": interval.count, "method": interval.method, **limits, "shown": measured.value,
+        "runs": [relative(Path(run), folder) for run in measured.runs],
+    }  # fmt: skip
+
+
+def _statements(claims: Mapping[str, Judged], findings: Mapping[str, Found], folder: Path) -> list[dict[str, Any]]:
+    judged = [
+        {"name": name, "kind": "claim", "statement": each.claim.words, "where": each.claim.where,
+         "verdict": each.verdict, "criteria": [_entry(m, folder) for m in each.measured]}
+        for name, each in claims.items()
+    ]  # fmt: skip
+    found = [
+        {"name": name, "kind": "finding", "statement": each.sentence, "verdict": each.outcome,
+         "criteria": [_entry(m, folder) for m in each.measured]}
+        for name, each in findings.items()
+    ]  # fmt: skip
+    return judged + found
+
+
+def write_page(title: str, question: str, studies: Sequence[Evaluated], place: Place, quick: bool) -> Path:
+    """Write the report of one study or of several together, and their statements.
+
+    Args:
+        title: of the page.
+        question: what it asks.
+        studies: whose sections follow each other.
+        place: of the report.
+        quick: whether the page says that it concludes nothing.
+    """
+    folder = place.folder
+    claims = [judged for study in studies for judged in study.claims.values()]
+    sections = [make_claims_section(claims, folder)] if claims else []
+    sections += [Section("Quick run", [Markup(f'<p class="banner">{QUICK_NOTICE}</p>')])] if quick else []
+    sections += [section for study in studies for section in study.sections]
+    files = [file for study in studies for file in study.files]
+    runs = {path: manifest for study in studies for path, manifest in study.runs.items()}
+    files += [path / name for path, manifest in runs.items() for name in manifest["files"]]
+    if not quick:
+        if any(study.claims or study.findings for study in studies):
+            reading = Markup(READING.format(trimmed=TRIMMED_FROM, guard=100.0 * GUARD))
+            sections.append(Section("How to read the values", [reading]))
+        statements = {study.name: _statements(study.claims, study.findings, folder) for study in studies}
+        place.write_text(CLAIMS, json.dumps(statements, indent=1, ensure_ascii=False) + "\n")
+        files.append(place.new / CLAIMS)
+    config = {"studies": [study.name for study in studies], "quick": quick}
+    hashes = {path: str(manifest["config_hash"]) for path, manifest in runs.items()}
+    report = Report(title, question, sections, sorted({*files}), config, hashes)
+    return write_report(report, place)

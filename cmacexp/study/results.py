@@ -88,7 +88,8 @@ class Results:
         known = {name for row in self.rows for name in row.settings}
         if self.rows and key not in known:
             raise NoSuchRuns(f"no run has a setting {key!r}{suggest(key, sorted(known))}")
-        return list(dict.fromkeys(_hashable(row.settings.get(key)) for row in self.rows))
+        values = [row.settings.get(key) for row in self.rows]
+        return list(dict.fromkeys(format_setting(value) if isinstance(value, list) else value for value in values))
 
     def value(self, key: str) -> Any:
         """The value of a setting that all runs share.
@@ -202,10 +203,6 @@ def worst_value(name: str) -> float:
 def _require(kind: str, name: str, names: Collection[str]) -> None:
     if name not in names:
         raise BadInput(kind, name, f"choose from {', '.join(names) or 'none'}{suggest(name, names)}")
-
-
-def _hashable(value: Any) -> Any:
-    return format_setting(value) if isinstance(value, list) else value
 
 
 def _same(value: Any, wanted: Any) -> bool:

@@ -1,14 +1,14 @@
-"""The declaration of a study, and how it is found in its file."""
+"""The declaration of a study: what it runs, measures and says; and how it is found in its file."""
 
 import importlib
+import itertools
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cmacexp.errors import BadInput
-from cmacexp.study.requests import Request
 from cmacexp.study.results import Measures, Results
 from cmacexp.study.statements import Claim, Finding
 
@@ -16,8 +16,79 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+
+Values = Mapping[str, Sequence[Any] | Mapping[str, Sequence[str]]]
 NAME = "STUDY"
 """The variable of a file that holds its study."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """One run, or one for each seed."""
+
+    overrides: tuple[str, ...]
+    """As on the command line."""
+    labels: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    """Names that the study gives to bundles of overrides: columns of the table of results."""
+    seeded: bool = False
+    """Whether it is repeated for each seed of the study."""
+    starts_from: "Request | None" = None
+    """Another request, whose final weights this one starts from; it is run first, with the same seed."""
+
+    def with_seed(self, seed: int) -> "Request":
+        """The run of one seed."""
+        before = self.starts_from.with_seed(seed) if self.starts_from else None
+        overrides = (*self.overrides, f"seed={seed}") if self.seeded else self.overrides
+        return replace(self, overrides=overrides, seeded=False, starts_from=before)
+
+
+def _choices(
+    key: str, values: Sequence[Any] | Mapping[str, Sequence[str]]
+) -> list[tuple[tuple[str, ...], dict[str, Any]]]:
+    if isinstance(values, Mapping):
+        return [(tuple(bundle), {key: name}) for name, bundle in values.items()]
+    return [((f"{key}={value}",), {}) for value in values]
+
+
+def grid(*overrides: str, over: Values | None = None, seeded: bool = False, **labels: Any) -> list[Request]:
+    """A request for every combination of values.
+
+    Args:
+        overrides: common to all.
+        over: values by config key; or, by a name that is a column of the results, bundles of overrides by label.
+        seeded: whether each is repeated for every seed of the study.
+        labels: columns with the same value in all of these runs.
+
+    Examples:
+        >>> [request.overrides for request in grid("cycles=9", over={"cmac.layers": [8, 16]})]
+        [('cycles=9', 'cmac.layers=8'), ('cycles=9', 'cmac.layers=16')]
+        >>> ramps = {"none": [], "slow": ["gait.load_ramp=0.2"]}
+        >>> [(request.overrides, request.labels) for request in grid(over={"ramp": ramps})]
+        [((), {'ramp': 'none'}), (('gait.load_ramp=0.2',), {'ramp': 'slow'})]
+    """
+    requests = []
+    for chosen in itertools.product(*(_choices(key, values) for key, values in (over or {}).items())):
+        own = itertools.chain(overrides, *(texts for texts, _ in chosen))
+        names = dict(itertools.chain(labels.items(), *(label.items() for _, label in chosen)))
+        requests.append(Request(tuple(own), names, seeded))
+    return requests
+
+
+def starting_from(before: Sequence[Request], after: Sequence[Request]) -> list[Request]:
+    """``after``, each starting from the weights that the request of ``before`` with its labels ends with.
+
+    Raises:
+        BadInput: not exactly one request of ``before`` has no labels but those of a request of ``after``.
+    """
+    return [replace(request, starts_from=_predecessor(before, request)) for request in after]
+
+
+def _predecessor(before: Sequence[Request], request: Request) -> Request:
+    found = [each for each in before if each.labels.items() <= request.labels.items()]
+    if len(found) != 1:
+        allowed = f"must match one request to start from, not {len(found)}; name bundles of overrides with labels"
+        raise BadInput("labels", dict(request.labels), allowed)
+    return found[0]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,8 @@ from benchmarks.__main__ import BEGIN, END, replace_results
 from benchmarks.c_loop import COLUMNS, build, compiler, run_in_c
 from benchmarks.peers import NumpyCmac
 from benchmarks.timing import format_time, in_turn, ratio
+from cmacexp.cmac.addressing import InputRange
 from cmacexp.cmac.network import Cmac
-from cmacexp.cmac.quantiser import InputRange
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 

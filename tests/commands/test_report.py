@@ -15,17 +15,14 @@ from support.manifests import change_manifest
 from cmacexp.config.difference import flat
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.version import __version__
-from cmacexp.metrics.summary import shorten
-from cmacexp.report.axes import include_zero, logarithmic, spans_decades
-from cmacexp.report.comparison import make_rows
+from cmacexp.metrics.pooling import shorten
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.parts import Drawing, Folded, Table
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.run_summary import RunSummary, read_summary, sort_folders
+from cmacexp.report.run_summary import RunSummary, make_rows, read_summary, sort_folders
 from cmacexp.report.run_tables import list_settings
-from cmacexp.report.style import mark, new_figure
-from cmacexp.report.sweep_report import make_sweep_report
-from cmacexp.report.swept import find_swept
+from cmacexp.report.style import include_zero, logarithmic, mark, new_figure, spans_decades
+from cmacexp.report.sweep_report import find_swept, make_sweep_report
 
 
 def run(folder, *overrides):

@@ -8,8 +8,7 @@ from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
 from cmacexp.metrics.registry import MAIN, METRICS, OF_A_ROBOT
 from cmacexp.report import terminal_tables
-from cmacexp.report.comparison import print_runs
-from cmacexp.report.run_summary import RunSummary
+from cmacexp.report.run_summary import RunSummary, print_runs
 from cmacexp.report.terminal import format_folder
 from cmacexp.report.terminal_tables import head, print_key, print_scores, print_table
 

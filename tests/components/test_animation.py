@@ -7,7 +7,7 @@ from PIL import Image
 from support.views import make_walk
 
 import cmacexp
-from cmacexp.report.machine import joints
+from pipelines.common_machine import joints
 
 RUN = ("cycles=3", "gait.cycle_time=1.5", "record=trace")
 

@@ -13,9 +13,9 @@ from types import FunctionType, SimpleNamespace
 import pytest
 from support.command import ROOT, cmacexp, python
 
-from cmacexp.jit.cache_folder import cache_folder, find_other_writers
 from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, expect_steps, program
 from cmacexp.jit.numba_private import TESTED, CheckedFiles, compiled_program
+from cmacexp.jit.sources import cache_folder, find_other_writers
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.mix import mix
 from cmacexp.report.terminal import COMPILING

@@ -27,14 +27,12 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import everything_below, runs_below
 from cmacexp.data.files import TIME_RESOLUTION
 from cmacexp.data.integrity import faults, is_finished
-from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, METRICS_CSV, RECORDING, TRACE, read_traces
 from cmacexp.data.weights import WEIGHTS, read_weights
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.report.page import Report, write_report
 from cmacexp.report.run_summary import BROKEN, read_summary
-from cmacexp.stability.analysis import analyse
 
 WALK = ["scenario=quadruped", "cycles=1", "sampling_period=0.02", "record.weights=true"]
 ONE_LEG = ["scenario=one_leg", "cycles=1", "record=trace", "record.weights=true"]
@@ -92,7 +90,6 @@ READERS = {
         lambda folder: cmacexp.load(folder).cycles([1]),
         lambda folder: score.score(folder),
         lambda folder: call(replay, folder, "--no-viewer", "--rebuild"),
-        lambda folder: analyse(StoredRun(folder)),
     ],
     BODY: [lambda folder: cmacexp.load(folder).body, read_traces, lambda folder: score.score(folder)],
     MEMORY: [lambda folder: score.score(folder)],

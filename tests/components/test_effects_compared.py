@@ -16,11 +16,10 @@ from support.fields import leaves
 from cmacexp.cmac.rules import RULES, strength_needs
 from cmacexp.config.check import check
 from cmacexp.config.compose import compose_config, compose_untyped
-from cmacexp.config.effect import explain_idle
 from cmacexp.data.tables import BODY, TRACE
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.experiment.run import run_scenario
-from cmacexp.experiment.without_effect import warnings_of
+from cmacexp.experiment.without_effect import explain_idle, warnings_of
 
 ALL = "CMACEXP_EFFECTS" in os.environ
 SAMPLE = 8

@@ -315,7 +315,7 @@ def test_a_full_disk_keeps_an_earlier_run_and_is_one_line(first, monkeypatch):
 
     before = state_of(first)
     with monkeypatch.context() as patch:
-        patch.setattr("cmacexp.data.trace_writer.TraceWriter.write", full)
+        patch.setattr("cmacexp.data.tables.TraceWriter.write", full)
         with pytest.raises(OSError, match="disk full: "):
             run(first, "machine.mass=0.6")
     assert state_of(first) == before

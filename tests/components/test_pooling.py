@@ -26,14 +26,12 @@ from cmacexp.metrics.metric import (
     SMALLEST,
     to_table,
 )
-from cmacexp.metrics.pooling import pool_legs
+from cmacexp.metrics.pooling import pool_legs, tabulate_cycles
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, SHOWN
-from cmacexp.metrics.summary import tabulate_cycles
 from cmacexp.metrics.text import format_cell
-from cmacexp.report.comparison import format_runs, make_rows
 from cmacexp.report.run_figures import KEY, PANELS, draw_metrics
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.run_summary import read_summary
+from cmacexp.report.run_summary import format_runs, make_rows, read_summary
 
 BY_NAME = {
     "mean": statistics.fmean,

@@ -18,8 +18,8 @@ from cmacexp.recording.events import find_events
 from cmacexp.recording.run_view import make_view
 from cmacexp.recording.scene import find_trunk, turn_from_up
 from cmacexp.recording.series import collect_series
-from cmacexp.report.machine import joints
 from cmacexp.report.run_report import make_run_report
+from pipelines.common_machine import joints
 
 
 @pytest.fixture(scope="module")

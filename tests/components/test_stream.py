@@ -14,8 +14,7 @@ from draw_walk import view_cycles
 
 from cmacexp.commands.score import score
 from cmacexp.config.compose import compose_config
-from cmacexp.data.tables import Traces, read_traces, steps_by_cycle
-from cmacexp.data.trace_writer import TraceWriter
+from cmacexp.data.tables import Traces, TraceWriter, read_traces, steps_by_cycle
 from cmacexp.errors import BadRun
 from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import run as rollouts

@@ -6,10 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from cmacexp.cmac.network import Cmac
-from cmacexp.cmac.quantiser import InputRange
-from cmacexp.cmac.use import memory_use
-from cmacexp.cmac.visited import find_entered
+from cmacexp.cmac.addressing import InputRange
+from cmacexp.cmac.memory import find_entered
+from cmacexp.cmac.network import Cmac, memory_use
 from cmacexp.config.cmac import CmacConfig
 
 

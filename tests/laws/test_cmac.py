@@ -10,11 +10,20 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from cmacexp.cmac.addressing import Address, address, address_batch, count_outside
-from cmacexp.cmac.displacement import DISPLACEMENTS, displacement, least_distance
+from cmacexp.cmac.addressing import (
+    DISPLACEMENTS,
+    Address,
+    InputRange,
+    address,
+    address_batch,
+    count_outside,
+    displacement,
+    least_distance,
+    quantise,
+    spanning,
+)
+from cmacexp.cmac.memory import Visited
 from cmacexp.cmac.network import Cmac
-from cmacexp.cmac.quantiser import InputRange, quantise, spanning
-from cmacexp.cmac.visited import Visited
 from cmacexp.config.cmac import CmacConfig
 from cmacexp.errors import BadInput
 

@@ -4,8 +4,7 @@ import pytest
 
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.stability import corners as margins
-from cmacexp.stability.corners import judge_corners
-from cmacexp.stability.further import Further
+from cmacexp.stability.corners import count_corners, judge_corners
 from cmacexp.stability.verdict import GROWS, HOLDS, UNDECIDED, Verdict
 
 
@@ -20,9 +19,7 @@ def test_corners_change_ground_and_masses_but_not_what_is_assumed(make_config, m
 
     monkeypatch.setattr(margins, "assess", note)
     corners = judge_corners(config, 0.25)
-    assert (
-        Further(None, corners).count_corners() == "Of 4 corners learning holds in 2, grows in 1, is undecided in 1."
-    )
+    assert count_corners(corners) == "Of 4 corners learning holds in 2, grows in 1, is undecided in 1."
     assert corners[2].describe() == "stiffness x 1.25, masses x 0.75: grows: One. Two."
     assert {corner.terrain.stiffness for corner in seen} == {6000.0, 10000.0}
     assert {corner.assumed_stiffness for corner in seen} == {8000.0}

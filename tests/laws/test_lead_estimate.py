@@ -11,7 +11,7 @@ from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.probe import CYCLES, FIRST_LEARNING, SHARE, estimate_lead, new_probe
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.metrics.guard import describe_guard
+from cmacexp.metrics.drift import describe_guard
 
 ESTIMATED = ("scenario=one_leg", "learning=lasting", "learning.lead=estimate", "warn=false")
 LATE = {

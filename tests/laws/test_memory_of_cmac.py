@@ -5,12 +5,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from cmacexp.cmac import spread, use
-from cmacexp.cmac.displacement import DISPLACEMENTS, displacement
-from cmacexp.cmac.network import Cmac
-from cmacexp.cmac.quantiser import InputRange
+from cmacexp.cmac import network, spread
+from cmacexp.cmac.addressing import DISPLACEMENTS, InputRange, displacement
+from cmacexp.cmac.network import Cmac, memory_use
 from cmacexp.cmac.spread import spread_shares
-from cmacexp.cmac.use import memory_use
 from cmacexp.config.cmac import CmacConfig
 from cmacexp.errors import BadInput
 
@@ -42,7 +40,7 @@ def test_of_more_cells_than_can_be_numbered_no_collision_is_counted(monkeypatch)
     """As many as the limit are counted still."""
     cmac, path = make_cmac("hashed", 50), np.zeros((1, 2))
     for most, counted in ((LAYERS * ELEMENTS**2, True), (LAYERS * ELEMENTS**2 - 1, False)):
-        monkeypatch.setattr(use, "MOST_POSITIONS", most)
+        monkeypatch.setattr(network, "MOST_POSITIONS", most)
         found = memory_use(cmac, path, cmac.cells(path))
         assert (found.cells_visited is not None) == (found.cells_colliding is not None) == counted
         assert (found.rows, found.rows_used) == (50, 4)

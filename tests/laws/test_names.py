@@ -5,7 +5,7 @@ from dataclasses import fields
 import pytest
 from omegaconf import OmegaConf
 
-from cmacexp.cmac.displacement import DISPLACEMENTS
+from cmacexp.cmac.addressing import DISPLACEMENTS
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS
 from cmacexp.config import config_folder
 from cmacexp.config.cmac import INPUTS, CmacConfig

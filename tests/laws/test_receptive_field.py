@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support.command import cmacexp
 from test_cmac import make_cmac, random_inputs
 
+from cmacexp.cmac.network import memory_use
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, spline
-from cmacexp.cmac.use import memory_use
 from cmacexp.errors import BadInput
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario

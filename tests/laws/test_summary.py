@@ -17,10 +17,9 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import Scores, Traces
 from cmacexp.experiment.run import run_scenario
 from cmacexp.metrics.metric import NEITHER
-from cmacexp.metrics.pooling import count_legs, describe_pooling, select_main
+from cmacexp.metrics.pooling import BETWEEN, ENDS, MOST_ROWS, count_legs, describe_pooling, select_main, shorten
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, RANKED, SHOWN
 from cmacexp.metrics.score import RunScorer, score_traces
-from cmacexp.metrics.summary import BETWEEN, ENDS, MOST_ROWS, shorten
 from cmacexp.metrics.text import format_cell
 from cmacexp.typing import Array
 
