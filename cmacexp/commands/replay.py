@@ -5,7 +5,7 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.commands.viewer import open_window, require_display, serve_web
@@ -17,6 +17,9 @@ from cmacexp.data.hashes import find_fault, was_written
 from cmacexp.data.tables import BODY, RECORDING, read_traces, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.terminal import activity, say
+
+if TYPE_CHECKING:
+    from cmacexp.models.robot import Robot
 
 COMPARISONS = Path("outputs", "comparisons")
 """Default folder of comparisons."""
@@ -33,6 +36,17 @@ class Options(NamedTuple):
     """Names of panels."""
     every: int | None = None
     """One step in so many."""
+    meshes: bool = False
+    """Whether robots are drawn as their models show them."""
+
+
+def _read_model(folder: Path, options: Options) -> "Robot | None":
+    """The model of a robot whose meshes are asked for."""
+    if not options.meshes:
+        return None
+    from cmacexp.recording.meshes import read_shown_model
+
+    return read_shown_model(folder, manifests.read(folder))
 
 
 def _kept(folder: Path) -> dict[int, int]:
@@ -70,6 +84,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     cycles = read_cycles(options.cycles, max(kept)) if options.cycles is not None else None
     window = make_window(kept, cycles, options.every)
     shown: dict[str, Any] = {"label": folder.resolve().name, "window": window, "names": options.views}
+    shown["model"] = _read_model(folder, options)
     if path == folder / RECORDING:
         with updating(folder) as place:
             manifest = manifests.read(folder)  # of the run that is there now
@@ -97,6 +112,7 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
             f"{len(folders)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare"
         )
     _check_views(options, [was_written(folder / BODY) for folder in folders])
+    models = {folder: _read_model(folder, options) for folder in folders}
     cycles, last = None, min(max(_kept(folder)) for folder in folders)
     if options.cycles is not None:
         cycles = read_cycles(options.cycles, last, "all runs")
@@ -107,7 +123,7 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
         window = make_window(_kept(folder), cycles, options.every, sharing=len(folders))
         traces = read_traces(folder, window.cycles, window.every)
         root = f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
-        views[folder] = make_view(traces, manifest, window, label, root)
+        views[folder] = make_view(traces, manifest, window, label, root, models[folder])
     if max(view.time[0] for view in views.values()) > min(view.time[-1] for view in views.values()):
         raise BadInput(
             "--cycles", options.cycles, "these cycles of the runs have no time in common; choose earlier ones"
@@ -140,7 +156,7 @@ def _read_options(arguments: argparse.Namespace) -> Options:
     if every is not None and not (every.isdecimal() and int(every) > 0):
         raise BadInput("--every", every, "must be a whole number, at least 1; 1 shows every step")
     views = None if arguments.views is None else list(dict.fromkeys(arguments.views.split(",")))
-    return Options(arguments.cycles, views, None if every is None else int(every))
+    return Options(arguments.cycles, views, None if every is None else int(every), arguments.meshes)
 
 
 def _is_kept(folder: Path) -> bool:
@@ -178,7 +194,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 def main() -> int:
     """Run the command."""
     description = "Show a run in the Rerun viewer, or several side by side. A missing recording is built from "
-    description += "the trace; --cycles, --views and --every build it anew."
+    description += "the trace; --cycles, --views, --every and --meshes build it anew."
     parser = Parser("cmacexp.replay", description, folders=True)
     parser.add_argument("--no-viewer", action="store_true", help="only build the recording")
     text = "serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"
@@ -191,6 +207,8 @@ def main() -> int:
     parser.add_argument("--views", metavar="NAME,...", help=text)
     text = "show one step in N; unless given, all of a short run, fewer of a long one"
     parser.add_argument("--every", metavar="N", help=text)
+    text = "draw robots as their models show them, which must still be those of the runs; needs MuJoCo"
+    parser.add_argument("--meshes", action="store_true", help=text)
     text = "where the recording goes; unless given, recording.rrd in the folder of a run, "
     text += f"{COMPARISONS}/NAMES.rrd for several"
     parser.add_argument("--out", metavar="FILE.rrd", help=text)

@@ -19,6 +19,7 @@ from cmacexp.data.stored_run import select_whole
 from cmacexp.data.tables import Traces
 from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
+from cmacexp.models.robot import Robot
 from cmacexp.recording.window import Window
 from cmacexp.typing import Array, Mask
 
@@ -93,6 +94,8 @@ class RunView:
     """Prefix of the paths of its entities in a recording."""
     foot_radius: float = 0.0
     """m: the ground that is seen is so far below the centre of a foot that touches it."""
+    model: Robot | None = None
+    """The robot whose bodies are drawn as its model shows them; None: links and a box alone."""
 
     @property
     def config(self) -> dict[str, Any]:
@@ -175,7 +178,12 @@ def _leg(trace: pa.Table, rows: NDArray[np.intp], number: int, built: dict[str, 
 
 
 def make_view(
-    traces: Traces, manifest: Manifest, window: Window | None = None, label: str = "", root: str = ""
+    traces: Traces,
+    manifest: Manifest,
+    window: Window | None = None,
+    label: str = "",
+    root: str = "",
+    model: Robot | None = None,
 ) -> RunView:
     """The view of a run from its traces.
 
@@ -185,6 +193,7 @@ def make_view(
         window: which steps these are; None: all of them.
         label: name of the run.
         root: prefix of the paths of its entities in a recording.
+        model: of a robot whose meshes are drawn.
     """
     trace, config, robot = traces.legs, manifest["config"], manifest.get("robot")
     number, built = as_array(trace, "leg"), _leg_configs(config, robot)
@@ -200,4 +209,4 @@ def make_view(
         body["height"] = still + config["machine"]["hip_height"]
     all_steps = Window(int(cycle[0]), int(cycle[-1]), 1, len(cycle))
     radius = robot["foot_radius"] if robot else 0.0
-    return RunView(legs, time, step, cycle, body, manifest, window or all_steps, label, root, radius)
+    return RunView(legs, time, step, cycle, body, manifest, window or all_steps, label, root, radius, model)

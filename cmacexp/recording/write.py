@@ -18,6 +18,7 @@ from cmacexp.data.manifest import Manifest
 from cmacexp.data.parquet import read_table
 from cmacexp.data.tables import BODY_METRICS, METRICS, Scores, read_traces
 from cmacexp.metrics.pooling import pool_legs
+from cmacexp.models.robot import Robot
 from cmacexp.recording.blueprint import KEY, describe_key, layout
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.events import log_events
@@ -100,6 +101,10 @@ def write_views(
         _send_facts(recording, folder, view)
         entities = Entities(recording, view)
         log_machine(entities, view)
+        if view.model is not None:
+            from cmacexp.recording.meshes import log_meshes
+
+            log_meshes(entities, view, view.model)
         log_ground(entities, view)
         log_series(entities, view)
         log_events(entities, view)
@@ -115,6 +120,7 @@ def write_recording(
     label: str,
     window: Window,
     names: Sequence[str] | None = None,
+    model: Robot | None = None,
 ) -> str:
     """Write the Rerun view of a run, whole or not at all.
 
@@ -125,13 +131,14 @@ def write_recording(
         label: name of the run.
         window: the steps that are shown.
         names: of the panels to show; None: the default ones.
+        model: of a robot whose meshes are drawn.
 
     Returns:
         The name of the recording, which describes its content.
     """
     with _pandas_left_out():
         traces = read_traces(folder, window.cycles, window.every)
-        view = make_view(traces, manifest, window, label)
-        name = f"{manifest['config']['scenario']} {view.label}, {window}"
+        view = make_view(traces, manifest, window, label, model=model)
+        name = f"{manifest['config']['scenario']} {view.label}, {window}{', with meshes' if model else ''}"
         write_views({folder: view}, layout(view, names), name, path)
     return name
