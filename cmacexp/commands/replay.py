@@ -3,9 +3,11 @@
 import argparse
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.commands.viewer import open_window, require_display, serve_web
@@ -17,9 +19,6 @@ from cmacexp.data.hashes import find_fault, was_written
 from cmacexp.data.tables import BODY, RECORDING, read_traces, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.terminal import activity, say
-
-if TYPE_CHECKING:
-    from cmacexp.models.robot import Robot
 
 COMPARISONS = Path("outputs", "comparisons")
 """Default folder of comparisons."""
@@ -36,17 +35,8 @@ class Options(NamedTuple):
     """Names of panels."""
     every: int | None = None
     """One step in so many."""
-    meshes: bool = False
-    """Whether robots are drawn as their models show them."""
-
-
-def _read_model(folder: Path, options: Options) -> "Robot | None":
-    """The model of a robot whose meshes are asked for."""
-    if not options.meshes:
-        return None
-    from cmacexp.recording.meshes import read_shown_model
-
-    return read_shown_model(folder, manifests.read(folder))
+    models: Mapping[Path, Any] = MappingProxyType({})
+    """Robots that are drawn as their models show them, by the folders of their runs."""
 
 
 def _kept(folder: Path) -> dict[int, int]:
@@ -84,7 +74,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     cycles = read_cycles(options.cycles, max(kept)) if options.cycles is not None else None
     window = make_window(kept, cycles, options.every)
     shown: dict[str, Any] = {"label": folder.resolve().name, "window": window, "names": options.views}
-    shown["model"] = _read_model(folder, options)
+    shown["model"] = options.models.get(folder)
     if path == folder / RECORDING:
         with updating(folder) as place:
             manifest = manifests.read(folder)  # of the run that is there now
@@ -112,7 +102,6 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
             f"{len(folders)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare"
         )
     _check_views(options, [was_written(folder / BODY) for folder in folders])
-    models = {folder: _read_model(folder, options) for folder in folders}
     cycles, last = None, min(max(_kept(folder)) for folder in folders)
     if options.cycles is not None:
         cycles = read_cycles(options.cycles, last, "all runs")
@@ -123,7 +112,8 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
         window = make_window(_kept(folder), cycles, options.every, sharing=len(folders))
         traces = read_traces(folder, window.cycles, window.every)
         root = f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
-        views[folder] = make_view(traces, manifest, window, label, root, models[folder])
+        view = make_view(traces, manifest, window, label, root)
+        views[folder] = replace(view, model=options.models.get(folder))
     if max(view.time[0] for view in views.values()) > min(view.time[-1] for view in views.values()):
         raise BadInput(
             "--cycles", options.cycles, "these cycles of the runs have no time in common; choose earlier ones"
@@ -156,7 +146,7 @@ def _read_options(arguments: argparse.Namespace) -> Options:
     if every is not None and not (every.isdecimal() and int(every) > 0):
         raise BadInput("--every", every, "must be a whole number, at least 1; 1 shows every step")
     views = None if arguments.views is None else list(dict.fromkeys(arguments.views.split(",")))
-    return Options(arguments.cycles, views, None if every is None else int(every), arguments.meshes)
+    return Options(arguments.cycles, views, None if every is None else int(every))
 
 
 def _is_kept(folder: Path) -> bool:
@@ -178,6 +168,10 @@ def _replay(arguments: argparse.Namespace) -> int:
     folders = list(found.values())
     if not (arguments.web or arguments.no_viewer):
         require_display()
+    if arguments.meshes:
+        from cmacexp.recording.meshes import read_shown_model
+
+        options = options._replace(models={run: read_shown_model(run, manifests.read(run)) for run in folders})
     out = _out(arguments.out) if arguments.out is not None else None
     path = out or (_comparison_path(folders) if len(folders) > 1 else folders[0] / RECORDING)
     kept = len(folders) == 1 and out is None and options == Options() and not arguments.rebuild
@@ -185,8 +179,10 @@ def _replay(arguments: argparse.Namespace) -> int:
         shown = "as it was built; --rebuild builds it anew"
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
+        old = "; it replaces the one that was there" if arguments.meshes and path.exists() else ""
         with activity(f"building {path}"):
             shown = compare(folders, path, options) if len(folders) > 1 else rebuild(folders[0], path, options)
+        shown += old
     say(f"{path}: {shown}")
     return 0 if arguments.no_viewer else serve_web(path) if arguments.web else open_window(path)
 

@@ -12,8 +12,7 @@ from cmacexp.data.manifest import Manifest
 from cmacexp.errors import BadInput
 from cmacexp.models.robot import Robot, load_mujoco, place
 from cmacexp.models.robot_file import find_model
-from cmacexp.planning.robot import find_stance
-from cmacexp.recording.entities import Entities, round_points
+from cmacexp.recording.entities import FINENESS, Entities, round_points
 from cmacexp.recording.run_view import RunView
 from cmacexp.recording.scene import MESHES, round_angles
 from cmacexp.typing import Array, Counts
@@ -22,8 +21,8 @@ HIDDEN = 3
 """First of the groups of geoms that MuJoCo's own viewer does not show."""
 DARKEST = 0.3
 """Brightness of black: of many robots all parts are nearly black, and nothing but their outline would be seen."""
-TINY = 1e-30
-"""Keeps the length of a normal from being zero; sums of areas of triangles are far larger, m^2."""
+X_Y_Z_W = [1, 2, 3, 0]
+"""The parts of a quaternion in the order of the viewer; MuJoCo begins with w."""
 UNSET = (0.5, 0.5, 0.5, 1.0)
 """Colour of a geom that has none of its own: that of its material counts."""
 
@@ -44,47 +43,29 @@ def read_shown_model(folder: Path, manifest: Manifest) -> Robot:
         raise BadInput("machine.path", path, "lies in the folder of the run, whose files are not trusted")
     robot = read_model(machine)
     if manifest.get("model_hash") != robot.model_hash:
-        reason = f"is not what {path} is now, or to this version of MuJoCo; run it again, or leave --meshes out"
-        raise BadInput("--meshes", folder, f"its model {reason}")
+        reason = f"{path} is another one, or MuJoCo another version; run it again, or leave --meshes out"
+        raise BadInput("--meshes", folder, f"ran with a model of its own: {reason}")
     return robot
 
 
-def find_poses(robot: Robot, q: Array) -> Array:
-    """Poses (steps, bodies, 7) of all bodies in the frame of the trunk: place, m, and turn as a quaternion, x y z w.
+def _find_colours(model: Any) -> Array:
+    """Red, green, blue and opacity (geoms, 4) of all geoms, from 0 to 1."""
+    of_material = np.vstack([model.mat_rgba, UNSET])[model.geom_matid]  # that of geoms without any, -1, is the last
+    colours = np.where((model.geom_rgba == UNSET).all(axis=1, keepdims=True), of_material, model.geom_rgba)
+    colours[:, :3] = DARKEST + (1.0 - DARKEST) * colours[:, :3]
+    return colours
 
-    Args:
-        robot: the robot.
-        q: (steps, 4, 3) joint angles, rad.
+
+def _list_shown(robot: Robot, places: Array, colours: Array) -> dict[int, list[int]]:
+    """By bodies, the opaque geoms that are made to be seen; of a body without such, all.
+
+    Those around the middle of a foot, as their ``places`` at joint angles of zero say, are left out: a ball is there.
     """
-    data, poses = load_mujoco().MjData(robot.model), np.empty((len(q), robot.model.nbody, 7))
-    for pose, angles in zip(poses, q, strict=True):
-        place(robot.model, data, robot.legs, angles)
-        pose[:, :3], pose[:, 3:] = data.xpos, np.roll(data.xquat, -1, axis=1)
-    return poses
-
-
-def _list_shown(robot: Robot, body: int) -> list[int]:
-    """The geoms of a body that are made to be seen; of a body without such, those that collide.
-
-    Those around the middle of a foot are left out: the scene has a ball there.
-    """
-    model, first = robot.model, int(robot.model.body_geomadr[body])
-    feet = [tuple(model.geom_pos[foot]) for foot in robot.legs.foot_geom if model.geom_bodyid[foot] == body]
-    geoms = [
-        geom
-        for geom in range(first, first + int(model.body_geomnum[body]))
-        if _find_colour(model, geom)[3] > 0.0 and tuple(model.geom_pos[geom]) not in feet
-    ]
-    touch = model.geom_contype | model.geom_conaffinity
-    return [geom for geom in geoms if not touch[geom] and model.geom_group[geom] < HIDDEN] or geoms
-
-
-def _find_colour(model: Any, geom: int) -> Array:
-    """Red, green, blue and opacity of a geom, from 0 to 1."""
-    colour, material = model.geom_rgba[geom], int(model.geom_matid[geom])
-    if material >= 0 and np.array_equal(colour, UNSET):
-        colour = model.mat_rgba[material]
-    return np.append(DARKEST + (1.0 - DARKEST) * colour[:3], colour[3])
+    model, from_foot = robot.model, np.linalg.norm(places[:, None] - robot.feet_at_zero, axis=2).min(axis=1)
+    drawn = (colours[:, 3] > 0.0) & (from_foot > FINENESS) & (model.body_rootid[model.geom_bodyid] == robot.legs.base)
+    seen = drawn & ((model.geom_contype | model.geom_conaffinity) == 0) & (model.geom_group < HIDDEN)
+    best = seen | (drawn & ~np.isin(model.geom_bodyid, model.geom_bodyid[seen]))
+    return {body: np.flatnonzero(best & (model.geom_bodyid == body)).tolist() for body in {*model.geom_bodyid[best]}}
 
 
 def _make_mesh(vertices: Array, faces: Counts, colour: Array) -> rr.Mesh3D:
@@ -95,60 +76,48 @@ def _make_mesh(vertices: Array, faces: Counts, colour: Array) -> rr.Mesh3D:
     across = np.cross(b - a, c - a)
     kept, normals = across.any(axis=1), np.zeros_like(drawn)
     np.add.at(normals, corners[kept], across[kept, None])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + TINY
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), FINENESS**3)
     return rr.Mesh3D(
         vertex_positions=drawn, triangle_indices=corners[kept], vertex_normals=normals, albedo_factor=colour
     )
 
 
-def _make_shape(model: Any, geom: int) -> rr.AsComponents | None:
-    """A geom in its own frame; None for a kind that no robot consists of, such as a plane."""
-    size, colour = model.geom_size[geom], _find_colour(model, geom)
+def _make_shape(model: Any, geom: int, colour: Array) -> rr.AsComponents:
+    """A geom in its own frame."""
+    size, kind = model.geom_size[geom], load_mujoco().mjtGeom(model.geom_type[geom]).name
+    if kind == "mjGEOM_MESH":
+        mesh = model.mesh(model.geom_dataid[geom])
+        points, triangles = int(mesh.vertadr[0]), int(mesh.faceadr[0])
+        faces = model.mesh_face[triangles : triangles + int(mesh.facenum[0])]
+        return _make_mesh(model.mesh_vert[points : points + int(mesh.vertnum[0])], faces, colour)
     solid: dict[str, Any] = {"colors": [colour], "fill_mode": "solid"}
-    match load_mujoco().mjtGeom(model.geom_type[geom]).name:
-        case "mjGEOM_MESH":
-            mesh = model.mesh(model.geom_dataid[geom])
-            vertices, faces = (
-                mesh.vertadr[0] + np.arange(mesh.vertnum[0]),
-                mesh.faceadr[0] + np.arange(mesh.facenum[0]),
-            )
-            return _make_mesh(model.mesh_vert[vertices], model.mesh_face[faces], colour)
-        case "mjGEOM_BOX":
-            return rr.Boxes3D(half_sizes=[size], **solid)
-        case "mjGEOM_SPHERE":
-            return rr.Ellipsoids3D(radii=[size[0]], **solid)
-        case "mjGEOM_ELLIPSOID":
-            return rr.Ellipsoids3D(half_sizes=[size], **solid)
-        case "mjGEOM_CYLINDER":
-            return rr.Cylinders3D(radii=[size[0]], lengths=[2.0 * size[1]], **solid)
-        case "mjGEOM_CAPSULE":  # the viewer's begins at the origin
-            start = [[0.0, 0.0, -size[1]]]
-            return rr.Capsules3D(radii=[size[0]], lengths=[2.0 * size[1]], translations=start, **solid)
-        case _:
-            return None
-
-
-def _log_geoms(entities: Entities, path: str, robot: Robot, body: int) -> bool:
-    """Log what is seen of a body, below its entity; returns whether there is anything."""
-    model = robot.model
-    shapes = {geom: shape for geom in _list_shown(robot, body) if (shape := _make_shape(model, geom)) is not None}
-    for geom, shape in shapes.items():
-        turn = np.roll(model.geom_quat[geom], -1)
-        entities.log(f"{path}/{geom}", rr.Transform3D(translation=model.geom_pos[geom], quaternion=turn))
-        entities.log(f"{path}/{geom}", shape)
-    return bool(shapes)
+    along = {"radii": size[:1], "lengths": 2.0 * size[1:2], **solid}
+    if kind == "mjGEOM_CYLINDER":
+        return rr.Cylinders3D(**along)
+    if kind == "mjGEOM_CAPSULE":  # the viewer's begins at the origin
+        return rr.Capsules3D(translations=[[0.0, 0.0, -size[1]]], **along)
+    if kind == "mjGEOM_BOX":
+        return rr.Boxes3D(half_sizes=[size], **solid)
+    return rr.Ellipsoids3D(half_sizes=[np.where(size > 0.0, size, size[0])], **solid)  # of a sphere the first alone
 
 
 def log_meshes(entities: Entities, view: RunView, robot: Robot) -> None:
     """What is seen of each body, below an entity of the body's name that moves in the frame of the robot's body."""
+    model, data, colours = robot.model, robot.at(np.zeros(3)), _find_colours(robot.model)
+    shown = _list_shown(robot, data.geom_xpos, colours)
     q = np.stack([[leg[f"q{n}"] for n in (1, 2, 3)] for leg in view.legs]).transpose(2, 0, 1)
-    poses = find_poses(robot, q)
-    poses[..., :3] -= find_stance(robot, view.config["machine"]["hip_height"]).origin
-    for body in np.flatnonzero(robot.model.body_rootid == robot.legs.base).tolist():
-        path = f"world/{MESHES}/{rr.escape_entity_path_part(robot.model.body(body).name or f'body {body}')}"
-        if not _log_geoms(entities, path, robot, body):
-            continue
-        at, turn = round_points(poses[:, body, :3]), round_angles(poses[:, body, 3:])
-        moved = np.diff(np.hstack([at, turn]), axis=0, prepend=np.nan).any(axis=1)  # a NaN is true
-        rows = np.flatnonzero(moved)
-        entities.send_columns(path, rr.Transform3D.columns(translation=at[rows], quaternion=turn[rows]), rows=rows)
+    poses = np.empty((len(q), model.nbody, 7))
+    for pose, angles in zip(poses, q, strict=True):
+        place(model, data, robot.legs, angles)
+        pose[:, :3], pose[:, 3:] = data.xpos, data.xquat[:, X_Y_Z_W]
+    poses[..., :3] += view.legs[0].joints()[0][0] - robot.hinges[0, 0, :3]  # from the trunk's frame to the body's
+    for body, geoms in shown.items():
+        path = f"world/{MESHES}/{rr.escape_entity_path_part(model.body(body).name or f'body {body}')}"
+        for geom in geoms:
+            turn = model.geom_quat[geom, X_Y_Z_W]
+            entities.log(f"{path}/{geom}", rr.Transform3D(translation=model.geom_pos[geom], quaternion=turn))
+            entities.log(f"{path}/{geom}", _make_shape(model, geom, colours[geom]))
+        pose = np.hstack([round_points(poses[:, body, :3]), round_angles(poses[:, body, 3:])])
+        rows = np.flatnonzero(np.diff(pose, axis=0, prepend=np.nan).any(axis=1))  # where it moves: NaN counts
+        moving = rr.Transform3D.columns(translation=pose[rows, :3], quaternion=pose[rows, 3:])
+        entities.send_columns(path, moving, rows=rows)

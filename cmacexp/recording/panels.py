@@ -1,6 +1,6 @@
 """The panels that show a run, under the names that ``--views`` takes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import rerun as rr
@@ -60,20 +60,16 @@ class Panels:
 
     def _parallel(self, eye: str, name: str, without: tuple[str, ...] = ()) -> rrb.Spatial2DView:
         """The machine as one of :data:`EYES` sees it, of everything but the entities ``without``; mm."""
+        world, meshes = f"/{self._view.root}world", (MESHES,) if self._view.model else ()
         seen = self._seen() @ np.array(EYES[eye][:2]).T * MM
         low, high = seen.min(axis=0) - BORDER, seen.max(axis=0) + BORDER
         return rrb.Spatial2DView(
             origin=f"/{self._view.root}{eye_path(eye)}",
-            contents=self._contents((*without, MESHES) if self._view.model else without),
+            contents=[f"+ {world}/**", *(f"- {world}/{path}/**" for path in ("travel/eyes", *without, *meshes))],
             name=name,
             background=BACKGROUND,
             visual_bounds=rrb.VisualBounds2D(x_range=(low[0], high[0]), y_range=(low[1], high[1])),
         )
-
-    def _contents(self, without: Sequence[str]) -> list[str]:
-        """What a view shows: everything but the eyes and the entities ``without``."""
-        world = f"/{self._view.root}world"
-        return [f"+ {world}/**", *(f"- {world}/{path}/**" for path in ("travel/eyes", *without))]
 
     def _seen(self) -> Array:
         """Two corners of what the machine takes up, in the frame that moves with it, m."""
@@ -130,11 +126,11 @@ class Panels:
         """A walk in space, where the eye goes along with it; one leg, which moves in a plane, from its right side."""
         if not self._view.walks:
             return self._parallel("right side", self._view.label)
-        size = self._size()
+        world, size, figure = f"/{self._view.root}world", self._size(), FIGURE if self._view.model else ()
         eye, target = (0.85 * size, -1.0 * size, 0.65 * size), (0.0, 0.0, 0.22 * size)
         return rrb.Spatial3DView(
-            origin=f"/{self._view.root}world/travel",
-            contents=self._contents(FIGURE if self._view.model else ()),
+            origin=f"{world}/travel",
+            contents=[f"+ {world}/**", *(f"- {world}/{path}/**" for path in ("travel/eyes", *figure))],
             name=self._view.label,
             background=BACKGROUND,
             line_grid=rrb.LineGrid3D(spacing=0.1, color=[190, 190, 190]),

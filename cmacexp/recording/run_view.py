@@ -95,7 +95,7 @@ class RunView:
     foot_radius: float = 0.0
     """m: the ground that is seen is so far below the centre of a foot that touches it."""
     model: Robot | None = None
-    """The robot whose bodies are drawn as its model shows them; None: links and a box alone."""
+    """The robot as whose model it is drawn; None: as links and a box."""
 
     @property
     def config(self) -> dict[str, Any]:
@@ -178,12 +178,7 @@ def _leg(trace: pa.Table, rows: NDArray[np.intp], number: int, built: dict[str, 
 
 
 def make_view(
-    traces: Traces,
-    manifest: Manifest,
-    window: Window | None = None,
-    label: str = "",
-    root: str = "",
-    model: Robot | None = None,
+    traces: Traces, manifest: Manifest, window: Window | None = None, label: str = "", root: str = ""
 ) -> RunView:
     """The view of a run from its traces.
 
@@ -193,7 +188,6 @@ def make_view(
         window: which steps these are; None: all of them.
         label: name of the run.
         root: prefix of the paths of its entities in a recording.
-        model: of a robot whose meshes are drawn.
     """
     trace, config, robot = traces.legs, manifest["config"], manifest.get("robot")
     number, built = as_array(trace, "leg"), _leg_configs(config, robot)
@@ -209,4 +203,4 @@ def make_view(
         body["height"] = still + config["machine"]["hip_height"]
     all_steps = Window(int(cycle[0]), int(cycle[-1]), 1, len(cycle))
     radius = robot["foot_radius"] if robot else 0.0
-    return RunView(legs, time, step, cycle, body, manifest, window or all_steps, label, root, radius, model)
+    return RunView(legs, time, step, cycle, body, manifest, window or all_steps, label, root, radius)

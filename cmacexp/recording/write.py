@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib.abc import MetaPathFinder
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from cmacexp.recording.blueprint import KEY, describe_key, layout
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.events import log_events
 from cmacexp.recording.ground import log_ground
+from cmacexp.recording.meshes import log_meshes
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
@@ -102,8 +104,6 @@ def write_views(
         entities = Entities(recording, view)
         log_machine(entities, view)
         if view.model is not None:
-            from cmacexp.recording.meshes import log_meshes
-
             log_meshes(entities, view, view.model)
         log_ground(entities, view)
         log_series(entities, view)
@@ -138,7 +138,7 @@ def write_recording(
     """
     with _pandas_left_out():
         traces = read_traces(folder, window.cycles, window.every)
-        view = make_view(traces, manifest, window, label, model=model)
+        view = replace(make_view(traces, manifest, window, label), model=model)
         name = f"{manifest['config']['scenario']} {view.label}, {window}{', with meshes' if model else ''}"
         write_views({folder: view}, layout(view, names), name, path)
     return name
