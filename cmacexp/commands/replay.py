@@ -3,10 +3,9 @@
 import argparse
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from cmacexp.commands.command import Parser, run_command
@@ -35,8 +34,8 @@ class Options(NamedTuple):
     """Names of panels."""
     every: int | None = None
     """One step in so many."""
-    models: Mapping[Path, Any] = MappingProxyType({})
-    """Robots that are drawn as their models show them, by the folders of their runs."""
+    meshes: bool = False
+    """Whether robots are drawn as their models show them."""
 
 
 def _kept(folder: Path) -> dict[int, int]:
@@ -74,7 +73,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     cycles = read_cycles(options.cycles, max(kept)) if options.cycles is not None else None
     window = make_window(kept, cycles, options.every)
     shown: dict[str, Any] = {"label": folder.resolve().name, "window": window, "names": options.views}
-    shown["model"] = options.models.get(folder)
+    shown["meshes"] = options.meshes
     if path == folder / RECORDING:
         with updating(folder) as place:
             manifest = manifests.read(folder)  # of the run that is there now
@@ -112,8 +111,7 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
         window = make_window(_kept(folder), cycles, options.every, sharing=len(folders))
         traces = read_traces(folder, window.cycles, window.every)
         root = f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
-        view = make_view(traces, manifest, window, label, root)
-        views[folder] = replace(view, model=options.models.get(folder))
+        views[folder] = replace(make_view(traces, manifest, window, label, root), meshes=options.meshes)
     if max(view.time[0] for view in views.values()) > min(view.time[-1] for view in views.values()):
         raise BadInput(
             "--cycles", options.cycles, "these cycles of the runs have no time in common; choose earlier ones"
@@ -146,7 +144,7 @@ def _read_options(arguments: argparse.Namespace) -> Options:
     if every is not None and not (every.isdecimal() and int(every) > 0):
         raise BadInput("--every", every, "must be a whole number, at least 1; 1 shows every step")
     views = None if arguments.views is None else list(dict.fromkeys(arguments.views.split(",")))
-    return Options(arguments.cycles, views, None if every is None else int(every))
+    return Options(arguments.cycles, views, None if every is None else int(every), arguments.meshes)
 
 
 def _is_kept(folder: Path) -> bool:
@@ -171,7 +169,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     if arguments.meshes:
         from cmacexp.recording.meshes import read_shown_model
 
-        options = options._replace(models={run: read_shown_model(run, manifests.read(run)) for run in folders})
+        for run in folders:
+            read_shown_model(run, manifests.read(run))
     out = _out(arguments.out) if arguments.out is not None else None
     path = out or (_comparison_path(folders) if len(folders) > 1 else folders[0] / RECORDING)
     kept = len(folders) == 1 and out is None and options == Options() and not arguments.rebuild

@@ -55,7 +55,7 @@ def _log_feet(entities: Entities, view: RunView, feet: Array) -> None:
     support = np.stack([leg.support for leg in view.legs], axis=1)
     changes = np.flatnonzero(np.any(np.diff(support, axis=0, prepend=~support[:1]), axis=1))
     colours = np.where(support[changes, :, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
-    radius = (view.foot_radius or FOOT) * (OVER_MESH if view.model else 1.0)
+    radius = (view.foot_radius or FOOT) * (OVER_MESH if view.meshes else 1.0)
     balls = rr.Ellipsoids3D.from_fields(half_sizes=[[radius] * 3] * len(view.legs), fill_mode="solid")
     entities.log("world/feet", balls)
     entities.send_columns("world/feet", rr.Ellipsoids3D.columns(centers=points(feet)))

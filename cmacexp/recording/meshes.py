@@ -21,8 +21,6 @@ HIDDEN = 3
 """First of the groups of geoms that MuJoCo's own viewer does not show."""
 DARKEST = 0.3
 """Brightness of black: of many robots all parts are nearly black, and nothing but their outline would be seen."""
-X_Y_Z_W = [1, 2, 3, 0]
-"""The parts of a quaternion in the order of the viewer; MuJoCo begins with w."""
 UNSET = (0.5, 0.5, 0.5, 1.0)
 """Colour of a geom that has none of its own: that of its material counts."""
 
@@ -43,8 +41,9 @@ def read_shown_model(folder: Path, manifest: Manifest) -> Robot:
         raise BadInput("machine.path", path, "lies in the folder of the run, whose files are not trusted")
     robot = read_model(machine)
     if manifest.get("model_hash") != robot.model_hash:
-        reason = f"{path} is another one, or MuJoCo another version; run it again, or leave --meshes out"
-        raise BadInput("--meshes", folder, f"ran with a model of its own: {reason}")
+        raise BadInput(
+            "--meshes", folder, f"ran with another model than {path} is in this version of MuJoCo; run it again"
+        )
     return robot
 
 
@@ -109,12 +108,12 @@ def log_meshes(entities: Entities, view: RunView, robot: Robot) -> None:
     poses = np.empty((len(q), model.nbody, 7))
     for pose, angles in zip(poses, q, strict=True):
         place(model, data, robot.legs, angles)
-        pose[:, :3], pose[:, 3:] = data.xpos, data.xquat[:, X_Y_Z_W]
+        pose[:, :3], pose[:, 3:] = data.xpos, np.roll(data.xquat, -1, axis=1)
     poses[..., :3] += view.legs[0].joints()[0][0] - robot.hinges[0, 0, :3]  # from the trunk's frame to the body's
     for body, geoms in shown.items():
         path = f"world/{MESHES}/{rr.escape_entity_path_part(model.body(body).name or f'body {body}')}"
         for geom in geoms:
-            turn = model.geom_quat[geom, X_Y_Z_W]
+            turn = np.roll(model.geom_quat[geom], -1)  # w is last in the viewer
             entities.log(f"{path}/{geom}", rr.Transform3D(translation=model.geom_pos[geom], quaternion=turn))
             entities.log(f"{path}/{geom}", _make_shape(model, geom, colours[geom]))
         pose = np.hstack([round_points(poses[:, body, :3]), round_angles(poses[:, body, 3:])])

@@ -60,7 +60,7 @@ class Panels:
 
     def _parallel(self, eye: str, name: str, without: tuple[str, ...] = ()) -> rrb.Spatial2DView:
         """The machine as one of :data:`EYES` sees it, of everything but the entities ``without``; mm."""
-        world, meshes = f"/{self._view.root}world", (MESHES,) if self._view.model else ()
+        world, meshes = f"/{self._view.root}world", (MESHES,) if self._view.meshes else ()
         seen = self._seen() @ np.array(EYES[eye][:2]).T * MM
         low, high = seen.min(axis=0) - BORDER, seen.max(axis=0) + BORDER
         return rrb.Spatial2DView(
@@ -126,7 +126,7 @@ class Panels:
         """A walk in space, where the eye goes along with it; one leg, which moves in a plane, from its right side."""
         if not self._view.walks:
             return self._parallel("right side", self._view.label)
-        world, size, figure = f"/{self._view.root}world", self._size(), FIGURE if self._view.model else ()
+        world, size, figure = f"/{self._view.root}world", self._size(), FIGURE if self._view.meshes else ()
         eye, target = (0.85 * size, -1.0 * size, 0.65 * size), (0.0, 0.0, 0.22 * size)
         return rrb.Spatial3DView(
             origin=f"{world}/travel",

@@ -19,7 +19,6 @@ from cmacexp.data.stored_run import select_whole
 from cmacexp.data.tables import Traces
 from cmacexp.models.chain import chain_points
 from cmacexp.models.ground import height_at
-from cmacexp.models.robot import Robot
 from cmacexp.recording.window import Window
 from cmacexp.typing import Array, Mask
 
@@ -94,8 +93,8 @@ class RunView:
     """Prefix of the paths of its entities in a recording."""
     foot_radius: float = 0.0
     """m: the ground that is seen is so far below the centre of a foot that touches it."""
-    model: Robot | None = None
-    """The robot as whose model it is drawn; None: as links and a box."""
+    meshes: bool = False
+    """Whether the machine is drawn as the model of the robot shows it, not as links and a box."""
 
     @property
     def config(self) -> dict[str, Any]:
