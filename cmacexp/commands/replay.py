@@ -5,6 +5,7 @@ import re
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -191,19 +192,19 @@ def main() -> int:
     description = "Show a run in the Rerun viewer, or several side by side. A missing recording is built from "
     description += "the trace; --cycles, --views, --every and --meshes build it anew."
     parser = Parser("cmacexp.replay", description, folders=True)
-    parser.add_argument("--no-viewer", action="store_true", help="only build the recording")
-    text = "serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"
-    parser.add_argument("--web", action="store_true", help=text)
-    text = "build the recording of a run even if it exists, with all cycles and the default views"
-    parser.add_argument("--rebuild", action="store_true", help=text)
+    flag = partial(parser.add_argument, action="store_true")
+    flag("--no-viewer", help="only build the recording")
+    flag("--web", help="serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window")
+    flag("--rebuild", help="build the recording of a run even if it exists, with all cycles and the default views")
+    flag(
+        "--meshes", help="draw robots as their models show them, which must still be those of the runs; needs MuJoCo"
+    )
     text = "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)"
     parser.add_argument("--cycles", metavar="CYCLES", help=text)
     text = "panels to show: scene, sides, gait, force, posture, margins, error, torque, events"
     parser.add_argument("--views", metavar="NAME,...", help=text)
     text = "show one step in N; unless given, all of a short run, fewer of a long one"
     parser.add_argument("--every", metavar="N", help=text)
-    text = "draw robots as their models show them, which must still be those of the runs; needs MuJoCo"
-    parser.add_argument("--meshes", action="store_true", help=text)
     text = "where the recording goes; unless given, recording.rrd in the folder of a run, "
     text += f"{COMPARISONS}/NAMES.rrd for several"
     parser.add_argument("--out", metavar="FILE.rrd", help=text)

@@ -15,7 +15,7 @@ from cmacexp.models.robot_file import find_model
 from cmacexp.recording.entities import FINENESS, Entities, round_points
 from cmacexp.recording.run_view import RunView
 from cmacexp.recording.scene import MESHES, round_angles
-from cmacexp.typing import Array, Counts
+from cmacexp.typing import Array, Counts, Mask
 
 HIDDEN = 3
 """First of the groups of geoms that MuJoCo's own viewer does not show."""
@@ -41,9 +41,7 @@ def read_shown_model(folder: Path, manifest: Manifest) -> Robot:
         raise BadInput("machine.path", path, "lies in the folder of the run, whose files are not trusted")
     robot = read_model(machine)
     if manifest.get("model_hash") != robot.model_hash:
-        raise BadInput(
-            "--meshes", folder, f"ran with another model than {path} is in this version of MuJoCo; run it again"
-        )
+        raise BadInput("--meshes", folder, f"ran with another model than {path} is to this MuJoCo; run it again")
     return robot
 
 
@@ -51,33 +49,30 @@ def _find_colours(model: Any) -> Array:
     """Red, green, blue and opacity (geoms, 4) of all geoms, from 0 to 1."""
     of_material = np.vstack([model.mat_rgba, UNSET])[model.geom_matid]  # that of geoms without any, -1, is the last
     colours = np.where((model.geom_rgba == UNSET).all(axis=1, keepdims=True), of_material, model.geom_rgba)
-    colours[:, :3] = DARKEST + (1.0 - DARKEST) * colours[:, :3]
-    return colours
+    return np.column_stack([DARKEST + (1.0 - DARKEST) * colours[:, :3], colours[:, 3]])
 
 
-def _list_shown(robot: Robot, places: Array, colours: Array) -> dict[int, list[int]]:
-    """By bodies, the opaque geoms that are made to be seen; of a body without such, all.
-
-    Those around the middle of a foot, as their ``places`` at joint angles of zero say, are left out: a ball is there.
-    """
+def _list_shown(robot: Robot, places: Array, opaque: Mask) -> dict[int, list[int]]:
+    """By bodies, the geoms made to be seen, or all of a body without such; a ball is drawn where a foot is."""
     model, from_foot = robot.model, np.linalg.norm(places[:, None] - robot.feet_at_zero, axis=2).min(axis=1)
-    drawn = (colours[:, 3] > 0.0) & (from_foot > FINENESS) & (model.body_rootid[model.geom_bodyid] == robot.legs.base)
+    body = model.geom_bodyid
+    drawn = opaque & (from_foot > FINENESS) & (model.body_rootid[body] == robot.legs.base)
     seen = drawn & ((model.geom_contype | model.geom_conaffinity) == 0) & (model.geom_group < HIDDEN)
-    best = seen | (drawn & ~np.isin(model.geom_bodyid, model.geom_bodyid[seen]))
-    return {body: np.flatnonzero(best & (model.geom_bodyid == body)).tolist() for body in {*model.geom_bodyid[best]}}
+    best = seen | (drawn & ~np.isin(body, body[seen]))
+    return {part: np.flatnonzero(best & (body == part)).tolist() for part in np.unique(body[best]).tolist()}
 
 
 def _make_mesh(vertices: Array, faces: Counts, colour: Array) -> rr.Mesh3D:
     """A mesh of triangles; vertices that are drawn at the same point are one, and what has no area is left out."""
     drawn, index = np.unique(round_points(vertices), axis=0, return_inverse=True)
-    corners = index.ravel()[faces]
-    a, b, c = np.moveaxis(drawn[corners], 1, 0)
+    faces = index.ravel()[faces]
+    a, b, c = np.moveaxis(drawn[faces], 1, 0)
     across = np.cross(b - a, c - a)
     kept, normals = across.any(axis=1), np.zeros_like(drawn)
-    np.add.at(normals, corners[kept], across[kept, None])
+    np.add.at(normals, faces, across[:, None])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), FINENESS**3)
     return rr.Mesh3D(
-        vertex_positions=drawn, triangle_indices=corners[kept], vertex_normals=normals, albedo_factor=colour
+        vertex_positions=drawn, triangle_indices=faces[kept], vertex_normals=normals, albedo_factor=colour
     )
 
 
@@ -103,7 +98,7 @@ def _make_shape(model: Any, geom: int, colour: Array) -> rr.AsComponents:
 def log_meshes(entities: Entities, view: RunView, robot: Robot) -> None:
     """What is seen of each body, below an entity of the body's name that moves in the frame of the robot's body."""
     model, data, colours = robot.model, robot.at(np.zeros(3)), _find_colours(robot.model)
-    shown = _list_shown(robot, data.geom_xpos, colours)
+    shown = _list_shown(robot, data.geom_xpos, colours[:, 3] > 0.0)
     q = np.stack([[leg[f"q{n}"] for n in (1, 2, 3)] for leg in view.legs]).transpose(2, 0, 1)
     poses = np.empty((len(q), model.nbody, 7))
     for pose, angles in zip(poses, q, strict=True):
