@@ -196,9 +196,7 @@ def main() -> int:
     flag("--no-viewer", help="only build the recording")
     flag("--web", help="serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window")
     flag("--rebuild", help="build the recording of a run even if it exists, with all cycles and the default views")
-    flag(
-        "--meshes", help="draw robots as their models show them, which must still be those of the runs; needs MuJoCo"
-    )
+    flag("--meshes", help="draw robots as their models show them, if these are still those of the runs")
     text = "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)"
     parser.add_argument("--cycles", metavar="CYCLES", help=text)
     text = "panels to show: scene, sides, gait, force, posture, margins, error, torque, events"
