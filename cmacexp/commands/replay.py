@@ -4,6 +4,8 @@ import argparse
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,6 +35,8 @@ class Options(NamedTuple):
     """Names of panels."""
     every: int | None = None
     """One step in so many."""
+    meshes: bool = False
+    """Whether robots are drawn as their models show them."""
 
 
 def _kept(folder: Path) -> dict[int, int]:
@@ -70,6 +74,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
     cycles = read_cycles(options.cycles, max(kept)) if options.cycles is not None else None
     window = make_window(kept, cycles, options.every)
     shown: dict[str, Any] = {"label": folder.resolve().name, "window": window, "names": options.views}
+    shown["meshes"] = options.meshes
     if path == folder / RECORDING:
         with updating(folder) as place:
             manifest = manifests.read(folder)  # of the run that is there now
@@ -107,7 +112,7 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
         window = make_window(_kept(folder), cycles, options.every, sharing=len(folders))
         traces = read_traces(folder, window.cycles, window.every)
         root = f"{number}_{re.sub('[^A-Za-z0-9.-]+', '_', label)}/"
-        views[folder] = make_view(traces, manifest, window, label, root)
+        views[folder] = replace(make_view(traces, manifest, window, label, root), meshes=options.meshes)
     if max(view.time[0] for view in views.values()) > min(view.time[-1] for view in views.values()):
         raise BadInput(
             "--cycles", options.cycles, "these cycles of the runs have no time in common; choose earlier ones"
@@ -140,7 +145,7 @@ def _read_options(arguments: argparse.Namespace) -> Options:
     if every is not None and not (every.isdecimal() and int(every) > 0):
         raise BadInput("--every", every, "must be a whole number, at least 1; 1 shows every step")
     views = None if arguments.views is None else list(dict.fromkeys(arguments.views.split(",")))
-    return Options(arguments.cycles, views, None if every is None else int(every))
+    return Options(arguments.cycles, views, None if every is None else int(every), arguments.meshes)
 
 
 def _is_kept(folder: Path) -> bool:
@@ -162,6 +167,11 @@ def _replay(arguments: argparse.Namespace) -> int:
     folders = list(found.values())
     if not (arguments.web or arguments.no_viewer):
         require_display()
+    if arguments.meshes:
+        from cmacexp.recording.meshes import read_shown_model
+
+        for run in folders:
+            read_shown_model(run, manifests.read(run))
     out = _out(arguments.out) if arguments.out is not None else None
     path = out or (_comparison_path(folders) if len(folders) > 1 else folders[0] / RECORDING)
     kept = len(folders) == 1 and out is None and options == Options() and not arguments.rebuild
@@ -169,8 +179,10 @@ def _replay(arguments: argparse.Namespace) -> int:
         shown = "as it was built; --rebuild builds it anew"
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
+        old = "; it replaces the one that was there" if arguments.meshes and path.exists() else ""
         with activity(f"building {path}"):
             shown = compare(folders, path, options) if len(folders) > 1 else rebuild(folders[0], path, options)
+        shown += old
     say(f"{path}: {shown}")
     return 0 if arguments.no_viewer else serve_web(path) if arguments.web else open_window(path)
 
@@ -178,13 +190,13 @@ def _replay(arguments: argparse.Namespace) -> int:
 def main() -> int:
     """Run the command."""
     description = "Show a run in the Rerun viewer, or several side by side. A missing recording is built from "
-    description += "the trace; --cycles, --views and --every build it anew."
+    description += "the trace; --cycles, --views, --every and --meshes build it anew."
     parser = Parser("cmacexp.replay", description, folders=True)
-    parser.add_argument("--no-viewer", action="store_true", help="only build the recording")
-    text = "serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window"
-    parser.add_argument("--web", action="store_true", help=text)
-    text = "build the recording of a run even if it exists, with all cycles and the default views"
-    parser.add_argument("--rebuild", action="store_true", help=text)
+    flag = partial(parser.add_argument, action="store_true")
+    flag("--no-viewer", help="only build the recording")
+    flag("--web", help="serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window")
+    flag("--rebuild", help="build the recording of a run even if it exists, with all cycles and the default views")
+    flag("--meshes", help="draw robots as their models show them, if these are still those of the runs")
     text = "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)"
     parser.add_argument("--cycles", metavar="CYCLES", help=text)
     text = "panels to show: scene, sides, gait, force, posture, margins, error, torque, events"

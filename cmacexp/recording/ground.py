@@ -21,6 +21,8 @@ ABOVE_GROUND = 0.002
 """Height at which marks on the ground are drawn, m, so that they are visible."""
 DENT = 0.06
 """Half the length of the dent that a foot presses, m."""
+OVER_MESH = 1.1
+"""A foot is drawn so many times larger where its mesh would hide its colour."""
 ASIDE = 0.025
 """Distance of the arrow of the desired force from that of the actual one, m."""
 
@@ -53,10 +55,9 @@ def _log_feet(entities: Entities, view: RunView, feet: Array) -> None:
     support = np.stack([leg.support for leg in view.legs], axis=1)
     changes = np.flatnonzero(np.any(np.diff(support, axis=0, prepend=~support[:1]), axis=1))
     colours = np.where(support[changes, :, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
-    entities.log(
-        "world/feet",
-        rr.Ellipsoids3D.from_fields(half_sizes=[[view.foot_radius or FOOT] * 3] * len(view.legs), fill_mode="solid"),
-    )
+    radius = (view.foot_radius or FOOT) * (OVER_MESH if view.meshes else 1.0)
+    balls = rr.Ellipsoids3D.from_fields(half_sizes=[[radius] * 3] * len(view.legs), fill_mode="solid")
+    entities.log("world/feet", balls)
     entities.send_columns("world/feet", rr.Ellipsoids3D.columns(centers=points(feet)))
     entities.send_columns("world/feet", rr.Ellipsoids3D.columns(colors=colours.reshape(-1, 3)), rows=changes)
     force, desired = (np.stack([leg[name] for leg in view.legs], axis=1) for name in ("force", "force_desired"))

@@ -11,7 +11,7 @@ from cmacexp.recording.axes import LEGEND_ROOM, Range
 from cmacexp.recording.events import EVENTS
 from cmacexp.recording.ground import FORCE_LENGTH
 from cmacexp.recording.run_view import RunView
-from cmacexp.recording.scene import EYES, LOWEST_NUMBER, MM, eye_path, find_trunk
+from cmacexp.recording.scene import EYES, FIGURE, LOWEST_NUMBER, MESHES, MM, eye_path, find_trunk
 from cmacexp.recording.series import SERIES, collect_series, component
 from cmacexp.typing import Array
 
@@ -60,12 +60,12 @@ class Panels:
 
     def _parallel(self, eye: str, name: str, without: tuple[str, ...] = ()) -> rrb.Spatial2DView:
         """The machine as one of :data:`EYES` sees it, of everything but the entities ``without``; mm."""
-        world = f"/{self._view.root}world"
+        world, meshes = f"/{self._view.root}world", (MESHES,) if self._view.meshes else ()
         seen = self._seen() @ np.array(EYES[eye][:2]).T * MM
         low, high = seen.min(axis=0) - BORDER, seen.max(axis=0) + BORDER
         return rrb.Spatial2DView(
             origin=f"/{self._view.root}{eye_path(eye)}",
-            contents=[f"+ {world}/**", f"- {world}/travel/eyes/**", *(f"- {world}/{path}/**" for path in without)],
+            contents=[f"+ {world}/**", *(f"- {world}/{path}/**" for path in ("travel/eyes", *without, *meshes))],
             name=name,
             background=BACKGROUND,
             visual_bounds=rrb.VisualBounds2D(x_range=(low[0], high[0]), y_range=(low[1], high[1])),
@@ -126,11 +126,11 @@ class Panels:
         """A walk in space, where the eye goes along with it; one leg, which moves in a plane, from its right side."""
         if not self._view.walks:
             return self._parallel("right side", self._view.label)
-        world, size = f"/{self._view.root}world", self._size()
+        world, size, figure = f"/{self._view.root}world", self._size(), FIGURE if self._view.meshes else ()
         eye, target = (0.85 * size, -1.0 * size, 0.65 * size), (0.0, 0.0, 0.22 * size)
         return rrb.Spatial3DView(
             origin=f"{world}/travel",
-            contents=[f"+ {world}/**", f"- {world}/travel/eyes/**"],
+            contents=[f"+ {world}/**", *(f"- {world}/{path}/**" for path in ("travel/eyes", *figure))],
             name=self._view.label,
             background=BACKGROUND,
             line_grid=rrb.LineGrid3D(spacing=0.1, color=[190, 190, 190]),

@@ -93,6 +93,8 @@ class RunView:
     """Prefix of the paths of its entities in a recording."""
     foot_radius: float = 0.0
     """m: the ground that is seen is so far below the centre of a foot that touches it."""
+    meshes: bool = False
+    """Whether the machine is drawn as the model of the robot shows it, not as links and a box."""
 
     @property
     def config(self) -> dict[str, Any]:

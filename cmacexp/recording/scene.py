@@ -28,6 +28,10 @@ AWAY = 10.0
 """Distance of these eyes, m: so far away that parallel lines stay parallel; the viewer has no parallel projection."""
 HIGHEST_NUMBER, LOWEST_NUMBER = -0.06, -0.16
 """Where the numbers of the feet are, above the ground, m."""
+MESHES = "travel/body/robot"
+"""Where in the world the bodies of a robot's model are; views of the sides show the figure below instead."""
+FIGURE = ("travel/body/plate", "travel/body/nose", "travel/body/links")
+"""The figure of box and links, which would stick out of them."""
 MM = 1e3
 """Pixels of these eyes per metre, so that what they see is measured in mm."""
 
@@ -83,7 +87,8 @@ def _log_body(entities: Entities, view: RunView) -> None:
     entities.log("world/travel/body/nose", rr.LineStrips3D([nose], radii=0.006, colors=palette.THIGH))
 
 
-def _round_fine(values: Array) -> NDArray[np.float32]:
+def round_angles(values: Array) -> NDArray[np.float32]:
+    """Angles (...), rad, or parts of unit vectors to :data:`FINE_ANGLE`."""
     return (np.round(values / FINE_ANGLE) * FINE_ANGLE).astype(np.float32)
 
 
@@ -94,8 +99,8 @@ def _make_turns(angles: Array, axes: Array) -> pa.Array:
     """
     kind = rr.components.RotationAxisAngleBatch(rr.RotationAxisAngle(axis=(0, 1, 0), radians=0)).as_arrow_array().type
     columns = [
-        pa.FixedSizeListArray.from_arrays(pa.array(_round_fine(axes).ravel()), type=kind.field("axis").type),
-        pa.array(_round_fine(angles)),
+        pa.FixedSizeListArray.from_arrays(pa.array(round_angles(axes).ravel()), type=kind.field("axis").type),
+        pa.array(round_angles(angles)),
     ]
     return pa.StructArray.from_arrays(columns, fields=list(kind))
 

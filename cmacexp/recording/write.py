@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib.abc import MetaPathFinder
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from cmacexp.recording.blueprint import KEY, describe_key, layout
 from cmacexp.recording.entities import Entities
 from cmacexp.recording.events import log_events
 from cmacexp.recording.ground import log_ground
+from cmacexp.recording.meshes import log_meshes, read_shown_model
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.recording.scene import log_machine
 from cmacexp.recording.series import log_series
@@ -100,6 +102,8 @@ def write_views(
         _send_facts(recording, folder, view)
         entities = Entities(recording, view)
         log_machine(entities, view)
+        if view.meshes:
+            log_meshes(entities, view, read_shown_model(folder, view.manifest))
         log_ground(entities, view)
         log_series(entities, view)
         log_events(entities, view)
@@ -115,6 +119,7 @@ def write_recording(
     label: str,
     window: Window,
     names: Sequence[str] | None = None,
+    meshes: bool = False,
 ) -> str:
     """Write the Rerun view of a run, whole or not at all.
 
@@ -125,13 +130,14 @@ def write_recording(
         label: name of the run.
         window: the steps that are shown.
         names: of the panels to show; None: the default ones.
+        meshes: whether a robot is drawn as its model shows it.
 
     Returns:
         The name of the recording, which describes its content.
     """
     with _pandas_left_out():
         traces = read_traces(folder, window.cycles, window.every)
-        view = make_view(traces, manifest, window, label)
-        name = f"{manifest['config']['scenario']} {view.label}, {window}"
+        view = replace(make_view(traces, manifest, window, label), meshes=meshes)
+        name = f"{manifest['config']['scenario']} {view.label}, {window}{', with meshes' if meshes else ''}"
         write_views({folder: view}, layout(view, names), name, path)
     return name

@@ -236,7 +236,9 @@ def test_runs_of_different_machines_side_by_side(runs, tmp_path):
     assert (steps == np.arange(600, 1200)).all()
 
 
-@pytest.mark.parametrize("arguments", ["leg_cmac walk --cycles 3", "leg_cmac walk --views postur", "leg_cmac --web"])
+@pytest.mark.parametrize(
+    "arguments", ["leg_cmac walk --cycles 3", "leg_cmac walk --views postur", "leg_cmac --web", "walk --meshes"]
+)
 def test_what_cannot_be_shown_is_one_line(arguments, runs):
     done = replay(*arguments.split(), folder=runs)
     assert done.returncode == 2
