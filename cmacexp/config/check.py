@@ -3,7 +3,7 @@
 from typing import Any
 
 from cmacexp.config.check_gait import Mistakes, check_legs, check_pattern, check_timing
-from cmacexp.config.cmac import check_size
+from cmacexp.config.cmac import PHASE, check_size
 from cmacexp.config.component import COMPONENTS, ComponentConfig
 from cmacexp.config.fields import check_fields
 from cmacexp.config.machine import BodyMachine, RobotMachine, ask_for_robot, read_model
@@ -102,7 +102,7 @@ def check(config: Config) -> None:
     for find_mistakes in CHECKS:
         for key, allowed in find_mistakes(config):
             raise _mistake(config, key, allowed)
-    check_size(config.cmac, config.joints * len(config.cmac.inputs), config.joints)
+    check_size(config.cmac, sum(2 if name == PHASE else config.joints for name in config.cmac.inputs), config.joints)
     for group in COMPONENTS:
         component = getattr(config, group)
         if isinstance(component, ComponentConfig):

@@ -6,8 +6,9 @@ from typing import ClassVar
 from cmacexp.config.fields import choice, number
 from cmacexp.errors import BadInput
 
-INPUTS = ("angle", "velocity", "acceleration")
-"""Planned joint values that can be inputs of a network."""
+PHASE = "phase"
+INPUTS = ("angle", "velocity", "acceleration", PHASE)
+"""Planned joint values that can be inputs of a network; the phase of the cycle, as a point on a circle."""
 WORD_BYTES = 8
 """Bytes of a CMAC weight, a float64."""
 CMACS = ("cmac", "cmac_on_model")

@@ -117,8 +117,9 @@ class LearningConfig:
     guard: str = choice(*GUARDS, needs=LEARNS)
     """What happens when learning does harm: nothing; the torque of the best cycle is repeated; or it is repeated and
     improved once a cycle, by the paper's rule."""
-    start_cycle: int = number("", at_least=1, at_most=10**9)
-    """First cycle in which the feedforward learns and acts; with a guard the second at least."""
+    start_cycle: int = number("", at_least=1, at_most=10**9, needs=("own.start_from is None",))
+    """First cycle in which the feedforward learns and acts; with a guard the second at least. What another run has
+    learnt acts from the first cycle on."""
     start_from: str | None = field(kw_only=True, metadata={"needs": LEARNS})
     """Folder of a run with record.weights, from whose weights the feedforward starts; null: none."""
     regularisation: float = number("", at_least=0, at_most=1e6)
@@ -218,6 +219,11 @@ class Config:
     def steps_per_cycle(self) -> int:
         """Samples of one cycle, N = T / T_s."""
         return count_steps(self.gait.cycle_time, self.sampling_period)
+
+    @property
+    def first_learning(self) -> int:
+        """First cycle in which the feedforward acts; with weights of an earlier run it is the first one."""
+        return self.learning.start_cycle if self.learning.start_from is None else 1
 
     @property
     def legs(self) -> int:

@@ -11,6 +11,7 @@ from cmacexp.cmac.network import MemoryUse
 from cmacexp.cmac.rules import NEIGHBOURS, PAPER, make_rule
 from cmacexp.cmac.spread import spread_shares
 from cmacexp.config import ComponentConfig, FeedforwardConfig
+from cmacexp.config.cmac import PHASE
 from cmacexp.config.schema import REFINE
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.kernels import (
@@ -75,9 +76,17 @@ class BuiltInFeedforward(ABC):
 
 
 def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
-    """Planned joint values (N, J x names) of leg ``i``: angles in rad, their velocities, accelerations."""
+    """Inputs (N, columns) of the networks of leg ``i``.
+
+    Planned angles of the J joints in rad, their velocities, accelerations; of the phase cosine and sine.
+    """
     joints = setup.plan.joints.shape[2] // len(JOINT_COLUMNS)
-    return setup.plan.joints[:, i, [column for name in names for column in JOINT_COLUMNS[name][:joints]]]
+    columns = [column for name in names if name != PHASE for column in JOINT_COLUMNS[name][:joints]]
+    inputs: Array = setup.plan.joints[:, i, columns]
+    if PHASE in names:
+        turn = [2.0 * math.pi * k / len(inputs) for k in range(len(inputs))]
+        inputs = np.concatenate([inputs, [[math.cos(angle), math.sin(angle)] for angle in turn]], axis=1)
+    return inputs
 
 
 def kernel_norm(cells: Cells, activation: Array) -> float:

@@ -81,7 +81,9 @@ def make_guard(scenario: Scenario, external: External) -> Guard | None:
     if known and isinstance(feedforward, BuiltInFeedforward):
         rows = feedforward.params.log.rows
         weights = np.stack([own[used] for own, used in zip(feedforward.params.weights, rows, strict=True)])
-    return new_guard(mode, setup.mechanism, setup.plan, weights, config.seed if estimates else None)
+    return new_guard(
+        mode, setup.mechanism, setup.plan, weights, config.seed if estimates else None, setup.learnt is not None
+    )
 
 
 def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard: Guard | None = None) -> Loop:

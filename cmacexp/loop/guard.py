@@ -123,7 +123,9 @@ def read_events(guard: Guard | None) -> list[Event]:
     return [Event(int(step) // samples + 1, int(step), CAUSES[int(cause)], int(cycle)) for step, cause, cycle in rows]
 
 
-def new_guard(mode: str, mechanism: Mechanism, plan: Plan, weights: Array, probe_seed: int | None) -> Guard:
+def new_guard(
+    mode: str, mechanism: Mechanism, plan: Plan, weights: Array, probe_seed: int | None, has_learnt: bool
+) -> Guard:
     """A guard at the start of a run.
 
     Args:
@@ -132,6 +134,8 @@ def new_guard(mode: str, mechanism: Mechanism, plan: Plan, weights: Array, probe
         plan: of the run.
         weights: (L, M, J): in use at the start, in the order of the log of weights.
         probe_seed: of the torque that probes how late feedback is; None: nothing probes it.
+        has_learnt: whether the run starts from the weights of an earlier one, which act at once: its first cycle
+            takes the place of that of feedback alone.
     """
     shape, samples = mechanism.shape, len(plan.support)
     planned = plan.joints[:, :, JOINT_COLUMNS["velocity"][: shape[1]]]
@@ -141,10 +145,13 @@ def new_guard(mode: str, mechanism: Mechanism, plan: Plan, weights: Array, probe
     lever = 0.5 * float((mechanism.hips**2).sum()) if has_body(mechanism) else 0.0
     values = np.zeros(9)
     values[[MOTION_PLANNED, BEST, LOWEST]] = motion.sum(), 1.0, math.inf
+    counts = np.zeros(9, dtype=np.int64)
+    if has_learnt and probe_seed is None:
+        counts[PHASE] = LEARNING
     return Guard(
         mode == REFINE,
         plan.start_step,
-        np.zeros(9, dtype=np.int64),
+        counts,
         values,
         limits,
         lever,
@@ -205,7 +212,7 @@ def watch(guard: Guard | None, sample: int, support: Mask, control: HybridState,
     counts[STEPS] += 1
     note_response(guard.probe, sample, control.learning_error)
     if effort > guard.limits[EFFORT_LIMIT] or speed > guard.limits[SPEED_LIMIT] or tilt > guard.limits[TILT_LIMIT]:
-        if LEARNING <= counts[PHASE] < ALONE:
+        if LEARNING <= counts[PHASE] < ALONE and values[EFFORT_ALONE] > 0.0:
             counts[ALARM] = 1
         else:
             raise_limits(guard.limits, effort, speed, tilt)
@@ -328,6 +335,10 @@ def judge(guard: Guard, params: FeedforwardParams | None, step: int) -> None:
             learn_from_now_on(guard)
     elif probe.counts[LEARN_AGAIN] != 0:
         learn_from_now_on(guard)
+    elif values[EFFORT_ALONE] == 0.0:
+        measure_alone(guard)
+        counts[BEST_CYCLE], counts[SLOT] = counts[CYCLE], 1 - counts[SLOT]
+        exchange(params, guard.weights, True)
     elif counts[SETTLING] == 0 and begin_probe(probe, values[EFFORT_ALONE]):
         return
     elif counts[PHASE] != ALONE and counts[SETTLING] == 0:

@@ -174,7 +174,7 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
         load,
         walk.sway,
         planned_margins,
-        (config.learning.start_cycle - 1) * config.steps_per_cycle if feedforward_acts else NEVER,
+        (config.first_learning - 1) * config.steps_per_cycle if feedforward_acts else NEVER,
     )
 
 
