@@ -1,0 +1,160 @@
+"""The file of a robot, MJCF or URDF, as a specification for MuJoCo, and what of it acts on the robot in a run.
+
+A run has its own gravity, medium, time step and torques, so a model's options and actuators do not act. Whatever else
+would push or hold the robot is refused.
+"""
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmacexp.errors import BadInput
+from cmacexp.models.leg import GRAVITY
+
+KEPT_OPTIONS = ("cone", "impratio")
+"""Of contacts with the rigid floor; the run decides all other options."""
+MESHES = (".stl", ".obj", ".msh")
+"""Files of meshes that MuJoCo reads."""
+POINT_INERTIA = 1e-6
+"""Moment of inertia over mass of a URDF link that has no size, m^2."""
+
+
+def is_urdf(path: Path) -> bool:
+    """Whether a model file is a URDF."""
+    return bool(re.search(r"<robot[\s>]", path.read_text(errors="replace")))
+
+
+def read_spec(mujoco: Any, path: Path) -> Any:
+    """The MjSpec of a model file.
+
+    Raises:
+        BadInput: the file, or one that it names, is no model.
+        ValueError: MuJoCo refuses it.
+    """
+    if is_urdf(path):
+        spec = _read_urdf(mujoco, path)
+    else:
+        _require_regular_files(path, path.parent, {path})
+        spec = mujoco.MjSpec.from_file(str(path))
+    if spec.plugins:
+        raise BadInput("machine.path", path, "uses a plugin of MuJoCo, which a run does not have; remove it")
+    spec.memory = -1  # as much as needed: MuJoCo ends the process where a model reserves too little
+    return spec
+
+
+def _read_urdf(mujoco: Any, path: Path) -> Any:
+    """A robot that floats, with the masses of its links alone and the collision shapes that can be read."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise BadInput("machine.path", path, f"is no XML: {error}") from error
+    compilers = root.findall("mujoco/compiler")
+    folders = [path.parent, *(path.parent / each.get("meshdir", "") for each in compilers), *path.parents]
+    for link in root.iter("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+        for shape in link.findall("collision"):
+            if (mesh := shape.find("geometry/mesh")) is not None and not _find_mesh(mesh, folders):
+                link.remove(shape)
+        if (inertial := link.find("inertial")) is not None:
+            _give_size(link, inertial)
+    for own in root.findall("mujoco"):
+        root.remove(own)
+    own = ElementTree.SubElement(root, "mujoco")
+    ElementTree.SubElement(own, "compiler", fusestatic="false", strippath="false", balanceinertia="true")
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    for geom in spec.geoms:
+        geom.mass = 0.0  # in a URDF a link without <inertial> has none
+    trunk = max(spec.worldbody.bodies, key=lambda body: len(body.find_all("joint")), default=None)
+    if trunk is not None and not trunk.joints:
+        trunk.add_freejoint()
+    return spec
+
+
+def _find_mesh(mesh: ElementTree.Element, folders: list[Path]) -> bool:
+    """Whether the file of a mesh is on this machine; ``package://NAME/`` is searched in the folders around the model."""
+    name = re.sub(r"^(package|model|file)://", "", mesh.get("filename", ""))
+    names = [name, name.partition("/")[2]]
+    for file in (folder / each for folder in folders for each in names if each):
+        if file.suffix.lower() in MESHES and file.is_file():
+            mesh.set("filename", str(file.resolve()))
+            return True
+    return False
+
+
+def _give_size(link: ElementTree.Element, inertial: ElementTree.Element) -> None:
+    """Make a link without mass one without <inertial>, and a point mass one that MuJoCo accepts."""
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    weight = float(mass.get("value", "0")) if mass is not None else 0.0
+    if weight == 0.0:
+        link.remove(inertial)
+    elif inertia is not None and not any(float(value) for value in inertia.attrib.values()):
+        inertia.attrib.update(dict.fromkeys(("ixx", "iyy", "izz"), repr(POINT_INERTIA * weight)))
+
+
+def _require_regular_files(path: Path, folder: Path, known: set[Path]) -> None:
+    """Check all files that a model names: MuJoCo would wait for a FIFO, or read a device for ever.
+
+    Args:
+        path: of a file of the model.
+        folder: of the model.
+        known: files that have been checked; is extended.
+
+    Raises:
+        BadInput: one of them is not a regular file.
+    """
+    text = unescape(path.read_text(errors="replace"))
+    folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
+    for name in re.findall(r"""\bfile\s*=\s*["']([^"']+)""", text):
+        for file in {folder / inner / name for inner in folders} - known:
+            known.add(file)
+            if file.exists() and not file.is_file():
+                raise BadInput("machine.path", path, f"names {name}, which is not a regular file")
+            if file.suffix.lower() in ("", ".xml", ".mjcf") and file.is_file():
+                _require_regular_files(file, folder, known)
+
+
+def settle(mujoco: Any, model: Any) -> None:
+    """Give a compiled model the options of a run: gravity, no medium, no actuators, MuJoCo's own solver; and let its
+    trunk float freely, whatever defaults for joints say.
+    """
+    default = mujoco.MjOption()
+    for name in (name for name in dir(default) if not name.startswith("_") and name not in KEPT_OPTIONS):
+        value = getattr(default, name)
+        if isinstance(value, np.ndarray):
+            getattr(model.opt, name)[:] = value
+        elif not callable(value):
+            setattr(model.opt, name, value)
+    model.opt.gravity[:] = [0.0, 0.0, -GRAVITY]
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    for free in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        dof = slice(model.jnt_dofadr[free], model.jnt_dofadr[free] + 6)
+        model.jnt_stiffness[free] = model.dof_damping[dof] = model.dof_frictionloss[dof] = 0.0
+        model.dof_armature[dof] = 0.0
+
+
+def require_own_forces(path: Path, model: Any) -> None:
+    """Require that gravity, joints and torques alone act on the robot.
+
+    Raises:
+        BadInput: names what else does.
+    """
+    for what in _find_others(model):
+        raise BadInput("machine.path", path, f"has {what}, which would push or hold the robot: remove it")
+
+
+def _find_others(model: Any) -> Iterator[str]:
+    for k in np.flatnonzero(model.eq_active0):
+        yield f"the equality constraint {model.equality(k).name or k}"
+    springs = model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss, model.tendon_armature
+    for k in np.flatnonzero(model.tendon_limited.astype(bool) | (np.array(springs) != 0.0).any(axis=0)):
+        yield f"the tendon {model.tendon(k).name or k} with a spring, losses, inertia or a limit"
+    for k in np.flatnonzero(model.body_gravcomp):
+        yield f"gravcomp={model.body_gravcomp[k]:g} on the body {model.body(k).name or k}"
+    if model.nflex:
+        yield "a flexible body (flex)"
