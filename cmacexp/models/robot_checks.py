@@ -52,7 +52,9 @@ def require_frame(path: Path, trunk: str, hips: Array, feet: Sequence[str]) -> N
         reason = f"{frame} leans by {lean:.0f} degrees: its z axis must point up; turn the frame in the model"
         raise BadInput("machine.path", path, reason)
     if abs(turned) > MOST_TURNED:
-        reason = f"{frame} is turned: forward lies {turned:.0f} degrees to the left of its x axis; turn it in the model"
+        reason = (
+            f"{frame} is turned: forward lies {turned:.0f} degrees to the left of its x axis; turn it in the model"
+        )
         raise BadInput("machine.path", path, reason)
 
 
@@ -72,7 +74,9 @@ def require_sizes(path: Path, model: Any, legs: Legs, length: float, hips: Array
 
     def require(what: str, value: float, unit: str, least: float, most: float) -> None:
         if not least <= value <= most:
-            reason = f"{what} is {value:.3g} {unit}, of robots {least:.3g} to {most:.3g}: use m, kg and rad in the model"
+            reason = (
+                f"{what} is {value:.3g} {unit}, of robots {least:.3g} to {most:.3g}: use m, kg and rad in the model"
+            )
             raise BadInput("machine.path", path, reason)
 
     mass = float(model.body_subtreemass[legs.base])
@@ -110,5 +114,7 @@ def require_home(model: Any, data: Any, legs: Legs, length: float, torques: Arra
     spring = np.abs(data.qfrc_spring[legs.dof])
     for i, n in np.argwhere(spring > largest):
         name = model.joint(int(legs.joint[i, n])).name
-        reason = f"has a spring of {spring[i, n]:.3g} N m at machine.home, more than the leg can hold: check springref"
+        reason = (
+            f"has a spring of {spring[i, n]:.3g} N m at machine.home, more than the leg can hold: check springref"
+        )
         raise BadInput("machine.joints", name, reason)

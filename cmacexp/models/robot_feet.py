@@ -1,7 +1,7 @@
 """Where the feet of a robot touch the ground: each is a sphere, found by the name of a geom, a site or a body.
 
-A sphere is its own foot. Any other foot gets a sphere without mass at its point of contact at home: in the lower end of a
-capsule, of the capsule's radius; at a site; and elsewhere a point, in the middle of the lowest points of the shape.
+A sphere is its own foot. Any other foot gets a sphere without mass at its point of contact at home: in the lower end
+of a capsule, of its radius; at a site; and elsewhere a point, in the middle of the lowest points of the shape.
 """
 
 from collections.abc import Iterable, Sequence

@@ -22,6 +22,10 @@ MESHES = (".stl", ".obj", ".msh")
 """Files of meshes that MuJoCo reads."""
 POINT_INERTIA = 1e-6
 """Moment of inertia over mass of a URDF link that has no size, m^2."""
+NO_MASS = 1e-9
+"""Mass of a URDF link below which it has none, kg."""
+NO_INERTIA = 1e-12
+"""Least principal moment of inertia, kg m^2; MuJoCo needs one above 1e-15."""
 
 
 def is_urdf(path: Path) -> bool:
@@ -43,6 +47,7 @@ def read_spec(mujoco: Any, path: Path) -> Any:
         spec = mujoco.MjSpec.from_file(str(path))
     if spec.plugins:
         raise BadInput("machine.path", path, "uses a plugin of MuJoCo, which a run does not have; remove it")
+    spec.compiler.discardvisual = False  # a foot may be drawn only
     spec.memory = -1  # as much as needed: MuJoCo ends the process where a model reserves too little
     return spec
 
@@ -62,7 +67,7 @@ def _read_urdf(mujoco: Any, path: Path) -> Any:
             if (mesh := shape.find("geometry/mesh")) is not None and not _find_mesh(mesh, folders):
                 link.remove(shape)
         if (inertial := link.find("inertial")) is not None:
-            _give_size(link, inertial)
+            _make_possible(link, inertial)
     for own in root.findall("mujoco"):
         root.remove(own)
     own = ElementTree.SubElement(root, "mujoco")
@@ -77,7 +82,7 @@ def _read_urdf(mujoco: Any, path: Path) -> Any:
 
 
 def _find_mesh(mesh: ElementTree.Element, folders: list[Path]) -> bool:
-    """Whether the file of a mesh is on this machine; ``package://NAME/`` is searched in the folders around the model."""
+    """Whether the file of a mesh is on this machine; ``package://NAME/`` is searched in the folders of the model."""
     name = re.sub(r"^(package|model|file)://", "", mesh.get("filename", ""))
     names = [name, name.partition("/")[2]]
     for file in (folder / each for folder in folders for each in names if each):
@@ -87,14 +92,21 @@ def _find_mesh(mesh: ElementTree.Element, folders: list[Path]) -> bool:
     return False
 
 
-def _give_size(link: ElementTree.Element, inertial: ElementTree.Element) -> None:
-    """Make a link without mass one without <inertial>, and a point mass one that MuJoCo accepts."""
-    mass, inertia = inertial.find("mass"), inertial.find("inertia")
-    weight = float(mass.get("value", "0")) if mass is not None else 0.0
-    if weight == 0.0:
+def _make_possible(link: ElementTree.Element, inertial: ElementTree.Element) -> None:
+    """Make a link without mass one without <inertial>, and an inertia that no body has its diagonal, above zero."""
+
+    def read(name: str, key: str) -> float:
+        found = inertial.find(name)
+        return float(found.get(key, "0")) if found is not None else 0.0
+
+    mass, inertia = read("mass", "value"), inertial.find("inertia")
+    xx, xy, xz, yy, yz, zz = (read("inertia", f"i{axes}") for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    if mass < NO_MASS:
         link.remove(inertial)
-    elif inertia is not None and not any(float(value) for value in inertia.attrib.values()):
-        inertia.attrib.update(dict.fromkeys(("ixx", "iyy", "izz"), repr(POINT_INERTIA * weight)))
+    elif inertia is not None and np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] < NO_INERTIA:
+        least = POINT_INERTIA * mass
+        inertia.attrib.update(dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
+        inertia.attrib.update(ixx=str(max(xx, least)), iyy=str(max(yy, least)), izz=str(max(zz, least)))
 
 
 def _require_regular_files(path: Path, folder: Path, known: set[Path]) -> None:

@@ -60,9 +60,7 @@ def find_stance(robot: Robot, hip_height: float) -> Stance:
     below, shift = np.array([[0.0, hip_height, 0.0]]), np.zeros(3)
     for _ in range(PASSES):
         chains = make_chains(robot, thighs + shift)
-        q = np.concatenate(
-            [chain_angles(chain, below, home) for chain, home in zip(chains, robot.home, strict=True)]
-        )
+        q = np.concatenate([chain_angles(chain, below, home) for chain, home in zip(chains, robot.home, strict=True)])
         _require_stance(robot, hip_height, q)
         data = robot.at(q)
         mujoco.mj_comPos(robot.model, data)
@@ -79,7 +77,9 @@ def _require_stance(robot: Robot, hip_height: float, q: Array) -> None:
             reason = f"is out of reach of the legs, whose links are {length:.3g} m long together"
             raise BadInput("machine.hip_height", hip_height, reason)
         leg = LEG_NAMES[lost[0]]
-        reason = f"from there the {leg} foot finds no way to {hip_height:.3g} m below its hip: bend its knee otherwise"
+        reason = (
+            f"from there the {leg} foot finds no way to {hip_height:.3g} m below its hip: bend its knee otherwise"
+        )
         raise BadInput("machine.home", robot.home[lost[0]].tolist(), f"{reason}, or change machine.hip_height")
     least, largest = np.moveaxis(robot.ranges, -1, 0)
     for i, n in np.argwhere((q < least) | (q > largest)):

@@ -79,7 +79,8 @@ def test_names_that_do_not_fit_the_model_are_refused(joints, feet, message):
 
 
 def test_a_home_of_two_angles_is_refused():
-    with pytest.raises(BadInput, match=r"^machine\.home=\[0\.9, -1\.8\]: must be three angles, hip, thigh, calf, or four lists of three$"):
+    reason = r"must be three angles, hip, thigh, calf, or four lists of three$"
+    with pytest.raises(BadInput, match=rf"^machine\.home=\[0\.9, -1\.8\]: {reason}"):
         read(home=[0.9, -1.8])
 
 
