@@ -84,6 +84,7 @@ def require_sizes(path: Path, model: Any, legs: Legs, length: float, hips: Array
     require("the length of a stretched leg", length, "m", SHORTEST_LEG, LONGEST_LEG)
     require("the mass", mass, "kg", *(density * length**3 for density in DENSITIES))
     require("the distance of diagonal hips", spacing, "m", *(part * length for part in SPACINGS))
+    require("the least damping of a joint", float(model.dof_damping.min()), "N m s/rad", 0.0, np.inf)
     require("the radius of a foot", float(legs.foot_radius.max()), "m", 0.0, LARGEST_FOOT * length)
     for k in np.flatnonzero(model.body_mass > LIGHTEST * mass):
         inertia = float(model.body_inertia[k].max())
@@ -104,12 +105,10 @@ def require_home(model: Any, data: Any, legs: Legs, length: float, torques: Arra
     Raises:
         BadInput: names the joint.
     """
-    names = [model.joint(int(joint)).name for joint in legs.joint[:, 1]]
     below = data.xanchor[legs.joint[:, 1], 2] - data.geom_xpos[legs.foot_geom, 2]
-    for name, depth in zip(names, below, strict=True):
-        if depth <= 0.0:
-            reason = f"puts the foot {-depth:.3g} m above {name}; feet are below their hips"
-            raise BadInput("machine.home", data.qpos[legs.qpos].round(6).tolist(), reason)
+    for i in np.flatnonzero(below <= 0.0):
+        reason = f"puts the foot {-below[i]:.3g} m above {model.joint(int(legs.joint[i, 1])).name}; bend it downwards"
+        raise BadInput("machine.home", data.qpos[legs.qpos[i]].tolist(), reason)
     largest = np.minimum(torques, model.body_subtreemass[legs.base] * GRAVITY * length / LEGS)
     spring = np.abs(data.qfrc_spring[legs.dof])
     for i, n in np.argwhere(spring > largest):

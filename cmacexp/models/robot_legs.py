@@ -169,14 +169,19 @@ def _find_joint(mujoco: Any, model: Any, name: str) -> int:
     return index
 
 
-def _require_chain(model: Any, free: int, leg: Counts, foot: int, name: str) -> None:
-    """Require that a foot hangs on the trunk by the three joints of its leg, in their order."""
+def find_chain(model: Any, body: int) -> list[int]:
+    """The joints on which a body hangs, from the root outwards."""
     chain: list[int] = []
-    body = int(model.geom_bodyid[foot])
     while body:
         first = int(model.body_jntadr[body])
         chain = [*range(first, first + int(model.body_jntnum[body])), *chain]
         body = int(model.body_parentid[body])
+    return chain
+
+
+def _require_chain(model: Any, free: int, leg: Counts, foot: int, name: str) -> None:
+    """Require that a foot hangs on the trunk by the three joints of its leg, in their order."""
+    chain = find_chain(model, int(model.geom_bodyid[foot]))
     if chain != [free, *leg]:
         expected, actual = (list_names(_name(model.joint(int(k))) for k in joints) for joints in (leg, chain[1:]))
         raise BadInput("machine.feet", name, f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}")

@@ -11,13 +11,15 @@ from cmacexp.errors import BadInput
 from cmacexp.models.chain import chain_angles, chain_points
 from cmacexp.models.robot import UPRIGHT, compile_spec, load_mujoco, load_spec
 from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
-from cmacexp.models.robot_legs import JOINTS, LEGS, list_names
+from cmacexp.models.robot_legs import JOINTS, LEGS, find_chain, list_names
 from cmacexp.typing import Array
 
 STARTS = tuple(itertools.product((0.0,), (0.9, -0.9, 0.0), (-1.8, 1.8, -0.9, 0.9)))
 """Joint angles of a leg from which its home is searched; the first that is found counts."""
 DIGITS = 2
 """Decimals of an angle of a home."""
+TO_HIP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""From forward, left, up to the frame of a hip: forward, down, left."""
 NEAR = 0.8
 """Spheres that are almost as far from the knee as the farthest; one with a name is the foot."""
 
@@ -48,9 +50,14 @@ def find_names(path: Path) -> Names:
     data.qpos[model.jnt_qposadr[free] + np.arange(7)] = UPRIGHT
     data.qpos[model.jnt_qposadr[np.array(chains)]] = 0.0
     mujoco.mj_kinematics(model, data)
-    hips = data.xanchor[[chain[1] for chain in chains], :2]
-    front = np.argsort(-hips[:, 0], kind="stable")
-    order = [k for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -hips[k, 1])]
+    thighs = [chain[1] for chain in chains]
+    hips = data.xanchor[thighs]
+    # Thighs turn about the axis that points aside; should that not be y, the frame is turned, which a robot reports.
+    ahead, aside = {0: (hips[:, 1], -hips[:, 0]), 1: (hips[:, 0], hips[:, 1]), 2: (hips[:, 0], -hips[:, 2])}[
+        int(np.abs(data.xaxis[thighs]).sum(axis=0).argmax())
+    ]
+    front = np.argsort(-ahead, kind="stable")
+    order = [k for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -aside[k])]
     legs = [chains[k] for k in order]
     places = [_find_foot(mujoco, model, data, leg) for leg in legs]
     homes = [_find_home(model, data, leg, place) for leg, (_, place) in zip(legs, places, strict=True)]
@@ -59,36 +66,24 @@ def find_names(path: Path) -> Names:
 
 
 def _find_chains(mujoco: Any, model: Any) -> Iterator[list[int]]:
-    """Joints of each chain of three hinges that ends on a body that nothing moves on, and begins on a free trunk."""
-    parents = {int(model.body_parentid[model.jnt_bodyid[k]]) for k in range(model.njnt)}
-    inner = {body for start in parents for body in _to_root(model, start)}
-    for last in {int(model.jnt_bodyid[k]) for k in range(model.njnt)} - inner:
-        chain: list[int] = []
-        for body in _to_root(model, last):
-            first = int(model.body_jntadr[body])
-            chain = [*range(first, first + int(model.body_jntnum[body])), *chain]
-        kinds = [int(model.jnt_type[k]) for k in chain]
-        if kinds == [int(mujoco.mjtJoint.mjJNT_FREE), *[int(mujoco.mjtJoint.mjJNT_HINGE)] * JOINTS]:
+    """Joints of each chain of three hinges on a trunk that floats, and with nothing that moves at its end."""
+    chains = [find_chain(model, body) for body in sorted(set(model.jnt_bodyid.tolist()))]
+    inner = {k for chain in chains for k in chain[:-1]}
+    free, hinge = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE)
+    for chain in chains:
+        if chain[-1] not in inner and model.jnt_type[chain].tolist() == [free, *[hinge] * JOINTS]:
             yield chain[1:]
-
-
-def _to_root(model: Any, body: int) -> Iterator[int]:
-    """A body, the one that carries it, and so on."""
-    while body:
-        yield body
-        body = int(model.body_parentid[body])
 
 
 def _find_foot(mujoco: Any, model: Any, data: Any, leg: list[int]) -> tuple[str, Array]:
     """Name and centre (3,) of the foot: what is fixed to the calf and farthest from the knee, spheres first."""
     calf, knee = int(model.jnt_bodyid[leg[-1]]), data.xanchor[leg[-1]]
     fixed = [k for k in range(model.nbody) if model.body_weldid[k] == calf]
-    spheres = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
-    away = {int(k): float(np.linalg.norm(data.geom_xpos[k] - knee)) for k in np.flatnonzero(spheres)}
-    geoms = [k for k in away if model.geom_bodyid[k] in fixed]
-    if geoms:
-        far = max(away[k] for k in geoms)
-        foot = max(geoms, key=lambda k: (away[k] > NEAR * far, bool(model.geom(k).name), away[k]))
+    geoms = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE) & np.isin(model.geom_bodyid, fixed))
+    if len(geoms):
+        away = np.linalg.norm(data.geom_xpos[geoms] - knee, axis=1)
+        named = [bool(model.geom(k).name) for k in geoms]
+        foot = geoms[max(range(len(geoms)), key=lambda k: (away[k] > NEAR * away.max(), named[k], away[k]))]
         return model.geom(foot).name or model.body(model.geom_bodyid[foot]).name, data.geom_xpos[foot].copy()
     body = max(fixed, key=lambda k: float(np.linalg.norm(data.xpos[k] - knee)))
     shapes = np.flatnonzero(model.geom_bodyid == body)
@@ -97,13 +92,10 @@ def _find_foot(mujoco: Any, model: Any, data: Any, leg: list[int]) -> tuple[str,
 
 
 def _find_home(model: Any, data: Any, leg: list[int], foot: Array) -> list[float]:
-    """Joint angles within their ranges at which the foot is below the thigh joint, the knee bent, back if it can be."""
+    """Joint angles within their ranges at which the foot is below the thigh joint, the knee back if it can be."""
     points, axes = data.xanchor[leg], data.xaxis[leg]
-    turn = np.array(
-        [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-    )  # to the frame of a hip: forward, down, left
-    hinges = np.concatenate([(points - points[1]) @ turn.T, axes @ turn.T], axis=1)
-    chain = np.concatenate([hinges.ravel(), turn @ (foot - points[1])])
+    hinges = np.concatenate([(points - points[1]) @ TO_HIP.T, axes @ TO_HIP.T], axis=1)
+    chain = np.concatenate([hinges.ravel(), TO_HIP @ (foot - points[1])])
     length = np.linalg.norm(points[2] - points[1]) + np.linalg.norm(foot - points[2])
     below = np.array([[0.0, HEIGHT_OF_LINKS * length, 0.0]])
     limited = model.jnt_limited[leg].astype(bool)[:, None]
@@ -111,9 +103,7 @@ def _find_home(model: Any, data: Any, leg: list[int], foot: Array) -> list[float
     found = [chain_angles(chain, below, np.array(start))[0] for start in STARTS]
     fitting = [q for q in found if np.isfinite(q).all() and (least <= q).all() and (q <= largest).all()]
     if not fitting:
-        name = model.joint(leg[-1]).name
-        raise BadInput(
-            "machine.home", name, "no angles within the joints' ranges put its foot below the hip: give some"
-        )
+        reason = "has no angle within its range at which the foot is below the hip: give machine.home"
+        raise BadInput("machine.joints", model.joint(leg[-1]).name, reason)
     best = min(fitting, key=lambda q: (abs(q[0]) > 1.0, chain_points(chain, q)[2, 0] > 0.0, abs(q[0])))
     return [float(round(angle, DIGITS)) + 0.0 for angle in best]

@@ -85,7 +85,8 @@ def _require_stance(robot: Robot, hip_height: float, q: Array) -> None:
     for i, n in np.argwhere((q < least) | (q > largest)):
         name = robot.model.joint(int(robot.legs.joint[i, n])).name
         reason = f"would stand with {name} at {q[i, n]:.4g} rad, beyond its {least[i, n]:.4g} to {largest[i, n]:.4g}"
-        raise BadInput("machine.home", robot.home[i].tolist(), f"{reason} rad: bend the knee to the other side")
+        reason = f"{reason} rad: bend the knee otherwise, or change machine.hip_height"
+        raise BadInput("machine.home", robot.home[i].tolist(), reason)
 
 
 def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
