@@ -28,16 +28,9 @@ MOST_TURNED = 15.0
 
 
 def require_frame(path: Path, trunk: str, hips: Array, feet: Sequence[str]) -> None:
-    """Require that legs are in order in a frame of the trunk with x forward, y left and z up.
+    """Require legs in order in the frame of the ``trunk``, x forward, y left, z up; raises BadInput.
 
-    Args:
-        path: of the model.
-        trunk: name of its body.
-        hips: (4, 3): thigh joints in its frame, m.
-        feet: names.
-
-    Raises:
-        BadInput: the feet are in another order, or the frame is turned.
+    ``hips`` (4, 3) are the thigh joints in that frame, m.
     """
     forward, left = hips[:2] - hips[2:], hips[::2] - hips[1::2]
     mean_forward, mean_left = forward.mean(axis=0), left.mean(axis=0)
@@ -47,37 +40,21 @@ def require_frame(path: Path, trunk: str, hips: Array, feet: Sequence[str]) -> N
     if min(forward[0] @ forward[1], left[0] @ left[1]) <= 0.0 or (max(lean, abs(turned)) > 135.0):
         order = "front left, front right, rear left, rear right (trunk: x forward, y left)"
         raise BadInput("machine.feet", ", ".join(feet), f"must be in the order {order}")
-    frame = f"the frame of its trunk {trunk or '(without a name)'}"
-    if lean > MOST_TURNED:
-        reason = f"{frame} leans by {lean:.0f} degrees: its z axis must point up; turn the frame in the model"
-        raise BadInput("machine.path", path, reason)
-    if abs(turned) > MOST_TURNED:
+    if max(lean, abs(turned)) > MOST_TURNED:
+        by = f"leans by {lean:.0f} degrees" if lean > MOST_TURNED else f"is turned by {abs(turned):.0f} degrees"
         reason = (
-            f"{frame} is turned: forward lies {turned:.0f} degrees to the left of its x axis; turn it in the model"
+            f"the frame of its trunk {trunk or '(without a name)'} {by}: turn it in the model, x forward and z up"
         )
         raise BadInput("machine.path", path, reason)
 
 
 def require_sizes(path: Path, model: Any, legs: Legs, length: float, hips: Array) -> None:
-    """Require lengths, masses and inertias that a quadruped in m and kg can have.
-
-    Args:
-        path: of the model.
-        model: MjModel.
-        legs: of the robot.
-        length: of a stretched leg, m.
-        hips: (4, 3): thigh joints in the frame of the trunk, m.
-
-    Raises:
-        BadInput: names what no quadruped has.
-    """
+    """Require sizes of a quadruped in m and kg: legs of ``length``, m, at ``hips`` (4, 3), m; raises BadInput."""
 
     def require(what: str, value: float, unit: str, least: float, most: float) -> None:
         if not least <= value <= most:
-            reason = (
-                f"{what} is {value:.3g} {unit}, of robots {least:.3g} to {most:.3g}: use m, kg and rad in the model"
-            )
-            raise BadInput("machine.path", path, reason)
+            reason = f"{what} is {value:.3g} {unit}, of robots {least:.3g} to {most:.3g}"
+            raise BadInput("machine.path", path, f"{reason}: use m, kg and rad in the model")
 
     mass = float(model.body_subtreemass[legs.base])
     spacing = float(np.linalg.norm(hips[[0, 1]] - hips[[3, 2]], axis=1).min())
@@ -93,17 +70,9 @@ def require_sizes(path: Path, model: Any, legs: Legs, length: float, hips: Array
 
 
 def require_home(model: Any, data: Any, legs: Legs, length: float, torques: Array) -> None:
-    """Require feet below their hips at home, and joint springs that the legs can work against.
+    """Require feet below their hips, and springs weaker than the ``torques`` (3,), N m, and than the legs' load.
 
-    Args:
-        model: MjModel.
-        data: MjData with the legs at home and the trunk level, after a forward pass.
-        legs: of the robot.
-        length: of a stretched leg, m.
-        torques: (3,): largest ones, N m.
-
-    Raises:
-        BadInput: names the joint.
+    ``data`` has the legs, of ``length`` m, at home under a level trunk, after a forward pass. Raises BadInput.
     """
     below = data.xanchor[legs.joint[:, 1], 2] - data.geom_xpos[legs.foot_geom, 2]
     for i in np.flatnonzero(below <= 0.0):
@@ -113,7 +82,5 @@ def require_home(model: Any, data: Any, legs: Legs, length: float, torques: Arra
     spring = np.abs(data.qfrc_spring[legs.dof])
     for i, n in np.argwhere(spring > largest):
         name = model.joint(int(legs.joint[i, n])).name
-        reason = (
-            f"has a spring of {spring[i, n]:.3g} N m at machine.home, more than the leg can hold: check springref"
-        )
-        raise BadInput("machine.joints", name, reason)
+        reason = f"has a spring of {spring[i, n]:.3g} N m at machine.home, more than the leg can hold"
+        raise BadInput("machine.joints", name, f"{reason}: check springref")

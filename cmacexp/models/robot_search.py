@@ -10,6 +10,7 @@ import numpy as np
 from cmacexp.errors import BadInput
 from cmacexp.models.chain import chain_angles, chain_points
 from cmacexp.models.robot import UPRIGHT, compile_spec, load_mujoco, load_spec
+from cmacexp.models.robot_checks import require_frame
 from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
 from cmacexp.models.robot_legs import JOINTS, LEGS, find_chain, list_names
 from cmacexp.typing import Array
@@ -36,7 +37,7 @@ def find_names(path: Path) -> Names:
     """What a model needs; legs front left, front right, rear left, rear right.
 
     Raises:
-        BadInput: the file is no model, or has no four chains of three hinges on a trunk that floats.
+        BadInput: the file is no model, has no four chains of three hinges on a trunk that floats, or is turned.
     """
     mujoco, spec = load_mujoco(), load_spec(path)
     model = compile_spec(path, spec)
@@ -52,7 +53,7 @@ def find_names(path: Path) -> Names:
     mujoco.mj_kinematics(model, data)
     thighs = [chain[1] for chain in chains]
     hips = data.xanchor[thighs]
-    # Thighs turn about the axis that points aside; should that not be y, the frame is turned, which a robot reports.
+    # Thighs turn about the axis that points aside; should that not be y, the frame is turned.
     ahead, aside = {0: (hips[:, 1], -hips[:, 0]), 1: (hips[:, 0], hips[:, 1]), 2: (hips[:, 0], -hips[:, 2])}[
         int(np.abs(data.xaxis[thighs]).sum(axis=0).argmax())
     ]
@@ -60,6 +61,8 @@ def find_names(path: Path) -> Names:
     order = [k for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -aside[k])]
     legs = [chains[k] for k in order]
     places = [_find_foot(mujoco, model, data, leg) for leg in legs]
+    trunk = model.body(model.jnt_bodyid[free]).name
+    require_frame(path, trunk, data.xanchor[[leg[1] for leg in legs]], [name for name, _ in places])
     homes = [_find_home(model, data, leg, place) for leg, (_, place) in zip(legs, places, strict=True)]
     joints = [[model.joint(k).name for k in leg] for leg in legs]
     return Names(joints, [name for name, _ in places], homes[0] if homes.count(homes[0]) == LEGS else homes)

@@ -75,6 +75,8 @@ def _read_urdf(mujoco: Any, path: Path) -> Any:
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     for geom in spec.geoms:
         geom.mass = 0.0  # in a URDF a link without <inertial> has none
+    for mesh in spec.meshes:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # which any surface has
     trunk = max(spec.worldbody.bodies, key=lambda body: len(body.find_all("joint")), default=None)
     if trunk is not None and not trunk.joints:
         trunk.add_freejoint()
@@ -112,13 +114,7 @@ def _make_possible(link: ElementTree.Element, inertial: ElementTree.Element) -> 
 def _require_regular_files(path: Path, folder: Path, known: set[Path]) -> None:
     """Check all files that a model names: MuJoCo would wait for a FIFO, or read a device for ever.
 
-    Args:
-        path: of a file of the model.
-        folder: of the model.
-        known: files that have been checked; is extended.
-
-    Raises:
-        BadInput: one of them is not a regular file.
+    ``path`` is that of one of its files, ``folder`` its own; ``known`` are those that have been checked, and grows.
     """
     text = unescape(path.read_text(errors="replace"))
     folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
@@ -151,11 +147,7 @@ def settle(mujoco: Any, model: Any) -> None:
 
 
 def require_own_forces(path: Path, model: Any) -> None:
-    """Require that gravity, joints and torques alone act on the robot.
-
-    Raises:
-        BadInput: names what else does.
-    """
+    """Require that gravity, joints and torques alone act on the robot; raises BadInput."""
     for what in _find_others(model):
         raise BadInput("machine.path", path, f"has {what}, which would push or hold the robot: remove it")
 

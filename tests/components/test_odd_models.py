@@ -25,6 +25,7 @@ FL_THIGH = '<joint name="FL_thigh_joint" class="thigh"/>'
 NAMELESS = 'machine.feet=["FL_calf","FR_calf","RL_calf","RR_calf"]'
 BY_NAME = 'machine.feet=["front left",FR,RL,RR]'
 HELD = '<joint joint="FL_hip_joint" coef="1"/>'
+BLOCK = '<mesh name="block" vertex="0 0 0 .01 0 0 0 .01 0 0 0 .02"/>'
 CUBE = '<body name="cube"><freejoint/><geom type="box" size="1 1 1" mass="1"/></body>'
 HOOK = '<body name="hook" mocap="true"/>'
 
@@ -191,9 +192,13 @@ ODD = {
     "a frame turned by a quarter": (
         turned(np.pi / 2),
         (),
-        r"machine\.path=.*: the frame of its trunk trunk is turned: forward lies -90 degrees",
+        r"machine\.path=.*: the frame of its trunk trunk is turned by 90 degrees",
     ),
-    "a frame turned by 30 degrees": (turned(-np.pi / 6), (), r"forward lies 30 degrees to the left of its x axis"),
+    "a frame turned by 30 degrees": (
+        turned(-np.pi / 6),
+        (),
+        r"is turned by 30 degrees: turn it in the model, x forward",
+    ),
     "a frame on its side": (leaning(), (), r"the frame of its trunk trunk leans by 90 degrees"),
     "mirrored rear knees": (mirrored(), (EVERY_HOME,), WALKS),
     "mirrored rear knees at one home": (
@@ -214,6 +219,15 @@ ODD = {
     "boxes": (each_foot('type="box" size="0.02 0.02 0.01" pos="0.005 0 -0.21"'), (), WALKS),
     "cylinders": (each_foot('type="cylinder" size="0.02 0.01" euler="1.5708 0 0" pos="0.005 0 -0.21"'), (), WALKS),
     "ellipsoids": (each_foot('type="ellipsoid" size="0.02 0.01 0.03" pos="0.005 0 -0.21"'), (RIGID,), WALKS),
+    "meshes": (
+        [
+            ("<worldbody>", f"<asset>{BLOCK}</asset><worldbody>"),
+            *each_foot('type="mesh" mesh="block" pos="0.005 0 -0.21"'),
+        ],
+        (),
+        WALKS,
+    ),
+    "a joint that drives itself": ([('damping="0.5"', 'damping="-5"')], (), UNITS.format("least damping of a joint")),
     "a site": ([(FL_FOOT, f'{FL_FOOT.replace("FL", "ball")}<site name="FL" pos="0.005 0 -0.21"/>')], (), WALKS),
 }
 
@@ -279,7 +293,8 @@ def write_urdf(folder):
         for name, x, y in corners
     ]
     base = """<robot name="r"><link name="root"/>
-      <joint name="fix" type="fixed"><parent link="root"/><child link="base"/></joint><link name="base"><inertial><mass value="6"/>
+      <joint name="fix" type="fixed"><parent link="root"/><child link="base"/></joint>
+      <link name="base"><inertial><mass value="6"/>
       <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.08" iyz="0" izz="0.09"/></inertial></link>"""
     path = folder / "robot of ours.urdf"
     path.write_text(f"{base}{''.join(legs)}</robot>")
@@ -317,6 +332,8 @@ def test_legs_are_found_by_how_bodies_hang_together(tmp_path, what):
     [
         ("<robot >", r"machine\.path=.*: is no XML"),
         ("<robot><link name='a'/></robot>", r"machine\.path=.*: MuJoCo refuses the model: Error: mass and inertia"),
+        (turned(np.pi / 2), r"the frame of its trunk trunk is turned by 90 degrees"),
+        (leaning(), r"the frame of its trunk trunk leans by 90 degrees"),
         (TEXT.replace(FREE, ""), r"has 0 chains of three hinges on a trunk that floats"),
     ],
 )
