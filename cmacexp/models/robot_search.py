@@ -64,8 +64,10 @@ def find_names(path: Path) -> Names:
     trunk = model.body(model.jnt_bodyid[free]).name
     require_frame(path, trunk, data.xanchor[[leg[1] for leg in legs]], [name for name, _ in places])
     homes = [_find_home(model, data, leg, place) for leg, (_, place) in zip(legs, places, strict=True)]
-    joints = [[model.joint(k).name for k in leg] for leg in legs]
-    return Names(joints, [name for name, _ in places], homes[0] if homes.count(homes[0]) == LEGS else homes)
+    joints, feet = [[model.joint(k).name for k in leg] for leg in legs], [name for name, _ in places]
+    if not all((*itertools.chain(*joints), *feet)):
+        raise BadInput("machine.path", path, "has joints or feet without a name: name them in the model")
+    return Names(joints, feet, homes[0] if homes.count(homes[0]) == LEGS else homes)
 
 
 def _find_chains(mujoco: Any, model: Any) -> Iterator[list[int]]:
