@@ -1,9 +1,11 @@
 """Models of robots that differ from the usual: each walks on feet that carry its weight, or is refused by name."""
 
 import re
+import shlex
 
 import numpy as np
 import pytest
+from support.pages import blocks
 from support.robot_walks import EXACT, RIGID, ROBOT, TWO
 from support.robots import JOINTS, OWN, read
 
@@ -312,8 +314,12 @@ def test_a_urdf_walks_with_its_limits_and_losses_by_the_names_that_are_found(tmp
     assert robot.mass == pytest.approx(12.4)
     assert list(robot.torque_limits) == [31.0, 32.0, 33.0]
     assert (list(robot.friction), list(robot.damping)) == ([0.2, 0.0, 0.0], [0.5] * 3)
-    named = [f"machine.joints={joints}", f"machine.feet={feet}", f"machine.home={home}"]
-    require_walk([*ONE, f"machine.path='{path}'", *named, "sampling_period=0.0005"])
+    command = next(block.code for block in blocks("robots.md") if "machine.joints=" in block.code)
+    words = shlex.split(command)[1:]
+    assert words[:3] == ["-m", "cmacexp", "scenario=robot"]
+    machine = compose_config([*words[2:], f"machine.path='{path}'"]).machine
+    assert (machine.joints, machine.feet, machine.home) == (joints, feet, home)
+    require_walk([*ONE, *words[2:], f"machine.path='{path}'", "sampling_period=0.0005"])
 
 
 @pytest.mark.parametrize("what", ["mirrored rear knees", "feet by their bodies", "names with spaces", "a site"])
