@@ -1,20 +1,26 @@
 """``python -m cmacexp.robots go1``: what the model of a robot holds, and what follows from it by rule."""
 
 import argparse
+import re
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+
+from omegaconf import OmegaConf
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.config import Config, config_folder, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.describe import describe_fields
 from cmacexp.config.difference import flat
-from cmacexp.config.machine import read_model
+from cmacexp.config.machine import LEG_NAMES, read_model
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.text import format_number
-from cmacexp.models.robot import Robot
+from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_gains import derive_basis
+from cmacexp.models.robot_search import find_names
+from cmacexp.planning.robot import find_stance
 from cmacexp.report.terminal import say
 from cmacexp.report.terminal_tables import print_table
 from cmacexp.typing import Array
@@ -46,9 +52,35 @@ def _choose(robot: str) -> list[str]:
     if robot in names:
         return [f"machine={robot}"]
     if not Path(robot).is_file():
-        raise BadInput("machine", robot, f"must be an option of conf/machine or an MJCF file{suggest(robot, names)}")
-    quoted = str(Path(robot).resolve()).replace("'", "\\'")
-    return ["machine=mjcf", f"machine.path='{quoted}'"]
+        allowed = f"must be an option of conf/machine, or an MJCF or URDF file{suggest(robot, names)}"
+        raise BadInput("machine", robot, allowed)
+    return ["machine=mjcf", f"machine.path={_quote(str(Path(robot).resolve()))}"]
+
+
+def _quote(value: object) -> str:
+    """A value as an override has it; names may have spaces."""
+    if isinstance(value, list):
+        return f"[{','.join(map(_quote, value))}]"
+    text = str(value)
+    is_plain = not isinstance(value, str) or re.fullmatch(r"(?!(?i:null|true|false|nan|inf)$)[A-Za-z/][\w/.-]*", text)
+    return text if is_plain else '"' + text.replace('"', '\\"') + '"'
+
+
+def _find_legs(path: Path) -> list[str]:
+    """Overrides that a model needs to which the names and the home of ``machine=mjcf`` do not fit; shows them."""
+    default = OmegaConf.load(config_folder() / "machine" / "mjcf.yaml")
+    try:
+        robot = read_robot(path, default.joints, default.feet, list(default.home))
+        find_stance(robot, derive_basis(robot).hip_height)
+        return []
+    except BadInput as error:
+        if error.key not in ("machine.joints", "machine.feet", "machine.home"):
+            raise
+    joints, feet, home = names = find_names(path)
+    homes = home if isinstance(home[0], list) else [home] * len(feet)
+    rows = [[leg, ", ".join(j), f, str(h)] for leg, j, f, h in zip(LEG_NAMES, joints, feet, homes, strict=True)]
+    print_table(["leg", "joints", "foot", "home, rad"], rows)
+    return [f"machine.{key}={_quote(value)}" for key, value in names._asdict().items()]
 
 
 def joint_rows(robot: Robot) -> list[list[str]]:
@@ -75,7 +107,12 @@ def setting_rows(config: Config, keys: Sequence[str] = SETTINGS) -> list[list[st
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    config = compose_config(["scenario=robot", *_choose(arguments.robot), *arguments.overrides])
+    chosen = _choose(arguments.robot)
+    if len(chosen) > 1 and not any(word.startswith("machine.") for word in arguments.overrides):
+        chosen += (found := _find_legs(Path(arguments.robot).resolve()))
+        if found:
+            print(f"python -m cmacexp {shlex.join(['scenario=robot', *chosen, *arguments.overrides])}")
+    config = compose_config(["scenario=robot", *chosen, *arguments.overrides])
     robot = read_model(config.machine)
     basis = derive_basis(robot)
     length_1, length_2 = robot.links
@@ -91,7 +128,9 @@ def main() -> int:
     """Run the command."""
     description = "Show what the model of a robot holds, and the settings that follow from it by rule."
     parser = Parser("cmacexp.robots", description)
-    parser.add_argument("robot", metavar="ROBOT", help="go1 or another option of conf/machine, or an MJCF file")
+    parser.add_argument(
+        "robot", metavar="ROBOT", help="go1 or another option of conf/machine, or an MJCF or URDF file"
+    )
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="overrides as of python -m cmacexp")
     return run_command(lambda: _show(parser.parse_args()))
 

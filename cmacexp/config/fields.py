@@ -64,6 +64,11 @@ def _is_allowed(item: object, metadata: dict[str, Any]) -> bool:
     return all(holds(item, metadata[name]) for name, holds in BOUNDS.items() if name in metadata)
 
 
+def _flatten(value: object) -> list[object]:
+    """A value, or those in a list, or in lists inside it."""
+    return [each for item in value for each in _flatten(item)] if isinstance(value, list) else [value]
+
+
 def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
     if "choices" in metadata:
         allowed = metadata["choices"]
@@ -75,7 +80,7 @@ def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
             raise BadInput(key, value, f"must name at least one of {', '.join(allowed)}, each once")
     elif "unit" in metadata:
         unit, words = metadata["unit"], metadata["words"]
-        for item in value if isinstance(value, list) else [value]:
+        for item in _flatten(value):
             if not _is_allowed(item, metadata):
                 hint = f" ({unit}, whole)" if words and unit == "samples" else f" ({unit})" if unit else ""
                 raise BadInput(key, item, describe_range(metadata) + hint)
@@ -116,7 +121,7 @@ def _describe_type(declared: Any) -> str:
     words = []
     for kind in _choices_of_type(declared):
         if get_origin(kind) is list:
-            words.append(f"a list in which each is {TYPES.get(get_args(kind)[0], 'a value')}")
+            words.append(f"a list in which each is {TYPES.get(_choices_of_type(get_args(kind)[0])[0], 'a value')}")
         else:
             words.append("null" if kind is NoneType else TYPES.get(kind, "a group of fields"))
     quotes = "; if it looks like a number, put it into quotes" if TYPES[str] in words else ""

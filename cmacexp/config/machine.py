@@ -122,13 +122,13 @@ class RobotModel:
     model: str | None = field(kw_only=True)
     """Name under which an installed package or a checkout has the model; null: ``path`` says which."""
     path: str | None = field(kw_only=True)
-    """MJCF file of the model; null: it is looked up by its name, never downloaded."""
+    """MJCF or URDF file of the model; null: it is looked up by its name, never downloaded."""
     joints: list[list[str]] = field(kw_only=True)
     """Joints of each leg in the model: hip, thigh, calf."""
     feet: list[str] = field(kw_only=True)
-    """Geoms of the feet in the model, spheres."""
-    home: list[float] = number("rad", at_least=-10, at_most=10)
-    """Joint angles of a leg at which the rule for the gains looks; the knee bends to this side."""
+    """Geoms, sites or bodies of the feet in the model."""
+    home: list[float | list[float]] = number("rad", at_least=-10, at_most=10)
+    """Joint angles of every leg, or of each, at which the rule for the gains looks; knees bend to this side."""
 
 
 def ask_for_robot(machine: RobotModel) -> BadInput:

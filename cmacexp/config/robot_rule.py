@@ -18,7 +18,7 @@ from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.lateness import Lateness, add_up
 from cmacexp.models.lead import discretise
-from cmacexp.models.robot_gains import Basis, Gains, derive_basis, derive_gains, recommend_period
+from cmacexp.models.robot_gains import Basis, Gains, choose_period, derive_basis, derive_gains
 
 PERIOD = "sampling_period"
 LONGEST_STROKE = 0.45
@@ -47,9 +47,10 @@ def rule_value(name: str, _root_: DictConfig) -> float | list[float]:
     names = (PERIOD, *STRIDE, *Basis._fields, *Gains._fields)
     if name not in names:
         raise BadInput("${rule:...}", name, f"choose from {', '.join(names)}")
-    basis = derive_basis(read_model(_read_machine(_root_)))
+    robot = read_model(_read_machine(_root_))
+    basis = derive_basis(robot)
     if name == PERIOD:
-        value = recommend_period(basis.ratio, _read_lateness(_root_), _find_pattern(_root_).gain)
+        value = choose_period(robot, _read_lateness(_root_), _find_pattern(_root_).gain)
     else:
         value = getattr(basis if name in Basis._fields else _derive_gains(basis, _root_), name)
     return float(f"{value:.{DIGITS}g}")

@@ -1,24 +1,38 @@
-"""A quadruped with three hinges a leg, as its MJCF model describes it: geometry, masses, limits, losses."""
+"""A quadruped with three hinges a leg, as its MJCF or URDF model describes it: geometry, masses, limits, losses."""
 
 import hashlib
-import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from html import unescape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cmacexp.errors import BadInput, format_install_command
-from cmacexp.models.leg import GRAVITY
-from cmacexp.models.robot_legs import Legs, find_legs, require_names, torque_limits
+from cmacexp.models.robot_checks import require_frame, require_home, require_sizes
+from cmacexp.models.robot_feet import place_feet
+from cmacexp.models.robot_legs import (
+    JOINTS,
+    LEGS,
+    Legs,
+    find_free,
+    find_joints,
+    find_legs,
+    require_names,
+    torque_limits,
+)
+from cmacexp.models.robot_spec import is_urdf, read_spec, require_own_forces, settle
 from cmacexp.typing import Array, Counts
 
 Names = tuple[tuple[str, ...], ...]
 """Names of joints, leg by leg."""
+Angles = tuple[tuple[float, ...], ...]
+"""Angles of joints, leg by leg, rad."""
+UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+"""Place and quaternion of a trunk that is upright at the origin."""
 
 
 def load_mujoco() -> Any:
@@ -58,6 +72,19 @@ def load_model(load: Callable[[str], Any], source: str, key: str, value: object)
         raise BadInput(key, value, f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
 
 
+def load_spec(path: Path) -> Any:
+    """The MjSpec of an MJCF or URDF file, see :func:`cmacexp.models.robot_spec.read_spec`; raises BadInput."""
+    mujoco = load_mujoco()
+    return load_model(lambda _: read_spec(mujoco, path), "", "machine.path", path)
+
+
+def compile_spec(path: Path, spec: Any) -> Any:
+    """The MjModel of a specification, of the file at ``path``, with the options of a run; raises BadInput."""
+    model = load_model(lambda _: spec.compile(), "", "machine.path", path)
+    settle(load_mujoco(), model)
+    return model
+
+
 @dataclass(frozen=True, eq=False)
 class Robot:
     """A quadruped, its legs in the order front left, front right, rear left, rear right.
@@ -66,13 +93,15 @@ class Robot:
     """
 
     path: Path
-    """Its MJCF file."""
+    """Its MJCF or URDF file."""
+    spec: Any
+    """MuJoCo's MjSpec, likewise shared, of which ``model`` was compiled."""
     model: Any
     """MuJoCo's MjModel. It is shared: whoever changes it takes a copy."""
     legs: Legs
     """Where joints, bodies and feet of the legs stand in the model."""
     home: Array
-    """(3,) joint angles at which the rule for the gains looks at a leg, rad."""
+    """(4, 3) joint angles at which the rule for the gains looks at the legs, rad."""
     mass: float
     """Total mass, kg."""
     hinges: Array
@@ -107,78 +136,77 @@ class Robot:
 
 def place(model: Any, data: Any, legs: Legs, q: Array) -> Any:
     """Set joint angles ``q``, rad, under a trunk that is upright at the origin; ``data`` with its kinematics."""
-    data.qpos[legs.base_qpos : legs.base_qpos + 7] = [0, 0, 0, 1, 0, 0, 0]
+    data.qpos[legs.base_qpos : legs.base_qpos + 7] = UPRIGHT
     data.qpos[legs.qpos] = q
     load_mujoco().mj_kinematics(model, data)
     return data
 
 
-def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str], home: Sequence[float]) -> Robot:
-    """The robot of an MJCF file; the last ones are kept.
+def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str], home: ArrayLike) -> Robot:
+    """The robot of an MJCF or URDF file; the last ones are kept.
 
     Args:
         path: of the file.
         joints: names of hip, thigh and calf joint of each of the four legs.
-        feet: names of the geoms of the four feet.
-        home: joint angles at which the rule for the gains looks at a leg, rad.
+        feet: names of the geoms, sites or bodies of the four feet.
+        home: (3,) or (4, 3) joint angles at which the rule for the gains looks at the legs, rad.
 
     Raises:
         BadInput: MuJoCo is missing or cannot read the file, or the model is no quadruped with three hinges a leg.
     """
-    require_names(joints, feet, home)
-    return _read(path, path.stat().st_mtime_ns, tuple(tuple(leg) for leg in joints), tuple(feet), tuple(home))
+    try:
+        angles = np.array(home, dtype=float)
+    except ValueError:
+        angles = np.empty(0)  # lists of different lengths
+    require_names(joints, feet, angles, home)
+    whole = tuple(map(tuple, np.broadcast_to(angles, (LEGS, JOINTS)).tolist()))
+    return _read(path, path.stat().st_mtime_ns, tuple(tuple(leg) for leg in joints), tuple(feet), whole)
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], home: tuple[float, ...]) -> Robot:
+def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles: Angles) -> Robot:
     """The robot of a file that was ``changed`` at that time."""
-    mujoco = load_mujoco()
-    _require_regular_files(path, path.parent, {path})
-    model = load_model(mujoco.MjModel.from_xml_path, str(path), "machine.path", path)
-    model.opt.gravity[:] = [0.0, 0.0, -GRAVITY]
-    legs = find_legs(mujoco, model, path, joints, feet)
-    data = place(model, mujoco.MjData(model), legs, np.array(home))
-    points = np.concatenate([data.xanchor[legs.joint[0]], data.geom_xpos[legs.foot_geom[:1]]])
+    mujoco, home = load_mujoco(), np.array(angles)
+    spec = load_spec(path)
+    model = compile_spec(path, spec)
+    joint = find_joints(mujoco, model, joints)
+    free = find_free(mujoco, model, path, joint)
+    data = mujoco.MjData(model)
+    data.qpos[model.jnt_qposadr[free] + np.arange(7)] = UPRIGHT
+    data.qpos[model.jnt_qposadr[joint]] = home
+    mujoco.mj_kinematics(model, data)
+    names = place_feet(mujoco, spec, data, feet)
+    if names != list(feet):
+        model = compile_spec(path, spec)
+    foot = np.array([model.geom(name).id for name in names])
+    legs = find_legs(model, free, joint, foot, feet)
+    require_own_forces(path, model)
+    data = place(model, mujoco.MjData(model), legs, home)
+    require_frame(path, model.body(legs.base).name, data.xanchor[joint[:, 1]], feet)
+    points = np.concatenate([data.xanchor[joint[0]], data.geom_xpos[foot[:1]]])
     _, length_1, length_2 = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    require_sizes(path, model, legs, length_1 + length_2, data.xanchor[joint[:, 1]])
+    limits = torque_limits(mujoco, model, joints, joint, needs_motor=not is_urdf(path))
+    mujoco.mj_forward(model, data)
+    require_home(model, data, legs, length_1 + length_2, limits)
     place(model, data, legs, np.zeros(3))
-    limited = model.jnt_limited[legs.joint].astype(bool)[..., None]
+    limited = model.jnt_limited[joint].astype(bool)[..., None]
     return Robot(
         path=path,
+        spec=spec,
         model=model,
         legs=legs,
-        home=np.array(home),
+        home=home,
         mass=float(model.body_subtreemass[legs.base]),
-        hinges=np.concatenate([data.xanchor[legs.joint], data.xaxis[legs.joint]], axis=-1),
-        feet_at_zero=data.geom_xpos[legs.foot_geom].copy(),
+        hinges=np.concatenate([data.xanchor[joint], data.xaxis[joint]], axis=-1),
+        feet_at_zero=data.geom_xpos[foot].copy(),
         links=(float(length_1), float(length_2)),
-        torque_limits=torque_limits(mujoco, model, joints, legs.joint),
-        ranges=np.where(limited, model.jnt_range[legs.joint], [-np.inf, np.inf]),
+        torque_limits=limits,
+        ranges=np.where(limited, model.jnt_range[joint], [-np.inf, np.inf]),
         friction=_most(model.dof_frictionloss, legs.dof),
         damping=_most(model.dof_damping, legs.dof),
         armature=_most(model.dof_armature, legs.dof),
     )
-
-
-def _require_regular_files(path: Path, folder: Path, known: set[Path]) -> None:
-    """Check all files that a model names: MuJoCo would wait for a FIFO, or read a device for ever.
-
-    Args:
-        path: of a file of the model.
-        folder: of the model.
-        known: files that have been checked; is extended.
-
-    Raises:
-        BadInput: one of them is not a regular file.
-    """
-    text = unescape(path.read_text(errors="replace"))
-    folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
-    for name in re.findall(r"""\bfile\s*=\s*["']([^"']+)""", text):
-        for file in {folder / inner / name for inner in folders} - known:
-            known.add(file)
-            if file.exists() and not file.is_file():
-                raise BadInput("machine.path", path, f"names {name}, which is not a regular file")
-            if file.suffix.lower() in ("", ".xml", ".mjcf") and file.is_file():
-                _require_regular_files(file, folder, known)
 
 
 def _most(values: Array, dof: Counts) -> Array:

@@ -13,6 +13,7 @@ from cmacexp.typing import Array, Counts
 LEGS, JOINTS = 4, 3
 MOST_NAMES = 16
 """Names that a message lists."""
+HINT = "python -m cmacexp.robots FILE finds its legs"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,43 +40,63 @@ class Legs:
     """(4,) m."""
 
 
-def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], home: Sequence[float]) -> None:
-    """Require names for four legs of three joints, and an angle for each of the three.
+def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: Array, home: object) -> None:
+    """Require names for four legs of three joints, and an angle for each of the three, or twelve.
 
     Raises:
         BadInput: names the config key.
     """
     if len(joints) != LEGS or any(len(leg) != JOINTS for leg in joints):
         raise BadInput("machine.joints", _shape(joints), "must be four lists of three names: hip, thigh, calf")
-    if len(home) != JOINTS:
-        raise BadInput("machine.home", list(home), "must be three angles: hip, thigh, calf")
+    if angles.shape not in ((JOINTS,), (LEGS, JOINTS)):
+        reason = "must be three angles, hip, thigh, calf, or four lists of three"
+        raise BadInput("machine.home", home, reason)
     if len(feet) != LEGS or len(set(feet)) != LEGS:
-        raise BadInput("machine.feet", ", ".join(feet), "must be four names of geoms, a different one for each leg")
+        allowed = "must be four names of geoms, sites or bodies, a different one for each leg"
+        raise BadInput("machine.feet", ", ".join(feet), allowed)
 
 
-def find_legs(mujoco: Any, model: Any, path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str]) -> Legs:
+def find_joints(mujoco: Any, model: Any, joints: Sequence[Sequence[str]]) -> Counts:
+    """The joints (4, 3) of the legs in a model, which must be hinges.
+
+    Raises:
+        BadInput: the model lacks one of them.
+    """
+    return np.array([[_find_joint(mujoco, model, name) for name in leg] for leg in joints])
+
+
+def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
+    """The free joint of the trunk on which the joints (4, 3) hang.
+
+    Raises:
+        BadInput: the trunk does not float, or more than trunk and legs move.
+    """
+    trunk = int(model.body_rootid[model.jnt_bodyid[joint[0, 0]]])
+    free = int(model.body_jntadr[trunk])
+    if free < 0 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:
+        raise BadInput("machine.path", path, "has no free joint: its trunk must float, <freejoint/>")
+    others = sorted(set(range(model.njnt)) - {free, *joint.ravel()})
+    if others:
+        more = list_names(_name(model.joint(k)) for k in others)
+        raise BadInput("machine.joints", more, "moves, too: a leg has three joints; weld the others in the model")
+    return free
+
+
+def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence[str]) -> Legs:
     """The legs of a model.
 
     Args:
-        mujoco: the module.
-        model: its MjModel.
-        path: of its file.
-        joints: names of hip, thigh and calf joint of each leg.
-        feet: names of the geoms of the feet.
+        model: MjModel.
+        free: joint of the trunk.
+        joint: (4, 3) joints of the legs.
+        foot: (4,) geoms of the feet, spheres.
+        feet: names for messages.
 
     Raises:
-        BadInput: the model lacks one of them, or moves otherwise than a trunk on four legs of three hinges.
+        BadInput: a foot does not hang on the trunk by the joints of its leg.
     """
-    joint = np.array([[_find_joint(mujoco, model, name) for name in leg] for leg in joints])
-    foot = np.array([_find_foot(mujoco, model, name) for name in feet])
-    free = _find_free(mujoco, model, path)
-    others = sorted(set(range(model.njnt)) - {free, *joint.ravel()})
-    if others:
-        more = _listed(_name(model.joint(k)) for k in others)
-        raise BadInput("machine.joints", more, "moves, too: a leg has three joints; weld the others in the model")
-    for leg, place, name in zip(joint, foot, feet, strict=True):
-        _require_chain(model, free, leg, place, name)
-    _require_corners(mujoco, model, int(model.jnt_bodyid[free]), foot, feet)
+    for leg, geom, name in zip(joint, foot, feet, strict=True):
+        _require_chain(model, free, leg, geom, name)
     return Legs(
         base=int(model.jnt_bodyid[free]),
         base_qpos=int(model.jnt_qposadr[free]),
@@ -89,7 +110,9 @@ def find_legs(mujoco: Any, model: Any, path: Path, joints: Sequence[Sequence[str
     )
 
 
-def torque_limits(mujoco: Any, model: Any, joints: Sequence[Sequence[str]], index: Counts) -> Array:
+def torque_limits(
+    mujoco: Any, model: Any, joints: Sequence[Sequence[str]], index: Counts, needs_motor: bool
+) -> Array:
     """Largest torques (3,) of hip, thigh and calf, the least of all legs, N m; infinite without a limit.
 
     Args:
@@ -97,85 +120,71 @@ def torque_limits(mujoco: Any, model: Any, joints: Sequence[Sequence[str]], inde
         model: its MjModel.
         joints: names of the joints of each leg.
         index: (4, 3) the joints in the model.
+        needs_motor: whether a joint without actuator and limit is a mistake; a URDF has no actuators.
 
     Raises:
-        BadInput: a joint has no actuator.
+        BadInput: a joint has no actuator, or one that gives no torque.
     """
     limits = [
-        [_torque_limit(mujoco, model, name, int(joint)) for name, joint in zip(leg, row, strict=True)]
+        [_torque_limit(mujoco, model, name, int(joint), needs_motor) for name, joint in zip(leg, row, strict=True)]
         for leg, row in zip(joints, index, strict=True)
     ]
     return np.min(limits, axis=0)
 
 
-def _torque_limit(mujoco: Any, model: Any, name: str, joint: int) -> float:
+def _torque_limit(mujoco: Any, model: Any, name: str, joint: int, needs_motor: bool) -> float:
     """The least of what the actuators of a joint, and the joint itself, allow, N m."""
     at_joint = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_trnid[:, 0] == joint)
     actuators = np.flatnonzero(at_joint)
-    if not len(actuators):
+    limits = [_to_both_sides(model.jnt_actfrcrange[joint])] if model.jnt_actfrclimited[joint] else []
+    if needs_motor and not (len(actuators) or limits):
         raise BadInput("machine.joints", name, "has no actuator in the model; give it a motor: <motor joint=.../>")
-    limits = [np.abs(model.jnt_actfrcrange[joint]).min()] if model.jnt_actfrclimited[joint] else []
     for k in actuators:
         gear = abs(model.actuator_gear[k, 0])
         if model.actuator_forcelimited[k]:
-            limits.append(np.abs(model.actuator_forcerange[k]).min() * gear)
+            limits.append(_to_both_sides(model.actuator_forcerange[k]) * gear)
         # Of a servo the control is no force.
         is_motor = model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE
         if is_motor and model.actuator_ctrllimited[k]:
-            limits.append(np.abs(model.actuator_ctrlrange[k]).min() * abs(model.actuator_gainprm[k, 0]) * gear)
-    return float(min(limits, default=np.inf))
+            limits.append(_to_both_sides(model.actuator_ctrlrange[k]) * abs(model.actuator_gainprm[k, 0]) * gear)
+    limit = float(min(limits, default=np.inf))
+    if limit <= 0.0:
+        raise BadInput("machine.joints", name, "has a motor without torque in the model: a range, gain or gear is 0")
+    return limit
 
 
-def _find_free(mujoco: Any, model: Any, path: Path) -> int:
-    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
-    if not len(free):
-        raise BadInput("machine.path", path, "has no free joint: its trunk must float, <freejoint/>")
-    return int(free[0])
+def _to_both_sides(limits: Array) -> float:
+    """The largest torque that a drive gives to either side; of a range that has one side only, that side's."""
+    least, largest = float(limits[0]), float(limits[1])
+    return min(-least, largest) if least < 0.0 < largest else max(abs(least), abs(largest))
 
 
 def _find_joint(mujoco: Any, model: Any, name: str) -> int:
     names = [_name(model.joint(k)) for k in range(model.njnt)]
     if name not in names:
-        raise BadInput("machine.joints", name, f"is no joint of the model, which has {_listed(names)}")
+        raise BadInput("machine.joints", name, f"is no joint of the model, which has {list_names(names)}; {HINT}")
     index = names.index(name)
     if model.jnt_type[index] != mujoco.mjtJoint.mjJNT_HINGE:
         raise BadInput("machine.joints", name, "must be a hinge: legs have neither wheels nor slides")
     return index
 
 
-def _find_foot(mujoco: Any, model: Any, name: str) -> int:
-    names = [model.geom(k).name for k in range(model.ngeom)]
-    if name not in names:
-        known = _listed(filter(None, names)) or "none with a name"
-        raise BadInput("machine.feet", name, f"is no geom of the model, which has {known}")
-    index = names.index(name)
-    if model.geom_type[index] != mujoco.mjtGeom.mjGEOM_SPHERE:
-        raise BadInput("machine.feet", name, "must be a sphere")
-    return index
-
-
-def _require_chain(model: Any, free: int, leg: Counts, foot: int, name: str) -> None:
-    """Require that a foot hangs on the trunk by the three joints of its leg, in their order."""
+def find_chain(model: Any, body: int) -> list[int]:
+    """The joints on which a body hangs, from the root outwards."""
     chain: list[int] = []
-    body = int(model.geom_bodyid[foot])
     while body:
         first = int(model.body_jntadr[body])
         chain = [*range(first, first + int(model.body_jntnum[body])), *chain]
         body = int(model.body_parentid[body])
+    return chain
+
+
+def _require_chain(model: Any, free: int, leg: Counts, foot: int, name: str) -> None:
+    """Require that a foot hangs on the trunk by the three joints of its leg, in their order."""
+    chain = find_chain(model, int(model.geom_bodyid[foot]))
     if chain != [free, *leg]:
-        expected, actual = (_listed(_name(model.joint(int(k))) for k in joints) for joints in (leg, chain[1:]))
+        expected, actual = (list_names(_name(model.joint(int(k))) for k in joints) for joints in (leg, chain[1:]))
         raise BadInput("machine.feet", name, f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}")
-
-
-def _require_corners(mujoco: Any, model: Any, trunk: int, foot: Counts, feet: Sequence[str]) -> None:
-    """Require the order of the feet in the pose that the model stands in."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    at = (data.geom_xpos[foot] - data.xpos[trunk]) @ data.xmat[trunk].reshape(3, 3)
-    forward, left = at[[0, 1], 0] - at[[2, 3], 0], at[[0, 2], 1] - at[[1, 3], 1]
-    if min(*forward, *left) <= 0.0:
-        order = "front left, front right, rear left, rear right (trunk: x forward, y left)"
-        raise BadInput("machine.feet", ", ".join(feet), f"must be in the order {order}")
 
 
 def _shape(joints: Sequence[Sequence[str]]) -> str:
@@ -186,6 +195,7 @@ def _name(joint: Any) -> str:
     return joint.name or f"joint {joint.id} (without a name)"
 
 
-def _listed(names: Iterable[str]) -> str:
+def list_names(names: Iterable[str]) -> str:
+    """Names for a message, the first ones only."""
     first, more = (names := list(names))[:MOST_NAMES], len(names) - MOST_NAMES
     return ", ".join(first) + (f" and {more} more" if more > 0 else "")

@@ -135,10 +135,10 @@ def _plan_leg(leg: Leg, desired: tuple[tuple[float, ...], ...]) -> Array:
 
 
 def plan_chains(chains: Array, home: Array, desired: Array, joints: Array) -> None:
-    """:func:`plan_joints` for legs of three hinges, bent as at ``home`` (3,), rad; NaN beyond their reach."""
+    """:func:`plan_joints` for legs of three hinges, bent as at ``home`` (4, 3), rad; NaN beyond their reach."""
     for i, chain in enumerate(chains):
         path = desired[:, i]
-        q = chain_angles(chain, path[:, [X, Y, Z]], home)
+        q = chain_angles(chain, path[:, [X, Y, Z]], home[i])
         dq, ddq = chain_motion(chain, q, path[:, [VX, VY, VZ]], path[:, [AX, AY, AZ]])
         for name, values in (("angle", q), ("velocity", dq), ("acceleration", ddq)):
             joints[:, i, JOINT_COLUMNS[name]] = values

@@ -60,16 +60,33 @@ def find_stance(robot: Robot, hip_height: float) -> Stance:
     below, shift = np.array([[0.0, hip_height, 0.0]]), np.zeros(3)
     for _ in range(PASSES):
         chains = make_chains(robot, thighs + shift)
-        q = np.concatenate([chain_angles(chain, below, robot.home) for chain in chains])
-        if not np.isfinite(q).all():
-            reason = f"is out of reach of the legs, whose links are {sum(robot.links):.3g} m long together"
-            raise BadInput("machine.hip_height", hip_height, reason)
+        q = np.concatenate([chain_angles(chain, below, home) for chain, home in zip(chains, robot.home, strict=True)])
+        _require_stance(robot, hip_height, q)
         data = robot.at(q)
         mujoco.mj_comPos(robot.model, data)
         shift[:2] = data.subtree_com[robot.legs.base, :2] - thighs[:, :2].mean(axis=0)
     origin = np.array([*data.subtree_com[robot.legs.base, :2], thighs[0, 2]])
     hips = thighs + shift
     return Stance(origin, hips - origin, make_chains(robot, hips))
+
+
+def _require_stance(robot: Robot, hip_height: float, q: Array) -> None:
+    """Require joint angles ``q`` (4, 3) that exist and that the joints reach; raises BadInput."""
+    if len(lost := np.flatnonzero(np.isnan(q).any(axis=1))):
+        if hip_height >= (length := sum(robot.links)):
+            reason = f"is out of reach of the legs, whose links are {length:.3g} m long together"
+            raise BadInput("machine.hip_height", hip_height, reason)
+        leg = LEG_NAMES[lost[0]]
+        reason = (
+            f"from there the {leg} foot finds no way to {hip_height:.3g} m below its hip: bend its knee otherwise"
+        )
+        raise BadInput("machine.home", robot.home[lost[0]].tolist(), f"{reason}, or change machine.hip_height")
+    least, largest = np.moveaxis(robot.ranges, -1, 0)
+    for i, n in np.argwhere((q < least) | (q > largest)):
+        name = robot.model.joint(int(robot.legs.joint[i, n])).name
+        reason = f"would stand with {name} at {q[i, n]:.4g} rad, beyond its {least[i, n]:.4g} to {largest[i, n]:.4g}"
+        reason = f"{reason} rad: bend the knee otherwise, or change machine.hip_height"
+        raise BadInput("machine.home", robot.home[i].tolist(), reason)
 
 
 def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
@@ -92,7 +109,7 @@ def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desi
         BadInput: a foot is out of reach, or a joint leaves its range.
     """
     assert mechanism.chains is not None
-    plan_chains(mechanism.chains, np.array(machine.home), desired, joints)
+    plan_chains(mechanism.chains, read_model(machine).home, desired, joints)
     angles = joints[..., JOINT_COLUMNS["angle"]]
     if len(lost := np.argwhere(np.isnan(angles))):
         k, i, _ = lost[0]

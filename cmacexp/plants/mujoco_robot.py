@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from cmacexp.config import Config, choice, number
-from cmacexp.config.machine import RobotMachine, read_model
+from cmacexp.config.machine import read_model
 from cmacexp.errors import BadInput
-from cmacexp.models.robot import load_mujoco, warnings_dropped
+from cmacexp.models.robot import compile_spec, load_mujoco
 from cmacexp.models.robot_legs import Legs
 from cmacexp.planning.robot import find_stance
 from cmacexp.planning.setup import Setup
@@ -107,7 +107,7 @@ class MujocoRobot(MujocoPlant):
             model, feet, floor = copy.copy(self.robot.model), legs.foot_geom, None
             model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_CONTACT
         else:
-            model, feet, floor = self._make_floor(machine)
+            model, feet, floor = self._make_floor()
         self.config.as_built.change(self.mujoco, model, legs)
         model.opt.integrator = self.mujoco.mjtIntegrator.mjINT_EULER
         model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_AUTORESET
@@ -119,39 +119,35 @@ class MujocoRobot(MujocoPlant):
         read_floor(floor, self.engine.sensors, self.state.force)
         return self.measure()
 
-    def _make_floor(self, machine: RobotMachine) -> tuple[Any, Counts, Counts]:
+    def _make_floor(self) -> tuple[Any, Counts, Counts]:
         """The robot's model with a rigid floor, which touches its feet and nothing else.
 
         Returns:
             The model, geoms of its feet, and which of its sensors' values are their normal forces.
         """
-        spec = self.mujoco.MjSpec.from_file(str(self.robot.path))
+        spec = self.robot.spec.copy()
+        names = [self.robot.model.geom(int(foot)).name for foot in self.robot.legs.foot_geom]
         floor = spec.worldbody.add_geom(
             type=self.mujoco.mjtGeom.mjGEOM_PLANE,
             size=[0.0, 0.0, 1.0],
             pos=[0.0, 0.0, -float(self.robot.legs.foot_radius.max())],
             name=FLOOR,
         )
-        for geom in (floor, *map(spec.geom, machine.feet)):
+        for geom in (floor, *map(spec.geom, names)):
             geom.contype = geom.conaffinity = 1  # without them MuJoCo compiles a geom that can never touch anything
         kind, geom = self.mujoco.mjtSensor.mjSENS_CONTACT, self.mujoco.mjtObj.mjOBJ_GEOM
         force_of_one = [1 << int(self.mujoco.mjtConDataField.mjCONDATA_FORCE), 0, 1]  # a sphere touches a plane once
         sensors = [
             spec.add_sensor(type=kind, objtype=geom, objname=FLOOR, reftype=geom, refname=foot, intprm=force_of_one)
-            for foot in machine.feet
+            for foot in names
         ]
-        with warnings_dropped(self.mujoco):
-            model = spec.compile()
-        model.opt.gravity[:] = self.robot.model.opt.gravity
-        feet = np.array([model.geom(name).id for name in machine.feet])
+        model = compile_spec(self.robot.path, spec)
+        feet = np.array([model.geom(name).id for name in names])
         touching = np.array([*feet, model.geom(floor.name).id])
         model.geom_contype[:], model.geom_conaffinity[:] = 0, 0
         model.geom_contype[touching[-1]], model.geom_conaffinity[feet] = 1, 1
         model.geom_friction[touching, 0], model.geom_condim[touching] = self.config.friction, 3
         model.geom_margin[touching], model.geom_gap[touching] = 0.0, 0.0
         model.pair_margin[:] = -1.0  # pairs of geoms that a model lists touch whatever else it says: these never do
-        for needed in (self.mujoco.mjtDisableBit.mjDSBL_CONTACT, self.mujoco.mjtDisableBit.mjDSBL_SENSOR):
-            model.opt.disableflags &= ~int(needed)
-        model.opt.enableflags &= ~int(self.mujoco.mjtEnableBit.mjENBL_OVERRIDE)
         model.geom_solref[touching], model.geom_solimp[touching], model.geom_priority[touching] = SOLREF, SOLIMP, 0
         return model, feet, model.sensor_adr[[sensor.id for sensor in sensors]].astype(np.int64)

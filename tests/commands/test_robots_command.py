@@ -1,10 +1,11 @@
 """``python -m cmacexp.robots``: a robot and what follows from its model, as text of 80 columns."""
 
+import shlex
 import shutil
 
 import pytest
 from support.command import python
-from support.robots import OWN, read
+from support.robots import FEET, OWN, read
 
 from cmacexp.commands.robots import joint_rows, setting_rows
 from cmacexp.config.compose import compose_config
@@ -40,6 +41,18 @@ def test_it_shows_masses_limits_and_settings(shown):
     assert found["least angle, all legs"][-3:] == ["-0.9", "-1.5", "-2.7"]
     assert found["controller.position_gain"][1:] == ["N/m", "123"]
     assert found["machine.hip_height"][1:] == ["m", f"{basis.hip_height:.3g}"]
+
+
+def test_legs_of_other_names_are_found_and_typed_as_printed(folder):
+    (folder / "other robot.xml").write_text(
+        OWN.read_text().replace("FL_", "left of it ").replace("calf_joint", "null")
+    )
+    found = python("-m", "cmacexp.robots", "other robot.xml", folder=folder)
+    assert (found.returncode, found.stderr) == (0, "")
+    command = next(line for line in found.stdout.splitlines() if line.startswith("python -m cmacexp "))
+    machine = compose_config(shlex.split(command)[3:]).machine
+    assert machine.joints[0] == ["left of it hip_joint", "left of it thigh_joint", "left of it null"]
+    assert (machine.path, machine.feet) == (str(folder / "other robot.xml"), list(FEET))
 
 
 def test_every_row_of_a_table_has_a_cell_for_each_column():

@@ -24,12 +24,7 @@ CHANGES = {
     "a foot of another name": (
         '<geom name="RL"',
         '<geom name="rear"',
-        r"^machine\.feet=RL: is no geom of the model, which has floor, FL, FR, rear, RR$",
-    ),
-    "a foot that is no sphere": (
-        '<geom name="FL" class="foot" pos="0.005 0 -0.21"',
-        '<geom name="FL" size="0.02 0.01"',
-        r"^machine\.feet=FL: must be a sphere$",
+        r"^machine\.feet=RL: is no geom, site or body of the model, which has floor, FL, FR, rear, RR; python -m",
     ),
     "a slide": (
         '<joint name="FL_calf_joint" class="calf"',
@@ -84,7 +79,8 @@ def test_names_that_do_not_fit_the_model_are_refused(joints, feet, message):
 
 
 def test_a_home_of_two_angles_is_refused():
-    with pytest.raises(BadInput, match=r"^machine\.home=\[0\.9, -1\.8\]: must be three angles: hip, thigh, calf$"):
+    reason = r"must be three angles, hip, thigh, calf, or four lists of three$"
+    with pytest.raises(BadInput, match=rf"^machine\.home=\[0\.9, -1\.8\]: {reason}"):
         read(home=[0.9, -1.8])
 
 

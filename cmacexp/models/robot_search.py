@@ -1,0 +1,114 @@
+"""The legs of a model by how its bodies hang together: names of joints and feet, a home in which its knees bend."""
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cmacexp.errors import BadInput
+from cmacexp.models.chain import chain_angles, chain_points
+from cmacexp.models.robot import UPRIGHT, compile_spec, load_mujoco, load_spec
+from cmacexp.models.robot_checks import require_frame
+from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
+from cmacexp.models.robot_legs import JOINTS, LEGS, find_chain, list_names
+from cmacexp.typing import Array
+
+STARTS = tuple(itertools.product((0.0,), (0.9, -0.9, 0.0), (-1.8, 1.8, -0.9, 0.9)))
+"""Joint angles of a leg from which its home is searched; the first that is found counts."""
+DIGITS = 2
+"""Decimals of an angle of a home."""
+TO_HIP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""From forward, left, up to the frame of a hip: forward, down, left."""
+NEAR = 0.8
+"""Spheres that are almost as far from the knee as the farthest; one with a name is the foot."""
+
+
+class Names(NamedTuple):
+    """What ``machine.joints``, ``machine.feet`` and ``machine.home`` must be for a model."""
+
+    joints: list[list[str]]
+    feet: list[str]
+    home: list[Any]
+
+
+def find_names(path: Path) -> Names:
+    """What a model needs; legs front left, front right, rear left, rear right.
+
+    Raises:
+        BadInput: the file is no model, has no four chains of three hinges on a trunk that floats, or is turned.
+    """
+    mujoco, spec = load_mujoco(), load_spec(path)
+    model = compile_spec(path, spec)
+    data = mujoco.MjData(model)
+    chains = list(_find_chains(mujoco, model))
+    if len(chains) != LEGS:
+        found = list_names(model.joint(chain[-1]).name for chain in chains) or "none"
+        reason = f"has {len(chains)} chains of three hinges on a trunk that floats, not four; they end at {found}"
+        raise BadInput("machine.path", path, reason)
+    free = int(model.body_jntadr[model.body_rootid[model.jnt_bodyid[chains[0][0]]]])
+    data.qpos[model.jnt_qposadr[free] + np.arange(7)] = UPRIGHT
+    data.qpos[model.jnt_qposadr[np.array(chains)]] = 0.0
+    mujoco.mj_kinematics(model, data)
+    thighs = [chain[1] for chain in chains]
+    hips = data.xanchor[thighs]
+    # Thighs turn about the axis that points aside; should that not be y, the frame is turned.
+    ahead, aside = {0: (hips[:, 1], -hips[:, 0]), 1: (hips[:, 0], hips[:, 1]), 2: (hips[:, 0], -hips[:, 2])}[
+        int(np.abs(data.xaxis[thighs]).sum(axis=0).argmax())
+    ]
+    front = np.argsort(-ahead, kind="stable")
+    order = [k for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -aside[k])]
+    legs = [chains[k] for k in order]
+    places = [_find_foot(mujoco, model, data, leg) for leg in legs]
+    trunk = model.body(model.jnt_bodyid[free]).name
+    require_frame(path, trunk, data.xanchor[[leg[1] for leg in legs]], [name for name, _ in places])
+    homes = [_find_home(model, data, leg, place) for leg, (_, place) in zip(legs, places, strict=True)]
+    joints, feet = [[model.joint(k).name for k in leg] for leg in legs], [name for name, _ in places]
+    if not all((*itertools.chain(*joints), *feet)):
+        raise BadInput("machine.path", path, "has joints or feet without a name: name them in the model")
+    return Names(joints, feet, homes[0] if homes.count(homes[0]) == LEGS else homes)
+
+
+def _find_chains(mujoco: Any, model: Any) -> Iterator[list[int]]:
+    """Joints of each chain of three hinges on a trunk that floats, and with nothing that moves at its end."""
+    chains = [find_chain(model, body) for body in sorted(set(model.jnt_bodyid.tolist()))]
+    inner = {k for chain in chains for k in chain[:-1]}
+    free, hinge = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE)
+    for chain in chains:
+        if chain[-1] not in inner and model.jnt_type[chain].tolist() == [free, *[hinge] * JOINTS]:
+            yield chain[1:]
+
+
+def _find_foot(mujoco: Any, model: Any, data: Any, leg: list[int]) -> tuple[str, Array]:
+    """Name and centre (3,) of the foot: what is fixed to the calf and farthest from the knee, spheres first."""
+    calf, knee = int(model.jnt_bodyid[leg[-1]]), data.xanchor[leg[-1]]
+    fixed = [k for k in range(model.nbody) if model.body_weldid[k] == calf]
+    geoms = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE) & np.isin(model.geom_bodyid, fixed))
+    if len(geoms):
+        away = np.linalg.norm(data.geom_xpos[geoms] - knee, axis=1)
+        named = [bool(model.geom(k).name) for k in geoms]
+        foot = geoms[max(range(len(geoms)), key=lambda k: (away[k] > NEAR * away.max(), named[k], away[k]))]
+        return model.geom(foot).name or model.body(model.geom_bodyid[foot]).name, data.geom_xpos[foot].copy()
+    body = max(fixed, key=lambda k: float(np.linalg.norm(data.xpos[k] - knee)))
+    shapes = np.flatnonzero(model.geom_bodyid == body)
+    points = data.geom_xpos[shapes] if body == calf and len(shapes) else data.xpos[[body]]
+    return model.body(body).name, points[np.argmax(np.linalg.norm(points - knee, axis=1))].copy()
+
+
+def _find_home(model: Any, data: Any, leg: list[int], foot: Array) -> list[float]:
+    """Joint angles within their ranges at which the foot is below the thigh joint, the knee back if it can be."""
+    points, axes = data.xanchor[leg], data.xaxis[leg]
+    hinges = np.concatenate([(points - points[1]) @ TO_HIP.T, axes @ TO_HIP.T], axis=1)
+    chain = np.concatenate([hinges.ravel(), TO_HIP @ (foot - points[1])])
+    length = np.linalg.norm(points[2] - points[1]) + np.linalg.norm(foot - points[2])
+    below = np.array([[0.0, HEIGHT_OF_LINKS * length, 0.0]])
+    limited = model.jnt_limited[leg].astype(bool)[:, None]
+    least, largest = np.where(limited, model.jnt_range[leg], [-np.pi, np.pi]).T
+    found = [chain_angles(chain, below, np.array(start))[0] for start in STARTS]
+    fitting = [q for q in found if np.isfinite(q).all() and (least <= q).all() and (q <= largest).all()]
+    if not fitting:
+        reason = "has no angle within its range at which the foot is below the hip: give machine.home"
+        raise BadInput("machine.joints", model.joint(leg[-1]).name, reason)
+    best = min(fitting, key=lambda q: (abs(q[0]) > 1.0, chain_points(chain, q)[2, 0] > 0.0, abs(q[0])))
+    return [float(round(angle, DIGITS)) + 0.0 for angle in best]

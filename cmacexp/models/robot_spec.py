@@ -1,0 +1,164 @@
+"""The file of a robot, MJCF or URDF, as a specification for MuJoCo, and what of it acts on the robot in a run.
+
+A run has its own gravity, medium, time step and torques, so a model's options and actuators do not act. Whatever else
+would push or hold the robot is refused.
+"""
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmacexp.errors import BadInput
+from cmacexp.models.leg import GRAVITY
+
+KEPT_OPTIONS = ("cone", "impratio")
+"""Of contacts with the rigid floor; the run decides all other options."""
+MESHES = (".stl", ".obj", ".msh")
+"""Files of meshes that MuJoCo reads."""
+POINT_INERTIA = 1e-6
+"""Moment of inertia over mass of a URDF link that has no size, m^2."""
+NO_MASS = 1e-9
+"""Mass of a URDF link below which it has none, kg."""
+NO_INERTIA = 1e-12
+"""Least principal moment of inertia, kg m^2; MuJoCo needs one above 1e-15."""
+
+
+def is_urdf(path: Path) -> bool:
+    """Whether a model file is a URDF."""
+    return bool(re.search(r"<robot[\s>]", path.read_text(errors="replace")))
+
+
+def read_spec(mujoco: Any, path: Path) -> Any:
+    """The MjSpec of a model file.
+
+    Raises:
+        BadInput: the file, or one that it names, is no model.
+        ValueError: MuJoCo refuses it.
+    """
+    if is_urdf(path):
+        spec = _read_urdf(mujoco, path)
+    else:
+        _require_regular_files(path, path.parent, {path})
+        spec = mujoco.MjSpec.from_file(str(path))
+    if spec.plugins:
+        raise BadInput("machine.path", path, "uses a plugin of MuJoCo, which a run does not have; remove it")
+    spec.compiler.discardvisual = False  # a foot may be drawn only
+    spec.memory = -1  # as much as needed: MuJoCo ends the process where a model reserves too little
+    return spec
+
+
+def _read_urdf(mujoco: Any, path: Path) -> Any:
+    """A robot that floats, with the masses of its links alone and the collision shapes that can be read."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise BadInput("machine.path", path, f"is no XML: {error}") from error
+    compilers = root.findall("mujoco/compiler")
+    folders = [path.parent, *(path.parent / each.get("meshdir", "") for each in compilers), *path.parents]
+    for link in root.iter("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+        for shape in link.findall("collision"):
+            if (mesh := shape.find("geometry/mesh")) is not None and not _find_mesh(mesh, folders):
+                link.remove(shape)
+        if (inertial := link.find("inertial")) is not None:
+            _make_possible(link, inertial)
+    for own in root.findall("mujoco"):
+        root.remove(own)
+    own = ElementTree.SubElement(root, "mujoco")
+    ElementTree.SubElement(own, "compiler", fusestatic="false", strippath="false", balanceinertia="true")
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    for geom in spec.geoms:
+        geom.mass = 0.0  # in a URDF a link without <inertial> has none
+    for mesh in spec.meshes:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # which any surface has
+    trunk = max(spec.worldbody.bodies, key=lambda body: len(body.find_all("joint")), default=None)
+    if trunk is not None and not trunk.joints:
+        trunk.add_freejoint()
+    return spec
+
+
+def _find_mesh(mesh: ElementTree.Element, folders: list[Path]) -> bool:
+    """Whether the file of a mesh is on this machine; ``package://NAME/`` is searched in the folders of the model."""
+    name = re.sub(r"^(package|model|file)://", "", mesh.get("filename", ""))
+    names = [name, name.partition("/")[2]]
+    for file in (folder / each for folder in folders for each in names if each):
+        if file.suffix.lower() in MESHES and file.is_file():
+            mesh.set("filename", str(file.resolve()))
+            return True
+    return False
+
+
+def _make_possible(link: ElementTree.Element, inertial: ElementTree.Element) -> None:
+    """Make a link without mass one without <inertial>, and an inertia that no body has its diagonal, above zero."""
+
+    def read(name: str, key: str) -> float:
+        found = inertial.find(name)
+        return float(found.get(key, "0")) if found is not None else 0.0
+
+    mass, inertia = read("mass", "value"), inertial.find("inertia")
+    xx, xy, xz, yy, yz, zz = (read("inertia", f"i{axes}") for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    if mass < NO_MASS:
+        link.remove(inertial)
+    elif inertia is not None and np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] < NO_INERTIA:
+        least = POINT_INERTIA * mass
+        inertia.attrib.update(dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
+        inertia.attrib.update(ixx=str(max(xx, least)), iyy=str(max(yy, least)), izz=str(max(zz, least)))
+
+
+def _require_regular_files(path: Path, folder: Path, known: set[Path]) -> None:
+    """Check all files that a model names: MuJoCo would wait for a FIFO, or read a device for ever.
+
+    ``path`` is that of one of its files, ``folder`` its own; ``known`` are those that have been checked, and grows.
+    """
+    text = unescape(path.read_text(errors="replace"))
+    folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
+    for name in re.findall(r"""\bfile\s*=\s*["']([^"']+)""", text):
+        for file in {folder / inner / name for inner in folders} - known:
+            known.add(file)
+            if file.exists() and not file.is_file():
+                raise BadInput("machine.path", path, f"names {name}, which is not a regular file")
+            if file.suffix.lower() in ("", ".xml", ".mjcf") and file.is_file():
+                _require_regular_files(file, folder, known)
+
+
+def settle(mujoco: Any, model: Any) -> None:
+    """Give a compiled model the options of a run: gravity, no medium, no actuators, MuJoCo's own solver; and let its
+    trunk float freely, whatever defaults for joints say.
+    """
+    default = mujoco.MjOption()
+    for name in (name for name in dir(default) if not name.startswith("_") and name not in KEPT_OPTIONS):
+        value = getattr(default, name)
+        if isinstance(value, np.ndarray):
+            getattr(model.opt, name)[:] = value
+        elif not callable(value):
+            setattr(model.opt, name, value)
+    model.opt.gravity[:] = [0.0, 0.0, -GRAVITY]
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    for free in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        dof = slice(model.jnt_dofadr[free], model.jnt_dofadr[free] + 6)
+        model.jnt_stiffness[free] = model.dof_damping[dof] = model.dof_frictionloss[dof] = 0.0
+        model.dof_armature[dof] = 0.0
+
+
+def require_own_forces(path: Path, model: Any) -> None:
+    """Require that gravity, joints and torques alone act on the robot; raises BadInput."""
+    for what in _find_others(model):
+        raise BadInput("machine.path", path, f"has {what}, which would push or hold the robot: remove it")
+
+
+def _find_others(model: Any) -> Iterator[str]:
+    for k in np.flatnonzero(model.eq_active0):
+        yield f"the equality constraint {model.equality(k).name or k}"
+    springs = model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss, model.tendon_armature
+    for k in np.flatnonzero(model.tendon_limited.astype(bool) | (np.array(springs) != 0.0).any(axis=0)):
+        yield f"the tendon {model.tendon(k).name or k} with a spring, losses, inertia or a limit"
+    for k in np.flatnonzero(model.body_gravcomp):
+        yield f"gravcomp={model.body_gravcomp[k]:g} on the body {model.body(k).name or k}"
+    if model.nflex:
+        yield "a flexible body (flex)"

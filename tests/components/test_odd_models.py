@@ -1,0 +1,351 @@
+"""Models of robots that differ from the usual: each walks on feet that carry its weight, or is refused by name."""
+
+import re
+import shlex
+
+import numpy as np
+import pytest
+from support.pages import blocks
+from support.robot_walks import EXACT, RIGID, ROBOT, TWO
+from support.robots import JOINTS, OWN, read
+
+from cmacexp.config.compose import compose_config
+from cmacexp.errors import BadInput
+from cmacexp.loop import roll_out
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.models.robot_search import find_names
+
+TEXT = OWN.read_text()
+ONE = (*ROBOT, *TWO[:-1], "cycles=1", EXACT)
+WALKS = ""
+FREE = "<freejoint/>"
+END = "</mujoco>"
+MOTORS = re.search(r"<actuator>.*</actuator>", TEXT, re.DOTALL)[0]
+SERVOS = MOTORS.replace("<motor", '<position kp="50" kv="1"')
+FL_FOOT = '<geom name="FL" class="foot" pos="0.005 0 -0.21" mass="0.05"/>'
+FL_THIGH = '<joint name="FL_thigh_joint" class="thigh"/>'
+NAMELESS = 'machine.feet=["FL_calf","FR_calf","RL_calf","RR_calf"]'
+BY_NAME = 'machine.feet=["front left",FR,RL,RR]'
+HELD = '<joint joint="FL_hip_joint" coef="1"/>'
+BLOCK = '<mesh name="block" vertex="0 0 0 .01 0 0 0 .01 0 0 0 .02"/>'
+CUBE = '<body name="cube"><freejoint/><geom type="box" size="1 1 1" mass="1"/></body>'
+HOOK = '<body name="hook" mocap="true"/>'
+
+
+def motors(**attributes):
+    """All motors with other attributes."""
+    more = " ".join(f'{name}="{value}"' for name, value in attributes.items())
+    return re.sub(r'class="(hip|thigh|calf)" (joint="\w+")', rf"\2 {more}", MOTORS)
+
+
+def each_foot(shape):
+    """The feet as other shapes."""
+    return [('class="foot" pos="0.005 0 -0.21"', shape), ('class="foot" pos="0.005 0 -0.2"', shape)]
+
+
+def option(text):
+    return [("<worldbody>", f"<option {text}</option><worldbody>" if ">" in text else f"<option {text}/><worldbody>")]
+
+
+def scaled(factor):
+    """The model in other units of length, its masses the same."""
+
+    def scale(found):
+        return f'{found[1]}="{" ".join(f"{float(x) * factor:g}" for x in found[2].split())}"'
+
+    return re.sub(r'\b(pos|size|fromto)="([^"]*)"', scale, TEXT)
+
+
+def turned(angle):
+    """The trunk's frame turned about z: all that is fixed to it is turned back, rad."""
+    head, rest = TEXT.split(FREE)
+    quaternion = f"{np.cos(angle / 2):.6f} 0 0 {np.sin(-angle / 2):.6f}"
+    inner, tail = rest.rsplit("</body>\n  </worldbody>", 1)
+    return f'{head}{FREE}<frame quat="{quaternion}">{inner}</frame></body>\n  </worldbody>{tail}'
+
+
+def leaning():
+    return turned(0.0).replace('quat="1.000000 0 0 -0.000000"', 'quat="0.7071 0.7071 0 0"')
+
+
+def mirrored():
+    """Rear knees that bend forward."""
+    changed = TEXT
+    for leg in ("RL", "RR"):
+        changed = changed.replace(
+            f'"{leg}_calf_joint" class="calf"', f'"{leg}_calf_joint" class="calf" range="0.5 2.7"'
+        )
+        changed = changed.replace(
+            f'"{leg}_thigh_joint" class="thigh"', f'"{leg}_thigh_joint" class="thigh" range="-3 1"'
+        )
+    return changed
+
+
+EVERY_HOME = "machine.home=[[0,0.9,-1.8],[0,0.9,-1.8],[0,-0.9,1.8],[0,-0.9,1.8]]"
+EQUALITY = r"machine\.path=.*: has the equality constraint {}, which would push or hold the robot"
+UNITS = r"machine\.path=.*: the {} is .*: use m, kg and rad in the model"
+
+ODD = {
+    # actuators
+    "position servos": ([(MOTORS, SERVOS)], (), WALKS),
+    "weak servos": ([(MOTORS, SERVOS.replace("50", "0.001"))], (), WALKS),
+    "velocity servos": ([(MOTORS, MOTORS.replace("<motor", '<velocity kv="9"'))], (), WALKS),
+    "a motor that pushes to one side": ([(MOTORS, motors(ctrlrange="0 30"))], (), WALKS),
+    "gears": ([(MOTORS, motors(ctrlrange="-1 1", gear="30"))], (), WALKS),
+    "a force range": ([(MOTORS, motors(forcerange="-30 30"))], (), WALKS),
+    "motors without torque": (
+        [(MOTORS, motors(ctrlrange="-1 1", gear="0"))],
+        (),
+        r"machine\.joints=FL_hip_joint: has a motor without torque",
+    ),
+    "no motors": ([(MOTORS, "")], (), r"machine\.joints=FL_hip_joint: has no actuator in the model"),
+    "limits of joints alone": (
+        [(MOTORS, ""), ('<joint armature="0.01"', '<joint armature="0.01" actuatorfrcrange="-40 40"')],
+        (),
+        WALKS,
+    ),
+    # constraints and forces
+    "a weld": (
+        [(END, f'<equality><weld name="nail" body1="trunk"/></equality>{END}')],
+        (),
+        EQUALITY.format("nail"),
+    ),
+    "coupled joints": (
+        [(END, f'<equality><joint joint1="FL_hip_joint" joint2="FR_hip_joint"/></equality>{END}')],
+        (),
+        EQUALITY.format("0"),
+    ),
+    "a weld that is not active": (
+        [(END, f'<equality><weld body1="trunk" active="false"/></equality>{END}')],
+        (),
+        WALKS,
+    ),
+    "gravity compensation": (
+        [('name="trunk"', 'name="trunk" gravcomp="1"')],
+        (),
+        r"machine\.path=.*: has gravcomp=1 on the body trunk, which would push",
+    ),
+    "a tendon with a spring": (
+        [
+            (
+                END,
+                f'<tendon><fixed name="rope" stiffness="9">{HELD}</fixed></tendon>{END}',
+            )
+        ],
+        (),
+        r"machine\.path=.*: has the tendon rope with a spring",
+    ),
+    "a tendon that does nothing": (
+        [(END, f'<tendon><fixed name="rope"><joint joint="FL_hip_joint" coef="1"/></fixed></tendon>{END}')],
+        (),
+        WALKS,
+    ),
+    "a strong spring": (
+        [(FL_THIGH, FL_THIGH.replace("/>", ' stiffness="100" springref="-3"/>'))],
+        (),
+        r"machine\.joints=FL_thigh_joint: has a spring of 390 N m at machine\.home",
+    ),
+    "a weak spring": ([(FL_THIGH, FL_THIGH.replace("/>", ' stiffness="1" springref="0.9"/>'))], (), WALKS),
+    "a trunk with losses": ([(FREE, '<joint type="free" damping="50" frictionloss="50" stiffness="9"/>')], (), WALKS),
+    "a plugin": (
+        [
+            ("<worldbody>", '<extension><plugin plugin="mujoco.elasticity.cable"/></extension><worldbody>'),
+            (FL_FOOT, f'{FL_FOOT}<plugin plugin="mujoco.elasticity.cable"/>'),
+        ],
+        (),
+        r"machine\.path=.*: (uses a plugin|.*plugin mujoco\.elasticity\.cable not found)",
+    ),
+    # options
+    "no gravity": (option('gravity="0 0 0"'), (), WALKS),
+    "gravity switched off": (option('><flag gravity="disable" damper="disable" limit="disable"/>'), (), WALKS),
+    "no constraints": (option('><flag constraint="disable" contact="disable"/>'), (RIGID,), WALKS),
+    "wind in honey": (option('wind="50 0 0" density="1000" viscosity="5"'), (), WALKS),
+    "other steps": (option('timestep="0.5" integrator="RK4" iterations="1" solver="PGS"'), (), WALKS),
+    "contacts overridden": (option('o_margin="0.1"><flag override="enable" sleep="enable"/>'), (RIGID,), WALKS),
+    "little memory": ([("<worldbody>", '<size memory="8K"/><worldbody>')], (), WALKS),
+    # other things
+    "keyframes and sensors": (
+        [
+            (END, f'<keyframe><key time="3"/></keyframe><sensor><gyro site="imu"/></sensor>{END}'),
+            (FREE, f'{FREE}<site name="imu"/>'),
+        ],
+        (),
+        WALKS,
+    ),
+    "a mocap body": ([("</worldbody>", f"{HOOK}</worldbody>")], (), WALKS),
+    "a cube beside it": ([("<worldbody>", f"<worldbody>{CUBE}")], (), r"machine\.joints=joint 0 .*: moves, too"),
+    "a listed contact": (
+        [(END, f'<contact><pair geom1="floor" geom2="FL" margin="1"/></contact>{END}')],
+        (RIGID,),
+        WALKS,
+    ),
+    # sizes
+    "millimetres": (scaled(1000.0), (), UNITS.format("length of a stretched leg")),
+    "inches": (scaled(39.37), (), UNITS.format("length of a stretched leg")),
+    "grams": ([('mass="6"', 'mass="6000"')], (), UNITS.format("mass")),
+    "tons": ([('mass="0.', 'mass="0.000'), ('mass="6"', 'mass="0.006"')], (), UNITS.format("mass")),
+    "inertia in g mm^2": (
+        [(FREE, f'{FREE}<inertial pos="0 0 0" mass="6.7" diaginertia="2e4 5e4 6e4"/>')],
+        (),
+        UNITS.format("moment of inertia of trunk"),
+    ),
+    "huge feet": ([('size="0.02" contype', 'size="0.4" contype')], (), UNITS.format("radius of a foot")),
+    # frames and home
+    "a frame turned by a quarter": (
+        turned(np.pi / 2),
+        (),
+        r"machine\.path=.*: the frame of its trunk trunk is turned by 90 degrees",
+    ),
+    "a frame turned by 30 degrees": (
+        turned(-np.pi / 6),
+        (),
+        r"is turned by 30 degrees: turn it in the model, x forward",
+    ),
+    "a frame on its side": (leaning(), (), r"the frame of its trunk trunk leans by 90 degrees"),
+    "mirrored rear knees": (mirrored(), (EVERY_HOME,), WALKS),
+    "mirrored rear knees at one home": (
+        mirrored(),
+        (),
+        r"machine\.home=.*: would stand with RL_.*_joint at .*, beyond",
+    ),
+    "straight legs": ("", ("machine.home=[0,0,0]",), WALKS),
+    "legs in the air": (
+        "",
+        ("machine.home=[0,3.1,-0.6]",),
+        r"machine\.home=.*: puts the foot .* above FL_thigh_joint",
+    ),
+    # feet and names
+    "names with spaces": ([('name="FL"', 'name="front left"')], (BY_NAME,), WALKS),
+    "feet by their bodies": ([('name="FL"', ""), ('name="RR"', "")], (NAMELESS,), WALKS),
+    "capsules": (each_foot('type="capsule" size="0.02" fromto="0.005 0 -0.1 0.005 0 -0.21"'), (RIGID,), WALKS),
+    "boxes": (each_foot('type="box" size="0.02 0.02 0.01" pos="0.005 0 -0.21"'), (), WALKS),
+    "cylinders": (each_foot('type="cylinder" size="0.02 0.01" euler="1.5708 0 0" pos="0.005 0 -0.21"'), (), WALKS),
+    "ellipsoids": (each_foot('type="ellipsoid" size="0.02 0.01 0.03" pos="0.005 0 -0.21"'), (RIGID,), WALKS),
+    "meshes": (
+        [
+            ("<worldbody>", f"<asset>{BLOCK}</asset><worldbody>"),
+            *each_foot('type="mesh" mesh="block" pos="0.005 0 -0.21"'),
+        ],
+        (),
+        WALKS,
+    ),
+    "a joint that drives itself": ([('damping="0.5"', 'damping="-5"')], (), UNITS.format("least damping of a joint")),
+    "a site": ([(FL_FOOT, f'{FL_FOOT.replace("FL", "ball")}<site name="FL" pos="0.005 0 -0.21"/>')], (), WALKS),
+}
+
+
+def make(folder, change):
+    """A model file of a text, or of replacements in the project's own."""
+    text = TEXT
+    for old, new in change if isinstance(change, list) else ():
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "odd.xml"
+    path.write_text(change if isinstance(change, str) and change else text)
+    return path
+
+
+@pytest.mark.parametrize("what", ODD)
+def test_an_odd_model_walks_or_is_refused_by_name(tmp_path, what):
+    change, overrides, message = ODD[what]
+    ours = [*ONE, f"machine.path={make(tmp_path, change)}", *overrides]
+    if message:
+        with pytest.raises(BadInput, match=message) as raised:
+            make_scenario(compose_config(ours))
+        assert len(str(raised.value).splitlines()) == 1
+        return
+    require_walk(ours)
+
+
+def require_walk(overrides):
+    scenario = make_scenario(compose_config(overrides))
+    run = roll_out(scenario)
+    assert run.status == "completed", run.cause
+    weight, height = scenario.setup.mechanism.weight, scenario.setup.config.machine.hip_height
+    assert run.columns()["force"].sum(axis=1).mean() == pytest.approx(weight, rel=0.03)
+    assert run.body_columns()["height"] == pytest.approx(height, rel=0.05)
+
+
+URDF_LEG = """
+<joint name="{0}_HAA" type="revolute"><parent link="base"/><child link="{0}_hip"/><origin xyz="{1} {2} 0"/>
+  <axis xyz="1 0 0"/><limit lower="-0.9" upper="0.9" effort="31" velocity="9"/>
+  <dynamics damping="0.5" friction="0.2"/></joint>
+<link name="{0}_hip"><inertial><mass value="0.6"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>
+  </inertial><visual><geometry><mesh filename="package://nowhere/hip.dae"/></geometry></visual></link>
+<joint name="{0}_HFE" type="revolute"><parent link="{0}_hip"/><child link="{0}_thigh"/><origin xyz="0 {3} 0"/>
+  <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="32" velocity="9"/><dynamics damping="0.5"/></joint>
+<link name="{0}_thigh"><inertial><origin xyz="0 0 -0.1"/><mass value="0.8"/>
+  <inertia ixx="3e-3" ixy="0" ixz="0" iyy="3e-3" iyz="0" izz="1e-3"/></inertial>
+  <collision><geometry><mesh filename="package://nowhere/thigh.stl"/></geometry></collision></link>
+<joint name="{0}_KFE" type="revolute"><parent link="{0}_thigh"/><child link="{0}_shank"/><origin xyz="0 0 -0.2"/>
+  <axis xyz="0 1 0"/><limit lower="{4}" upper="{5}" effort="33" velocity="9"/><dynamics damping="0.5"/></joint>
+<link name="{0}_shank"><inertial><origin xyz="0 0 -0.1"/><mass value="0.2"/>
+  <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-5"/></inertial></link>
+<joint name="{0}_ankle" type="fixed"><parent link="{0}_shank"/><child link="{0}_FOOT"/>
+  <origin xyz="0 0 -0.2"/></joint>
+<link name="{0}_FOOT"><collision><geometry><sphere radius="0.02"/></geometry></collision></link>
+"""
+
+
+def write_urdf(folder):
+    """A robot whose rear knees bend forward, with meshes that are not there and a root without mass."""
+    corners = (("RH", -1, -1), ("LH", -1, 1), ("RF", 1, -1), ("LF", 1, 1))
+    legs = [
+        URDF_LEG.format(name, 0.19 * x, 0.05 * y, 0.08 * y, *((-2.7, -0.3) if x > 0 else (0.3, 2.7)))
+        for name, x, y in corners
+    ]
+    base = """<robot name="r"><link name="root"/>
+      <joint name="fix" type="fixed"><parent link="root"/><child link="base"/></joint>
+      <link name="base"><inertial><mass value="6"/>
+      <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.08" iyz="0" izz="0.09"/></inertial></link>"""
+    path = folder / "robot of ours.urdf"
+    path.write_text(f"{base}{''.join(legs)}</robot>")
+    return path
+
+
+def test_a_urdf_walks_with_its_limits_and_losses_by_the_names_that_are_found(tmp_path):
+    path = write_urdf(tmp_path)
+    joints, feet, home = find_names(path)
+    legs = ("LF", "RF", "LH", "RH")
+    assert joints == [[f"{leg}_{name}" for name in ("HAA", "HFE", "KFE")] for leg in legs]
+    assert feet == [f"{leg}_FOOT" for leg in legs]
+    assert [angles[2] < 0.0 for angles in home] == [True, True, False, False]
+    robot = read(path, joints, feet, home)
+    assert robot.mass == pytest.approx(12.4)
+    assert list(robot.torque_limits) == [31.0, 32.0, 33.0]
+    assert (list(robot.friction), list(robot.damping)) == ([0.2, 0.0, 0.0], [0.5] * 3)
+    command = next(block.code for block in blocks("robots.md") if "machine.joints=" in block.code)
+    words = shlex.split(command)[1:]
+    assert words[:3] == ["-m", "cmacexp", "scenario=robot"]
+    machine = compose_config([*words[2:], f"machine.path='{path}'"]).machine
+    assert (machine.joints, machine.feet, machine.home) == (joints, feet, home)
+    require_walk([*ONE, *words[2:], f"machine.path='{path}'", "sampling_period=0.0005"])
+
+
+@pytest.mark.parametrize("what", ["mirrored rear knees", "feet by their bodies", "names with spaces", "a site"])
+def test_legs_are_found_by_how_bodies_hang_together(tmp_path, what):
+    path = make(tmp_path, ODD[what][0])
+    joints, feet, home = find_names(path)
+    assert tuple(map(tuple, joints)) == JOINTS
+    robot = read(path, joints, feet, home)
+    assert robot.feet_at_zero == pytest.approx(read().feet_at_zero, abs=1e-9)
+    assert (robot.home >= robot.ranges[..., 0]).all()
+    assert (robot.home <= robot.ranges[..., 1]).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<robot >", r"machine\.path=.*: is no XML"),
+        ("<robot><link name='a'/></robot>", r"machine\.path=.*: MuJoCo refuses the model: Error: mass and inertia"),
+        (turned(np.pi / 2), r"the frame of its trunk trunk is turned by 90 degrees"),
+        (leaning(), r"the frame of its trunk trunk leans by 90 degrees"),
+        (TEXT.replace('name="FL_hip_joint"', "").replace(MOTORS, ""), r"has joints or feet without a name"),
+        (TEXT.replace(FREE, ""), r"has 0 chains of three hinges on a trunk that floats"),
+    ],
+)
+def test_a_file_without_legs_is_refused(tmp_path, text, message):
+    path = tmp_path / "robot.urdf"
+    path.write_text(text)
+    with pytest.raises(BadInput, match=message):
+        find_names(path)
