@@ -8,7 +8,7 @@ from cmacexp.cmac.memory import read, read_weighted, train
 from cmacexp.cmac.rules import NEIGHBOURS, PAPER, RuleParams, rate_after, train_by_rule
 from cmacexp.cmac.spread import train_spread
 from cmacexp.feedforward.weight_log import WeightLog, log_cycle
-from cmacexp.jit.compiler import kernel
+from cmacexp.jit.compiler import kernel, kernel_apart
 from cmacexp.typing import Array, Cells, Scratch, State
 
 TABLE, CMAC, WEIGHTED = range(3)
@@ -167,3 +167,17 @@ def correct(params: FeedforwardParams | None, errors: Array, output: Array, torq
                                 PAPER, params.weights[i], params.cells[sample, i],
                                 params.activation[sample, i], errors[k, i], params.learning.cycle_rate,
                             )  # fmt: skip
+
+
+@kernel_apart
+def exchange(params: FeedforwardParams | None, kept: Array, keep: bool) -> None:
+    """Copy the weights in use to ``kept`` (L, M, J), or back from there."""
+    if params is not None and kept.shape[1] > 0:
+        for i in range(kept.shape[0]):
+            for m in range(params.log.used[i]):
+                row = params.log.rows[i, m]
+                for o in range(kept.shape[2]):
+                    if keep:
+                        kept[i, m, o] = params.weights[i, row, o]
+                    else:
+                        params.weights[i, row, o] = kept[i, m, o]

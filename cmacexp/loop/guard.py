@@ -14,7 +14,7 @@ import numpy as np
 
 from cmacexp.config.schema import REFINE
 from cmacexp.control.hybrid_kernels import HybridState
-from cmacexp.feedforward.kernels import FeedforwardParams, correct
+from cmacexp.feedforward.kernels import FeedforwardParams, correct, exchange
 from cmacexp.jit.compiler import kernel, kernel_apart
 from cmacexp.loop.probe import (
     CYCLES_LEFT,
@@ -50,13 +50,16 @@ PHASE, STEPS, CYCLE, LEARNT, SETTLING, SLOT, BEST_CYCLE, EVENTS, ALARM = range(9
 """Counters: phase; steps seen of this cycle; cycles begun; cycles of the phase; cycles before it is judged; the slot
 of the torque that acts, the other one holds that of the best cycle; that cycle, 0: none; events; whether a step was
 beyond a limit."""
-EFFORT, ERROR, MOTION, EFFORT_ALONE, ERROR_ALONE, MOTION_PLANNED, LAST, BEST, LOWEST = range(9)
+EFFORT, ERROR, MOTION, EFFORT_ALONE, ERROR_ALONE, MOTION_PLANNED, LAST, BEST, LOWEST, WHOLE = range(10)
 """Values: sums of squares over this cycle; the roots of those of feedback alone, and the planned sum of motion; error
-of the last cycle over that of feedback alone; level of the best cycle; lowest mean level."""
+of the last cycle over that of feedback alone; level of the best cycle; lowest mean level; sum of squares of effort
+and feedforward together."""
 EFFORT_LIMIT, SPEED_LIMIT, TILT_LIMIT = range(3)
 """Limits of one step, as squares: of the effort, the joint velocities and the tilt of the body."""
 HIGHEST = (3.0, 1.3, 1.4)
 """Ratios of these limits to the peaks with feedback alone."""
+UPRIGHT = 0.1
+"""Tilt of a body below which it is far from a fall, rad."""
 HIGHEST_EFFORT = 2.0
 """Effort of a cycle, over that of feedback alone, that no smaller error justifies."""
 CHATTERS = 3.0
@@ -83,7 +86,7 @@ class Guard(NamedTuple):
     counts: Annotated[Counts, CLOCK]
     """(9,): counters."""
     values: Clock
-    """(9,): values."""
+    """(10,): values."""
     limits: Clock
     """(3,): limits of one step; learning ends at once beyond them."""
     lever: float
@@ -142,8 +145,9 @@ def new_guard(
     limits = np.zeros(3)
     motion = (planned**2).sum(axis=(1, 2))
     limits[SPEED_LIMIT] = HIGHEST[SPEED_LIMIT] ** 2 * motion.max()
+    limits[TILT_LIMIT] = UPRIGHT**2
     lever = 0.5 * float((mechanism.hips**2).sum()) if has_body(mechanism) else 0.0
-    values = np.zeros(9)
+    values = np.zeros(10)
     values[[MOTION_PLANNED, BEST, LOWEST]] = motion.sum(), 1.0, math.inf
     counts = np.zeros(9, dtype=np.int64)
     if has_learnt and probe_seed is None:
@@ -180,6 +184,12 @@ def lets_learn(guard: Guard | None) -> bool:
 
 
 @kernel
+def starts_learnt(guard: Guard) -> bool:
+    """Whether this is the first cycle of a run that starts from what another one has learnt."""
+    return guard.counts[PHASE] == LEARNING and guard.values[EFFORT_ALONE] == 0.0
+
+
+@kernel
 def raise_limits(limits: Array, effort: float, speed: float, tilt: float) -> None:
     """Raise the limits (3,) to what a step of feedback alone allows."""
     limits[EFFORT_LIMIT] = max(limits[EFFORT_LIMIT], HIGHEST[EFFORT_LIMIT] ** 2 * effort)
@@ -195,10 +205,13 @@ def watch(guard: Guard | None, sample: int, support: Mask, control: HybridState,
     """
     if guard is None:
         return
-    counts, values, effort, error, speed = guard.counts, guard.values, 0.0, 0.0, 0.0
+    counts, values, learnt = guard.counts, guard.values, starts_learnt(guard)
+    effort, error, speed, whole = 0.0, 0.0, 0.0, 0.0
     for i in range(support.shape[0]):
         for j in range(control.reference.shape[1]):
             effort += control.learning_error[i, j] * control.learning_error[i, j]
+            if learnt:
+                whole += (control.learning_error[i, j] + guard.torque[counts[SLOT], sample, i, j]) ** 2
             speed += observation.dq[i, j] * observation.dq[i, j]
             if j != 1 or not support[i]:  # the force of a supporting foot is controlled, not its height
                 off = control.reference[i, j] - observation.foot[i, j]
@@ -209,10 +222,13 @@ def watch(guard: Guard | None, sample: int, support: Mask, control: HybridState,
     values[EFFORT] += effort
     values[ERROR] += error + guard.lever * tilt
     values[MOTION] += speed
+    if learnt:
+        effort = whole
+        values[WHOLE] += whole
     counts[STEPS] += 1
     note_response(guard.probe, sample, control.learning_error)
     if effort > guard.limits[EFFORT_LIMIT] or speed > guard.limits[SPEED_LIMIT] or tilt > guard.limits[TILT_LIMIT]:
-        if LEARNING <= counts[PHASE] < ALONE and values[EFFORT_ALONE] > 0.0:
+        if LEARNING <= counts[PHASE] < ALONE and not learnt:
             counts[ALARM] = 1
         else:
             raise_limits(guard.limits, effort, speed, tilt)
@@ -240,20 +256,6 @@ def copy_slot(torque: Array, slot: int) -> None:
         for i in range(torque.shape[2]):
             for j in range(torque.shape[3]):
                 torque[1 - slot, k, i, j] = torque[slot, k, i, j]
-
-
-@kernel_apart
-def exchange(params: FeedforwardParams | None, kept: Array, keep: bool) -> None:
-    """Copy the weights in use to ``kept`` (L, M, J), or back from there."""
-    if params is not None and kept.shape[1] > 0:
-        for i in range(kept.shape[0]):
-            for m in range(params.log.used[i]):
-                row = params.log.rows[i, m]
-                for o in range(kept.shape[2]):
-                    if keep:
-                        kept[i, m, o] = params.weights[i, row, o]
-                    else:
-                        params.weights[i, row, o] = kept[i, m, o]
 
 
 @kernel_apart
@@ -303,6 +305,16 @@ def measure_alone(guard: Guard) -> None:
     values[EFFORT_ALONE], values[ERROR_ALONE] = math.sqrt(values[EFFORT]) + TINY, math.sqrt(values[ERROR]) + TINY
 
 
+@kernel_apart
+def infer_alone(guard: Guard) -> None:
+    """Feedback alone would have to give what feedback and feedforward gave together, with errors in proportion."""
+    values = guard.values
+    measure_alone(guard)
+    values[BEST] = values[EFFORT_ALONE] / (math.sqrt(values[WHOLE]) + TINY)
+    values[EFFORT_ALONE] /= values[BEST]
+    values[ERROR_ALONE] /= values[BEST]
+
+
 @kernel
 def chatters(values: Array) -> bool:
     """Whether the joints moved far more in the cycle that has ended than planned."""
@@ -335,8 +347,10 @@ def judge(guard: Guard, params: FeedforwardParams | None, step: int) -> None:
             learn_from_now_on(guard)
     elif probe.counts[LEARN_AGAIN] != 0:
         learn_from_now_on(guard)
-    elif values[EFFORT_ALONE] == 0.0:
-        measure_alone(guard)
+    elif starts_learnt(guard) and chatters(values):
+        retreat(guard, params, step, CHATTER)
+    elif starts_learnt(guard):
+        infer_alone(guard)
         counts[BEST_CYCLE], counts[SLOT] = counts[CYCLE], 1 - counts[SLOT]
         exchange(params, guard.weights, True)
     elif counts[SETTLING] == 0 and begin_probe(probe, values[EFFORT_ALONE]):

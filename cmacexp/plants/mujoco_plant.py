@@ -10,6 +10,7 @@ from cmacexp.config import ComponentConfig, number
 from cmacexp.errors import BadInput, Diverged
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.models.robot import load_mujoco
+from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.kernels import new_state
@@ -83,15 +84,22 @@ class MujocoPlant:
         self.config = config
 
     def begin(
-        self, setup: Setup, made: Model, touch: Touch, start: Array, floor: Counts | None = None
+        self,
+        setup: Setup,
+        made: Model,
+        touch: Touch,
+        start: Array,
+        floor: Counts | None = None,
+        moving: bool = False,
     ) -> Measurement:
-        """Start at rest, the trunk level, every foot sticking where it is.
+        """Start with the trunk level, every foot sticking where it is.
 
         Args:
             setup: of the run.
             made: the machine.
             touch: of a foot with elastic ground.
             start: (L, J): joint angles, rad.
+            moving: with the planned velocities; else at rest.
             floor: (L,): which values of MuJoCo's sensors are normal forces of its own contacts; None: ``touch`` acts.
         """
         config, mechanism, mujoco = setup.config, setup.mechanism, load_mujoco()
@@ -108,6 +116,9 @@ class MujocoPlant:
             data.qpos[first + 3 : first + 7] = [1.0, 0.0, 0.0, 0.0]
             trunk_rate = data.qvel[first_rate : first_rate + 6]
         data.qpos[q] = start
+        if moving:
+            trunk_rate[:2] = setup.plan.sway.rate[0] + np.array([config.body_speed, 0.0])
+            data.qvel[dq] = setup.plan.joints[0][:, JOINT_COLUMNS["velocity"]]
         mujoco.mj_step1(model, data)
         fixed_to = model.geom_bodyid[foot]
         point, body, root = (indices.astype(np.int64) for indices in (foot, fixed_to, model.body_rootid[fixed_to]))

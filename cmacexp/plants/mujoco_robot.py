@@ -79,6 +79,8 @@ class MujocoRobot(MujocoPlant):
         """Stiffness of the spring that holds a sticking foot."""
         friction_damping: float = number("N s/m", at_least=0, at_most=1e5, needs=("own.contact == 'elastic'",))
         """Damping beside that spring."""
+        start_moving: bool = field(kw_only=True)
+        """Start with the planned velocities, as in the middle of a walk; false: from rest."""
         as_built: AsBuilt = field(kw_only=True)
         """In what the robot differs from its model."""
 
@@ -112,7 +114,8 @@ class MujocoRobot(MujocoPlant):
         model.opt.integrator = self.mujoco.mjtIntegrator.mjINT_EULER
         model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_AUTORESET
         made = Model(model, legs.base, legs.joint, feet, origin)
-        measured = self.begin(setup, made, self.config.touch(setup), self.config.draw_start(setup), floor)
+        start, moving = self.config.draw_start(setup), self.config.start_moving
+        measured = self.begin(setup, made, self.config.touch(setup), start, floor, moving)
         if floor is None:
             return measured
         self.mujoco.mj_forward(self.model, self.data)
