@@ -106,6 +106,18 @@ def setting_rows(config: Config, keys: Sequence[str] = SETTINGS) -> list[list[st
     return [[key, described[key].unit, format_number(values[key])] for key in keys if key in values]
 
 
+def _count_margin(config: Config) -> int | None:
+    """Samples of further delay that the gains allow; None with a controller of the user's own."""
+    from cmacexp.control import HybridController
+    from cmacexp.loop.factory import make_component
+    from cmacexp.loop.scenario import count_lateness, require_margin
+
+    controller, sensors = (make_component(group, getattr(config, group)) for group in ("controller", "sensors"))
+    if not isinstance(controller, HybridController):
+        return None
+    return require_margin(config, controller.config, count_lateness(config, sensors))
+
+
 def _show(arguments: argparse.Namespace) -> int:
     chosen = _choose(arguments.robot)
     if len(chosen) > 1 and not any(word.startswith("machine.") for word in arguments.overrides):
@@ -119,6 +131,9 @@ def _show(arguments: argparse.Namespace) -> int:
     say(str(robot.path))
     print(f"mass {format_number(basis.mass, 'kg')}, links {length_1:.3g} m and {length_2:.3g} m")
     print(f"a foot feels {format_number(basis.foot_mass, 'kg')} at least, {basis.ratio:.3g} of the mass")
+    if (margin := _count_margin(config)) is not None:
+        words = f"{margin} more samples, {format_number(1e3 * margin * config.sampling_period, 'ms')}"
+        print(f"feedback may be late by {words}, before the lightest foot is unstable")
     print_table(["", "unit", "hip", "thigh", "calf"], joint_rows(robot))
     print_table(["", "unit", "value"], setting_rows(config))
     return 0

@@ -8,9 +8,9 @@ import numpy as np
 
 from cmacexp.cmac.rules import derive_rate, find_rule
 from cmacexp.config import Config
-from cmacexp.config.machine import PointMassMachine
+from cmacexp.config.machine import PointMassMachine, RobotMachine, read_model
 from cmacexp.config.schema import AUTO, NONE
-from cmacexp.control import Controller
+from cmacexp.control import Controller, HybridController
 from cmacexp.data.weights import read_weights
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.feedforward import Feedforward, Learns
@@ -18,6 +18,8 @@ from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
 from cmacexp.loop.validation import require_finite, take_measurement
 from cmacexp.models.lateness import Lateness, add_up
+from cmacexp.models.lead import discretise
+from cmacexp.models.robot_gains import derive_basis, find_delay_margin
 from cmacexp.planning import Plan, Setup, make_plan
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.machine import check_load_sharing, make_mechanism
@@ -70,6 +72,17 @@ def count_lateness(config: Config, sensors: Sensors) -> Lateness:
     declared = (getattr(sensors, name, None) for name in ("feedback_delay", "feedback_lag"))
     delay, lag = (declare(uses_velocity) if declare else 0 for declare in declared)
     return add_up((config.actuator.delay, config.actuator.lag), (delay, lag))
+
+
+def require_margin(config: Config, control: HybridController.Config, late: Lateness) -> int:
+    """Samples by which the feedback of a robot may be later before its feet shake.
+
+    Raises:
+        BadInput: they shake already.
+    """
+    lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
+    foot_mass = derive_basis(read_model(config.machine)).foot_mass
+    return find_delay_margin(foot_mass, control.velocity_gain, lead.b0, config.sampling_period, late)
 
 
 def resolve_lead(config: Config, sensors: Sensors) -> int:
@@ -156,7 +169,10 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     check_weights(config, components["feedforward"])
     plan = make_plan(config, mechanism, components["feedforward"].acts)
     lead = resolve_lead(config, components["sensors"])
-    rate = resolve_rate(config, count_lateness(config, components["sensors"]), lead)
+    late = count_lateness(config, components["sensors"])
+    if isinstance(config.machine, RobotMachine) and isinstance(components["controller"], HybridController):
+        require_margin(config, components["controller"].config, late)
+    rate = resolve_rate(config, late, lead)
     start = _start(config, plan, mechanism.shape[1])
     setup = Setup(config, mechanism, plan, start, read_weights(config), lead, rate)
     first, fault = new_measurement(*mechanism.shape), None

@@ -16,8 +16,9 @@ from cmacexp.models.leg import GRAVITY
 from cmacexp.models.robot import Robot, load_mujoco
 from cmacexp.models.robot_legs import LEGS
 
-STABLE_SHARE = 0.3
-"""Feedback of the velocity over that from which on the lightest foot is unstable; 0.5 falls on two robots."""
+STABLE_SHARE, MOST_SHARE = 0.3, 0.5
+"""Feedback of the velocity over that from which on the lightest foot is unstable: by rule, and at most; with 0.5 two
+robots fall."""
 MOST_FEEDBACK = 0.6
 """Feedback of the velocity over what would stop the lightest foot within a sample."""
 DECAY_TIME = 0.1
@@ -197,3 +198,25 @@ def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, latenes
         elasticity=elasticity,
         admittance=DECAY_TIME * elasticity,
     )
+
+
+def find_delay_margin(foot_mass: float, gain: float, lead_gain: float, period: float, lateness: Lateness) -> int:
+    """Samples by which feedback may be later before the lightest foot is unstable.
+
+    Args:
+        foot_mass: m_f, kg.
+        gain: K_av, N s/m.
+        lead_gain: b0.
+        period: of sampling, T_s, s.
+        lateness: of the feedback without these samples.
+
+    Raises:
+        BadInput: the gain is too high for feedback that late; names one that works.
+    """
+    feedback, critical = gain * lead_gain * period / foot_mass, lateness.find_critical_gain(period)
+    if feedback > MOST_SHARE * critical:
+        most = gain * choose_feedback(lateness, period) / feedback
+        words = f"{feedback / critical:.2g} of what makes the lightest foot unstable, with feedback that late"
+        raise BadInput("controller.velocity_gain", gain, f"is {words}; use {most:.4g}, as by rule")
+    later = (lateness._replace(delay=lateness.delay + samples) for samples in itertools.count(1))
+    return next(n for n, late in enumerate(later) if feedback >= late.find_critical_gain(period))
