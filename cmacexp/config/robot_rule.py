@@ -27,6 +27,8 @@ CYCLE_STEP = 0.04
 """Cycles are multiples of this, so that feet touch down at samples, s."""
 RAMP_SHARE = 0.05
 """Duration of the ramps of the load over that of the cycle."""
+SHORTEST_RAMP = 0.012
+"""s"""
 DIGITS = 6
 """Significant digits of a number by rule: the config, and its hash, are the same with another MuJoCo."""
 
@@ -91,7 +93,7 @@ STRIDE: dict[str, Callable[[DictConfig], float | list[float]]] = {
     "cycle_time": _choose_cycle,
     "stroke": _choose_stroke,
     "touch_down": _choose_touch_downs,
-    "load_ramp": lambda root: round(RAMP_SHARE * _read_number(root, "gait.cycle_time"), DIGITS),
+    "load_ramp": lambda root: round(max(RAMP_SHARE * _read_number(root, "gait.cycle_time"), SHORTEST_RAMP), DIGITS),
 }
 """What follows from the gait, its speed and the length of the legs."""
 

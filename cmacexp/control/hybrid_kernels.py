@@ -53,7 +53,7 @@ class HybridParams(NamedTuple):
     posture_rate_gain: float
     """Gain of the posture term in the velocity reference; 0 as in the paper."""
     fault_detection: FaultDetection
-    steering: Steering | None
+    steering: Steering | None = None
     """None where nothing is steered."""
 
 

@@ -52,8 +52,7 @@ of the torque that acts, the other one holds that of the best cycle; that cycle,
 beyond a limit."""
 EFFORT, ERROR, MOTION, EFFORT_ALONE, ERROR_ALONE, MOTION_PLANNED, LAST, BEST, LOWEST, WHOLE = range(10)
 """Values: sums of squares over this cycle; the roots of those of feedback alone, and the planned sum of motion; error
-of the last cycle over that of feedback alone; level of the best cycle; lowest mean level; sum of squares of effort
-and feedforward together."""
+of the last cycle over that of feedback alone; level of the best cycle; lowest mean level; sum with feedforward."""
 EFFORT_LIMIT, SPEED_LIMIT, TILT_LIMIT = range(3)
 """Limits of one step, as squares: of the effort, the joint velocities and the tilt of the body."""
 HIGHEST = (3.0, 1.3, 1.4)
@@ -222,16 +221,14 @@ def watch(guard: Guard | None, sample: int, support: Mask, control: HybridState,
     values[EFFORT] += effort
     values[ERROR] += error + guard.lever * tilt
     values[MOTION] += speed
-    if learnt:
-        effort = whole
-        values[WHOLE] += whole
+    values[WHOLE] += whole
     counts[STEPS] += 1
     note_response(guard.probe, sample, control.learning_error)
     if effort > guard.limits[EFFORT_LIMIT] or speed > guard.limits[SPEED_LIMIT] or tilt > guard.limits[TILT_LIMIT]:
         if LEARNING <= counts[PHASE] < ALONE and not learnt:
             counts[ALARM] = 1
         else:
-            raise_limits(guard.limits, effort, speed, tilt)
+            raise_limits(guard.limits, max(effort, whole), speed, tilt)
 
 
 @kernel

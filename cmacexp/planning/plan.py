@@ -7,6 +7,7 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import QuadrupedMachine, RobotMachine
+from cmacexp.errors import BadInput
 from cmacexp.models.ground import NEVER
 from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, SPACE, Mechanism, has_body
 from cmacexp.planning.body_load import BodyLoad, dynamic_load, static_load
@@ -24,8 +25,10 @@ from cmacexp.typing import Array, Mask
 
 LOAD_PASSES = 2
 """Forces depress the feet, which moves the masses that cause them: one pass reduces the error a thousandfold."""
-SWAY_PASSES = 5
-"""Each reduces what is missing in the moments tenfold."""
+SWAY_PASSES = 8
+"""Each reduces what is missing in the moments to a third, or to less."""
+OUT_OF_BALANCE = 0.005
+"""Mean distance of the centre of pressure from where it should be, over the height of the hips, that is too much."""
 LEAST_LOAD = 0.1
 """Share of the planned load that the feet always share."""
 
@@ -96,14 +99,26 @@ def _start_walk(config: Config, mechanism: Mechanism) -> _Walk:
     return _Walk(config, mechanism, timing, feet + mechanism.hips, still)
 
 
-def _sway(walk: _Walk, load: BodyLoad) -> _Walk:
-    """The body sways so that the feet can give the centre of pressure that the ``load`` needs."""
+def _sway(walk: _Walk, load: BodyLoad) -> tuple[_Walk, Array]:
+    """The body sways so that the feet can give the pressure that the ``load`` needs; what was missing (N, 2), m."""
     config, sway = walk.config, walk.sway
     fraction, _ = plan_load_fraction(config, walk.timing)
     missing = find_pressure(walk.feet, fraction, load.centre) - load.centre
     more = find_sway(missing, walk.mechanism.hip_height, config.sampling_period)
     swaying = Sway(*(old + new for old, new in zip(sway, more, strict=True)))
-    return walk._replace(feet=walk.feet - more.place[:, None], sway=swaying)
+    return walk._replace(feet=walk.feet - more.place[:, None], sway=swaying), missing
+
+
+def _require_balance(config: Config, missing: Array, height: float) -> None:
+    """Require that the passes have found a sway; ``missing`` (N, 2) is what the last one added, m.
+
+    Raises:
+        BadInput: they have not: the feet are too close together, or the legs too heavy.
+    """
+    off = np.abs(missing).mean()
+    if not off < OUT_OF_BALANCE * height:
+        reason = f"tips this body over: pressure would have to be {1e3 * off:.3g} mm outside its feet on average"
+        raise BadInput("gait.pattern", config.gait.pattern, f"{reason}; use gait=wave, or a longer gait.duty_factor")
 
 
 def _plan_under_load(walk: _Walk, load: BodyLoad, met: Met = NOTHING) -> tuple[Array, Array, Array]:
@@ -146,7 +161,8 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
         feedforward_acts: False for feedback alone, which stays in the stage BEFORE.
 
     Raises:
-        BadInput: a foot path leaves the reach of its leg, legs would cross, or the gait is not statically stable.
+        BadInput: a foot path leaves the reach of its leg, legs would cross, or the gait is neither statically stable
+            nor one in which a swaying body keeps its balance.
     """
     walk = _start_walk(config, mechanism)
     timing, feet = walk.timing, walk.feet
@@ -160,8 +176,10 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
         for _ in range(SWAY_PASSES if dynamic else LOAD_PASSES):
             load = _moving_load(walk, desired, joints)
             if dynamic:
-                walk = _sway(walk, load)
+                walk, missing = _sway(walk, load)
             desired, joints, force = _plan_under_load(walk, load)
+        if dynamic:
+            _require_balance(config, missing, mechanism.hip_height)
     if mechanism.kind == LEGS_UNDER_BODY:
         check_crossing(config, mechanism, joints)
     return Plan(

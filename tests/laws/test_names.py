@@ -4,11 +4,12 @@ from dataclasses import fields
 
 import pytest
 from omegaconf import OmegaConf
+from support.robots import OWN
 
 from cmacexp.cmac.addressing import DISPLACEMENTS
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS
 from cmacexp.config import config_folder
-from cmacexp.config.cmac import INPUTS, CmacConfig
+from cmacexp.config.cmac import INPUTS, PHASE, CmacConfig
 from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.schema import ForceControlConfig
 from cmacexp.control.hybrid_kernels import METHODS
@@ -25,7 +26,7 @@ CHOICES = [
     (ForceControlConfig, "method", SUPPORT_REFERENCES),
     (CmacConfig, "displacement", DISPLACEMENTS),
     (CmacConfig, "receptive_field", RECEPTIVE_FIELDS),
-    (CmacConfig, "inputs", JOINT_COLUMNS),
+    (CmacConfig, "inputs", (*JOINT_COLUMNS, PHASE)),
     (Perceptron.Config, "inputs", INPUTS),
     (RadialBasis.Config, "inputs", INPUTS),
     (FaultConfig, "kind", FAULTS),
@@ -41,14 +42,18 @@ def test_a_field_and_the_table_of_its_choices_have_the_same_names(config, name, 
 
 @pytest.mark.parametrize("name", PATTERNS)
 def test_a_gait_has_options_with_which_it_is_valid(name, make_config):
-    options = {path.stem: OmegaConf.load(path) for path in (config_folder() / "gait").glob("*.yaml")}
-    found = [stem for stem, values in options.items() if values.pattern == name]
-    assert found
     pattern = PATTERNS[name]
     scenario = "scenario=quadruped" if pattern.legs == 4 else "scenario=force_step"
+    robot = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}") if pattern.is_dynamic else (scenario,)
+    options = [path.stem for path in (config_folder() / "gait").glob("*.yaml")]
+    found = [
+        option for option in options if OmegaConf.load(config_folder() / f"gait/{option}.yaml").get("pattern") == name
+    ]
+    assert found
     for option in found:
-        assert make_config(scenario, f"gait={option}").legs == pattern.legs
-        phases = compute_touch_downs(name, options[option].duty_factor)
+        config = make_config(*robot, f"gait={option}")
+        assert config.legs == pattern.legs
+        phases = compute_touch_downs(name, config.gait.duty_factor)
         assert len(phases) == pattern.legs
         assert all(0.0 <= phase < 1.0 for phase in phases)
 

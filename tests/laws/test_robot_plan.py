@@ -22,7 +22,7 @@ def planned():
     setup = make_scenario(compose_config([*ROBOT, f"machine.path={OWN}", EXACT])).setup
     joints = setup.plan.joints
     angles, rates, accelerations = (joints[..., JOINT_COLUMNS[name]] for name in JOINT_COLUMNS)
-    needs = compute_needs(setup.config, joints)
+    needs = compute_needs(setup.config, joints, setup.plan.sway)
     return SimpleNamespace(
         **vars(setup), angles=angles, rates=rates, accelerations=accelerations, needs=needs,
         force=setup.plan.force_desired,
@@ -48,7 +48,10 @@ def test_feet_share_the_vertical_force_that_masses_need(planned):
 def test_the_centre_of_pressure_is_where_masses_need_it_unless_a_foot_would_have_to_pull(planned):
     feet = planned.mechanism.hips + planned.plan.desired[..., [X, Z]]
     centre = (planned.force[..., None] * feet).sum(axis=1) / planned.force.sum(axis=1)[:, None]
-    met = np.abs(centre - compute_load(planned.config, planned.plan.joints).centre).max(axis=1) < 1e-6
+    met = (
+        np.abs(centre - compute_load(planned.config, planned.plan.joints, planned.plan.sway).centre).max(axis=1)
+        < 1e-6
+    )
     would_pull = (planned.plan.support & (planned.force == 0.0)).any(axis=1)
     assert (met | would_pull).all()
     assert met.mean() > 0.9
@@ -66,7 +69,7 @@ def test_planned_torques_and_forces_leave_nothing_for_mujoco_to_add(planned):
     mujoco, robot, force = load_mujoco(), read(), planned.force
     model, legs = make_model(robot.model), robot.legs
     data = mujoco.MjData(model)
-    torque = planned_torques(planned.config, planned.mechanism, planned.plan.joints, force, force)
+    torque = planned_torques(planned.config, planned.mechanism, planned.plan.joints, planned.plan.sway, force, force)
     left = []
     for k in range(0, len(force), 9):
         data.qpos[legs.base_qpos : legs.base_qpos + 7] = [0, 0, 0, 1, 0, 0, 0]
@@ -89,7 +92,9 @@ def test_planned_torques_and_forces_leave_nothing_for_mujoco_to_add(planned):
 def test_torques_grow_with_the_masses_of_the_model_above_what_joints_lose(planned):
     pressed = np.zeros_like(planned.force)
     once, twice, thrice = (
-        planned_torques(planned.config, planned.mechanism, planned.plan.joints, planned.force, pressed, factor)
+        planned_torques(
+            planned.config, planned.mechanism, planned.plan.joints, planned.plan.sway, planned.force, pressed, factor
+        )
         for factor in (1.0, 2.0, 3.0)
     )
     rates, accelerations, robot = planned.rates, planned.accelerations, read()

@@ -24,13 +24,15 @@ TWO = (
     "cycles=2",
 )
 """Cycles, of which the second repeats itself."""
+AS_PLANNED = ("force_control.load_sharing=dynamic", "posture.course_gain=0", "posture.heading_gain=0")
+"""Of a walk whose plan and path stay what they are."""
 SHORT = ("gait.cycle_time=0.4", "gait.stroke=0.02", "gait.lift=0.01", "gait.allow_unstable=true", "cycles=1")
 
 
 @cache
 def walk_robot(*overrides, path=OWN):
     """A walk: config, setup, controller, plant, and samples by their names, those of the legs (steps, 4)."""
-    scenario = make_scenario(compose_config([*ROBOT, f"machine.path={path}", *overrides]))
+    scenario = make_scenario(compose_config([*ROBOT, f"machine.path={path}", *AS_PLANNED, *overrides]))
     run = roll_out(scenario)
     assert run.status == "completed", run.cause
     parts = {name: getattr(scenario, name) for name in ("setup", "controller", "plant")}
