@@ -1,7 +1,7 @@
 """Metrics of a body per cycle: pure functions of its trace."""
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -98,3 +98,13 @@ def compute_body(body: pa.Table, steps_per_cycle: int, first_cycle: int = 1) -> 
     values = {name: metric.compute(block) for name, metric in BODY_METRICS.items()}
     cycles = np.arange(first_cycle, first_cycle + len(block.starts))
     return to_table({"cycle": (CYCLE, cycles)}, values, BODY_METRICS)
+
+
+def describe_load(manifest: Mapping[str, Any]) -> str:
+    """What the plan of a run knew at its end of the load and the ground, in one line; empty if it did not ask."""
+    if not (found := manifest.get("carried", ())):
+        return ""
+    last = found[-1]
+    values = (1e3 * last["x"], 1e3 * last["y"], 100.0 * last["slope_x"])
+    ahead, aside, slope = (round(value, 1) + 0.0 for value in values)
+    return f"{last['weight']:.4g} N, {ahead} mm ahead and {aside} mm left of plan; slope {slope} %"

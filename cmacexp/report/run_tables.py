@@ -9,7 +9,7 @@ from cmacexp.config.describe import Described, describe_fields, read_defaults
 from cmacexp.config.difference import flat
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.metrics.body import BODY_METRICS
+from cmacexp.metrics.body import BODY_METRICS, describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
@@ -34,6 +34,7 @@ def list_facts(run: StoredRun) -> Table:
         "ended": run.ending,
         "drift": format_drift(drift) if drift else "not detected",
         "guard of learning": describe_guard(manifest) or f"{config['learning'].get('guard', 'none')}, did not act",
+        "load of the feet": describe_load(manifest) or "as planned",
         "cycles": f"{run.whole_cycles} of {config['cycles']} requested, {config['gait']['cycle_time']:g} s each",
         "steps": f"{manifest['steps']} of {1e3 * config['sampling_period']:g} ms",
         "machine": " ".join(str(config["machine"][key]) for key in ("kind", "model") if config["machine"].get(key)),

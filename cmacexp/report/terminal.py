@@ -14,6 +14,7 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING
 from cmacexp.errors import in_one_line
 from cmacexp.jit.compiler import call_before_compiling
+from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs
 from cmacexp.report.outputs import keep_outputs
@@ -149,6 +150,8 @@ def _print_notes(result: StoredRun) -> None:
         say(drift)
     if guarded := describe_guard(manifest):
         say(f"guard of learning: {guarded}")
+    if load := describe_load(manifest):
+        say(f"load of the feet: {load}")
     for name in ("lead", "rate"):
         given, taken = manifest["config"]["learning"][name], manifest.get(f"learning_{name}")
         if taken not in (None, given):
