@@ -21,10 +21,12 @@ from cmacexp.models.lead import discretise
 from cmacexp.models.robot_gains import Basis, Gains, choose_period, derive_basis, derive_gains
 
 PERIOD = "sampling_period"
-LONGEST_STROKE = 0.45
+LONGEST_STROKE = 0.6
 """Stroke that a cycle is shortened for, over the length of a leg."""
 CYCLE_STEP = 0.04
 """Cycles are multiples of this, so that feet touch down at samples, s."""
+SHORTEST_CYCLE = 0.12
+"""s"""
 RAMP_SHARE = 0.05
 """Duration of the ramps of the load over that of the cycle."""
 SHORTEST_RAMP = 0.012
@@ -72,9 +74,12 @@ def _choose_cycle(root: DictConfig) -> float:
     pattern, longest = _find_pattern(root), sum(read_model(_read_machine(root)).links) * LONGEST_STROKE
     if OmegaConf.select(root, "gait.speed") is None:
         return pattern.cycle_time
-    travel = _read_number(root, "gait.speed", least=0.0) * _read_number(root, "gait.duty_factor")
-    parts = math.floor(min(pattern.cycle_time, longest / max(travel, 1e-9)) / CYCLE_STEP + 1e-9)
-    return round(max(1, parts) * CYCLE_STEP, DIGITS)
+    speed, duty = _read_number(root, "gait.speed", least=0.0), _read_number(root, "gait.duty_factor")
+    fastest = longest / (duty * SHORTEST_CYCLE)
+    if speed > fastest:
+        raise BadInput("gait.speed", speed, f"must be at most {fastest:.3g} m/s, for legs that long and this gait")
+    parts = math.floor(min(pattern.cycle_time, longest / max(speed * duty, 1e-9)) / CYCLE_STEP + 1e-9)
+    return round(parts * CYCLE_STEP, DIGITS)
 
 
 def _choose_stroke(root: DictConfig) -> float:
@@ -110,7 +115,7 @@ def _read_number(root: DictConfig, key: str, least: float = 1e-9) -> float:
     value = OmegaConf.select(root, key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value < 1e9:
         allowed = "above 0" if least else "of at least 0"
-        raise BadInput(key, value, f"must be a number {allowed}, from which gains follow by rule")
+        raise BadInput(key, value, f"must be a number {allowed}, from which others follow by rule")
     return float(value)
 
 

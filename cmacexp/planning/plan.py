@@ -109,6 +109,17 @@ def _sway(walk: _Walk, load: BodyLoad) -> tuple[_Walk, Array]:
     return walk._replace(feet=walk.feet - more.place[:, None], sway=swaying), missing
 
 
+def _require_pressure(config: Config, load: BodyLoad) -> None:
+    """Require that the feet press throughout.
+
+    Raises:
+        BadInput: legs swing so fast that their inertia lifts the body.
+    """
+    if not load.force.min() > 0.0:
+        reason = "swings the legs so fast that they would lift the body; use a longer one, or a lower gait.lift"
+        raise BadInput("gait.cycle_time", config.gait.cycle_time, reason)
+
+
 def _require_balance(config: Config, missing: Array, height: float) -> None:
     """Require that the passes have found a sway; ``missing`` (N, 2) is what the last one added, m.
 
@@ -175,6 +186,7 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
         dynamic = PATTERNS[config.gait.pattern].is_dynamic
         for _ in range(SWAY_PASSES if dynamic else LOAD_PASSES):
             load = _moving_load(walk, desired, joints)
+            _require_pressure(config, load)
             if dynamic:
                 walk, missing = _sway(walk, load)
             desired, joints, force = _plan_under_load(walk, load)
