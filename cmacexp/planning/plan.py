@@ -26,7 +26,7 @@ from cmacexp.typing import Array, Mask
 LOAD_PASSES = 2
 """Forces depress the feet, which moves the masses that cause them: one pass reduces the error a thousandfold."""
 SWAY_PASSES = 8
-"""Each reduces what is missing in the moments to a third, or to less."""
+"""Each reduces the moments that are out of balance to a third, or to less."""
 OUT_OF_BALANCE = 0.005
 """Mean distance of the centre of pressure from where it should be, over the height of the hips, that is too much."""
 LEAST_LOAD = 0.1
@@ -99,14 +99,14 @@ def _start_walk(config: Config, mechanism: Mechanism) -> _Walk:
     return _Walk(config, mechanism, timing, feet + mechanism.hips, still)
 
 
-def _sway(walk: _Walk, load: BodyLoad) -> tuple[_Walk, Array]:
-    """The body sways so that the feet can give the pressure that the ``load`` needs; what was missing (N, 2), m."""
+def _sway(walk: _Walk, load: BodyLoad) -> _Walk:
+    """The body sways so that the feet can give the centre of pressure that the ``load`` needs."""
     config, sway = walk.config, walk.sway
     fraction, _ = plan_load_fraction(config, walk.timing)
     missing = find_pressure(walk.feet, fraction, load.centre) - load.centre
     more = find_sway(missing, walk.mechanism.hip_height, config.sampling_period)
     swaying = Sway(*(old + new for old, new in zip(sway, more, strict=True)))
-    return walk._replace(feet=walk.feet - more.place[:, None], sway=swaying), missing
+    return walk._replace(feet=walk.feet - more.place[:, None], sway=swaying)
 
 
 def _require_pressure(config: Config, load: BodyLoad) -> None:
@@ -120,16 +120,17 @@ def _require_pressure(config: Config, load: BodyLoad) -> None:
         raise BadInput("gait.cycle_time", config.gait.cycle_time, reason)
 
 
-def _require_balance(config: Config, missing: Array, height: float) -> None:
-    """Require that the passes have found a sway; ``missing`` (N, 2) is what the last one added, m.
+def _require_balance(walk: _Walk, load: BodyLoad, force: Array) -> None:
+    """Require that the forces (N, L) of the feet have the centre of pressure that the ``load`` needs.
 
     Raises:
         BadInput: they have not: the feet are too close together, or the legs too heavy.
     """
-    off = np.abs(missing).mean()
-    if not off < OUT_OF_BALANCE * height:
+    centre = (force[..., None] * walk.feet).sum(axis=1) / force.sum(axis=1)[:, None]
+    off, gait = np.abs(centre - load.centre).mean(), walk.config.gait
+    if not off < OUT_OF_BALANCE * walk.mechanism.hip_height:
         reason = f"tips this body over: pressure would have to be {1e3 * off:.3g} mm outside its feet on average"
-        raise BadInput("gait.pattern", config.gait.pattern, f"{reason}; use gait=wave, or a longer gait.duty_factor")
+        raise BadInput("gait.pattern", gait.pattern, f"{reason}; use gait=wave, or a longer gait.duty_factor")
 
 
 def _plan_under_load(walk: _Walk, load: BodyLoad, met: Met = NOTHING) -> tuple[Array, Array, Array]:
@@ -188,10 +189,10 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
             load = _moving_load(walk, desired, joints)
             _require_pressure(config, load)
             if dynamic:
-                walk, missing = _sway(walk, load)
+                walk = _sway(walk, load)
             desired, joints, force = _plan_under_load(walk, load)
         if dynamic:
-            _require_balance(config, missing, mechanism.hip_height)
+            _require_balance(walk, load, force)
     if mechanism.kind == LEGS_UNDER_BODY:
         check_crossing(config, mechanism, joints)
     return Plan(
