@@ -23,13 +23,11 @@ def _check(arguments: argparse.Namespace) -> None:
     Raises:
         BadInput: a value is outside its range.
     """
-    leads, share = arguments.leads or [0, 0], arguments.robust
+    leads = arguments.leads or [0, 0]
     check_like("--leads", leads, LearningConfig, "lead")
     check_like("--rates", arguments.rates or [], LearningConfig, "rate")
     if leads[0] > leads[1]:
         raise BadInput("--leads", leads, "must be the first and the last lead")
-    if share is not None and not 0.0 < share < 1.0:
-        raise BadInput("--robust", share, "must be above 0 and below 1")
 
 
 def _read_numbers(text: str) -> list[float]:
@@ -54,13 +52,12 @@ def _analyse(arguments: argparse.Namespace) -> int:
 def _analyse_run(run: StoredRun, out: Path, arguments: argparse.Namespace) -> None:
     """Write the verdict on a run, and whatever else is asked for or says why not."""
     from cmacexp.stability.analysis import analyse, read_learning
-    from cmacexp.stability.corners import count_corners, judge_corners
     from cmacexp.stability.cycle_map import NotPredictable
     from cmacexp.stability.growth_map import map_growth
     from cmacexp.stability.page import TITLES, Findings, advise, rows, write_stability_report
     from cmacexp.stability.verdict import assess
 
-    leads, rates, share, notes = arguments.leads, arguments.rates, arguments.robust, list[str]()
+    leads, rates, notes = arguments.leads, arguments.rates, list[str]()
     analysis = growth_map = None
     with activity(f"analysing {run.folder}"):
         config = read_learning(run)
@@ -74,9 +71,7 @@ def _analyse_run(run: StoredRun, out: Path, arguments: argparse.Namespace) -> No
             missing = ["analysis"] * (analysis is None) + ["map of leads and rates"] * bool(leads or rates)
             if missing != ["analysis"] or f"{error}." not in verdict.reasons:
                 notes.append(f"No {' and no '.join(missing)}: {error}.")
-        corners = judge_corners(config, share) if share else []
-        found = Findings(verdict, analysis, growth_map, corners, notes)
-        path = write_stability_report(run, found, out)
+        path = write_stability_report(run, Findings(verdict, analysis, growth_map, notes), out)
     say(verdict.describe())
     if analysis is not None:
         print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis))
@@ -85,8 +80,6 @@ def _analyse_run(run: StoredRun, out: Path, arguments: argparse.Namespace) -> No
     if growth_map is not None:
         print_table(*growth_map.tabulate())
         say(f"Growth per cycle; * is this run. {growth_map.summarise()}")
-    for line in (*(corner.describe() for corner in corners), count_corners(corners)) if corners else ():
-        say(line)
     say(str(path))
 
 
@@ -101,6 +94,4 @@ def main() -> int:
     mapped = "map growth over leads, in samples, and rates; by default leads around the run's own and fixed rates"
     parser.add_argument("--leads", metavar=("FIRST", "LAST"), nargs=2, type=int, help=mapped)
     parser.add_argument("--rates", metavar="R,R,...", type=_read_numbers, help="see --leads")
-    robust = "judge learning with stiffness and masses smaller and larger by this share, e.g. 0.5"
-    parser.add_argument("--robust", metavar="SHARE", type=float, help=robust)
     return run_command(lambda: _analyse(parser.parse_args()))

@@ -19,7 +19,6 @@ from cmacexp.report.page import Report, write_report
 from cmacexp.report.parts import Renderer
 from cmacexp.stability import verdict as limits
 from cmacexp.stability.analysis import Analysis
-from cmacexp.stability.corners import Corner, count_corners
 from cmacexp.stability.growth_map import GrowthMap
 from cmacexp.stability.verdict import HOLDS, Verdict
 
@@ -38,12 +37,11 @@ SHOWN_GROWTH = (0.95, 1.05)
 
 
 class Findings(NamedTuple):
-    """What is said of a run; None and empty where there is none, or it is not asked for."""
+    """What is said of a run; None where there is none, or it is not asked for."""
 
     verdict: Verdict
     analysis: Analysis | None
     growth_map: GrowthMap | None
-    corners: Sequence[Corner]
     notes: Sequence[str]
     """Sentences: other leads, or why there is no analysis or map."""
 
@@ -123,11 +121,10 @@ def _list_figures(found: Findings) -> "dict[str, Callable[[], Figure]]":
 
 
 def _list_tables(found: Findings) -> "dict[str, Callable[[], DataFrame]]":
-    """Growth of each lead; frequencies at which learning goes wrong; the map; the corners."""
+    """Growth of each lead; frequencies at which learning goes wrong; the map."""
     from pandas import DataFrame
 
-    corners = [corner.tabulate() for corner in found.corners]
-    tables: dict[str, Callable[[], DataFrame]] = {"corners": partial(DataFrame, corners)}
+    tables: dict[str, Callable[[], DataFrame]] = {}
     if found.analysis is not None:
         tables["leads"] = partial(DataFrame, rows(found.analysis), columns=list(TITLES))
         tried = found.analysis.verdicts
@@ -147,7 +144,7 @@ def write_stability_report(run: StoredRun, found: Findings, folder: Path) -> Pat
     title = f"Stability of learning: {run.config['scenario']}, {run.folder.resolve().name}"
     asked: dict[str, Any] = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}}
     verdict, analysis = found.verdict, found.analysis
-    values: dict[str, Any] = {**found._asdict(), "limits": limits, "count": count_corners(found.corners)}
+    values: dict[str, Any] = {**found._asdict(), "limits": limits}
     if analysis is not None:
         asked["cycle"] = analysis.growth.cycle
         values["holding"] = [f"lead {lead}" for lead in analysis.verdicts if analysis.least_real(lead) > 0.0]

@@ -81,7 +81,6 @@ def test_what_does_not_learn_gets_a_verdict_alone(folder):
             ("--leads", "0", "1"),
             "No analysis and no map of leads and rates: nothing",
         ),
-        (("cycles=5",), ("--robust", "0.5"), "Of 4 corners learning holds in"),
     ],
 )
 def test_what_cannot_be_answered_says_why_beside_the_verdict(tmp_path, overrides, asked, reason):
@@ -98,19 +97,16 @@ def test_what_cannot_be_answered_says_why_beside_the_verdict(tmp_path, overrides
         assert reason in (page / "report.html").read_text()
 
 
-def test_leads_and_rates_are_mapped_and_corners_judged(folder):
-    asked = ("--leads", "0", "1", "--rates", "0.1,0.1953", "--robust", "0.3", "--out", "page")
+def test_leads_and_rates_are_mapped(folder):
+    asked = ("--leads", "0", "1", "--rates", "0.1,0.1953", "--out", "page")
     done = python("-m", "cmacexp.stability", "run", *asked, folder=folder)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert all(len(line) <= 80 for line in lines if line[:5].strip().lstrip("-").isdigit() or "stiffness" in line)
+    assert all(len(line) <= 80 for line in lines if line[:5].strip().lstrip("-").isdigit())
     assert "Below 1 with lead 1 (rate 0.1, 0.1953)." in done.stdout
     (own,) = [line.split() for line in lines if line.endswith("*")]
     assert own[0] == "-2"
     assert float(own[-2]) > 1.1
-    assert sum(line.startswith("stiffness x ") and ": grows: " in line for line in lines) == 4
-    assert "Of 4 corners learning holds in 0, grows in 4, is undecided in 0." in lines
     page = (folder / "page" / "report.html").read_text()
     assert "Other leads and rates" in page
-    assert "Margins" in page
     assert (folder / "page" / "figures" / "growth_map.svg").is_file()
