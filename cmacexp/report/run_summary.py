@@ -17,8 +17,9 @@ from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, TRACE
 from cmacexp.errors import BadRun, in_one_line
 from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.pooling import count_legs, is_shown, pool_legs, shorten
-from cmacexp.metrics.registry import ALL_METRICS, MAIN, OF_A_ROBOT, RANKED
+from cmacexp.metrics.registry import ALL_METRICS, MAIN, RANKED
 from cmacexp.metrics.text import format_cell, format_setting
+from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.report.terminal_tables import head, print_key, print_table
 from cmacexp.typing import Array
 
@@ -117,7 +118,7 @@ def make_rows(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[Row]:
 
 def _omit_robots(runs: Sequence[RunSummary], names: Iterable[str]) -> list[str]:
     """Names of metrics without those that robots alone have, if no run is one of a robot."""
-    return [name for name in names if name not in OF_A_ROBOT or any(name in run.metrics for run in runs)]
+    return [name for name in names if name not in SPATIAL or any(name in run.metrics for run in runs)]
 
 
 Take = Callable[[RunSummary, str], float]
