@@ -47,7 +47,7 @@ def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: 
         BadInput: names the config key.
     """
     if len(joints) != LEGS or any(len(leg) != JOINTS for leg in joints):
-        raise BadInput("machine.joints", _shape(joints), "must be four lists of three names: hip, thigh, calf")
+        raise BadInput("machine.joints", joints, "must be four lists of three names: hip, thigh, calf")
     if angles.shape not in ((JOINTS,), (LEGS, JOINTS)):
         reason = "must be three angles, hip, thigh, calf, or four lists of three"
         raise BadInput("machine.home", home, reason)
@@ -185,10 +185,6 @@ def _require_chain(model: Any, free: int, leg: Counts, foot: int, name: str) -> 
     if chain != [free, *leg]:
         expected, actual = (list_names(_name(model.joint(int(k))) for k in joints) for joints in (leg, chain[1:]))
         raise BadInput("machine.feet", name, f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}")
-
-
-def _shape(joints: Sequence[Sequence[str]]) -> str:
-    return f"{len(joints)} lists of {', '.join(str(len(leg)) for leg in joints)} names"
 
 
 def _name(joint: Any) -> str:

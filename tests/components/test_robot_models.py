@@ -57,12 +57,12 @@ def swap(names, i, j):
 
 
 NAMES = [
-    (JOINTS[:2], FEET[:2], r"^machine\.joints=2 lists of 3, 3 names: must be four lists of three names"),
-    ([leg[:2] for leg in JOINTS], FEET, r"^machine\.joints=4 lists of 2, 2, 2, 2 names: must be four"),
+    (JOINTS[:2], FEET[:2], r"^machine\.joints=.*: must be four lists of three names"),
+    ([leg[:2] for leg in JOINTS], FEET, r"^machine\.joints=.*: must be four"),
     (JOINTS, FEET[:2], r"^machine\.feet=FL, FR: must be four names of geoms"),
     (JOINTS, ("FL", "FL", "RL", "RR"), r"^machine\.feet=FL, FL, RL, RR: must be four names"),
     (JOINTS, swap(FEET, 0, 1), r"^machine\.feet=FR: must hang on FL_hip_joint, .* but hangs on FR_hip_joint, "),
-    (swap(JOINTS, 0, 2), swap(FEET, 0, 2), r"^machine\.feet=RL, FR, FL, RR: must be in the order front left"),
+    (swap(JOINTS, 0, 2), swap(FEET, 0, 2), r"^machine\.feet=RL, FR, FL, RR: must be front left, front right"),
     ([swap(JOINTS[0], 1, 2), *JOINTS[1:]], FEET, r"^machine\.feet=FL: must hang on FL_hip_joint, FL_calf_joint, "),
     (
         [JOINTS[0], JOINTS[0], *JOINTS[2:]],
