@@ -53,7 +53,7 @@ def rows(analysis: Analysis) -> list[list[str]]:
             f"{lead} (this run)" if lead == analysis.lead else str(lead),
             each.verdict,
             format_cell(each.growth, DECIMALS),
-            format_cell(analysis.least_real(lead)),
+            format_cell(float(analysis.least_real(lead).min())),
             str(each.ends or "-"),
         ]
         for lead, each in analysis.verdicts.items()
@@ -89,18 +89,10 @@ def _draw_growth(analysis: Analysis) -> "Figure":
 
 
 def _draw_real_parts(analysis: Analysis) -> "Figure":
-    """Re T over frequency for each lead, at a few places of the cycle."""
-    panels = []
-    for name, spectrum in analysis.places.items():
-        series = [
-            Series(f"lead {lead}", spectrum.frequencies, spectrum.least_real(lead)) for lead in analysis.verdicts
-        ]
-        panels.append(
-            Panel(
-                name, "frequency, Hz", "Re T, least eigenvalue", series, y_limits=[0.0], y_range=(MIN_SHOWN_REAL, 1.3)
-            )
-        )
-    return draw(panels, len(panels), 2.8, share="xy")
+    """Re T over frequency for each lead, the least of all places of the cycle."""
+    hertz, shown = analysis.spectra[0].frequencies, (MIN_SHOWN_REAL, 1.3)
+    series = [Series(f"lead {lead}", hertz, analysis.least_real(lead)) for lead in analysis.verdicts]
+    return draw([Panel("T", "frequency, Hz", "Re T, least eigenvalue", series, y_limits=[0.0], y_range=shown)])
 
 
 def _draw_map(growth_map: GrowthMap) -> "Figure":
@@ -121,18 +113,12 @@ def _list_figures(found: Findings) -> "dict[str, Callable[[], Figure]]":
 
 
 def _list_tables(found: Findings) -> "dict[str, Callable[[], DataFrame]]":
-    """Growth of each lead; frequencies at which learning goes wrong; the map."""
+    """Growth of each lead; the map."""
     from pandas import DataFrame
 
     tables: dict[str, Callable[[], DataFrame]] = {}
     if found.analysis is not None:
         tables["leads"] = partial(DataFrame, rows(found.analysis), columns=list(TITLES))
-        tried = found.analysis.verdicts
-        wrong_from = [
-            {"place in the cycle": name} | {f"lead {lead}": spectrum.wrong_from(lead) for lead in tried}
-            for name, spectrum in found.analysis.places.items()
-        ]
-        tables["reasons"] = partial(DataFrame, wrong_from)
     if found.growth_map is not None:
         titles, cells = found.growth_map.tabulate()
         tables["growth_map"] = partial(DataFrame, cells, columns=titles)
@@ -147,7 +133,7 @@ def write_stability_report(run: StoredRun, found: Findings, folder: Path) -> Pat
     values: dict[str, Any] = {**found._asdict(), "limits": limits}
     if analysis is not None:
         asked["cycle"] = analysis.growth.cycle
-        values["holding"] = [f"lead {lead}" for lead in analysis.verdicts if analysis.least_real(lead) > 0.0]
+        values["holding"] = [f"lead {lead}" for lead in analysis.verdicts if (analysis.least_real(lead) > 0.0).all()]
     with replacing(folder, OUT_KEY, REPORT) as place:
         growth = verdict.growth if math.isfinite(verdict.growth) else None
         place.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")
