@@ -5,7 +5,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from cmacexp.config import Config, to_config
+from cmacexp.config import Config, to_config, to_plain
 from cmacexp.errors import CmacexpError
 from cmacexp.experiment.launch import make_items, unpack
 from cmacexp.experiment.sweep import Sweep, select_run_overrides
@@ -13,16 +13,10 @@ from cmacexp.experiment.workers import count_cores
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.report.terminal import format_duration, say
 
-START_SECONDS = 2.0
-"""Of the processes that run jobs."""
-JOB_SECONDS, STEP_SECONDS = 0.02, {"AnalyticPlant": 0.5e-6}
-"""Processor time of a job, and of a step of one leg, by the class of the plant; ``docs/performance.md``."""
-OTHER_STEP, TRACE_STEP = 5e-6, 1e-6
-"""Likewise of a step of other plants, and to write a row of a trace."""
+JOB_SECONDS, STEP_SECONDS, OTHER_STEP_SECONDS = 0.02, 1.5e-6, 6e-6
+"""Processor time of a job, and of a step of one leg: of the analytic plant, of others; ``docs/performance.md``."""
 JOB_BYTES, ROW_BYTES = 60_000, 100
 """On disk, of a job, and of a row of its trace."""
-
-
 Checked = tuple[str | None, float, float]
 """Of a job that was not run: why it could not run, seconds of a processor, bytes."""
 
@@ -50,15 +44,11 @@ def _check(kind: bytes, overrides: list[str], changed: list[str], number: int, j
 
 
 def _estimate(config: Config) -> tuple[float, float]:
-    """Processor time of a run, s, and its bytes on disk."""
+    """Processor time of a run, s, and its bytes on disk, if it keeps all steps or none."""
     steps = config.cycles * config.steps_per_cycle * config.legs
-    target = config.plant._target_ if hasattr(config.plant, "_target_") else config.plant["_target_"]
-    step = STEP_SECONDS.get(target.rpartition(".")[2], OTHER_STEP)
-    if not config.record.trace:
-        return JOB_SECONDS + steps * step, JOB_BYTES
-    kept = 1.0 if config.record.cycles is None else len(config.record.cycles) / config.cycles
-    rows = steps * kept / config.record.every_nth_step
-    return JOB_SECONDS + steps * step + rows * TRACE_STEP, JOB_BYTES + rows * ROW_BYTES
+    is_quick = str(to_plain(config)["plant"]["_target_"]).endswith("AnalyticPlant")
+    seconds = JOB_SECONDS + steps * (STEP_SECONDS if is_quick else OTHER_STEP_SECONDS)
+    return seconds, JOB_BYTES + ROW_BYTES * steps * config.record.trace
 
 
 class DryRun:
@@ -88,7 +78,7 @@ def finish_dry_run(sweep: Sweep) -> str:
     """Print what all jobs would take; how the sweep would end, at best."""
     errors, seconds, size = zip(*sweep.checked, strict=True)
     refused, cores = sum(error is not None for error in errors), sweep.processes or count_cores()
-    time = format_duration(START_SECONDS + sum(seconds) / cores)
+    time = format_duration(sum(seconds) / cores)
     say(f"{len(errors)} jobs, {refused} of them cannot run; nothing was run")
     say(f"about {time} on {cores} cores, {sum(size) / 1e6:.3g} MB in {sweep.folder}")
     return "bad input" if refused == len(errors) else "failed" if refused else "completed"

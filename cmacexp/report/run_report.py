@@ -6,10 +6,9 @@ from cmacexp.data.integrity import faults
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
-from cmacexp.metrics.pooling import shorten, tabulate_cycles
 from cmacexp.report.cycle_data import MOST_CYCLES, CycleData, read_cycle_data
 from cmacexp.report.page import Report
-from cmacexp.report.parts import Folded, Section, Table
+from cmacexp.report.parts import Folded, Section
 from cmacexp.report.run_figures import draw_body, draw_end, draw_legs, draw_metrics, draw_torques, draw_tracking
 from cmacexp.report.run_summary import TABLES
 from cmacexp.report.run_tables import list_facts, list_key_metrics, list_memory, list_metrics, list_settings
@@ -71,13 +70,8 @@ def _learning(run: StoredRun, data: CycleData) -> list[Section]:
 
 def _metrics(run: StoredRun, cycles: Sequence[int]) -> Section:
     """All metrics, folded."""
-    main, rows = tabulate_cycles(run.scores)
-    columns = ["cycle", *(f"{shown.title}, {shown.unit}".rstrip(", ") for shown in main.values())]
-    caption = "Metrics per cycle" + (", pooled over the legs" if run.walks else "")
     metrics = list_metrics(run, cycles)
-    all_of_them = f"All {len(metrics.rows)} metrics of the cycles shown"
-    folded = Folded(f"{len(columns) - 1} main metrics of every cycle", [Table(columns, shorten(rows), caption)])
-    return Section("All metrics", [folded, Folded(all_of_them, [metrics])])
+    return Section("All metrics", [Folded(f"All {len(metrics.rows)} metrics of the cycles shown", [metrics])])
 
 
 def _end(run: StoredRun) -> list[Section]:
