@@ -32,7 +32,7 @@ def _analyse_run(run: StoredRun, out: Path) -> None:
     """Write the verdict on a run, and the analysis or why there is none."""
     from cmacexp.stability.analysis import analyse, read_learning
     from cmacexp.stability.cycle_map import NotPredictable
-    from cmacexp.stability.page import TITLES, Findings, advise, rows, write_stability_report
+    from cmacexp.stability.page import TITLES, advise, rows, write_stability_report
     from cmacexp.stability.verdict import assess
 
     notes, analysis = list[str](), None
@@ -45,7 +45,7 @@ def _analyse_run(run: StoredRun, out: Path) -> None:
         except NotPredictable as error:
             if f"{error}." not in verdict.reasons:
                 notes.append(f"No analysis: {error}.")
-        path = write_stability_report(run, Findings(verdict, analysis, notes), out)
+        path = write_stability_report(run, verdict, analysis, notes, out)
     say(verdict.describe())
     if analysis is not None:
         print_table([title.replace(" ", "\n", 1) for title in TITLES], rows(analysis))

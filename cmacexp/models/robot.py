@@ -187,7 +187,7 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
     _, length_1, length_2 = np.linalg.norm(np.diff(points, axis=0), axis=1)
     require_sizes(path, model, legs, length_1 + length_2)
     require_home(model, data, legs)
-    limits = torque_limits(mujoco, model, joints, joint, needs_motor=not is_urdf(path))
+    limits = torque_limits(mujoco, model, joint, needs_motor=not is_urdf(path))
     place(model, data, legs, np.zeros(3))
     limited = model.jnt_limited[joint].astype(bool)[..., None]
     return Robot(

@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,15 +30,6 @@ DECIMALS = 4
 """Of factors of growth."""
 MIN_SHOWN_REAL = -0.6
 """Real parts below this are cut off."""
-
-
-class Findings(NamedTuple):
-    """What is said of a run."""
-
-    verdict: Verdict
-    analysis: Analysis | None
-    notes: Sequence[str]
-    """Sentences: other leads, or why there is no analysis."""
 
 
 def rows(analysis: Analysis) -> list[list[str]]:
@@ -90,14 +81,15 @@ def _draw_real_parts(analysis: Analysis) -> "Figure":
     return draw([Panel("T", "frequency, Hz", "Re T, least eigenvalue", series, y_limits=[0.0], y_range=shown)])
 
 
-def write_stability_report(run: StoredRun, found: Findings, folder: Path) -> Path:
-    """Write what was found of a run, verdict and page, into ``folder``; returns the HTML file."""
+def write_stability_report(
+    run: StoredRun, verdict: Verdict, analysis: Analysis | None, notes: Sequence[str], folder: Path
+) -> Path:
+    """Write verdict and page of a run into ``folder``, with sentences ``notes``; returns the HTML file."""
     from pandas import DataFrame
 
     title = f"Stability of learning: {run.config['scenario']}, {run.folder.resolve().name}"
     asked: dict[str, Any] = {"runs": {str(run.folder.resolve()): run.manifest.get("config_hash")}}
-    verdict, analysis = found.verdict, found.analysis
-    values: dict[str, Any] = {**found._asdict(), "limits": limits}
+    values: dict[str, Any] = {"analysis": analysis, "limits": limits}
     drawn: dict[str, Callable[[], Figure]] = {}
     tables: dict[str, Callable[[], DataFrame]] = {}
     if analysis is not None:
@@ -110,5 +102,5 @@ def write_stability_report(run: StoredRun, found: Findings, folder: Path) -> Pat
         place.write_text(VERDICT, json.dumps({**verdict._asdict(), "growth": growth}, indent=1) + "\n")
         renderer, text = Renderer(place.new), Path(__file__).with_name("page.md")
         sections = render_markdown(text, "Does learning hold", renderer, drawn, tables, values)
-        summary = " ".join((verdict.describe(), *found.notes))
+        summary = " ".join((verdict.describe(), *notes))
         return write_report(Report(title, summary, sections, [place.new / VERDICT, *renderer.files], asked), place)
