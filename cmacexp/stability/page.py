@@ -55,23 +55,15 @@ def advise(analysis: Analysis) -> list[str]:
 
 
 def _draw_growth(analysis: Analysis) -> "Figure":
-    """Change of the feedback from cycle to cycle, measured and predicted; growth of every lead."""
+    """Change of the feedback from cycle to cycle, measured and predicted."""
     start, sizes = analysis.growth.cycle + 1, analysis.sizes
     predicted = analysis.growth.sizes(max(len(sizes) - start + 1, 2))
     change = [
         Series("in memory", np.arange(1, len(sizes) + 1), sizes),
         Series("predicted", start + np.arange(len(predicted)), predicted),
     ]
-    leads, factors = list(map(str, analysis.verdicts)), [each.growth for each in analysis.verdicts.values()]
-    by_lead = [Series("growth", np.arange(len(leads)), factors)]
-    panels = [
-        Panel("change of U to the next cycle", "cycle", "root of summed squares, N m", change, log="y"),
-        Panel(
-            "growth per cycle", "learning.lead, samples", "factor from cycle to cycle", by_lead, "scatter",
-            ticks=leads, y_limits=[1.0], from_zero=False,
-        ),
-    ]  # fmt: skip
-    return draw(panels, height=3.0)
+    title = "change of U to the next cycle"
+    return draw([Panel(title, "cycle", "root of summed squares, N m", change, log="y")], height=3.0)
 
 
 def _draw_real_parts(analysis: Analysis) -> "Figure":

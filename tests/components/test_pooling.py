@@ -102,7 +102,7 @@ def test_terminal_and_notebook_show_the_pooled_values(walk):
 
 def test_the_report_of_a_run_shows_the_pooled_values(walk):
     run, values = walk
-    report = make_run_report(run, [1, 2])
+    report = make_run_report(run)
     parts = {section.title: section.parts for section in report.sections}
     (table,) = parts["All metrics"][-1].parts
     rows = {name: rest for name, *rest in table.rows}
