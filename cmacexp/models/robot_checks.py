@@ -48,11 +48,3 @@ def require_sizes(path: Path, model: Any, legs: Legs, length: float) -> None:
     for k in np.flatnonzero(model.body_mass > LIGHTEST * mass):
         inertia, most = float(model.body_inertia[k].max()), float(model.body_mass[k]) * (WIDEST * length) ** 2
         require(f"the moment of inertia of {model.body(k).name or f'body {k}'}", inertia, "kg m^2", 0.0, most)
-
-
-def require_home(model: Any, data: Any, legs: Legs) -> None:
-    """Require feet below their hips; ``data`` has the legs at home under a level trunk. Raises BadInput."""
-    below = data.xanchor[legs.joint[:, 1], 2] - data.geom_xpos[legs.foot_geom, 2]
-    for i in np.flatnonzero(below <= 0.0):
-        reason = f"puts the foot {-below[i]:.3g} m above {model.joint(int(legs.joint[i, 1])).name}; bend it downwards"
-        raise BadInput("machine.home", data.qpos[legs.qpos[i]].tolist(), reason)

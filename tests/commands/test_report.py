@@ -119,8 +119,8 @@ def test_figures_are_described_by_what_they_show(leg):
 def test_curves_come_before_the_folded_tables(leg):
     before, _, folded = text_of(leg).partition("<details>")
     assert before.count("<figure") == 3
-    assert "transfer_iae_x" in folded
-    assert "transfer_iae_x" not in before
+    assert "force_iae" in folded
+    assert "force_iae" not in before
 
 
 def test_settings_that_are_not_the_default_come_first(leg):

@@ -194,7 +194,7 @@ ODD = {
     "legs in the air": (
         "",
         ("machine.home=[0,3.1,-0.6]",),
-        r"machine\.home=.*: puts the foot .* above FL_thigh_joint",
+        r"machine\.home=.*: from there the left rear foot finds no way to .* below its hip",
     ),
     # feet and names
     "names with spaces": ([('name="FL"', 'name="front left"')], (BY_NAME,), WALKS),

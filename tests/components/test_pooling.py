@@ -162,7 +162,7 @@ def test_poolings_and_directions_of_families():
             assert (metric.pooling, metric.better) == (LARGEST, SMALL)
         elif "_rmse" in name or name.endswith(("_rms", "_ripple", "_change")):
             assert metric.pooling == RMS
-        elif name.endswith(("_iae_x", "_iae_y", "_iae", "_itae")):
+        elif name.endswith(("_iae", "_itae")):
             assert (metric.pooling, metric.better) == (MEAN, SMALL)
         elif name.endswith("_peak"):
             assert metric.pooling == LARGEST
