@@ -12,13 +12,12 @@ import numpy as np
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.folder import write_atomically
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import read_traces
+from cmacexp.data.tables import read_traces, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.recording import palette
 from cmacexp.recording.ground import depression_scale
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.report.figures import Panel, Series, draw_panel
-from cmacexp.report.run_report import choose_cycles
 from cmacexp.report.style import DESIRED, GROUND, STYLE, colour
 from cmacexp.report.terminal import say
 from cmacexp.typing import Array
@@ -163,14 +162,12 @@ def view_cycles(run: StoredRun, asked: Sequence[int]) -> list[RunView]:
         BadInput: the trace does not have them whole, or they are too many.
         BadRun: the trace has no whole cycle.
     """
-    cycles = choose_cycles(run, asked)
-    whole = run.select_whole(cycles)
-    if asked and (len(cycles) > MOST_CYCLES or whole != cycles):
-        raise BadInput("--cycles", ",".join(map(str, asked)), f"write up to {MOST_CYCLES} whole cycles")
+    whole = run.select_whole(sorted(steps_by_cycle(run.folder)))
     if not whole:
         raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
-    if not asked:
-        cycles = sorted({whole[0], whole[-1]})
+    cycles = sorted(set(asked) or {whole[0], whole[-1]})
+    if len(cycles) > MOST_CYCLES or not set(cycles) <= set(whole):
+        raise BadInput("--cycles", ",".join(map(str, asked)), f"write up to {MOST_CYCLES} whole cycles")
     return [make_view(read_traces(run.folder, (cycle, cycle)), run.manifest) for cycle in cycles]
 
 

@@ -15,8 +15,8 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, require_place, runs_below
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import updating
-from cmacexp.data.hashes import find_fault, was_written
-from cmacexp.data.tables import BODY, RECORDING, read_traces, steps_by_cycle
+from cmacexp.data.hashes import find_fault
+from cmacexp.data.tables import RECORDING, read_traces, steps_by_cycle
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.terminal import activity, say
 
@@ -31,8 +31,6 @@ class Options(NamedTuple):
 
     cycles: str | None = None
     """As typed."""
-    views: list[str] | None = None
-    """Names of panels."""
     every: int | None = None
     """One step in so many."""
     meshes: bool = False
@@ -49,32 +47,20 @@ def _kept(folder: Path) -> dict[int, int]:
     return kept
 
 
-def _check_views(options: Options, walking: Sequence[bool]) -> None:
-    """Each view must exist for at least one of the runs."""
-    from cmacexp.recording.panels import panel_names
-
-    known = list(dict.fromkeys(name for walks in sorted(walking, reverse=True) for name in panel_names(walks)))
-    for name in options.views or ():
-        if name not in known:
-            raise BadInput("--views", name, f"no such view; choose from {', '.join(known)}")
-
-
 def rebuild(folder: Path, path: Path, options: Options) -> str:
     """Write the recording of a run from its trace; returns a description of its content.
 
     Raises:
         BadRun: the run has no readable trace or manifest, or no step.
-        BadInput: the run does not have the requested cycles, views or steps, or another process writes to its folder.
+        BadInput: the run does not have the requested cycles or steps, or another process writes to its folder.
     """
     from cmacexp.recording.window import make_window, read_cycles
     from cmacexp.recording.write import write_recording
 
     manifest, kept = manifests.read(folder), _kept(folder)
-    _check_views(options, [was_written(folder / BODY)])
     cycles = read_cycles(options.cycles, max(kept)) if options.cycles is not None else None
     window = make_window(kept, cycles, options.every)
-    shown: dict[str, Any] = {"label": folder.resolve().name, "window": window, "names": options.views}
-    shown["meshes"] = options.meshes
+    shown: dict[str, Any] = {"label": folder.resolve().name, "window": window, "meshes": options.meshes}
     if path == folder / RECORDING:
         with updating(folder) as place:
             manifest = manifests.read(folder)  # of the run that is there now
@@ -90,7 +76,7 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
 
     Raises:
         BadRun: a run has no readable trace or manifest, or no step; there are too many.
-        BadInput: the runs do not have the requested cycles, views or steps.
+        BadInput: the runs do not have the requested cycles or steps.
     """
     from cmacexp.config.difference import labels
     from cmacexp.recording.compare import MOST_RUNS, write_comparison
@@ -101,7 +87,6 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
         raise BadRun(
             f"{len(folders)} runs: at most {MOST_RUNS} go side by side; name the folders of those to compare"
         )
-    _check_views(options, [was_written(folder / BODY) for folder in folders])
     cycles, last = None, min(max(_kept(folder)) for folder in folders)
     if options.cycles is not None:
         cycles = read_cycles(options.cycles, last, "all runs")
@@ -117,7 +102,7 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
         raise BadInput(
             "--cycles", options.cycles, "these cycles of the runs have no time in common; choose earlier ones"
         )
-    name = write_comparison(views, path, options.views)
+    name = write_comparison(views, path)
     return name + next((view.window.hint for view in views.values() if view.window.hint), "")
 
 
@@ -144,8 +129,7 @@ def _read_options(arguments: argparse.Namespace) -> Options:
     every = arguments.every
     if every is not None and not (every.isdecimal() and int(every) > 0):
         raise BadInput("--every", every, "must be a whole number, at least 1; 1 shows every step")
-    views = None if arguments.views is None else list(dict.fromkeys(arguments.views.split(",")))
-    return Options(arguments.cycles, views, None if every is None else int(every), arguments.meshes)
+    return Options(arguments.cycles, None if every is None else int(every), arguments.meshes)
 
 
 def _is_kept(folder: Path) -> bool:
@@ -190,17 +174,15 @@ def _replay(arguments: argparse.Namespace) -> int:
 def main() -> int:
     """Run the command."""
     description = "Show a run in the Rerun viewer, or several side by side. A missing recording is built from "
-    description += "the trace; --cycles, --views, --every and --meshes build it anew."
+    description += "the trace; --cycles, --every and --meshes build it anew."
     parser = Parser("cmacexp.replay", description, folders=True)
     flag = partial(parser.add_argument, action="store_true")
     flag("--no-viewer", help="only build the recording")
     flag("--web", help="serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window")
-    flag("--rebuild", help="build the recording of a run even if it exists, with all cycles and the default views")
+    flag("--rebuild", help="build the recording of a run even if it exists, with all cycles")
     flag("--meshes", help="draw robots as their models show them, if these are still those of the runs")
     text = "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)"
     parser.add_argument("--cycles", metavar="CYCLES", help=text)
-    text = "panels to show: scene, sides, gait, force, posture, margins, error, torque, events"
-    parser.add_argument("--views", metavar="NAME,...", help=text)
     text = "show one step in N; unless given, all of a short run, fewer of a long one"
     parser.add_argument("--every", metavar="N", help=text)
     text = "where the recording goes; unless given, recording.rrd in the folder of a run, "

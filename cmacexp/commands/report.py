@@ -8,7 +8,7 @@ from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.errors import BadInput, BadRun
+from cmacexp.errors import BadRun
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import print_runs, read_summary, sort_folders
@@ -17,13 +17,6 @@ from cmacexp.report.terminal import activity, say
 
 REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
-
-
-def _parse_cycles(text: str) -> list[int]:
-    try:
-        return [int(part) for part in text.split(",")]
-    except ValueError:
-        raise BadInput("--cycles", text, "must be whole numbers separated by commas, such as 1,2,5") from None
 
 
 def _find_destination(given: Sequence[Path], out: str | None) -> Path:
@@ -36,15 +29,12 @@ def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     )
 
 
-def _report_of_one(folder: Path, cycles: str | None, out: Path) -> Path:
-    asked = _parse_cycles(cycles) if cycles else []
+def _report_of_one(folder: Path, out: Path) -> Path:
     with activity(f"reading {folder}") as show:
-        return write_report(make_run_report(StoredRun(folder), asked), out, say=show)
+        return write_report(make_run_report(StoredRun(folder)), out, say=show)
 
 
-def _report_of_several(folders: Sequence[Path], given: Sequence[Path], cycles: str | None, out: Path) -> Path:
-    if cycles:
-        raise BadInput("--cycles", cycles, f"is for the report of one run, but {len(folders)} runs were given")
+def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path) -> Path:
     with activity("reading runs") as show:
         runs = []
         for index, folder in enumerate(folders, 1):
@@ -66,9 +56,9 @@ def _report(arguments: argparse.Namespace) -> int:
     folders = list(dict.fromkeys(run for folder in given for run in sort_folders(runs_below(folder))))
     out = _find_destination(given, arguments.out)
     if len(folders) == 1:
-        say(str(_report_of_one(folders[0], arguments.cycles, out)))
+        say(str(_report_of_one(folders[0], out)))
     else:
-        say(str(_report_of_several(folders, given, arguments.cycles, out)))
+        say(str(_report_of_several(folders, given, out)))
     return 0
 
 
@@ -76,8 +66,6 @@ def main() -> int:
     """Run the command."""
     description = "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page."
     parser = Parser("cmacexp.report", description, folders=True)
-    text = "cycles of one run to show (default: a selection)"
-    parser.add_argument("--cycles", metavar="1,2,5", help=text)
     text = f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)"
     parser.add_argument("--out", metavar="FOLDER", help=text)
     return run_command(lambda: _report(parser.parse_args()))

@@ -86,11 +86,6 @@ def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
                 raise BadInput(key, item, describe_range(metadata) + hint)
 
 
-def check_like(key: str, value: object, schema: Any, name: str) -> None:
-    """Check a number, or a list of them, that stands for the field ``name`` of ``schema``; raises BadInput."""
-    _check_field(key, value, {**schema.__dataclass_fields__[name].metadata, "words": ()})
-
-
 @cache
 def _declared_types(schema: Any) -> dict[str, Any]:
     """Types of the fields of a dataclass."""

@@ -4,13 +4,14 @@ import math
 
 from cmacexp.errors import BadInput, suggest
 from cmacexp.metrics.metric import LARGE, NEAR_ZERO
-from cmacexp.metrics.registry import ALL_METRICS, OF_A_ROBOT
+from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.report.run_summary import RunSummary
 
 
 def list_metrics(kind: str) -> list[str]:
     """Names of the metrics that a kind of machine has; only legs of a robot move in space."""
-    return [name for name in ALL_METRICS if kind == "robot" or name not in OF_A_ROBOT]
+    return [name for name in ALL_METRICS if kind == "robot" or name not in SPATIAL]
 
 
 def check_metric(name: str | None, kind: str) -> None:

@@ -1,12 +1,10 @@
 """Contact force; a support is the response to a step from no force to the desired one."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from cmacexp.metrics import measures
 from cmacexp.metrics.block import Block, three_feet
-from cmacexp.metrics.measures import divide, iae, ise, largest, mean, rms
+from cmacexp.metrics.measures import divide, iae, largest, mean, rms
 from cmacexp.metrics.metric import (
     CONTRACT,
     MEAN,
@@ -19,7 +17,7 @@ from cmacexp.metrics.metric import (
     rms_error,
     worst,
 )
-from cmacexp.typing import Array, Mask
+from cmacexp.typing import Array
 
 
 def force_settled(block: Block) -> Array:
@@ -46,11 +44,10 @@ def force_overshoot(block: Block) -> Array:
     return largest(block.force / pressed[..., None], block.support) - 1.0
 
 
-def _since_touch_down(measure: Callable[[Array, Array, Array, Mask, float], Array]) -> Callable[[Block], Array]:
-    """A measure of the step response of the force, s; NaN unless a support begins and ends within its cycle."""
-    return lambda b: (
-        b.whole_support * measure(b.since_touch_down, b.force, force_settled(b), b.support, b.rhythm.step)
-    )
+def force_settling_time(block: Block) -> Array:
+    """Settling time of the step response of the force, s; NaN unless a support begins and ends within its cycle."""
+    response = block.since_touch_down, block.force, force_settled(block), block.support
+    return block.whole_support * measures.settling_time(*response, block.rhythm.step)
 
 
 _NO_SUPPORT, _NO_SECOND_HALF = "no sample of support", "no sample of the second half of support"
@@ -110,18 +107,11 @@ FORCE: dict[str, Metric[Block]] = {
         shown=Shown("ripple", "N", main=False),
         source=CONTRACT,
     ),
-    "force_rise_time": worst(
-        "s",
-        "from 10 % to 90 % of force_settled in support",
-        "force_settling_time is, or beyond 10 % at touch-down already",
-        _since_touch_down(measures.rise_time),
-        source=OGATA,
-    ),
     "force_settling_time": worst(
         "s",
         "from touch-down to within 2 % of force_settled",
         f"never settles, settles at 0, or {_NOT_WHOLE}",
-        _since_touch_down(measures.settling_time),
+        force_settling_time,
         shown=Shown("settling", "s", over_legs=False, head="settling\ntime"),
         source=OGATA,
     ),
@@ -130,12 +120,6 @@ FORCE: dict[str, Metric[Block]] = {
         "integral of the absolute force error over support",
         _NO_PERIOD,
         lambda b: iae(b.force_error, b.support, b.rhythm.step),
-    ),
-    "force_ise": integral(
-        "N^2 s",
-        "integral of the squared force error over support",
-        _NO_PERIOD,
-        lambda b: ise(b.force_error, b.support, b.rhythm.step),
     ),
     "force_itae": integral(
         "N s^2",

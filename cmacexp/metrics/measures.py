@@ -10,8 +10,6 @@ from cmacexp.typing import Array, Mask
 
 BAND = 0.02
 """A response has settled within this fraction of its settled value (Ogata 2010, section 5-3)."""
-RISE_LEVELS = (0.1, 0.9)
-"""Fractions of that value between which a response rises (Ogata 2010, section 5-3)."""
 
 
 def _or_nan(value: Array, mask: Mask) -> Array:
@@ -50,11 +48,6 @@ def iae(error: Array, mask: Mask, step: float) -> Array:
     return _integral(np.abs(error), mask, step)
 
 
-def ise(error: Array, mask: Mask, step: float) -> Array:
-    """Integral of the squared error (Graham & Lathrop 1953)."""
-    return _integral(error**2, mask, step)
-
-
 def itae(elapsed: Array, error: Array, mask: Mask, step: float) -> Array:
     """Integral of ``elapsed`` time times absolute error (Graham & Lathrop 1953)."""
     return _integral(elapsed * np.abs(error), mask, step)
@@ -74,15 +67,3 @@ def settling_time(elapsed: Array, value: Array, settled: Array, mask: Mask, step
     outside = mask & ~(away <= BAND)
     last_outside = np.where(outside, elapsed, -step).max(axis=-1)
     return np.where(last_outside < largest(elapsed, mask), last_outside + step, np.nan)
-
-
-def rise_time(elapsed: Array, value: Array, settled: Array, mask: Mask, step: float) -> Array:
-    """Time between the first samples at 10 % and at 90 % of the way from 0 to ``settled`` (...), s.
-
-    NaN where the response does not settle, or if its first sample is beyond 10 %: the data begin too late.
-    """
-    way = divide(value, settled[..., None])
-    low, high = (np.where(mask & (way >= part), elapsed, np.inf).min(axis=-1) for part in RISE_LEVELS)
-    settles = np.isfinite(settling_time(elapsed, value, settled, mask, step))
-    defined = settles & (low > 0.0) & np.isfinite(high)
-    return np.where(defined, high, np.nan) - np.where(defined, low, np.nan)

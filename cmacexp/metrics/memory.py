@@ -35,12 +35,6 @@ MEMORY: dict[str, Metric[Mapping[str, Array]]] = {
         compute=lambda m: m["weight_norm"],
         pooling=RMS,
     ),
-    "weight_largest": _of_weights(
-        "N m",
-        "largest absolute weight at the end of the cycle",
-        compute=lambda m: m["weight_largest"],
-        pooling=LARGEST,
-    ),
     "memory_used": _of_weights(
         "",
         "rows of memory with a weight other than 0 at the end of the cycle, over all rows",

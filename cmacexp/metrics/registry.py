@@ -5,7 +5,7 @@ from typing import Any
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.force import FORCE
-from cmacexp.metrics.learning import LEARNING, LEARNING_IN_SPACE
+from cmacexp.metrics.learning import LEARNING
 from cmacexp.metrics.memory import MEMORY
 from cmacexp.metrics.metric import NEITHER, Metric, Shown
 from cmacexp.metrics.torque import TORQUE
@@ -13,11 +13,9 @@ from cmacexp.metrics.tracking import SPATIAL, TRACKING
 
 OF_A_CYCLE: dict[str, Metric[Block]] = {**TRACKING, **FORCE, **TORQUE}
 """Those that follow from the trace of one cycle."""
-OF_A_ROBOT: dict[str, Metric[Any]] = {**SPATIAL, **LEARNING_IN_SPACE}
-"""Those that only a robot has, whose trace is one of legs that move in space."""
 METRICS: dict[str, Metric[Any]] = {**OF_A_CYCLE, **LEARNING, **MEMORY}
-"""Columns of ``metrics.parquet`` after ``cycle`` and ``leg``; of a robot :data:`OF_A_ROBOT` follow."""
-ALL_METRICS: dict[str, Metric[Any]] = {**TRACKING, **SPATIAL, **METRICS, **OF_A_ROBOT, **BODY_METRICS}
+"""Columns of ``metrics.parquet`` after ``cycle`` and ``leg``; of a robot those of SPATIAL follow."""
+ALL_METRICS: dict[str, Metric[Any]] = {**TRACKING, **SPATIAL, **METRICS, **BODY_METRICS}
 """All of these, and those of ``body_metrics.parquet``."""
 SHOWN: dict[str, Shown] = {name: metric.shown for name, metric in ALL_METRICS.items() if metric.shown}
 """How metrics appear in tables and figures."""

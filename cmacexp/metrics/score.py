@@ -10,11 +10,11 @@ from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, Traces
 from cmacexp.metrics.block import Block, cut
 from cmacexp.metrics.body import compute_body
 from cmacexp.metrics.drift import Drift, DriftDetector
-from cmacexp.metrics.learning import LEARNING, LEARNING_IN_SPACE
+from cmacexp.metrics.learning import LEARNING
 from cmacexp.metrics.memory import MEMORY as MEMORY_METRICS
 from cmacexp.metrics.memory import split_columns
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
-from cmacexp.metrics.registry import METRICS, OF_A_CYCLE, OF_A_ROBOT
+from cmacexp.metrics.registry import METRICS, OF_A_CYCLE
 from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.typing import Array
 
@@ -66,11 +66,9 @@ class RunScorer:
     @property
     def scores(self) -> Scores:
         """The metrics of all cycles so far; undefined is NaN."""
-        in_space = SPATIAL.keys() <= self._parts[0].keys()
         values = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
         cycles, legs = next(iter(values.values())).shape
-        learning = {**LEARNING, **LEARNING_IN_SPACE} if in_space else LEARNING
-        values |= {name: metric.compute(values) for name, metric in learning.items()}
+        values |= {name: metric.compute(values) for name, metric in LEARNING.items()}
         memory = split_columns(pa.concat_tables(self.memory) if self.memory else None, cycles, legs)
         values |= {name: metric.compute(memory) for name, metric in MEMORY_METRICS.items()}
         index = {
@@ -78,7 +76,7 @@ class RunScorer:
             "leg": (LEG, np.tile(np.arange(1, legs + 1), cycles)),
         }
         body = pa.concat_tables(self._body).combine_chunks() if self._body else None
-        columns = {**METRICS, **OF_A_ROBOT} if in_space else METRICS
+        columns = {**METRICS, **SPATIAL} if SPATIAL.keys() <= values.keys() else METRICS
         return Scores(to_table(index, values, columns), body)
 
 

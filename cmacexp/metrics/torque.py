@@ -6,7 +6,7 @@ import numpy as np
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import divide, largest, mean
-from cmacexp.metrics.metric import CONTRACT, LARGE, LARGEST, MEAN, NEITHER, RMS, Metric, Shown, rms_error, worst
+from cmacexp.metrics.metric import CONTRACT, LARGE, MEAN, NEITHER, RMS, Metric, Shown, rms_error, worst
 from cmacexp.typing import Array, Mask
 
 
@@ -58,14 +58,6 @@ TORQUE: dict[str, Metric[Block]] = {
     ),
     "torque_peak": worst(
         "N m", "largest absolute joint torque", "never", torque_peak, shown=Shown("peak", "N m", main=False)
-    ),
-    "feedforward_peak": Metric(
-        "N m",
-        "largest absolute feedforward torque",
-        "never",
-        lambda b: largest(_joints(np.maximum, np.abs(b.feedforward)), b.valid),
-        LARGEST,
-        NEITHER,
     ),
     "feedforward_share": Metric(
         "",

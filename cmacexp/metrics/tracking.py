@@ -3,12 +3,11 @@
 import numpy as np
 
 from cmacexp.metrics.block import Block
-from cmacexp.metrics.measures import iae, ise, mean, rms
-from cmacexp.metrics.metric import Metric, Shown, integral, rms_error
+from cmacexp.metrics.measures import mean, rms
+from cmacexp.metrics.metric import Metric, Shown, rms_error
 from cmacexp.typing import Array
 
 NO_TRANSFER, NO_SUPPORT = "no sample of transfer", "no sample of support"
-_NO_PERIOD = f"{NO_TRANSFER}, or one sample in all"
 
 
 def transfer_rmse(axis: str) -> Metric[Block]:
@@ -24,24 +23,10 @@ def support_rmse(axis: str) -> Metric[Block]:
     return rms_error("m", meaning, NO_SUPPORT, lambda b: rms(b.error[axis], b.support), shown=shown)
 
 
-def _transfer_iae(axis: str) -> Metric[Block]:
-    meaning = f"integral of abs({axis} - {axis}_desired) over transfer"
-    return integral("m s", meaning, _NO_PERIOD, lambda b: iae(b.error[axis], b.transfer, b.rhythm.step))
-
-
-def _transfer_ise(axis: str) -> Metric[Block]:
-    meaning = f"integral of ({axis} - {axis}_desired)^2 over transfer"
-    return integral("m^2 s", meaning, _NO_PERIOD, lambda b: ise(b.error[axis], b.transfer, b.rhythm.step))
-
-
 TRACKING: dict[str, Metric[Block]] = {
     "transfer_rmse_x": transfer_rmse("x"),
     "transfer_rmse_y": transfer_rmse("y"),
     "support_rmse_x": support_rmse("x"),
-    "transfer_iae_x": _transfer_iae("x"),
-    "transfer_iae_y": _transfer_iae("y"),
-    "transfer_ise_x": _transfer_ise("x"),
-    "transfer_ise_y": _transfer_ise("y"),
 }
 """Columns about position, by name."""
 

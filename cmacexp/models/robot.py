@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmacexp.errors import BadInput, format_install_command
-from cmacexp.models.robot_checks import require_frame, require_home, require_sizes
+from cmacexp.models.robot_checks import require_frame, require_sizes
 from cmacexp.models.robot_feet import place_feet
 from cmacexp.models.robot_legs import (
     JOINTS,
@@ -182,13 +182,11 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
     legs = find_legs(model, free, joint, foot, feet)
     require_own_forces(path, model)
     data = place(model, mujoco.MjData(model), legs, home)
-    require_frame(path, model.body(legs.base).name, data.xanchor[joint[:, 1]], feet)
+    require_frame(data.xanchor[joint[:, 1]], feet)
     points = np.concatenate([data.xanchor[joint[0]], data.geom_xpos[foot[:1]]])
     _, length_1, length_2 = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    require_sizes(path, model, legs, length_1 + length_2, data.xanchor[joint[:, 1]])
-    limits = torque_limits(mujoco, model, joints, joint, needs_motor=not is_urdf(path))
-    mujoco.mj_forward(model, data)
-    require_home(model, data, legs, length_1 + length_2, limits)
+    require_sizes(path, model, legs, length_1 + length_2)
+    limits = torque_limits(mujoco, model, joint, needs_motor=not is_urdf(path))
     place(model, data, legs, np.zeros(3))
     limited = model.jnt_limited[joint].astype(bool)[..., None]
     return Robot(

@@ -50,13 +50,9 @@ def find_model(name: str | None, path: str | None) -> Path:
         return Path(path).resolve()
     if name is None:
         raise BadInput("machine.path", None, "must name the MJCF file of the robot: machine.path=FILE")
-    package = package_models()
-    models = checkout_models() | package
+    models = checkout_models() | package_models()
     if name in models:
         return models[name]
-    if package:
-        has = f"the installed models are {', '.join(sorted(models))}"
-        raise BadInput("machine.model", name, f"{has}; use machine=mjcf machine.path=FILE for any other")
-    install = f"{format_install_command(PACKAGE)} with Python below 3.13"
-    also = f", or let {CHECKOUT} name a checkout of mujoco_menagerie" if name in CHECKOUT_FOLDERS else ""
-    raise BadInput("machine.model", name, f"no such model is installed: {install}{also}; or give machine.path=FILE")
+    installed = ", ".join(sorted(models)) or f"none: {format_install_command(PACKAGE)} with Python below 3.13"
+    also = f"let {CHECKOUT} name a checkout of mujoco_menagerie, or use machine=mjcf machine.path=FILE"
+    raise BadInput("machine.model", name, f"is not installed; installed are {installed}; or {also}")

@@ -47,7 +47,7 @@ def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: 
         BadInput: names the config key.
     """
     if len(joints) != LEGS or any(len(leg) != JOINTS for leg in joints):
-        raise BadInput("machine.joints", _shape(joints), "must be four lists of three names: hip, thigh, calf")
+        raise BadInput("machine.joints", joints, "must be four lists of three names: hip, thigh, calf")
     if angles.shape not in ((JOINTS,), (LEGS, JOINTS)):
         reason = "must be three angles, hip, thigh, calf, or four lists of three"
         raise BadInput("machine.home", home, reason)
@@ -110,30 +110,25 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
     )
 
 
-def torque_limits(
-    mujoco: Any, model: Any, joints: Sequence[Sequence[str]], index: Counts, needs_motor: bool
-) -> Array:
+def torque_limits(mujoco: Any, model: Any, joints: Counts, needs_motor: bool) -> Array:
     """Largest torques (3,) of hip, thigh and calf, the least of all legs, N m; infinite without a limit.
 
     Args:
         mujoco: the module.
         model: its MjModel.
-        joints: names of the joints of each leg.
-        index: (4, 3) the joints in the model.
+        joints: (4, 3) of the legs.
         needs_motor: whether a joint without actuator and limit is a mistake; a URDF has no actuators.
 
     Raises:
         BadInput: a joint has no actuator, or one that gives no torque.
     """
-    limits = [
-        [_torque_limit(mujoco, model, name, int(joint), needs_motor) for name, joint in zip(leg, row, strict=True)]
-        for leg, row in zip(joints, index, strict=True)
-    ]
-    return np.min(limits, axis=0)
+    limits = [_torque_limit(mujoco, model, int(joint), needs_motor) for joint in joints.ravel()]
+    return np.reshape(limits, joints.shape).min(axis=0)
 
 
-def _torque_limit(mujoco: Any, model: Any, name: str, joint: int, needs_motor: bool) -> float:
+def _torque_limit(mujoco: Any, model: Any, joint: int, needs_motor: bool) -> float:
     """The least of what the actuators of a joint, and the joint itself, allow, N m."""
+    name = model.joint(joint).name
     at_joint = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_trnid[:, 0] == joint)
     actuators = np.flatnonzero(at_joint)
     limits = [_to_both_sides(model.jnt_actfrcrange[joint])] if model.jnt_actfrclimited[joint] else []
@@ -185,10 +180,6 @@ def _require_chain(model: Any, free: int, leg: Counts, foot: int, name: str) -> 
     if chain != [free, *leg]:
         expected, actual = (list_names(_name(model.joint(int(k))) for k in joints) for joints in (leg, chain[1:]))
         raise BadInput("machine.feet", name, f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}")
-
-
-def _shape(joints: Sequence[Sequence[str]]) -> str:
-    return f"{len(joints)} lists of {', '.join(str(len(leg)) for leg in joints)} names"
 
 
 def _name(joint: Any) -> str:

@@ -61,8 +61,7 @@ def find_names(path: Path) -> Names:
     order = [k for pair in (front[:2], front[2:]) for k in sorted(pair, key=lambda k: -aside[k])]
     legs = [chains[k] for k in order]
     places = [_find_foot(mujoco, model, data, leg) for leg in legs]
-    trunk = model.body(model.jnt_bodyid[free]).name
-    require_frame(path, trunk, data.xanchor[[leg[1] for leg in legs]], [name for name, _ in places])
+    require_frame(data.xanchor[[leg[1] for leg in legs]], [name for name, _ in places])
     homes = [_find_home(model, data, leg, place) for leg, (_, place) in zip(legs, places, strict=True)]
     joints, feet = [[model.joint(k).name for k in leg] for leg in legs], [name for name, _ in places]
     if not all((*itertools.chain(*joints), *feet)):

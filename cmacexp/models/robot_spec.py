@@ -6,7 +6,6 @@ would push or hold the robot is refused.
 
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -148,17 +147,13 @@ def settle(mujoco: Any, model: Any) -> None:
 
 def require_own_forces(path: Path, model: Any) -> None:
     """Require that gravity, joints and torques alone act on the robot; raises BadInput."""
-    for what in _find_others(model):
-        raise BadInput("machine.path", path, f"has {what}, which would push or hold the robot: remove it")
-
-
-def _find_others(model: Any) -> Iterator[str]:
-    for k in np.flatnonzero(model.eq_active0):
-        yield f"the equality constraint {model.equality(k).name or k}"
-    springs = model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss, model.tendon_armature
-    for k in np.flatnonzero(model.tendon_limited.astype(bool) | (np.array(springs) != 0.0).any(axis=0)):
-        yield f"the tendon {model.tendon(k).name or k} with a spring, losses, inertia or a limit"
-    for k in np.flatnonzero(model.body_gravcomp):
-        yield f"gravcomp={model.body_gravcomp[k]:g} on the body {model.body(k).name or k}"
-    if model.nflex:
-        yield "a flexible body (flex)"
+    tendons = model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss, model.tendon_armature
+    others = {
+        "an equality constraint": model.eq_active0,
+        "a tendon with a spring, losses, inertia or a limit": (model.tendon_limited, *tendons),
+        "gravcomp": model.body_gravcomp,
+        "a flexible body (flex)": model.nflex,
+    }
+    for what, values in others.items():
+        if np.any(values):
+            raise BadInput("machine.path", path, f"has {what}, which would push or hold the robot: remove it")

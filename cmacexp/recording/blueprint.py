@@ -63,13 +63,6 @@ def _plots(panels: Panels, view: RunView) -> Panel:
     return rrb.Tabs(walk, rrb.Vertical(*rows, name="learning"), stack(panels, ("events",), "moments"))
 
 
-def _chosen(panels: Panels, names: Sequence[str]) -> Panel:
-    """The machine on the left, the plots on the right; or whichever of them is asked for."""
-    space, plots = ([name for name in names if (name in SPACE) == in_space] for in_space in (True, False))
-    columns = [with_key(stack(panels, space))] if space else []
-    return rrb.Horizontal(*columns, *([stack(panels, plots)] if plots else []))
-
-
 def make_blueprint(content: Panel) -> rrb.Blueprint:
     """A blueprint with the side panels out of the way, which plays a recording again and again."""
     return rrb.Blueprint(
@@ -80,16 +73,9 @@ def make_blueprint(content: Panel) -> rrb.Blueprint:
     )
 
 
-def layout(view: RunView, names: Sequence[str] | None = None) -> rrb.Blueprint:
-    """The blueprint of the recording of one run.
-
-    Args:
-        view: the run.
-        names: of the panels to show, from top to bottom; None: the usual ones.
-    """
+def layout(view: RunView) -> rrb.Blueprint:
+    """The blueprint of the recording of one run: the machine on the left, the plots on the right."""
     panels = Panels(view, value_ranges([view])[0], find_times([view]))
-    if names:
-        return make_blueprint(_chosen(panels, names))
     space = with_key(stack(panels, SPACE if view.walks else ("scene",)))
     shares = [1.15 if view.walks else 0.77, 1.0]
     return make_blueprint(rrb.Horizontal(space, _plots(panels, view), column_shares=shares))

@@ -1,4 +1,4 @@
-"""The moments of a run that are worth a look: where a foot lifts or touches down, as in Fig. 17 to 20."""
+"""The moments of a run that are worth a look: where a foot lifts or touches down, where the guard acts."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -12,8 +12,6 @@ from cmacexp.recording.run_view import LegView, RunView
 
 EVENTS = "events"
 """The entity of the moments."""
-FIGURES = {(3, "lifts"): 17, (3, "touches down"): 18, (2, "touches down"): 20}
-"""Figures of Lin & Song 1997 that show such a moment of a walk."""
 
 
 class Event(NamedTuple):
@@ -28,21 +26,9 @@ def _contacts(view: RunView, leg: LegView) -> Iterator[Event]:
     """From each planned lift-off on the first step without force; from each planned touch-down on the first with."""
     for start in np.flatnonzero(np.diff(leg.support)) + 1:
         does, reached = ("touches down", leg["force"] > 0.0) if leg.support[start] else ("lifts", leg["force"] == 0.0)
-        figure = None if view.is_robot or not view.walks else FIGURES.get((leg.number, does))
         who = f"foot {leg.number}" if view.walks else "the foot"
         row = int(start + np.argmax(reached[start:]))  # ``start`` if none is
-        yield Event(row, f"{who} {does}" + (f" (as in Fig. {figure})" if figure else ""))
-
-
-def _least_front_margins(view: RunView) -> Iterator[Event]:
-    """The least planned front margin in each transfer of foot 2."""
-    aloft, margin = ~view.legs[1].support, view.body["margin_front"]
-    starts = np.flatnonzero(aloft & ~np.append(False, aloft[:-1]))
-    ends = np.flatnonzero(aloft & ~np.append(aloft[1:], False)) + 1
-    for start, end in zip(starts, ends, strict=True):
-        row = int(end - 1 - np.argmin(margin[start:end][::-1]))
-        figure = "" if view.is_robot else " (as in Fig. 19)"
-        yield Event(row, f"planned front margin least, {1e3 * margin[row]:.0f} mm, foot 2 aloft{figure}")
+        yield Event(row, f"{who} {does}")
 
 
 def find_events(view: RunView) -> list[Event]:
@@ -56,8 +42,6 @@ def find_events(view: RunView) -> list[Event]:
         for event in view.manifest.get("guard", ())
         if view.step[0] <= event["step"] <= view.step[-1]
     ]
-    if len(view.legs) == 4:
-        found += _least_front_margins(view)
     return sorted(found)
 
 

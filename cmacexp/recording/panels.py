@@ -1,4 +1,4 @@
-"""The panels that show a run, under the names that ``--views`` takes."""
+"""The panels that show a run."""
 
 from collections.abc import Mapping
 
@@ -16,8 +16,6 @@ from cmacexp.recording.series import SERIES, collect_series, component
 from cmacexp.typing import Array
 
 Panel = rrb.Container | rrb.View
-WALK = ("scene", "sides", "gait", "force", "posture", "margins", "error", "torque", "events")
-ONE_LEG = ("scene", "gait", "force", "error", "torque", "events")
 SPACE = ("scene", "sides")
 """Panels that show the machine itself."""
 SHARES = {
@@ -30,11 +28,6 @@ PAPER_SIZE = 0.95
 """Distance of front and rear hips and height of the hips of the paper's quadruped together, m."""
 BORDER = 60.0
 """Seen around the machine from its sides, mm."""
-
-
-def panel_names(walks: bool) -> tuple[str, ...]:
-    """The panels of a run, of a walk or of one leg."""
-    return WALK if walks else ONE_LEG
 
 
 class Panels:
@@ -113,15 +106,6 @@ class Panels:
         drawn = rrb.VisibleTimeRange("time", start=start, end=until)
         return rrb.TimeAxis(view_range=rrb.TimeRange(start, end)), [drawn]
 
-    def _each_leg(self, quantity: str, of_one: str, of_leg: str, around: float | None = None) -> Panel:
-        if not self._view.walks:
-            return self.plot(f"leg_1/{quantity}", of_one)
-        plots = [
-            self.plot(f"leg_{leg.number}/{quantity}", of_leg.format(f"{leg.number} {leg.name}"), around)
-            for leg in self._view.legs
-        ]
-        return rrb.Grid(*plots, grid_columns=2)
-
     def scene(self) -> Panel:
         """A walk in space, where the eye goes along with it; one leg, which moves in a plane, from its right side."""
         if not self._view.walks:
@@ -166,7 +150,13 @@ class Panels:
 
     def force(self) -> Panel:
         """Contact forces."""
-        return self._each_leg("force", "contact force, N", "{}: force, N", self._now)
+        if not self._view.walks:
+            return self.plot("leg_1/force", "contact force, N")
+        plots = [
+            self.plot(f"leg_{leg.number}/force", f"{leg.number} {leg.name}: force, N", self._now)
+            for leg in self._view.legs
+        ]
+        return rrb.Grid(*plots, grid_columns=2)
 
     def posture(self) -> Panel:
         """Tilt and height of the body."""
@@ -178,8 +168,8 @@ class Panels:
         return self.plot("body/margins", "stability margins, planned and true, mm", self._now)
 
     def error(self) -> Panel:
-        """Tracking errors of the feet."""
-        return self._each_leg("error", "foot, actual minus desired, mm", "{}: actual minus desired, mm")
+        """Tracking error of the only foot."""
+        return self.plot("leg_1/error", "foot, actual minus desired, mm")
 
     def torques(self, number: int, before: str = "") -> list[rrb.TimeSeriesView]:
         """Feedback and feedforward of all joints of one leg."""
@@ -189,14 +179,8 @@ class Panels:
         return [self.plot(f"leg_{number}/torque_{i}", before + name) for i, name in enumerate(names, start=1)]
 
     def torque(self) -> Panel:
-        """Feedback and feedforward torques."""
-        if not self._view.walks:
-            return rrb.Vertical(*self.torques(1))
-        legs = self._view.legs
-        return rrb.Grid(
-            *(plot for leg in legs for plot in self.torques(leg.number, f"{leg.number} {leg.name}: ")),
-            grid_columns=len(legs[0].axes),
-        )
+        """Feedback and feedforward torques of the only leg."""
+        return rrb.Vertical(*self.torques(1))
 
     def events(self) -> Panel:
         """Lift-offs, touch-downs and critical moments; a click on the time of one goes there."""

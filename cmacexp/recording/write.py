@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib.abc import MetaPathFinder
@@ -74,13 +74,7 @@ def _send_facts(recording: rr.RecordingStream, folder: Path, view: RunView) -> N
             recording.send_property(view.root.replace("/", "_") + name, rr.AnyValues(**known))
 
 
-def write_views(
-    runs: Mapping[Path, RunView],
-    blueprint: rrb.Blueprint,
-    name: str,
-    path: Path,
-    texts: Mapping[str, str] | None = None,
-) -> None:
+def write_views(runs: Mapping[Path, RunView], blueprint: rrb.Blueprint, name: str, path: Path) -> None:
     """Write runs into one recording, whole or not at all.
 
     Args:
@@ -88,16 +82,14 @@ def write_views(
         blueprint: how the viewer lays them out.
         name: of the recording in the viewer.
         path: of the ``.rrd`` file.
-        texts: Markdown by the path of its entity, beside the key.
     """
-    texts = {KEY: describe_key(list(runs.values())), **(texts or {})}
     recording = rr.RecordingStream("cmacexp", recording_id=name)
     # In memory first: on a full disk rerun's own writer stops without an error, and flushing waits for ever.
     memory = recording.memory_recording()
     recording.send_blueprint(blueprint)
     recording.send_recording_name(name)
-    for entity, text in texts.items():
-        recording.log(entity, rr.TextDocument(text, media_type="text/markdown"), static=True)
+    key = rr.TextDocument(describe_key(list(runs.values())), media_type="text/markdown")
+    recording.log(KEY, key, static=True)
     for folder, view in runs.items():
         _send_facts(recording, folder, view)
         entities = Entities(recording, view)
@@ -118,7 +110,6 @@ def write_recording(
     *,
     label: str,
     window: Window,
-    names: Sequence[str] | None = None,
     meshes: bool = False,
 ) -> str:
     """Write the Rerun view of a run, whole or not at all.
@@ -129,7 +120,6 @@ def write_recording(
         path: of the ``.rrd`` file.
         label: name of the run.
         window: the steps that are shown.
-        names: of the panels to show; None: the default ones.
         meshes: whether a robot is drawn as its model shows it.
 
     Returns:
@@ -139,5 +129,5 @@ def write_recording(
         traces = read_traces(folder, window.cycles, window.every)
         view = replace(make_view(traces, manifest, window, label), meshes=meshes)
         name = f"{manifest['config']['scenario']} {view.label}, {window}{', with meshes' if meshes else ''}"
-        write_views({folder: view}, layout(view, names), name, path)
+        write_views({folder: view}, layout(view), name, path)
     return name

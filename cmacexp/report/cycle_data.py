@@ -15,8 +15,6 @@ from cmacexp.data.tables import BODY, TRACE
 from cmacexp.metrics.block import THIRD_AXIS
 from cmacexp.typing import Array, Mask
 
-MOST_CYCLES = 6
-"""Cycles that are distinguishable in one figure."""
 Rows = dict[str, NDArray[Any]]
 """Columns of a trace by name, ``phase`` as whether it is support; pandas takes longer to import than a figure."""
 

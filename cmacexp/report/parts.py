@@ -2,7 +2,7 @@
 
 import base64
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,8 +31,6 @@ class Table:
     caption: str = ""
     cards: bool = False
     """Whether each row is a card of its own on a narrow screen; else the table scrolls sideways there."""
-    marked: Collection[int] = ()
-    """Numbers of rows that stand out."""
 
     @property
     def numeric(self) -> frozenset[int]:

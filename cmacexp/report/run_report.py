@@ -5,11 +5,10 @@ from collections.abc import Sequence
 from cmacexp.data.integrity import faults
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import steps_by_cycle
-from cmacexp.errors import BadInput, BadRun
-from cmacexp.metrics.pooling import shorten, tabulate_cycles
-from cmacexp.report.cycle_data import MOST_CYCLES, CycleData, read_cycle_data
+from cmacexp.errors import BadRun
+from cmacexp.report.cycle_data import CycleData, read_cycle_data
 from cmacexp.report.page import Report
-from cmacexp.report.parts import Folded, Section, Table
+from cmacexp.report.parts import Folded, Section
 from cmacexp.report.run_figures import draw_body, draw_end, draw_legs, draw_metrics, draw_torques, draw_tracking
 from cmacexp.report.run_summary import TABLES
 from cmacexp.report.run_tables import list_facts, list_key_metrics, list_memory, list_metrics, list_settings
@@ -36,25 +35,13 @@ def _read_cycles(run: StoredRun) -> list[int]:
     return kept
 
 
-def choose_cycles(run: StoredRun, asked: Sequence[int]) -> list[int]:
-    """The cycles to show: those asked for, else the first, the first that learned, the middle and the last whole one.
-
-    For a thinned run only those in its trace.
+def choose_cycles(run: StoredRun) -> list[int]:
+    """The cycles to show: the first, the first that learned, the middle and the last whole one in the trace.
 
     Raises:
-        BadInput: the run or its trace does not have one, or they are too many for one figure.
         BadRun: the trace holds no step.
     """
-    last, kept = run.last_cycle, _read_cycles(run)
-    if len(set(asked)) > MOST_CYCLES:
-        raise BadInput("--cycles", ",".join(map(str, asked)), f"at most {MOST_CYCLES} fit into one figure")
-    for wanted in asked:
-        if not 1 <= wanted <= last:
-            raise BadInput("--cycles", wanted, f"{run.folder} has cycles 1 to {last}")
-        if wanted not in kept:
-            raise BadInput("--cycles", wanted, "is not in the trace, which holds only the cycles of record.cycles")
-    if asked:
-        return sorted(set(asked))
+    kept = _read_cycles(run)
     whole = run.select_whole(kept) or kept[:1]
     learned = run.config["learning"]["start_cycle"] if run.manifest["memory"] else 1
     candidates = {whole[0], whole[(len(whole) - 1) // 2], whole[-1], *[c for c in whole if c >= learned][:1]}
@@ -71,13 +58,8 @@ def _learning(run: StoredRun, data: CycleData) -> list[Section]:
 
 def _metrics(run: StoredRun, cycles: Sequence[int]) -> Section:
     """All metrics, folded."""
-    main, rows = tabulate_cycles(run.scores)
-    columns = ["cycle", *(f"{shown.title}, {shown.unit}".rstrip(", ") for shown in main.values())]
-    caption = "Metrics per cycle" + (", pooled over the legs" if run.walks else "")
     metrics = list_metrics(run, cycles)
-    all_of_them = f"All {len(metrics.rows)} metrics of the cycles shown"
-    folded = Folded(f"{len(columns) - 1} main metrics of every cycle", [Table(columns, shorten(rows), caption)])
-    return Section("All metrics", [folded, Folded(all_of_them, [metrics])])
+    return Section("All metrics", [Folded(f"All {len(metrics.rows)} metrics of the cycles shown", [metrics])])
 
 
 def _end(run: StoredRun) -> list[Section]:
@@ -91,19 +73,17 @@ def _end(run: StoredRun) -> list[Section]:
     return [Section("How it ended", [ending, draw_end(data, run.status)])]
 
 
-def make_run_report(run: StoredRun, asked: Sequence[int] = ()) -> Report:
+def make_run_report(run: StoredRun) -> Report:
     """The report of one run.
 
     Args:
         run: that ended, with any status.
-        asked: numbers of the cycles to show; empty: a selection.
 
     Raises:
         BadRun: a table is missing, changed or empty.
-        BadInput: a cycle that the run does not have.
     """
     require_whole(run)
-    cycles = choose_cycles(run, asked)
+    cycles = choose_cycles(run)
     data = read_cycle_data(run, cycles)
     body = [Section("The body", [draw_body(data)])] if run.walks else []
     sections = [

@@ -3,7 +3,7 @@
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,9 @@ from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, TRACE
 from cmacexp.errors import BadRun, in_one_line
 from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.pooling import count_legs, is_shown, pool_legs, shorten
-from cmacexp.metrics.registry import ALL_METRICS, MAIN, OF_A_ROBOT, RANKED
+from cmacexp.metrics.registry import ALL_METRICS, MAIN, RANKED
 from cmacexp.metrics.text import format_cell, format_setting
+from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.report.terminal_tables import head, print_key, print_table
 from cmacexp.typing import Array
 
@@ -117,26 +118,21 @@ def make_rows(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[Row]:
 
 def _omit_robots(runs: Sequence[RunSummary], names: Iterable[str]) -> list[str]:
     """Names of metrics without those that robots alone have, if no run is one of a robot."""
-    return [name for name in names if name not in OF_A_ROBOT or any(name in run.metrics for run in runs)]
+    return [name for name in names if name not in SPATIAL or any(name in run.metrics for run in runs)]
 
 
-Take = Callable[[RunSummary, str], float]
-
-
-def tabulate_runs(
-    runs: Sequence[RunSummary], keys: Sequence[str], take: Take = RunSummary.final
-) -> tuple[dict[str, Shown], list[list[str]]]:
+def tabulate_runs(runs: Sequence[RunSummary], keys: Sequence[str]) -> tuple[dict[str, Shown], list[list[str]]]:
     """The main metrics that at least one run defines, by name, and one row of text for each run.
 
-    A row has the run's name, the values of ``keys``, the status, the number of whole cycles, and the metrics.
+    A row has the run's name, the values of ``keys``, the status, the number of whole cycles, and the metrics of the
+    last of them.
 
     Args:
         runs: to compare.
         keys: in which they differ.
-        take: gives a metric of a run: the final or the best one.
     """
     columns = {
-        name: [shown.factor * take(run, name) if run.shows(name) else math.nan for run in runs]
+        name: [shown.factor * run.final(name) if run.shows(name) else math.nan for run in runs]
         for name, shown in MAIN.items()
     }
     main = {name: shown for name, shown in MAIN.items() if not np.isnan(columns[name]).all()}
@@ -147,11 +143,9 @@ def tabulate_runs(
     return main, rows
 
 
-def format_runs(
-    runs: Sequence[RunSummary], keys: Sequence[str], take: Take = RunSummary.final
-) -> tuple[list[str], list[list[str]]]:
+def format_runs(runs: Sequence[RunSummary], keys: Sequence[str]) -> tuple[list[str], list[list[str]]]:
     """Titles, whose units follow a line break, and the rows of :func:`tabulate_runs`."""
-    main, rows = tabulate_runs(runs, keys, take)
+    main, rows = tabulate_runs(runs, keys)
     return ["run", *keys, "status", "cycles done", *(f"{s.title}\n{s.unit}" for s in main.values())], rows
 
 

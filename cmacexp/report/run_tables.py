@@ -114,7 +114,7 @@ def list_settings(run: StoredRun) -> Section:
 
     parts: list[Part] = []
     if not defaults:
-        parts.append(f"There is no scenario {scenario} here to compare with: changed settings are not marked.")
+        parts.append(f"There is no scenario {scenario} here to compare with: changed settings are not listed.")
     elif not changed:
         parts.append(f"All {len(settings)} settings are the defaults of scenario={scenario}.")
     else:
@@ -122,7 +122,5 @@ def list_settings(run: StoredRun) -> Section:
         rows = [row(key, format_setting(defaults[key]) if key in defaults else "not set") for key in changed]
         caption = f"{len(changed)} of {len(settings)} settings differ from the defaults of scenario={scenario}"
         parts.append(Table(titles, rows, caption, cards=True))
-    marked = {index for index, key in enumerate(settings) if key in changed}
-    note = "Those that differ from the default are marked." if changed else ""
-    table = Table(["setting", "value", "unit", "meaning"], [row(key) for key in settings], note, True, marked)
+    table = Table(["setting", "value", "unit", "meaning"], [row(key) for key in settings], cards=True)
     return Section("Settings", [*parts, Folded(f"All {len(settings)} settings", [table])])

@@ -83,7 +83,7 @@ def _varies(values: Array) -> bool:
 
 
 def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> list[Drawing]:
-    """The main metrics over a swept key: final and best, or with a second key a line for each of its values.
+    """The main metrics of the last cycle over a swept key; with a second key a line for each of its values.
 
     Args:
         runs: with results.
@@ -94,20 +94,13 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
     values = list(group_by(runs, key))
     others = [other for other in keys if other != key]
     second = others[0] if len(others) == 1 and len(group_by(ended, others[0])) <= MOST_FAMILY else ""
-    lines = {"last cycle": RunSummary.final}
-    if any(run.cycles > 1 for run in ended):
-        lines["best cycle"] = RunSummary.best
+    lines = group_by(ended, second) if second else {"last cycle": ended}
     stopped: list[Any] = [run.config.get(key) for run in runs if run.status != "completed"]
     panels = []
     for name in JUDGED:
         if not all(run.shows(name) for run in ended) or not _varies(np.array([run.final(name) for run in ended])):
             continue
-        if second:
-            groups = {
-                value: _over(group, key, name, RunSummary.final) for value, group in group_by(ended, second).items()
-            }
-        else:
-            groups = {line: _over(ended, key, name, take) for line, take in lines.items()}
+        groups = {line: _over(group, key, name) for line, group in lines.items()}
         shown, numeric = MAIN[name], is_numeric(values)
         labels = f"{shown.title} ({name})", f"{shown.title}, {shown.unit}"
         panel = over_setting(
@@ -118,16 +111,16 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
         panels.append(replace(panel, from_zero=shown.from_zero, crosses=crosses))
     if not panels:
         return []
-    caption = f"Metrics of the last cycle over {key}, a line for each {second}" if second else f"Metrics over {key}"
+    caption = f"Metrics of the last cycle over {key}" + (f", a line for each {second}" if second else "")
     rest = [other for other in others if other != second]
     also = f"; {', '.join(rest)} also varies: values are means, bands are the range" if rest else ""
     return [Drawing(f"over-{make_file_name(key)}", draw(panels, legend_title=second), f"{caption}{also}.")]
 
 
-def _over(runs: Sequence[RunSummary], key: str, name: str, take: Any) -> dict[Any, Array]:
+def _over(runs: Sequence[RunSummary], key: str, name: str) -> dict[Any, Array]:
     """Defined values of a metric in the unit that is shown, by the value of a key."""
     samples = {
-        value: np.array([MAIN[name].factor * take(run, name) for run in group])
+        value: np.array([MAIN[name].factor * run.final(name) for run in group])
         for value, group in group_by(runs, key).items()
     }
     known = {value: sample[np.isfinite(sample)] for value, sample in samples.items()}

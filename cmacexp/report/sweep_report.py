@@ -10,7 +10,7 @@ from cmacexp.config.component import COMPONENTS
 from cmacexp.config.load import WITHOUT_EFFECT
 from cmacexp.metrics.text import format_setting
 from cmacexp.report.page import HOW_TO_REPORT, Report
-from cmacexp.report.parts import Folded, Section, Table
+from cmacexp.report.parts import Section, Table
 from cmacexp.report.run_summary import TABLES, RunSummary, format_runs, make_names
 from cmacexp.report.sweep_figures import draw_learning_curves, draw_over_key
 
@@ -111,11 +111,9 @@ def make_sweep_report(runs: Sequence[RunSummary], title: str) -> Report:
     curves = draw_learning_curves(results, names, keys or ["scenario"])
     over = [drawing for key in swept.keys[:MOST_KEYS] for drawing in draw_over_key(results, key, swept.keys)]
     final = Table(*format_runs(runs, keys), "Metrics of the last whole cycle, pooled over the legs")
-    best = "Best values over all whole cycles: smallest error, largest share"
-    folded = Folded(best, [Table(*format_runs(runs, keys, RunSummary.best))])
     place = os.path.commonpath([run.folder.resolve().parent for run in runs])
     pages = f"Runs are folders below {place}. {HOW_TO_REPORT}"
-    sections = [Section("The runs", [*_list_differences(runs, swept), final, pages, *_list_stopped(runs), folded])]
+    sections = [Section("The runs", [*_list_differences(runs, swept), final, pages, *_list_stopped(runs)])]
     sections += [Section("Metrics over the swept keys", over)] if over else []
     sections += [Section("Learning curves", curves)] if curves else []
     ends = ", ".join(f"{count} {status}" for status, count in Counter(run.status for run in runs).items())

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -11,16 +10,11 @@ from cmacexp.data.stored_run import StoredRun, read_config
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
 from cmacexp.stability.growth import GROWTH_CYCLES, Growth, change_sizes, predicted_growth, with_lead
-from cmacexp.stability.transfer import Spectrum, compute_spectrum, locals_along
-from cmacexp.stability.verdict import Verdict, assess
+from cmacexp.stability.transfer import Spectrum, spectra_along
+from cmacexp.stability.verdict import FREQUENCIES, PLACES, Verdict, assess
+from cmacexp.typing import Array
 
 LEADS = (-2, -1, 0, 1, 2, 3)
-LOWEST_FREQUENCY = 1.0
-"""Lowest frequency of T, Hz; the highest is half the sampling rate."""
-FREQUENCIES = 200
-"""Number of frequencies at which T is computed."""
-STEPS_AFTER_LIFT_OFF = 5
-"""Samples after lift-off where T is computed: the foot has left the ground."""
 
 
 @dataclass(frozen=True)
@@ -35,27 +29,12 @@ class Analysis:
     """Predicted from an early cycle of the run."""
     sizes: Sequence[float]
     """(n,): changes of the feedback from cycle to cycle in memory, up to the end of the prediction, N m."""
-    places: dict[str, Spectrum]
-    """T at a few places of the first leg's cycle."""
+    spectra: Sequence[Spectrum]
+    """T at places of the cycle, at the same frequencies."""
 
-    def least_real(self, lead: int) -> float:
-        """Least Re T over all frequencies and those places."""
-        return min(spectrum.least(lead) for spectrum in self.places.values())
-
-
-def choose_samples(support: Any) -> dict[str, int]:
-    """Samples by the name of their place: after the first leg's lift-off, in mid transfer and in mid support."""
-    first_leg, n = support[:, 0], len(support)
-    if first_leg.all():
-        return {"standing": n // 2}
-    lift = int(np.flatnonzero(~first_leg & np.roll(first_leg, 1))[0])
-    transfer = int((~first_leg).sum())
-    middle = lift + transfer + (n - transfer) // 2
-    return {
-        f"{STEPS_AFTER_LIFT_OFF} samples after lift-off": (lift + STEPS_AFTER_LIFT_OFF) % n,
-        "mid transfer": (lift + transfer // 2) % n,
-        "mid support": middle % n,
-    }
+    def least_real(self, lead: int) -> Array:
+        """Least Re T over the places, at each frequency."""
+        return np.min([spectrum.least_real(lead) for spectrum in self.spectra], axis=0)
 
 
 def read_learning(run: StoredRun) -> Config:
@@ -82,13 +61,10 @@ def analyse(config: Config, verdict: Verdict) -> Analysis:
     growth = predicted_growth(config, prepared=scenario)
     is_quick = isinstance(scenario.plant, AnalyticPlant)  # on others each lead takes minutes
     leads = sorted({*LEADS, verdict.lead}) if is_quick else [verdict.lead]
-    period, places = config.sampling_period, choose_samples(scenario.setup.plan.support)
-    by_sample = {local.sample: local for local in locals_along(config, growth.cycle, list(places.values()))}
-    frequencies = np.linspace(min(LOWEST_FREQUENCY, 0.05 / period), 0.5 / period, FREQUENCIES)
     return Analysis(
         verdict.lead,
         {lead: verdict if lead == verdict.lead else assess(with_lead(config, lead)) for lead in leads},
         growth,
         change_sizes(config, growth.cycle + GROWTH_CYCLES),
-        {name: compute_spectrum(by_sample[sample], frequencies, period) for name, sample in places.items()},
+        spectra_along(config, growth.cycle, PLACES, FREQUENCIES),
     )

@@ -133,13 +133,6 @@ class RestorableLoop:
         self.run.loop = self.run.loop._replace(feedforward=params._replace(kind=TABLE, torque=torque))
         self._list_state()
 
-    def learn_with(self, lead: int, rate: float) -> None:
-        """From now on learn with this lead, samples, and this rate."""
-        params = self.run.loop.feedforward
-        assert params is not None
-        learning = params.learning._replace(lead=lead, rate=rate)
-        self.run.loop = self.run.loop._replace(feedforward=params._replace(learning=learning))
-
     def hold(self) -> Array:
         """Remember this step as the one that :meth:`put` returns to; its state, (n,)."""
         self._clocks = [(array, array.copy()) for array, _ in self._clocks]

@@ -158,16 +158,6 @@ def require_learning(loop: RestorableLoop) -> None:
         raise NotPredictable("nothing learns from cycle to cycle")
 
 
-def learn_until(config: Config, cycle: int, prepared: Scenario | None = None) -> RestorableLoop:
-    """A loop that has learnt for so many cycles; arguments and errors as those of :func:`predicted_growth`."""
-    loop = open_loop(config, prepared)
-    while loop.cycles < cycle:
-        if not loop.advance(loop.period):
-            raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
-    require_learning(loop)
-    return loop
-
-
 def predicted_growth(config: Config, cycle: int | None = None, prepared: Scenario | None = None) -> Growth:
     """Predict the growth of learning, by running a few cycles in memory and linearising the loop there.
 
@@ -187,4 +177,8 @@ def predicted_growth(config: Config, cycle: int | None = None, prepared: Scenari
         if len(sizes) <= first:
             raise NotPredictable(f"the run ends in cycle {len(sizes) + 2}, before learning shows")
         cycle = calmest(sizes, first)
-    return grow(learn_until(config, cycle, scenario))
+    loop = open_loop(config, scenario)
+    if len(watch(loop, cycle).levels) < cycle:
+        raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
+    require_learning(loop)
+    return grow(loop)

@@ -151,11 +151,6 @@ class Spectrum(NamedTuple):
         """Least real part at any frequency."""
         return float(self.least_real(lead).min())
 
-    def wrong_from(self, lead: int) -> float:
-        """Lowest frequency at which a real part is negative, Hz; NaN if none is."""
-        wrong = self.least_real(lead) < 0.0
-        return float(self.frequencies[np.argmax(wrong)]) if wrong.any() else float("nan")
-
 
 def compute_spectrum(local: Local, frequencies: Array, period: float) -> Spectrum:
     """Eigenvalues of T at some frequencies; arguments as of :func:`transfer`."""

@@ -44,7 +44,7 @@ def test_a_run_whose_learning_the_guard_ended_is_analysed_without_it(folder):
     done = python("-m", "cmacexp.stability", "guarded", folder=folder)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("grows:")
-    assert "lead -3</th>" in (folder / "guarded" / "stability" / "report.html").read_text()  # among the reasons
+    assert "-3 (this run)" in (folder / "guarded" / "stability" / "report.html").read_text()
 
 
 @pytest.mark.parametrize(
@@ -72,45 +72,12 @@ def test_what_does_not_learn_gets_a_verdict_alone(folder):
     assert json.loads((page / "stability.json").read_text())["growth"] is None
 
 
-@pytest.mark.parametrize(
-    ("overrides", "asked", "reason"),
-    [
-        (("feedforward=none", "cycles=5"), (), "undecided: nothing learns from cycle to cycle."),
-        (
-            ("feedforward=none", "cycles=6"),
-            ("--leads", "0", "1"),
-            "No analysis and no map of leads and rates: nothing",
-        ),
-        (("cycles=5",), ("--robust", "0.5"), "Of 4 corners learning holds in"),
-    ],
-)
-def test_what_cannot_be_answered_says_why_beside_the_verdict(tmp_path, overrides, asked, reason):
-    """In a folder of runs the others follow."""
-    names = "a" if asked else "ab"
-    for name in names:
+def test_the_runs_of_a_folder_are_analysed_one_by_one(tmp_path):
+    overrides, reason = ("feedforward=none", "cycles=5"), "undecided: nothing learns from cycle to cycle."
+    for name in "ab":
         assert cmacexp(*overrides, "record=trace", f"hydra.run.dir=runs/{name}", folder=tmp_path).returncode == 0
-    done = python("-m", "cmacexp.stability", "runs", *asked, folder=tmp_path)
+    done = python("-m", "cmacexp.stability", "runs", folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count(reason) == len(names)
-    for name in names:
-        page = tmp_path / "runs" / name / "stability"
-        assert json.loads((page / "stability.json").read_text())["verdict"] in ("holds", "grows", "undecided")
-        assert reason in (page / "report.html").read_text()
-
-
-def test_leads_and_rates_are_mapped_and_corners_judged(folder):
-    asked = ("--leads", "0", "1", "--rates", "0.1,0.1953", "--robust", "0.3", "--out", "page")
-    done = python("-m", "cmacexp.stability", "run", *asked, folder=folder)
-    assert done.returncode == 0, done.stderr
-    lines = done.stdout.splitlines()
-    assert all(len(line) <= 80 for line in lines if line[:5].strip().lstrip("-").isdigit() or "stiffness" in line)
-    assert "Below 1 with lead 1 (rate 0.1, 0.1953)." in done.stdout
-    (own,) = [line.split() for line in lines if line.endswith("*")]
-    assert own[0] == "-2"
-    assert float(own[-2]) > 1.1
-    assert sum(line.startswith("stiffness x ") and ": grows: " in line for line in lines) == 4
-    assert "Of 4 corners learning holds in 0, grows in 4, is undecided in 0." in lines
-    page = (folder / "page" / "report.html").read_text()
-    assert "Other leads and rates" in page
-    assert "Margins" in page
-    assert (folder / "page" / "figures" / "growth_map.svg").is_file()
+    assert done.stdout.count(reason) == 2
+    for name in "ab":
+        assert reason in (tmp_path / "runs" / name / "stability" / "report.html").read_text()

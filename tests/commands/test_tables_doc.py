@@ -20,13 +20,14 @@ from cmacexp.data.signals import (
 from cmacexp.metrics import compute
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import CONTRACT, CYCLE, LEG, Metric, describe
-from cmacexp.metrics.registry import METRICS, OF_A_ROBOT
+from cmacexp.metrics.registry import METRICS
+from cmacexp.metrics.tracking import SPATIAL
 
 DOCS = Path(__file__).parents[2] / "docs"
 LEGS, ROBOT = "`metrics.parquet`", "`metrics.parquet` of a robot"
 COLUMNS = {
     LEGS: {"cycle": CYCLE, "leg": LEG, **METRICS},
-    ROBOT: OF_A_ROBOT,
+    ROBOT: SPATIAL,
     "`body_metrics.parquet`": {"cycle": CYCLE, **BODY_METRICS},
 }
 SIGNALS = {

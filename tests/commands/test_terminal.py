@@ -6,7 +6,8 @@ import pytest
 from cmacexp.data.tables import Scores
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
-from cmacexp.metrics.registry import MAIN, METRICS, OF_A_ROBOT
+from cmacexp.metrics.registry import MAIN, METRICS
+from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.report import terminal_tables
 from cmacexp.report.run_summary import RunSummary, print_runs
 from cmacexp.report.terminal import format_folder
@@ -33,7 +34,7 @@ def numbers_in(text):
     return [line.split() for line in text.splitlines() if line.split()[:1] and line.split()[0].isdecimal()]
 
 
-@pytest.mark.parametrize(("legs", "metrics"), [(1, METRICS), (4, METRICS), (4, {**METRICS, **OF_A_ROBOT})])
+@pytest.mark.parametrize(("legs", "metrics"), [(1, METRICS), (4, METRICS), (4, {**METRICS, **SPATIAL})])
 def test_the_table_of_a_run_fits_80_columns_in_one_piece(legs, metrics, narrow, capsys, tmp_path):
     narrow(80)
     names = print_scores(make_scores(legs, 5, metrics), tmp_path)

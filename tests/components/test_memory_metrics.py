@@ -84,7 +84,7 @@ def test_a_run_that_ends_in_a_cycle_tells_the_weights_it_ended_with(make_config)
 def test_without_weights_nothing_is_told_of_them(make_config, tmp_path, feedforward):
     run_scenario(make_config(f"feedforward={feedforward}", "cycles=2", "record=trace"), tmp_path)
     metrics = pd.read_parquet(tmp_path / METRICS)
-    assert metrics[["weight_norm", "weight_largest", "memory_used", "cells_colliding"]].isna().all(axis=None)
+    assert metrics[["weight_norm", "memory_used", "cells_colliding"]].isna().all(axis=None)
     assert not (tmp_path / MEMORY).exists()
 
 

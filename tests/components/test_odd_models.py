@@ -82,7 +82,8 @@ def mirrored():
 
 
 EVERY_HOME = "machine.home=[[0,0.9,-1.8],[0,0.9,-1.8],[0,-0.9,1.8],[0,-0.9,1.8]]"
-EQUALITY = r"machine\.path=.*: has the equality constraint {}, which would push or hold the robot"
+OTHERS = r"machine\.path=.*: has {}, which would push or hold the robot: remove it"
+TURNED = r"machine\.feet=.*: must be front left, .* in the frame of the trunk, .*, or turn the frame"
 UNITS = r"machine\.path=.*: the {} is .*: use m, kg and rad in the model"
 
 ODD = {
@@ -108,12 +109,7 @@ ODD = {
     "a weld": (
         [(END, f'<equality><weld name="nail" body1="trunk"/></equality>{END}')],
         (),
-        EQUALITY.format("nail"),
-    ),
-    "coupled joints": (
-        [(END, f'<equality><joint joint1="FL_hip_joint" joint2="FR_hip_joint"/></equality>{END}')],
-        (),
-        EQUALITY.format("0"),
+        OTHERS.format("an equality constraint"),
     ),
     "a weld that is not active": (
         [(END, f'<equality><weld body1="trunk" active="false"/></equality>{END}')],
@@ -123,7 +119,7 @@ ODD = {
     "gravity compensation": (
         [('name="trunk"', 'name="trunk" gravcomp="1"')],
         (),
-        r"machine\.path=.*: has gravcomp=1 on the body trunk, which would push",
+        OTHERS.format("gravcomp"),
     ),
     "a tendon with a spring": (
         [
@@ -133,17 +129,12 @@ ODD = {
             )
         ],
         (),
-        r"machine\.path=.*: has the tendon rope with a spring",
+        OTHERS.format("a tendon with a spring, .*"),
     ),
     "a tendon that does nothing": (
         [(END, f'<tendon><fixed name="rope"><joint joint="FL_hip_joint" coef="1"/></fixed></tendon>{END}')],
         (),
         WALKS,
-    ),
-    "a strong spring": (
-        [(FL_THIGH, FL_THIGH.replace("/>", ' stiffness="100" springref="-3"/>'))],
-        (),
-        r"machine\.joints=FL_thigh_joint: has a spring of 390 N m at machine\.home",
     ),
     "a weak spring": ([(FL_THIGH, FL_THIGH.replace("/>", ' stiffness="1" springref="0.9"/>'))], (), WALKS),
     "a trunk with losses": ([(FREE, '<joint type="free" damping="50" frictionloss="50" stiffness="9"/>')], (), WALKS),
@@ -189,19 +180,10 @@ ODD = {
         (),
         UNITS.format("moment of inertia of trunk"),
     ),
-    "huge feet": ([('size="0.02" contype', 'size="0.4" contype')], (), UNITS.format("radius of a foot")),
     # frames and home
-    "a frame turned by a quarter": (
-        turned(np.pi / 2),
-        (),
-        r"machine\.path=.*: the frame of its trunk trunk is turned by 90 degrees",
-    ),
-    "a frame turned by 30 degrees": (
-        turned(-np.pi / 6),
-        (),
-        r"is turned by 30 degrees: turn it in the model, x forward",
-    ),
-    "a frame on its side": (leaning(), (), r"the frame of its trunk trunk leans by 90 degrees"),
+    "a frame turned by a quarter": (turned(np.pi / 2), (), TURNED),
+    "a frame turned by 30 degrees": (turned(-np.pi / 6), (), TURNED),
+    "a frame on its side": (leaning(), (), TURNED),
     "mirrored rear knees": (mirrored(), (EVERY_HOME,), WALKS),
     "mirrored rear knees at one home": (
         mirrored(),
@@ -212,7 +194,7 @@ ODD = {
     "legs in the air": (
         "",
         ("machine.home=[0,3.1,-0.6]",),
-        r"machine\.home=.*: puts the foot .* above FL_thigh_joint",
+        r"machine\.home=.*: from there the left rear foot finds no way to .* below its hip",
     ),
     # feet and names
     "names with spaces": ([('name="FL"', 'name="front left"')], (BY_NAME,), WALKS),
@@ -229,7 +211,6 @@ ODD = {
         (),
         WALKS,
     ),
-    "a joint that drives itself": ([('damping="0.5"', 'damping="-5"')], (), UNITS.format("least damping of a joint")),
     "a site": ([(FL_FOOT, f'{FL_FOOT.replace("FL", "ball")}<site name="FL" pos="0.005 0 -0.21"/>')], (), WALKS),
 }
 
@@ -338,8 +319,8 @@ def test_legs_are_found_by_how_bodies_hang_together(tmp_path, what):
     [
         ("<robot >", r"machine\.path=.*: is no XML"),
         ("<robot><link name='a'/></robot>", r"machine\.path=.*: MuJoCo refuses the model: Error: mass and inertia"),
-        (turned(np.pi / 2), r"the frame of its trunk trunk is turned by 90 degrees"),
-        (leaning(), r"the frame of its trunk trunk leans by 90 degrees"),
+        (turned(np.pi / 2), TURNED),
+        (leaning(), TURNED),
         (TEXT.replace('name="FL_hip_joint"', "").replace(MOTORS, ""), r"has joints or feet without a name"),
         (TEXT.replace(FREE, ""), r"has 0 chains of three hinges on a trunk that floats"),
     ],

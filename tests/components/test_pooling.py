@@ -27,8 +27,9 @@ from cmacexp.metrics.metric import (
     to_table,
 )
 from cmacexp.metrics.pooling import pool_legs, tabulate_cycles
-from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, OF_A_ROBOT, SHOWN
+from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, SHOWN
 from cmacexp.metrics.text import format_cell
+from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.report.run_figures import KEY, PANELS, draw_metrics
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import format_runs, make_rows, read_summary
@@ -54,7 +55,7 @@ def expected(scores):
     return found
 
 
-@pytest.fixture(scope="module", params=[METRICS, {**METRICS, **OF_A_ROBOT}], ids=["plane", "space"])
+@pytest.fixture(scope="module", params=[METRICS, {**METRICS, **SPATIAL}], ids=["plane", "space"])
 def walk(request, tmp_path_factory):
     """A walk of two cycles whose metrics are replaced by ones that tell every pooling from every other."""
     folder = tmp_path_factory.mktemp("pooling") / "walk"
@@ -101,7 +102,7 @@ def test_terminal_and_notebook_show_the_pooled_values(walk):
 
 def test_the_report_of_a_run_shows_the_pooled_values(walk):
     run, values = walk
-    report = make_run_report(run, [1, 2])
+    report = make_run_report(run)
     parts = {section.title: section.parts for section in report.sections}
     (table,) = parts["All metrics"][-1].parts
     rows = {name: rest for name, *rest in table.rows}
@@ -157,13 +158,11 @@ def test_sweep_table_and_objective_take_the_pooled_values(walk):
 
 def test_poolings_and_directions_of_families():
     for name, metric in ALL_METRICS.items():
-        if name.endswith("_ratio"):
-            assert (metric.pooling, metric.better) == (MEAN, SMALL)
-        elif name.endswith(("_cycles_to_1_e", "_time")):
+        if name.endswith("_time"):
             assert (metric.pooling, metric.better) == (LARGEST, SMALL)
         elif "_rmse" in name or name.endswith(("_rms", "_ripple", "_change")):
             assert metric.pooling == RMS
-        elif name.endswith(("_iae_x", "_iae_y", "_ise_x", "_ise_y", "_iae", "_ise", "_itae")):
+        elif name.endswith(("_iae", "_itae")):
             assert (metric.pooling, metric.better) == (MEAN, SMALL)
         elif name.endswith("_peak"):
             assert metric.pooling == LARGEST

@@ -57,12 +57,12 @@ def swap(names, i, j):
 
 
 NAMES = [
-    (JOINTS[:2], FEET[:2], r"^machine\.joints=2 lists of 3, 3 names: must be four lists of three names"),
-    ([leg[:2] for leg in JOINTS], FEET, r"^machine\.joints=4 lists of 2, 2, 2, 2 names: must be four"),
+    (JOINTS[:2], FEET[:2], r"^machine\.joints=.*: must be four lists of three names"),
+    ([leg[:2] for leg in JOINTS], FEET, r"^machine\.joints=.*: must be four"),
     (JOINTS, FEET[:2], r"^machine\.feet=FL, FR: must be four names of geoms"),
     (JOINTS, ("FL", "FL", "RL", "RR"), r"^machine\.feet=FL, FL, RL, RR: must be four names"),
     (JOINTS, swap(FEET, 0, 1), r"^machine\.feet=FR: must hang on FL_hip_joint, .* but hangs on FR_hip_joint, "),
-    (swap(JOINTS, 0, 2), swap(FEET, 0, 2), r"^machine\.feet=RL, FR, FL, RR: must be in the order front left"),
+    (swap(JOINTS, 0, 2), swap(FEET, 0, 2), r"^machine\.feet=RL, FR, FL, RR: must be front left, front right"),
     ([swap(JOINTS[0], 1, 2), *JOINTS[1:]], FEET, r"^machine\.feet=FL: must hang on FL_hip_joint, FL_calf_joint, "),
     (
         [JOINTS[0], JOINTS[0], *JOINTS[2:]],
@@ -119,14 +119,8 @@ def test_what_is_missing_is_said(monkeypatch):
     monkeypatch.setattr(find, "package_models", dict)
     monkeypatch.delenv(find.CHECKOUT, raising=False)
     install = r'python -m pip install -e "\.\[robots\]" with Python below 3\.13'
-    with pytest.raises(
-        BadInput, match=rf"^machine\.model=go1: no such model is installed: {install}, or let MENAGERIE"
-    ):
+    with pytest.raises(BadInput, match=rf"^machine\.model=go1: .* installed are none: {install}; or let MENAGERIE"):
         find.find_model("go1", None)
-    with pytest.raises(
-        BadInput, match=rf"^machine\.model=a2: no such model is installed: {install}; or give machine"
-    ):
-        find.find_model("a2", None)
 
 
 def test_a_package_is_found_and_not_imported(tmp_path, monkeypatch):
@@ -138,7 +132,7 @@ def test_a_package_is_found_and_not_imported(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(find, "PACKAGE", "robots_of_a_test")
     assert find.package_models() == {"own": folder / "own.xml"}
-    with pytest.raises(BadInput, match=r"^machine\.model=go3: the installed models are own; use machine=mjcf"):
+    with pytest.raises(BadInput, match=r"^machine\.model=go3: is not installed; installed are own; or"):
         find.find_model("go3", None)
     assert "robots_of_a_test" not in sys.modules
 

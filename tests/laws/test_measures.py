@@ -28,13 +28,10 @@ def test_mean_square_is_that_of_mean_and_ripple(seed):
 
 @given(SEEDS)
 def test_integrals_are_those_of_constant_samples(seed):
-    """The squared error is the mean square over the duration, which bounds the absolute one (Cauchy and Schwarz)."""
     error, mask, elapsed = drawn(seed)
     duration = STEP * mask.sum(axis=1)
-    ise, iae = measures.ise(error, mask, STEP), measures.iae(error, mask, STEP)
-    assert_allclose(ise, measures.rms(error, mask) ** 2 * duration)
+    iae = measures.iae(error, mask, STEP)
     assert_allclose(iae, measures.mean(np.abs(error), mask) * duration)
-    assert (iae**2 <= ise * duration * (1.0 + 1e-12)).all()
     ones = np.ones_like(error)
     late = measures.itae(elapsed + 3.0, error, mask, STEP) - measures.itae(elapsed, error, mask, STEP)
     assert_allclose(late, 3.0 * iae)
@@ -48,7 +45,6 @@ def test_integrals_over_two_parts_add_up_and_the_largest_is_in_one_of_them(seed)
     both = mask & (np.arange(40) == 7)
     for integral in (
         lambda part: measures.iae(error, part, STEP),
-        lambda part: measures.ise(error, part, STEP),
         lambda part: measures.itae(elapsed, error, part, STEP),
     ):
         assert_allclose(integral(early) + integral(late) - integral(both), integral(mask), atol=1e-12)
@@ -67,7 +63,6 @@ def test_what_no_sample_of_the_mask_shows_is_undefined_and_changes_nothing(seed)
         measures.ripple,
         measures.largest,
         lambda value, mask: measures.iae(value, mask, STEP),
-        lambda value, mask: measures.ise(value, mask, STEP),
         lambda value, mask: measures.itae(elapsed, value, mask, STEP),
     ):
         assert_allclose(measure(other, mask), measure(value, mask))
@@ -75,13 +70,10 @@ def test_what_no_sample_of_the_mask_shows_is_undefined_and_changes_nothing(seed)
 
 
 @given(st.floats(0.1, 1.0), st.floats(1.0, 50.0))
-def test_a_response_of_first_order_rises_and_settles_as_its_exponential(constant, way):
-    """From 10 % to 90 % in ln 9 time constants, within 2 % in ln 50, each to a sample."""
+def test_a_response_of_first_order_settles_as_its_exponential(constant, way):
+    """Within 2 % in ln 50 time constants, to a sample."""
     elapsed = STEP * np.arange(1000.0)
     value = way * (1.0 - np.exp(-elapsed / constant))
     settled, mask = np.asarray(way), np.ones(1000, dtype=bool)
-    rise = measures.rise_time(elapsed[1:], value[1:], settled, mask[1:], STEP)
     settling = measures.settling_time(elapsed, value, settled, mask, STEP)
-    if 0.1 * constant > STEP:
-        assert abs(rise - constant * np.log(9.0)) <= STEP
     assert -1e-9 <= settling - constant * np.log(50.0) <= STEP + 1e-9

