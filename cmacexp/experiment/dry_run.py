@@ -5,15 +5,20 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from cmacexp.config import to_config
+from cmacexp.config import Config, to_config, to_plain
 from cmacexp.errors import CmacexpError
 from cmacexp.experiment.launch import make_items, unpack
 from cmacexp.experiment.sweep import Sweep, select_run_overrides
+from cmacexp.experiment.workers import count_cores
 from cmacexp.jit.compiler import expect_runs
-from cmacexp.report.terminal import say
+from cmacexp.report.terminal import format_duration, say
 
-Checked = tuple[str | None, int]
-"""Of a job that was not run: why it could not run, and its steps, times legs."""
+JOB_SECONDS, STEP_SECONDS, OTHER_STEP_SECONDS = 0.02, 1.5e-6, 6e-6
+"""Processor time of a job, and of a step of one leg: of the analytic plant, of others; ``docs/performance.md``."""
+JOB_BYTES, ROW_BYTES = 60_000, 100
+"""On disk, of a job, and of a row of its trace."""
+Checked = tuple[str | None, float, float]
+"""Of a job that was not run: why it could not run, seconds of a processor, bytes."""
 
 
 def _check(kind: bytes, overrides: list[str], changed: list[str], number: int, jobs: int) -> Checked:
@@ -31,11 +36,19 @@ def _check(kind: bytes, overrides: list[str], changed: list[str], number: int, j
         config = to_config(composed)
         check_metric(config.optimize, config.machine.kind)
         if config.sweep.resume and is_finished(job.folder, config):
-            return None, 0
+            return None, 0.0, 0.0
         make_scenario(config)
     except (CmacexpError, OSError) as error:
-        return " ".join(str(error).split()), 0
-    return None, config.cycles * config.steps_per_cycle * config.legs
+        return " ".join(str(error).split()), 0.0, 0.0
+    return None, *_estimate(config)
+
+
+def _estimate(config: Config) -> tuple[float, float]:
+    """Processor time of a run, s, and its bytes on disk, if it keeps all steps or none."""
+    steps = config.cycles * config.steps_per_cycle * config.legs
+    is_quick = str(to_plain(config)["plant"]["_target_"]).endswith("AnalyticPlant")
+    seconds = JOB_SECONDS + steps * (STEP_SECONDS if is_quick else OTHER_STEP_SECONDS)
+    return seconds, JOB_BYTES + ROW_BYTES * steps * config.record.trace
 
 
 class DryRun:
@@ -53,7 +66,7 @@ class DryRun:
         """List and check the next jobs."""
         items = make_items(self.launcher, batch, initial_job_idx)
         checked = self.sweep.start_workers()(_check, items, initial_job_idx)
-        for number, (overrides, (error, _)) in enumerate(zip(batch, checked, strict=True), initial_job_idx):
+        for number, (overrides, (error, _, _)) in enumerate(zip(batch, checked, strict=True), initial_job_idx):
             say(f"#{number} {' '.join(select_run_overrides(overrides))}")
             if error is not None:
                 say(f"error: #{number}: {error}", error=True)
@@ -63,8 +76,9 @@ class DryRun:
 
 def finish_dry_run(sweep: Sweep) -> str:
     """Print what all jobs would take; how the sweep would end, at best."""
-    errors, steps = zip(*sweep.checked, strict=True)
-    refused = sum(error is not None for error in errors)
+    errors, seconds, size = zip(*sweep.checked, strict=True)
+    refused, cores = sum(error is not None for error in errors), sweep.processes or count_cores()
+    time = format_duration(sum(seconds) / cores)
     say(f"{len(errors)} jobs, {refused} of them cannot run; nothing was run")
-    say(f"{sum(steps):,} steps, times legs, would go to {sweep.folder}")
+    say(f"about {time} on {cores} cores, {sum(size) / 1e6:.3g} MB in {sweep.folder}")
     return "bad input" if refused == len(errors) else "failed" if refused else "completed"
