@@ -132,8 +132,8 @@ def _show(arguments: argparse.Namespace) -> int:
     print(f"mass {format_number(basis.mass, 'kg')}, links {length_1:.3g} m and {length_2:.3g} m")
     print(f"a foot feels {format_number(basis.foot_mass, 'kg')} at least, {basis.ratio:.3g} of the mass")
     if (margin := _count_margin(config)) is not None:
-        words = f"{margin} more samples, {format_number(1e3 * margin * config.sampling_period, 'ms')}"
-        print(f"feedback may be late by {words}, before the lightest foot is unstable")
+        time = format_number(1e3 * margin * config.sampling_period, "ms")
+        print(f"margin of delay: {margin} samples, {time}")
     print_table(["", "unit", "hip", "thigh", "calf"], joint_rows(robot))
     print_table(["", "unit", "value"], setting_rows(config))
     return 0

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from cmacexp.config.component import find_option
-from cmacexp.config.fields import check_fields, make_config
+from cmacexp.config.fields import check_fields, listed, make_config
 from cmacexp.config.gait import PATTERNS, GaitPattern
 from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
 from cmacexp.errors import BadInput
@@ -35,7 +35,7 @@ DIGITS = 6
 """Significant digits of a number by rule: the config, and its hash, are the same with another MuJoCo."""
 
 
-def rule_value(name: str, _root_: DictConfig) -> float | list[float]:
+def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
     """The value of ``${rule:NAME}``.
 
     Args:
@@ -64,7 +64,7 @@ def _find_pattern(root: DictConfig) -> GaitPattern:
     name = OmegaConf.select(root, "gait.pattern")
     pattern = PATTERNS.get(name)
     if pattern is None or not pattern.stroke:
-        fitting = ", ".join(name for name, pattern in PATTERNS.items() if pattern.stroke)
+        fitting = listed([name for name, pattern in PATTERNS.items() if pattern.stroke])
         raise BadInput("gait.pattern", name, f"with machine.kind=robot choose from {fitting}")
     return pattern
 
@@ -89,12 +89,13 @@ def _choose_stroke(root: DictConfig) -> float:
     return float(f"{speed * duty * _read_number(root, 'gait.cycle_time'):.{DIGITS}g}")
 
 
-def _choose_touch_downs(root: DictConfig) -> list[float]:
+def _choose_touch_downs(root: DictConfig) -> ListConfig:
     pattern, duty = _find_pattern(root), _read_number(root, "gait.duty_factor")
-    return [round((start + slope * (duty - pattern.overlap)) % 1.0, DIGITS) for start, slope in pattern.touch_downs]
+    phases = [round((start + slope * (duty - pattern.overlap)) % 1.0, DIGITS) for start, slope in pattern.touch_downs]
+    return OmegaConf.create(phases)
 
 
-STRIDE: dict[str, Callable[[DictConfig], float | list[float]]] = {
+STRIDE: dict[str, Callable[[DictConfig], float | ListConfig]] = {
     "cycle_time": _choose_cycle,
     "stroke": _choose_stroke,
     "touch_down": _choose_touch_downs,

