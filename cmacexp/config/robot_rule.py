@@ -23,10 +23,8 @@ from cmacexp.models.robot_gains import Basis, Gains, choose_period, derive_basis
 PERIOD = "sampling_period"
 LONGEST_STROKE = 0.6
 """Stroke that a cycle is shortened for, over the length of a leg."""
-CYCLE_STEP = 0.04
-"""Cycles are multiples of this, so that feet touch down at samples, s."""
-SHORTEST_CYCLE = 0.12
-"""s"""
+CYCLE_STEP, SHORTEST_CYCLE = 0.04, 0.12
+"""Cycles are multiples of this, so that feet touch down at samples, and at least so long, s."""
 RAMP_SHARE = 0.05
 """Duration of the ramps of the load over that of the cycle."""
 SHORTEST_RAMP = 0.012

@@ -50,12 +50,6 @@ def new_steering(setup: Setup) -> Steering | None:
 
 
 @kernel
-def limit(value: float) -> float:
-    """A command of at most MOST."""
-    return min(max(value, -MOST), MOST)
-
-
-@kernel
 def steer(steering: Steering | None, travel: Array | None, step: int, sample: int) -> None:
     """Set the command of a ``step``, the ``sample`` of its cycle.
 
@@ -64,9 +58,11 @@ def steer(steering: Steering | None, travel: Array | None, step: int, sample: in
     if steering is not None and travel is not None:
         command, gain, speed = steering.command, steering.course_gain, steering.speed
         ahead = step * steering.period * speed + steering.sway[sample, 0] - travel[0]
-        command[AHEAD] = limit(gain * ahead / speed)
-        command[ASIDE] = limit(gain * (steering.sway[sample, 1] - travel[1]) / speed)
-        command[TURN] = limit(-steering.heading_gain * travel[2] * steering.radius / speed)
+        command[AHEAD] = gain * ahead / speed
+        command[ASIDE] = gain * (steering.sway[sample, 1] - travel[1]) / speed
+        command[TURN] = -steering.heading_gain * travel[2] * steering.radius / speed
+        for n in range(3):
+            command[n] = min(max(command[n], -MOST), MOST)
 
 
 @kernel

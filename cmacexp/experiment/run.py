@@ -75,11 +75,9 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
         body = assemble_body(scenario.setup, samples.body_columns(), legs, moves, start, columns[1])
     if samples.memory is not None:
         memory = assemble_memory(samples.memory, start // config.steps_per_cycle + 1)
-    controller = scenario.controller
+    controller, steered = scenario.controller, False
     if isinstance(controller, HybridController) and scenario.fault is None:
         steered = controller.params.steering is not None
-    else:
-        steered = False
     trace = assemble(plan, legs, period, start, columns[0], _known_torque(scenario), steered)
     return Traces(trace, body, memory)
 
@@ -250,7 +248,7 @@ def _write(
         "learning_lead": end.estimates[-1].lead if end.estimates else scenario.setup.lead,
         "learning_rate": end.rate,
         "lead_estimates": [estimate._asdict() for estimate in end.estimates],
-        "carried": [carried._asdict() for carried in end.carried],
+        "carried": [{"cycle": cycle, **load._asdict()} for cycle, load in end.carried],
         "drift": make_drift_entry(scores.legs),
         "rollout_seconds": end.seconds,
         "files": {name: sha256(folder / name) for name in names},

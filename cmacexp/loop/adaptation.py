@@ -2,7 +2,6 @@
 
 import copy
 import math
-from typing import NamedTuple
 
 from cmacexp.control.load_meter import LoadMeter, read_meter
 from cmacexp.errors import BadInput
@@ -15,23 +14,6 @@ SMOOTHING = 2.0
 """Time over which cycles are averaged, s."""
 MOST_SHIFT, MOST_SLOPE = 0.002, 0.02
 """Changes from one cycle to the next that the plan follows: of the place of the feet, m, and of the slopes."""
-
-
-class Carried(NamedTuple):
-    """An entry of the manifest: what the plan knows from a cycle on."""
-
-    cycle: int
-    """The first one, from 1."""
-    weight: float
-    """That the feet carry, N."""
-    x: float
-    """Its centre, forward of the planned one, m."""
-    y: float
-    """To the left."""
-    slope_x: float
-    """Rise of the ground forward, m/m."""
-    slope_y: float
-    """To the left."""
 
 
 class Adaptation:
@@ -48,7 +30,8 @@ class Adaptation:
         cycle = setup.config.gait.cycle_time
         self.gain, self.begun = cycle / (cycle + SMOOTHING), False
         """``begun``: a cycle has ended. The first one starts from rest, which moves the centre of the load."""
-        self.carried: list[Carried] = []
+        self.carried: list[tuple[int, Met]] = []
+        """First cycles, from 1, of what the plan knows; the weight is all that the feet carry, N."""
 
     def end_cycle(self) -> bool:
         """Whether what was met in the cycle that has ended asks for another plan; :meth:`take` makes it."""
@@ -74,4 +57,5 @@ class Adaptation:
         for name in ("desired", "joints", "force_desired", "reference"):
             getattr(plan, name)[...] = getattr(adapted, name)
         self.known = self.new
-        self.carried.append(Carried(cycle, float(self.nominal.load.force.mean()) + self.new.weight, *self.new[1:]))
+        weight = float(self.nominal.load.force.mean()) + self.new.weight
+        self.carried.append((cycle, self.new._replace(weight=weight)))

@@ -17,7 +17,7 @@ from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
 from cmacexp.jit.compiler import expect_steps
 from cmacexp.jit.interrupt import interrupt_held_back, raise_if_interrupted
-from cmacexp.loop.adaptation import Adaptation, Carried
+from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_guard, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.external import ExternalDriver
@@ -28,7 +28,7 @@ from cmacexp.loop.scenario import Scenario, resolve_rate
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits
 from cmacexp.models.lateness import Lateness
 from cmacexp.models.mechanism import POINT_MASS
-from cmacexp.planning.plan import Plan
+from cmacexp.planning.plan import Met, Plan
 from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.sensors.protocol import find_altered
@@ -86,8 +86,8 @@ class End:
     """What the guard of learning did."""
     estimates: Sequence[LeadEstimate] = ()
     """Of the lead, by ``learning.lead=estimate``."""
-    carried: Sequence[Carried] = ()
-    """What the plan knows of the load, by ``force_control.load_sharing=adaptive``."""
+    carried: Sequence[tuple[int, Met]] = ()
+    """What the plan knows of the load from a cycle on, by ``force_control.load_sharing=adaptive``."""
 
 
 def _format_error(raised: Exception) -> str:

@@ -9,11 +9,10 @@ from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import QuadrupedMachine, RobotMachine
 from cmacexp.errors import BadInput
 from cmacexp.models.ground import NEVER
-from cmacexp.models.mechanism import LEGS_UNDER_BODY, POINT_MASS, SPACE, Mechanism, has_body
+from cmacexp.models.mechanism import POINT_MASS, SPACE, Mechanism, has_body
 from cmacexp.planning.body_load import BodyLoad, dynamic_load, static_load
 from cmacexp.planning.body_motion import Sway, find_pressure, find_sway
 from cmacexp.planning.columns import AX, AZ, VX, VY, VZ, X, Y, Z
-from cmacexp.planning.crossing import check_crossing
 from cmacexp.planning.gait import Timing, make_timing
 from cmacexp.planning.motion import plan_force, plan_horizontal, plan_joints, plan_load_fraction, plan_motion
 from cmacexp.planning.reach import check_reach
@@ -85,10 +84,6 @@ class _Walk(NamedTuple):
     feet: Array
     """(N, L, 2): forward and left of the body's centre, m."""
     sway: Sway
-
-    def moved(self, shift: Array) -> "_Walk":
-        """All feet moved by ``shift`` (2,), m."""
-        return self._replace(feet=self.feet + shift)
 
 
 def _start_walk(config: Config, mechanism: Mechanism) -> _Walk:
@@ -173,7 +168,7 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
         feedforward_acts: False for feedback alone, which stays in the stage BEFORE.
 
     Raises:
-        BadInput: a foot path leaves the reach of its leg, legs would cross, or the gait is neither statically stable
+        BadInput: a foot path leaves the reach of its leg, or the gait is neither statically stable
             nor one in which a swaying body keeps its balance.
     """
     walk = _start_walk(config, mechanism)
@@ -193,8 +188,6 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
             desired, joints, force = _plan_under_load(walk, load)
         if dynamic:
             _require_balance(walk, load, force)
-    if mechanism.kind == LEGS_UNDER_BODY:
-        check_crossing(config, mechanism, joints)
     return Plan(
         timing.support,
         timing.progress,
@@ -222,8 +215,8 @@ def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, met: Met) -> Pl
         BadInput: a foot path leaves the reach of its leg.
     """
     shift = np.array([met.x, met.y if mechanism.shape[1] == len(SPACE) else 0.0])
-    walk = _start_walk(config, mechanism).moved(shift)
-    walk = walk._replace(feet=walk.feet - plan.sway.place[:, None], sway=plan.sway)
+    walk = _start_walk(config, mechanism)
+    walk = walk._replace(feet=walk.feet + shift - plan.sway.place[:, None], sway=plan.sway)
     weight = np.maximum(plan.load.force + met.weight, LEAST_LOAD * plan.load.force)
     centre, planned = plan.load.mean_centre, plan.load.force.mean()
     added = weight.mean() * (centre + np.array([met.x, met.y])) - planned * centre

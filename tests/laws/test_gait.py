@@ -1,7 +1,6 @@
 """Laws of the gait: phases, static stability, and the gaits that are refused."""
 
 import re
-from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +11,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import ConvexHull
 
 from cmacexp.errors import BadInput
-from cmacexp.planning import make_plan
 from cmacexp.planning.gait import make_timing
 from cmacexp.planning.machine import make_mechanism
 from cmacexp.planning.stability import margins
@@ -297,73 +295,3 @@ def test_an_uneven_number_of_steps_is_refused_and_the_period_named_is_not(refusa
 @pytest.mark.parametrize("phases", ["[0.0, 0.5, 0.8]", "[0.0, 0.5, 0.8, 1.0]", "[0.0, 0.5, 0.8, 0.3001]"])
 def test_phases_that_are_too_few_out_of_range_or_between_samples_are_refused(refusal, phases):
     assert refusal(f"gait.touch_down={phases}").key == "gait.touch_down"
-
-
-# Legs that cross
-
-
-def links(mechanism, plan, leg, k):
-    """Hip, knee and foot in the plane of the leg, x forward, y down."""
-    l1, l2 = mechanism.legs[leg, :2]
-    q1, q2 = plan.joints[k, leg, :2]
-    hip = np.array([mechanism.hips[leg, 0], 0.0])
-    knee = hip + l1 * np.array([np.cos(q1), np.sin(q1)])
-    return hip, knee, knee + l2 * np.array([np.cos(q1 + q2), np.sin(q1 + q2)])
-
-
-def do_cross(one, other):
-    """Whether two chains of links share a point: solve for it on every pair of links."""
-    for a, b in pairwise(one):
-        for c, d in pairwise(other):
-            along = np.linalg.solve(np.stack([b - a, c - d], axis=1), c - a)
-            if ((along >= 0.0) & (along <= 1.0)).all():
-                return True
-    return False
-
-
-def first_crossing(config, monkeypatch, front, rear):
-    """First sample at which the legs of a plan share a point, None if they never do."""
-    monkeypatch.setattr("cmacexp.planning.plan.check_crossing", lambda *arguments: None)
-    mechanism = make_mechanism(config.machine)
-    plan = make_plan(config, mechanism, True)
-    crossing = (
-        k
-        for k in range(len(plan.support))
-        if do_cross(links(mechanism, plan, front, k), links(mechanism, plan, rear, k))
-    )
-    return next(crossing, None)
-
-
-KNEES = [("left", LF, LR), ("right", RF, RR)]
-
-
-@pytest.mark.parametrize(("side", "front", "rear"), KNEES)
-def test_knees_inward_on_one_side_are_refused_where_the_links_first_cross(
-    refusal, make_config, monkeypatch, side, front, rear
-):
-    inward = f"machine.legs.{side}_front.knee=back", f"machine.legs.{side}_rear.knee=forward"
-    error = refusal(*inward)
-    time = re.search(rf"legs {side}_front and {side}_rear would cross at t = ([\d.]+) s", str(error))[1]
-    k = first_crossing(make_config("scenario=quadruped", *inward), monkeypatch, front, rear)
-    assert float(time) == pytest.approx(k * 0.005)
-
-
-@pytest.mark.parametrize("knee", ["left_front.knee=back", "right_rear.knee=forward"])
-@pytest.mark.parametrize("stroke", [0.3, 0.4, 0.5])
-def test_a_single_knee_inward_is_refused_only_if_links_cross(make_config, monkeypatch, knee, stroke):
-    config = make_config(
-        "scenario=quadruped", f"machine.legs.{knee}", f"gait.stroke={stroke}", "gait.duty_factor=0.9"
-    )
-    try:
-        make_plan(config, make_mechanism(config.machine), True)
-        refused = False
-    except BadInput as error:
-        refused = "would cross" in str(error)
-    front, rear = (LF, LR) if "left" in knee else (RF, RR)
-    assert refused == (first_crossing(config, monkeypatch, front, rear) is not None)
-
-
-def test_a_stroke_so_long_that_feet_pass_each_other_is_refused(refusal):
-    error = refusal("gait.stroke=0.5")
-    assert error.key == "gait.stroke"
-    assert "would cross" in str(error)

@@ -78,7 +78,7 @@ def test_a_trot_is_walked_as_planned():
 
 
 def test_feet_tell_a_load_and_where_it_is():
-    carried = roll(EXACT, *TWO, "cycles=8", "payload.weight=15", "payload.x=0.01", "payload.y=-0.005").carried[-1]
+    carried = roll(EXACT, *TWO, "cycles=8", "payload.weight=15", "payload.x=0.01", "payload.y=-0.005").carried[-1][1]
     weight = make_mechanism(compose_config(OWN_ROBOT).machine).weight
     assert carried.weight == pytest.approx(weight + 15, rel=0.01)
     assert_allclose([carried.x, carried.y], np.array([0.01, -0.005]) * 15 / (weight + 15), atol=5e-4)
@@ -87,8 +87,8 @@ def test_feet_tell_a_load_and_where_it_is():
 def test_feet_tell_the_slope_and_then_press_as_desired():
     sloped = ("terrain.slope=0.04", "terrain.slope_start=-1", "cycles=10", *TWO[:-1])
     adapted, fixed = (roll(EXACT, *sloped, f"force_control.load_sharing={how}") for how in ("adaptive", "dynamic"))
-    assert adapted.carried[-1].slope_x == pytest.approx(0.04, abs=2e-3)
-    assert adapted.carried[-1].slope_y == pytest.approx(0.0, abs=2e-3)
+    assert adapted.carried[-1][1].slope_x == pytest.approx(0.04, abs=2e-3)
+    assert adapted.carried[-1][1].slope_y == pytest.approx(0.0, abs=2e-3)
     errors = []
     for run in (adapted, fixed):
         last = run.columns()["force"][-len(run.plan.support) :]
