@@ -46,6 +46,7 @@ from pipelines.moving_robots_runs import (
     PAYLOAD,
     SLOPE,
     SOON,
+    STARTS,
     TROT,
     WORLD,
     runs,
@@ -258,7 +259,7 @@ FINDINGS = {
         no="Without the load that the feet show, learning does not leave most of the force error on both grounds.",
     ),
     **{
-        f"carries_{network}": Finding(
+        f"carries_{network}_{start}": Finding(
             [
                 percent(
                     f"transfer error of the first cycle over that of learning anew, {ground} ground",
@@ -267,13 +268,15 @@ FINDINGS = {
                     part=[ANEW, CARRIED],
                     network=network,
                     ground=ground,
+                    start=start,
                 )
                 for ground in GROUNDS
             ],
-            yes=f"Addressed by {network}, what was learnt at one speed carries over to the other.",
-            no=f"Addressed by {network}, what was learnt at one speed does not carry over to the other.",
+            yes=f"Addressed by {network}, what was learnt carries over to feet that start {start}.",
+            no=f"Addressed by {network}, what was learnt does not carry over to feet that start {start}.",
         )
         for network in NETWORKS
+        for start in STARTS
     },
     "lag": Finding(
         _each(

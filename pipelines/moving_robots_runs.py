@@ -35,12 +35,14 @@ WORLDS = {
     "a sample late": ("machine=go1", "actuator.delay=1"),
 }
 AS_MODELLED, PAYLOAD, SLOPE, GO2, LAG, LATE = WORLDS
-START = ("plant.start_spread=0.05", "plant.start_seed=${seed}")
+DISTURBED = ("plant.start_spread=0.05", "plant.start_seed=${seed}")
 """Every joint starts up to 0.05 rad off the plan."""
+ON_PATH, OFF_PATH = "on their paths", "disturbed"
+STARTS = {ON_PATH: (), OFF_PATH: DISTURBED}
 GAIT, WORLD, BEFORE, ANEW, CARRIED = "gaits", "worlds", "before", "anew", "carried"
 """The parts of the study."""
-QUICK, SETTLED, LEARNT, LASTED = 2, 12, 100, 300
-"""Cycles of the quick form, of what learns nothing, of walks with a CMAC, and of the long ones."""
+QUICK, SETTLED, LEARNT, LASTED = 2, 12, 50, 300
+"""Cycles of the quick form, of what learns nothing, of walks with a CMAC, and of those that must last."""
 LASTING = (TROT, LAG, LATE)
 NETWORKS = {"joint angles and velocities": ("cmac=quadruped",), "phase": ("cmac=phase",)}
 """What addresses the network whose weights are carried to another speed."""
@@ -52,7 +54,7 @@ SOON = 6
 
 
 def _walks(kind: str, lasts: int, *overrides: str, **more: Any) -> list[Request]:
-    kept = (f"cycles={lasts}", f"record.cycles=[{lasts}]", *START)
+    kept = (f"cycles={lasts}", f"record.cycles=[{lasts}]", *DISTURBED)
     return grid("scenario=robot", *kept, *KINDS[kind], *overrides, seeded=True, kind=kind, **more)
 
 
@@ -65,8 +67,8 @@ def _length(kind: str, name: str, quick: bool) -> int:
 def _carried(quick: bool) -> list[Request]:
     """Trots at another speed, anew and from the weights of the first one."""
     cycles = QUICK if quick else SOON
-    over: dict[str, Any] = {"network": NETWORKS, "ground": GROUNDS}
-    learns = [*KINDS[CMAC], *START, *MOVING]
+    over: dict[str, Any] = {"network": NETWORKS, "ground": GROUNDS, "start": STARTS}
+    learns = [*KINDS[CMAC], *MOVING]
     before = grid(
         "scenario=robot",
         *learns,
@@ -82,10 +84,7 @@ def _carried(quick: bool) -> list[Request]:
         grid("scenario=robot", *learns, FASTER, f"cycles={cycles}", over=over, seeded=True, part=part)
         for part in (ANEW, CARRIED)
     )
-    sources = [
-        replace(request, labels={"network": request.labels["network"], "ground": request.labels["ground"]})
-        for request in before
-    ]
+    sources = [replace(request, labels={name: request.labels[name] for name in over}) for request in before]
     return [*before, *anew, *starting_from(sources, after)]
 
 
@@ -105,7 +104,7 @@ def runs(quick: bool) -> list[Request]:
             )
             walks += _walks(kind, _length(kind, gait, quick), *texts, over=over, part=GAIT, gait=gait)
     for world, texts in WORLDS.items() if not quick else [(GO2, WORLDS[GO2])]:
-        for kind in KINDS:
+        for kind in KINDS if world == GO2 else (ALONE, CMAC):
             over = {"ground": GROUNDS if not quick and world != SLOPE else {"elastic": ()}}
             walks += _walks(kind, _length(kind, world, quick), *texts, over=over, part=WORLD, world=world)
     return walks + _carried(quick)

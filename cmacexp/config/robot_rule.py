@@ -21,6 +21,8 @@ from cmacexp.models.lead import discretise
 from cmacexp.models.robot_gains import Basis, Gains, choose_period, derive_basis, derive_gains
 
 PERIOD = "sampling_period"
+PERIODS = {PERIOD: math.inf, "rigid_sampling_period": 0.001}
+"""Sampling periods by rule, with the longest for the ground, s."""
 LONGEST_STROKE = 0.6
 """Stroke that a cycle is shortened for, over the length of a leg."""
 CYCLE_STEP, SHORTEST_CYCLE = 0.04, 0.12
@@ -46,13 +48,13 @@ def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
     """
     if name in STRIDE:
         return STRIDE[name](_root_)
-    names = (PERIOD, *STRIDE, *Basis._fields, *Gains._fields)
+    names = (*PERIODS, *STRIDE, *Basis._fields, *Gains._fields)
     if name not in names:
         raise BadInput("${rule:...}", name, f"choose from {', '.join(names)}")
     robot = read_model(_read_machine(_root_))
     basis = derive_basis(robot)
-    if name == PERIOD:
-        value = choose_period(robot, _read_lateness(_root_), _find_pattern(_root_).gain)
+    if name in PERIODS:
+        value = min(choose_period(robot, _read_lateness(_root_), _find_pattern(_root_).gain), PERIODS[name])
     else:
         value = getattr(basis if name in Basis._fields else _derive_gains(basis, _root_), name)
     return float(f"{value:.{DIGITS}g}")

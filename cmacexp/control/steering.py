@@ -8,13 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import RobotMachine
 from cmacexp.jit.compiler import kernel
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Scratch
 
-MOST = 0.1
-"""Largest command, over the planned speed."""
+MOST, MOST_STATIC = 0.1, 0.02
+"""Largest command, over the planned speed; a statically stable gait has margins of some millimetres."""
 AHEAD, ASIDE, TURN = range(3)
 """Of the command: dv / v, v_y / v, and the arc of the farthest hip, w r / v."""
 
@@ -34,6 +35,8 @@ class Steering(NamedTuple):
     """Distance r of the farthest hip from the body's centre, m."""
     sway: Array
     """(N, 2): planned place of the body beside its constant speed, m."""
+    most: float
+    """Largest command."""
     command: Scratch
     """(3,)"""
 
@@ -46,7 +49,8 @@ def new_steering(setup: Setup) -> Steering | None:
     if not isinstance(config.machine, RobotMachine) or speed == 0.0 or not any(gains):
         return None
     place = np.ascontiguousarray(place - place[0])  # the body starts at its place of the first sample
-    return Steering(*gains, speed, config.sampling_period, float(np.hypot(*hips.T).max()), place, np.zeros(3))
+    most, radius = MOST if PATTERNS[config.gait.pattern].is_dynamic else MOST_STATIC, float(np.hypot(*hips.T).max())
+    return Steering(*gains, speed, config.sampling_period, radius, place, most, np.zeros(3))
 
 
 @kernel
@@ -62,7 +66,7 @@ def steer(steering: Steering | None, travel: Array | None, step: int, sample: in
         command[ASIDE] = gain * (steering.sway[sample, 1] - travel[1]) / speed
         command[TURN] = -steering.heading_gain * travel[2] * steering.radius / speed
         for n in range(3):
-            command[n] = min(max(command[n], -MOST), MOST)
+            command[n] = min(max(command[n], -steering.most), steering.most)
 
 
 @kernel

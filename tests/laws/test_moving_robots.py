@@ -115,7 +115,7 @@ def test_a_robot_as_built_differs_from_what_its_planner_knows():
 
 
 def make_steering(course=1.0, heading=1.0):
-    return Steering(course, heading, 0.5, 0.001, 0.25, np.zeros((10, 2)), np.zeros(3))
+    return Steering(course, heading, 0.5, 0.001, 0.25, np.zeros((10, 2)), MOST, np.zeros(3))
 
 
 @pytest.mark.parametrize(("travel", "which"), [((-0.01, 0, 0), AHEAD), ((0, -0.01, 0), ASIDE), ((0, 0, -0.01), TURN)])
