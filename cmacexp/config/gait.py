@@ -41,14 +41,7 @@ class GaitPattern(NamedTuple):
 PATTERNS = {
     "transfer_first": GaitPattern(((1.0, -1.0),)),
     "standing": GaitPattern(((0.0, 0.0),), lifts=False),
-    "wave": GaitPattern(
-        ((0.0, 0.0), (0.5, 0.0), (0.0, 1.0), (0.5, 1.0)),
-        least_duty_factor=0.75,
-        divisor=2,
-        cycle_time=2.0,
-        stroke=0.12,
-        overlap=0.05,
-    ),
+    "wave": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.0, 1.0), (0.5, 1.0)), True, 0.75, 2, 2.0, 0.12, overlap=0.05),
     "walk": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.75, 0.0), (0.25, 0.0)), True, 0.0, 4, 0.8, 0.1, gain=0.9),
     "amble": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.75, 0.0), (0.25, 0.0)), True, 0.0, 4, 0.4, 0.1, gain=1.8),
     "trot": GaitPattern(((0.0, 0.0), (0.5, 0.0), (0.5, 0.0), (0.0, 0.0)), True, 0.0, 2, 0.4, 0.1, gain=0.9),
