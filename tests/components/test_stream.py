@@ -153,11 +153,11 @@ def test_cycles_of_a_thinned_run_that_fell_are_whole(fallen):
     assert max(steps_by_cycle(run.folder).values()) == steps_by_cycle(run.folder)[whole + 1]
     assert [view.cycle[0] for view in view_cycles(run, [])] == [whole]
     assert make_view(read_traces(run.folder), run.manifest).whole_cycles() == (1, whole)
-    assert choose_cycles(run, [])[-1] == whole
+    assert choose_cycles(run)[-1] == whole
     assert whole + 1 in steps_by_cycle(first.folder)
     assert [view.cycle[0] for view in view_cycles(first, [])] == [1]
     assert make_view(read_traces(first.folder), first.manifest).whole_cycles() == (1, 1)
-    assert choose_cycles(first, []) == [1]
+    assert choose_cycles(first) == [1]
 
 
 def test_steps_and_windows_are_read_back(whole, tmp_path):
