@@ -28,6 +28,9 @@ SCENARIOS = ("one_leg", "force_step", "quadruped")
 """Whose defaults are shown; the first is that of the command line."""
 MODEL = Path(__file__).parents[1] / "tests" / "support" / "robot.xml"
 """Stands for models of robots that are not installed."""
+ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={MODEL}")
+OF_ROBOTS = ("walk", "amble", "trot", "pace", "mujoco_robot_rigid")
+"""Options that no other machine can have."""
 GROUPS = [
     name for name, kind in Config.__annotations__.items() if kind is not str and (config_folder() / name).is_dir()
 ]
@@ -121,6 +124,8 @@ def with_option(group: str, option: str) -> Any:
     Raises:
         CmacexpError: none can.
     """
+    if group != "machine" and option in OF_ROBOTS:
+        return getattr(composed(*ROBOT, f"{group}={option}")[0], group)
     for scenario in SCENARIOS:
         try:
             return getattr(composed(f"scenario={scenario}", f"{group}={option}")[0], group)
