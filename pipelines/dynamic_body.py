@@ -156,12 +156,12 @@ def low_passed(error: Array, period: float) -> Array:
     return sosfiltfilt(butter(2, CUT_OFF, fs=1.0 / period, output="sos"), error, axis=0)
 
 
-def _if_completed(measure: Callable[[StoredRun], float]) -> Callable[[StoredRun], float]:
+def if_completed(measure: Callable[[StoredRun], float]) -> Callable[[StoredRun], float]:
     """The measure of a run; inf if it ended before."""
     return lambda run: measure(run) if run.status == "completed" else np.inf
 
 
-@_if_completed
+@if_completed
 def slow_force(run: StoredRun) -> float:
     """RMS force error below CUT_OFF, all legs, in the last cycle, N."""
     rows = run.cycles([run.config["cycles"]])
@@ -169,7 +169,7 @@ def slow_force(run: StoredRun) -> float:
     return float(np.sqrt((low_passed(error, run.config["sampling_period"]) ** 2).mean()))
 
 
-@_if_completed
+@if_completed
 def off_course(run: StoredRun) -> float:
     """Relative error of the body's way in the last cycle."""
     gait, body = run.config["gait"], run.cycles([run.config["cycles"]], BODY)
@@ -178,7 +178,7 @@ def off_course(run: StoredRun) -> float:
     return float(abs((body["cog_x"].iloc[-1] - body["cog_x"].iloc[0]) / planned - 1.0))
 
 
-@_if_completed
+@if_completed
 def yaw(run: StoredRun) -> float:
     """How far the body has turned from the plan at the end, rad."""
     return float(abs(run.cycles([run.config["cycles"]], BODY)["yaw"].iloc[-1]))

@@ -10,33 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 from cmacexp.commands.study import main
 from cmacexp.metrics.registry import SHOWN
-from cmacexp.models.robot import load_mujoco
-from cmacexp.models.robot_file import find_model
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.statements import percent
 from cmacexp.study.tables import cross_tabulate, ends, tabulate
 from cmacexp.typing import Array
+from pipelines.robots_findings import FORCE, POSITION, last
+from pipelines.robots_runs import ALONE, BOTH, CMAC, FURTHER, require_robots
+from pipelines.robots_runs import ROBOTS as FIRST
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-ROBOTS = {
-    "Go1": ("machine=go1",),
-    "Go2": ("machine=go2",),
-    "Aliengo": ("machine=aliengo",),
-    "Mini Cheetah": ("machine=mini_cheetah",),
-    "HyQReal1": ("machine=hyqreal1",),
-    "Spot": ("machine=spot",),
-    "A2": ("machine=a2",),
-    "B2": ("machine=b2",),
-    "HyQReal2": ("machine=hyqreal2",),
-    "Pegasus": ("machine=pegasus",),
-}
-ALONE, CMAC = "feedback alone", "CMAC"
-BOTH = {ALONE: ("feedforward=none",), CMAC: ("feedforward=cmac",)}
-POSITION, FORCE = "transfer_rmse", "force_rmse"
+ROBOTS = FIRST | FURTHER
 ENCODERS, LATE_TORQUE, LAG = "encoders", "encoders and late torque", "lag"
 WORLDS = {
     ENCODERS: ("sensors=encoders",),
@@ -54,13 +41,8 @@ ACCURATE = 1.2e-3
 
 
 def runs(quick: bool) -> list[Request]:
-    """All walks; the quick form is of one robot, two cycles each.
-
-    Raises:
-        BadInput: MuJoCo or the models are not installed; says how to install them.
-    """
-    load_mujoco()
-    find_model("go1", None)
+    """All walks; the quick form is of one robot, two cycles each; raises as :func:`require_robots`."""
+    require_robots()
     walks = []
     for kind, feedforward in BOTH.items():
         over: dict[str, Any] = {"robot": {"Go1": ROBOTS["Go1"]} if quick else ROBOTS, "world": WORLDS}
@@ -71,11 +53,6 @@ def runs(quick: bool) -> list[Request]:
     over = {"robot": {name: ROBOTS[name] for name in (LASTING[:1] if quick else LASTING)}}
     kept = (f"cycles={cycles}", f"record.cycles=[{cycles}]")
     return walks + grid("scenario=robot", *kept, *WORLDS[ENCODERS], over=over, seeded=True, part=LONG)
-
-
-def last(results: Results, name: str) -> Array:
-    """(runs,): a metric of the last planned cycle; the worst value of a run that ended before."""
-    return results.end(name, cycles=1)
 
 
 def _over_alone(results: Results, name: str) -> Array:

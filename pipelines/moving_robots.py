@@ -1,9 +1,10 @@
-"""Robots that move: gaits, sensors, ground, loads that nobody told, and a robot that differs from its model.
+"""Robots that move: gaits, sensors, ground, unknown loads, and a robot that differs from its model.
 
 ``python -m pipelines.moving_robots`` (needs the extra ``robots``). Every walk starts from joints that are
 disturbed by its seed, and has feedback alone in the same world beside it.
 """
 
+from collections.abc import Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -20,19 +21,17 @@ from cmacexp.study import (
     Study,
     at_least,
     at_most,
-    between,
     draw,
 )
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.statements import Limit, percent
 from cmacexp.study.tables import completed, ends, tabulate
 from cmacexp.typing import Array
+from pipelines.dynamic_body import if_completed, off_course
 from pipelines.moving_robots_runs import (
-    ALONE,
     ANEW,
     AS_MODELLED,
     CARRIED,
-    CMAC,
     FAST,
     FIXED,
     GAIT,
@@ -44,86 +43,83 @@ from pipelines.moving_robots_runs import (
     MODEL,
     NETWORKS,
     PAYLOAD,
+    PERFECT,
     SLOPE,
     SOON,
     STARTS,
     TROT,
     WORLD,
+    WORLDS,
     runs,
 )
+from pipelines.robots_findings import FORCE, POSITION, last, over
+from pipelines.robots_runs import ALONE, CMAC
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-POSITION, FORCE = "transfer_rmse", "force_rmse"
 
-
-def speed(run: StoredRun) -> float:
-    """Mean speed over the last cycle, over the planned one; NaN of a walk that ended before."""
-    if run.status != "completed":
-        return float("nan")
-    body, gait = run.cycles([run.config["cycles"]], BODY), run.config["gait"]
-    time, travel = body["time"].to_numpy(), body["cog_x"].to_numpy()
-    planned = gait["stroke"] / (gait["duty_factor"] * gait["cycle_time"])
-    return float((travel[-1] - travel[0]) / (time[-1] - time[0]) / planned)
-
-
+@if_completed
 def drift(run: StoredRun) -> float:
-    """Distance of the body from its course in the last cycle, m; NaN of a walk that ended before."""
-    if run.status != "completed":
-        return float("nan")
+    """Largest distance of the body from its course in the last cycle, m."""
     return float(np.abs(run.cycles([run.config["cycles"]], BODY)["cog_y"]).max())
 
 
-def _columns() -> dict[str, Any]:
-    return {
-        "completed": completed,
-        **ends((POSITION, FORCE), cycles=1),
-        "speed over planned": lambda own: float(own.measure("speed").mean()),
-        "off course, mm": lambda own: 1e3 * float(own.measure("drift").mean()),
-    }
-
-
-def last(results: Results, name: str) -> Array:
-    """(runs,): a metric of the last planned cycle; the worst value of a run that ended before."""
-    return results.end(name, cycles=1)
-
-
 def over_alone(results: Results, name: str, kind: str = CMAC) -> Array:
-    """(runs,): a metric of the last cycle over that of feedback alone in the same world, seed by seed."""
+    """(runs,): a metric of the last cycle over that of feedback alone, of seeds with which that reaches the end."""
     learnt, alone = (last(results.select(kind=each), name) for each in (kind, ALONE))
-    return np.divide(learnt, alone, out=np.full(learnt.shape, np.inf), where=np.isfinite(learnt))
+    return over(learnt, alone)[np.isfinite(alone)]
 
 
 def _soon(results: Results) -> Array:
     """(runs,): force error soon after a load was put on, over that without it."""
-    loaded, plain = (results.select(world=world, kind=CMAC).at(SOON, FORCE) for world in (PAYLOAD, AS_MODELLED))
-    return loaded / plain
+    return over(*(results.select(world=world, kind=CMAC).at(SOON, FORCE) for world in (PAYLOAD, AS_MODELLED)))
 
 
 def _first_cycle(results: Results) -> Array:
     """(runs,): transfer error of the first cycle with weights of another speed, over that without."""
-    carried, anew = (results.select(part=part).at(1, POSITION) for part in (CARRIED, ANEW))
-    return carried / anew
+    return over(*(results.select(part=part).at(1, POSITION) for part in (CARRIED, ANEW)))
 
 
 def _completed(results: Results) -> list[bool]:
     return results.completed
 
 
-def _position(words: str, limit: float, **of: Any) -> Criterion:
-    shown = SHOWN[POSITION]
-    sample = partial(last, name=POSITION)
-    return Criterion(words, sample, at_most(limit), unit=shown.unit, scale=shown.factor, of={"kind": CMAC} | of)
+def _within(limit: float, **of: Any) -> list[Criterion]:
+    """Transfer errors of the CMAC of at most ``limit``, m, on each ground."""
+    sample, words = partial(last, name=POSITION), "transfer error of the last cycle, {} ground"
+    return [
+        Criterion(words.format(ground), sample, at_most(limit), unit="mm", scale=1e3,
+                  of={"kind": CMAC, "ground": ground} | of)
+        for ground in GROUNDS
+    ]  # fmt: skip
 
 
-def _each(words: str, make: Any, over: Any = tuple(GROUNDS)) -> list[Criterion]:
-    return [make(f"{words}, {ground} ground", ground=ground) for ground in over]
+def _left(name: str, limit: Limit, kind: str = CMAC, grounds: Iterable[str] = GROUNDS, **of: Any) -> list[Criterion]:
+    """What a feedforward leaves of an error of feedback alone, on each ground."""
+    sample, words = partial(over_alone, name=name, kind=kind), f"{SHOWN[name].title} over that of feedback alone"
+    return [percent(f"{words}, {ground} ground", sample, limit, ground=ground, **of) for ground in grounds]
 
 
-def _ratio(name: str, limit: Limit, kind: str = CMAC, **of: Any) -> Any:
-    return lambda words, ground: percent(words, partial(over_alone, name=name, kind=kind), limit, ground=ground, **of)
+def _on_course(sample: str, words: str, limit: float, **shown: Any) -> list[Criterion]:
+    """A measure of the long trot of at most ``limit``, on each ground."""
+    of = {"part": GAIT, "gait": TROT, "sensors": PERFECT, "kind": CMAC}
+    return [
+        Criterion(f"{words}, {ground} ground", partial(Results.measure, name=sample), at_most(limit),
+                  of=of | {"ground": ground}, **shown)
+        for ground in GROUNDS
+    ]  # fmt: skip
+
+
+def _carries(network: str, start: str) -> Finding:
+    of: dict[str, Any] = {"part": [ANEW, CARRIED], "network": network, "start": start}
+    words = "transfer error of the first cycle over that of learning anew"
+    return Finding(
+        [percent(f"{words}, {each} ground", _first_cycle, at_most(0.5), ground=each, **of) for each in GROUNDS],
+        yes=f"Addressed by {network}, what was learnt carries over to feet that start {start}.",
+        no=f"Addressed by {network}, what was learnt does not carry over to feet that start {start}.",
+    )
 
 
 FINDINGS = {
@@ -133,160 +129,100 @@ FINDINGS = {
         no="Not every gait walks to the end with feedback alone and with a CMAC: see the table.",
     ),
     "trot": Finding(
-        _each(
-            "transfer error of the last cycle",
-            lambda words, ground: _position(words, 0.7e-3, part=GAIT, gait=TROT, sensors="perfect", ground=ground),
-        ),
+        _within(0.7e-3, part=GAIT, gait=TROT, sensors=PERFECT),
         yes="In a trot of 0.4 m/s the feet follow their paths within 0.7 mm to the end.",
         no="In a trot of 0.4 m/s the feet do not follow their paths within 0.7 mm on both grounds.",
     ),
     "course": Finding(
         [
-            *_each(
-                "speed over the planned one",
-                lambda words, ground: percent(
-                    words,
-                    lambda own: own.measure("speed"),
-                    between(0.99, 1.01),
-                    part=GAIT,
-                    gait=TROT,
-                    sensors="perfect",
-                    ground=ground,
-                    kind=CMAC,
-                ),
-            ),
-            *_each(
-                "largest distance from the course in the last cycle",
-                lambda words, ground: Criterion(
-                    words,
-                    lambda own: own.measure("drift"),
-                    at_most(0.1),
-                    unit="mm",
-                    scale=1e3,
-                    of={"part": GAIT, "gait": TROT, "sensors": "perfect", "ground": ground, "kind": CMAC},
-                ),
-            ),
+            *_on_course("off_course", "relative error of the speed", 0.01, unit="%", scale=100.0),
+            *_on_course("drift", "largest distance from the course", 0.1, unit="mm", scale=1e3),
         ],
         yes="It keeps its speed and its course.",
         no="It does not keep its speed and its course on both grounds.",
     ),
     "fast": Finding(
-        _each(
-            "transfer error of the last cycle",
-            lambda words, ground: _position(words, 1.5e-3, part=GAIT, gait=FAST, sensors="perfect", ground=ground),
-        ),
+        _within(1.5e-3, part=GAIT, gait=FAST, sensors=PERFECT),
         yes="At 0.8 m/s they do within 1.5 mm.",
         no="At 0.8 m/s they do not follow them within 1.5 mm on both grounds.",
     ),
     "trot_force": Finding(
-        _each(
-            "force error over that of feedback alone",
-            _ratio(FORCE, at_most(0.8), part=GAIT, gait=TROT, sensors="perfect"),
-        ),
+        _left(FORCE, at_most(0.8), part=GAIT, gait=TROT, sensors=PERFECT),
         yes="Learning lowers the force error of the trot.",
         no="Learning does not lower the force error of the trot as far as asked on both grounds.",
     ),
     "encoders": Finding(
         [
-            *_each(
-                "transfer error over that of feedback alone",
-                _ratio(POSITION, at_most(1.0), part=GAIT, gait=TROT, sensors="encoders"),
-            ),
-            *_each(
-                "transfer error of the last cycle",
-                lambda words, ground: _position(words, 2e-3, part=GAIT, gait=TROT, sensors="encoders", ground=ground),
-            ),
+            *_left(POSITION, at_most(1.0), part=GAIT, gait=TROT, sensors="encoders"),
+            *_within(2e-3, part=GAIT, gait=TROT, sensors="encoders"),
         ],
         yes="With encoders the trot is learnt, too.",
         no="With encoders the trot is not learnt within these limits.",
     ),
+    "worlds": Finding(
+        [
+            percent(f"walks completed, {world}", _completed, at_least(0.5), part=WORLD, world=world, kind=CMAC)
+            for world in WORLDS
+        ],
+        yes="Most walks with a CMAC reach their end in every world.",
+        no="Not in every world do most walks with a CMAC reach their end for certain.",
+    ),
     "late": Finding(
-        _each(
-            "transfer error of the last cycle",
-            lambda words, ground: _position(words, 1e-3, part=WORLD, world=LATE, ground=ground),
-        ),
+        _within(1e-3, part=WORLD, world=LATE),
         yes="Torques that act a sample late are learnt and stay learnt.",
         no="Torques that act a sample late are not learnt, or do not stay learnt.",
     ),
     "payload": Finding(
         [
-            Criterion(
-                f"force error of cycle {SOON} with the payload over that without, {ground} ground",
-                _soon,
-                at_most(1.3),
-                of={"part": WORLD, "ground": ground},
-            )
+            percent(f"force error of cycle {SOON} with the payload over that without, {ground} ground", _soon,
+                    at_most(1.3), part=WORLD, ground=ground)
             for ground in GROUNDS
         ],
-        yes="A payload that nobody told is known from the forces of the feet within a few cycles.",
-        no="A payload that nobody told is not made up for within a few cycles on both grounds.",
+        yes="The forces of the feet show an unknown payload within a few cycles.",
+        no="An unknown payload is not made up for within a few cycles on both grounds.",
     ),
     "slope": Finding(
-        _each(
-            "force error over that of feedback alone",
-            _ratio(FORCE, at_most(1.0), part=WORLD, world=SLOPE),
-            ["elastic"],
-        ),
+        _left(FORCE, at_most(1.0), grounds=["elastic"], part=WORLD, world=SLOPE),
         yes="On a slope learning lowers the force error.",
         no="On a slope learning does not lower the force error.",
     ),
     "as_built": Finding(
         [
-            *_each(
-                "transfer error over that of feedback alone", _ratio(POSITION, at_most(0.02), part=WORLD, world=GO2)
-            ),
-            *_each("force error over that of feedback alone", _ratio(FORCE, at_most(0.3), part=WORLD, world=GO2)),
+            *_left(POSITION, at_most(0.02), part=WORLD, world=GO2),
+            *_left(FORCE, at_most(0.3), part=WORLD, world=GO2),
         ],
         yes="On a robot that differs from its model as a fitted Go2 does, learning leaves little of either error.",
         no="On a robot that differs from its model as a fitted Go2 does, learning leaves more of an error.",
     ),
     "by_model": Finding(
         [
-            *_each(
-                "transfer error over that of feedback alone",
-                _ratio(POSITION, at_least(0.2), MODEL, part=WORLD, world=GO2),
-            ),
-            *_each(
-                "force error over that of feedback alone", _ratio(FORCE, at_least(0.2), MODEL, part=WORLD, world=GO2)
-            ),
+            *_left(POSITION, at_least(0.2), MODEL, part=WORLD, world=GO2),
+            *_left(FORCE, at_least(0.2), MODEL, part=WORLD, world=GO2),
         ],
         yes="Its maker's model leaves much of both.",
         no="Its maker's model does not leave much of both on both grounds.",
     ),
     "fixed": Finding(
-        _each("force error over that of feedback alone", _ratio(FORCE, at_least(0.5), FIXED, part=WORLD, world=GO2)),
+        _left(FORCE, at_least(0.5), FIXED, part=WORLD, world=GO2),
         yes="Without the load that the feet show, learning leaves most of the force error.",
         no="Without the load that the feet show, learning does not leave most of the force error on both grounds.",
     ),
-    **{
-        f"carries_{network}_{start}": Finding(
-            [
-                percent(
-                    f"transfer error of the first cycle over that of learning anew, {ground} ground",
-                    _first_cycle,
-                    at_most(0.5),
-                    part=[ANEW, CARRIED],
-                    network=network,
-                    ground=ground,
-                    start=start,
-                )
-                for ground in GROUNDS
-            ],
-            yes=f"Addressed by {network}, what was learnt carries over to feet that start {start}.",
-            no=f"Addressed by {network}, what was learnt does not carry over to feet that start {start}.",
-        )
-        for network in NETWORKS
-        for start in STARTS
-    },
+    **{f"carries_{network}_{start}": _carries(network, start) for network in NETWORKS for start in STARTS},
     "lag": Finding(
-        _each(
-            "transfer error of the last cycle",
-            lambda words, ground: _position(words, 0.5e-3, part=WORLD, world=LAG, ground=ground),
-        ),
+        _within(0.5e-3, part=WORLD, world=LAG),
         yes="With the lag of its drives, too, the feet follow their paths to the end.",
         no="With the lag of its drives the feet do not follow their paths within the limit to the end.",
     ),
-}
+}  # fmt: skip
+
+
+def _columns() -> dict[str, Any]:
+    return {
+        "completed": completed,
+        **ends((POSITION, FORCE), cycles=1),
+        "error of the speed, %": lambda own: 100.0 * float(own.measure("off_course").mean()),
+        "off course, mm": lambda own: 1e3 * float(own.measure("drift").mean()),
+    }
 
 
 def table_gaits(results: Results) -> "pd.DataFrame":
@@ -316,10 +252,10 @@ def values(results: Results) -> dict[str, Any]:
 
 STUDY = Study(
     title="Robots that move",
-    question="What does learned feedforward gain in gaits that no static equilibrium holds, with loads that nobody "
-    "told, and on a robot that differs from its model?",
+    question="What does learned feedforward gain in gaits that no static equilibrium holds, with unknown loads, "
+    "and on a robot that differs from its model?",
     runs=runs,
-    measures={"speed": speed, "drift": drift},
+    measures={"off_course": off_course, "drift": drift},
     findings=FINDINGS,
     figures={"worlds": draw_worlds},
     tables={"gaits": table_gaits, "worlds": table_worlds},

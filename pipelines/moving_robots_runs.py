@@ -1,17 +1,15 @@
-"""What the study of robots that move runs: gaits, worlds that nobody told, and weights of another speed."""
+"""What the study of robots that move runs: gaits, worlds that planners do not know, and another speed."""
 
 from dataclasses import replace
 from typing import Any
 
-from cmacexp.models.robot import load_mujoco
-from cmacexp.models.robot_file import find_model
 from cmacexp.study import Request, grid, starting_from
+from pipelines.robots_runs import ALONE, BOTH, CMAC, START, require_robots
 
-ALONE, MODEL, CMAC, FIXED = "feedback alone", "maker's model", "CMAC", "CMAC, load as modelled"
+MODEL, FIXED = "maker's model", "CMAC, load as modelled"
 KINDS = {
-    ALONE: ("feedforward=none",),
+    **BOTH,
     MODEL: ("feedforward=inverse_dynamics",),
-    CMAC: ("feedforward=cmac",),
     FIXED: ("feedforward=cmac", "force_control.load_sharing=dynamic"),
 }
 GAITS = {
@@ -23,7 +21,8 @@ GAITS = {
     "pace 0.4 m/s": ("gait=pace", "gait.speed=0.4"),
 }
 TROT, FAST = "trot 0.4 m/s", "trot 0.8 m/s"
-SENSORS = {"perfect": (), "encoders": ("sensors=encoders",)}
+PERFECT = "perfect"
+SENSORS = {PERFECT: (), "encoders": ("sensors=encoders",)}
 GROUNDS = {"elastic": (), "rigid": ("plant=mujoco_robot_rigid",)}
 AS_BUILT = ("machine=go2", "plant/as_built=go2", "plant.friction=0.786")
 WORLDS = {
@@ -35,10 +34,8 @@ WORLDS = {
     "a sample late": ("machine=go1", "actuator.delay=1"),
 }
 AS_MODELLED, PAYLOAD, SLOPE, GO2, LAG, LATE = WORLDS
-DISTURBED = ("plant.start_spread=0.05", "plant.start_seed=${seed}")
-"""Every joint starts up to 0.05 rad off the plan."""
 ON_PATH, OFF_PATH = "on their paths", "disturbed"
-STARTS = {ON_PATH: (), OFF_PATH: DISTURBED}
+STARTS = {ON_PATH: (), OFF_PATH: START}
 GAIT, WORLD, BEFORE, ANEW, CARRIED = "gaits", "worlds", "before", "anew", "carried"
 """The parts of the study."""
 QUICK, SETTLED, LEARNT, LASTED = 2, 12, 50, 300
@@ -50,11 +47,11 @@ MOVING = ("gait=trot", "gait.cycle_time=0.4", "plant.start_moving=true")
 SLOW, FASTER = "gait.speed=0.3", "gait.speed=0.4"
 """Speeds before and after."""
 SOON = 6
-"""Cycle in which a load that nobody told has been learnt."""
+"""Cycle by which the plan has followed a load."""
 
 
 def _walks(kind: str, lasts: int, *overrides: str, **more: Any) -> list[Request]:
-    kept = (f"cycles={lasts}", f"record.cycles=[{lasts}]", *DISTURBED)
+    kept = (f"cycles={lasts}", f"record.cycles=[{lasts}]", *START)
     return grid("scenario=robot", *kept, *KINDS[kind], *overrides, seeded=True, kind=kind, **more)
 
 
@@ -89,22 +86,17 @@ def _carried(quick: bool) -> list[Request]:
 
 
 def runs(quick: bool) -> list[Request]:
-    """All walks; the quick form is of a trot and of one world, two cycles each.
-
-    Raises:
-        BadInput: MuJoCo or the models are not installed; says how to install them.
-    """
-    load_mujoco()
-    find_model("go1", None)
+    """All walks; the quick form is of a trot and of one world, two cycles each; raises as :func:`require_robots`."""
+    require_robots()
     walks = []
     for gait, texts in GAITS.items() if not quick else [(TROT, GAITS[TROT])]:
-        for kind in (ALONE, CMAC):
+        for kind in BOTH:
             over: dict[str, Any] = (
                 {"sensors": SENSORS, "ground": GROUNDS} if not quick else {"ground": {"elastic": ()}}
             )
             walks += _walks(kind, _length(kind, gait, quick), *texts, over=over, part=GAIT, gait=gait)
     for world, texts in WORLDS.items() if not quick else [(GO2, WORLDS[GO2])]:
-        for kind in KINDS if world == GO2 else (ALONE, CMAC):
+        for kind in KINDS if world == GO2 else BOTH:
             over = {"ground": GROUNDS if not quick and world != SLOPE else {"elastic": ()}}
             walks += _walks(kind, _length(kind, world, quick), *texts, over=over, part=WORLD, world=world)
     return walks + _carried(quick)

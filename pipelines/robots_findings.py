@@ -65,7 +65,7 @@ def judged(results: Results, name: str, kind: str, cycle: int = JUDGED) -> Array
     return own.at(cycle, name) if kind in LEARNERS else last(own, name)
 
 
-def _over(values: Array, others: Array) -> Array:
+def over(values: Array, others: Array) -> Array:
     """Quotients; infinite where a value is itself, that of a walk that fell."""
     values, others = np.broadcast_arrays(values, others)
     return np.divide(values, others, out=np.full(values.shape, np.inf), where=np.isfinite(values))
@@ -73,7 +73,7 @@ def _over(values: Array, others: Array) -> Array:
 
 def compared(name: str, kind: str, other: str, cycle: int = JUDGED) -> Callable[[Results], Array]:
     """A sample: a metric with one feedforward over that with another, seed by seed."""
-    return lambda results: _over(judged(results, name, kind, cycle), judged(results, name, other, cycle))
+    return lambda results: over(judged(results, name, kind, cycle), judged(results, name, other, cycle))
 
 
 def _each(
@@ -140,7 +140,7 @@ def _felt(name: str) -> Finding:
 
     def sample(results: Results) -> Array:
         whole = results.select(part=STARTS, period=BY_RULE)
-        return _over(results.select(part=LEFT_OUT, without=name).at(TRIED_FOR, FORCE), whole.at(TRIED_FOR, FORCE))
+        return over(results.select(part=LEFT_OUT, without=name).at(TRIED_FOR, FORCE), whole.at(TRIED_FOR, FORCE))
 
     words = f"force error of cycle {TRIED_FOR} without it, over that with every part"
     return Finding(
@@ -152,7 +152,7 @@ def _felt(name: str) -> Finding:
 
 def growth(results: Results) -> Array:
     """(runs,): feedback torque of the last cycle over that of the cycle in which learners are compared."""
-    return _over(last(results, FEEDBACK), results.at(JUDGED, FEEDBACK))
+    return over(last(results, FEEDBACK), results.at(JUDGED, FEEDBACK))
 
 
 def _grows(lead: str, limit: Limit) -> list[Criterion]:
@@ -167,7 +167,7 @@ def _completed(**of: Any) -> list[Criterion]:
 def _planar(results: Results) -> Array:
     """(seeds,): force error with the rate of the load over that without, in the last cycle."""
     with_rate, without = (last(results.select({"force_control.load_rate": on}), FORCE) for on in (True, False))
-    return _over(with_rate, without)
+    return over(with_rate, without)
 
 
 FINDINGS = {

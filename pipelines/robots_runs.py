@@ -105,14 +105,19 @@ def _elsewhere(quick: bool) -> list[Request]:
     return found
 
 
-def runs(quick: bool) -> list[Request]:
-    """All walks; the quick form is of one robot, two cycles each.
+def require_robots() -> None:
+    """Require MuJoCo and the models.
 
     Raises:
-        BadInput: MuJoCo or the models are not installed; says how to install them.
+        BadInput: they are not installed; says how to install them.
     """
     load_mujoco()
     find_model("go1", None)
+
+
+def runs(quick: bool) -> list[Request]:
+    """All walks; the quick form is of one robot, two cycles each; raises as :func:`require_robots`."""
+    require_robots()
     tried, trial = {TRIED: ROBOTS[TRIED]}, (*LEARNERS[CMAC], *START)
     early, tried_for, drifted = [QUICK] * 3 if quick else [EARLY, TRIED_FOR, DRIFTED]
     without = {POSTURE_RATE: WITHOUT[POSTURE_RATE]} if quick else WITHOUT
