@@ -8,6 +8,9 @@ from cmacexp.study import Request, grid
 
 ALONE, EXACT, HEAVY = "feedback alone", "exact model", "model 20 % too heavy"
 CMAC, ON_MODEL, ILC, RBF = "CMAC", "CMAC on that model", "ILC", "RBF"
+ALONE_LIGHT, CMAC_LIGHT = "feedback alone, lighter robot", "CMAC, lighter robot"
+LIGHTER = tuple(f"plant.as_built.{name}_factor={1 / 1.2:.4f}" for name in ("trunk_mass", "trunk_inertia", "leg_mass"))
+"""A robot of which model, plan and gains believe that trunk, thighs and calves weigh 20 % more."""
 FEEDFORWARDS, STARTS, OTHERS, GROUND, LEFT_OUT = "feedforwards", "starts", "others", "ground", "left out"
 LEAD, PLANAR = "lead", "planar"
 """The parts of the study."""
@@ -32,12 +35,14 @@ TRIED = "Go1"
 MODELS = {
     ALONE: ("feedforward=none",),
     EXACT: ("feedforward=inverse_dynamics",),
-    HEAVY: ("feedforward=inverse_dynamics", "feedforward.mass_factor=1.2"),
+    ALONE_LIGHT: ("feedforward=none", *LIGHTER),
+    HEAVY: ("feedforward=inverse_dynamics", *LIGHTER),
 }
 """What learns nothing."""
 LEARNERS = {
     CMAC: ("feedforward=cmac",),
-    ON_MODEL: ("feedforward=cmac_on_model", "feedforward.mass_factor=1.2"),
+    CMAC_LIGHT: ("feedforward=cmac", *LIGHTER),
+    ON_MODEL: ("feedforward=cmac_on_model", *LIGHTER),
     ILC: ("feedforward=ilc",),
     RBF: ("feedforward=rbf",),
 }

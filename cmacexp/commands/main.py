@@ -78,12 +78,9 @@ def _end_sweep() -> str | None:
     """Write and print the table of the sweep of this process; how it ended, None without a sweep."""
     if Sweep.current is None:
         return None
-    from cmacexp.experiment.dry_run import finish_dry_run
     from cmacexp.experiment.sweep_results import finish_sweep
 
     Sweep.current.progress.close()
-    if Sweep.current.is_dry:
-        return finish_dry_run(Sweep.current)
     return finish_sweep(Sweep.current)
 
 
@@ -134,8 +131,6 @@ def _run(composed: DictConfig, hydra: Any) -> str:
     config = to_config(composed)
     if config.sweep.resume:
         raise BadInput("sweep.resume", True, "only a sweep can be resumed: add -m and hydra.sweep.dir=DIR")
-    if config.sweep.dry_run:
-        raise BadInput("sweep.dry_run", True, "is for sweeps: add -m")
     with interrupt_held_back():  # some libraries cannot be imported partially
         from cmacexp.experiment.objective import check_metric
         from cmacexp.experiment.run import run_scenario

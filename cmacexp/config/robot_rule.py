@@ -25,6 +25,8 @@ PERIODS = {PERIOD: math.inf, "rigid_sampling_period": 0.001}
 """Sampling periods by rule, with the longest for the ground, s."""
 LONGEST_STROKE = 0.6
 """Stroke that a cycle is shortened for, over the length of a leg."""
+LIFT = 0.117
+"""Of a foot over the length of a leg, in the longest cycle of a gait; in a shorter one it is so much lower."""
 CYCLE_STEP, SHORTEST_CYCLE = 0.04, 0.12
 """Cycles are multiples of this, so that feet touch down at samples, and at least so long, s."""
 RAMP_SHARE = 0.05
@@ -89,6 +91,11 @@ def _choose_stroke(root: DictConfig) -> float:
     return float(f"{speed * duty * _read_number(root, 'gait.cycle_time'):.{DIGITS}g}")
 
 
+def _choose_lift(root: DictConfig) -> float:
+    highest = LIFT * sum(read_model(_read_machine(root)).links)
+    return round(highest * min(1.0, _read_number(root, "gait.cycle_time") / _find_pattern(root).cycle_time), 3)
+
+
 def _choose_touch_downs(root: DictConfig) -> ListConfig:
     pattern, duty = _find_pattern(root), _read_number(root, "gait.duty_factor")
     phases = [round((start + slope * (duty - pattern.overlap)) % 1.0, DIGITS) for start, slope in pattern.touch_downs]
@@ -98,6 +105,7 @@ def _choose_touch_downs(root: DictConfig) -> ListConfig:
 STRIDE: dict[str, Callable[[DictConfig], float | ListConfig]] = {
     "cycle_time": _choose_cycle,
     "stroke": _choose_stroke,
+    "lift": _choose_lift,
     "touch_down": _choose_touch_downs,
     "load_ramp": lambda root: round(max(RAMP_SHARE * _read_number(root, "gait.cycle_time"), SHORTEST_RAMP), DIGITS),
 }

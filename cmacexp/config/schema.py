@@ -165,8 +165,6 @@ class SweepConfig:
 
     resume: bool
     """Do not run jobs again whose results are in the folder of the sweep."""
-    dry_run: bool
-    """List the jobs, check them, estimate what they take, and run none."""
     max_jobs: int = number("", at_least=1)
     """Jobs above which a sweep is refused."""
     chunk: int | None = number("jobs", at_least=1)

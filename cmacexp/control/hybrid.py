@@ -74,7 +74,7 @@ class HybridController:
         """Feedback from this step's errors; feedforward from the plan, trained by the last step's feedback."""
         last: Array = self.state.learning_error.copy()
         update_geometry(self.params.mechanism, measurement.q, self.geometry)
-        steer(self.params.steering, measurement.travel, reference.step, reference.sample)
+        steer(self.params.steering, measurement.travel, reference.step, reference.sample, reference.support)
         observation = Observation._make((*get_state(measurement), self.geometry))
         hybrid_feedback(self.params, self.state, reference.support, reference.values, observation)
         feedforward = self.feedforward.predict(reference, last) if reference.acting else np.zeros_like(last)

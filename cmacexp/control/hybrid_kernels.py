@@ -16,7 +16,7 @@ from cmacexp.control.fault_detection import (
     new_fault_status,
     update_status,
 )
-from cmacexp.control.steering import Steering, scale_ahead, scale_aside
+from cmacexp.control.steering import Steering, offset_aside, scale_ahead, scale_aside
 from cmacexp.jit.compiler import kernel
 from cmacexp.models.body import LEVEL, Pose, depth, depth_rate, make_pose
 from cmacexp.models.lead import Lead, lead_step
@@ -162,6 +162,7 @@ def control_sideways(
     """Position control of leg ``i`` along z; fills ``state``."""
     scale = scale_aside(params.steering, params.mechanism.hips, i)
     z, vz = reference[i, REFERENCE_Z] + scale * reference[i, X], reference[i, REFERENCE_VZ] + scale * reference[i, VX]
+    z += offset_aside(params.steering, i)
     error = position_error(params, z, vz, foot[i, 2], velocity[i, 2])
     output = lead_step(params.lead, error, state.error[i, 2], state.output[i, 2])
     state.reference[i, 2], state.error[i, 2], state.output[i, 2] = z, error, output

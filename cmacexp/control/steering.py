@@ -1,9 +1,12 @@
 """A robot keeps its course: supporting feet walk along a stroke that turns the body back and moves it aside.
 
+After a push, feet touch down where they catch the body.
+
 A body that moves with (v + dv, v_y) and turns with w moves its supporting feet by -(v + dv) + w y_hip along x and by
 -v_y - w x_hip along z. The planned x of a foot falls by v: scaled, it is the path of all of these, in transfer too.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,11 +14,16 @@ import numpy as np
 from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import RobotMachine
 from cmacexp.jit.compiler import kernel
+from cmacexp.models.leg import GRAVITY
 from cmacexp.planning.setup import Setup
-from cmacexp.typing import Array, Scratch
+from cmacexp.typing import Array, Mask, Scratch
 
 MOST, MOST_STATIC = 0.1, 0.02
 """Largest command, over the planned speed; a statically stable gait has margins of some millimetres."""
+PUSHED = 0.2
+"""Speed aside from which on feet are placed, m/s: where they always are, walks sway, and learning fails."""
+EASE = 0.03
+"""Time in which a foot takes to another place, s."""
 AHEAD, ASIDE, TURN = range(3)
 """Of the command: dv / v, v_y / v, and the arc of the farthest hip, w r / v."""
 
@@ -39,6 +47,14 @@ class Steering(NamedTuple):
     """Largest command."""
     command: Scratch
     """(3,)"""
+    capture: float
+    """How far aside feet touch down over the speed aside, s; 0: as planned."""
+    farthest: float
+    """How far aside they do at most, m."""
+    aside: Scratch
+    """(1,): distance of the body from its course in the step before, m."""
+    offset: Scratch
+    """(L,): of every foot from its planned place, to the left, m."""
 
 
 def new_steering(setup: Setup) -> Steering | None:
@@ -49,13 +65,28 @@ def new_steering(setup: Setup) -> Steering | None:
     if not isinstance(config.machine, RobotMachine) or speed == 0.0 or not any(gains):
         return None
     place = np.ascontiguousarray(place - place[0])  # the body starts at its place of the first sample
-    most, radius = MOST if PATTERNS[config.gait.pattern].is_dynamic else MOST_STATIC, float(np.hypot(*hips.T).max())
-    return Steering(*gains, speed, config.sampling_period, radius, place, most, np.zeros(3))
+    dynamic, height, radius = PATTERNS[config.gait.pattern].is_dynamic, setup.mechanism.hip_height, np.hypot(*hips.T)
+    # The body passes its foot for half the support, and falls like an inverted pendulum (Raibert 1986; Pratt 2006).
+    capture = config.gait.duty_factor * config.gait.cycle_time / 2.0 + math.sqrt(height / GRAVITY) if dynamic else 0.0
+    most, offset = MOST if dynamic else MOST_STATIC, np.zeros(len(hips))
+    command, period, reach = np.zeros(3), config.sampling_period, float(radius.max())
+    return Steering(*gains, speed, period, reach, place, most, command, capture, height, np.zeros(1), offset)
 
 
 @kernel
-def steer(steering: Steering | None, travel: Array | None, step: int, sample: int) -> None:
-    """Set the command of a ``step``, the ``sample`` of its cycle.
+def place_feet(steering: Steering, support: Mask, aside: float) -> None:
+    """Feet in transfer go to where they catch a body that leaves its course fast; ``aside`` is its distance, m."""
+    rate, share = (aside - steering.aside[0]) / steering.period, min(1.0, steering.period / EASE)
+    place = min(max(steering.capture * rate, -steering.farthest), steering.farthest) if abs(rate) > PUSHED else 0.0
+    steering.aside[0] = aside
+    for i in range(support.shape[0]):
+        if not support[i]:
+            steering.offset[i] += share * (place - steering.offset[i])
+
+
+@kernel
+def steer(steering: Steering | None, travel: Array | None, step: int, sample: int, support: Mask) -> None:
+    """Set the command and the places of feet of a ``step``, the ``sample`` of its cycle.
 
     The body is at ``travel`` (3,): x, y (m) and heading (rad).
     """
@@ -63,7 +94,9 @@ def steer(steering: Steering | None, travel: Array | None, step: int, sample: in
         command, gain, speed = steering.command, steering.course_gain, steering.speed
         ahead = step * steering.period * speed + steering.sway[sample, 0] - travel[0]
         command[AHEAD] = gain * ahead / speed
-        command[ASIDE] = gain * (steering.sway[sample, 1] - travel[1]) / speed
+        aside = travel[1] - steering.sway[sample, 1]
+        place_feet(steering, support, aside)
+        command[ASIDE] = -gain * aside / speed
         command[TURN] = -steering.heading_gain * travel[2] * steering.radius / speed
         for n in range(3):
             command[n] = min(max(command[n], -steering.most), steering.most)
@@ -83,3 +116,9 @@ def scale_aside(steering: Steering | None, hips: Array, i: int) -> float:
     if steering is None:
         return 0.0
     return steering.command[ASIDE] + steering.command[TURN] * hips[i, 0] / steering.radius
+
+
+@kernel
+def offset_aside(steering: Steering | None, i: int) -> float:
+    """What is added to its planned z besides, m."""
+    return 0.0 if steering is None else steering.offset[i]

@@ -35,25 +35,22 @@ class Sweep:
 
     Attributes:
         folder: ``hydra.sweep.dir``.
-        is_dry: whether nothing is to be run.
         chunk: jobs in each task of a launcher.
         processes: that run jobs on this machine; None: one for each core.
         place: the same once it is locked, for the table.
         planned: how many jobs have which overrides, see :func:`select_run_overrides`.
         kinds: of jobs, see :meth:`get_kind`.
-        checked: what a dry run found of each job.
     """
 
     current: "Sweep | None" = None
     """The sweep that this process started."""
 
-    def __init__(self, folder: Path, is_dry: bool = False, chunk: int | None = None, processes: int | None = None):
-        self.folder, self.is_dry, self.chunk, self.processes = folder, is_dry, chunk, processes
+    def __init__(self, folder: Path, chunk: int | None = None, processes: int | None = None):
+        self.folder, self.chunk, self.processes = folder, chunk, processes
         self.place: Place | None = None
         self.planned: Counter[tuple[str, ...]] = Counter()
         self.kinds: dict[tuple[str, ...], Kind] = {}
         self.run_all: RunAll | None = None
-        self.checked: list[Any] = []
         self.lock, self.progress = ExitStack(), ExitStack()
         """Left when the sweep is over, and when its jobs are."""
 
@@ -68,8 +65,7 @@ class Sweep:
         from cmacexp.data.manifest import SWEEP
         from cmacexp.experiment.workers import shared_progress
 
-        if not self.is_dry:
-            self.place = self.lock.enter_context(replacing(self.folder, SWEEP_KEY, SWEEP))
+        self.place = self.lock.enter_context(replacing(self.folder, SWEEP_KEY, SWEEP))
         self.progress.enter_context(shared_progress("sweep", self.planned.total, "jobs"))
 
     def start_workers(self) -> "RunAll":

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from hydra.core.global_hydra import GlobalHydra
@@ -38,9 +37,7 @@ class SweepStart(Callback):
         except (BadInput, OSError, HydraException) as error:
             raise SweepRefused(error) from error
         Sweep.current = sweep
-        if sweep.is_dry:  # Hydra leaves a file there
-            config.hydra.sweep.dir = sweep.lock.enter_context(TemporaryDirectory())
-        if sweep.is_dry or config.hydra.launcher._target_ == CORES:
+        if config.hydra.launcher._target_ == CORES:
             sweep.start_workers()  # while Hydra composes the jobs
         typed = _keys(config.hydra.overrides.task)
         searched = map(str, OmegaConf.select(config, "hydra.sweeper.params") or {})
@@ -56,37 +53,30 @@ class SweepStart(Callback):
 
 def _wrap(sweep: Sweep, launcher: Any) -> Any:
     """The launcher of the jobs: ``launcher``, or one of this project that uses it."""
-    from cmacexp.experiment.dry_run import DryRun
     from cmacexp.experiment.tasks import Chunked
 
-    if isinstance(launcher, DryRun | Chunked):  # of the last batch of jobs
+    if isinstance(launcher, Chunked):  # of the last batch of jobs
         return launcher
-    if sweep.is_dry:
-        return DryRun(launcher, sweep)
     return Chunked(launcher, sweep.chunk) if sweep.chunk else launcher
 
 
-def _read_options(config: DictConfig) -> tuple[bool, int | None, int | None]:
-    """Whether the sweep is dry, jobs in a task, and processes.
+def _read_options(config: DictConfig) -> tuple[int | None, int | None]:
+    """Jobs in a task, and processes.
 
     Raises:
         BadInput: one is not what it must be, or of no use here.
     """
-    is_dry, chunk = config.sweep.dry_run, config.sweep.chunk
+    chunk = config.sweep.chunk
     processes = OmegaConf.select(config, "hydra.launcher.processes")
     for key, value in (("sweep.chunk", chunk), ("hydra.launcher.processes", processes)):
         if value is not None and (type(value) is not int or value < 1):
             raise BadInput(key, value, "must be at least 1, or null")
     if config.sweep.resume is True and "hydra.sweep.dir" not in _keys(config.hydra.overrides.hydra):
         raise BadInput("sweep.resume", True, "needs the folder of the sweep to resume: add hydra.sweep.dir=DIR")
-    if type(is_dry) is not bool:
-        raise BadInput("sweep.dry_run", is_dry, "must be true or false")
-    if is_dry and not config.hydra.sweeper._target_.endswith(".BasicSweeper"):
-        raise BadInput("sweep.dry_run", True, "is for sweeps whose jobs are known; this sweeper chooses by results")
     if chunk and config.hydra.launcher._target_ == CORES:
         allowed = "is for a launcher that starts a process for each job; use hydra/launcher=submitit_slurm, or null"
         raise BadInput("sweep.chunk", chunk, allowed)
-    return is_dry, chunk, processes
+    return chunk, processes
 
 
 def _check_size(config: DictConfig) -> None:

@@ -12,8 +12,19 @@ LEAST = Met(weight=0.002, x=0.0002, y=0.0002, slope_x=0.0005, slope_y=0.0005)
 """Changes from which on the plan is made anew; the weight over the planned one."""
 SMOOTHING = 2.0
 """Time over which cycles are averaged, s."""
+LEAST_BORNE, MOST_BORNE = 0.5, 3.0
+"""Load of the feet in the first cycle over the planned one; beyond, the model is of another robot."""
 MOST_SHIFT, MOST_SLOPE = 0.002, 0.02
 """Changes from one cycle to the next that the plan follows: of the place of the feet, m, and of the slopes."""
+
+
+def _require_weight(setup: Setup, share: float) -> None:
+    if not LEAST_BORNE <= share <= MOST_BORNE:
+        carried = (
+            f"in the first cycle its feet carried {share:.2g} of its weight, not {LEAST_BORNE:g} to {MOST_BORNE:g}"
+        )
+        reason = f"{carried}: use m, kg and rad in the model, or a lighter payload"
+        raise BadInput("machine.kind", setup.config.machine.kind, reason)
 
 
 class Adaptation:
@@ -34,10 +45,15 @@ class Adaptation:
         """First cycles, from 1, of what the plan knows; the weight is all that the feet carry, N."""
 
     def end_cycle(self) -> bool:
-        """Whether what was met in the cycle that has ended asks for another plan; :meth:`take` makes it."""
+        """Whether what was met in the cycle that has ended asks for another plan; :meth:`take` makes it.
+
+        Raises:
+            BadInput: in the first cycle the feet carried what no robot of that model weighs.
+        """
         met, planned = read_meter(self.meter, self.nominal), self.nominal.load.force.mean()
         least, most = LEAST._replace(weight=LEAST.weight * planned), (math.inf, *[MOST_SHIFT] * 2, *[MOST_SLOPE] * 2)
         if not self.begun:
+            _require_weight(self.setup, met.weight / planned + 1.0)
             self.new, self.begun = NOTHING._replace(weight=met.weight), True
         elif any(abs(a - b) > c for a, b, c in zip(met, self.known, least, strict=True)):
             steps = (min(max(self.gain * (a - b), -c), c) for a, b, c in zip(met, self.known, most, strict=True))

@@ -182,7 +182,7 @@ def control(
 ) -> None:
     """The built-in controller, with rows of the plan."""
     if params is not None:
-        steer(params.steering, travel, step, sample)
+        steer(params.steering, travel, step, sample, support)
         hybrid_feedback(params, state, support, reference, observation)
 
 

@@ -30,6 +30,20 @@ class Touch(NamedTuple):
     """Damping beside that spring, N s/m."""
 
 
+class Push(NamedTuple):
+    """A force on the centre of mass of the trunk for some sampling periods."""
+
+    force: float = 0.0
+    """To the left, N."""
+    start: int = 0
+    """First sampling period in which it acts."""
+    end: int = 0
+    """The one after the last."""
+
+
+NO_PUSH = Push()
+
+
 class Feet(NamedTuple):
     """Where the feet of L legs stand in MuJoCo's arrays."""
 
@@ -98,6 +112,7 @@ class Engine(NamedTuple):
     """(3,): of the body's frame in that of the trunk, m."""
     mechanism: Mechanism
     payload: Payload
+    push: Push
     touch: Touch
     """Contact of a foot with elastic ground, whose surface is the reference of the height of the body."""
     anchor: Array
@@ -189,12 +204,13 @@ def turned(at: Array, turn: Array, x: float, y: float, z: float) -> Vector:
 
 
 @kernel
-def load_trunk(payload: Payload, origin: Array, bodies: Bodies, feet: Feet, clock: float) -> None:
-    """Let the payload act on the trunk, once it is there."""
+def load_trunk(payload: Payload, push: Push, origin: Array, bodies: Bodies, feet: Feet, clock: float) -> None:
+    """Let the payload and the push act on the trunk, while they are there."""
     if clock >= payload.start:
         load = payload.load
         point = turned(bodies.trunk_place, bodies.trunk_turn, origin[0] + load.x, origin[1] + load.y, origin[2])
         pull_at(bodies, feet.trunk, point, (0.0, 0.0, -load.weight))
+    bodies.pull[feet.trunk, 1] = push.force if push.start <= clock < push.end else 0.0
 
 
 @kernel
@@ -271,7 +287,7 @@ def apply_forces(floor: Counts | None, engine: Engine, machine: PlantState, in_s
     """:func:`press`, without a floor of MuJoCo, and :func:`load_trunk`."""
     if floor is None:
         press(engine.touch, engine.bodies, engine.feet, machine, engine.anchor, in_stage)
-    load_trunk(engine.payload, engine.origin, engine.bodies, engine.feet, machine.clock[0])
+    load_trunk(engine.payload, engine.push, engine.origin, engine.bodies, engine.feet, machine.clock[0])
 
 
 @kernel

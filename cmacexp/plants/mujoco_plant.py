@@ -14,7 +14,18 @@ from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Setup
 from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.kernels import new_state
-from cmacexp.plants.mujoco_kernels import Bodies, Engine, Feet, Touch, advancing, apply_forces, observe, pressing
+from cmacexp.plants.mujoco_kernels import (
+    NO_PUSH,
+    Bodies,
+    Engine,
+    Feet,
+    Push,
+    Touch,
+    advancing,
+    apply_forces,
+    observe,
+    pressing,
+)
 from cmacexp.plants.mujoco_library import Callback, find_address, find_variable, ignore_warning
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Counts
@@ -91,6 +102,7 @@ class MujocoPlant:
         start: Array,
         floor: Counts | None = None,
         moving: bool = False,
+        push: Push = NO_PUSH,
     ) -> Measurement:
         """Start with the trunk level, every foot sticking where it is.
 
@@ -100,6 +112,7 @@ class MujocoPlant:
             touch: of a foot with elastic ground.
             start: (L, J): joint angles, rad.
             moving: with the planned velocities; else at rest.
+            push: of the trunk.
             floor: (L,): which values of MuJoCo's sensors are normal forces of its own contacts; None: ``touch`` acts.
         """
         config, mechanism, mujoco = setup.config, setup.mechanism, load_mujoco()
@@ -148,6 +161,7 @@ class MujocoPlant:
             origin=origin,
             mechanism=mechanism,
             payload=make_payload(config.payload, config.sampling_period),
+            push=push,
             touch=touch,
             anchor=data.geom_xpos[foot, :2].copy(),
             sensors=data.sensordata,

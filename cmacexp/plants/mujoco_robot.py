@@ -13,13 +13,15 @@ from cmacexp.models.robot import compile_spec, load_mujoco
 from cmacexp.models.robot_legs import Legs
 from cmacexp.planning.robot import find_stance
 from cmacexp.planning.setup import Setup
-from cmacexp.plants.mujoco_kernels import read_floor
+from cmacexp.plants.mujoco_kernels import Push, read_floor
 from cmacexp.plants.mujoco_plant import FrictionConfig, Model, MujocoPlant, require_machine
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Counts
 
 ELASTIC, RIGID = "elastic", "mujoco"
 FLOOR = "floor of cmacexp"
+PUSH_DURATION = 0.1
+"""s"""
 SOLREF = (0.01, 1.0)
 """Time constant (s) and damping ratio of MuJoCo's contacts."""
 SOLIMP = (0.99, 0.99, 0.001, 0.5, 2.0)
@@ -81,6 +83,10 @@ class MujocoRobot(MujocoPlant):
         """Damping beside that spring."""
         start_moving: bool = field(kw_only=True)
         """Start with the planned velocities, as in the middle of a walk; false: from rest."""
+        push: float = number("N", at_least=-1e5, at_most=1e5)
+        """Force on the centre of the trunk, to the left, for PUSH_DURATION; 0: none."""
+        push_time: float = number("s", at_least=0, needs=("own.push",))
+        """When it begins."""
         as_built: AsBuilt = field(kw_only=True)
         """In what the robot differs from its model."""
 
@@ -115,7 +121,9 @@ class MujocoRobot(MujocoPlant):
         model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_AUTORESET
         made = Model(model, legs.base, legs.joint, feet, origin)
         start, moving = self.config.draw_start(setup), self.config.start_moving
-        measured = self.begin(setup, made, self.config.touch(setup), start, floor, moving)
+        times = (self.config.push_time, self.config.push_time + PUSH_DURATION)
+        push = Push(self.config.push, *(round(time / setup.config.sampling_period) for time in times))
+        measured = self.begin(setup, made, self.config.touch(setup), start, floor, moving, push)
         if floor is None:
             return measured
         self.mujoco.mj_forward(self.model, self.data)

@@ -1,4 +1,4 @@
-"""Many runs: dry runs, metrics alone, chunks, runs in memory, studies in tasks of a launcher."""
+"""Many runs: metrics alone, chunks, runs in memory, studies in tasks of a launcher."""
 
 import json
 
@@ -16,30 +16,7 @@ from cmacexp.experiment.launch import set_value
 JOBS = ["seed=1,2", "cycles=1", "warn=false"]
 
 
-def test_a_dry_run_lists_and_checks_the_jobs_and_leaves_nothing(tmp_path):
-    swept = ["-m", "cmac.layers=8,0", "cycles=1", "gait.lift=0.1,9", "hydra.sweep.dir=s"]
-    done = cmacexp(*swept, "sweep.dry_run=true", folder=tmp_path)
-    assert done.returncode == 1, done.stderr
-    assert [line.split()[0] for line in done.stdout.splitlines()[:4]] == ["#0", "#1", "#2", "#3"]
-    refused = [line for line in done.stderr.splitlines() if line.startswith("error: #")]
-    assert f"4 jobs, {len(refused)} of them cannot run; nothing was run" in done.stdout
-    assert "error: #2: cmac.layers=0: must be at least 1" in done.stderr
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_dry_run_knows_what_is_finished_and_how_large_the_rest_is(tmp_path):
-    swept = ["-m", *JOBS, "record=trace", "hydra.sweep.dir=s"]
-    cmacexp(*swept, folder=tmp_path)
-    size = sum(path.stat().st_size for path in (tmp_path / "s").rglob("?/*") if path.is_file())
-    again = cmacexp(*swept, "sweep.dry_run=true", folder=tmp_path)
-    assert 0.5 < float(again.stdout.split(" MB in ")[0].split()[-1]) / (size / 1e6) < 2.0
-    finished = cmacexp(*swept, "sweep.dry_run=true", "sweep.resume=true", folder=tmp_path)
-    assert " 0 MB in s" in finished.stdout
-
-
-@pytest.mark.parametrize(
-    "given", [["sweep.dry_run=true"], ["-m", "sweep.dry_run=1"], ["-m", "sweep.chunk=2"], ["-m", "sweep.chunk=0"]]
-)
+@pytest.mark.parametrize("given", [["-m", "sweep.chunk=2"], ["-m", "sweep.chunk=0"]])
 def test_options_of_sweeps_that_make_no_sense_are_refused(given, tmp_path):
     done = cmacexp(*given, "cycles=1", folder=tmp_path)
     assert done.returncode == 2
