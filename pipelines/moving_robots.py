@@ -44,6 +44,7 @@ from pipelines.moving_robots_runs import (
     NETWORKS,
     PAYLOAD,
     PERFECT,
+    PUSH,
     SLOPE,
     SOON,
     STARTS,
@@ -180,6 +181,14 @@ FINDINGS = {
         ],
         yes="The forces of the feet show an unknown payload within a few cycles.",
         no="An unknown payload is not made up for within a few cycles on both grounds.",
+    ),
+    "push": Finding(
+        [
+            percent(f"walks completed, {each} ground", _completed, at_least(0.5), part=WORLD, world=PUSH, ground=each)
+            for each in GROUNDS
+        ],
+        yes="Feet catch a body that is pushed aside, with feedback alone and while a CMAC learns.",
+        no="Feet do not catch a body that is pushed aside on both grounds for certain.",
     ),
     "slope": Finding(
         _left(FORCE, at_most(1.0), grounds=["elastic"], part=WORLD, world=SLOPE),

@@ -32,8 +32,9 @@ WORLDS = {
     "Go2 as built": AS_BUILT,
     "Go2 as built, lag": (*AS_BUILT, "actuator=go2"),
     "a sample late": ("machine=go1", "actuator.delay=1"),
+    "trot, push of 90 N": ("machine=go1", *GAITS[TROT], "plant.push=90", "plant.push_time=3"),
 }
-AS_MODELLED, PAYLOAD, SLOPE, GO2, LAG, LATE = WORLDS
+AS_MODELLED, PAYLOAD, SLOPE, GO2, LAG, LATE, PUSH = WORLDS
 ON_PATH, OFF_PATH = "on their paths", "disturbed"
 STARTS = {ON_PATH: (), OFF_PATH: START}
 GAIT, WORLD, BEFORE, ANEW, CARRIED = "gaits", "worlds", "before", "anew", "carried"

@@ -1,4 +1,4 @@
-"""Laws of robots that move: the sway of a body on two feet, what feet tell of load and slope, and the course."""
+"""Laws of robots that move: the sway of a body on two feet, load and slope by the feet, and the course."""
 
 from dataclasses import asdict
 
@@ -115,17 +115,46 @@ def test_a_robot_as_built_differs_from_what_its_planner_knows():
 
 
 def make_steering(course=1.0, heading=1.0):
-    return Steering(course, heading, 0.5, 0.001, 0.25, np.zeros((10, 2)), MOST, np.zeros(3))
+    shape = (0.5, 0.001, 0.25, np.zeros((10, 2)), MOST, np.zeros(3))
+    return Steering(course, heading, *shape, 0.3, 0.2, np.zeros(1), np.zeros(4))
+
+
+SUPPORT = np.array([True, False, False, True])
 
 
 @pytest.mark.parametrize(("travel", "which"), [((-0.01, 0, 0), AHEAD), ((0, -0.01, 0), ASIDE), ((0, 0, -0.01), TURN)])
 def test_a_body_off_its_course_is_moved_back(travel, which):
     steering = make_steering()
-    steer(steering, np.array(travel, dtype=float), 0, 0)
+    steer(steering, np.array(travel, dtype=float), 0, 0, SUPPORT)
     assert 0.0 < steering.command[which] <= MOST
     assert np.count_nonzero(steering.command) == 1
-    steer(steering, 100.0 * np.array(travel), 0, 0)
+    steer(steering, 100.0 * np.array(travel), 0, 0, SUPPORT)
     assert steering.command[which] == MOST
+
+
+@pytest.mark.parametrize(("rate", "place"), [(0.5, 0.15), (-0.5, -0.15), (0.9, 0.2), (0.1, 0.0)])
+def test_feet_in_transfer_go_where_they_catch_a_body_that_leaves_its_course(rate, place):
+    steering = make_steering()
+    for step in range(300):
+        steer(steering, np.array([0.0, rate * step * steering.period, 0.0]), step, 0, SUPPORT)
+    assert_allclose(steering.offset, np.where(SUPPORT, 0.0, place), rtol=1e-3)
+    for step in range(300):
+        steer(steering, np.zeros(3), step, 0, SUPPORT)
+    assert_allclose(steering.offset, 0.0, atol=1e-4)
+
+
+def test_a_push_moves_the_body_by_its_impulse():
+    pushed = roll("gait=trot", "cycles=1", "plant.push=20", "plant.push_time=0.1").body_columns()["cog_y"]
+    plain = roll("gait=trot", "cycles=1").body_columns()["cog_y"]
+    begin = round(0.1 / compose_config([*OWN_ROBOT, "gait=trot"]).sampling_period)
+    assert_allclose(pushed[: begin + 1], plain[: begin + 1], atol=1e-12)
+    assert pushed[2 * begin] > plain[2 * begin] + 1e-4
+
+
+def test_a_robot_of_another_weight_than_its_model_has_is_refused_after_a_cycle():
+    end = roll(*TWO, "plant.as_built.trunk_mass_factor=0.1", "plant.as_built.leg_mass_factor=0.1")
+    assert (end.status, end.steps) == ("failed", len(end.plan.support))
+    assert "feet carried" in end.cause
 
 
 def test_a_turning_body_moves_its_feet_round_its_centre():
@@ -154,6 +183,7 @@ def test_stroke_and_cycle_follow_from_the_speed_of_a_robot():
     for config, speed in ((slow, 0.2), (fast, 2.0)):
         assert config.body_speed == pytest.approx(speed, rel=1e-4)
     assert fast.gait.cycle_time < slow.gait.cycle_time
+    assert fast.gait.lift < slow.gait.lift
     with pytest.raises(BadInput, match=r"gait.stroke=0.3: must be .* with gait.speed=0.2"):
         compose_config([*OWN_ROBOT, "gait=trot", "gait.speed=0.2", "gait.stroke=0.3"])
     with pytest.raises(BadInput, match=r"gait.pattern=trot: needs a body that moves"):
