@@ -20,10 +20,9 @@ class GaitPattern(NamedTuple):
     cycle_time: float = 0.0
     """Longest cycle of a robot, s."""
     stroke: float = 0.0
-    """Stroke of a robot that is told no speed, m."""
+    """Stroke of a robot without `gait.speed`, m."""
     overlap: float = 0.0
     """Share of the cycle for which a rear foot of a robot is down before the front foot of its side lifts."""
-
     gain: float = 0.0
     """Least feedback gain that a robot needs for it, over the largest one at a sampling period of 1 ms."""
 

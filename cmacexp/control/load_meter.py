@@ -1,4 +1,4 @@
-"""What the feet carried and where they stood over a cycle: a load and a slope that nobody told the plan.
+"""What the feet carried and where they stood over a cycle: a load and a slope that the plan does not know.
 
 Over a cycle of steady walking momentum does not change, so that the mean forces of the feet balance the weight, and
 their mean moments its lever arms. A plane through the feet that pressed is the ground.

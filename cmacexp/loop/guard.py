@@ -4,7 +4,7 @@ The guard compares every cycle with one of feedback alone, by two root mean squa
 error, J^T U) and that of the error of feet and body. The level of a cycle is the geometric mean of their ratios to
 those of feedback alone, which has the level 1. The guard keeps the feedforward torque of the best cycle; when
 learning does harm, that torque is repeated. If this does not help either, feedback goes on alone. The last cycle of a
-run is not judged.
+run is not judged. Where learnt weights act from the first cycle, that of feedback alone is inferred from its sums.
 """
 
 import math
