@@ -25,8 +25,8 @@ PERIODS = {PERIOD: math.inf, "rigid_sampling_period": 0.001}
 """Sampling periods by rule, with the longest for the ground, s."""
 LONGEST_STROKE = 0.6
 """Stroke that a cycle is shortened for, over the length of a leg."""
-LIFT = 0.117
-"""Of a foot over the length of a leg, in the longest cycle of a gait; in a shorter one it is so much lower."""
+LIFT, HIGHEST_LIFT = 0.117, 0.05
+"""Of a foot in the longest cycle of a gait, over the length of a leg, and at most, m; in a shorter one it is less."""
 CYCLE_STEP, SHORTEST_CYCLE = 0.04, 0.12
 """Cycles are multiples of this, so that feet touch down at samples, and at least so long, s."""
 RAMP_SHARE = 0.05
@@ -92,7 +92,7 @@ def _choose_stroke(root: DictConfig) -> float:
 
 
 def _choose_lift(root: DictConfig) -> float:
-    highest = LIFT * sum(read_model(_read_machine(root)).links)
+    highest = min(HIGHEST_LIFT, LIFT * sum(read_model(_read_machine(root)).links))
     return round(highest * min(1.0, _read_number(root, "gait.cycle_time") / _find_pattern(root).cycle_time), 3)
 
 

@@ -55,7 +55,7 @@ EFFORT, ERROR, MOTION, EFFORT_ALONE, ERROR_ALONE, MOTION_PLANNED, LAST, BEST, LO
 of the last cycle over that of feedback alone; level of the best cycle; lowest mean level; sum with feedforward."""
 EFFORT_LIMIT, SPEED_LIMIT, TILT_LIMIT = range(3)
 """Limits of one step, as squares: of the effort, the joint velocities and the tilt of the body."""
-HIGHEST = (3.0, 1.3, 1.4)
+HIGHEST = (3.0, 2.0, 1.4)
 """Ratios of these limits to the peaks with feedback alone."""
 UPRIGHT = 0.1
 """Tilt of a body below which it is far from a fall, rad."""
@@ -224,11 +224,10 @@ def watch(guard: Guard | None, sample: int, support: Mask, control: HybridState,
     values[WHOLE] += whole
     counts[STEPS] += 1
     note_response(guard.probe, sample, control.learning_error)
-    if effort > guard.limits[EFFORT_LIMIT] or speed > guard.limits[SPEED_LIMIT] or tilt > guard.limits[TILT_LIMIT]:
-        if LEARNING <= counts[PHASE] < ALONE and not learnt:
-            counts[ALARM] = 1
-        else:
-            raise_limits(guard.limits, max(effort, whole), speed, tilt)
+    if learnt or not LEARNING <= counts[PHASE] < ALONE:
+        raise_limits(guard.limits, max(effort, whole), speed, tilt)
+    elif effort > guard.limits[EFFORT_LIMIT] or speed > guard.limits[SPEED_LIMIT] or tilt > guard.limits[TILT_LIMIT]:
+        counts[ALARM] = 1
 
 
 @kernel

@@ -17,7 +17,7 @@ from cmacexp.models.trend import WINDOW, count_rises
 LASTING = ("scenario=one_leg", "learning=lasting", "learning.rate=0.1953125", "warn=false")
 DRIFTS = (*LASTING, "learning.lead=2", "cycles=60")
 """One sample too many."""
-ESCAPES = (*LASTING, "learning.rate=0.5", "learning.lead=0", "actuator.delay=2", "cycles=6")
+ESCAPES = (*LASTING, "learning.rate=0.5", "learning.lead=0", "actuator.delay=3", "cycles=6")
 """Within the first cycle of learning."""
 CHATTERS = ("sensors=real", "sensors.velocity.delay=2", "actuator.delay=1", "cycles=14")
 """Feedback alone is in a limit cycle."""
@@ -62,7 +62,7 @@ def test_a_guard_that_does_not_act_changes_no_bit(make_config):
 @pytest.mark.parametrize(
     "overrides",
     [
-        (*LASTING, "learning.lead=0", "cycles=30"),
+        DRIFTS,
         ESCAPES,
         ("scenario=quadruped_lasting", "learning.lead=-2", "learning.rate=0.8", "cycles=5", "warn=false"),
     ],
@@ -192,3 +192,9 @@ def test_weights_to_start_from_stay_where_nothing_is_learnt(tmp_path, make_confi
     before, after = (np.load(tmp_path / run / WEIGHTS) for run in ("start", "run"))
     assert before["weights"].any()
     np.testing.assert_array_equal(after["weights"], before["weights"])
+
+
+def test_limits_are_multiples_of_the_largest_step_of_feedback_alone(make_config):
+    run = roll_out(make_scenario(make_config(*LASTING, "learning.lead=0", "cycles=30")))
+    assert not run.events  # though later steps exceed three times its first one
+    assert errors(run)[-1] < 0.1 * errors(run)[0]
