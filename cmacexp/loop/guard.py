@@ -55,7 +55,7 @@ EFFORT, ERROR, MOTION, EFFORT_ALONE, ERROR_ALONE, MOTION_PLANNED, LAST, BEST, LO
 of the last cycle over that of feedback alone; level of the best cycle; lowest mean level; sum with feedforward."""
 EFFORT_LIMIT, SPEED_LIMIT, TILT_LIMIT = range(3)
 """Limits of one step, as squares: of the effort, the joint velocities and the tilt of the body."""
-HIGHEST = (3.0, 2.0, 1.4)
+HIGHEST = (3.0, 4.0, 1.4)
 """Ratios of these limits to the peaks with feedback alone."""
 UPRIGHT = 0.1
 """Tilt of a body below which it is far from a fall, rad."""
