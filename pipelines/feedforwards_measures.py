@@ -33,7 +33,7 @@ LEARNERS: dict[str, tuple[str, ...]] = {
     CMAC: ("feedforward=cmac",),
     ANGLES: ("feedforward=cmac", "cmac.inputs=[angle]"),
     RBF: ("feedforward=rbf",),
-    MLP: ("feedforward=mlp",),
+    MLP: ("feedforward._target_=pipelines.perceptron.Perceptron",),
     ILC: ("feedforward=ilc",),
 }
 

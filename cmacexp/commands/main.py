@@ -138,7 +138,6 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.metrics.drift import Drift, format_drift
         from cmacexp.report.terminal import activity, announce_compiling, print_summary, progress, say
-        from cmacexp.stability.warn import growth_warning
 
     announce_compiling()
     check_metric(config.optimize, config.machine.kind)
@@ -146,8 +145,6 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         scenario = make_scenario(config)
     for text in warnings_of(config, hydra.overrides.task, composed):
         say(f"warning: {text}", error=True)
-    if (warning := growth_warning(config, scenario)) is not None:
-        say(warning, error=True)
 
     def warn(drift: Drift) -> None:
         say(f"warning: {format_drift(drift)}", error=True)

@@ -1,6 +1,7 @@
 """``python -m cmacexp.study FILE.py``: runs what a study asks for, and writes its report."""
 
 import argparse
+import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from typing import NoReturn
 from cmacexp.commands.command import COMPLETED, Parser, run_command
 from cmacexp.data.discovery import require_place
 from cmacexp.data.folder import HTML, replacing
+from cmacexp.data.integrity import RESULTS
 from cmacexp.data.manifest import REPORT
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
@@ -54,9 +56,10 @@ class Options:
 
 
 def _measure(path: Path, folder: Path) -> dict[str, float]:
-    """Measures of one run of a study, by name."""
-    run = StoredRun(folder)
-    return {name: float(measure(run)) for name, measure in load_study(path).study.measures.items()}
+    """Measures of one run of a study, by name; NaN of a run that failed."""
+    run, measures = StoredRun(folder), load_study(path).study.measures
+    failed = run.status not in RESULTS
+    return {name: math.nan if failed else float(measure(run)) for name, measure in measures.items()}
 
 
 def _write(

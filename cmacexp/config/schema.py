@@ -3,7 +3,7 @@
 Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do not give.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from cmacexp.config.cmac import ACTS, CMACS, CmacConfig
@@ -19,8 +19,8 @@ ADAPTIVE = "adaptive"
 LEARNS = ("option.feedforward not in ('none', 'inverse_dynamics')",)
 """What fields of learning need beside :data:`ACTS`."""
 DRAWS = (
-    f"{ACTS[0]} and (option.feedforward == 'mlp' or option.feedforward in {CMACS} "
-    "and cmac.addressing == 'hashed' and learning.start_from is None) or sensors.draws",
+    f"{ACTS[0]} and option.feedforward in {CMACS} and cmac.addressing == 'hashed' and learning.start_from is None "
+    "or sensors.draws",
 )
 """What the seed needs: something that draws random numbers."""
 RATES = ("gait.pattern != 'standing' or gait.load_ramp > 0 or gait.unload_ramp > 0 or terrain.damping > 0",)
@@ -201,8 +201,7 @@ class Config:
     optimize: str | None = field(kw_only=True, metadata={"needs": ("hydra.mode == 'MULTIRUN'",)})
     """Metric whose final value a job returns to the sweeper (see cmacexp/experiment/objective.py); null: none."""
     warn: bool
-    """Warn of overrides without effect, and before a long run whose learning is predicted to diverge (see
-    cmacexp/experiment/without_effect.py and cmacexp/stability/warn.py)."""
+    """Warn of overrides without effect (see cmacexp/experiment/without_effect.py)."""
     cycles: int = number("", at_least=1, at_most=10**9)
     """Gait cycles after which the run ends."""
     seed: int = number("", at_least=0, below=2**32, needs=DRAWS)
@@ -251,6 +250,14 @@ class Config:
         if not (isinstance(position, int | float) and isinstance(velocity, int | float)):
             return None
         return (position, velocity) if position > 0 and velocity >= 0 else None
+
+    @property
+    def nominal(self) -> "Config":
+        """What the designer believes: the config for everything but the plant, which alone knows the truth."""
+        ground = replace(self.terrain, stiffness=self.assumed_stiffness, patch_spread=0.0, slope=0.0)
+        ground = replace(ground, step_time=None, step_factor=1.0)
+        target = self.plant["_target_"] if isinstance(self.plant, dict) else self.plant._target_
+        return replace(self, terrain=ground, payload=replace(self.payload, weight=0.0), plant={"_target_": target})
 
     @property
     def assumed_stiffness(self) -> float:

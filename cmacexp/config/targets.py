@@ -16,7 +16,7 @@ from cmacexp.errors import BadComponent, BadInput, format_install_command, sugge
 NEW_NAMES = {
     f"cmacexp.control.{name}": f"cmacexp.feedforward.{name}"
     for name in (
-        "CmacFeedforward", "InverseDynamics", "IterativeLearning", "NoFeedforward", "Perceptron", "RadialBasis"
+        "CmacFeedforward", "InverseDynamics", "IterativeLearning", "NoFeedforward", "RadialBasis"
     )
 }  # fmt: skip
 """Targets that have moved, by their old names, which keep working."""

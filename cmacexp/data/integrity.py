@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import get_args
 
 from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.config.custom_code import custom_code_hash
 from cmacexp.config.machine import MACHINES, BodyMachine, model_hash
 from cmacexp.data import manifest as manifests
 from cmacexp.data.hashes import find_fault
@@ -22,8 +23,7 @@ def is_finished(folder: Path, config: Config) -> bool:
 
     A run is finished if its manifest has the status of a result and the same hashes of config and code, every file
     that it lists exists unchanged, its traces have the requested rows, its weights are stored if requested, and
-    neither the weights that it started from nor a robot's model have changed. The code of custom components is not
-    compared.
+    neither the weights that it started from, nor a robot's model, nor the code of custom components have changed.
     """
     try:
         manifest = manifests.read(folder)
@@ -33,6 +33,7 @@ def is_finished(folder: Path, config: Config) -> bool:
     same = manifest.get("config_hash") == config_hash(plain) and manifest.get("code_hash") == code_hash()
     same = same and manifest.get("start_weights") == start_hash(config)
     same = same and manifest.get("model_hash") == model_hash(config.machine)
+    same = same and manifest.get("custom_code") == custom_code_hash(config)
     as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
     has_trace = (TRACE in manifest["files"] and as_thin) or not config.record.trace
     has_weights = WEIGHTS in manifest["files"] or not config.record.weights

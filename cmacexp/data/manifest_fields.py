@@ -81,6 +81,7 @@ RUN_FIELDS = {
     "drift": _or_null(Kind("an object", lambda value: isinstance(value, dict))),
     "overrides?": [TEXT],
     "code_hash?": TEXT,
+    "custom_code?": _or_null(HASH),
     "start_weights?": _or_null(HASH),
     "learning_lead?": NUMBER,
     "guard?": [{"cycle": COUNT, "step": WHOLE, "cause": TEXT, "restored": WHOLE}],

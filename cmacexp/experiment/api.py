@@ -18,6 +18,7 @@ from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.pooling import shorten, tabulate_cycles
+from cmacexp.report.terminal import describe_idle
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,7 +91,8 @@ def run(
         OSError: the folder cannot be written.
 
     Warns:
-        WithoutEffect: of each override that nothing reads, unless ``warn=false`` is one of them.
+        WithoutEffect: of each override that nothing reads, and of a custom feedforward that gave no torque, unless
+            ``warn=false`` is one of them.
     """
     config_overrides, named = _split(overrides)
     unknown = set(components) - set(COMPONENTS)
@@ -108,7 +110,10 @@ def run(
     place = Path(folder) if folder is not None else named
     if place is None:
         place = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))
-    return Run(run_scenario(config, place, prepared=make_scenario(config, **components)).folder)
+    result = run_scenario(config, place, prepared=make_scenario(config, **components))
+    if config.warn and (idle := describe_idle(result)):
+        warnings.warn(idle, WithoutEffect, stacklevel=2)
+    return Run(result.folder)
 
 
 def load(folder: str | Path) -> Run:

@@ -2,6 +2,7 @@
 
 import hashlib
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -9,6 +10,8 @@ from cmacexp.config import Config, config_hash, to_config, to_plain
 from cmacexp.config.compose import compose_untyped
 from cmacexp.data.folder import RUN_KEY, replacing
 from cmacexp.data.integrity import is_finished
+from cmacexp.errors import BadInput, CmacexpError
+from cmacexp.experiment.failure import make_failure
 from cmacexp.experiment.workers import Each, share_progress
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.report.terminal import announce_compiling
@@ -26,24 +29,38 @@ def _describe_files(config: Config) -> str:
     return thin + ("-weights" if config.record.weights else "")
 
 
-def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config, Mapping[str, str], bool]:
-    """Folder of the run of ``overrides``, its config, its options, and whether it is complete."""
+def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str, Mapping[str, str], bool]:
+    """Folder of the run of ``overrides``, its config or why it is refused, its options, whether it is complete."""
     composed, choices = compose_untyped([*overrides, "record=trace"])
-    config = to_config(composed)
+    try:
+        config = to_config(composed)
+    except BadInput as error:
+        folder = store / f"refused-{hashlib.sha256(repr(overrides).encode()).hexdigest()[:HASH_DIGITS]}"
+        with replacing(folder, RUN_KEY, wait=True) as place:
+            place.commit(make_failure(composed, error))
+        return folder, str(error), choices, False
     folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{_describe_files(config)}"
     return folder, config, choices, is_finished(folder, config)
 
 
-def _run(number: int, folder: Path, config: Config, runs: int) -> None:
-    """Run one of so many."""
+def _run(number: int, folder: Path, config: Config, runs: int) -> str | None:
+    """Run one of so many; why it failed, if it did."""
     from cmacexp.experiment.run import run_scenario
+    from cmacexp.loop.scenario import make_scenario
 
     announce_compiling()
     expect_runs(runs)
     with replacing(folder, RUN_KEY, wait=True) as place:
-        if not is_finished(folder, config):  # another study may have run it while this one waited
-            report = share_progress(number)
-            run_scenario(config, place, lambda cycles: report(cycles / config.cycles))
+        if is_finished(folder, config):  # another study has run it while this one waited
+            return None
+        report = share_progress(number)
+        try:
+            scenario = make_scenario(config)
+        except BadInput as error:
+            place.commit(make_failure(to_plain(config), error))
+            return str(error)
+        run = run_scenario(config, place, lambda cycles: report(cycles / config.cycles), scenario)
+        return run.manifest["cause"] if run.status == "failed" else None
 
 
 def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before: Collected) -> Collected:
@@ -57,9 +74,16 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
     wanted = sorted({overrides(request) for request in requests})
     looked_up = dict(zip(wanted, each("looking for runs", _look_up, [(o, store) for o in wanted]), strict=True))
     missing = {folder: config for folder, config, _, finished in looked_up.values() if not finished}
+    failed = [reason for reason in missing.values() if isinstance(reason, str)]
+    missing = {folder: config for folder, config in missing.items() if not isinstance(config, str)}
     print(f"{len(looked_up)} runs, {len(missing)} of them to be run", file=sys.stderr)
     if missing:
-        each("running", _run, [(i, *item, len(missing)) for i, item in enumerate(missing.items())], long=True)
+        ran = each("running", _run, [(i, *item, len(missing)) for i, item in enumerate(missing.items())], long=True)
+        failed += [cause for cause in ran if cause is not None]
+    if failed and len(failed) == len(looked_up):
+        raise CmacexpError(failed[0])
+    for cause, count in Counter(failed).items():
+        print(f"error: {count} of {len(looked_up)} runs failed: {cause}", file=sys.stderr)
     return {request: (looked_up[overrides(request)][0], looked_up[overrides(request)][2]) for request in requests}
 
 
@@ -72,7 +96,7 @@ def collect(each: Each, requests: Sequence[Request], store: Path) -> Collected:
         store: folder of all runs.
 
     Raises:
-        CmacexpError: overrides that cannot be run.
+        CmacexpError: Hydra cannot compose overrides, or every run failed.
     """
     first = [request for request in requests if request.starts_from is None]
     later = [request for request in requests if request.starts_from is not None]

@@ -9,6 +9,8 @@ from typing import Any
 import pyarrow as pa
 
 from cmacexp.config import Config, to_plain
+from cmacexp.config.component import COMPONENTS
+from cmacexp.config.custom_code import custom_code_hash
 from cmacexp.config.machine import RobotMachine, model_hash, read_model
 from cmacexp.control import HybridController
 from cmacexp.data import manifest as manifests
@@ -243,6 +245,7 @@ def _write(
     entries = {
         **_component_entries(scenario),
         "code_hash": code_hash(),
+        "custom_code": custom_code_hash(config, *(getattr(scenario, group) for group in COMPONENTS)),
         "start_weights": start_hash(config),
         "model_hash": model_hash(config.machine),
         "learning_lead": end.estimates[-1].lead if end.estimates else scenario.setup.lead,

@@ -12,7 +12,8 @@ from cmacexp.config.compose import make_record
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.folder import RUN_KEY, replacing
-from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
+from cmacexp.errors import BadInput
+from cmacexp.experiment.failure import describe_failure, make_failure
 from cmacexp.experiment.sweep import count_jobs, select_run_overrides
 from cmacexp.experiment.workers import FAILED_SHARE, share_progress
 from cmacexp.jit.compiler import expect_runs
@@ -50,7 +51,7 @@ def run_job(job: Job, jobs: float) -> float | None:
         from cmacexp.experiment.run import run_scenario
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.report.run_summary import RunSummary, read_summary
-        from cmacexp.report.terminal import announce_compiling, describe_drift, format_outcome, say
+        from cmacexp.report.terminal import announce_compiling, describe_drift, describe_idle, format_outcome, say
 
     announce_compiling()
     expect_runs(jobs)
@@ -72,9 +73,9 @@ def run_job(job: Job, jobs: float) -> float | None:
     except Exception as error:
         if is_interrupt(error):
             raise KeyboardInterrupt from error
-        cause = _describe(error)
+        cause = describe_failure(error)
         summary = RunSummary(folder, "failed", cause)
-        _write_failure(job, overrides, error, cause)
+        _write_failure(job, overrides, error)
         say(f"error: #{number}: {cause}", error=True)
     else:
         if result is None:
@@ -82,29 +83,17 @@ def run_job(job: Job, jobs: float) -> float | None:
         elif result.status == "failed":
             say(f"error: {name}: {result.manifest['cause']}", error=True)
         else:
-            drift = describe_drift(result)
-            say(f"{name}: {format_outcome(result)}{'; ' if drift else ''}{drift}")
+            notes = (f"{name}: {format_outcome(result)}", describe_drift(result), describe_idle(result))
+            say("; ".join(filter(None, notes)))
         if result is not None and result.status == "interrupted":
             raise KeyboardInterrupt
     report(1.0 if summary is None else FAILED_SHARE)
     return None if metric is None else read_objective(metric, summary or read_summary(folder))
 
 
-def _describe(error: Exception) -> str:
-    """Why a job failed, in one line."""
-    text = str(error) if isinstance(error, CmacexpError | OSError) else f"{type(error).__name__}: {error}"
-    return " ".join(text.split())
-
-
-def _write_failure(job: Job, overrides: list[str], error: Exception, cause: str) -> None:
+def _write_failure(job: Job, overrides: list[str], error: Exception) -> None:
     """Leave a manifest that names why there is no result; an earlier run in the folder stays, with it beside."""
-    plain: Any = job.config
-    if isinstance(plain, DictConfig):
-        plain = OmegaConf.to_container(plain)  # as typed: an interpolation may be what is wrong
-    bad_input = isinstance(error, BadInput)
-    manifest = manifests.make_manifest(plain, "failed", cause, bad_input=bad_input, overrides=overrides)
-    if isinstance(error, BadComponent) or not isinstance(error, CmacexpError | OSError | MemoryError):
-        manifest["traceback"] = format_user_traceback(error.raised if isinstance(error, BadComponent) else error)
+    manifest = make_failure(job.config, error, overrides=overrides)
     with suppress(OSError, BadInput), replacing(job.folder, RUN_KEY) as place:
         # where this fails, the job counts as not completed, and the terminal shows its cause
         for name, text in make_record(job.config, job.hydra).items():

@@ -158,6 +158,9 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
         submit(os.getpid)  # let it start before there is work for it
     try:
         yield run_all
+    except BaseException:
+        is_idle = False  # what it holds is not collected before the end of the program
+        raise
     finally:
         pool.shutdown(wait=not is_idle, cancel_futures=True)
         if is_idle:  # it may still be starting

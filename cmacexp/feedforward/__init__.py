@@ -4,9 +4,8 @@ from cmacexp.feedforward.cmac import CmacFeedforward
 from cmacexp.feedforward.cmac_on_model import CmacOnModel
 from cmacexp.feedforward.ilc import IterativeLearning
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
-from cmacexp.feedforward.mlp import Perceptron
 from cmacexp.feedforward.none import NoFeedforward
-from cmacexp.feedforward.protocol import Feedforward, Learns
+from cmacexp.feedforward.protocol import Feedforward, Learns, Observes
 from cmacexp.feedforward.rbf import RadialBasis
 
 __all__ = [
@@ -17,6 +16,6 @@ __all__ = [
     "IterativeLearning",
     "Learns",
     "NoFeedforward",
-    "Perceptron",
+    "Observes",
     "RadialBasis",
 ]

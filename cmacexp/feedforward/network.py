@@ -26,7 +26,7 @@ from cmacexp.feedforward.kernels import (
 from cmacexp.feedforward.weight_log import LOGGED, WeightLog, new_log, take
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
-from cmacexp.typing import Array, Cells
+from cmacexp.typing import Array, Cells, Weights
 
 NO_SMOOTHING = Smoothing(np.zeros(0), np.zeros(1))
 
@@ -50,6 +50,10 @@ class BuiltInFeedforward(ABC):
 
     def __init__(self, config: Any):
         self.config = config
+
+    def learnt(self) -> Weights:
+        """A copy of what it has learnt; nothing unless a subclass says so."""
+        return {}
 
     @abstractmethod
     def reset(self, setup: Setup) -> None:

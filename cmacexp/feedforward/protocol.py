@@ -3,6 +3,7 @@
 from typing import Protocol, runtime_checkable
 
 from cmacexp.planning.setup import Reference, Setup
+from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Weights
 
 
@@ -18,6 +19,18 @@ class Feedforward(Protocol):
 
     def predict(self, reference: Reference, learning_error: Array) -> Array:
         """Learn from the last step's feedback (L, J), N m, then return this step's torque (L, J), N m."""
+        ...
+
+
+@runtime_checkable
+class Observes(Protocol):
+    """A feedforward that is shown every step of a run, before it predicts and also where it does not act."""
+
+    def observe(self, reference: Reference, measurement: Measurement, torque: Array) -> None:
+        """See what the sensors show, and the torque (L, J), N m, that the plant took in the last step.
+
+        A cycle begins where ``reference.sample`` is 0.
+        """
         ...
 
 

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmacexp.errors import Diverged
-from cmacexp.feedforward import Learns
+from cmacexp.feedforward import Learns, Observes
 from cmacexp.jit.compiler import program
 from cmacexp.jit.interrupt import interrupt_held_back
-from cmacexp.loop.guard import BEST_CYCLE, lets_act
+from cmacexp.loop.guard import BEST_CYCLE, lets_act, lets_learn
 from cmacexp.loop.samples import TRAVEL, make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import NO_METHOD, NOT_FINITE, STEP, STOP, TAKEN, Inputs, Loop, take_steps
@@ -165,6 +165,7 @@ class ExternalDriver:
             make_measurement() if external.controller else None,
             make_rows(self.state.q) if external.feedforward else None,
             make_rows(self.state.q) if external.plant else None,
+            isinstance(self.feedforward, Observes),
         )
         self.true, self.observed = _split(inputs.sensors), _split(inputs.controller)
         self.learning_error = [] if inputs.feedforward is None else list(inputs.feedforward)
@@ -182,6 +183,7 @@ class ExternalDriver:
 
     def _act(self, row: int) -> None:
         reference, state = self._reference(row), self.loop.control_state
+        self._show(reference)
         travel = self.travel if self.external.plant else self.loop.travel
         observed = self.observed[row]._replace(travel=None if travel is None else travel.copy())
         action = self.controller.act(reference, observed)
@@ -192,9 +194,18 @@ class ExternalDriver:
         if self.loop.guard is not None:  # what teaches is known to the controller alone
             state.learning_error[...] = state.feedback
 
+    def _show(self, reference: Reference) -> None:
+        """Show a feedforward that asks for it what the sensors show, and what the plant took."""
+        if isinstance(self.feedforward, Observes):
+            shown = Measurement(*(part.copy() for part in get_state(self.observation)))
+            self.feedforward.observe(reference, shown, self.loop.torques.total.copy())
+
     def _predict(self, row: int) -> None:
-        torque = self.feedforward.predict(self._reference(row), self.learning_error[row])
-        take(self.feedforward, "predict", "torque", torque, self.loop.torques.feedforward)
+        reference = self._reference(row)
+        self._show(reference)
+        if reference.acting and lets_learn(self.loop.guard):
+            torque = self.feedforward.predict(reference, self.learning_error[row])
+            take(self.feedforward, "predict", "torque", torque, self.loop.torques.feedforward)
 
     def _step(self, row: int) -> None:
         if self.travel is not None:

@@ -1,7 +1,7 @@
 """The components of one run, made from its config."""
 
 import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -129,15 +129,16 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
         Exception: whatever a component raises.
     """
     plant, sensors, controller, feedforward = (components[group] for group in PROTOCOLS)
+    nominal = replace(setup, config=setup.config.nominal)
     try:
-        feedforward.reset(_own(setup, feedforward))
+        feedforward.reset(_own(nominal, feedforward))
     except (LookupError, TypeError, ValueError) as error:
         if setup.learnt is None:
             raise
         reason = f"its weights do not fit this feedforward ({type(error).__name__}: {error})"
         raise BadInput("learning.start_from", setup.config.learning.start_from, reason) from error
-    controller.reset(_own(setup, controller), feedforward)
-    sensors.reset(_own(setup, sensors))
+    controller.reset(_own(nominal, controller), feedforward)
+    sensors.reset(_own(nominal, sensors))
     first = new_measurement(*setup.mechanism.shape)
     measured = plant.reset(_own(setup, plant))
     take_measurement(plant, "reset", measured, first)
@@ -167,7 +168,7 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
     made = {group: make_component(group, getattr(config, group)) for group in PROTOCOLS if group not in given}
     components = {**made, **given}
     check_weights(config, components["feedforward"])
-    plan = make_plan(config, mechanism, components["feedforward"].acts)
+    plan = make_plan(config.nominal, mechanism, components["feedforward"].acts)
     lead = resolve_lead(config, components["sensors"])
     late = count_lateness(config, components["sensors"])
     if isinstance(config.machine, RobotMachine) and isinstance(components["controller"], HybridController):

@@ -83,6 +83,8 @@ class Inputs(NamedTuple):
     """(K, L, J): learning error, N m; an external controller calls its feedforward itself."""
     plant: Array | None
     """(K, L, J): torque, N m."""
+    observes: bool
+    """Whether the feedforward is shown every step, also those in which it does not act."""
 
 
 @kernel
@@ -282,7 +284,7 @@ def take_steps(
                 progress[NOT_FINITE] = ACT
                 return
         else:
-            if inputs.feedforward is not None and acting and lets_learn(loop.guard):
+            if inputs.feedforward is not None and (inputs.observes or (acting and lets_learn(loop.guard))):
                 copy_matrix(loop.control_state.learning_error, inputs.feedforward, k)
                 yield PREDICT, k
                 if not is_finite(loop.torques.feedforward):

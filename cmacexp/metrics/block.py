@@ -56,6 +56,8 @@ class Block:
     feedback: Array
     """(cycles, L, N, J): N m; of a robot without J^T F_d, which the plan knows and nothing has to learn."""
     feedforward: Array
+    rate: Array
+    """(cycles, L, N, J): of the joints, rad/s; of a point mass its velocity, m/s."""
     before: Array | None = None
     """(L, N, J): feedback of the cycle before the first of these; None if there was none."""
     force_torque: Array | None = None
@@ -145,6 +147,7 @@ def cut(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> B
         columns("force_desired"),
         feedback if force_torque is None else feedback - force_torque,
         joints("tau_feedforward_{}"),
+        joints("dq{}"),
         before.feedback[-1] if before else None,
         force_torque,
         joints("q{}") - joints("q{}_desired") if in_space else None,

@@ -6,7 +6,7 @@ import numpy as np
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import divide, largest, mean
-from cmacexp.metrics.metric import CONTRACT, LARGE, MEAN, NEITHER, RMS, Metric, Shown, rms_error, worst
+from cmacexp.metrics.metric import CONTRACT, LARGE, MEAN, NEITHER, RMS, Metric, Shown, integral, rms_error, worst
 from cmacexp.typing import Array, Mask
 
 
@@ -23,6 +23,12 @@ def _torque_rms(torque: Array, valid: Mask) -> Array:
 def torque_peak(block: Block) -> Array:
     """Largest absolute joint torque, N m."""
     return largest(_joints(np.maximum, np.abs(block.torque)), block.valid)
+
+
+def energy(block: Block) -> Array:
+    """Integral of the absolute power of the joints over the cycle, J."""
+    power = _joints(np.add, np.abs(block.torque * block.rate))
+    return mean(power, block.valid) * block.valid.sum(axis=-1) * block.rhythm.step
 
 
 def feedforward_share(block: Block) -> Array:
@@ -59,6 +65,7 @@ TORQUE: dict[str, Metric[Block]] = {
     "torque_peak": worst(
         "N m", "largest absolute joint torque", "never", torque_peak, shown=Shown("peak", "N m", main=False)
     ),
+    "energy": integral("J", "absolute work of all joints over the cycle", "never", energy, source=CONTRACT),
     "feedforward_share": Metric(
         "",
         "feedforward over feedforward + feedback, absolute torques",

@@ -11,9 +11,10 @@ from cmacexp.typing import Array, Mask, Weights
 
 @dataclass(frozen=True)
 class Setup:
-    """Config, machine, plan and start of a run."""
+    """Config, machine, plan and start of a run; those of the plant are true, all others get what is nominal."""
 
     config: Config
+    """Of all but the plant :attr:`Config.nominal`."""
     mechanism: Mechanism
     plan: Plan
     start: Array

@@ -3,9 +3,10 @@
 import math
 from dataclasses import dataclass
 
-from cmacexp.config import ComponentConfig, Config, number
+from cmacexp.config import Config, number
 from cmacexp.config.machine import RobotMachine, ask_for_robot
 from cmacexp.planning.setup import Setup
+from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.kernels import PlantParams, PlantState, advance, new_state, observe, update_stiffness
 from cmacexp.plants.protocol import Measurement
@@ -16,7 +17,7 @@ class AnalyticPlant:
     """Equations 1, 2, 16, 17 and 23 of Lin & Song 1997, integrated at the sampling period."""
 
     @dataclass
-    class Config(ComponentConfig):
+    class Config(AsBuiltConfig):
         """How the equations of motion are integrated."""
 
         substeps: int = number("", at_least=1, at_most=10000)
@@ -35,6 +36,7 @@ class AnalyticPlant:
 
     def reset(self, setup: Setup) -> Measurement:
         """Start at the planned joint angles, at rest."""
+        setup = self.config.build(setup)
         mechanism, config = setup.mechanism, setup.config
         payload = make_payload(config.payload, config.sampling_period)
         ground = make_ground(config.terrain, config.sampling_period)

@@ -12,6 +12,7 @@ class MujocoLeg(MujocoPlant):
     """One leg on a stand, on the project's elastic ground, without friction."""
 
     Config = MujocoConfig
+    config: MujocoConfig
 
     def reset(self, setup: Setup) -> Measurement:
         """Start at the planned joint angles, at rest.
@@ -20,5 +21,6 @@ class MujocoLeg(MujocoPlant):
             BadInput: the machine is not a leg on a stand, or MuJoCo is not installed.
         """
         require_machine(setup, "leg", "mujoco_leg", "one_leg")
+        setup = self.config.build(setup)
         ground = make_ground(setup.config.terrain, setup.config.sampling_period)
-        return self.begin(setup, make_planar(setup.mechanism), Touch(ground), setup.start)
+        return self.begin(setup, make_planar(setup.mechanism), Touch(ground))

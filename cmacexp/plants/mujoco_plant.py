@@ -6,12 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmacexp.config import ComponentConfig, number
+from cmacexp.config import number
 from cmacexp.errors import BadInput, Diverged
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.models.robot import load_mujoco
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Setup
+from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.environment import make_ground, make_payload
 from cmacexp.plants.kernels import new_state
 from cmacexp.plants.mujoco_kernels import (
@@ -40,7 +41,7 @@ WARNINGS = {
 
 
 @dataclass
-class MujocoConfig(ComponentConfig):
+class MujocoConfig(AsBuiltConfig):
     """How MuJoCo integrates a machine."""
 
     substeps: int = number("", at_least=1, at_most=10000)
@@ -49,7 +50,7 @@ class MujocoConfig(ComponentConfig):
 
 @dataclass
 class FrictionConfig(MujocoConfig):
-    """Integration, friction of the feet, and where the joints start."""
+    """Integration, and friction of the feet."""
 
     friction: float = number("", above=0, at_most=10)
     """Largest tangential over normal force of a foot (Coulomb)."""
@@ -57,20 +58,11 @@ class FrictionConfig(MujocoConfig):
     """Stiffness of the spring that holds a sticking foot."""
     friction_damping: float = number("N s/m", at_least=0, at_most=1e5)
     """Damping beside that spring."""
-    start_spread: float = number("rad", at_least=0, at_most=0.5)
-    """Largest difference of the joint angles at the start from the planned ones."""
-    start_seed: int = number("", at_least=0, below=2**32, needs=("own.start_spread > 0",))
-    """Seed of the joint angles at the start."""
 
     def touch(self, setup: Setup) -> Touch:
         """Contact of a foot with the elastic ground of a run."""
         ground = make_ground(setup.config.terrain, setup.config.sampling_period)
         return Touch(ground, self.friction, self.friction_stiffness, self.friction_damping)
-
-    def draw_start(self, setup: Setup) -> Array:
-        """Joint angles at the start (L, J), rad."""
-        random = np.random.default_rng(self.start_seed)
-        return setup.start + random.uniform(-self.start_spread, self.start_spread, setup.start.shape)
 
 
 class Model(NamedTuple):
@@ -99,7 +91,6 @@ class MujocoPlant:
         setup: Setup,
         made: Model,
         touch: Touch,
-        start: Array,
         floor: Counts | None = None,
         moving: bool = False,
         push: Push = NO_PUSH,
@@ -107,10 +98,9 @@ class MujocoPlant:
         """Start with the trunk level, every foot sticking where it is.
 
         Args:
-            setup: of the run.
+            setup: of the run, with the machine as it is.
             made: the machine.
             touch: of a foot with elastic ground.
-            start: (L, J): joint angles, rad.
             moving: with the planned velocities; else at rest.
             push: of the trunk.
             floor: (L,): which values of MuJoCo's sensors are normal forces of its own contacts; None: ``touch`` acts.
@@ -128,7 +118,7 @@ class MujocoPlant:
             data.qpos[first : first + 3] = np.array([0.0, 0.0, mechanism.hip_height]) - origin
             data.qpos[first + 3 : first + 7] = [1.0, 0.0, 0.0, 0.0]
             trunk_rate = data.qvel[first_rate : first_rate + 6]
-        data.qpos[q] = start
+        data.qpos[q] = setup.start
         if moving:
             trunk_rate[:2] = setup.plan.sway.rate[0] + np.array([config.body_speed, 0.0])
             data.qvel[dq] = setup.plan.joints[0][:, JOINT_COLUMNS["velocity"]]

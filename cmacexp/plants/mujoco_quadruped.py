@@ -22,7 +22,7 @@ class MujocoQuadruped(MujocoPlant):
 
     @dataclass
     class Config(FrictionConfig):
-        """Integration, friction of the feet, inertia of the body, and where the joints start."""
+        """Integration, friction of the feet, inertia of the body."""
 
         body_inertia: list[float] = number("kg m^2", above=0, at_most=1e3)
         """Inertia of the body without its legs about its x, y and z."""
@@ -36,5 +36,7 @@ class MujocoQuadruped(MujocoPlant):
             BadInput: the machine has no body, or MuJoCo is not installed.
         """
         require_machine(setup, "quadruped", "mujoco_quadruped", "quadruped")
-        model = make_planar(setup.mechanism, setup.config.machine.body_mass, self.config.body_inertia)
-        return self.begin(setup, model, self.config.touch(setup), self.config.draw_start(setup))
+        setup, factor = self.config.build(setup), self.config.mass_factor
+        inertia = [factor * moment for moment in self.config.body_inertia]
+        model = make_planar(setup.mechanism, factor * setup.config.machine.body_mass, inertia)
+        return self.begin(setup, model, self.config.touch(setup))

@@ -73,7 +73,7 @@ class MujocoRobot(MujocoPlant):
 
     @dataclass
     class Config(FrictionConfig):
-        """Integration, ground, friction of the feet, and where the joints start."""
+        """Integration, ground, friction of the feet."""
 
         contact: str = choice(ELASTIC, RIGID)
         """elastic: the ground of the project, see ``terrain``; mujoco: MuJoCo's own contacts with a flat floor."""
@@ -116,14 +116,16 @@ class MujocoRobot(MujocoPlant):
             model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_CONTACT
         else:
             model, feet, floor = self._make_floor()
+        model.body_mass *= self.config.mass_factor
+        model.body_inertia *= self.config.mass_factor
         self.config.as_built.change(self.mujoco, model, legs)
         model.opt.integrator = self.mujoco.mjtIntegrator.mjINT_EULER
         model.opt.disableflags |= self.mujoco.mjtDisableBit.mjDSBL_AUTORESET
         made = Model(model, legs.base, legs.joint, feet, origin)
-        start, moving = self.config.draw_start(setup), self.config.start_moving
+        setup, moving = self.config.build(setup), self.config.start_moving
         times = (self.config.push_time, self.config.push_time + PUSH_DURATION)
         push = Push(self.config.push, *(round(time / setup.config.sampling_period) for time in times))
-        measured = self.begin(setup, made, self.config.touch(setup), start, floor, moving, push)
+        measured = self.begin(setup, made, self.config.touch(setup), floor, moving, push)
         if floor is None:
             return measured
         self.mujoco.mj_forward(self.model, self.data)

@@ -10,6 +10,7 @@ from shlex import quote
 from shutil import get_terminal_size
 from threading import Event, Thread
 
+from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING
 from cmacexp.errors import in_one_line
@@ -131,6 +132,16 @@ def describe_drift(result: StoredRun) -> str:
     return format_drift(drift, " at the end") if drift else ""
 
 
+def describe_idle(result: StoredRun) -> str:
+    """Whether a custom feedforward gave no torque in a whole run, in one line; empty if it gave some."""
+    target, learning = result.config["feedforward"]["_target_"], result.config["learning"]
+    legs = result.scores.legs
+    if target.startswith("cmacexp.") or not legs.num_rows or as_array(legs, "feedforward_rms").any():
+        return ""
+    cycles, first = result.config["cycles"], learning["start_cycle"]
+    return f"{target} gave no torque in {cycles} cycles; it acts from learning.start_cycle={first} on"
+
+
 def format_folder(folder: Path) -> str:
     """A folder as an argument of a command in the current one."""
     full = folder.resolve()
@@ -148,6 +159,8 @@ def _print_notes(result: StoredRun) -> None:
     manifest = result.manifest
     if drift := describe_drift(result):
         say(drift)
+    if idle := describe_idle(result):
+        say(f"warning: {idle}")
     if guarded := describe_guard(manifest):
         say(f"guard of learning: {guarded}")
     if load := describe_load(manifest):

@@ -33,7 +33,7 @@ def draw_cycles(results: Results, names: Sequence[str], by: str, columns: int = 
 
 def _interval(sample: Array) -> tuple[float, float, float]:
     found = estimate(sample)
-    return (found.value, found.low, found.high) if found.has_spread else (found.value, found.value, found.value)
+    return found.value, found.low, found.high
 
 
 def over_setting(

@@ -1,5 +1,6 @@
 """Intervals: what a sample of runs says of a value, and how surely."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,14 +12,13 @@ CONFIDENCE = 0.95
 RESAMPLES = 2000
 TRIMMED_FROM = 4
 """Least number of values of which the outer quarters are left out."""
-GUARD_BAND = "guard band"
-GUARD = 0.05
-"""Relative half-width of the interval of a value without a spread: one run, or runs whose seed changes nothing."""
+EXACT = "exact"
+UNDEFINED = "undefined"
 
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate with its 95 % confidence interval."""
+    """An estimate with its 95 % confidence interval; of an exact value, that value."""
 
     value: float
     low: float
@@ -28,10 +28,9 @@ class Interval:
     method: str
     """How the interval was computed."""
 
-    @property
-    def has_spread(self) -> bool:
-        """Whether the values of the sample differ, or are truth values."""
-        return self.method != GUARD_BAND
+
+UNKNOWN = Interval(math.nan, math.nan, math.nan, 0, UNDEFINED)
+"""Of what runs that failed do not define."""
 
 
 class BadSample(ValueError):
@@ -43,7 +42,7 @@ def estimate(sample: Sequence[float] | Sequence[bool] | Array | Mask) -> Interva
 
     Of truth values: the proportion that is true, with Wilson's interval (Wilson 1927). Of numbers that differ: the
     mean, of four or more the interquartile mean, with a percentile bootstrap (Agarwal et al. 2021). Of one number,
-    or equal ones: the number, give or take 5 %, since nothing is known of its spread.
+    or equal ones: the number itself, since nothing that was varied changes it.
 
     Raises:
         BadSample: it is empty or contains NaN.
@@ -51,7 +50,7 @@ def estimate(sample: Sequence[float] | Sequence[bool] | Array | Mask) -> Interva
     >>> estimate([True] * 38 + [False] * 2).low > 0.8
     True
     >>> estimate([2.0])
-    Interval(value=2.0, low=1.9, high=2.1, count=1, method='guard band')
+    Interval(value=2.0, low=2.0, high=2.0, count=1, method='exact')
     """
     values = np.atleast_1d(np.asarray(sample))
     if not values.size:
@@ -62,8 +61,7 @@ def estimate(sample: Sequence[float] | Sequence[bool] | Array | Mask) -> Interva
         raise BadSample("the sample contains NaN: say what an undefined value counts as")
     if len(set(values.tolist())) == 1:
         value = float(values[0])
-        low, high = sorted((value * (1.0 - GUARD), value * (1.0 + GUARD)))
-        return Interval(value, low, high, len(values), GUARD_BAND)
+        return Interval(value, value, value, len(values), EXACT)
     return _bootstrap(values.astype(float))
 
 

@@ -19,7 +19,7 @@ from cmacexp.errors import BadInput
 from cmacexp.report.markdown import find_insertions, render_markdown
 from cmacexp.report.page import HOW_TO_REPORT, Report, find_page, relative, write_report
 from cmacexp.report.parts import Renderer, Section
-from cmacexp.study.interval import GUARD, TRIMMED_FROM
+from cmacexp.study.interval import TRIMMED_FROM
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import VERDICTS, Found, Judged, Measured
 from cmacexp.study.study import StudyFile
@@ -33,8 +33,8 @@ MOST_RUNS = 5
 READING = """<p>Square brackets, and the table of claims if there is one, give what was measured: the value,
 its 95 % interval, the size n of the sample, and the limits that decide the statement. The
 interval of a proportion is Wilson's. That of values that differ between seeds or cases is a percentile bootstrap of
-their mean, or of their interquartile mean if there are at least {trimmed}. A value without a
-spread is given {guard:g} % to either side.</p>"""
+their mean, or of their interquartile mean if there are at least {trimmed}. A value that no
+seed and no case changes is exact and has no interval.</p>"""
 CLAIMS = "claims.json"
 
 
@@ -179,7 +179,7 @@ def write_page(title: str, question: str, studies: Sequence[Evaluated], place: P
     files += [path / name for path, manifest in runs.items() for name in manifest["files"]]
     if not quick:
         if any(study.claims or study.findings for study in studies):
-            reading = Markup(READING.format(trimmed=TRIMMED_FROM, guard=100.0 * GUARD))
+            reading = Markup(READING.format(trimmed=TRIMMED_FROM))
             sections.append(Section("How to read the values", [reading]))
         statements = {study.name: _statements(study.claims, study.findings, folder) for study in studies}
         place.write_text(CLAIMS, json.dumps(statements, indent=1, ensure_ascii=False) + "\n")

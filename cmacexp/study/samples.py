@@ -17,6 +17,11 @@ def share_of_time(run: StoredRun) -> float:
     return float(run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]))
 
 
+def seconds_per_step(run: StoredRun) -> float:
+    """Processor time of the closed loop over its steps, without compiling: a measure that no two runs share."""
+    return float(run.manifest["rollout_seconds"] / max(1, run.manifest["steps"]))
+
+
 def ratio(sample: Sample, chosen: Mapping[str, Any], reference: Mapping[str, Any]) -> Sample:
     """A sample of the runs with some settings over that of the runs with others, in order; or over the only one."""
     return lambda results: sample(results.select(chosen)) / sample(results.select(reference))

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from cmacexp.errors import BadInput
 from cmacexp.metrics.text import format_number
-from cmacexp.study.interval import BadSample, Interval, estimate
+from cmacexp.study.interval import EXACT, UNDEFINED, UNKNOWN, BadSample, Interval, estimate
 from cmacexp.study.results import NoSuchRuns, Results
 from cmacexp.typing import Array, Mask
 
@@ -18,7 +18,7 @@ VERDICTS = {
     IN_PART: "some criteria of the claim are reproduced, others are not",
     NOT_REPRODUCED: "no interval reaches the limit at which the claim holds",
     CONTRADICTED: "every interval lies within the limit at which the opposite holds",
-    INCONCLUSIVE: "an interval contains the limit at which the claim holds",
+    INCONCLUSIVE: "an interval contains the limit at which the claim holds, or a run that it needs failed",
 }
 """What each verdict means."""
 YES, NO, UNCLEAR = "yes", "no", "unclear"
@@ -111,6 +111,8 @@ class Measured:
     def verdict(self) -> str:
         """One of ``VERDICTS``, but for ``reproduced in part``."""
         holds, fails = self.criterion.holds, self.criterion.fails
+        if self.interval.method == UNDEFINED:
+            return INCONCLUSIVE
         if holds.contains(self.interval):
             return REPRODUCED
         if fails is not None and fails.contains(self.interval):
@@ -132,15 +134,20 @@ class Measured:
         limits = [f"holds: {criterion.holds.describe(criterion.scale, criterion.unit)}"]
         if criterion.fails is not None:
             limits.append(f"opposite: {criterion.fails.describe(criterion.scale, criterion.unit)}")
-        low, high = self._format(interval.low), self._format(interval.high)
-        return f"{self.value} ({low} to {high}, n = {interval.count}; {'; '.join(limits)})"
+        spread = f"{self._format(interval.low)} to {self._format(interval.high)}"
+        spread = interval.method if interval.method in (EXACT, UNDEFINED) else spread
+        return f"{self.value} ({spread}, n = {interval.count}; {'; '.join(limits)})"
 
 
 def _measure(criterion: Criterion, results: Results) -> Measured:
     try:
         chosen = results.select(criterion.of) if criterion.of else results
         interval = estimate(criterion.sample(chosen))
-    except (BadSample, NoSuchRuns) as error:
+    except BadSample as error:
+        if "failed" not in {row.summary.status for row in chosen.rows}:
+            raise BadInput("quantity", criterion.quantity, str(error)) from error
+        interval = replace(UNKNOWN, count=len(chosen))
+    except NoSuchRuns as error:
         raise BadInput("quantity", criterion.quantity, str(error)) from error
     return Measured(criterion, interval, [str(folder) for folder in chosen.folders])
 
@@ -235,10 +242,10 @@ class Found:
     @property
     def outcome(self) -> str:
         """``yes``, ``no`` or ``unclear``."""
-        if all(each.criterion.holds.contains(each.interval) for each in self.measured):
+        verdicts = {each.verdict for each in self.measured}
+        if verdicts == {REPRODUCED}:
             return YES
-        outside = any(not each.criterion.holds.touches(each.interval) for each in self.measured)
-        return NO if outside else UNCLEAR
+        return NO if verdicts - {REPRODUCED, INCONCLUSIVE} else UNCLEAR
 
     @property
     def sentence(self) -> str:

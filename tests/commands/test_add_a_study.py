@@ -121,6 +121,42 @@ def test_a_run_that_is_requested_twice_counts_once(tmp_path):
     assert found["criteria"][0]["count"] == 2
 
 
+RAISES = """
+class Raises:
+    acts = True
+    def reset(self, setup): pass
+    def predict(self, reference, learning_error): raise RuntimeError("no torque today")
+"""
+
+
+def test_runs_that_fail_are_rows_and_the_study_goes_on(tmp_path):
+    (tmp_path / "own_part.py").write_text(RAISES)
+    ways = {"walks": [], "refused": ["cmac.layers=-1"], "out of reach": ["gait.stroke=3"]}
+    ways["raises"] = ["feedforward._target_=own_part.Raises"]
+    sample = "results.end('force_rmse')"
+    code = study(f"grid('cycles=2', over={{'way': {ways}}})", sample=sample).replace("at_most(1)", "at_most(1e9)")
+    (tmp_path / "some.py").write_text(code + "STUDY.measures['steps'] = lambda run: run.manifest['steps']\n")
+    (tmp_path / "some.md").write_text("{{ runs }} runs: {{ finding('cost') }}")
+    done = python("-m", "cmacexp.study", "some.py", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = [line for line in done.stderr.splitlines() if line.startswith("error: 1 of 4 runs failed: ")]
+    assert len(told) == 3
+    table = pd.read_parquet(tmp_path / "outputs" / "studies" / "some" / "results.parquet").set_index("way")
+    assert table.status.to_dict() == {way: "completed" if way == "walks" else "failed" for way in table.index}
+    assert "no torque today" in table.cause["raises"]
+    assert table.steps.notna().to_dict() == {way: way == "walks" for way in table.index}
+    again = python("-m", "cmacexp.study", "some.py", folder=tmp_path)
+    assert "4 runs, 2 of them to be run" in again.stderr
+
+
+def test_a_study_all_of_whose_runs_fail_says_why(tmp_path):
+    (tmp_path / "none.py").write_text(study("grid(over={'cmac.layers': [-1, -2]})"))
+    (tmp_path / "none.md").write_text("{{ finding('cost') }}")
+    done = python("-m", "cmacexp.study", "none.py", folder=tmp_path)
+    assert done.returncode == 2
+    assert "cmac.layers=-1: must be at least 1" in done.stderr.splitlines()[-1]
+
+
 def test_ctrl_c_ends_a_study_and_its_runs_at_once(tmp_path):
     (tmp_path / "long.py").write_text(study("grid('cycles=1000000', 'feedforward=none', 'record.cycles=[1]')"))
     (tmp_path / "long.md").touch()

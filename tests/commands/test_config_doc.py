@@ -14,7 +14,7 @@ TABLES = runpy.run_path(str(ROOT / "docs" / "config_tables.py"))
 CONFIGS = (
     ["scenario=one_leg", "feedforward=rbf"],
     ["scenario=quadruped", "sensors=real", "feedforward=ilc"],
-    ["scenario=quadruped", "plant=mujoco_quadruped", "feedforward=mlp"],
+    ["scenario=quadruped", "plant=mujoco_quadruped", "feedforward=rbf"],
     ["scenario=force_step"],
     ["scenario=one_leg", "feedforward=inverse_dynamics"],
     ["scenario=robot", "machine=mjcf", f"machine.path={OWN}"],

@@ -11,7 +11,7 @@ CHOICES = (
     ("scenario=one_leg", "feedforward=rbf", "sensors=real"),
     ("scenario=one_leg", "feedforward=ilc"),
     ("scenario=quadruped", "feedforward=inverse_dynamics"),
-    ("scenario=quadruped", "plant=mujoco_quadruped", "feedforward=mlp"),
+    ("scenario=quadruped", "plant=mujoco_quadruped", "feedforward=rbf"),
     ("scenario=force_step",),
 )
 

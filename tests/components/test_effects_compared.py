@@ -64,7 +64,7 @@ COMMANDS = (
     DROP,
     *((*DROP, *BESIDE, f"force_control={name}") for name in ("stiffness", "damping", "explicit")),
     *((*DROP, "cmac=one_leg", f"feedforward={name}") for name in ("cmac", "inverse_dynamics")),
-    *((*LEG, f"feedforward={name}") for name in ("none", "mlp", "ilc", "inverse_dynamics")),
+    *((*LEG, f"feedforward={name}") for name in ("none", "ilc", "inverse_dynamics")),
     (*LEG, "feedforward=rbf", "feedforward.centres=40"),
     (*LEG, "feedforward=none", *NOISE),
     *((*LEG, f"force_control={name}") for name in ("stiffness", "damping", "explicit")),

@@ -14,6 +14,7 @@ from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 FUSED = ["ilc", "rbf"]
+PERCEPTRON = "feedforward._target_=pipelines.perceptron.Perceptron"
 
 
 def transfer_error(rollout, cycle):
@@ -103,7 +104,7 @@ def test_perceptron_learns_and_its_chance_comes_from_the_seed(make_config):
     common = ("scenario=one_leg", "reference=aware", "learning.lead=1", "learning.rate=0.5", "cycles=12")
     alone = roll_out(make_scenario(make_config(*common, "feedforward=none")))
     learnt, again, other = (
-        roll_out(make_scenario(make_config(*common, "feedforward=mlp", f"seed={seed}"))) for seed in (0, 0, 1)
+        roll_out(make_scenario(make_config(*common, PERCEPTRON, f"seed={seed}"))) for seed in (0, 0, 1)
     )
     assert transfer_error(learnt, 12) < transfer_error(alone, 12) / 4.0
     assert_array_equal(learnt.samples, again.samples)
@@ -116,7 +117,7 @@ def test_perceptron_learns_and_its_chance_comes_from_the_seed(make_config):
 def test_perceptron_without_its_library_says_how_to_get_it(make_config, monkeypatch):
     monkeypatch.setitem(sys.modules, "sklearn.neural_network", None)
     with pytest.raises(BadInput) as raised:
-        make_scenario(make_config("feedforward=mlp"))
+        make_scenario(make_config(PERCEPTRON))
     assert 'python -m pip install -e ".[networks]"' in str(raised.value)
     assert "\n" not in str(raised.value)
 

@@ -3,6 +3,7 @@
 import os
 
 import pytest
+from support.command import python
 from support.manifests import change_manifest
 from support.robots import change
 
@@ -144,3 +145,24 @@ def test_a_report_is_no_run(finished, tmp_path):
     make_report(tmp_path / "report", finished[0])
     assert runs_below(tmp_path) == [finished[0]]
     assert everything_below(tmp_path) == [tmp_path / "report", finished[0]]
+
+
+def test_a_run_of_own_code_is_not_once_that_code_has_changed(tmp_path):
+    job = [*JOB, "feedforward._target_=mine.Mine", "record=metrics"]
+    base = "from cmacexp.feedforward import NoFeedforward"
+    (tmp_path / "mine.py").write_text(f"import helper, json\n{base}\nclass Mine(NoFeedforward): pass\n")
+    (tmp_path / "helper.py").write_text("GAIN = 1.0\n")
+    (tmp_path / "unused.py").write_text("GAIN = 1.0\n")
+    assert python("-m", "cmacexp", *job, "hydra.run.dir=run", folder=tmp_path).returncode == 0
+
+    def finished():
+        imports = "from pathlib import Path; from cmacexp.config.compose import compose_config; "
+        imports += "from cmacexp.data.integrity import is_finished; "
+        ask = f"print(is_finished(Path('run'), compose_config({job})))"
+        return python("-c", imports + ask, folder=tmp_path).stdout.strip()
+
+    assert finished() == "True"
+    (tmp_path / "unused.py").write_text("GAIN = 2.0\n")
+    assert finished() == "True"
+    (tmp_path / "helper.py").write_text("GAIN = 2.0\n")
+    assert finished() == "False"

@@ -66,7 +66,7 @@ def fields_of(scenario) -> dict[str, tuple[object, dict]]:
 @cache
 def keys() -> list[str]:
     """Keys of fields and of the groups that hold them; in the long form also of richer options, and wrong ones."""
-    richer = ["sensors=real", *(f"feedforward={name}" for name in ("mlp", "rbf", "ilc", "inverse_dynamics"))]
+    richer = ["sensors=real", *(f"feedforward={name}" for name in ("rbf", "ilc", "inverse_dynamics"))]
     found = [key for name in SCENARIOS for key in fields_of(name)]
     found += [key for option in (richer if ASKED else ()) for key, *_ in leaves(compose_config([option]))]
     inner = [".".join(key.split(".")[:length]) for key in found for length in range(1, key.count(".") + 1)]

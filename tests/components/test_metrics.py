@@ -27,7 +27,7 @@ ONE_CYCLE = {
     "y": [0.502, 0.498, 0.509, 0.5, 0.5, 0.5], "y_desired": 0.5,
     "force": [0.0, 0.4, 1.5, 1.2, 1.1, 0.9], "force_desired": [0.0, 0.0, 1.0, 1.0, 1.0, 1.0],
     "tau_feedback_1": [1.0, -1.0] * 3, "tau_feedback_2": 0.0,
-    "tau_feedforward_1": [3.0, -3.0] * 3, "tau_feedforward_2": -1.0,
+    "tau_feedforward_1": [3.0, -3.0] * 3, "tau_feedforward_2": -1.0, "dq1": 2.0, "dq2": -0.5,
 }  # fmt: skip
 BY_HAND = {
     "transfer_rmse_x": math.sqrt((9.0 + 16.0) / 2.0) * 1e-3,
@@ -46,6 +46,7 @@ BY_HAND = {
     "feedback_rms": math.sqrt(0.5),
     "feedforward_rms": math.sqrt((9.0 + 1.0) / 2.0),
     "torque_peak": 4.0,
+    "energy": (4.0 * 2.0 + 1.0 * 0.5) * 6 * PERIOD,
     "feedforward_share": 4.0 / 5.0,
 }
 OF_MEMORY = ("weight_norm", "memory_used", "cells_colliding", "guard_state")

@@ -44,7 +44,7 @@ def begin(make_config):
     def make(mechanism, touch, start, torso=(), substeps=1, period=1e-3):
         plant = MujocoPlant(MujocoConfig(substeps))
         setup = Setup(replace(config, sampling_period=period), mechanism, plan=None, start=np.asarray(start))
-        plant.begin(setup, make_planar(mechanism, *torso), touch, setup.start)
+        plant.begin(setup, make_planar(mechanism, *torso), touch)
         return plant
 
     return make

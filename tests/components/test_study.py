@@ -12,7 +12,7 @@ from cmacexp.metrics.text import format_number
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, at_most, between, grid, starting_from
 from cmacexp.study.curves import draw_cycles, over_setting
-from cmacexp.study.interval import estimate
+from cmacexp.study.interval import EXACT, Interval, estimate
 from cmacexp.study.page import make_claims_section
 from cmacexp.study.results import NoSuchRuns, Row
 from cmacexp.study.samples import over_history, per_seed, ratio, relative
@@ -79,9 +79,8 @@ def test_wilson_s_interval_of_38_of_40():
     )
 
 
-def test_values_without_a_spread_have_a_guard_band_and_others_a_bootstrap():
-    assert estimate([2.0, 2.0, 2.0]) == estimate([2.0, 2.0, 2.0])
-    assert (estimate([-2.0]).low, estimate([-2.0]).high) == (-2.1, -1.9)
+def test_values_that_nothing_changes_are_exact_and_others_have_a_bootstrap():
+    assert estimate([2.0, 2.0, 2.0]) == Interval(2.0, 2.0, 2.0, 3, EXACT)
     three = estimate([1.0, 2.0, 3.0])
     assert (three.low, three.value, three.high) == (1.0, 2.0, 3.0)
     many = estimate(np.random.default_rng(0).normal(5.0, 1.0, 100))
@@ -148,8 +147,8 @@ def test_an_unknown_metric_or_measure_names_the_nearest():
 OPPOSITE = at_least(2.0)
 
 
-def criterion(value: float, fails=OPPOSITE) -> Criterion:
-    return Criterion("error", lambda results: [value], at_most(1.0), fails)
+def criterion(*sample: float, fails=OPPOSITE) -> Criterion:
+    return Criterion("error", lambda results: list(sample), at_most(1.0), fails)
 
 
 @pytest.mark.parametrize(
@@ -159,12 +158,13 @@ def criterion(value: float, fails=OPPOSITE) -> Criterion:
         ([criterion(0.5), criterion(1.5)], "reproduced in part"),
         ([criterion(0.5), criterion(3.0)], "reproduced in part"),
         ([criterion(1.5)], "not reproduced"),
-        ([criterion(2.0)], "not reproduced"),
+        ([criterion(1.9, 2.1)], "not reproduced"),
         ([criterion(1.5), criterion(3.0)], "not reproduced"),
         ([criterion(3.0)], "contradicted"),
         ([criterion(3.0, fails=None)], "not reproduced"),
-        ([criterion(0.99)], "inconclusive"),
-        ([criterion(0.5), criterion(1.01)], "inconclusive"),
+        ([criterion(1.0)], "reproduced"),
+        ([criterion(0.9, 1.1)], "inconclusive"),
+        ([criterion(0.5), criterion(0.9, 1.1)], "inconclusive"),
     ],
 )
 def test_each_verdict_from_where_the_intervals_lie(criteria, verdict):
@@ -173,10 +173,11 @@ def test_each_verdict_from_where_the_intervals_lie(criteria, verdict):
 
 
 @pytest.mark.parametrize(
-    ("value", "sentence"), [(0.5, "It is 0.5 mm."), (1.5, "It is not: 1.5 mm."), (1.0, "Unclear: 1 mm.")]
+    ("sample", "sentence"),
+    [([5e-4], "It is 0.5 mm."), ([1.5e-3], "It is not: 1.5 mm."), ([9e-4, 1.1e-3], "Unclear: 1 mm.")],
 )
-def test_a_finding_has_a_sentence_for_each_outcome(value, sentence):
-    measured = Criterion("error", lambda results: [value * 1e-3], at_most(1e-3), unit="mm", scale=1e3)
+def test_a_finding_has_a_sentence_for_each_outcome(sample, sentence):
+    measured = Criterion("error", lambda results: sample, at_most(1e-3), unit="mm", scale=1e3)
     finding = Finding([measured], "It is {value}.", "It is not: {value}.", "Unclear: {value}.")
     assert finding.judge(made(0.1)).sentence == sentence
 
@@ -191,7 +192,8 @@ def test_a_wrong_name_in_braces_is_an_error_before_the_outcome_that_shows_it(wro
 
 
 def test_a_finding_without_a_sentence_for_it_says_that_it_is_undecided():
-    sentences = {Finding([criterion(value)], "Yes.", "No.").judge(made(0.1)).sentence for value in (0.5, 1.5, 1.0)}
+    samples = [0.5], [1.5], [0.9, 1.1]
+    sentences = {Finding([criterion(*sample)], "Yes.", "No.").judge(made(0.1)).sentence for sample in samples}
     assert sentences == {"Yes.", "No.", UNDECIDED}
 
 
@@ -204,8 +206,9 @@ def test_a_statement_without_criteria_is_an_error():
 
 def test_evidence_shows_value_interval_size_and_limits():
     measured = Criterion("error", last_error, between(0.05, 0.2), at_least(0.5), unit="%", scale=100.0)
-    found = Claim("it is small", "section 1", [measured]).judge(made(0.1, 0.1)).measured[0]
-    assert found.evidence == "10 % (9.5 % to 10.5 %, n = 2; holds: 5 % to 20 %; opposite: at least 50 %)"
+    for results, spread in ((made(0.1, 0.1), "exact"), (made(0.08, 0.12), "8 % to 12 %")):
+        found = Claim("it is small", "section 1", [measured]).judge(results).measured[0]
+        assert found.evidence == f"10 % ({spread}, n = 2; holds: 5 % to 20 %; opposite: at least 50 %)"
 
 
 def test_the_table_has_a_row_a_run():

@@ -14,7 +14,13 @@ from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 COMMON = ("scenario=one_leg", "reference=aware", "record=trace", "learning.lead=1")
-NAMES = ["cmac", "rbf", "ilc", "mlp"]
+NAMES = ["cmac", "rbf", "ilc", "perceptron"]
+
+
+def option(name):
+    """The override that chooses a feedforward."""
+    own = "feedforward._target_=pipelines.perceptron.Perceptron"
+    return own if name == "perceptron" else f"feedforward={name}"
 
 
 @pytest.fixture(scope="module")
@@ -22,13 +28,13 @@ def trained(make_config, tmp_path_factory):
     """Folder of a run of six cycles that kept its weights, by feedforward."""
     folders = {name: tmp_path_factory.mktemp(name) for name in NAMES}
     for name, folder in folders.items():
-        run_scenario(make_config(*COMMON, f"feedforward={name}", "cycles=6", "record.weights=true"), folder)
+        run_scenario(make_config(*COMMON, option(name), "cycles=6", "record.weights=true"), folder)
     return folders
 
 
 def started(make_config, trained, name, *more):
     start = (f"learning.start_from={trained[name]}", "learning.start_cycle=1")
-    return make_config(*COMMON, f"feedforward={name}", *start, *more)
+    return make_config(*COMMON, option(name), *start, *more)
 
 
 def feedforward_of(rollout, cycle, samples=600):
@@ -39,7 +45,7 @@ def feedforward_of(rollout, cycle, samples=600):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_run_goes_on_where_another_one_ended(make_config, trained, name):
     """The first cycle with learnt weights has as much feedforward as the next one of a longer run would have."""
-    seven = roll_out(make_scenario(make_config(*COMMON, f"feedforward={name}", "cycles=7")))
+    seven = roll_out(make_scenario(make_config(*COMMON, option(name), "cycles=7")))
     start = roll_out(make_scenario(started(make_config, trained, name, "cycles=1")))
     longer, carried = feedforward_of(seven, 7), feedforward_of(start, 1)
     # Start and learning of the first steps differ: the longer run comes from cycle 6, this one from rest.
@@ -106,3 +112,14 @@ def test_weights_of_another_network_are_refused(make_config, trained, name, more
     with pytest.raises(BadInput) as raised:
         make_scenario(started(make_config, trained, name, more))
     assert raised.value.key == "learning.start_from"
+
+
+@pytest.mark.parametrize("name", ["none", "inverse_dynamics"])
+def test_what_learns_nothing_goes_on_from_nothing_in_its_first_cycle(make_config, tmp_path, name):
+    whole = (*COMMON, f"feedforward={name}", "learning.guard=none", "record=metrics", "record.weights=true")
+    run_scenario(make_config(*whole, "cycles=2"), tmp_path / "first")
+    with np.load(tmp_path / "first" / WEIGHTS) as kept:
+        assert not list(kept)
+    second = make_config(*whole, "cycles=1", f"learning.start_from={tmp_path / 'first'}", "learning.start_cycle=5")
+    torque = feedforward_of(roll_out(make_scenario(second)), 1)
+    assert torque.any() == (name == "inverse_dynamics")

@@ -27,13 +27,12 @@ EXACT = {"linalg", "linalg.norm"}
 """Of these, the square root of a sum of squares along an axis; the module itself."""
 DIGESTS = Path(__file__).parent / "golden" / "bits.txt"
 NOT_PROMISED = {
-    "feedforward/mlp.py",
     *(f"models/{name}.py" for name in ("chain", "robot_gains")),
     *(f"models/robot_{name}.py" for name in ("checks", "feet", "search", "spec")),
     *("planning/robot.py", "planning/robot_dynamics.py"),
     *(f"plants/{name}.py" for name in ("mujoco_kernels", "mujoco_model", "mujoco_plant", "mujoco_robot")),
 }
-"""The perceptron learns with scikit-learn; MuJoCo, in which robots move, has its own arithmetic."""
+"""MuJoCo, in which robots move, has its own arithmetic."""
 SHORT = "gait.cycle_time=0.5 gait.lift=0.11 cycles=2 learning.start_cycle=1"
 RUNS = (
     "scenario=quadruped gait.cycle_time=1.0 gait.load_ramp=0.05 cycles=1",

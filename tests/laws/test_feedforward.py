@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cmacexp.cmac.rules import DECAYING, NEIGHBOURS, PAPER, RULES, RuleParams, train_by_rule
 from cmacexp.errors import BadInput
-from cmacexp.feedforward import CmacFeedforward, InverseDynamics, IterativeLearning, Perceptron, RadialBasis
+from cmacexp.feedforward import CmacFeedforward, InverseDynamics, IterativeLearning, RadialBasis
 from cmacexp.feedforward.cmac_on_model import CmacOnModel
 from cmacexp.feedforward.kernels import LearningParams, feedforward_step
 from cmacexp.feedforward.network import known_torque, network
@@ -84,7 +84,7 @@ def test_only_without_a_feedforward_there_is_none_that_acts(setup, make_config):
     nothing = make_scenario(make_config(*SHORT, "feedforward=none"))
     assert not nothing.feedforward.acts
     assert nothing.setup.plan.start_step == NEVER
-    assert all(each.acts for each in (IterativeLearning, InverseDynamics, Perceptron, RadialBasis))
+    assert all(each.acts for each in (IterativeLearning, InverseDynamics, RadialBasis))
 
 
 # What is learnt

@@ -85,7 +85,7 @@ def test_the_manifest_lists_the_estimates(tmp_path, make_config):
     assert manifest["learning_rate"] < 50 / 256
 
 
-@pytest.mark.parametrize("setting", ["learning.guard=none", "feedforward=mlp"])
+@pytest.mark.parametrize("setting", ["learning.guard=none", "feedforward._target_=pipelines.perceptron.Perceptron"])
 def test_what_cannot_take_an_estimate_is_refused_in_a_line(make_config, setting):
     with pytest.raises(BadInput, match=r"learning.lead=estimate: needs [^\n]*use that, or auto"):
         roll_out(make_scenario(make_config(*ESTIMATED, setting, "cycles=3")))

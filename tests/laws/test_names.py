@@ -13,7 +13,7 @@ from cmacexp.config.cmac import INPUTS, PHASE, CmacConfig
 from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.schema import ForceControlConfig
 from cmacexp.control.hybrid_kernels import METHODS
-from cmacexp.feedforward import Perceptron, RadialBasis
+from cmacexp.feedforward import RadialBasis
 from cmacexp.planning import columns
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.gait import compute_touch_downs
@@ -27,7 +27,6 @@ CHOICES = [
     (CmacConfig, "displacement", DISPLACEMENTS),
     (CmacConfig, "receptive_field", RECEPTIVE_FIELDS),
     (CmacConfig, "inputs", (*JOINT_COLUMNS, PHASE)),
-    (Perceptron.Config, "inputs", INPUTS),
     (RadialBasis.Config, "inputs", INPUTS),
     (FaultConfig, "kind", FAULTS),
     (GaitConfig, "pattern", PATTERNS),

@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from cmacexp.feedforward import Perceptron
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.planning.setup import Reference
+from pipelines.perceptron import Perceptron
 
-SMALL = ("feedforward=mlp", "gait.cycle_time=0.2", "gait.lift=0.005", "learning.rate=0.5")
+SMALL = (
+    "feedforward._target_=pipelines.perceptron.Perceptron",
+    "gait.cycle_time=0.2",
+    "gait.lift=0.005",
+    "learning.rate=0.5",
+)
 """A cycle of 40 samples."""
 
 
@@ -20,9 +25,7 @@ def setup(make_config):
 
 
 def make(setup, passes=3, batch=10, **fields):
-    network = Perceptron(
-        Perceptron.Config(["angle", "velocity"], hidden=6, passes=passes, batch=batch, step_size=0.01)
-    )
+    network = Perceptron(Perceptron.Config(hidden=6, passes=passes, batch=batch, step_size=0.01))
     network.reset(replace(setup, **fields))
     return network
 

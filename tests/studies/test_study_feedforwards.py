@@ -21,7 +21,18 @@ from pipelines.feedforwards import (
     runs,
     training_time,
 )
-from pipelines.feedforwards_measures import ALONE, CMAC, ILC, MLP, RBF, bytes_held, bytes_used, cycles_to, errors
+from pipelines.feedforwards_measures import (
+    ALONE,
+    CMAC,
+    ILC,
+    LEARNERS,
+    MLP,
+    RBF,
+    bytes_held,
+    bytes_used,
+    cycles_to,
+    errors,
+)
 
 inf = float("inf")
 LEARNT_IN = {CMAC: 2, RBF: 4, MLP: 6, ILC: 3}
@@ -79,10 +90,10 @@ def test_runs_after_a_change_start_from_runs_of_the_study_with_weights(quick):
 
 @pytest.mark.parametrize(
     ("name", "held"),
-    [("rbf", 8 * (200 + 8 + 400)), ("ilc", 8 * 1200), ("mlp", 8 * (4 * 32 + 32 + 2 * 32 + 2 + 9))],
+    [(RBF, 8 * (200 + 8 + 400)), (ILC, 8 * 1200), (MLP, 8 * (4 * 32 + 32 + 2 * 32 + 2 + 9))],
 )
 def test_bytes_by_hand(make_config, tmp_path, name, held):
-    run_scenario(make_config(f"feedforward={name}", "cycles=1", "record=trace", "record.weights=true"), tmp_path)
+    run_scenario(make_config(*LEARNERS[name], "cycles=1", "record=trace", "record.weights=true"), tmp_path)
     assert bytes_held(StoredRun(tmp_path)) == bytes_used(StoredRun(tmp_path)) == held
 
 

@@ -1,17 +1,21 @@
-"""A multilayer perceptron, of scikit-learn, that learns once a cycle."""
+"""A multilayer perceptron, of scikit-learn, that learns once a cycle.
+
+``feedforward._target_=pipelines.perceptron.Perceptron``
+"""
 
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from cmacexp.config import FeedforwardConfig, choice, number
-from cmacexp.config.cmac import INPUTS
+from cmacexp.config import FeedforwardConfig, number
 from cmacexp.errors import BadInput, format_install_command
 from cmacexp.feedforward.network import planned_inputs
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.typing import Array, Weights
 
+INPUTS = ("angle", "velocity")
+"""Planned joint values that are the inputs of the network."""
 WEIGHTS = ("hidden_weights", "output_weights", "hidden_bias", "output_bias")
 """Arrays of a network in the order of scikit-learn; saved with legs as first axis."""
 
@@ -21,7 +25,7 @@ def _regressor() -> Any:
         from sklearn.neural_network import MLPRegressor
     except ImportError:
         install = f"needs scikit-learn: {format_install_command('sklearn')}"
-        raise BadInput("feedforward._target_", "cmacexp.feedforward.Perceptron", install) from None
+        raise BadInput("feedforward._target_", "pipelines.perceptron.Perceptron", install) from None
     return MLPRegressor
 
 
@@ -36,17 +40,15 @@ class Perceptron:
 
     @dataclass
     class Config(FeedforwardConfig):
-        """Inputs, size and training of the network of one leg."""
+        """Size and training of the network of one leg."""
 
-        inputs: list[str] = choice(*INPUTS)
-        """Planned joint values."""
-        hidden: int = number("", at_least=1, at_most=4096)
+        hidden: int = number("", at_least=1, at_most=4096, default=32)
         """Neurons of the hidden layer."""
-        passes: int = number("", at_least=1, at_most=1000)
+        passes: int = number("", at_least=1, at_most=1000, default=15)
         """Passes over the samples of a cycle, at its end."""
-        batch: int = number("samples", at_least=1, at_most=2**24)
+        batch: int = number("samples", at_least=1, at_most=2**24, default=100)
         """Samples of one gradient step."""
-        step_size: float = number("", above=0, at_most=10)
+        step_size: float = number("", above=0, at_most=10, default=0.004)
         """Step size of Adam (Kingma & Ba 2015)."""
 
     acts = True
@@ -62,11 +64,11 @@ class Perceptron:
         """
         make, rule = _regressor(), setup.config.learning.rule
         if rule != "paper":
-            allowed = "needs a network that is linear in its weights; feedforward=mlp is not, use paper"
+            allowed = "needs a network that is linear in its weights; a perceptron is not, use paper"
             raise BadInput("learning.rule", rule, allowed)
         samples, legs = setup.plan.support.shape
         self.rate, self.lead = setup.rate, setup.lead
-        paths = np.stack([planned_inputs(setup, i, self.config.inputs) for i in range(legs)])
+        paths = np.stack([planned_inputs(setup, i, INPUTS) for i in range(legs)])
         spread = paths.std(axis=1, keepdims=True)
         self.middle, self.spread = paths.mean(axis=1, keepdims=True), np.where(spread > 0.0, spread, 1.0)
         if setup.learnt is not None:

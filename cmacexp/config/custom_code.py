@@ -1,0 +1,65 @@
+"""The code of custom components: of their files, and of the files beside them that they import."""
+
+import hashlib
+import sys
+import sysconfig
+from functools import cache
+from modulefinder import ModuleFinder
+from pathlib import Path
+from typing import Any
+
+from cmacexp.config.component import COMPONENTS
+from cmacexp.config.schema import Config
+from cmacexp.config.targets import current_folder_importable, find_class
+
+PACKAGE = __name__.partition(".")[0]
+
+
+def custom_code_hash(config: Config, *components: object) -> str | None:
+    """SHA-256 of the code of the custom components of a run, as it was imported; None: all are built in.
+
+    Args:
+        config: of the run.
+        components: those that it made or was given; none: those that the config names.
+
+    Raises:
+        BadInput: one that the config names cannot be imported.
+    """
+    classes = [type(component) for component in components] or [_find(config, group) for group in COMPONENTS]
+    hashes = [_hash(each.__module__) for each in classes if each.__module__.partition(".")[0] != PACKAGE]
+    return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else None
+
+
+def _find(config: Config, group: str) -> type[Any]:
+    node = getattr(config, group)
+    with current_folder_importable():
+        return find_class(f"{group}._target_", node["_target_"] if isinstance(node, dict) else node._target_)
+
+
+@cache
+def _hash(module: str) -> str:
+    digest = hashlib.sha256()
+    for path in find_sources(module):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def find_sources(name: str) -> list[Path]:
+    """Files of an imported module and of those beside its top package that it imports, directly or not.
+
+    Not those of this package, and of installed packages not those of others.
+    """
+    file = Path(getattr(sys.modules.get(name), "__file__", None) or ".")
+    if not file.is_file():  # written in a console
+        return []
+    root = file.parents[name.count(".") + (file.name == "__init__.py")]
+    others = [PACKAGE]
+    if str(root) in (sysconfig.get_path("purelib"), sysconfig.get_path("platlib")):
+        others += [path.name.partition(".")[0] for path in root.iterdir()]
+    finder = ModuleFinder([str(root)], excludes=[each for each in others if each != name.partition(".")[0]])
+    if name == "__main__":
+        finder.run_script(str(file))
+    else:
+        finder.import_hook(name)
+    files = [getattr(module, "__file__", None) for module in finder.modules.values()]
+    return sorted(Path(file) for file in files if file)

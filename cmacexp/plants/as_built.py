@@ -1,0 +1,28 @@
+"""The machine as it is: in what it differs from its config, and where its joints start."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cmacexp.config import ComponentConfig, number
+from cmacexp.models.mechanism import scale_masses
+from cmacexp.planning.setup import Setup
+
+
+@dataclass(kw_only=True)
+class AsBuiltConfig(ComponentConfig):
+    """What every shipped plant has, and nothing else in the loop knows; by default nothing differs."""
+
+    mass_factor: float = number("", above=0, at_most=10, default=1.0)
+    """Masses and inertias of the machine over those of its config."""
+    start_spread: float = number("rad", at_least=0, at_most=0.5, needs=("machine.kind != 'point_mass'",), default=0.0)
+    """Largest difference of the joint angles at the start from the planned ones."""
+    start_seed: int = number("", at_least=0, below=2**32, needs=("own.start_spread > 0",), default=0)
+    """Seed of the joint angles at the start."""
+
+    def build(self, setup: Setup) -> Setup:
+        """The setup with the mechanism and the joint angles (L, J) of the machine as it is."""
+        spread = self.start_spread if setup.mechanism.kind else 0.0
+        random = np.random.default_rng(self.start_seed)
+        start = setup.start + random.uniform(-spread, spread, setup.start.shape)
+        return replace(setup, mechanism=scale_masses(setup.mechanism, self.mass_factor), start=start)

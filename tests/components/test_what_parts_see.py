@@ -1,0 +1,82 @@
+"""What the parts of a loop know: the plant what is true, all others what the designer believes, and what they see."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cmacexp.control import HybridController
+from cmacexp.loop import roll_out
+from cmacexp.loop.scenario import make_scenario
+from cmacexp.plants import AnalyticPlant
+
+
+class Witness:
+    """A feedforward that keeps all that it is shown."""
+
+    acts = True
+
+    def reset(self, setup):
+        self.config, self.seen = setup.config, []
+
+    def observe(self, reference, measurement, torque):
+        self.seen.append((reference.step, measurement, torque))
+
+    def predict(self, reference, learning_error):
+        assert self.seen[-1][0] == reference.step
+        return np.full((1, 2), 0.1)
+
+
+class Own(HybridController):
+    """A controller that no loop knows."""
+
+
+@pytest.mark.parametrize("controller", [HybridController, Own])
+def test_a_feedforward_that_asks_for_it_is_shown_every_step(make_config, controller):
+    config = make_config("cycles=2", "gait.cycle_time=0.5", "gait.stroke=0.02", "sensors=real")
+    witness, own = Witness(), controller(config.controller)
+    columns = roll_out(make_scenario(config, feedforward=witness, controller=own)).columns()
+    assert [step for step, _, _ in witness.seen] == list(range(200))
+    applied = np.stack([columns[f"tau_feedback_{j}"] + columns[f"tau_feedforward_{j}"] for j in (1, 2)], axis=2)
+    np.testing.assert_array_equal([torque for _, _, torque in witness.seen], [np.zeros((1, 2)), *applied[:-1]])
+    np.testing.assert_array_equal([shown.force for _, shown, _ in witness.seen], columns["force_measured"])
+
+
+def test_the_plant_alone_gets_what_is_true(make_config):
+    class Plant(AnalyticPlant):
+        def reset(self, setup):
+            self.known = setup.config
+            return super().reset(setup)
+
+    unknown = ("terrain.patch_spread=0.2", "terrain.slope=0.01", "plant.mass_factor=1.1", "terrain.step_time=1.0")
+    config = make_config(*unknown, "terrain.assumed_stiffness=9000", "terrain.step_factor=2", "cycles=1")
+    witness, plant = Witness(), Plant(config.plant)
+    make_scenario(config, feedforward=witness, plant=plant)
+    assert plant.known == config
+    nominal = make_config("terrain.stiffness=9000", "terrain.assumed_stiffness=9000", "cycles=1")
+    assert replace(witness.config, plant=None) == replace(nominal, plant=None)
+    assert witness.config.plant == {"_target_": "cmacexp.plants.AnalyticPlant"}
+
+
+@pytest.mark.parametrize("plant", ["analytic", "mujoco_quadruped"])
+def test_feet_carry_the_machine_as_it_is(make_config, plant):
+    walk = ("scenario=quadruped", f"plant={plant}", "cycles=2", "feedforward=none", "record=metrics")
+    carried = []
+    for factor in (1.0, 1.2):
+        columns = roll_out(make_scenario(make_config(*walk, f"plant.mass_factor={factor}"))).columns()
+        carried.append(columns["force"].sum(axis=1)[len(columns["force"]) // 2 :].mean())
+    assert carried[1] == pytest.approx(1.2 * carried[0], rel=0.01)
+
+
+def test_masses_of_the_plant_alone_are_others(make_config):
+    scenario = make_scenario(make_config("scenario=one_leg", "cycles=1", "plant.mass_factor=2"))
+    believed, built = (part.params.mechanism.legs for part in (scenario.controller, scenario.plant))
+    np.testing.assert_array_equal(built, believed * [1.0, 1.0, 2.0, 2.0, 1.0])
+
+
+def test_joints_start_where_the_plant_says(make_config):
+    config = make_config("scenario=one_leg", "plant.start_spread=0.05", "plant.start_seed=3", "cycles=1")
+    scenario = make_scenario(config)
+    off = scenario.plant.state.q - scenario.setup.start
+    assert (np.abs(off) > 0.0).all()
+    assert (np.abs(off) <= 0.05).all()
