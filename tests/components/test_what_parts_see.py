@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import cmacexp
 from cmacexp.control import HybridController
+from cmacexp.errors import WithoutEffect
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
@@ -80,3 +82,12 @@ def test_joints_start_where_the_plant_says(make_config):
     off = scenario.plant.state.q - scenario.setup.start
     assert (np.abs(off) > 0.0).all()
     assert (np.abs(off) <= 0.05).all()
+
+
+def test_a_feedforward_of_a_user_that_gives_no_torque_is_warned_of(tmp_path, recwarn):
+    run = ["scenario=one_leg", "gait.cycle_time=0.5", "gait.stroke=0.02", "record=metrics"]
+    with pytest.warns(WithoutEffect, match="Witness gave no torque in 1 cycles"):
+        cmacexp.run([*run, "cycles=1"], tmp_path / "one", feedforward=Witness())
+    recwarn.clear()
+    cmacexp.run([*run, "cycles=3"], tmp_path / "three", feedforward=Witness())
+    assert not recwarn
