@@ -25,9 +25,9 @@ class CmacConfig:
 
     needs: ClassVar[tuple[str, ...]] = (f"option.feedforward in {CMACS}", *ACTS)
 
-    layers: int = number("", at_least=1, at_most=4096)
+    layers: int = number("", at_least=1, at_most=4096, tuned=[8, 32, 128])
     """C, the number of quantisation functions, which is the generalisation size."""
-    resolution_elements: int = number("", at_least=2, at_most=65536)
+    resolution_elements: int = number("", at_least=2, at_most=65536, tuned=[9, 17, 33, 65])
     """Blocks of each quantisation function; (resolution_elements - 1) x layers quanta span an input's range."""
     memory_bytes: int = number("B", at_least=1, at_most=2**30)
     """Memory of one CMAC; a word is a float64, so rows = memory_bytes / (8 x outputs)."""
@@ -35,7 +35,7 @@ class CmacConfig:
     """hashed: cells share rows by chance; dense: each has its own; visited: each that the path visits has its own."""
     displacement: str = choice("diagonal", "odd_lattice", "parks_militzer", needs=("own.layers > 1",))
     """How the layers are shifted against each other; diagonal: as in the paper."""
-    inputs: list[str] = choice(*INPUTS)
+    inputs: list[str] = choice(*INPUTS, tuned=[["angle"], ["angle", "velocity"], list(INPUTS[:3]), [PHASE]])
     """Planned joint values that address the memory (assumed)."""
     range_factor: float = number("", at_least=1, at_most=1e6, needs=("learning.start_from is None",))
     """Input range over the planned span, centred on its middle (assumed)."""

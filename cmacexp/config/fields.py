@@ -18,6 +18,8 @@ FLAGS = dict.fromkeys(("true", "yes", "on", "y", "1"), True) | dict.fromkeys(("f
 """What can be typed for a flag."""
 BOUNDS = {"above": operator.gt, "at least": operator.ge, "below": operator.lt, "at most": operator.le}
 """What a number must be to each of its bounds."""
+Tuned = tuple[float, float] | list[Any] | None
+"""What a field is tuned over: ends of a range, or choices; None: it is not tuned."""
 
 
 def number(
@@ -30,20 +32,22 @@ def number(
     words: Sequence[str] = (),
     needs: tuple[str, ...] = (),
     default: Any = MISSING,
+    tuned: Tuned = None,
 ) -> Any:
     """A dataclass field for a quantity in ``unit`` within the given range, or one of ``words``.
 
     Shipped fields have no default: their values stand in ``conf/``. What a field ``needs`` to have an effect, all of
-    it, is written as :mod:`cmacexp.experiment.without_effect` describes.
+    it, is written as :mod:`cmacexp.experiment.without_effect` describes. Whoever tunes the component draws from
+    ``tuned``: the ends of a range, whose logarithm is drawn evenly, or a list of choices.
     """
     bounds = {"above": above, "at least": at_least, "below": below, "at most": at_most}
     given = {name: bound for name, bound in bounds.items() if bound is not None}
-    return field(default=default, metadata={"unit": unit, "words": words, "needs": needs, **given})
+    return field(default=default, metadata={"unit": unit, "words": words, "needs": needs, "tuned": tuned, **given})
 
 
-def choice(*names: str, needs: tuple[str, ...] = (), default: Any = MISSING) -> Any:
-    """A dataclass field for one of ``names``, or a list of at least one of them, each once."""
-    return field(default=default, metadata={"choices": names, "needs": needs})
+def choice(*names: str, needs: tuple[str, ...] = (), default: Any = MISSING, tuned: Tuned = None) -> Any:
+    """A dataclass field for one of ``names``, or a list of at least one of them, each once; ``tuned`` as above."""
+    return field(default=default, metadata={"choices": names, "needs": needs, "tuned": tuned})
 
 
 def describe_range(metadata: dict[str, Any]) -> str:

@@ -109,7 +109,7 @@ class LearningConfig:
 
     rule: str = field(kw_only=True, metadata={"needs": LEARNS})
     """One of cmacexp/cmac/rules.py; each but the paper's has its strength in a field below."""
-    rate: float | str = number("", above=0, below=2, words=(AUTO,), needs=LEARNS)
+    rate: float | str = number("", above=0, below=2, words=(AUTO,), needs=LEARNS, tuned=(0.05, 1.5))
     """Fraction of the error that a step corrects, beta; 50/256 in the paper; auto: that over 2 x lead - 1."""
     lead: int | float | str = number("samples", at_least=-100, at_most=100, words=(AUTO, ESTIMATE), needs=LEARNS)
     """U(k-1) trains the cells of step k-1-lead; 0 as in the paper; auto: the samples from torque to feedback, as

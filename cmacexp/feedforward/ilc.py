@@ -48,7 +48,7 @@ class IterativeLearning(BuiltInFeedforward):
     class Config(FeedforwardConfig):
         """The low-pass filter Q."""
 
-        cutoff: float | None = number("Hz", above=0, at_most=1e6)
+        cutoff: float | None = number("Hz", above=0, at_most=1e6, tuned=(3.0, 40.0))
         """Frequency at which the gain of Q is 1/sqrt(2); null: Q = 1."""
 
     config: Config

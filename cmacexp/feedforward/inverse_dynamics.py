@@ -40,22 +40,24 @@ class InverseDynamics(BuiltInFeedforward):
         self.params = known_torque(setup, self.compute_torque(setup))
 
     def compute_torque(self, setup: Setup) -> Array:
-        """Torque (N, L, J) of every sample of the cycle, N m."""
+        """Torque (N, L, J) of every sample of the cycle, N m; without J^T F_d where the controller adds it."""
+        adds = setup.config.reference == "force_feedforward"
         if isinstance(setup.config.machine, RobotMachine):
-            return self._torque_of_robot(setup)
+            return self._torque_of_robot(setup, adds)
         plan, factors = setup.plan, [self.config.length_factor] * 2 + [self.config.mass_factor] * 2 + [1.0]
+        added = np.where(plan.support, plan.force_desired, 0.0) if adds else np.zeros(plan.support.shape)
         mechanism = setup.mechanism._replace(legs=setup.mechanism.legs * np.array(factors))
         torque = np.zeros((*plan.joints.shape[:2], 2))
         for k in range(torque.shape[0]):
             for i in range(torque.shape[1]):
                 q, dq, ddq = plan.joints[k, i].reshape(3, 2)
                 depression = plan.desired[k, i, Y] - mechanism.hip_height
-                force = contact_force(setup.config.assumed_stiffness, depression)
+                force = contact_force(setup.config.assumed_stiffness, depression) - added[k, i]
                 torque[k, i] = planned_torque(mechanism, i, q, dq, ddq, force)
         return torque
 
-    def _torque_of_robot(self, setup: Setup) -> Array:
-        """Likewise, from its model; without J^T F_d where the controller adds it.
+    def _torque_of_robot(self, setup: Setup, adds: bool) -> Array:
+        """Likewise, from its model.
 
         Raises:
             BadInput: the links of the model cannot have another length.
@@ -63,7 +65,7 @@ class InverseDynamics(BuiltInFeedforward):
         if self.config.length_factor != 1.0:
             reason = "must be 1 with machine.kind=robot, whose links are those of its model"
             raise BadInput("feedforward.length_factor", self.config.length_factor, reason)
-        plan, adds = setup.plan, setup.config.reference == "force_feedforward"
+        plan = setup.plan
         pressed = np.zeros_like(plan.force_desired) if adds else plan.force_desired
         return planned_torques(
             setup.config,

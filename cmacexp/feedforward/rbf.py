@@ -62,11 +62,11 @@ class RadialBasis(BuiltInFeedforward):
 
         inputs: list[str] = choice(*INPUTS)
         """Planned joint values."""
-        centres: int = number("", at_least=1, at_most=4096)
+        centres: int = number("", at_least=1, at_most=4096, tuned=[50, 100, 200, 400])
         """Gaussians, spread evenly over the path."""
-        active: int = number("", at_least=1, at_most=4096)
+        active: int = number("", at_least=1, at_most=4096, tuned=[4, 12, 24])
         """Nearest Gaussians that are active at a sample."""
-        width: float = number("", above=0, at_most=1e3)
+        width: float = number("", above=0, at_most=1e3, tuned=(0.5, 3.0))
         """Standard deviation of a Gaussian over the mean distance between neighbouring centres."""
 
         def check(self, config: Config) -> None:

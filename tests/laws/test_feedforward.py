@@ -18,6 +18,7 @@ from cmacexp.feedforward.rbf import activations, spread_out
 from cmacexp.feedforward.weight_log import log_weights, new_log
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.ground import NEVER
+from cmacexp.models.leg import Leg, jacobian, trigonometry
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.setup import Setup
 
@@ -67,6 +68,19 @@ def test_a_known_torque_is_that_of_the_sample_for_every_leg_and_joint(setup):
         feedforward_step(params, step, step % SAMPLES, np.ones((LEGS, 2)), output)
         assert_array_equal(output, torque[step % SAMPLES])
     assert not params.weights.any()
+
+
+def test_what_a_controller_adds_for_the_desired_force_is_not_in_the_model_again(make_config):
+    """Of the planned torque in support, J^T F_d is the controller's with ``force_feedforward``."""
+    walk = ("scenario=quadruped", "feedforward=inverse_dynamics")
+    whole, rest = (make_scenario(make_config(*walk, f"reference={law}")) for law in ("aware", "force_feedforward"))
+    plan, legs = rest.setup.plan, rest.setup.mechanism.legs
+    for i, leg in enumerate(legs):
+        for k in np.flatnonzero(plan.support[:, i])[::40]:
+            jacobian_of = np.array(jacobian(Leg(*leg), trigonometry(*plan.joints[k, i, :2]))).reshape(2, 2)
+            added = jacobian_of.T @ [0.0, plan.force_desired[k, i]]
+            torques = [scenario.feedforward.params.torque[k, i] for scenario in (whole, rest)]
+            assert_allclose(torques[1] + added, torques[0], rtol=1e-9)
 
 
 @pytest.mark.parametrize("activation", [None, some_activation()], ids=["plain", "weighted"])

@@ -1,0 +1,37 @@
+"""Worlds that nobody in the loop knows: ground, masses, start, sensors and hash vary by chance."""
+
+import numpy as np
+
+WORLDS = "world"
+"""The label of their runs."""
+STIFFNESS = {"one_leg": 10.0, "quadruped": 1e4, "quadruped_lasting": 1e4}
+"""That the plan assumes, N/m, by scenario; robots' follows from their model."""
+PATCH = {"one_leg": 0.1, "quadruped": 0.15, "quadruped_lasting": 0.15, "robot": 0.1}
+"""Side of a patch of ground, m."""
+START = {"one_leg": 0.05, "quadruped": 0.01, "quadruped_lasting": 0.01, "robot": 0.02}
+"""Largest difference of the joint angles at the start from the planned ones, rad."""
+FIRST_TUNING = 1_000_000
+"""Number of the first world that settings are tuned in: none of those that they are tested in."""
+
+
+def draw_world(scenario: str, number: int) -> tuple[str, ...]:
+    """Overrides of a world; the same number is the same world, whatever learns in it.
+
+    Args:
+        scenario: ``one_leg``, ``quadruped``, ``quadruped_lasting`` or ``robot``.
+        number: of the world; seed of the hash of a network too.
+    """
+    chance = np.random.default_rng([2026, sorted(PATCH).index(scenario), number])
+    ground: tuple[str, ...] = ()
+    if scenario in STIFFNESS:
+        known = STIFFNESS[scenario]
+        true = known * float(np.exp(chance.uniform(-0.3, 0.3)))
+        ground = (f"terrain.stiffness={true:.5g}", f"terrain.assumed_stiffness={known:g}")
+    return (
+        f"seed={number}",
+        *ground,
+        *("terrain.patch_spread=0.2", f"terrain.patch_size={PATCH[scenario]}", f"terrain.patch_seed={number}"),
+        f"plant.mass_factor={chance.uniform(0.8, 1.2):.4f}",
+        *(f"plant.start_spread={START[scenario]}", f"plant.start_seed={number}"),
+        "sensors=encoders",
+    )
