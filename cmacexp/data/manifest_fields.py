@@ -67,6 +67,7 @@ RUN_FIELDS = {
     "git_commit": _or_null(TEXT),
     "steps": WHOLE,
     "rollout_seconds": NUMBER,
+    "processor_seconds?": NUMBER,
     "wall_seconds": NUMBER,
     "dropped": [{"leg": WHOLE, "step": WHOLE}],
     "memory": [

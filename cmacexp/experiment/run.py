@@ -254,6 +254,7 @@ def _write(
         "carried": [{"cycle": cycle, **load._asdict()} for cycle, load in end.carried],
         "drift": make_drift_entry(scores.legs),
         "rollout_seconds": end.seconds,
+        "processor_seconds": end.processor_seconds,
         "files": {name: sha256(folder / name) for name in names},
     }
     if end.error is not None and not isinstance(end.error, BadOutput | MemoryError):

@@ -1,5 +1,7 @@
 """The built-in components of a scenario, and the loop made of them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from cmacexp.config.schema import ESTIMATE, NONE, REFINE
@@ -17,6 +19,7 @@ from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.step import Loop, Torques
 from cmacexp.loop.stop import StopLimits
 from cmacexp.plants import AnalyticPlant
+from cmacexp.plants.as_built import AsBuiltConfig
 from cmacexp.plants.kernels import PlantState, new_state
 from cmacexp.plants.mujoco_leg import MujocoLeg
 from cmacexp.plants.mujoco_plant import MujocoPlant
@@ -94,7 +97,9 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
         None if external.controller else scenario.controller,
         None if external.controller or external.feedforward else scenario.feedforward,
     )
-    mechanism = setup.mechanism
+    mechanism, actuator, built = setup.mechanism, setup.config.actuator, setup.config.plant
+    if isinstance(built, AsBuiltConfig):
+        actuator = replace(actuator, delay=actuator.delay + built.delay)
     engine = plant.engine if isinstance(plant, MujocoPlant) else None
     machine = new_state(mechanism.shape[0], mechanism.axes)
     if isinstance(plant, AnalyticPlant | MujocoPlant):
@@ -112,9 +117,7 @@ def make_loop(scenario: Scenario, external: External, limits: StopLimits, guard:
         controller.params if isinstance(controller, HybridController) else None,
         controller.state if isinstance(controller, HybridController) else new_hybrid_state(*mechanism.shape),
         feedforward.params if isinstance(feedforward, BuiltInFeedforward) else None,
-        new_actuator(
-            setup.config.actuator, setup.config.sampling_period, mechanism.shape[0], mechanism.torque_limits
-        ),
+        new_actuator(actuator, setup.config.sampling_period, mechanism.shape[0], mechanism.torque_limits),
         Torques(np.zeros(mechanism.shape), np.zeros(mechanism.shape)),
         limits,
         guard,

@@ -82,6 +82,8 @@ class End:
     """What a component raised."""
     seconds: float = 0.0
     """Wall time of the closed loop alone, without compiling."""
+    processor_seconds: float = 0.0
+    """Processor time of the same."""
     events: Sequence[Event] = ()
     """What the guard of learning did."""
     estimates: Sequence[LeadEstimate] = ()
@@ -138,7 +140,7 @@ class _Stream:
         self.samples, self.body = make_samples(cycles * config.steps_per_cycle, legs, wide, joints)
         names = ALL_SAMPLES[: self.samples.shape[2]]
         self.joints = [i for i, name in enumerate(names) if name.removesuffix("_measured") in JOINTS]
-        self.status, self.cause, self.seconds = "completed", "", 0.0
+        self.status, self.cause, self.seconds, self.processor_seconds = "completed", "", 0.0, 0.0
         self.error: Exception | None = None
         self.estimates: list[LeadEstimate] = []
         self.rate = setup.rate
@@ -156,7 +158,7 @@ class _Stream:
         steps = min(len(self.samples), config.cycles * config.steps_per_cycle - start)
         samples, body = self.samples[:steps], self.body[:steps]
         _fill_planned_travel(body, start, config)
-        began = time.perf_counter()
+        began, worked = time.perf_counter(), time.process_time()
         try:
             stop = self._drive(samples, body)
             if stop != RUNNING:
@@ -170,6 +172,7 @@ class _Stream:
             self.status, self.error = "failed", raised
             self.cause = f"after step {driver.taken}: {_format_error(raised)}"
         self.seconds += time.perf_counter() - began
+        self.processor_seconds += time.process_time() - worked
         return start
 
     def _drive(self, samples: Array, body: Array) -> int:
@@ -280,9 +283,8 @@ def stream(
                 keep(run.collect(start))
     expect_steps(math.inf)
     events, carried = read_events(run.guard), run.adaptation.carried if run.adaptation is not None else []
-    return End(
-        run.driver.taken, run.status, run.cause, run.rate, run.error, run.seconds, events, run.estimates, carried
-    )
+    seconds = run.seconds, run.processor_seconds
+    return End(run.driver.taken, run.status, run.cause, run.rate, run.error, *seconds, events, run.estimates, carried)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,6 +19,8 @@ class AsBuiltConfig(ComponentConfig):
     """Largest difference of the joint angles at the start from the planned ones."""
     start_seed: int = number("", at_least=0, below=2**32, needs=("own.start_spread > 0",), default=0)
     """Seed of the joint angles at the start."""
+    delay: int = number("samples", at_least=0, default=0)
+    """Samples by which torques act later than ``actuator.delay`` says."""
 
     def build(self, setup: Setup) -> Setup:
         """The setup with the mechanism and the joint angles (L, J) of the machine as it is."""

@@ -19,7 +19,7 @@ def share_of_time(run: StoredRun) -> float:
 
 def seconds_per_step(run: StoredRun) -> float:
     """Processor time of the closed loop over its steps, without compiling: a measure that no two runs share."""
-    return float(run.manifest["rollout_seconds"] / max(1, run.manifest["steps"]))
+    return float(run.manifest["processor_seconds"] / max(1, run.manifest["steps"]))
 
 
 def ratio(sample: Sample, chosen: Mapping[str, Any], reference: Mapping[str, Any]) -> Sample:
