@@ -148,11 +148,12 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     return first._replace(travel=measured.travel)
 
 
-def make_scenario(config: Config, **given: Any) -> Scenario:
+def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -> Scenario:
     """Plan the run, make its components and reset them.
 
     Args:
         config: a checked config.
+        learnt: weights that the feedforward starts from; None: those of ``learning.start_from``, if it names a run.
         given: components that exist already, by the key of their group.
 
     Raises:
@@ -175,7 +176,7 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
         require_margin(config, components["controller"].config, late)
     rate = resolve_rate(config, late, lead)
     start = _start(config, plan, mechanism.shape[1])
-    setup = Setup(config, mechanism, plan, start, read_weights(config), lead, rate)
+    setup = Setup(config, mechanism, plan, start, read_weights(config) if learnt is None else learnt, lead, rate)
     first, fault = new_measurement(*mechanism.shape), None
     try:
         first = _reset(setup, components)

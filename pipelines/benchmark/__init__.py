@@ -1,0 +1,1 @@
+"""The benchmark of learned feedforward under contact."""
