@@ -33,7 +33,7 @@ def parse_override(override: str) -> Any:
 def set_values(config: DictConfig, overrides: Iterable[str]) -> None:
     """Set values of keys in a composed config, as Hydra does once the options are chosen."""
     for override in map(parse_override, overrides):
-        OmegaConf.update(config, override.key_or_group, override.value(), merge=True)
+        OmegaConf.update(config, override.key_or_group, override.value(), merge=True, force_add=override.is_add())
 
 
 def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
@@ -56,13 +56,16 @@ def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str
     if options not in _composed:
         _composed[options] = pickle.dumps(_compose(options))
     config, choices = pickle.loads(_composed[options])
-    values = [text for text in overrides if text not in options]
-    for override in map(parse_override, values):
+    for text in overrides:
+        if text in options:
+            continue
+        override = parse_override(text)
         key = override.key_or_group
         exists = OmegaConf.select(config, key, default=_MISSING, throw_on_resolution_failure=False) is not _MISSING
-        if override.type != OverrideType.CHANGE or override.package or override.is_sweep_override() or not exists:
-            return _compose(overrides)  # it adds or removes a key, or is a mistake
-    set_values(config, values)
+        fits = override.type == (OverrideType.CHANGE if exists else OverrideType.ADD)
+        if not fits or override.package or override.is_sweep_override():
+            return _compose(overrides)  # it removes a key, or is a mistake
+        set_values(config, [text])
     return config, choices
 
 

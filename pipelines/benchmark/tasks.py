@@ -57,7 +57,6 @@ def _changes(
         DELAY: ["plant.delay=1"],
         PAYLOAD: payload,
         SLOPE: ["terrain.patch_spread=0.5", *slope],
-        STRESS: ["plant.delay=2"],
     }
 
 
@@ -73,7 +72,8 @@ MACHINES = {
     LEG: Machine(
         "one_leg",
         ("scenario=one_leg", "reference=aware"),
-        _changes("0.25", "2.4", "0.1", ["plant.mass_factor=x1.2"], ["terrain.slope=0.05"]),
+        _changes("0.25", "2.4", "0.1", ["plant.mass_factor=x1.2"], ["terrain.slope=0.05"])
+        | {STRESS: ["plant.delay=2"]},
     ),
     QUADRUPED: Machine(
         "quadruped_lasting",
