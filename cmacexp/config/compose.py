@@ -33,7 +33,8 @@ def parse_override(override: str) -> Any:
 def set_values(config: DictConfig, overrides: Iterable[str]) -> None:
     """Set values of keys in a composed config, as Hydra does once the options are chosen."""
     for override in map(parse_override, overrides):
-        OmegaConf.update(config, override.key_or_group, override.value(), merge=True, force_add=override.is_add())
+        adds = override.is_add() or override.is_force_add()
+        OmegaConf.update(config, override.key_or_group, override.value(), merge=True, force_add=adds)
 
 
 def _compose(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str]]:
@@ -62,8 +63,8 @@ def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str
         override = parse_override(text)
         key = override.key_or_group
         exists = OmegaConf.select(config, key, default=_MISSING, throw_on_resolution_failure=False) is not _MISSING
-        fits = override.type == (OverrideType.CHANGE if exists else OverrideType.ADD)
-        if not fits or override.package or override.is_sweep_override():
+        kinds = (OverrideType.CHANGE if exists else OverrideType.ADD, OverrideType.FORCE_ADD)
+        if override.type not in kinds or override.package or override.is_sweep_override():
             return _compose(overrides)  # it removes a key, or is a mistake
         set_values(config, [text])
     return config, choices

@@ -1,21 +1,21 @@
 """What enters the benchmark: methods by their overrides, and what each of them is tuned over."""
 
 from collections.abc import Sequence
-from dataclasses import Field, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any
-
-import numpy as np
 
 from cmacexp.config.cmac import CmacConfig
 from cmacexp.config.component import config_class
 from cmacexp.config.schema import LearningConfig
 from cmacexp.config.targets import current_folder_importable, find_class
 from cmacexp.errors import BadInput
+from cmacexp.feedforward import IterativeLearning, RadialBasis
 from cmacexp.feedforward.network import BuiltInFeedforward
 
 FEEDFORWARD, CONTROLLER = "feedforward", "controller"
-OWN = "pipelines.benchmark.methods"
 ALONE = "feedback alone"
+OWN = "pipelines.benchmark.methods"
+RATE = "learning.rate"
 
 
 @dataclass(frozen=True)
@@ -24,29 +24,27 @@ class Method:
 
     name: str
     overrides: Sequence[str]
-    tuned: Sequence[str] = ()
-    """Keys of the fields that it is tuned over."""
+    tuned: Sequence[tuple[str, Any]] = ()
+    """Keys that it is tuned over, and what :func:`cmacexp.config.number` takes as ``tuned`` for each."""
     entered: bool = False
-    """Whether it was named on the command line."""
+    """Whether the command line named its class."""
 
 
-def _shipped(name: str, option: str, *tuned: str, more: Sequence[str] = ()) -> Method:
-    return Method(name, (f"feedforward={option}", *more), tuned)
+def _list_tuned(group: str, schema: type[Any] | None, only: Sequence[str] = ()) -> list[tuple[str, Any]]:
+    """Fields of a config class that say what they are tuned over, or those of them that are named."""
+    found = {each.name: each.metadata.get("tuned") for each in (fields(schema) if schema else ())}
+    return [(f"{group}.{name}", tuned) for name, tuned in found.items() if tuned and (not only or name in only)]
 
 
-RATE = "learning.rate"
-SIZE = ("cmac.layers", "cmac.resolution_elements", "cmac.inputs")
-
-
-def _own(name: str, target: str, group: str = FEEDFORWARD) -> Method:
-    return enter(f"{OWN}.{target}", name)
+LEARNING = _list_tuned("learning", LearningConfig, ["rate"])
+CMAC_SIZE = _list_tuned("cmac", CmacConfig)
 
 
 def enter(target: str, name: str | None = None) -> Method:
     """The method of a custom class: a feedforward, or a controller, which gets no other feedforward.
 
-    It is tuned over the fields of its ``Config`` that say ``tuned=...``. A feedforward without any, and one of the
-    networks that the compiled loop knows, is tuned over ``learning.rate`` too.
+    It is tuned over the fields of its ``Config`` that say ``tuned=``. A network that the compiled loop knows, and a
+    feedforward without such fields, is tuned over ``learning.rate``, too.
 
     Raises:
         BadInput: there is no such class, or it is neither.
@@ -56,30 +54,58 @@ def enter(target: str, name: str | None = None) -> Method:
     group = FEEDFORWARD if hasattr(found, "predict") else CONTROLLER if hasattr(found, "act") else None
     if group is None:
         raise BadInput("--method", target, "must be a feedforward with predict, or a controller with act")
-    schema = config_class(found)
-    own = [f"{group}.{each.name}" for each in fields(schema) if each.metadata.get("tuned")] if schema else []
+    own = _list_tuned(group, config_class(found))
     if group == FEEDFORWARD and (issubclass(found, BuiltInFeedforward) or not own):
-        own.append(RATE)
+        own += LEARNING
     alone = ("feedforward=none",) if group == CONTROLLER else ()
     shown = name or target.rpartition(".")[2]
-    return Method(shown, (*alone, f"{group}._target_={target}"), tuple(own), entered=name is None)
+    return Method(shown, (*alone, f"{group}._target_={target}"), own, entered=name is None)
 
 
-def list_methods() -> dict[str, Method]:
-    """All methods of the benchmark, by name."""
-    methods = [
-        _shipped(ALONE, "none"),
-        _shipped("model", "inverse_dynamics"),
-        _shipped("model 20 % light", "inverse_dynamics", more=("feedforward.mass_factor=0.8",)),
-        _shipped("model 20 % heavy", "inverse_dynamics", more=("feedforward.mass_factor=1.2",)),
-        _shipped("CMAC", "cmac", RATE, *SIZE),
-        _shipped("CMAC on model", "cmac_on_model", RATE, *SIZE),
-        _shipped("RBF", "rbf", RATE, "feedforward.centres", "feedforward.active", "feedforward.width"),
-        _shipped("ILC", "ilc", RATE, "feedforward.cutoff"),
+def list_methods() -> list[Method]:
+    """All methods of the benchmark."""
+    of_rbf, of_ilc = (_list_tuned(FEEDFORWARD, each.Config) for each in (RadialBasis, IterativeLearning))
+    model = ("feedforward=inverse_dynamics",)
+    return [
+        Method(ALONE, ("feedforward=none",)),
+        Method("model", model),
+        Method("model 20 % light", (*model, "feedforward.mass_factor=0.8")),
+        Method("model 20 % heavy", (*model, "feedforward.mass_factor=1.2")),
+        Method("CMAC", ("feedforward=cmac",), [*LEARNING, *CMAC_SIZE]),
+        Method("CMAC on model", ("feedforward=cmac_on_model",), [*LEARNING, *CMAC_SIZE]),
+        Method("RBF", ("feedforward=rbf",), [*LEARNING, *of_rbf]),
+        Method("ILC", ("feedforward=ilc",), [*LEARNING, *of_ilc]),
         enter("pipelines.perceptron.Perceptron", "MLP"),
         enter(f"{OWN}.norm_optimal.NormOptimal", "norm-optimal ILC"),
         enter(f"{OWN}.fourier.RandomFourier", "Fourier features"),
         enter(f"{OWN}.adaptive.AdaptiveRegressor", "adaptive regressor"),
         enter(f"{OWN}.repetitive.Repetitive", "repetitive control"),
     ]
-    return {method.name: method for method in methods}
+
+
+def slug(name: str) -> str:
+    """A name as the command line takes it: ``cmac_on_model``."""
+    return "_".join("".join(letter if letter.isalnum() else " " for letter in name.lower()).split())
+
+
+def choose_methods(names: str | None, targets: Sequence[str]) -> list[Method]:
+    """The methods that are asked for, feedback alone first.
+
+    Args:
+        names: of methods of the benchmark, separated by commas; None: all of them.
+        targets: classes that enter.
+
+    Raises:
+        BadInput: there is no such method, or two have the same name.
+    """
+    known = {slug(method.name): method for method in list_methods()}
+    wanted = list(known) if names is None else [slug(name) for name in names.split(",")]
+    for name in wanted:
+        if name not in known:
+            raise BadInput("--methods", name, f"choose from {', '.join(known)}")
+    chosen = {known[name].name: known[name] for name in (slug(ALONE), *wanted)}
+    for method in map(enter, targets):
+        if method.name in chosen:
+            raise BadInput("--method", method.name, "a method of that name takes part already; rename the class")
+        chosen[method.name] = method
+    return list(chosen.values())

@@ -9,9 +9,7 @@ from pipelines.common_worlds import FIRST_TUNING, draw_world
 
 VERSION = 1
 """Of the tasks. Whoever changes one of them, or a world, raises it: results of two versions are never compared."""
-PROTOCOL = (
-    "learning.lead=auto", "learning.rate=auto", "learning.guard=none", "learning.start_cycle=2", "warn=false",
-)  # fmt: skip
+PROTOCOL = ("learning.lead=auto", "learning.rate=auto", "learning.guard=none", "warn=false")
 """Of every run. Nothing guards learning: a method that does harm shows it."""
 STROKE, SPEED, STIFFNESS, NOISE, DELAY, PAYLOAD, SLOPE = TASKS = (
     "stroke", "speed", "stiffness", "noise", "delay", "payload", "slope",
