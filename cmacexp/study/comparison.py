@@ -22,8 +22,7 @@ from cmacexp.report.figures import Panel, Series
 from cmacexp.study.interval import Interval, bootstrap, compute_centre, estimate, find_ends, resample
 from cmacexp.typing import Array, Mask
 
-CAP = 1.0
-"""The score of the reference."""
+CAP = 1.0  # the score of the reference
 
 
 def _defined(reference: Array) -> Mask:
@@ -154,9 +153,9 @@ class Comparison:
 
     def without(self, task: str) -> "Comparison":
         """The comparison over the other tasks."""
-        kept = [name != task for name in self.tasks]
-        scores = {method: values[kept] for method, values in self.scores.items()}
-        return replace(self, scores=scores, tasks=[name for name in self.tasks if name != task])
+        place = self.tasks.index(task)
+        scores = {method: np.delete(values, place, axis=0) for method, values in self.scores.items()}
+        return replace(self, scores=scores, tasks=[*self.tasks[:place], *self.tasks[place + 1 :]])
 
     def order(self) -> Order:
         """The order on which both statistics agree, with all tasks and without any one of them."""
@@ -164,11 +163,7 @@ class Comparison:
 
 
 def compare(values: Mapping[str, Array], reference: str, tasks: Sequence[str], worlds: Sequence[Any]) -> Comparison:
-    """Values (tasks, worlds) of methods relative to those of ``reference``, one of them, over the tasks that count.
-
-    Raises:
-        BadInput: as :class:`Comparison`; also if no task counts.
-    """
+    """Values (tasks, worlds) of methods relative to those of one, the ``reference``, over the tasks that count."""
     counted, excluded = split_tasks(values[reference], tasks, worlds)
     kept = [task in counted for task in tasks]
     scores = {name: relative_to(given[kept], values[reference][kept]) for name, given in values.items()}
@@ -191,27 +186,27 @@ def find_order(comparisons: Mapping[str, Comparison]) -> Order:
         sure = min(each.first_places(name)[methods[0]] for each in comparisons.values() for name in STATISTICS)
         text += [f"All agree on {', '.join(methods)}; {methods[0]} is first in at least {sure:.0%} of resamples."]
     if count < len(at_place):
-        opinions: dict[str, list[str]] = {}
-        for title, view in views.items():
-            best = {task: " and ".join(places[count]) for task, places in view.items()}
-            others = {
-                each: [task for task in best if best[task] == each] for each in best.values() if each != best[""]
-            }
-            changed = "".join(f", but {other} without {' or '.join(tasks)}" for other, tasks in others.items())
-            opinions.setdefault(f"{best['']} by {{}}{changed}", []).append(title)
-        found = [opinion.format(" and ".join(titles)) for opinion, titles in opinions.items()]
-        text += [f"No single place {count + 1}: {'; '.join(found)}."]
+        text += [f"No single place {count + 1}: {_explain(views, count)}."]
     named = sorted({*methods, *(name for best in at_place[count : count + 1] for equal in best for name in equal)})
-    for whole in comparisons.values():
-        failed = {name: whole.failures(name) for name in named}
-        text += [f"{name} failed in {x.value:.1%} of {x.count} runs." for name, x in failed.items() if x.value]
+    failed = [(name, whole.failures(name)) for whole in comparisons.values() for name in named]
+    text += [f"{name} failed in {share.value:.1%} of {share.count} runs." for name, share in failed if share.value]
     return Order(methods, " ".join(dict.fromkeys(text)))
+
+
+def _explain(views: Mapping[str, Mapping[str, list[tuple[str, ...]]]], place: int) -> str:
+    """Who has a place by which statistics, and who has it without which tasks."""
+    titles: dict[tuple[str, str], list[str]] = {}
+    for title, view in views.items():
+        best = {task: " and ".join(places[place]) for task, places in view.items()}
+        others = {name: [task for task in best if best[task] == name] for name in best.values() if name != best[""]}
+        changed = "".join(f", but {name} without {' or '.join(tasks)}" for name, tasks in others.items())
+        titles.setdefault((best[""], changed), []).append(title)
+    return "; ".join(f"{best} by {' and '.join(by)}{changed}" for (best, changed), by in titles.items())
 
 
 def profile_panel(comparison: Comparison, title: str = "runs that score at most so much") -> Panel:
     """The profile of each method with its band, over the logarithm of the score; dotted: the reference."""
-    scores = np.stack([*comparison.scores.values()])
-    known = scores[np.isfinite(scores) & (scores > 0)]
+    known = np.array([score for scores in comparison.scores.values() for score in scores.flat if 0 < score < np.inf])
     levels = np.geomspace(known.min(initial=CAP), known.max(initial=CAP), 100)
     series = [Series(name, levels, *comparison.profile(name, levels)) for name in comparison.scores]
     return Panel(title, "score", "share of runs", series, log="x", x_limits=(CAP,), y_range=(0.0, 1.0))

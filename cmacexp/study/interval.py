@@ -82,8 +82,7 @@ def compute_centre(values: Array) -> Array:
 
 def resample(values: Array) -> Array:
     """Draws with replacement along the last axis, (RESAMPLES, ...); the same ones for all arrays of that length."""
-    count = values.shape[-1]
-    chosen = np.random.default_rng(0).integers(count, size=(RESAMPLES, count))
+    chosen = np.random.default_rng(0).integers(values.shape[-1], size=(RESAMPLES, values.shape[-1]))
     return np.moveaxis(values[..., chosen], -2, 0)
 
 
