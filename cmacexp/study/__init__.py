@@ -1,6 +1,7 @@
 """Studies: runs, measures, claims, findings and figures, declared in one file, and a page that shows them."""
 
 from cmacexp.report.figures import HeatMap, Panel, Series, draw
+from cmacexp.study.comparison import Comparison, compare
 from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.results import Results
 from cmacexp.study.statements import Claim, Criterion, Finding, at_least, at_most, between
@@ -8,6 +9,7 @@ from cmacexp.study.study import Request, Study, grid, starting_from
 
 __all__ = [
     "Claim",
+    "Comparison",
     "Criterion",
     "Finding",
     "HeatMap",
@@ -19,6 +21,7 @@ __all__ = [
     "at_least",
     "at_most",
     "between",
+    "compare",
     "draw",
     "grid",
     "over_cycles",

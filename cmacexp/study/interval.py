@@ -1,7 +1,7 @@
 """Intervals: what a sample of runs says of a value, and how surely."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,7 +62,7 @@ def estimate(sample: Sequence[float] | Sequence[bool] | Array | Mask) -> Interva
     if len(set(values.tolist())) == 1:
         value = float(values[0])
         return Interval(value, value, value, len(values), EXACT)
-    return _bootstrap(values.astype(float))
+    return bootstrap(values.astype(float))
 
 
 def _wilson(successes: int, count: int) -> Interval:
@@ -72,7 +72,7 @@ def _wilson(successes: int, count: int) -> Interval:
     return Interval(successes / count, float(found.low), float(found.high), count, "Wilson")
 
 
-def _centre(values: Array) -> Array:
+def compute_centre(values: Array) -> Array:
     """The mean along the last axis; from four values on without their outer quarters."""
     count = values.shape[-1]
     cut = count // 4 if count >= TRIMMED_FROM else 0
@@ -80,10 +80,25 @@ def _centre(values: Array) -> Array:
     return centre
 
 
-def _bootstrap(values: Array) -> Interval:
-    """Percentiles of resampled centres; not scipy's, which cannot rank the infinite value of a run that diverged."""
-    chosen = np.random.default_rng(0).integers(len(values), size=(RESAMPLES, len(values)))
-    centres = np.sort(_centre(values[chosen]))
+def resample(values: Array) -> Array:
+    """Draws with replacement along the last axis, (RESAMPLES, ...); the same ones for all arrays of that length."""
+    chosen = np.random.default_rng(0).integers(values.shape[-1], size=(RESAMPLES, values.shape[-1]))
+    return np.moveaxis(values[..., chosen], -2, 0)
+
+
+def find_ends(resampled: Array) -> tuple[Array, Array]:
+    """Lower and upper end of the interval of a statistic, (RESAMPLES, ...)."""
+    ordered = np.sort(resampled, axis=0)
     outside = round(RESAMPLES * (1.0 - CONFIDENCE) / 2.0)
-    low, high = centres[outside], centres[-1 - outside]
-    return Interval(float(_centre(values)), float(low), float(high), len(values), "bootstrap")
+    return ordered[outside], ordered[-1 - outside]
+
+
+def bootstrap(values: Array, statistic: Callable[[Array], Array] = compute_centre) -> Interval:
+    """Percentiles of a statistic; not scipy's, which cannot rank the infinite value of a run that diverged.
+
+    Args:
+        values: (..., count): the sample is along the last axis.
+        statistic: of arrays (..., count), with any number of axes before them.
+    """
+    low, high = find_ends(statistic(resample(values)))
+    return Interval(float(statistic(values)), float(low), float(high), values.shape[-1], "bootstrap")

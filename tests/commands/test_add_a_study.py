@@ -8,6 +8,7 @@ import time
 import pandas as pd
 import pytest
 from support.command import ROOT, python, started
+from support.pages import blocks
 
 PAGE = (ROOT / "docs" / "add-a-study.md").read_text()
 
@@ -51,6 +52,18 @@ def test_an_edit_of_the_page_alone_runs_nothing_again(folder):
     done = python("-m", "cmacexp.study", "my_study.py", folder=folder)
     assert " 0 of them to be run" in done.stderr
     assert "A leg learns" in (folder / "outputs" / "studies" / "my_study" / "report.html").read_text()
+
+
+def test_the_comparison_of_the_page_prints_what_it_says(tmp_path):
+    *_, code = (block.code for block in blocks("add-a-study.md") if block.language == "python")
+    (text,) = (block.code for block in blocks("add-a-study.md") if block.language == "text")
+    (tmp_path / "script.py").write_text(code)
+    done = python("-m", "script", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    excluded, *_, sentence = done.stdout.splitlines()
+    assert "inf in 5" in excluded
+    assert sentence.split() == text.split()
+    assert (tmp_path / "compared.svg").exists()
 
 
 STUDY = "from cmacexp.study import *\nSTUDY = Study(title='T', question='Q', runs=lambda quick: {runs}, {more})\n"
