@@ -4,6 +4,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
@@ -16,7 +17,7 @@ from cmacexp.data.manifest import REPORT
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
 from cmacexp.experiment.collect import Collected, collect
-from cmacexp.experiment.workers import workers
+from cmacexp.experiment.workers import Each, workers
 from cmacexp.report.terminal import say
 from cmacexp.report.terminal_tables import print_table
 from cmacexp.study.page import Evaluated, check_page, evaluate, write_page
@@ -40,14 +41,22 @@ class Options:
     """Seeds of each run that depends on its seed; a quick study takes one."""
     launcher: str | None = None
     """Of Hydra, whose tasks do the runs; None: processes on all cores."""
-    workers: int = WORKERS
-    """Tasks of that launcher."""
+    workers: int | None = None
+    """Tasks of that launcher, or processes; None: so many as there are cores, or ``WORKERS`` tasks."""
     settings: Sequence[str] = ()
     """Of its config, ``timeout_min=600``."""
 
     def place(self, name: str) -> Path:
         """Folder of a report."""
         return self.folder / (f"{name}-quick" if self.quick else name)
+
+    def start_workers(self) -> AbstractContextManager[Each]:
+        """Processes here, and tasks of the launcher, if there is one, for long work."""
+        if self.launcher is None:
+            return workers(processes=self.workers)
+        from cmacexp.experiment.tasks import start_tasks
+
+        return workers(start_tasks(self.launcher, self.settings, self.workers or WORKERS, self.folder / "tasks"))
 
     def expand(self, requests: Sequence[Request]) -> list[Request]:
         """A request for each seed."""
@@ -92,12 +101,7 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluate
     """Run studies and write a report of each; complete runs are not run again."""
     for file in files:
         check_page(file)
-    elsewhere = None
-    if options.launcher is not None:
-        from cmacexp.experiment.tasks import start_tasks
-
-        elsewhere = start_tasks(options.launcher, options.settings, options.workers, options.folder / "tasks")
-    with workers(elsewhere) as each:
+    with options.start_workers() as each:
         requests = {file.name: options.expand(file.study.runs(options.quick)) for file in files}
         collected = collect(each, [r for own in requests.values() for r in own], options.folder / "runs")
         folders = {file.path: list({collected[r][0] for r in requests[file.name]}) for file in files}
@@ -145,16 +149,18 @@ def print_claims(studies: Sequence[Evaluated]) -> None:
         print_table(["verdict", "the paper says", "measured here"], rows)
 
 
-def study_parser(name: str, description: str) -> Parser:
-    """The options of every study."""
+def study_parser(name: str, description: str, seeded: bool = True) -> Parser:
+    """The options of every study; ``seeded``: of one whose runs can be repeated for other seeds."""
     parser = Parser(name, description)
+    parser.set_defaults(seeds=SEEDS)
     parser.add_argument("--quick", action="store_true", help="fewer and shorter runs that only check the machinery")
-    seeds = f"seeds of each run that depends on its seed (default: {SEEDS})"
-    parser.add_argument("--seeds", type=_positive, default=SEEDS, metavar="N", help=seeds)
+    if seeded:
+        seeds = f"seeds of each run that depends on its seed (default: {SEEDS})"
+        parser.add_argument("--seeds", type=_positive, metavar="N", help=seeds)
     parser.add_argument("--folder", type=Path, default=FOLDER, help=f"reports and runs of all studies ({FOLDER})")
     parser.add_argument("--launcher", metavar="NAME", help="of Hydra, for the runs (default: all cores here)")
-    tasks = f"tasks of that launcher (default: {WORKERS})"
-    parser.add_argument("--workers", type=_positive, default=WORKERS, metavar="N", help=tasks)
+    tasks = f"processes (default: one for each core), or tasks of that launcher (default: {WORKERS})"
+    parser.add_argument("--workers", type=_positive, metavar="N", help=tasks)
     setting = "of its config, as often as needed: --setting timeout_min=600"
     parser.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help=setting)
     return parser

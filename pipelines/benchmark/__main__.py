@@ -1,0 +1,140 @@
+"""``python -m pipelines.benchmark``: how well methods learn under contact, over tasks and worlds.
+
+``--method my_file.MyClass`` enters a feedforward or a controller of your own: see ``docs/benchmark.md``.
+"""
+
+import argparse
+import json
+import platform
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cmacexp.commands.study import FOLDER_KEY, Options, command, study_parser
+from cmacexp.config.compose import compose_config
+from cmacexp.config.custom_code import custom_code_hash
+from cmacexp.data.folder import HTML, replacing
+from cmacexp.data.manifest import REPORT, git_commit, versions
+from cmacexp.errors import BadInput
+from cmacexp.jit.sources import code_hash
+from cmacexp.report.terminal import say
+from cmacexp.report.terminal_tables import print_table
+from cmacexp.study.page import evaluate, write_page
+from cmacexp.study.results import Results
+from cmacexp.study.study import StudyFile
+from pipelines.benchmark import summary
+from pipelines.benchmark.benchmark import NAME, QUESTION, make_study
+from pipelines.benchmark.compare import compare_results
+from pipelines.benchmark.entrants import Method, choose_methods
+from pipelines.benchmark.results import FOR_ALL, Bench, test, tune
+from pipelines.benchmark.tasks import LEG, MACHINES, TASKS, VERSION, Machine, hash_tasks, make_quick
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ALL, TRIALS = "all", "trials"
+"""Every machine; the folder of outcomes, which are used again, beside the reports of studies."""
+
+
+def _run(options: Options, machines: dict[str, Machine], methods: list[Method]) -> dict[str, Any]:
+    """Tune and test; the tables of rows, times and settings, and the settings by place."""
+    import pandas as pd
+
+    with options.start_workers() as each:
+        bench = Bench(machines, methods, each, options.folder / TRIALS)
+        chosen = tune(bench)
+        frame = test(bench, chosen)
+    seconds = {(key.machine, key.method): time for key, time in bench.seconds.items() if not key.tuning}
+    costs = pd.DataFrame(
+        {"machine": machine, "method": method, "seconds_per_step": time}
+        for (machine, method), time in seconds.items()
+    )
+    settings = pd.DataFrame(
+        [{"machine": machine, "method": method, "setting": " ".join(own[FOR_ALL]) or "default"}
+         for (machine, method), own in chosen.items()],
+        columns=["machine", "method", "setting"],
+    )  # fmt: skip
+    return {"frame": frame, "costs": costs, "settings": settings, "chosen": chosen}
+
+
+def _describe(done: dict[str, Any], machines: dict[str, Machine], methods: list[Method], quick: bool) -> str:
+    """The JSON beside the table: versions, hashes, settings, and the machine that ran it."""
+    chosen: dict[str, dict[str, Any]] = {}
+    for (machine, method), own in done["chosen"].items():
+        chosen.setdefault(machine, {})[method] = {kind: list(setting) for kind, setting in own.items()}
+    seconds: dict[str, dict[str, float]] = {}
+    for row in done["costs"].itertuples():
+        seconds.setdefault(row.machine, {})[row.method] = row.seconds_per_step
+    base = next(iter(machines.values())).overrides
+    sources = {m.name: custom_code_hash(compose_config([*base, *m.overrides])) for m in methods}
+    entry = {
+        "version": VERSION,
+        "quick": quick,
+        "tasks_hash": hash_tasks(machines),
+        "code_hash": code_hash(),
+        "git_commit": git_commit(),
+        "versions": versions(),
+        "methods": {m.name: {"overrides": list(m.overrides), "custom_code": sources[m.name]} for m in methods},
+        "settings": chosen,
+        "seconds_per_step": seconds,
+        "machine": {
+            "system": platform.platform(),
+            "processor": platform.machine(),
+            "python": platform.python_version(),
+        },
+    }
+    return json.dumps(entry, indent=1, ensure_ascii=False) + "\n"
+
+
+def _write(done: dict[str, Any], machines: dict[str, Machine], methods: list[Method], options: Options) -> Path:
+    """Write table, JSON and page; returns the page."""
+    frame: pd.DataFrame = done["frame"]
+    study = make_study(machines, [method.name for method in methods])
+    file = StudyFile(Path(__file__).with_name(f"{NAME}.py"), study)
+    results = Results([], {NAME: frame, "costs": done["costs"], "settings": done["settings"]})
+    with replacing(options.place(NAME), FOLDER_KEY, REPORT) as place:
+        evaluated = evaluate(file, results, place.new, options.quick)
+        place.write_text(f"{NAME}.json", _describe(done, machines, methods, options.quick))
+        evaluated = replace(evaluated, files=[*evaluated.files, place.new / f"{NAME}.json"])
+        write_page(study.title, study.question, [evaluated], place, options.quick)
+    for machine in machines:
+        scores = summary.table_scores(frame, machine)
+        say(f"{machine}: mean score over {len(TASKS)} tasks")
+        print_table(list(scores), [[str(cell) for cell in row] for row in scores.itertuples(index=False)])
+        if not options.quick:
+            say(summary.describe_order(frame, machine, FOR_ALL))
+    return options.place(NAME) / HTML
+
+
+def run(arguments: argparse.Namespace, options: Options) -> Path:
+    """Run the benchmark, or compare results; returns the page, or the second table of results."""
+    if arguments.compare is not None:
+        for line in compare_results(*arguments.compare):
+            say(line)
+        return Path(arguments.compare[1])
+    names = list(MACHINES) if arguments.machine == ALL else arguments.machine.split(",")
+    for name in names:
+        if name not in MACHINES:
+            raise BadInput("--machine", name, f"choose from {', '.join(MACHINES)}, {ALL}")
+    machines = {name: make_quick(MACHINES[name]) if options.quick else MACHINES[name] for name in names}
+    methods = choose_methods(arguments.methods, arguments.method)
+    return _write(_run(options, machines, methods), machines, methods, options)
+
+
+def main() -> None:
+    """The command."""
+    parser = study_parser("pipelines.benchmark", QUESTION, seeded=False)
+    entered = "a feedforward or controller of your own that takes part, as often as needed"
+    parser.add_argument("--method", action="append", default=[], metavar="FILE.CLASS", help=entered)
+    parser.add_argument(
+        "--methods", metavar="NAME,...", help="methods of the benchmark that take part (default: all)"
+    )
+    machines = f"{', '.join(MACHINES)}, or {ALL} (default: {LEG})"
+    parser.add_argument("--machine", default=LEG, metavar="NAME,...", help=machines)
+    results = "compare two tables of results instead of running"
+    parser.add_argument("--compare", nargs=2, type=Path, metavar="FILE.parquet", help=results)
+    command(parser, run)
+
+
+if __name__ == "__main__":
+    main()

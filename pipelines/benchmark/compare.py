@@ -1,0 +1,63 @@
+"""Two results of the benchmark, compared: what changed for which method, in the same worlds."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cmacexp.data.files import open_file
+from cmacexp.data.parquet import read_table
+from cmacexp.errors import BadInput
+from cmacexp.study.interval import bootstrap
+from pipelines.benchmark.results import SETTINGS
+from pipelines.benchmark.summary import make_comparison
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SAME = ("version", "tasks_hash")
+"""Entries in which results must agree to be compared."""
+
+
+def _read(path: Path) -> "tuple[pd.DataFrame, dict[str, Any]]":
+    """A table of results, and the JSON beside it.
+
+    Raises:
+        BadInput: one of them is missing, or is none.
+    """
+    beside = path.with_suffix(".json")
+    try:
+        with open_file(beside) as file:
+            entry = json.load(file)
+        frame = read_table(path).to_pandas()
+    except (OSError, ValueError) as error:
+        raise BadInput(
+            "--compare", path, f"needs a table of results, and {beside.name} beside it: {error}"
+        ) from error
+    if not isinstance(entry, dict) or not set(SAME) <= set(entry) or "end_error" not in frame:
+        raise BadInput("--compare", path, "must be benchmark.parquet of a report of the benchmark")
+    return frame, entry
+
+
+def compare_results(first: Path, second: Path) -> Iterator[str]:
+    """A line for each machine, method and kind of setting that both have: the change of its mean score.
+
+    Raises:
+        BadInput: a file is no result, or they are of different tasks.
+    """
+    (before, of_before), (after, of_after) = _read(first), _read(second)
+    for name in SAME:
+        if of_before[name] != of_after[name]:
+            raise BadInput("--compare", second, f"has another {name} than {first}: their scores mean other things")
+    for machine in (name for name in before["machine"].unique() if name in set(after["machine"])):
+        for setting in SETTINGS:
+            old, new = (make_comparison(frame, machine, setting).scores for frame in (before, after))
+            for method in (name for name in old if name in new):
+                change = np.fmin(new[method], 1.0) - np.fmin(old[method], 1.0)
+                found = bootstrap(change, lambda values: values.mean(axis=(-2, -1)))
+                if found.low == found.high == 0.0:
+                    continue
+                yield f"{machine}, {method}, {setting}: {found.value:+.3f} [{found.low:+.3f}, {found.high:+.3f}]"
+    yield "no other score has changed"
