@@ -204,6 +204,7 @@ def test_identical_methods_differ_by_exactly_nothing():
     assert (difference.low, difference.value, difference.high) == (0.0, 0.0, 0.0)
     improvement = found.probability_of_improvement("A", "B")
     assert (improvement.low, improvement.value, improvement.high) == (0.5, 0.5, 0.5)
+    assert found.first_places(STATISTIC) == {"A": 0.5, "B": 0.5}
     assert found.order().methods == ()
 
 
