@@ -110,7 +110,7 @@ def run(
     place = Path(folder) if folder is not None else named
     if place is None:
         place = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))
-    result = run_scenario(config, place, prepared=make_scenario(config, **components))
+    result = run_scenario(config, place, prepared=make_scenario(config, None, **components))
     if config.warn and (idle := describe_idle(result)):
         warnings.warn(idle, WithoutEffect, stacklevel=2)
     return Run(result.folder)

@@ -16,6 +16,7 @@ from cmacexp.config.custom_code import custom_code_hash
 from cmacexp.data.folder import HTML, replacing
 from cmacexp.data.manifest import REPORT, git_commit, versions
 from cmacexp.errors import BadInput
+from cmacexp.experiment.workers import count_cores
 from cmacexp.jit.sources import code_hash
 from cmacexp.report.terminal import say
 from cmacexp.report.terminal_tables import print_table
@@ -46,8 +47,7 @@ def _run(options: Options, machines: dict[str, Machine], methods: list[Method]) 
         frame = test(bench, chosen)
     seconds = {(key.machine, key.method): time for key, time in bench.seconds.items() if not key.tuning}
     costs = pd.DataFrame(
-        {"machine": machine, "method": method, "seconds_per_step": time}
-        for (machine, method), time in seconds.items()
+        [{"machine": place[0], "method": place[1], "seconds_per_step": time} for place, time in seconds.items()]
     )
     settings = pd.DataFrame(
         [{"machine": machine, "method": method, "setting": " ".join(own[FOR_ALL]) or "default"}
@@ -77,11 +77,7 @@ def _describe(done: dict[str, Any], machines: dict[str, Machine], methods: list[
         "methods": {m.name: {"overrides": list(m.overrides), "custom_code": sources[m.name]} for m in methods},
         "settings": chosen,
         "seconds_per_step": seconds,
-        "machine": {
-            "system": platform.platform(),
-            "processor": platform.machine(),
-            "python": platform.python_version(),
-        },
+        "machine": {"system": platform.platform(), "python": platform.python_version(), "cores": count_cores()},
     }
     return json.dumps(entry, indent=1, ensure_ascii=False) + "\n"
 
@@ -126,9 +122,8 @@ def main() -> None:
     parser = study_parser("pipelines.benchmark", QUESTION, seeded=False)
     entered = "a feedforward or controller of your own that takes part, as often as needed"
     parser.add_argument("--method", action="append", default=[], metavar="FILE.CLASS", help=entered)
-    parser.add_argument(
-        "--methods", metavar="NAME,...", help="methods of the benchmark that take part (default: all)"
-    )
+    shipped = "methods of the benchmark that take part (default: all)"
+    parser.add_argument("--methods", metavar="NAME,...", help=shipped)
     machines = f"{', '.join(MACHINES)}, or {ALL} (default: {LEG})"
     parser.add_argument("--machine", default=LEG, metavar="NAME,...", help=machines)
     results = "compare two tables of results instead of running"

@@ -99,19 +99,19 @@ def _findings(machine: str) -> dict[str, Finding]:
             [Criterion(f"{SCORE} of CMAC, {kind}, over that of its default setting",
                        partial(_tuned, machine=machine, kind=kind), at_most(CLEARLY))
              for kind in (FOR_ALL, FOR_EACH)],
-            yes=f"{machine}: tuning lowers the score of the CMAC clearly (to {{value}} with one setting for all tasks, "
-                "to {values[1]} with one for each).",
-            no=f"{machine}: tuning does not lower the score of the CMAC clearly (to {{value}} with one setting for all "
-               "tasks, to {values[1]} with one for each).",
+            yes=f"{machine}: tuning lowers the score of the CMAC clearly: to {{value}} with one setting for all "
+                "tasks, to {values[1]} with one for each.",
+            no=f"{machine}: tuning does not lower the score of the CMAC clearly: to {{value}} with one setting for "
+               "all tasks, to {values[1]} with one for each.",
         ),
         f"carries_{machine}": Finding(
             [Criterion(f"first error after another {task} over that of feedback alone, CMAC",
                        partial(_first, machine=machine, task=task), at_most(0.5), at_least(1.0))
              for task in (STROKE, SPEED)],
-            yes=f"{machine}: what the CMAC has learnt carries over to another stroke and speed: in the first cycle it "
-                "leaves {value} and {values[1]} of the error of feedback alone.",
-            no=f"{machine}: what the CMAC has learnt does not carry over to another stroke and speed: in the first "
-               "cycle it leaves {value} and {values[1]} of the error of feedback alone.",
+            yes=f"{machine}: what the CMAC has learnt carries over to another stroke and speed: in the first cycle "
+                "it leaves {value} and {values[1]} of the error of feedback alone.",
+            no=f"{machine}: what the CMAC has learnt does not carry over to another stroke and speed: in the "
+               "first cycle it leaves {value} and {values[1]} of the error of feedback alone.",
         ),
         f"fails_{machine}": Finding(
             [percent("runs of learners that fail", partial(_failures, machine=machine), at_most(FEW))],
@@ -136,7 +136,7 @@ def _values(results: Results) -> dict[str, Any]:
         },
         "excluded": {name: summary.make_comparison(frame, name, BY_DEFAULT).excluded for name in machines},
         "failed": int((frame["status"] != "completed").sum()),
-        "judged": [name for name in (LEG, QUADRUPED) if name in machines],
+        "stressed": bool(len(summary.stress(frame))),
     }
 
 
@@ -144,6 +144,7 @@ def make_study(machines: Mapping[str, Any], methods: list[str]) -> Study:
     """The study of a benchmark of these machines and methods; findings need all methods of the benchmark."""
     whole = {ALONE, *MODELS, *LEARNERS} <= set(methods)
     judged = [name for name in (LEG, QUADRUPED) if name in machines and whole]
+    findings = {key: finding for name in judged for key, finding in _findings(name).items()}
     tables: dict[str, Any] = {"failures": lambda results: summary.table_failures(results.computed[NAME])}
     for name in machines:
         tables[f"scores {name}"] = lambda r, name=name: summary.table_scores(r.computed[NAME], name)
@@ -157,11 +158,11 @@ def make_study(machines: Mapping[str, Any], methods: list[str]) -> Study:
         title=TITLE,
         question=QUESTION,
         runs=lambda quick: [],
-        findings={key: finding for name in judged for key, finding in _findings(name).items()},
+        findings=findings,
         figures={
             "profiles": lambda results: summary.draw_profiles(results.computed[NAME]),
             "worlds": lambda results: summary.draw_worlds(results.computed[NAME]),
         },
         tables=tables,
-        values=_values,
+        values=lambda results: {**_values(results), "findings": list(findings)},
     )

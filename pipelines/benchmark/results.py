@@ -1,4 +1,4 @@
-"""The results of the benchmark: every method with its default setting, with one for all tasks, and with one for each."""
+"""The results of the benchmark: every method with its default setting, one for all tasks, and one for each."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -55,7 +55,8 @@ class Bench:
     def run(self, what: str, wanted: Sequence[tuple[Key, Sequence[str]]]) -> None:
         """Run methods in tasks."""
         missing = {
-            key: tuple(task for task in tasks if (key, task) not in self.rows) for key, tasks in dict(wanted).items()
+            key: tuple(task for task in dict.fromkeys(tasks) if (key, task) not in self.rows)
+            for key, tasks in dict(wanted).items()
         }
         trials = [(key, trial) for key, tasks in missing.items() if tasks for trial in self._split(key, tasks)]
         done = self.each(what, run_trial, [(trial, self.folder) for _, trial in trials], long=True)

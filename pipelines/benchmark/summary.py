@@ -132,12 +132,12 @@ def table_failures(frame: "pd.DataFrame") -> "pd.DataFrame":
     failed = frame[frame["status"] != COMPLETED].copy()
     failed["cause"] = failed["cause"].str.replace(r"[-+]?\d[\d.e+-]*", "N", regex=True)
     by = ["machine", "setting", "method", "task"]
-    found = failed.groupby(by, sort=False).agg(
-        worlds=("world", "count"),
-        status=("status", "first"),
-        cause=("cause", lambda own: own.value_counts().index[0]),
-    )
-    return found.reset_index()
+    columns = {"worlds": ("world", "count"), "status": ("status", "first"), "cause": ("cause", _most_frequent)}
+    return failed.groupby(by, sort=False).agg(**columns).reset_index()
+
+
+def _most_frequent(values: "pd.Series[str]") -> str:
+    return str(values.value_counts().index[0])
 
 
 def draw_profiles(frame: "pd.DataFrame") -> "Figure":

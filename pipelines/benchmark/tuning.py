@@ -1,4 +1,4 @@
-"""Settings that a method is tuned over: drawn by chance, the same number for each method, and chosen in other worlds."""
+"""Settings that a method is tuned over: drawn by chance, as many for each method, and chosen in other worlds."""
 
 import zlib
 from collections.abc import Mapping, Sequence
