@@ -10,9 +10,13 @@ from typing import Any
 
 from cmacexp.commands.command import COMPLETED, Parser, run_command
 from cmacexp.commands.study import FOLDER
+from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
 from cmacexp.study.page import CLAIMS
 from cmacexp.study.study import load_study
+from pipelines.benchmark.benchmark import NAME as BENCHMARK
+from pipelines.benchmark.benchmark import QUESTION, TITLE
+from pipelines.benchmark.summary import write_scores
 
 PIPELINES = Path(__file__).resolve().parent
 DOCS = PIPELINES.parent / "docs"
@@ -22,6 +26,8 @@ QUOTED = DOCS / "results.json"
 """Values and verdicts of the last full studies; ``4.87 %<!--one_leg_learning.bias 0-->`` quotes a first value."""
 MARK = re.compile(r"<!--(\w+)\.([^>]+?) (\d+|verdict)-->")
 
+TABLE = re.compile(r"(?<=<!-- benchmark: begin -->\n).*?(?=<!-- benchmark: end -->)", flags=re.DOTALL)
+"""Where the tables of the benchmark stand."""
 Quotable = Mapping[str, Mapping[str, Any]]
 
 
@@ -72,8 +78,13 @@ def write_docs() -> None:
         raise BadInput("--write-docs", True, f"{QUOTED} does not exist; run it from a checkout")
     before = json.loads(QUOTED.read_text(encoding="utf-8"))
     after = {**before, **read_quotable(FOLDER)}
+    table = FOLDER / BENCHMARK / f"{BENCHMARK}.parquet"
+    scores = write_scores(read_table(table).to_pandas()) if table.is_file() else None
     for page in PAGES:
-        page.write_text(renew(page.read_text(encoding="utf-8"), before, after), encoding="utf-8")
+        text = renew(page.read_text(encoding="utf-8"), before, after)
+        if scores is not None:
+            text = TABLE.sub(lambda _: f"{scores}\n", text)
+        page.write_text(text, encoding="utf-8")
     QUOTED.write_text(json.dumps(after, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
@@ -89,6 +100,7 @@ def _run() -> int:
     for name in names:
         study = load_study(PIPELINES / f"{name}.py").study
         print(f"python -m pipelines.{name}\n    {study.title}: {study.question}")
+    print(f"python -m pipelines.{BENCHMARK}\n    {TITLE}: {QUESTION}")
     if arguments.study is not None:
         known = arguments.study in names
         hint = f"run python -m pipelines.{arguments.study}" if known else "no such study; choose one of this list"

@@ -98,7 +98,7 @@ def _write(done: dict[str, Any], machines: dict[str, Machine], methods: list[Met
         say(f"{machine}: mean score over {len(TASKS)} tasks")
         print_table(list(scores), [[str(cell) for cell in row] for row in scores.itertuples(index=False)])
         if not options.quick:
-            say(summary.describe_order(frame, machine, FOR_ALL))
+            say(summary.describe_order(frame, machine, summary.find_setting(machine)))
     return options.place(NAME) / HTML
 
 

@@ -130,10 +130,7 @@ def _values(results: Results) -> dict[str, Any]:
         "tasks": TASKS,
         "methods": [name for name in frame["method"].unique()],
         "settings": MACHINES,
-        "orders": {
-            name: summary.describe_order(frame, name, FOR_ALL if MACHINES[name].draws else BY_DEFAULT)
-            for name in machines
-        },
+        "orders": {name: summary.describe_order(frame, name, summary.find_setting(name)) for name in machines},
         "excluded": {name: summary.make_comparison(frame, name, BY_DEFAULT).excluded for name in machines},
         "failed": int((frame["status"] != "completed").sum()),
         "stressed": bool(len(summary.stress(frame))),

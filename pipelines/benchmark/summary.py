@@ -69,7 +69,11 @@ def _format(interval: Interval) -> str:
     return f"{interval.value:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
 
 
-def _find_setting(machine: str) -> str:
+def _count(cycles: float) -> str:
+    return f"{cycles:g}" if np.isfinite(cycles) else "never"
+
+
+def find_setting(machine: str) -> str:
     """The kind of setting that tables show where they show one: that for all tasks, if methods were tuned."""
     return FOR_ALL if MACHINES[machine].draws else BY_DEFAULT
 
@@ -79,7 +83,7 @@ def table_scores(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
     import pandas as pd
 
     kinds = SETTINGS if MACHINES[machine].draws else (BY_DEFAULT,)
-    last = _find_setting(machine)
+    last = find_setting(machine)
     ends = {kind: make_comparison(frame, machine, kind) for kind in kinds}
     worst, cycles = make_comparison(frame, machine, last, WORST), count_cycles(take(frame, machine, last))
     order = sorted(ends[last].scores, key=lambda method: ends[last].capped_mean(method).value)
@@ -90,7 +94,7 @@ def table_scores(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
             "middle half": _format(ends[last].interquartile_mean(method)),
             "failed": f"{np.isinf(ends[last].scores[method]).sum()} of {ends[last].scores[method].size}",
             "worst cycle": _format(worst.capped_mean(method)),
-            "cycles to a tenth": float(np.median(cycles[method])),
+            "cycles to a tenth": _count(float(np.median(cycles[method]))),
         }
         for method in order
     )
@@ -100,7 +104,7 @@ def table_tasks(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
     """Capped mean of each method in each task, with the setting for all tasks."""
     import pandas as pd
 
-    comparison = make_comparison(frame, machine, _find_setting(machine))
+    comparison = make_comparison(frame, machine, find_setting(machine))
     return pd.DataFrame(
         {"method": method, **dict(zip(comparison.tasks, np.fmin(scores, 1.0).mean(axis=1), strict=True))}
         for method, scores in comparison.scores.items()
@@ -111,7 +115,7 @@ def table_costs(frame: "pd.DataFrame", costs: "pd.DataFrame", machine: str) -> "
     """Force error, feedback, largest torque and energy over those of feedback alone, medians; time and memory."""
     import pandas as pd
 
-    rows = take(frame, machine, _find_setting(machine))
+    rows = take(frame, machine, find_setting(machine))
     shown = {"force error": FORCE, "feedback": "feedback", "largest torque": "torque_peak", "energy": "energy"}
     values = {title: tabulate_values(rows, column) for title, column in shown.items()}
     held = rows.groupby("method", sort=False)["bytes"].median()
@@ -143,14 +147,14 @@ def _most_frequent(values: "pd.Series[str]") -> str:
 def draw_profiles(frame: "pd.DataFrame") -> "Figure":
     """Share of runs that score at most so much, on each machine."""
     machines = machines_of(frame)
-    panels = [profile_panel(make_comparison(frame, each, _find_setting(each)), each) for each in machines]
+    panels = [profile_panel(make_comparison(frame, each, find_setting(each)), each) for each in machines]
     return draw(panels, height=3.2)
 
 
 def draw_worlds(frame: "pd.DataFrame") -> "Figure":
     """A dot for each world: scores of each method in each task, on the first machine."""
     machine = machines_of(frame)[0]
-    comparison = make_comparison(frame, machine, _find_setting(machine))
+    comparison = make_comparison(frame, machine, find_setting(machine))
     methods = [method for method in comparison.scores if method != ALONE]
     spread = np.linspace(-0.3, 0.3, len(comparison.worlds))
     panels = []
@@ -161,6 +165,17 @@ def draw_worlds(frame: "pd.DataFrame") -> "Figure":
             series.append(Series(method, place + spread, np.where(np.isinf(scores), np.nan, scores)))
         panels.append(Panel(task, "", "score", series, kind="scatter", log="y", y_limits=(1.0,)))
     return draw(panels, height=2.2)
+
+
+def write_scores(frame: "pd.DataFrame") -> str:
+    """The headline of each machine in Markdown, for the documentation."""
+    parts = []
+    for machine in machines_of(frame):
+        scores = table_scores(frame, machine)
+        rows = [list(scores), ["---"] * len(scores.columns), *scores.itertuples(index=False)]
+        table = "\n".join("| " + " | ".join(map(str, row)) + " |" for row in rows)
+        parts.append(f"**{machine}**\n\n{table}\n\n{describe_order(frame, machine, find_setting(machine))}\n")
+    return "\n".join(parts)
 
 
 def stress(frame: "pd.DataFrame") -> "pd.DataFrame":
