@@ -1,0 +1,1 @@
+"""Learned feedforward under contact: a benchmark of learning methods."""
