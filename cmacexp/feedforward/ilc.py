@@ -1,13 +1,13 @@
 """Iterative learning control: a torque for every sample of the cycle, improved from cycle to cycle."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cmacexp.cmac.network import MemoryUse
 from cmacexp.config import FeedforwardConfig, number
-from cmacexp.feedforward.network import BuiltInFeedforward, exponential, network
+from cmacexp.feedforward.network import BuiltInFeedforward, exponential, network, resample
 from cmacexp.planning.setup import Setup
 from cmacexp.typing import Array, Weights
 
@@ -54,12 +54,10 @@ class IterativeLearning(BuiltInFeedforward):
     config: Config
 
     def reset(self, setup: Setup) -> None:
-        """Start with no torque at any sample, or with that of an earlier run.
-
-        Raises:
-            BadInput: the earlier run has another number of samples in a cycle.
-        """
+        """Start with no torque at any sample, or with that of an earlier run at the same phase of its cycle."""
         samples, legs = setup.plan.support.shape
+        if setup.learnt is not None:
+            setup = replace(setup, learnt={"weights": resample(setup.learnt["weights"], samples, axis=1)})
         cells = np.broadcast_to(np.arange(samples, dtype=np.uint32)[:, None, None], (samples, legs, 1))
         cutoff = self.config.cutoff
         taps = None if cutoff is None else gaussian_taps(cutoff, setup.config.sampling_period, samples)

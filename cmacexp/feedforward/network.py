@@ -133,6 +133,18 @@ def known_torque(setup: Setup, torque: Array) -> FeedforwardParams:
     return FeedforwardParams(TABLE, torque, cells, activation, weights, learning, NO_SMOOTHING, log)
 
 
+def resample(cycle: Array, samples: int, axis: int = 0) -> Array:
+    """Values over a ``cycle``, along ``axis``, at as many ``samples``: linear in the phase, periodic."""
+    known = cycle.shape[axis]
+    if known == samples:
+        return cycle
+    place = np.arange(samples) * (known / samples)
+    before = place.astype(int)
+    share = np.expand_dims(place - before, [other for other in range(cycle.ndim) if other != axis])
+    after: Array = np.take(cycle, (before + 1) % known, axis)
+    return after * share + np.take(cycle, before, axis) * (1.0 - share)
+
+
 def _start_weights(setup: Setup, shape: tuple[int, ...], log: WeightLog) -> Array:
     """Weights of zero, or those of an earlier run."""
     if setup.learnt is None:

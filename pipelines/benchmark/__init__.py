@@ -1,1 +1,1 @@
-"""The benchmark of learned feedforward under contact."""
+"""The benchmark of learned feedforward under contact: `python -m pipelines.benchmark`."""

@@ -105,9 +105,13 @@ def test_a_run_is_stale_once_the_weights_it_began_with_have_changed(make_config,
     assert not is_finished(second, config)
 
 
-@pytest.mark.parametrize(
-    ("name", "more"), [("cmac", "cmac.layers=8"), ("rbf", "feedforward=ilc"), ("ilc", "sampling_period=0.01")]
-)
+def test_torques_of_samples_are_resampled_for_another_period(make_config, trained):
+    scenario = make_scenario(started(make_config, trained, "ilc", "sampling_period=0.01", "cycles=1"))
+    with np.load(trained["ilc"] / WEIGHTS) as kept:
+        assert_array_equal(scenario.feedforward.learnt()["weights"], kept["weights"][:, ::2])
+
+
+@pytest.mark.parametrize(("name", "more"), [("cmac", "cmac.layers=8"), ("rbf", "feedforward=ilc")])
 def test_weights_of_another_network_are_refused(make_config, trained, name, more):
     with pytest.raises(BadInput) as raised:
         make_scenario(started(make_config, trained, name, more))

@@ -13,7 +13,7 @@ from cmacexp.errors import BadInput
 from cmacexp.feedforward import CmacFeedforward, InverseDynamics, IterativeLearning, RadialBasis
 from cmacexp.feedforward.cmac_on_model import CmacOnModel
 from cmacexp.feedforward.kernels import LearningParams, feedforward_step
-from cmacexp.feedforward.network import known_torque, network
+from cmacexp.feedforward.network import known_torque, network, resample
 from cmacexp.feedforward.rbf import activations, spread_out
 from cmacexp.feedforward.weight_log import log_weights, new_log
 from cmacexp.loop.scenario import make_scenario
@@ -277,13 +277,29 @@ def test_a_cmac_on_a_model_knows_the_torque_of_the_model(make_config):
     assert_array_equal(feedforward.known, InverseDynamics(wrong).compute_torque(planned))
 
 
-def test_torques_learnt_for_as_many_samples_are_gone_on_from_and_no_others(setup):
+def test_torques_of_another_number_of_samples_are_gone_on_from_at_the_same_phase(setup):
     learnt = np.random.default_rng(3).normal(size=(LEGS, SAMPLES, 2))
     feedforward = IterativeLearning(IterativeLearning.Config(None))
     feedforward.reset(replace(setup, learnt={"weights": learnt}))
     assert_array_equal(feedforward.params.weights, learnt)
+    feedforward.reset(replace(setup, learnt={"weights": np.repeat(learnt, 2, axis=1)}))
+    assert_allclose(feedforward.params.weights, learnt)
+    feedforward.reset(replace(setup, learnt={"weights": learnt[:, ::2]}))
+    assert_allclose(feedforward.params.weights[:, ::2], learnt[:, ::2])
+    ring = np.concatenate([learnt[:, ::2], learnt[:, :1]], axis=1)
+    assert_allclose(feedforward.params.weights[:, 1::2], (ring[:, 1:] + ring[:, :-1]) / 2.0)
     with pytest.raises(BadInput, match="start_from"):
-        feedforward.reset(replace(setup, learnt={"weights": learnt[:, 1:]}))
+        feedforward.reset(replace(setup, learnt={"weights": learnt[:1]}))
+
+
+@pytest.mark.parametrize(("known", "samples"), [(600, 400), (400, 600), (7, 1)])
+def test_a_harmonic_is_resampled_to_itself(known, samples):
+    """Up to a linear interpolation's error, half of (angle step / 2)^2; where samples coincide, exactly."""
+
+    def harmonic(n):
+        return np.cos(2.0 * np.pi * np.arange(n) / n + 0.3)
+
+    assert_allclose(resample(harmonic(known), samples), harmonic(samples), atol=0.5 * (np.pi / known) ** 2)
 
 
 def test_radial_basis_functions_share_no_memory_and_clip_no_input(setup):

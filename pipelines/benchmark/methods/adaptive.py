@@ -1,0 +1,92 @@
+"""Adaptive control with the regressor of the desired motion.
+
+``feedforward._target_=pipelines.benchmark.methods.adaptive.AdaptiveRegressor``
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cmacexp.config import FeedforwardConfig, number
+from cmacexp.planning.setup import Reference, Setup
+from cmacexp.typing import Array, Weights
+from pipelines.benchmark.methods.model_torques import added_torque, columns, known_torque, rigid_torque
+
+MODEL = np.array([1.0, 1.0, 1.0, 0.0])
+"""Factors of the nominal model: inertia, gravity, contact, and what the controller already adds for contact."""
+SMOOTH_SIGN = 0.1
+"""Velocity over which the sign of a joint's velocity turns, over its root mean square."""
+RIDGE = 1e-3
+"""Is added to the correlations of the columns, whose inverse would amplify what hardly differs."""
+
+
+def make_regressor(setup: Setup) -> Array:
+    """Y (N, L, J, P) along the plan, N m per unit of each parameter.
+
+    Four torques of the nominal model, see MODEL, shared by the joints of a leg; then for each joint its own velocity
+    (viscous friction, N m s/rad), the smoothed sign of it (dry friction, N m) and acceleration (rotor, kg m^2).
+    """
+    gravity, added = rigid_torque(setup, still=True), added_torque(setup)
+    rigid = rigid_torque(setup, still=False)
+    model = [rigid - gravity, gravity, known_torque(setup) - rigid, added]
+    velocity = setup.plan.joints[..., columns(setup, "velocity")]
+    size = np.sqrt(np.mean(velocity**2, axis=0))
+    sign = np.tanh(np.divide(velocity, SMOOTH_SIGN * size, out=np.zeros_like(velocity), where=size > 0.0))
+    each = np.eye(velocity.shape[2])
+    own = (velocity, sign, setup.plan.joints[..., columns(setup, "acceleration")])
+    return np.concatenate([np.stack(model, axis=-1), *(values[..., None] * each for values in own)], axis=-1)
+
+
+def make_gains(regressor: Array) -> Array:
+    """Gamma (L, P, P): inverse of the mean of Y^T Y over a cycle, so that a gain of 1 takes a cycle.
+
+    Columns are divided by their root mean squares first; one that is zero has a gain of zero.
+    """
+    power = np.einsum("kijp,kijq->ipq", regressor, regressor) / len(regressor)
+    size = np.sqrt(np.diagonal(power, axis1=1, axis2=2))
+    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 1e-9)
+    both = scale[:, :, None] * scale[:, None]
+    gains: Array = both * np.linalg.inv(both * power + RIDGE * np.eye(power.shape[1]))
+    return gains
+
+
+class AdaptiveRegressor:
+    """torque = Y a, a += gain Gamma Y^T U / N in every sample: the desired-compensation law (Sadegh & Horowitz 1990).
+
+    Y is the regressor of the planned motion (after Slotine & Li 1987, whose is that of the measured one), a the
+    parameters of each leg, at first those of the nominal model, U the feedback, which trains the Y of the sample that
+    caused it. Learnt parameters belong to no plan. What no column of Y explains, such as patches of ground, stays.
+    """
+
+    @dataclass
+    class Config(FeedforwardConfig):
+        """Speed of adaptation."""
+
+        gain: float = number("", above=0, at_most=10, default=0.5, tuned=(0.05, 2.0))
+        """Part of the error of the parameters that goes in a cycle."""
+
+    acts = True
+
+    def __init__(self, config: Config):
+        self.config = config
+
+    def reset(self, setup: Setup) -> None:
+        """Compute the regressor; start with the nominal model, or with parameters of an earlier run."""
+        self.regressor, self.lead = make_regressor(setup), setup.lead
+        samples, legs, _, number = self.regressor.shape
+        self.steps = self.config.gain / samples * make_gains(self.regressor) @ self.regressor.swapaxes(2, 3)
+        self.parameters = np.zeros((legs, number, 1))
+        self.parameters[:, : len(MODEL), 0] = MODEL
+        if setup.learnt is not None:
+            self.parameters[...] = setup.learnt["parameters"][..., None]
+
+    def learnt(self) -> Weights:
+        """``parameters`` (L, P), in the order of :func:`make_regressor`."""
+        return {"parameters": self.parameters[..., 0].copy()}
+
+    def predict(self, reference: Reference, learning_error: Array) -> Array:
+        """Adapt to the last step's feedback (L, J), N m; return this step's torque (L, J), N m."""
+        sample = reference.sample
+        self.parameters += self.steps[(sample - 1 - self.lead) % len(self.steps)] @ learning_error[..., None]
+        torque: Array = (self.regressor[sample] @ self.parameters)[..., 0]
+        return torque
