@@ -42,13 +42,13 @@ class Perceptron:
     class Config(FeedforwardConfig):
         """Size and training of the network of one leg."""
 
-        hidden: int = number("", at_least=1, at_most=4096, default=32)
+        hidden: int = number("", at_least=1, at_most=4096, default=32, tuned=[16, 32, 64])
         """Neurons of the hidden layer."""
-        passes: int = number("", at_least=1, at_most=1000, default=15)
+        passes: int = number("", at_least=1, at_most=1000, default=15, tuned=[5, 15])
         """Passes over the samples of a cycle, at its end."""
         batch: int = number("samples", at_least=1, at_most=2**24, default=100)
         """Samples of one gradient step."""
-        step_size: float = number("", above=0, at_most=10, default=0.004)
+        step_size: float = number("", above=0, at_most=10, default=0.004, tuned=(0.001, 0.02))
         """Step size of Adam (Kingma & Ba 2015)."""
 
     acts = True

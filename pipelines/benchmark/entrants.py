@@ -15,7 +15,6 @@ from cmacexp.feedforward.network import BuiltInFeedforward
 FEEDFORWARD, CONTROLLER = "feedforward", "controller"
 ALONE = "feedback alone"
 OWN = "pipelines.benchmark.methods"
-RATE = "learning.rate"
 
 
 @dataclass(frozen=True)
@@ -40,11 +39,11 @@ LEARNING = _list_tuned("learning", LearningConfig, ["rate"])
 CMAC_SIZE = _list_tuned("cmac", CmacConfig)
 
 
-def enter(target: str, name: str | None = None) -> Method:
+def enter(target: str, name: str | None = None, has_rate: bool = False) -> Method:
     """The method of a custom class: a feedforward, or a controller, which gets no other feedforward.
 
-    It is tuned over the fields of its ``Config`` that say ``tuned=``. A network that the compiled loop knows, and a
-    feedforward without such fields, is tuned over ``learning.rate``, too.
+    It is tuned over the fields of its ``Config`` that say ``tuned=``. A feedforward that ``has_rate``, a network that
+    the compiled loop knows, and a feedforward without such fields are tuned over ``learning.rate``, too.
 
     Raises:
         BadInput: there is no such class, or it is neither.
@@ -55,7 +54,7 @@ def enter(target: str, name: str | None = None) -> Method:
     if group is None:
         raise BadInput("--method", target, "must be a feedforward with predict, or a controller with act")
     own = _list_tuned(group, config_class(found))
-    if group == FEEDFORWARD and (issubclass(found, BuiltInFeedforward) or not own):
+    if group == FEEDFORWARD and (has_rate or issubclass(found, BuiltInFeedforward) or not own):
         own += LEARNING
     alone = ("feedforward=none",) if group == CONTROLLER else ()
     shown = name or target.rpartition(".")[2]
@@ -75,7 +74,7 @@ def list_methods() -> list[Method]:
         Method("CMAC on model", ("feedforward=cmac_on_model",), [*LEARNING, *CMAC_SIZE]),
         Method("RBF", ("feedforward=rbf",), [*LEARNING, *of_rbf]),
         Method("ILC", ("feedforward=ilc",), [*LEARNING, *of_ilc]),
-        enter("pipelines.perceptron.Perceptron", "MLP"),
+        enter("pipelines.perceptron.Perceptron", "MLP", has_rate=True),
         enter(f"{OWN}.norm_optimal.NormOptimal", "norm-optimal ILC"),
         enter(f"{OWN}.fourier.RandomFourier", "Fourier features"),
         enter(f"{OWN}.adaptive.AdaptiveRegressor", "adaptive regressor"),
