@@ -33,9 +33,8 @@ def _read(path: Path) -> "tuple[pd.DataFrame, dict[str, Any]]":
             entry = json.load(file)
         frame = read_table(path).to_pandas()
     except (OSError, ValueError) as error:
-        raise BadInput(
-            "--compare", path, f"needs a table of results, and {beside.name} beside it: {error}"
-        ) from error
+        allowed = f"must be a table of results with {beside.name} beside it: {error}"
+        raise BadInput("--compare", path, allowed) from error
     if not isinstance(entry, dict) or not set(SAME) <= set(entry) or "end_error" not in frame:
         raise BadInput("--compare", path, "must be benchmark.parquet of a report of the benchmark")
     return frame, entry

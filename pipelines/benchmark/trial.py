@@ -101,7 +101,7 @@ def _summarise(trial: Trial, task: str, world: int, stage: Stage) -> dict[str, A
         column: float(np.median(stage.metrics[name][-machine.last :])) if completed else np.inf
         for column, name in ENDS.items()
     }
-    held = sum(np.asarray(values).nbytes for values in (stage.learnt or {}).values())
+    held = float(sum(np.asarray(values).nbytes for values in (stage.learnt or {}).values()))
     return {
         "task": task,
         "world": world,
@@ -111,7 +111,7 @@ def _summarise(trial: Trial, task: str, world: int, stage: Stage) -> dict[str, A
         "first_error": float(errors[0]),
         "worst_error": float(errors.max()),
         **ends,
-        "bytes": held if completed else None,
+        "bytes": held if completed else np.nan,
         "errors": errors.tolist(),
     }
 
