@@ -11,14 +11,14 @@ from cmacexp.study.comparison import Comparison
 from cmacexp.study.statements import Criterion, percent
 from cmacexp.typing import Array
 from pipelines.benchmark import summary
-from pipelines.benchmark.entrants import ALONE
+from pipelines.benchmark.entrants import ALONE, CMAC
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, FOR_EACH
 from pipelines.benchmark.tasks import LEG, MACHINES, QUADRUPED, SPEED, STROKE, TASKS, VERSION
 
 NAME = "benchmark"
 TITLE = "Learned feedforward under contact"
 QUESTION = "How well do methods learn the torque of legs that press on the ground, when something changes for them?"
-CMAC, ON_MODEL, RBF, MODEL = "CMAC", "CMAC on model", "RBF", "model"
+ON_MODEL, RBF, MODEL = "CMAC on model", "RBF", "model"
 MODELS = (MODEL, "model 20 % light", "model 20 % heavy")
 LEARNERS = (CMAC, ON_MODEL, RBF, "ILC", "MLP", "norm-optimal ILC", "Fourier features", "adaptive regressor",
             "repetitive control")  # fmt: skip
@@ -132,7 +132,8 @@ def _values(results: Results) -> dict[str, Any]:
         "settings": MACHINES,
         "orders": {name: summary.describe_order(frame, name, summary.find_setting(name)) for name in machines},
         "excluded": {name: summary.make_comparison(frame, name, BY_DEFAULT).excluded for name in machines},
-        "failed": int((frame["status"] != "completed").sum()),
+        "failed": len(summary.table_failures(frame)),
+        "has_cmac": CMAC in set(frame["method"]),
         "stressed": bool(len(summary.stress(frame))),
     }
 
@@ -145,6 +146,8 @@ def make_study(machines: Mapping[str, Any], methods: list[str]) -> Study:
     tables: dict[str, Any] = {"failures": lambda results: summary.table_failures(results.computed[NAME])}
     for name in machines:
         tables[f"scores {name}"] = lambda r, name=name: summary.table_scores(r.computed[NAME], name)
+        if CMAC in methods:
+            tables[f"statistics {name}"] = lambda r, name=name: summary.table_statistics(r.computed[NAME], name)
         tables[f"tasks {name}"] = lambda r, name=name: summary.table_tasks(r.computed[NAME], name)
         tables[f"costs {name}"] = lambda r, name=name: summary.table_costs(
             r.computed[NAME], r.computed["costs"], name

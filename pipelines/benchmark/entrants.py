@@ -13,7 +13,7 @@ from cmacexp.feedforward import IterativeLearning, RadialBasis
 from cmacexp.feedforward.network import BuiltInFeedforward
 
 FEEDFORWARD, CONTROLLER = "feedforward", "controller"
-ALONE = "feedback alone"
+ALONE, CMAC = "feedback alone", "CMAC"
 OWN = "pipelines.benchmark.methods"
 
 
@@ -70,7 +70,7 @@ def list_methods() -> list[Method]:
         Method("model", model),
         Method("model 20 % light", (*model, "feedforward.mass_factor=0.8")),
         Method("model 20 % heavy", (*model, "feedforward.mass_factor=1.2")),
-        Method("CMAC", ("feedforward=cmac",), [*LEARNING, *CMAC_SIZE]),
+        Method(CMAC, ("feedforward=cmac",), [*LEARNING, *CMAC_SIZE]),
         Method("CMAC on model", ("feedforward=cmac_on_model",), [*LEARNING, *CMAC_SIZE]),
         Method("RBF", ("feedforward=rbf",), [*LEARNING, *of_rbf]),
         Method("ILC", ("feedforward=ilc",), [*LEARNING, *of_ilc]),

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.study.comparison import Comparison, compare, find_order, profile_panel
+from cmacexp.study.comparison import STATISTICS, Comparison, compare, find_order, profile_panel
 from cmacexp.study.interval import Interval
 from cmacexp.typing import Array
-from pipelines.benchmark.entrants import ALONE
+from pipelines.benchmark.entrants import ALONE, CMAC
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, SETTINGS
 from pipelines.benchmark.tasks import MACHINES, STRESS, TASKS
 from pipelines.benchmark.trial import COMPLETED
@@ -91,12 +91,30 @@ def table_scores(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
         {
             "method": method,
             **{kind: _format(ends[kind].capped_mean(method)) for kind in kinds},
-            "middle half": _format(ends[last].interquartile_mean(method)),
             "failed": f"{np.isinf(ends[last].scores[method]).sum()} of {ends[last].scores[method].size}",
             "worst cycle": _format(worst.capped_mean(method)),
             "cycles to a tenth": _count(float(np.median(cycles[method]))),
         }
         for method in order
+    )
+
+
+def table_statistics(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
+    """What each way of summing up says: both means, failures, and how often a method is the first."""
+    import pandas as pd
+
+    comparison = make_comparison(frame, machine, find_setting(machine))
+    first = {name: comparison.first_places(name) for name in STATISTICS}
+    return pd.DataFrame(
+        {
+            "method": method,
+            "interquartile mean": _format(comparison.interquartile_mean(method)),
+            "capped mean": _format(comparison.capped_mean(method)),
+            "failures": _format(comparison.failures(method)),
+            "better than the CMAC": _format(comparison.probability_of_improvement(method, CMAC)),
+            **{f"first by the {name}": shares[method] for name, shares in first.items()},
+        }
+        for method in comparison.scores
     )
 
 
@@ -133,7 +151,7 @@ def table_costs(frame: "pd.DataFrame", costs: "pd.DataFrame", machine: str) -> "
 
 def table_failures(frame: "pd.DataFrame") -> "pd.DataFrame":
     """Where methods fail, and why: the most frequent cause of each method in each task."""
-    failed = frame[frame["status"] != COMPLETED].copy()
+    failed = frame[(frame["status"] != COMPLETED) & (frame["task"] != STRESS)].copy()
     failed["cause"] = failed["cause"].str.replace(r"[-+]?\d[\d.e+-]*", "N", regex=True)
     by = ["machine", "setting", "method", "task"]
     columns = {"worlds": ("world", "count"), "status": ("status", "first"), "cause": ("cause", _most_frequent)}
