@@ -58,7 +58,7 @@ class SlotineLi(HybridController):
     class Config(HybridController.Config):
         """Speed of adaptation."""
 
-        sliding: float = number("1/s", above=0, at_most=1e3, default=10.0, tuned=(2.0, 30.0))
+        sliding: float = number("1/s", above=0, at_most=1e3, default=20.0, tuned=(3.0, 60.0))
         """lambda."""
         gain: float = number("", above=0, at_most=1e3, default=1.0, tuned=(0.1, 10.0))
         """Of the adaptation."""
