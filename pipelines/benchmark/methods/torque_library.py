@@ -85,7 +85,7 @@ class TorqueLibrary:
         return self.torque[reference.sample]
 
     def _end_cycle(self) -> None:
-        """Learn from a whole cycle in which it acted throughout, or return to the best one."""
+        """Learn from a whole cycle in which it acted, or return to the best one."""
         if self.acted and self.seen >= len(self.torque):
             if self.error < self.least:
                 self.best, self.least = self.torque.copy(), self.error
