@@ -16,6 +16,13 @@ from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.frozen_loop import feedback_removed
 
 
+def low_pass(cutoff: float, setup: Setup) -> Array:
+    """Gains (F, 1, 1) of a Gaussian low-pass at the frequencies of an FFT of a cycle, 1/sqrt(2) at ``cutoff`` Hz."""
+    hertz: Any = np.fft.rfftfreq(len(setup.plan.support), setup.config.sampling_period)[:, None, None]
+    gains: Array = 0.5 ** (0.5 * (hertz / cutoff) ** 2)
+    return gains
+
+
 class NormOptimal:
     """u += gain (G^T G + r I)^-1 G^T U once a cycle, U the feedback of the last one (Amann, Owens & Rogers 1996).
 
@@ -54,8 +61,7 @@ class NormOptimal:
                 if chosen.any():
                     model = feedback_removed(setup, i, angles[chosen, i].mean(axis=0), bool(phase))
                     self.inverse[phase, :, i] = self._invert(model)
-        hertz: Any = np.fft.rfftfreq(samples, setup.config.sampling_period)[:, None, None]
-        self.low_pass: Array = 0.5 ** (0.5 * (hertz / self.config.cutoff) ** 2)
+        self.low_pass = low_pass(self.config.cutoff, setup)
         self.torque: Array = np.zeros((samples, legs, joints))
         if setup.learnt is not None:
             self.torque[:] = resample(setup.learnt["torque"], samples)

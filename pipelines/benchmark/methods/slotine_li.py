@@ -17,7 +17,6 @@ from cmacexp.models.mechanism import CHAINS_UNDER_BODY, POINT_MASS
 from cmacexp.planning.columns import ACTING, FORCE_ADDED, FORCE_DESIRED
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.plants.protocol import Measurement
-from cmacexp.typing import Array
 
 Pair = tuple[float, float]
 
@@ -47,18 +46,19 @@ class SlotineLi(HybridController):
     """Y(q, dq, dq_r, ddq_r) a on top of hybrid control, a' = Gamma Y^T s (Slotine & Li 1987).
 
     s = dq_r - dq is the error of velocity plus lambda times that of position, of the measured feet; along the force
-    of a supporting foot it is 0, since force control decides there. Hybrid control takes the place of K_D s. The
-    parameters of each leg are m1 + m2, m2 and a factor of the desired force, at first those of the nominal model.
-    Gamma makes the gain a number: K_av J^T J over the power of each column, both as means over the plan, per cycle.
-    The adaptive torque is the feedforward of the trace. A controller has no weights that a run could save: every run
-    starts from the nominal model.
+    of a supporting foot it is 0, since force control decides there: J^T F_d is added as it is. Hybrid control takes
+    the place of K_D s. The parameters of each leg are m1 + m2 and m2, at first those of the nominal model. Gamma
+    makes the gain a number: K_av J^T J over the power of each column, both as means over the plan, per cycle. The
+    adaptive torque is the feedforward of the trace. A controller has no weights that a run could save: every run
+    starts from the nominal model. Where the planned velocity jumps, ddq_d lacks the impulse, and the parameters are
+    too large for it.
     """
 
     @dataclass
     class Config(HybridController.Config):
         """Speed of adaptation."""
 
-        sliding: float = number("1/s", above=0, at_most=1e3, default=10.0, tuned=(2.0, 30.0))
+        sliding: float = number("1/s", above=0, at_most=1e3, default=20.0, tuned=(3.0, 60.0))
         """lambda."""
         gain: float = number("", above=0, at_most=1e3, default=1.0, tuned=(0.1, 10.0))
         """Of the adaptation."""
@@ -80,27 +80,18 @@ class SlotineLi(HybridController):
         self.values = plan.reference[ACTING]
         legs = setup.mechanism.legs
         self.lengths = [(float(leg[0]), float(leg[1])) for leg in legs]
-        self.parameters = [[float(leg[2] + leg[3]), float(leg[3]), 1.0] for leg in legs]
+        self.parameters = [[float(leg[2] + leg[3]), float(leg[3])] for leg in legs]
         self.rates = [self._rates(setup, i) for i in range(len(legs))]
 
     def _rates(self, setup: Setup, i: int) -> list[float]:
         """T_s Gamma of leg ``i``, from its planned motion."""
-        joints, pressed = setup.plan.joints[:, i].tolist(), self._pressed(self.values[:, i])
-        power, lever = np.zeros(3), 0.0
-        for sample, force in zip(joints, pressed.tolist(), strict=True):
+        joints, power, lever = setup.plan.joints[:, i].tolist(), np.zeros(2), 0.0
+        for sample in joints:
             q, dq, ddq = (tuple(sample[n : n + 2]) for n in (0, 2, 4))
-            jacobian = self._jacobian(i, q)
-            contact = (jacobian[2] * force, jacobian[3] * force)
-            power += [x * x + y * y for x, y in (*motion_regressor(self.lengths[i], q, dq, dq, ddq), contact)]
-            lever += sum(each * each for each in jacobian) / 2.0
+            power += [x * x + y * y for x, y in motion_regressor(self.lengths[i], q, dq, dq, ddq)]
+            lever += sum(each * each for each in self._jacobian(i, q)) / 2.0
         factor = self.config.gain * self.config.velocity_gain * lever / len(joints)
         return [factor / each if each > 0.0 else 0.0 for each in power.tolist()]
-
-    @staticmethod
-    def _pressed(values: Array) -> Array:
-        """Desired force that the adaptive term has to give, N, of rows of the reference."""
-        pressed: Array = values[..., FORCE_DESIRED] - values[..., FORCE_ADDED]
-        return pressed
 
     def _jacobian(self, i: int, q: Pair) -> tuple[float, float, float, float]:
         (l1, l2), first, both = self.lengths[i], q[0], q[0] + q[1]
@@ -117,10 +108,10 @@ class SlotineLi(HybridController):
         away = reference.desired[:, :2] - measurement.foot
         apart = (reference.desired[:, 2:4] - measurement.velocity + slide * away).tolist()
         planned, q, dq = reference.joints.tolist(), measurement.q.tolist(), measurement.dq.tolist()
-        pressed, support = self._pressed(values).tolist(), reference.support.tolist()
+        pressed = (values[:, FORCE_DESIRED] - values[:, FORCE_ADDED]).tolist()
         adaptive = []
         for i, (x, y) in enumerate(apart):
-            along_y = 0.0 if support[i] else y
+            along_y = 0.0 if reference.support[i] else y
             adaptive.append(self._adapt(i, tuple(q[i]), tuple(dq[i]), planned[i], x, along_y, pressed[i]))
         return action._replace(feedforward=action.feedforward + adaptive)
 
@@ -131,8 +122,8 @@ class SlotineLi(HybridController):
         s1, s2 = (j22 * x - j12 * y) / area, (j11 * y - j21 * x) / area
         rate = (dq[0] + s1, dq[1] + s2)
         acceleration = (planned[4] + slide * (planned[2] - dq[0]), planned[5] + slide * (planned[3] - dq[1]))
-        first, second = motion_regressor(self.lengths[i], q, dq, rate, acceleration)
-        columns, a, torque = (first, second, (j21 * force, j22 * force)), self.parameters[i], [0.0, 0.0]
+        columns = motion_regressor(self.lengths[i], q, dq, rate, acceleration)
+        a, torque = self.parameters[i], [j21 * force, j22 * force]
         for n, (upper, lower) in enumerate(columns):
             a[n] += self.rates[i][n] * (upper * s1 + lower * s2)
             torque[0] += upper * a[n]

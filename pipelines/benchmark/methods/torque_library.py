@@ -9,11 +9,12 @@ import numpy as np
 
 from cmacexp.config import FeedforwardConfig, number
 from cmacexp.feedforward.network import resample
-from cmacexp.planning.columns import JOINT_COLUMNS
+from cmacexp.planning.columns import ACTING, FORCE_ADDED, JOINT_COLUMNS
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Weights
 from pipelines.benchmark.methods.model_torques import added_torque
+from pipelines.benchmark.methods.norm_optimal import low_pass
 
 WORSE = 1.2
 """Error of a cycle, over that of the best one, from which on its torque is not used."""
@@ -34,6 +35,8 @@ class TorqueLibrary:
 
         share: float = number("", above=0, at_most=1, default=0.4, tuned=(0.05, 1.0))
         """Of the way to the torque of the last cycle."""
+        cutoff: float = number("Hz", above=0, at_most=1e6, default=15.0, tuned=(3.0, 40.0))
+        """Frequency at which the gain of a Gaussian low-pass of what is stored is 1/sqrt(2)."""
 
     acts = True
 
@@ -47,10 +50,15 @@ class TorqueLibrary:
         self.plan, self.plans = np.array([gait.stroke, gait.cycle_time]), known["plans"]
         self.stored = [known[f"torque_{n}"] for n in range(len(self.plans))]
         self.angles, self.lead = JOINT_COLUMNS["angle"][:joints], setup.lead
-        self.torque, self.added = np.zeros((samples, legs, joints)), added_torque(setup)
+        self.torque = np.zeros((samples, legs, joints))
+        # Per newton, since the plan of a robot follows the load that its feet carry.
+        force = setup.plan.reference[ACTING, :, :, FORCE_ADDED, None]
+        self.lever = np.divide(added_torque(setup), force, out=np.zeros_like(self.torque), where=force > 0.0)
+        self.added: Array = np.zeros((legs, joints))
         if len(self.plans):
             nearest = np.abs(np.log((self.plans + 1e-9) / (self.plan + 1e-9))).sum(axis=1).argmin()
             self.torque[:] = resample(self.stored[nearest], samples)
+        self.low_pass = low_pass(self.config.cutoff, setup)
         self.taken = np.zeros_like(self.torque)
         self.best, self.least, self.error, self.seen, self.acted = self.torque.copy(), np.inf, 0.0, 0, False
 
@@ -63,7 +71,8 @@ class TorqueLibrary:
 
     def observe(self, reference: Reference, measurement: Measurement, torque: Array) -> None:
         """Note the torque of the last step, and how far the joints are from the plan."""
-        self.taken[reference.sample - 1] = torque
+        self.taken[reference.sample - 1] = torque - self.added
+        self.added = self.lever[reference.sample] * reference.values[:, FORCE_ADDED, None]
         if reference.sample == 0:
             self._end_cycle()
         off = (measurement.q - reference.joints[:, self.angles])[~reference.support]
@@ -76,13 +85,14 @@ class TorqueLibrary:
         return self.torque[reference.sample]
 
     def _end_cycle(self) -> None:
-        """Learn from a whole cycle in which it acted throughout, or return to the best one."""
+        """Learn from a whole cycle in which it acted, or return to the best one."""
         if self.acted and self.seen >= len(self.torque):
             if self.error < self.least:
                 self.best, self.least = self.torque.copy(), self.error
             if self.error > WORSE**2 * self.least:
                 self.torque = self.best.copy()
             else:
-                feedback = self.taken - self.added - self.torque
-                self.torque += self.config.share * np.roll(feedback, -self.lead, axis=0)
+                feedback = self.taken - self.torque
+                wanted = np.fft.rfft(self.torque + self.config.share * np.roll(feedback, -self.lead, axis=0), axis=0)
+                self.torque = np.fft.irfft(self.low_pass * wanted, len(self.torque), axis=0)
         self.error, self.seen, self.acted = 0.0, 0, False
