@@ -18,9 +18,9 @@ from pipelines.benchmark.tasks import LEG, MACHINES, QUADRUPED, SPEED, STROKE, T
 NAME = "benchmark"
 TITLE = "Learned feedforward under contact"
 QUESTION = "How well do methods learn the torque of legs that press on the ground, when something changes for them?"
-ON_MODEL, RBF, MODEL = "CMAC on model", "RBF", "model"
-MODELS = (MODEL, "model 20 % light", "model 20 % heavy")
-LEARNERS = (CMAC, ON_MODEL, RBF, "ILC", "MLP", "norm-optimal ILC", "Fourier features", "adaptive regressor",
+ON_MODEL, RBF, ILC, MODEL, HEAVY = "CMAC on model", "RBF", "ILC", "model", "model 20 % heavy"
+MODELS = (MODEL, "model 20 % light", HEAVY)
+LEARNERS = (CMAC, ON_MODEL, RBF, ILC, "MLP", "norm-optimal ILC", "Fourier features", "adaptive regressor",
             "repetitive control")  # fmt: skip
 FEW, AS_GOOD, CLEARLY = 0.05, 1.25, 0.8
 """Share of failures that is small; ratios of scores or cycles that count as as good, and as clearly less."""
@@ -38,9 +38,10 @@ def _ratio(machine: str, one: str, other: str) -> Callable[[Results], Array]:
     return summary.over_worlds(machine, compute)
 
 
-def _failures(results: Results, machine: str) -> list[bool]:
-    comparison = summary.make_comparison(results.computed[NAME], machine, FOR_ALL)
-    return [bool(each) for name in LEARNERS for each in np.isinf(comparison.scores[name]).ravel()]
+def _failures(comparison: Comparison) -> Array:
+    """(worlds,): share of runs of learners that failed."""
+    failed: Array = np.isinf([comparison.scores[name] for name in LEARNERS]).mean(axis=(0, 1))
+    return failed
 
 
 def _tuned(results: Results, machine: str, kind: str) -> Array:
@@ -104,6 +105,22 @@ def _findings(machine: str) -> dict[str, Finding]:
             no=f"{machine}: tuning does not lower the score of the CMAC clearly: to {{value}} with one setting for "
                "all tasks, to {values[1]} with one for each.",
         ),
+        f"plain_{machine}": Finding(
+            [Criterion(f"{SCORE}, ILC over CMAC, both tuned", _ratio(machine, ILC, CMAC), at_most(1.1),
+                       at_least(AS_GOOD))],
+            yes=f"{machine}: a torque for each sample of the cycle, tuned, ends as well as the CMAC ({{value}} of its "
+                "score).",
+            no=f"{machine}: a torque for each sample of the cycle, tuned, does not end as well as the CMAC ({{value}} "
+               "of its score).",
+        ),
+        f"heavy_{machine}": Finding(
+            [Criterion(f"{SCORE}, the model with masses 20 % too heavy over the model", _ratio(machine, HEAVY, MODEL),
+                       at_most(0.9), at_least(1.1))],
+            yes=f"{machine}: a model with masses 20 % too heavy is better than the one that the designer believes, "
+                "though the true masses lie evenly around it ({value} of its score).",
+            no=f"{machine}: a model with masses 20 % too heavy is not clearly better than the one that the designer "
+               "believes ({value} of its score).",
+        ),
         f"carries_{machine}": Finding(
             [Criterion(f"first error after another {task} over that of feedback alone, CMAC",
                        partial(_first, machine=machine, task=task), at_most(0.5), at_least(1.0))
@@ -114,7 +131,7 @@ def _findings(machine: str) -> dict[str, Finding]:
                "first cycle it leaves {value} and {values[1]} of the error of feedback alone.",
         ),
         f"fails_{machine}": Finding(
-            [percent("runs of learners that fail", partial(_failures, machine=machine), at_most(FEW))],
+            [percent("runs of learners that fail", summary.over_worlds(machine, _failures), at_most(FEW))],
             yes=f"{machine}: hardly any learner fails in any task: {{value}} of the runs.",
             no=f"{machine}: learners fail: {{value}} of the runs.",
         ),
