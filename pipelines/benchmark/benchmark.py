@@ -108,10 +108,10 @@ def _findings(machine: str) -> dict[str, Finding]:
         f"plain_{machine}": Finding(
             [Criterion(f"{SCORE}, ILC over CMAC, both tuned", _ratio(machine, ILC, CMAC), at_most(1.1),
                        at_least(AS_GOOD))],
-            yes=f"{machine}: a torque for each sample of the cycle, tuned, ends as well as the CMAC ({{value}} of its "
-                "score).",
-            no=f"{machine}: a torque for each sample of the cycle, tuned, does not end as well as the CMAC ({{value}} "
-               "of its score).",
+            yes=f"{machine}: a torque for each sample of the cycle, tuned, ends as well as the CMAC "
+                "({value} of its score).",
+            no=f"{machine}: a torque for each sample of the cycle, tuned, does not end as well as the CMAC "
+               "({value} of its score).",
         ),
         f"heavy_{machine}": Finding(
             [Criterion(f"{SCORE}, the model with masses 20 % too heavy over the model", _ratio(machine, HEAVY, MODEL),
