@@ -69,9 +69,6 @@ def find_entered(cells: Cells | Positions) -> Mask:
 
     Every distinct cell is entered, and in the order of the array it is entered where it first occurs. So far fewer
     cells have to be sorted to find the distinct ones than are active.
-
-    Args:
-        cells: (samples, C): active cells along a path, or their rows.
     """
     entered = np.ones(cells.shape, dtype=bool)
     np.not_equal(cells[1:], cells[:-1], out=entered[1:])

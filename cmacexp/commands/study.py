@@ -167,12 +167,7 @@ def _positive(text: str) -> int:
 
 
 def command(parser: Parser, work: Callable[[argparse.Namespace, Options], Path]) -> NoReturn:
-    """Run studies from the command line, and exit.
-
-    Args:
-        parser: see :func:`study_parser`.
-        work: writes the reports; returns the page to open.
-    """
+    """Run studies from the command line, and exit; ``work`` writes the reports and returns the page to open."""
 
     def run() -> int:
         arguments = parser.parse_args()

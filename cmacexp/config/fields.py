@@ -147,13 +147,8 @@ def _convert(value: Any, declared: Any, key: str) -> Any:
 def make_config(schema: Any, node: Mapping[str, Any], key: str = "") -> Any:
     """A config dataclass of plain values, as YAML holds them; :func:`check_fields` checks their types and ranges.
 
-    Args:
-        schema: the dataclass.
-        node: values by the names of its fields.
-        key: the config key of ``node``, empty at the root.
-
     Raises:
-        BadInput: a key is not that of a field, or a field without default is missing.
+        BadInput: a key below ``key`` is not that of a field, or a field without default is missing.
     """
     before, types = f"{key}." if key else "", _declared_types(schema)
     declared = {each.name: each for each in fields(schema)}
@@ -170,12 +165,8 @@ def make_config(schema: Any, node: Mapping[str, Any], key: str = "") -> Any:
 def check_fields(node: object, prefix: str = "") -> None:
     """Check every field of a config dataclass, and of those inside it, against its type and range.
 
-    Args:
-        node: a config dataclass.
-        prefix: the config key of ``node``, empty at the root.
-
     Raises:
-        BadInput: names the key, the value, and the type or range of the first field outside it.
+        BadInput: names the key below ``prefix``, the value, and the type or range of the first field outside it.
     """
     if not is_dataclass(node):
         return

@@ -45,11 +45,7 @@ def current_folder_importable() -> Iterator[None]:
 
 
 def find_class(key: str, target: object) -> type[Any]:
-    """Import the class that ``target`` names; nothing but the import of its module runs code.
-
-    Args:
-        key: the config key of the target, ``controller._target_``.
-        target: ``module.Class``.
+    """Import the class that ``target`` names as ``module.Class``; nothing but the import of its module runs code.
 
     Raises:
         BadInput: there is no such class; as :class:`BadComponent` with the traceback of what its module raised.

@@ -30,9 +30,7 @@ def _is_result(folder: Path) -> bool:
 def walk(folder: Path, skipped: Callable[[OSError], None] | None = None) -> Iterator[Path]:
     """``folder`` and all folders below it, but for hidden ones; links are not followed.
 
-    Args:
-        folder: where to begin.
-        skipped: is called with the error of a folder that cannot be read.
+    ``skipped`` is called with the error of a folder that cannot be read.
     """
     for place, inside, _ in os.walk(folder, onerror=skipped):
         inside[:] = sorted(name for name in inside if name[0] != ".")

@@ -87,13 +87,8 @@ def locked(folder: Path, key: str, wait: bool = False) -> Iterator[None]:
 
     On a file system without locks nothing is locked.
 
-    Args:
-        folder: to lock.
-        key: what names the folder on the command line, for the message.
-        wait: until another process unlocks it.
-
     Raises:
-        BadInput: another process has locked it, and this one is not to wait, or it cannot be made or written.
+        BadInput: another process has locked it, and this one is not to ``wait``, or it cannot be made or written.
     """
     path = folder / LOCK
     try:

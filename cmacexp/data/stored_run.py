@@ -26,9 +26,7 @@ def _count_steps(manifest: manifests.Manifest) -> int:
 def select_whole(manifest: manifests.Manifest, kept: Iterable[int]) -> list[int]:
     """Those of the cycles in a trace that are whole there, but for the thinning of their steps.
 
-    Args:
-        manifest: of the run.
-        kept: cycles of which the trace has a step; a run that did not complete keeps its last steps.
+    ``kept`` are those of which the trace has a step: a run that did not complete keeps its last steps.
     """
     asked = manifest["config"].get("record", {}).get("cycles")
     whole = manifest["steps"] // _count_steps(manifest)

@@ -118,12 +118,7 @@ def _select_rows(table: pa.Table, record: RecordConfig, last: int | None) -> pa.
 
 
 class TraceWriter:
-    """Writes the traces of a run, of some cycles at a time.
-
-    Args:
-        writers: of the legs, and of the body if there is one.
-        record: which rows the traces keep.
-    """
+    """Writes the traces of a run, of legs and body, some cycles at a time."""
 
     def __init__(self, writers: Sequence[pq.ParquetWriter], record: RecordConfig):
         self._writers, self._record = writers, record
@@ -161,13 +156,9 @@ class TraceWriter:
 def trace_writer(
     folder: Path, record: RecordConfig, legs: Sequence[Signal], body: Sequence[Signal] | None
 ) -> Iterator[TraceWriter]:
-    """A writer of the traces; the files can be read when the block has ended.
+    """A writer of the traces of legs and of a body, if there is one; the files can be read when the block has ended.
 
-    Args:
-        folder: of the run.
-        record: which rows the traces keep; without traces nothing is written.
-        legs: columns of their trace.
-        body: likewise; None for a machine without a body.
+    Without ``record.trace`` nothing is written.
     """
     columns = {TRACE: legs, BODY: body} if record.trace else {}
     with ExitStack() as stack:

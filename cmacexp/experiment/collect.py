@@ -88,12 +88,7 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
 
 
 def collect(each: Each, requests: Sequence[Request], store: Path) -> Collected:
-    """The runs of requests; equal ones are run once, complete ones not at all.
-
-    Args:
-        each: runs work on all cores.
-        requests: each of one seed, see :meth:`Request.with_seed`.
-        store: folder of all runs.
+    """The runs of requests, each of one seed, below ``store``; equal ones are run once, complete ones not at all.
 
     Raises:
         CmacexpError: Hydra cannot compose overrides, or every run failed.

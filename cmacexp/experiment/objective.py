@@ -30,10 +30,6 @@ def read_objective(name: str, run: RunSummary) -> float:
 
     A metric that is best near zero counts without its sign. A run that fell, diverged or failed, or that does not
     define the metric, has the worst value: -inf for a metric that is better large, else inf.
-
-    Args:
-        name: of a column of ``metrics.parquet`` or ``body_metrics.parquet``.
-        run: of which the metric is taken.
     """
     better = ALL_METRICS[name].better
     value = run.final(name) if run.status == "completed" else math.nan

@@ -90,13 +90,9 @@ def score_scenario(
     watch: Callable[[float], None] = lambda cycles: None,
     warn: Callable[[Drift], None] = lambda drift: None,
 ) -> tuple[End, Scores]:
-    """Run a scenario and write nothing; how it ended, and its metrics.
+    """Run a new scenario and write nothing; how it ended, and its metrics.
 
-    Args:
-        scenario: new.
-        keep: is called with the traces of some cycles at a time.
-        watch: as :func:`run_scenario` takes it, and the next.
-        warn: see there.
+    ``keep`` is called with the traces of some cycles at a time; ``watch`` and ``warn`` as by :func:`run_scenario`.
     """
     columns, scorer = _columns(scenario), RunScorer(scenario.setup.config.steps_per_cycle)
 
@@ -134,14 +130,7 @@ def _roll_out(
 
 
 def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest, names: list[str]) -> None:
-    """Write the weights and the recording if the config asks for them.
-
-    Args:
-        scenario: of the run.
-        place: of the run, with its new trace and metrics.
-        manifest: what is known of the run before its other files are written.
-        names: of files that are whole; is extended.
-    """
+    """Write the weights and the recording if the config asks for them, and add them to the names of whole files."""
     record, folder = scenario.setup.config.record, place.new
     if record.weights and isinstance(scenario.feedforward, Learns):
         restored = [event["restored"] for event in manifest["guard"]]

@@ -82,10 +82,6 @@ class Sweep:
         Jobs that differ in values alone, which can be thousands, are of one kind, composed once. See
         ``benchmarks/sweep.py``.
 
-        Args:
-            caller: a sweeper or launcher, which Hydra has set up.
-            overrides: of the job.
-
         Raises:
             HydraException: it cannot be composed.
         """

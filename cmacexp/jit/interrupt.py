@@ -65,8 +65,7 @@ def handled(signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
 def interrupt_held_back(held_back: bool = True) -> Iterator[None]:
     """Hold back an interrupt until the end, or until :func:`raise_if_interrupted`; a second one is raised at once.
 
-    Args:
-        held_back: False raises interrupts at once inside a block that holds them back: where code may take any time.
+    With ``held_back`` False it is raised at once inside a block that holds it back: where code may take any time.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

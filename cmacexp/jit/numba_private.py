@@ -185,10 +185,8 @@ register("numba:compile", _quick_compilation)
 def before_compiling(call: Callable[[], None], again: Callable[[], None], waits: bool) -> Iterator[None]:
     """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that.
 
-    Args:
-        call: see above.
-        again: is called many times while it is compiled; what it raises ends that.
-        waits: whether to wait for another process that compiles the same; else both do.
+    ``again`` is called many times meanwhile, and may end that likewise. With ``waits`` another process that compiles
+    the same is waited for; else both do.
     """
     with ExitStack() as locks:
         locks.enter_context(install_listener("numba:compile", _Listener(call)))

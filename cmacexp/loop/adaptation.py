@@ -28,12 +28,7 @@ def _require_weight(setup: Setup, share: float) -> None:
 
 
 class Adaptation:
-    """Makes the plan of a run anew wherever its feet have met something else.
-
-    Args:
-        setup: of the run; arrays of its plan change in place.
-        meter: of the loop.
-    """
+    """Makes the plan of a run anew, in place, wherever its feet have met something else."""
 
     def __init__(self, setup: Setup, meter: LoadMeter):
         self.setup, self.meter = setup, meter

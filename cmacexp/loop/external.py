@@ -63,13 +63,7 @@ def _split(rows: Measurement | None) -> list[Measurement]:
 
 
 class ExternalDriver:
-    """Runs external components, and built-in ones between them; taking no step compiles the program.
-
-    Args:
-        scenario: all components, reset.
-        loop: those that are built in.
-        external: those that are not.
-    """
+    """Runs external components, and built-in ones between them; taking no step compiles the program."""
 
     def __init__(self, scenario: Scenario, loop: Loop, external: External):
         self.loop, self.external, self.scenario = loop, external, scenario

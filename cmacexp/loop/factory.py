@@ -33,12 +33,6 @@ def require_members(group: str, target: object, component: object) -> None:
 def require_class(group: str, target: object, component: type[Any], given: tuple[str, ...]) -> None:
     """Require that a class has the methods of its protocol, before anything of it is called.
 
-    Args:
-        group: of the component, ``controller``.
-        target: its ``_target_``.
-        component: the class.
-        given: names of what it is made with.
-
     Raises:
         BadInput: names the method that is missing or takes other arguments, or the fields that do not fit.
     """
@@ -72,10 +66,6 @@ def _takes(component: type[Any], name: str, given: list[str]) -> bool:
 
 def make_component(group: str, node: ComponentConfig | dict[str, Any]) -> Any:
     """Make a component: with its ``Config``, if its class carries one, else with its fields as keyword arguments.
-
-    Args:
-        group: its group, ``controller``.
-        node: its ``_target_`` and fields.
 
     Raises:
         BadInput: it cannot be made; as :class:`BadComponent` with the traceback of what its own code raised.

@@ -109,13 +109,7 @@ def _samples_measured(scenario: Scenario) -> bool:
 
 
 class _Stream:
-    """A scenario under way, with arrays for the samples of some cycles.
-
-    Args:
-        scenario: its components, reset.
-        watch: as of :func:`stream`.
-        fused: False treats every component as external.
-    """
+    """A scenario under way, with arrays for the samples of some cycles; arguments as of :func:`stream`."""
 
     def __init__(self, scenario: Scenario, watch: Callable[[float], None], fused: bool):
         setup = scenario.setup

@@ -63,10 +63,8 @@ class Scenario:
 def count_lateness(config: Config, sensors: Sensors) -> Lateness:
     """What delays the feedback: the actuator and the sensors.
 
-    Args:
-        config: of the run.
-        sensors: may have ``feedback_delay(uses_velocity)``, the samples by which they delay the feedback, and
-            ``feedback_lag(uses_velocity)``, the time constant in s by which they lag.
+    Sensors may have ``feedback_delay(uses_velocity)``, the samples by which they delay the feedback, and
+    ``feedback_lag(uses_velocity)``, the time constant in s by which they lag.
     """
     uses_velocity = config.gains is None or config.gains[1] > 0.0
     declared = (getattr(sensors, name, None) for name in ("feedback_delay", "feedback_lag"))
@@ -149,11 +147,7 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
 
 
 def make_scenario(config: Config, **given: Any) -> Scenario:
-    """Plan the run, make its components and reset them.
-
-    Args:
-        config: a checked config.
-        given: components that exist already, by the key of their group.
+    """Plan the run, make its components, but for those that are ``given`` by the key of their group, and reset them.
 
     Raises:
         BadInput: a component cannot be made, there are no weights to start from, or the plan asks for what the

@@ -125,12 +125,7 @@ def assemble_body(
 
 
 def assemble_memory(memory: dict[str, Array], first_cycle: int) -> pa.Table:
-    """The memory of the networks of L legs over a run, or a part of it, one row per cycle and leg.
-
-    Args:
-        memory: (cycles, L) by column name.
-        first_cycle: number of the first of these cycles.
-    """
+    """The memory of networks over some cycles, (cycles, L) by column name, with one row per cycle and leg."""
     cycles, legs = next(iter(memory.values())).shape
     columns = {
         **memory,

@@ -82,12 +82,7 @@ BODY_METRICS: dict[str, Metric[BodyBlock]] = {
 
 
 def compute_body(body: pa.Table, steps_per_cycle: int, first_cycle: int = 1) -> pa.Table:
-    """One row per cycle: mean, least and largest height, largest tilt, least of each margin.
-
-    Args:
-        body: as :func:`cmacexp.loop.trace.assemble_body` makes it; the last cycle may be short.
-        steps_per_cycle: N.
-        first_cycle: number of the cycle with which ``body`` begins.
+    """One row per cycle: mean, least and largest height, largest tilt, least of each margin; the last may be short.
 
     Raises:
         BadRun: the trace has no true margins, as those of version 0.1.

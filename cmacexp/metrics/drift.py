@@ -46,11 +46,7 @@ def format_drift(drift: Drift, when: str = "") -> str:
 
 
 class DriftDetector:
-    """Applies both tests to the feedback of L legs while a run goes on, some cycles at a time.
-
-    Args:
-        legs: L.
-    """
+    """Applies both tests to the feedback of L legs while a run goes on, some cycles at a time."""
 
     def __init__(self, legs: int):
         self._logs = np.full((WINDOW - 1, legs), np.nan)
@@ -99,11 +95,7 @@ class DriftDetector:
 
 
 def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
-    """The entry ``drift`` of a run's manifest: its first drift, with the growth in its last cycle; None if none.
-
-    Args:
-        metrics: of the run.
-    """
+    """The entry ``drift`` of a run's manifest: its first drift, with the growth in its last cycle; None if none."""
     cycle, leg, started, growth = (as_array(metrics, n) for n in ("cycle", "leg", "drift_cycle", "feedback_growth"))
     detected = np.flatnonzero(~np.isnan(started))
     if not len(detected):

@@ -160,12 +160,7 @@ def _moving_load(walk: _Walk, desired: Array, joints: Array) -> BodyLoad:
 
 
 def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
-    """Plan one cycle.
-
-    Args:
-        config: a checked config.
-        mechanism: the machine.
-        feedforward_acts: False for feedback alone, which stays in the stage BEFORE.
+    """Plan one cycle; without a feedforward that acts it stays in the stage BEFORE.
 
     Raises:
         BadInput: a foot path leaves the reach of its leg, or the gait is neither statically stable
@@ -204,12 +199,6 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
 
 def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, met: Met) -> Plan:
     """The plan of a body that carries and meets what it ``met``, with the same steps; its feet follow the load.
-
-    Args:
-        config: of the run.
-        mechanism: the machine.
-        plan: that knows of nothing met.
-        met: beyond it.
 
     Raises:
         BadInput: a foot path leaves the reach of its leg.

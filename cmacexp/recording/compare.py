@@ -34,11 +34,7 @@ def _layout(views: Sequence[RunView]) -> rrb.Blueprint:
 
 
 def write_comparison(runs: Mapping[Path, RunView], path: Path) -> str:
-    """Write several runs into one recording, whole or not at all.
-
-    Args:
-        runs: at least two by their folders, each with a label and a root of its own.
-        path: of the ``.rrd`` file.
+    """Write several runs, each with a label and a root of its own, into one recording, whole or not at all.
 
     Returns:
         The name of the recording, which describes its content.

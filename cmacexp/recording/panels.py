@@ -31,13 +31,7 @@ BORDER = 60.0
 
 
 class Panels:
-    """Makes the panels of one run.
-
-    Args:
-        view: the run.
-        ranges: of the vertical axes, by the name of the plot.
-        times: first and last of plots of all times, s.
-    """
+    """Makes the panels of one run; ``ranges`` are those of vertical axes by plot, ``times`` first and last, s."""
 
     def __init__(self, view: RunView, ranges: Mapping[str, Range], times: Range):
         self._view = view

@@ -35,11 +35,8 @@ def is_numeric(values: Sequence[Any]) -> bool:
 def over_cycles(name: str, groups: Mapping[Any, Sequence[Array]], log: str | None = None, title: str = "") -> Panel:
     """A metric in every cycle: the median over the runs of each group, and their range as a band.
 
-    Args:
-        name: of the metric.
-        groups: histories of the metric in SI units, by what their runs have in common.
-        log: logarithmic axes; None: those whose values span decades.
-        title: replaces the metric's own.
+    Groups are histories in SI units, by what their runs have in common. Axes are logarithmic, unless ``log`` says
+    which, where values span decades.
     """
     shown = appearance(name)
     title, series = title or shown.title, []

@@ -150,12 +150,9 @@ def draw(
 
 
 def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
-    """Draw a panel, but for its title and the names of its axes.
+    """Draw a panel on empty axes, but for its title and the names of its axes.
 
-    Args:
-        axes: empty ones.
-        panel: its content.
-        names: of all series that share a legend; empty: those of the panel.
+    ``names`` are those of all series that share a legend; empty: those of the panel.
     """
     from matplotlib.ticker import MaxNLocator
 

@@ -59,13 +59,7 @@ def _describe_origin() -> str:
 def write_report(report: Report, where: Path | Place, say: Callable[[str], None] = ignore) -> Path:
     """Write a report and its figures in place of an earlier one; the manifest has the hash of every file and input.
 
-    Args:
-        report: its content.
-        where: a folder, created if missing; or one that is locked already, whose ``new`` files inputs can be.
-        say: called with what is done next.
-
-    Returns:
-        The HTML file.
+    ``where`` is a folder, or one that is locked already, whose ``new`` files inputs can be.
 
     Raises:
         BadInput: the folder is in use, or holds something else.

@@ -80,12 +80,7 @@ def ignore(text: str) -> None:
 
 
 class Renderer:
-    """Turns parts into HTML by the templates beside this file.
-
-    Args:
-        folder: of the report, where figures are saved.
-        say: called with what is done next.
-    """
+    """Turns parts into HTML by the templates beside this file, and saves figures in the folder of the report."""
 
     def __init__(self, folder: Path, say: Callable[[str], None] = ignore):
         from jinja2 import Environment, FileSystemLoader

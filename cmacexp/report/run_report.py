@@ -74,10 +74,7 @@ def _end(run: StoredRun) -> list[Section]:
 
 
 def make_run_report(run: StoredRun) -> Report:
-    """The report of one run.
-
-    Args:
-        run: that ended, with any status.
+    """The report of a run that ended, with any status.
 
     Raises:
         BadRun: a table is missing, changed or empty.

@@ -48,11 +48,7 @@ def read_learning(run: StoredRun) -> Config:
 
 
 def analyse(config: Config, verdict: Verdict) -> Analysis:
-    """Judge other leads of a run, and linearise its loop.
-
-    Args:
-        config: of the run, see :func:`read_learning`.
-        verdict: on it.
+    """Judge other leads of a run, of whose config :func:`read_learning` there is a verdict, and linearise its loop.
 
     Raises:
         NotPredictable: it does not learn, ends before that shows, or its loop cannot be linearised.

@@ -92,12 +92,9 @@ def compute_rise(levels: Array) -> tuple[float, float]:
 
 
 def assess(config: Config, prepared: Scenario | None = None, simulate: bool = True) -> Verdict:
-    """Say whether the learning of a config holds.
+    """Say whether the learning of a config holds; a prepared scenario of it stays unchanged.
 
-    Args:
-        config: a checked config.
-        prepared: its scenario if it is already made; it stays unchanged.
-        simulate: run as many cycles in memory as take a second, MAX_CYCLES at most; otherwise MAX_CYCLES_BEFORE.
+    As many cycles as take a second are run in memory, MAX_CYCLES at most; MAX_CYCLES_BEFORE if not ``simulate``.
 
     Raises:
         BadInput: the machine cannot follow the plan.
