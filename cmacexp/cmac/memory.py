@@ -90,11 +90,7 @@ class Visited:
     positions: Positions = field(default_factory=lambda: np.zeros(0, dtype=np.uint64))
 
     def assign_rows(self, positions: Positions) -> Cells:
-        """Rows (samples, C) of cells (samples, C); new cells get the next rows, in the order of this array.
-
-        Raises:
-            BadInput: there are more cells than rows; no row is assigned.
-        """
+        """Rows (samples, C) of cells (samples, C), new ones in their order; raises BadInput if there are too few."""
         new, first = np.unique(positions[find_entered(positions)], return_index=True)
         fresh = ~np.isin(new, self.positions)
         known = np.concatenate([self.positions, new[fresh][np.argsort(first[fresh])]])

@@ -73,22 +73,14 @@ def strength_needs(key: str) -> tuple[str, ...]:
 
 
 def find_rule(name: str) -> Rule:
-    """The rule of that name.
-
-    Raises:
-        BadInput: there is none.
-    """
+    """The rule of that name; raises BadInput."""
     if name not in RULES:
         raise BadInput("learning.rule", name, "choose from " + ", ".join(RULES))
     return RULES[name]
 
 
 def make_rule(config: LearningConfig, activation: Array) -> RuleParams:
-    """The rule of a config, for a network with ``activation`` (N, L, C) along the plan.
-
-    Raises:
-        BadInput: the rule needs several active weights and the network has one.
-    """
+    """The rule of a config, for a network with ``activation`` (N, L, C) along the plan; raises BadInput."""
     rule = find_rule(config.rule)
     strength = float(getattr(config, rule.strength)) if rule.strength else 0.0
     if rule.params.goal == MEAN and activation.shape[2] == 1:

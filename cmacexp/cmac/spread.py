@@ -23,11 +23,7 @@ def binomial(window: int) -> Array:
 
 
 def _check_window(cells: Cells, window: int) -> None:
-    """Check that a window is shorter than the cycle, and gives no more weights than memory and time allow.
-
-    Raises:
-        BadInput: it is not.
-    """
+    """Check that a window is shorter than the cycle, and gives no more weights than memory and time allow."""
     samples = len(cells)
     if 2 * window + 1 > samples:
         raise BadInput("learning.window", window, f"must be below {(samples + 1) // 2}, half the samples of a cycle")

@@ -68,12 +68,7 @@ def find_class(key: str, target: object) -> type[Any]:
 
 
 def _import(key: str, target: str, name: str) -> ModuleType:
-    """Import a module by its full name.
-
-    Raises:
-        BadInput: there is none, or it needs one that is not installed.
-        BadComponent: it raises when it is imported.
-    """
+    """Import a module by its full name; raises BadInput or, with what the module raised, BadComponent."""
     if name not in sys.modules:
         importlib.invalidate_caches()  # a file may have been written a moment ago
     try:

@@ -50,11 +50,7 @@ def _refuse(error: OSError) -> None:
 
 
 def runs_below(folder: Path) -> list[Path]:
-    """``folder`` if it is a run, else all runs below it, in order.
-
-    Raises:
-        BadRun: the folder does not exist, holds no run, or has one below it that cannot be read.
-    """
+    """``folder`` if it is a run, else all runs below it, in order; raises BadRun if there is none to be read."""
     if not folder.is_dir() or is_run(folder):
         return _require_some(folder, [folder])
     return _require_some(folder, filter(is_run, walk(folder, _refuse)))
@@ -63,10 +59,7 @@ def runs_below(folder: Path) -> list[Path]:
 def everything_below(folder: Path) -> list[Path]:
     """All that can be verified: runs, reports and tables of sweeps from ``folder`` on, inside of runs too, in order.
 
-    A folder that cannot be read is one of them.
-
-    Raises:
-        BadRun: the folder does not exist, or holds nothing of the kind.
+    A folder that cannot be read is one of them. Raises BadRun if there is nothing.
     """
     unreadable: list[OSError] = []
     results = {*filter(_is_result, walk(folder, unreadable.append))}
@@ -74,11 +67,7 @@ def everything_below(folder: Path) -> list[Path]:
 
 
 def require_place(key: str, folder: Path) -> Path:
-    """``folder`` if it is a folder or can be created.
-
-    Raises:
-        BadInput: a file has this path, or that of a parent.
-    """
+    """``folder`` if it is a folder or can be created; raises BadInput if it or a parent is a file."""
     for path in (folder, *folder.parents):
         if path.exists():
             if not path.is_dir():

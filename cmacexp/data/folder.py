@@ -59,11 +59,7 @@ def _full_disk_named(path: Path) -> Iterator[None]:
 
 @contextmanager
 def write_atomically(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside ``path``; rename it to ``path`` when the block succeeds, else remove it.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Yield a temporary path beside ``path``; rename it to ``path`` when the block succeeds, else remove it."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     with _full_disk_named(path):
         temporary.unlink(missing_ok=True)
@@ -300,21 +296,13 @@ def replacing(folder: Path, key: str, kind: str | None = None, wait: bool = Fals
 
 
 def updating(folder: Path) -> AbstractContextManager[Place]:
-    """Lock the folder of a run in which only some files are written anew, see :func:`replacing`.
-
-    Raises:
-        BadRun: the folder holds no run.
-    """
+    """Lock the folder of a run in which only some files are written anew, see :func:`replacing`; raises BadRun."""
     manifests.read_file(folder / manifests.NAME)
     return replacing(folder, GIVEN_KEY)
 
 
 def require_no_link(folder: Path) -> Path:
-    """``folder``, a default one inside that of a run, unless it is a link, which could lead out of the run.
-
-    Raises:
-        BadInput: it is one.
-    """
+    """``folder``, by default inside that of a run; raises BadInput if it is a link, which could lead out."""
     if folder.is_symlink():
         raise BadInput(OUT_KEY, folder, "is a link, which is not followed; name a folder")
     return folder

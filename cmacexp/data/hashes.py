@@ -41,11 +41,7 @@ def find_fault(folder: Path, name: str, expected: str) -> str | None:
 
 
 def was_written(path: Path) -> bool:
-    """Whether the run in whose folder ``path`` lies wrote that file.
-
-    Raises:
-        BadRun: the manifest of the run is damaged.
-    """
+    """Whether the run in whose folder ``path`` lies wrote that file; raises BadRun if its manifest is damaged."""
     manifest = _read_manifest(path.parent)
     return path.is_file() if manifest is None else path.name in manifest["files"]
 

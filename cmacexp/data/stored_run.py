@@ -131,11 +131,7 @@ class StoredRun:
 
 
 def read_config(run: StoredRun) -> Config:
-    """Read the typed config of a stored run.
-
-    Raises:
-        BadRun: another version with other fields wrote it.
-    """
+    """The typed config of a stored run; raises BadRun if another version with other fields wrote it."""
     plain = run.config
     try:
         return to_config(plain)

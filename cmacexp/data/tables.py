@@ -46,11 +46,7 @@ class Scores(NamedTuple):
 
 
 def steps_by_cycle(folder: Path) -> dict[int, int]:
-    """Number of steps of each cycle in the trace of a run.
-
-    Raises:
-        BadRun: it is missing, has changed or cannot be read.
-    """
+    """Number of steps of each cycle in the trace of a run; raises BadRun if that is not as it was written."""
     steps: dict[int, int] = {}
     for part in read_parts(folder / TRACE, ["cycle", "leg"]):
         cycles, counts = np.unique(as_array(part, "cycle")[as_array(part, "leg") == 1], return_counts=True)

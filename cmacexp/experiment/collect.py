@@ -90,8 +90,7 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
 def collect(each: Each, requests: Sequence[Request], store: Path) -> Collected:
     """The runs of requests, each of one seed, below ``store``; equal ones are run once, complete ones not at all.
 
-    Raises:
-        CmacexpError: Hydra cannot compose overrides, or every run failed.
+    Raises CmacexpError if Hydra cannot compose overrides, or every run failed.
     """
     first = [request for request in requests if request.starts_from is None]
     later = [request for request in requests if request.starts_from is not None]

@@ -15,11 +15,7 @@ def list_metrics(kind: str) -> list[str]:
 
 
 def check_metric(name: str | None, kind: str) -> None:
-    """Check that ``optimize`` names a metric that the ``kind`` of machine has.
-
-    Raises:
-        BadInput: names the nearest metric and all others.
-    """
+    """Check that ``optimize`` names a metric that the ``kind`` of machine has; raises BadInput."""
     known = list_metrics(kind)
     if name is not None and name not in known:
         raise BadInput("optimize", name, f"choose from {', '.join(known)}, or null{suggest(name, known)}")

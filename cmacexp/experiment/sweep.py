@@ -98,11 +98,7 @@ class Sweep:
         return self.kinds[kind]
 
     def check(self, sweeper: Any, batch: Sequence[Sequence[str]]) -> None:
-        """Note the next jobs, before they start, and compose one of each kind.
-
-        Raises:
-            HydraException: a job cannot be composed.
-        """
+        """Note the next jobs, before they start, and compose one of each kind; raises HydraException."""
         for overrides in batch:
             self.planned[tuple(select_run_overrides(overrides))] += 1
             self.get_kind(sweeper, overrides).runs.append(select_run_overrides(overrides))

@@ -167,9 +167,6 @@ def workers(elsewhere: RunAll | None = None, processes: int | None = None) -> It
     """Processes for all cores; gives ``each(what, work, items)``, which shows ``what`` beside the progress.
 
     ``elsewhere`` does the items of ``each(what, work, items, long=True)``, else the same processes.
-
-    Raises:
-        ChildProcessError: a process was killed.
     """
     with start_pool(processes) as run_here:
 

@@ -78,11 +78,7 @@ class RadialBasis(BuiltInFeedforward):
     config: Config
 
     def reset(self, setup: Setup) -> None:
-        """Place the centres along the path; start with weights of zero, or with those of an earlier run.
-
-        Raises:
-            BadInput: more centres than samples.
-        """
+        """Place the centres along the path; start with weights of zero, or those of an earlier run."""
         samples, legs = setup.plan.support.shape
         number = self.config.centres
         if number > samples:

@@ -26,11 +26,7 @@ def _handle(number: int, frame: object) -> None:
 
 
 def raise_if_interrupted() -> None:
-    """At a safe place, raise an interrupt that has been held back.
-
-    Raises:
-        KeyboardInterrupt: there was one.
-    """
+    """At a safe place, raise an interrupt that has been held back."""
     if _State.waiting:
         _State.waiting = False
         raise KeyboardInterrupt

@@ -42,8 +42,7 @@ class Adaptation:
     def end_cycle(self) -> bool:
         """Whether what was met in the cycle that has ended asks for another plan; :meth:`take` makes it.
 
-        Raises:
-            BadInput: in the first cycle the feet carried what no robot of that model weighs.
+        Raises BadInput if in the first cycle the feet carried what no robot of that model weighs.
         """
         met, planned = read_meter(self.meter, self.nominal), self.nominal.load.force.mean()
         least, most = LEAST._replace(weight=LEAST.weight * planned), (math.inf, *[MOST_SHIFT] * 2, *[MOST_SLOPE] * 2)

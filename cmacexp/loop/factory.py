@@ -17,11 +17,7 @@ PROTOCOLS = {"plant": Plant, "sensors": Sensors, "controller": Controller, "feed
 
 
 def require_members(group: str, target: object, component: object) -> None:
-    """Require that a component has all that its protocol names.
-
-    Raises:
-        BadInput: names what it lacks.
-    """
+    """Require that a component has all that its protocol names; raises BadInput."""
     protocol = PROTOCOLS[group]
     members = [name for name in (*vars(protocol), *protocol.__annotations__) if not name.startswith("_")]
     missing = [name for name in members if not hasattr(component, name)]
@@ -31,11 +27,7 @@ def require_members(group: str, target: object, component: object) -> None:
 
 @lru_cache(64)  # the jobs of a sweep have few classes
 def require_class(group: str, target: object, component: type[Any], given: tuple[str, ...]) -> None:
-    """Require that a class has the methods of its protocol, before anything of it is called.
-
-    Raises:
-        BadInput: names the method that is missing or takes other arguments, or the fields that do not fit.
-    """
+    """Require, before anything of a class is called, that it has the methods of its protocol; raises BadInput."""
     protocol, key = PROTOCOLS[group], f"{group}._target_"
     methods = [name for name, value in vars(protocol).items() if inspect.isfunction(value) and name[0] != "_"]
     if missing := [name for name in methods if not callable(getattr(component, name, None))]:

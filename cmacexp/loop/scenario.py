@@ -50,11 +50,7 @@ class Scenario:
     used: bool = field(default=False, init=False)
 
     def begin(self) -> None:
-        """Note that the run begins.
-
-        Raises:
-            CmacexpError: it has run before; its components hold their states at its end.
-        """
+        """Note that the run begins; raises CmacexpError if it has run: components hold their last states."""
         if self.used:
             raise CmacexpError("this scenario has run, its components hold their last states: make a new one")
         self.used = True
@@ -73,11 +69,7 @@ def count_lateness(config: Config, sensors: Sensors) -> Lateness:
 
 
 def require_margin(config: Config, control: HybridController.Config, late: Lateness) -> int:
-    """Samples by which the feedback of a robot may be later before its feet shake.
-
-    Raises:
-        BadInput: they shake already.
-    """
+    """Samples by which a robot's feedback may be later before its feet shake; raises BadInput if they do."""
     lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
     foot_mass = derive_basis(read_model(config.machine)).foot_mass
     return find_delay_margin(foot_mass, control.velocity_gain, lead.b0, config.sampling_period, late)
@@ -119,13 +111,7 @@ def _own(setup: Setup, component: object) -> Setup:
 
 
 def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
-    """Reset all components; the plant at the start.
-
-    Raises:
-        BadInput: the feedforward cannot start from the weights of an earlier run.
-        BadOutput: the plant returned no measurement of this machine.
-        Exception: whatever a component raises.
-    """
+    """Reset all components, the plant at the start; raises BadInput, BadOutput, and whatever a component raises."""
     plant, sensors, controller, feedforward = (components[group] for group in PROTOCOLS)
     nominal = replace(setup, config=setup.config.nominal)
     try:
@@ -181,11 +167,7 @@ def make_scenario(config: Config, **given: Any) -> Scenario:
 
 
 def check_weights(config: Config, feedforward: Feedforward) -> None:
-    """Check that a feedforward learns if its weights are to be kept, or started from.
-
-    Raises:
-        BadInput: ``feedforward`` has no learnt weights.
-    """
+    """Check that a feedforward learns if its weights are to be kept, or started from; raises BadInput."""
     if isinstance(feedforward, Learns):
         return
     name = type(feedforward).__name__

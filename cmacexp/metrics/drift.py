@@ -59,8 +59,7 @@ class DriftDetector:
     def add(self, feedback: Array) -> tuple[Array, Array]:
         """Test the next cycles of RMS feedback torques (cycles, L).
 
-        Returns:
-            Growth at each of these cycles, and the cycle in which a drift started; (cycles, L), undefined NaN.
+        Returns growth at each of them, and the cycle in which a drift started, (cycles, L); undefined is NaN.
         """
         if not len(feedback):  # of a run that took no step
             return feedback, feedback
@@ -106,11 +105,7 @@ def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
 
 
 def read_drift_entry(entry: Mapping[str, Any] | None) -> Drift | None:
-    """What :func:`make_drift_entry` wrote.
-
-    Raises:
-        BadRun: it has other fields.
-    """
+    """What :func:`make_drift_entry` wrote; raises BadRun if it has other fields."""
     try:
         return None if entry is None else Drift(**entry)
     except TypeError:

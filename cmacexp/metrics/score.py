@@ -84,11 +84,7 @@ def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:
 
 
 def score_traces(run: StoredRun) -> Scores:
-    """The metrics of a run from its traces, which must hold every step.
-
-    Raises:
-        BadRun: a trace is missing or cannot be read.
-    """
+    """The metrics of a run from its traces, which must hold every step; raises BadRun."""
     scorer, folder = RunScorer(run.steps_per_cycle), run.folder
     for part in read_parts(folder / TRACE):
         scorer.add_legs(part)

@@ -134,8 +134,7 @@ def slope(body: Array, hips: Array, foot: Array, stiffness: Array, level: Array,
 def newton_step(at: Slope, damping: float) -> tuple[bool, float, float, float]:
     """Solve the damped Newton equations.
 
-    Returns:
-        Whether the damped curvature is positive definite, and the step in height, pitch and roll; else zeros.
+    Whether the damped curvature is positive definite, and the step in height, pitch and roll; else zeros.
     """
     a, b, c = at.hh + damping, at.hp, at.hr
     d, e, f = at.pp + damping, at.pr, at.rr + damping

@@ -36,11 +36,7 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 def load_mujoco() -> Any:
-    """The module ``mujoco``.
-
-    Raises:
-        BadInput: it is not installed.
-    """
+    """The module ``mujoco``; raises BadInput if it is not installed."""
     try:
         import mujoco
     except ImportError as error:
@@ -60,11 +56,7 @@ def warnings_dropped(mujoco: Any) -> Iterator[None]:
 
 
 def load_model(load: Callable[[str], Any], source: str, key: str, value: object) -> Any:
-    """What ``load``, a function of MuJoCo, makes of a ``source``.
-
-    Raises:
-        BadInput: MuJoCo refuses it; names the config ``key`` and its ``value``.
-    """
+    """What ``load``, a function of MuJoCo, makes of a ``source``; raises BadInput with ``key`` if it refuses."""
     try:
         with warnings_dropped(load_mujoco()):
             return load(source)

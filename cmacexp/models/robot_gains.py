@@ -131,21 +131,14 @@ def recommend_period(ratio: float, lateness: Lateness = NONE, gain: float = 0.0)
 def choose_period(robot: Robot, lateness: Lateness = NONE, gain: float = 0.0) -> float:
     """The sampling period, s, of a robot: as recommended, and shorter where its joints have no inertia of rotors.
 
-    Models made for ROS have none, and often no losses either.
-
-    Raises:
-        BadInput: there is none, since lags limit the gains at any period.
+    Models made for ROS have none, and often no losses either. Raises BadInput as :func:`recommend_period`.
     """
     period = recommend_period(derive_basis(robot).ratio, lateness, gain)
     return period if robot.armature.any() else min(period, PERIOD_WITHOUT_ROTORS)
 
 
 def require_period(ratio: float, period: float, lateness: Lateness = NONE) -> None:
-    """Require a sampling period, s, that suits a robot with m_f/m = ``ratio``.
-
-    Raises:
-        BadInput: names a period that does.
-    """
+    """Require a sampling period, s, that suits a robot with m_f/m = ``ratio``; raises BadInput, which names one."""
     shortest, least = PERIODS[0]
     if period < shortest:
         least *= period / shortest

@@ -41,11 +41,7 @@ class Legs:
 
 
 def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: Array, home: object) -> None:
-    """Require names for four legs of three joints, and an angle for each of the three, or twelve.
-
-    Raises:
-        BadInput: names the config key.
-    """
+    """Require names for four legs of three joints, and an angle for each of the three, or twelve; raises BadInput."""
     if len(joints) != LEGS or any(len(leg) != JOINTS for leg in joints):
         raise BadInput("machine.joints", joints, "must be four lists of three names: hip, thigh, calf")
     if angles.shape not in ((JOINTS,), (LEGS, JOINTS)):
@@ -57,20 +53,12 @@ def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: 
 
 
 def find_joints(mujoco: Any, model: Any, joints: Sequence[Sequence[str]]) -> Counts:
-    """The joints (4, 3) of the legs in a model, which must be hinges.
-
-    Raises:
-        BadInput: the model lacks one of them.
-    """
+    """The joints (4, 3) of the legs in a model, which must be hinges; raises BadInput."""
     return np.array([[_find_joint(mujoco, model, name) for name in leg] for leg in joints])
 
 
 def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
-    """The free joint of the trunk on which the joints (4, 3) hang.
-
-    Raises:
-        BadInput: the trunk does not float, or more than trunk and legs move.
-    """
+    """The free joint on which the joints (4, 3) hang; raises BadInput if there is none, or more moves."""
     trunk = int(model.body_rootid[model.jnt_bodyid[joint[0, 0]]])
     free = int(model.body_jntadr[trunk])
     if free < 0 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:

@@ -105,22 +105,14 @@ def _sway(walk: _Walk, load: BodyLoad) -> _Walk:
 
 
 def _require_pressure(config: Config, load: BodyLoad) -> None:
-    """Require that the feet press throughout.
-
-    Raises:
-        BadInput: legs swing so fast that their inertia lifts the body.
-    """
+    """Require that the feet press throughout; legs that swing fast may lift the body by their inertia."""
     if not load.force.min() > 0.0:
         reason = "swings the legs so fast that they would lift the body; use a longer one, or a lower gait.lift"
         raise BadInput("gait.cycle_time", config.gait.cycle_time, reason)
 
 
 def _require_balance(walk: _Walk, load: BodyLoad, force: Array) -> None:
-    """Require that the forces (N, L) of the feet have the centre of pressure that the ``load`` needs.
-
-    Raises:
-        BadInput: they have not: the feet are too close together, or the legs too heavy.
-    """
+    """Require that the forces (N, L) of the feet have the centre of pressure that the ``load`` needs."""
     centre = (force[..., None] * walk.feet).sum(axis=1) / force.sum(axis=1)[:, None]
     off, gait = np.abs(centre - load.centre).mean(), walk.config.gait
     if not off < OUT_OF_BALANCE * walk.mechanism.hip_height:
@@ -198,11 +190,7 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
 
 
 def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, met: Met) -> Plan:
-    """The plan of a body that carries and meets what it ``met``, with the same steps; its feet follow the load.
-
-    Raises:
-        BadInput: a foot path leaves the reach of its leg.
-    """
+    """The plan of a body that carries and meets what it ``met``, with the same steps; raises BadInput."""
     shift = np.array([met.x, met.y if mechanism.shape[1] == len(SPACE) else 0.0])
     walk = _start_walk(config, mechanism)
     walk = walk._replace(feet=walk.feet + shift - plan.sway.place[:, None], sway=plan.sway)

@@ -53,11 +53,7 @@ def margins(feet: Array, down: Mask | None = None) -> Array:
 
 
 def check_stability(config: Config, support: Mask, planned: Array) -> None:
-    """Check that a gait is statically stable throughout.
-
-    Raises:
-        BadInput: names the instant, and the feet that are down or the margin.
-    """
+    """Check that a gait is statically stable throughout; raises BadInput with the instant."""
     gait = config.gait
     if gait.allow_unstable or PATTERNS[gait.pattern].is_dynamic:
         return

@@ -165,11 +165,7 @@ class MujocoPlant:
         return self.measure()
 
     def step(self, torque: Array) -> Measurement:
-        """Hold ``torque`` (L, J), N m, over one sampling period.
-
-        Raises:
-            Diverged: MuJoCo warns of its state.
-        """
+        """Hold ``torque`` (L, J), N m, over one sampling period; raises Diverged if MuJoCo warns of its state."""
         self._torque[...] = torque
         if self._advancing is None:
             self._advancing = advancing(self.engine, self.state, self._torque)
@@ -240,11 +236,7 @@ class MujocoPlant:
 
 
 def require_machine(setup: Setup, kind: str, option: str, scenario: str) -> None:
-    """Check that a plant can move the machine.
-
-    Raises:
-        BadInput: the machine is of another kind.
-    """
+    """Check that a plant can move the machine; raises BadInput."""
     if setup.config.machine.kind != kind:
         allowed = f"must be {kind} with plant={option}: use scenario={scenario}"
         raise BadInput("machine.kind", setup.config.machine.kind, allowed)

@@ -34,11 +34,7 @@ def _layout(views: Sequence[RunView]) -> rrb.Blueprint:
 
 
 def write_comparison(runs: Mapping[Path, RunView], path: Path) -> str:
-    """Write several runs, each with a label and a root of its own, into one recording, whole or not at all.
-
-    Returns:
-        The name of the recording, which describes its content.
-    """
+    """Write several runs, each with a label and a root of its own, into one recording; describes it."""
     views = list(runs.values())
     if len({view.window for view in views}) == 1:
         name = f"{' | '.join(view.label for view in views)}, {views[0].window}"

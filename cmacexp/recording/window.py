@@ -64,12 +64,9 @@ def read_cycles(text: str, cycles: int, who: str = "the run") -> tuple[int, int]
 def make_window(
     kept: Mapping[int, int], cycles: tuple[int, int] | None = None, every: int | None = None, sharing: int = 1
 ) -> Window:
-    """The window of a run of which the trace has ``kept`` so many steps of each cycle, at least one.
+    """The window of a run of which the trace has ``kept`` so many steps of each cycle.
 
-    By default it shows all cycles, and so many steps that ``sharing`` runs fit into one recording.
-
-    Raises:
-        BadInput: the trace has none of these cycles, or fewer steps than ``every``.
+    By default it shows all cycles, and so many steps that ``sharing`` runs fit into one recording. Raises BadInput.
     """
     first, last = cycles or (min(kept), max(kept))
     steps = sum(count for cycle, count in kept.items() if first <= cycle <= last)

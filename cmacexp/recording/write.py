@@ -105,11 +105,7 @@ def write_recording(
     window: Window,
     meshes: bool = False,
 ) -> str:
-    """Write the Rerun view of a run whose trace has a step, whole or not at all.
-
-    Returns:
-        The name of the recording, which describes its content.
-    """
+    """Write the Rerun view of a run whose trace has a step, whole or not at all; returns a description of it."""
     with _pandas_left_out():
         traces = read_traces(folder, window.cycles, window.every)
         view = replace(make_view(traces, manifest, window, label), meshes=meshes)

@@ -62,11 +62,7 @@ def render_markdown(
 
 
 def find_insertions(template: Path) -> list[tuple[str, str, int]]:
-    """What a template inserts by a name that it spells out: the function, the name and the line.
-
-    Raises:
-        BadInput: the template has a syntax error.
-    """
+    """What a template inserts by a name that it spells out: the function, the name, the line; raises BadInput."""
     from jinja2 import Environment, TemplateSyntaxError, nodes
 
     try:

@@ -79,11 +79,7 @@ def print_key(names: Iterable[str], legs: int) -> None:
 
 
 def print_scores(scores: Scores, folder: Path) -> list[str]:
-    """Print the main metrics of a run per cycle, pooled over the legs; of a long run some, and where all are.
-
-    Returns:
-        The names of the metrics.
-    """
+    """Print the main metrics of a run per cycle, pooled over the legs, of a long run some; their names."""
     main, rows = tabulate_cycles(scores)
     shown = shorten(rows)
     print_table(["cycle\n", *map(head, main.values())], shown)

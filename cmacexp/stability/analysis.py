@@ -38,11 +38,7 @@ class Analysis:
 
 
 def read_learning(run: StoredRun) -> Config:
-    """The config of a run; of a lead that it estimated, with the last estimate.
-
-    Raises:
-        BadRun: it cannot be read.
-    """
+    """The config of a run; of a lead that it estimated, with the last estimate."""
     config = read_config(run)
     return with_lead(config, int(run.manifest["learning_lead"])) if config.learning.lead == "estimate" else config
 

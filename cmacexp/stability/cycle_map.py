@@ -73,11 +73,7 @@ def _write(part: Declared, step: int, values: Array) -> None:
 
 
 class RestorableLoop:
-    """A fresh scenario of built-in components in the loop whose state can be read and set.
-
-    Raises:
-        NotPredictable: it has external components.
-    """
+    """A fresh scenario of built-in components, else NotPredictable, in the loop whose state can be read and set."""
 
     def __init__(self, scenario: Scenario):
         external = find_external(scenario)
@@ -161,11 +157,7 @@ class RestorableLoop:
             self.plant.put(state[done:])
 
     def derivative(self, about: Array, along: Array, observe: Callable[[], Array], steps: int) -> tuple[Array, Array]:
-        """Directional derivative of the state (n,) after some steps, and of an observation of them.
-
-        Raises:
-            NotPredictable: a run from a nearby state ends in those steps.
-        """
+        """Directional derivative of the state (n,), and of an observation, after steps that must not end the run."""
         size = NUDGE / float(np.linalg.norm(along))
         ends = []
         for sign in (1.0, -1.0):

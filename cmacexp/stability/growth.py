@@ -139,11 +139,7 @@ def grow(loop: RestorableLoop, dimension: int = DIMENSION, seed: int | None = No
 
 
 def require_learning(loop: RestorableLoop) -> None:
-    """Check that something learns from cycle to cycle where a loop stands.
-
-    Raises:
-        NotPredictable: nothing does.
-    """
+    """Check that something learns from cycle to cycle where a loop stands; raises NotPredictable."""
     params = loop.run.loop.feedforward
     if loop.run.taken < loop.plan.start_step or params is None or params.kind == TABLE:
         raise NotPredictable("nothing learns from cycle to cycle")

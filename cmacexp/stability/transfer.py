@@ -159,11 +159,7 @@ def compute_spectrum(local: Local, frequencies: Array, period: float) -> Spectru
 
 
 def spectra_along(config: Config, cycle: int, places: int, frequencies: int) -> list[Spectrum]:
-    """T at evenly spaced places of the cycle after ``cycle`` cycles of learning, up to half the sampling rate.
-
-    Raises:
-        NotPredictable: as of :func:`locals_along`.
-    """
+    """T at evenly spaced places of the cycle after ``cycle`` cycles of learning, up to half the sampling rate."""
     samples = sorted({int(sample) for sample in np.linspace(0, config.steps_per_cycle, places, endpoint=False)})
     hertz = np.linspace(0.0, 0.5 / config.sampling_period, frequencies + 1)[1:]
     return [compute_spectrum(local, hertz, config.sampling_period) for local in locals_along(config, cycle, samples)]

@@ -53,11 +53,7 @@ class Evaluated:
 
 
 def check_page(file: StudyFile) -> None:
-    """Check, before anything is run, what the page of a study inserts by name.
-
-    Raises:
-        BadInput: it has a syntax error, or the study declares no such figure, table, finding or claim.
-    """
+    """Check, before anything is run, what the page of a study inserts by name; raises BadInput."""
     study = file.study
     declared: dict[str, Mapping[str, Any]] = {
         "figure": study.figures, "table": study.tables, "finding": study.findings, "claim": study.claims,
