@@ -71,13 +71,9 @@ def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, 
 def train_spread(weights: Array, cells: Cells, share: Array, error: Array, rate: float, leakage: float) -> None:
     """Add beta s_j (U - leakage W_j) to every weight that learns from the error.
 
-    Args:
-        weights: (rows, outputs): changed in place.
-        cells: (K,): rows.
-        share: (K,): s_j; the first zero marks the end.
-        error: (outputs,): U, the output of the feedback controller, N m.
-        rate: beta.
-        leakage: of one weight; C times that of an output that is the sum of C equal weights.
+    Changes the rows ``cells`` (K,) of ``weights`` (rows, outputs) by their ``share`` (K,), s_j, of which the first
+    zero marks the end, of ``error`` (outputs,), U, N m. ``leakage`` is that of one weight: C times that of an output,
+    which is the sum of C equal weights.
     """
     for j in range(cells.shape[0]):
         if share[j] == 0.0:

@@ -72,16 +72,7 @@ def _read(path: Path, columns: Sequence[Signal], cycles: tuple[int, int], every:
 
 
 def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int = 1) -> Traces:
-    """The traces of a run.
-
-    Args:
-        folder: of the run.
-        cycles: the first and the last to read.
-        every: read one step in so many.
-
-    Raises:
-        BadRun: one is missing, has changed or cannot be read.
-    """
+    """The traces of a run, of cycles from the first to the last, one step in ``every``; raises BadRun."""
     legs = _read(folder / TRACE, select_signals(LEG_SIGNALS), cycles, every)
     walks = was_written(folder / BODY)
     return Traces(legs, _read(folder / BODY, select_signals(BODY_SIGNALS), cycles, every) if walks else None)

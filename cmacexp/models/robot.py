@@ -137,11 +137,8 @@ def place(model: Any, data: Any, legs: Legs, q: Array) -> Any:
 def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str], home: ArrayLike) -> Robot:
     """The robot of an MJCF or URDF file; the last ones are kept.
 
-    Args:
-        path: of the file.
-        joints: names of hip, thigh and calf joint of each of the four legs.
-        feet: names of the geoms, sites or bodies of the four feet.
-        home: (3,) or (4, 3) joint angles at which the rule for the gains looks at the legs, rad.
+    Each leg has the names of its hip, thigh and calf joint; a foot is a geom, site or body. At the joint angles
+    ``home``, (3,) or (4, 3), rad, the rule for the gains looks at the legs.
 
     Raises:
         BadInput: MuJoCo is missing or cannot read the file, or the model is no quadruped with three hinges a leg.

@@ -71,17 +71,9 @@ def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
 
 
 def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence[str]) -> Legs:
-    """The legs of a model.
+    """The legs of an MjModel: ``free`` joint of the trunk, joints (4, 3), geoms of the feet (4,), which are spheres.
 
-    Args:
-        model: MjModel.
-        free: joint of the trunk.
-        joint: (4, 3) joints of the legs.
-        foot: (4,) geoms of the feet, spheres.
-        feet: names for messages.
-
-    Raises:
-        BadInput: a foot does not hang on the trunk by the joints of its leg.
+    Raises BadInput if one of ``feet`` does not hang on the trunk by the joints of its leg.
     """
     for leg, geom, name in zip(joint, foot, feet, strict=True):
         _require_chain(model, free, leg, geom, name)
@@ -101,14 +93,8 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
 def torque_limits(mujoco: Any, model: Any, joints: Counts, needs_motor: bool) -> Array:
     """Largest torques (3,) of hip, thigh and calf, the least of all legs, N m; infinite without a limit.
 
-    Args:
-        mujoco: the module.
-        model: its MjModel.
-        joints: (4, 3) of the legs.
-        needs_motor: whether a joint without actuator and limit is a mistake; a URDF has no actuators.
-
-    Raises:
-        BadInput: a joint has no actuator, or one that gives no torque.
+    With ``needs_motor`` a joint without actuator and limit is BadInput, as one whose actuator gives no torque always
+    is; a URDF has no actuators.
     """
     limits = [_torque_limit(mujoco, model, int(joint), needs_motor) for joint in joints.ravel()]
     return np.reshape(limits, joints.shape).min(axis=0)

@@ -95,15 +95,9 @@ class MujocoPlant:
         moving: bool = False,
         push: Push = NO_PUSH,
     ) -> Measurement:
-        """Start with the trunk level, every foot sticking where it is.
+        """Start with the trunk level, every foot sticking where it is; ``moving`` as planned, else at rest.
 
-        Args:
-            setup: of the run, with the machine as it is.
-            made: the machine.
-            touch: of a foot with elastic ground.
-            moving: with the planned velocities; else at rest.
-            push: of the trunk.
-            floor: (L,): which values of MuJoCo's sensors are normal forces of its own contacts; None: ``touch`` acts.
+        Values of MuJoCo's sensors at ``floor`` (L,) are normal forces of its own contacts; None: ``touch`` acts.
         """
         config, mechanism, mujoco = setup.config, setup.mechanism, load_mujoco()
         model, trunk, joint, foot, origin = made

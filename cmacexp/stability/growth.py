@@ -106,15 +106,10 @@ def calmest(sizes: Sequence[float] | Array, first: int) -> int:
 
 
 def grow(loop: RestorableLoop, dimension: int = DIMENSION, seed: int | None = None) -> Growth:
-    """Linearise a loop where it stands, at the start of a cycle.
+    """Linearise a loop where it stands, at the start of a cycle; it stays as it is.
 
-    Args:
-        loop: stays as it is.
-        dimension: of the Krylov space; each direction costs two cycles.
-        seed: of a random start; None: the start is the change that the loop makes in this cycle.
-
-    Raises:
-        NotPredictable: the run, or one from nearby, ends within a cycle.
+    Each direction of the Krylov space costs two cycles. Its start is random with a ``seed``, else the change that the
+    loop makes in this cycle. Raises NotPredictable if the run, or one from nearby, ends within a cycle.
     """
     done, now = loop.cycles, loop.hold()
 

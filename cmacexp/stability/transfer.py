@@ -117,15 +117,9 @@ def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Loc
 
 
 def transfer(local: Local, frequencies: Array, period: float) -> NDArray[np.complex128]:
-    """T at some frequencies.
+    """T at ``frequencies`` (f,), Hz, with a sampling ``period`` in s, (f, L J, L J).
 
-    Args:
-        local: where.
-        frequencies: (f,), Hz.
-        period: sampling period, s.
-
-    Returns:
-        (f, L J, L J); [f, i, j] from feedforward torque j to torque i of the learning error, with opposite sign.
+    [f, i, j] is from feedforward torque j to torque i of the learning error, with opposite sign.
     """
     z = np.exp(2j * np.pi * np.asarray(frequencies, dtype=float) * period)[:, None, None]
     path = local.c @ np.linalg.solve(z * np.eye(len(local.a)) - local.a, local.b.astype(complex)[None])

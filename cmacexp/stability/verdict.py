@@ -83,8 +83,7 @@ class _Evidence(NamedTuple):
 def compute_rise(levels: Array) -> tuple[float, float]:
     """Level of the feedback at the end of the cycles of learning over its lowest there, and that lowest level.
 
-    Args:
-        levels: (n,), in these cycles alone; n at least WINDOW.
+    ``levels`` (n,) are of these cycles alone, n at least WINDOW.
     """
     medians = np.median(sliding_window_view(levels, WINDOW), axis=1)
     lowest = max(float(medians.min()), LEAST * float(levels.max()))
