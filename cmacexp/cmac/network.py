@@ -1,6 +1,5 @@
 """The CMAC as an object: addressing and weights, for one leg or any other function."""
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +9,6 @@ from cmacexp.cmac.memory import Visited, find_entered, read_batch
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate_batch
 from cmacexp.cmac.rules import PAPER, train_batch
 from cmacexp.config.cmac import MOST_POSITIONS, WORD_BYTES, CmacConfig, check_size
-from cmacexp.data.folder import write_atomically
 from cmacexp.models.mix import MASK
 from cmacexp.typing import Array, Cells
 
@@ -115,36 +113,6 @@ class Cmac:
         if errors.shape != expected or not np.isfinite(errors).all():
             raise ValueError(f"error of shape {errors.shape}: expected finite numbers of shape {expected}")
         train_batch(PAPER, self.weights, self.cells(inputs), self.activation(inputs), errors, rate)
-
-    def save(self, path: Path) -> None:
-        """Save addressing and weights in one ``.npz`` file."""
-        a = self.address
-        visited = {} if self.visited is None else {"visited": self.visited.positions}
-        settings = [a.resolution_elements, a.rows, int(a.hashed), a.seed, self.clipped, self.receptive_field]
-        with write_atomically(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(
-                file,
-                allow_pickle=False,
-                weights=self.weights,
-                low=a.ranges.low,
-                high=a.ranges.high,
-                displacement=a.displacement,
-                law=np.array(settings),
-                **visited,
-            )
-
-    @classmethod
-    def load(cls, path: Path) -> "Cmac":
-        """The CMAC of a file of :meth:`save`, bit for bit."""
-        with np.load(path, allow_pickle=False) as saved:
-            cmac = cls.__new__(cls)
-            elements, rows, hashed, seed, cmac.clipped, cmac.receptive_field = (int(value) for value in saved["law"])
-            ranges = InputRange(saved["low"], saved["high"])
-            cmac.address = Address(ranges, saved["displacement"], elements, rows, bool(hashed), seed)
-            cmac.weights, cmac.visited = saved["weights"], None
-            if "visited" in saved:
-                cmac.visited = Visited(rows, WORD_BYTES * cmac.weights.shape[1], saved["visited"])
-        return cmac
 
 
 class MemoryUse(NamedTuple):
