@@ -15,7 +15,7 @@ from cmacexp.study.curves import draw_cycles, over_setting
 from cmacexp.study.interval import EXACT, Interval, estimate
 from cmacexp.study.page import make_claims_section
 from cmacexp.study.results import NoSuchRuns, Row
-from cmacexp.study.samples import over_history, per_seed, ratio, relative
+from cmacexp.study.samples import per_seed, ratio, relative
 from cmacexp.study.statements import UNDECIDED, VERDICTS, Judged, Measured, percent
 from cmacexp.study.tables import completed, cross_tabulate, describe_end, ends, tabulate
 
@@ -262,11 +262,9 @@ def test_a_figure_over_cycles_is_logarithmic_where_values_span_decades():
     assert [figure.axes[0].get_yscale() for figure in (narrow, wide)] == ["linear", "log"]
 
 
-def test_a_ratio_is_over_the_runs_selected_and_a_run_that_ended_is_infinite():
+def test_a_ratio_is_over_the_runs_selected():
     both = ratio(end, {"walk": "soft", "law": "b"}, {"walk": "soft", "law": "a"})
     assert both(GROUPS) == pytest.approx([9.0])
-    least = over_history("transfer_rmse_x", lambda errors: float(errors.min()))
-    assert least(GROUPS.select(walk="hard")) == pytest.approx([0.002, np.inf])
 
 
 def test_a_share_is_of_the_runs_with_its_settings_and_shown_in_per_cent():
