@@ -72,11 +72,6 @@ def test_outside_is_clipped_to_the_nearer_end_and_said(distance, quanta):
     assert count_outside(InputRange(np.array([-1.0]), np.array([1.0])), outside) == 2
 
 
-@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.integers(2, 5000))
-def test_quantiser_is_monotone(a, b, quanta):
-    assert quantise(min(a, b), -1.0, 1.0, quanta) <= quantise(max(a, b), -1.0, 1.0, quanta)
-
-
 def test_every_quantum_has_the_same_width_also_around_zero():
     values = -0.8 + (np.arange(2000) + 0.5) / 1000.0  # a hundred points for each of twenty quanta
     quanta = [quantise(v, -0.8, 1.2, 20) for v in values]
@@ -214,12 +209,6 @@ def test_hash_spreads_cells_evenly(seed, rows):
     chi_square = ((np.bincount(cells, minlength=rows) - expected) ** 2 / expected).sum()
     freedom = rows - 1
     assert chi_square < freedom + 4.0 * math.sqrt(2.0 * freedom)
-
-
-def test_hash_differs_between_seeds():
-    rows = 1000
-    same = (distinct_rows(0, rows) == distinct_rows(1, rows)).mean()
-    assert same < 5.0 / rows
 
 
 # Learning

@@ -111,23 +111,6 @@ def test_stored_traces_have_the_scores_of_their_run(make_config, tmp_path, scena
                 assert_array_equal(values, columns(other)[name], err_msg=name)
 
 
-def test_torques_are_measured_over_the_whole_cycle_both_joints_alike():
-    trace = random_trace(1, cycles=3).to_pandas()
-    found = columns(random_scores(1).legs)
-    for cycle in range(3):
-        own = trace[trace["cycle"] == cycle + 1]
-        feedback, forward = (
-            own[[f"tau_{part}_{j}" for j in (1, 2)]].to_numpy() for part in ("feedback", "feedforward")
-        )
-        expected = {
-            "feedback_rms": np.sqrt((feedback**2).mean()),
-            "feedforward_rms": np.sqrt((forward**2).mean()),
-            "torque_peak": np.abs(feedback + forward).max(),
-            "feedforward_share": np.abs(forward).sum() / (np.abs(forward) + np.abs(feedback)).sum(),
-        }
-        assert {name: found[name][cycle] for name in expected} == pytest.approx(expected)
-
-
 def test_of_no_row_there_is_one_leg():
     assert count_legs(Scores(random_scores(2).legs.slice(0, 0), None)) == 1
 
