@@ -33,19 +33,12 @@ def _check_window(cells: Cells, window: int) -> None:
 
 
 def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, Array]:
-    """Weights that learn from the error of each sample, and their shares.
+    """Weights that learn from the error of each sample, and their shares, (N, L, K) each.
 
-    Args:
-        cells: (N, L, C): active weights of each sample of the cycle.
-        activation: (N, L, C): activation of each of them.
-        window: samples on each side.
-
-    Returns:
-        Cells and shares (N, L, K). The share of a weight is the sum of g_m a_j / sum a_i^2 over the neighbouring
-        samples in which it is active; zeros follow the last one.
-
-    Raises:
-        BadInput: the window is wider than the cycle, or gives too many weights.
+    ``cells`` (N, L, C) are the active weights of each sample of the cycle, with their ``activation``; ``window`` is
+    that of samples on each side. The share of a weight is the sum of g_m a_j / sum a_i^2 over the neighbouring
+    samples in which it is active; zeros follow the last one. Raises BadInput if the window is wider than the cycle,
+    or gives too many weights.
     """
     samples, legs, active = cells.shape
     _check_window(cells, window)

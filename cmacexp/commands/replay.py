@@ -21,7 +21,6 @@ from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.terminal import activity, say
 
 COMPARISONS = Path("outputs", "comparisons")
-"""Default folder of comparisons."""
 LONGEST_NAME = 120
 """Most characters in the name of the file of a comparison."""
 

@@ -122,14 +122,6 @@ def write_study(file: StudyFile, options: Options) -> Path:
     return options.place(file.name) / HTML
 
 
-def write_collection(name: str, title: str, question: str, files: Sequence[StudyFile], options: Options) -> Path:
-    """Run several studies and write a page over all of them; returns it."""
-    studies = write_studies(files, options)
-    print_claims(studies)
-    with replacing(options.place(name), FOLDER_KEY, REPORT) as place:
-        return write_page(title, question, studies, place, options.quick)
-
-
 def print_claims(studies: Sequence[Evaluated]) -> None:
     """Print the verdicts of studies as a table."""
     rows = [

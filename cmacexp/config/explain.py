@@ -45,7 +45,6 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
 
 
 def _explain_option(path: str, options: Sequence[str]) -> str:
-    """Why the option at ``path`` (``group/name``) does not exist."""
     group, _, name = path.rpartition("/")
     if command := format_install_command(path):
         return f"{group}={name}: is not installed: {command}"

@@ -13,7 +13,6 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 from cmacexp.errors import BadInput
 
 TYPES = {int: "a whole number", float: "a number", bool: "true or false", str: "a word"}
-"""Types of values in words."""
 FLAGS = dict.fromkeys(("true", "yes", "on", "y", "1"), True) | dict.fromkeys(("false", "no", "off", "n", "0"), False)
 """What can be typed for a flag."""
 BOUNDS = {"above": operator.gt, "at least": operator.ge, "below": operator.lt, "at most": operator.le}
@@ -92,7 +91,6 @@ def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
 
 @cache
 def _declared_types(schema: Any) -> dict[str, Any]:
-    """Types of the fields of a dataclass."""
     return get_type_hints(schema)
 
 

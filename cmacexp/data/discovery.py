@@ -9,7 +9,6 @@ from cmacexp.data.files import NEW
 from cmacexp.errors import BadInput, BadRun
 
 HYDRA_FOLDER = ".hydra"
-"""Folder of Hydra's own record, in that of a run."""
 
 
 def is_run(folder: Path) -> bool:

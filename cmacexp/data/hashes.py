@@ -9,7 +9,6 @@ from cmacexp.data.files import is_behind_link, sha256, stamp
 from cmacexp.errors import BadRun
 
 MAX_CACHED_FILES = 4096
-"""Files whose hash is kept."""
 
 
 @lru_cache(MAX_CACHED_FILES)
@@ -47,12 +46,9 @@ def was_written(path: Path) -> bool:
 
 
 def require_intact(path: Path) -> Path:
-    """``path``, if this file of a run is as the run wrote it.
+    """``path``, if this file of a run is as the run wrote it, else raises BadRun.
 
     The files of a run that is still being written have nothing yet that they could be compared with.
-
-    Raises:
-        BadRun: it is missing, has changed, cannot be read, or the manifest of the run is damaged or does not list it.
     """
     manifest = _read_manifest(path.parent)
     if manifest is None:

@@ -55,12 +55,7 @@ class Sweep:
         """Left when the sweep is over, and when its jobs are."""
 
     def begin(self) -> None:
-        """Keep other sweeps out of the folder, and show how many jobs are done.
-
-        Raises:
-            BadInput: another sweep runs there, or tables in it are not those of a sweep.
-            OSError: the folder cannot be written.
-        """
+        """Keep other sweeps out of the folder, and show how many jobs are done; raises BadInput, OSError."""
         from cmacexp.data.folder import replacing  # here, because every command imports this file
         from cmacexp.data.manifest import SWEEP
         from cmacexp.experiment.workers import shared_progress
@@ -106,7 +101,6 @@ class Sweep:
 
 @cache
 def _is_group(loader: Any, key: str) -> bool:
-    """Whether a key chooses an option."""
     return bool(loader.get_group_options(key))
 
 

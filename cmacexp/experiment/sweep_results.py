@@ -23,7 +23,6 @@ from cmacexp.report.run_summary import Row, RunSummary, make_rows, print_runs, r
 from cmacexp.report.terminal import activity, print_next, say
 
 MAX_LISTED_FAILURES = 20
-"""Failures that are listed; more are only counted."""
 
 
 def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[Row]]:

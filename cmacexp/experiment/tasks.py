@@ -84,10 +84,8 @@ class Chunked:
 def start_tasks(name: str, settings: Sequence[str], count: int, folder: Path) -> RunAll:
     """So many tasks of a launcher of Hydra, for work that is no sweep; gives ``run_all(work, items)``.
 
-    Settings are as ``timeout_min=600``; ``folder`` holds the files of launcher and tasks.
-
-    Raises:
-        CmacexpError: there is no such launcher, or it has no such setting.
+    Settings are as ``timeout_min=600``; ``folder`` holds files of both. Raises CmacexpError if there is no such
+    launcher.
     """
     if name == "cores":
         raise BadInput("--launcher", name, "is for sweeps; without --launcher a study uses all cores")

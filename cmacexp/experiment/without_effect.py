@@ -58,7 +58,6 @@ def _holds(need: str, names: dict[str, Any]) -> bool:
 
 
 HYDRA_GROUP = "hydra"
-"""First part of keys that are Hydra's, not the run's."""
 
 
 class Typed(NamedTuple):

@@ -101,9 +101,6 @@ class CheckedFiles:
 
     They are pickles: a truncated one raises whatever it likes, and a wrong bit in machine code can crash the process.
     A file is the SHA-256 of the rest, then the pickled form and what it belongs to.
-
-    Args:
-        numbas: the files that numba would use.
     """
 
     def __init__(self, numbas: Any):

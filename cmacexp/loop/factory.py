@@ -13,7 +13,6 @@ from cmacexp.plants import Plant
 from cmacexp.sensors import Sensors
 
 PROTOCOLS = {"plant": Plant, "sensors": Sensors, "controller": Controller, "feedforward": Feedforward}
-"""Protocol of each component, by the key of its group."""
 
 
 def require_members(group: str, target: object, component: object) -> None:

@@ -28,7 +28,6 @@ TRACKING: dict[str, Metric[Block]] = {
     "transfer_rmse_y": transfer_rmse("y"),
     "support_rmse_x": support_rmse("x"),
 }
-"""Columns about position, by name."""
 
 
 def foot_rmse(block: Block) -> Array:

@@ -138,10 +138,8 @@ def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str],
     """The robot of an MJCF or URDF file; the last ones are kept.
 
     Each leg has the names of its hip, thigh and calf joint; a foot is a geom, site or body. At the joint angles
-    ``home``, (3,) or (4, 3), rad, the rule for the gains looks at the legs.
-
-    Raises:
-        BadInput: MuJoCo is missing or cannot read the file, or the model is no quadruped with three hinges a leg.
+    ``home``, (3,) or (4, 3), rad, the rule for the gains looks at the legs. Raises BadInput if MuJoCo is missing or
+    cannot read the file, or the model is no quadruped with three hinges a leg.
     """
     try:
         angles = np.array(home, dtype=float)

@@ -154,9 +154,8 @@ def _moving_load(walk: _Walk, desired: Array, joints: Array) -> BodyLoad:
 def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
     """Plan one cycle; without a feedforward that acts it stays in the stage BEFORE.
 
-    Raises:
-        BadInput: a foot path leaves the reach of its leg, or the gait is neither statically stable
-            nor one in which a swaying body keeps its balance.
+    Raises BadInput if a foot path leaves the reach of its leg, or the gait is neither statically stable nor one in
+    which a swaying body keeps its balance.
     """
     walk = _start_walk(config, mechanism)
     timing, feet = walk.timing, walk.feet

@@ -12,7 +12,6 @@ from cmacexp.recording.run_view import RunView
 from cmacexp.recording.write import write_views
 
 MOST_RUNS = 6
-"""Runs side by side at the most."""
 FEW = 3
 """Of more walks side by side each column is too narrow for a plot for each leg."""
 

@@ -87,7 +87,6 @@ class Renderer:
 
         self.folder, self.say = folder, say
         self.files: list[Path] = []
-        """Figures that were saved."""
         loader = FileSystemLoader(Path(__file__).parent)
         self.environment = Environment(loader=loader, autoescape=True, trim_blocks=True)
         self.environment.globals.update(save=self._save, describe=describe)

@@ -143,12 +143,9 @@ def require_learning(loop: RestorableLoop) -> None:
 def predicted_growth(config: Config, cycle: int | None = None, prepared: Scenario | None = None) -> Growth:
     """Predict the growth of learning, by running a few cycles in memory and linearising the loop there.
 
-    It is linearised after ``cycle`` cycles, by default at the calmest of the first MAX_CYCLES_BEFORE. A
-    prepared scenario of the config stays unchanged.
-
-    Raises:
-        NotPredictable: the loop has components that cannot be linearised, does not learn, or ends before.
-        BadInput: the machine cannot follow the plan.
+    It is linearised after ``cycle`` cycles, by default at the calmest of the first MAX_CYCLES_BEFORE. A prepared
+    scenario of the config stays unchanged. Raises NotPredictable if components cannot be linearised, nothing is
+    learnt, or it ends.
     """
     first = config.learning.start_cycle
     scenario = make_scenario(config) if prepared is None else prepared

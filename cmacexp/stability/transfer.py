@@ -101,10 +101,7 @@ def _replay(config: Config, cycle: int) -> tuple[RestorableLoop, Array]:
 def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Local]:
     """Linearise the loop without learning at some samples of the cycle that follows ``cycle`` cycles of learning.
 
-    The learned torque of that cycle is repeated.
-
-    Raises:
-        NotPredictable: the run ends before, or its components cannot be linearised.
+    The learned torque of that cycle is repeated. Raises NotPredictable if the run ends before.
     """
     loop, table = _replay(config, cycle)
     linearised = []

@@ -91,12 +91,9 @@ def compute_rise(levels: Array) -> tuple[float, float]:
 
 
 def assess(config: Config, prepared: Scenario | None = None, simulate: bool = True) -> Verdict:
-    """Say whether the learning of a config holds; a prepared scenario of it stays unchanged.
+    """Say whether the learning of a config holds; a prepared scenario of it stays unchanged. Raises BadInput.
 
     As many cycles as take a second are run in memory, MAX_CYCLES at most; MAX_CYCLES_BEFORE if not ``simulate``.
-
-    Raises:
-        BadInput: the machine cannot follow the plan.
     """
     scenario = make_scenario(config) if prepared is None else prepared
     try:

@@ -111,13 +111,6 @@ def test_odd_lattice_whose_layers_coincide_is_refused(layers, inputs):
     assert caught.value.key == "cmac.displacement"
 
 
-@pytest.mark.parametrize(("layers", "inputs"), [(32, 6), (32, 4), (16, 3), (64, 2), (35, 2), (7, 3)])
-def test_parks_militzer_lies_no_nearer_than_the_other_lattices(layers, inputs):
-    best = least_distance(DISPLACEMENTS["parks_militzer"](layers, inputs)[None], layers)
-    for name in ("diagonal", "odd_lattice"):
-        assert best >= least_distance(DISPLACEMENTS[name](layers, inputs)[None], layers)
-
-
 def least_distance_by_hand(vector, layers):
     """Smallest squared distance from the origin to another corner, by trying all of them."""
     shifts = ([j * c % layers for c in vector] for j in range(1, layers))
