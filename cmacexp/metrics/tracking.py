@@ -60,4 +60,3 @@ SPATIAL: dict[str, Metric[Block]] = {
         shown=Shown("joints", "mrad", 1e3, head="joint\nerror"),
     ),
 }
-"""Columns of a robot alone, by name."""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from cmacexp.errors import BadInput
-from cmacexp.metrics.text import format_number
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, at_most, between, grid, starting_from
 from cmacexp.study.curves import draw_cycles, over_setting
@@ -292,21 +291,6 @@ def test_a_ratio_is_that_of_the_same_seed_and_infinite_where_the_run_ended():
 def test_a_setting_that_is_a_word_in_some_runs_and_a_number_in_others_is_a_column_of_text():
     results = Results([*made(0.1, lead=1).rows, *made(0.1, lead="auto").rows])
     assert results.table["lead"].tolist() == ["1", "auto"]
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0.12345, "0.123"),
-        (12345.6, "12300"),
-        (-1e-7, "-1e-07"),
-        (math.inf, "infinite"),
-        (math.nan, "undefined"),
-        (3, "3"),
-    ],
-)
-def test_numbers_have_three_digits(value, text):
-    assert format_number(value) == text
 
 
 def test_the_claims_begin_with_the_count_and_the_meaning_of_each_verdict(tmp_path):
