@@ -94,14 +94,7 @@ class BadInput(CmacexpError):
 
 
 class BadComponent(BadInput):
-    """A component whose own code raised when it was imported or constructed.
-
-    Args:
-        key: as in :class:`BadInput`.
-        value: likewise.
-        reason: what it raised, as text; line breaks become spaces.
-        raised: what it raised.
-    """
+    """A component whose own code ``raised`` when it was imported or constructed; ``reason`` is that as text."""
 
     def __init__(self, key: str, value: object, reason: str, raised: BaseException):
         super().__init__(key, value, " ".join(reason.split()))

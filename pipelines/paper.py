@@ -6,7 +6,10 @@ was measured, then the sections of each study.
 
 from pathlib import Path
 
-from cmacexp.commands.study import command, study_parser, write_collection
+from cmacexp.commands.study import FOLDER_KEY, Options, command, print_claims, study_parser, write_studies
+from cmacexp.data.folder import replacing
+from cmacexp.data.manifest import REPORT
+from cmacexp.study.page import write_page
 from cmacexp.study.study import load_study
 
 STUDIES = ("lead_design", "force_methods", "one_leg_learning", "quadruped_walking", "cmac_size", "assumptions")
@@ -17,15 +20,18 @@ QUESTION = (
 )
 
 
-def main() -> None:
-    """Run all studies and write one report."""
+def write(options: Options) -> Path:
+    """Run all studies and write one page over them; returns it."""
     folder = Path(__file__).parent
-    command(
-        study_parser("pipelines.paper", QUESTION),
-        lambda arguments, options: write_collection(
-            "paper", TITLE, QUESTION, [load_study(folder / f"{name}.py") for name in STUDIES], options
-        ),
-    )
+    studies = write_studies([load_study(folder / f"{name}.py") for name in STUDIES], options)
+    print_claims(studies)
+    with replacing(options.place("paper"), FOLDER_KEY, REPORT) as place:
+        return write_page(TITLE, QUESTION, studies, place, options.quick)
+
+
+def main() -> None:
+    """Run the command."""
+    command(study_parser("pipelines.paper", QUESTION), lambda arguments, options: write(options))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from cmacexp.data.tables import read_traces
 from cmacexp.planning.stability import FRONT, REAR, STABILITY
 from cmacexp.recording.run_view import RunView, make_view
 from cmacexp.study import Results
-from cmacexp.study.samples import Sample, over_history
+from cmacexp.study.samples import Sample
 from cmacexp.typing import Array, Mask
 
 if TYPE_CHECKING:
@@ -214,6 +214,16 @@ def late(column: str, worst: float = 0.0) -> Sample:
     def sample(results: Results) -> Array:
         values = event(column, lambda values: float(np.median(values[-LATE:])) if len(values) else worst)(results)
         return np.where(results.completed, values, worst)
+
+    return sample
+
+
+def over_history(name: str, reduce: Callable[[Array], float]) -> Sample:
+    """All cycles of a metric reduced to a number, for each run; infinite of one that ended before."""
+
+    def sample(results: Results) -> Array:
+        found = zip(results.completed, results.history(name), strict=True)
+        return np.array([reduce(values) if done else np.inf for done, values in found])
 
     return sample
 

@@ -70,18 +70,9 @@ DISPLACEMENTS = {"diagonal": diagonal, "odd_lattice": odd_lattice, "parks_militz
 
 
 def displacement(name: str, layers: int, inputs: int) -> NDArray[np.int64]:
-    """Shift of every layer along every input, in quanta.
+    """Shift (C, n) of each of C layers along each of n inputs, 0 to C - 1 quanta, by one of :data:`DISPLACEMENTS`.
 
-    Args:
-        name: ``diagonal``, ``odd_lattice`` or ``parks_militzer``.
-        layers: C.
-        inputs: n.
-
-    Returns:
-        (C, n), each from 0 to C - 1.
-
-    Raises:
-        BadInput: a component of the vector shares a factor with the number of layers.
+    Raises BadInput if a component of the vector shares a factor with the number of layers.
     """
     vector = DISPLACEMENTS[name](layers, inputs)
     shared = [int(c) for c in vector if math.gcd(int(c), layers) != 1]
@@ -143,12 +134,9 @@ class Address(NamedTuple):
 
 @kernel
 def address(params: Address, inputs: Array, cells: Cells) -> None:
-    """Rows that one input activates, or each input of a batch.
+    """Fill ``cells`` (C,) with the row of each layer that one input (n,), clipped to its range, activates.
 
-    Args:
-        params: addressing of the CMAC.
-        inputs: (n,) or (n, samples): clipped to their ranges.
-        cells: (C,) or (C, samples): filled with one row per layer.
+    Or (C, samples) with those of a batch of inputs (n, samples).
     """
     layers, dimensions = params.displacement.shape
     quanta = (params.resolution_elements - 1) * layers

@@ -30,14 +30,9 @@ def spline(kind: int, place: float) -> float:
 def activate(params: Address, kind: int, inputs: Array, activation: Array) -> None:
     """Activations of the cells of one input (n,): products of splines over all inputs, normalised to the sum C.
 
-    The sum is C as in the paper, because a product of many splines is small almost everywhere. As long as that sum
-    is not 0 the output is continuous: the input leaves a cell where its activation is 0.
-
-    Args:
-        params: addressing of the CMAC.
-        kind: of the receptive field.
-        inputs: (n,): the input; outside its range it is clipped.
-        activation: (C,): filled; ones if all products are 0.
+    The sum is C as in the paper, because a product of many splines is small almost everywhere. As long as that sum is
+    not 0 the output is continuous: the input leaves a cell where its activation is 0. Outside its range an input is
+    clipped. Fills ``activation`` (C,), with ones if all products are 0.
     """
     layers, dimensions = params.displacement.shape
     quanta = (params.resolution_elements - 1) * layers

@@ -73,22 +73,14 @@ def strength_needs(key: str) -> tuple[str, ...]:
 
 
 def find_rule(name: str) -> Rule:
-    """The rule of that name.
-
-    Raises:
-        BadInput: there is none.
-    """
+    """The rule of that name; raises BadInput."""
     if name not in RULES:
         raise BadInput("learning.rule", name, "choose from " + ", ".join(RULES))
     return RULES[name]
 
 
 def make_rule(config: LearningConfig, activation: Array) -> RuleParams:
-    """The rule of a config, for a network with ``activation`` (N, L, C) along the plan.
-
-    Raises:
-        BadInput: the rule needs several active weights and the network has one.
-    """
+    """The rule of a config, for a network with ``activation`` (N, L, C) along the plan; raises BadInput."""
     rule = find_rule(config.rule)
     strength = float(getattr(config, rule.strength)) if rule.strength else 0.0
     if rule.params.goal == MEAN and activation.shape[2] == 1:
@@ -157,15 +149,10 @@ def pull(rule: RuleParams, rate: float, error: float) -> float:
 def train_by_rule(
     rule: RuleParams, weights: Array, cells: Cells, activation: Array, error: Array, rate: float
 ) -> None:
-    """One step of learning: every active weight changes in proportion to its activation.
+    """One step of learning: every active weight changes in proportion to its ``activation`` (C,), 0 or more.
 
-    Args:
-        rule: any but one that teaches neighbouring steps, see :func:`cmacexp.cmac.spread.train_spread`.
-        weights: (rows, outputs): changed in place.
-        cells: (C,): active rows.
-        activation: (C,): activation of each of them, 0 or more.
-        error: (outputs,): U, the output of the feedback controller, N m.
-        rate: beta.
+    Changes the rows ``cells`` (C,) of ``weights`` (rows, outputs) by ``error`` (outputs,), U, the output of the
+    feedback controller, N m. For rules that teach neighbouring steps see :func:`cmacexp.cmac.spread.train_spread`.
     """
     power, largest = 0.0, 0.0
     for j in range(cells.shape[0]):

@@ -23,11 +23,7 @@ def binomial(window: int) -> Array:
 
 
 def _check_window(cells: Cells, window: int) -> None:
-    """Check that a window is shorter than the cycle, and gives no more weights than memory and time allow.
-
-    Raises:
-        BadInput: it is not.
-    """
+    """Check that a window is shorter than the cycle, and gives no more weights than memory and time allow."""
     samples = len(cells)
     if 2 * window + 1 > samples:
         raise BadInput("learning.window", window, f"must be below {(samples + 1) // 2}, half the samples of a cycle")
@@ -37,19 +33,12 @@ def _check_window(cells: Cells, window: int) -> None:
 
 
 def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, Array]:
-    """Weights that learn from the error of each sample, and their shares.
+    """Weights that learn from the error of each sample, and their shares, (N, L, K) each.
 
-    Args:
-        cells: (N, L, C): active weights of each sample of the cycle.
-        activation: (N, L, C): activation of each of them.
-        window: samples on each side.
-
-    Returns:
-        Cells and shares (N, L, K). The share of a weight is the sum of g_m a_j / sum a_i^2 over the neighbouring
-        samples in which it is active; zeros follow the last one.
-
-    Raises:
-        BadInput: the window is wider than the cycle, or gives too many weights.
+    ``cells`` (N, L, C) are the active weights of each sample of the cycle, with their ``activation``; ``window`` is
+    that of samples on each side. The share of a weight is the sum of g_m a_j / sum a_i^2 over the neighbouring
+    samples in which it is active; zeros follow the last one. Raises BadInput if the window is wider than the cycle,
+    or gives too many weights.
     """
     samples, legs, active = cells.shape
     _check_window(cells, window)
@@ -75,13 +64,9 @@ def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, 
 def train_spread(weights: Array, cells: Cells, share: Array, error: Array, rate: float, leakage: float) -> None:
     """Add beta s_j (U - leakage W_j) to every weight that learns from the error.
 
-    Args:
-        weights: (rows, outputs): changed in place.
-        cells: (K,): rows.
-        share: (K,): s_j; the first zero marks the end.
-        error: (outputs,): U, the output of the feedback controller, N m.
-        rate: beta.
-        leakage: of one weight; C times that of an output that is the sum of C equal weights.
+    Changes the rows ``cells`` (K,) of ``weights`` (rows, outputs) by their ``share`` (K,), s_j, of which the first
+    zero marks the end, of ``error`` (outputs,), U, N m. ``leakage`` is that of one weight: C times that of an output,
+    which is the sum of C equal weights.
     """
     for j in range(cells.shape[0]):
         if share[j] == 0.0:

@@ -23,13 +23,7 @@ def report_usage(parser: argparse.ArgumentParser, message: str) -> NoReturn:
 
 
 class Parser(argparse.ArgumentParser):
-    """Reads the arguments of a command.
-
-    Args:
-        name: of its module, ``cmacexp.score``.
-        description: what it does, for ``--help``.
-        folders: whether it takes folders of runs.
-    """
+    """Reads the arguments of a command, of the module ``name``; ``folders``: it takes folders of runs."""
 
     error = report_usage
 
@@ -48,14 +42,10 @@ def describe_error(error: BaseException) -> str:
 
 
 def run_command(work: Callable[[], int], hint: str = "") -> int:
-    """Do the work of a command; its exit code.
+    """Do the work of a command; its exit code. ``hint`` says what to do after an interrupt.
 
     Errors of this project are about its input. Errors of the operating system, such as a full disk, need no stack
     trace; any other error is raised.
-
-    Args:
-        work: returns an exit code.
-        hint: what to do after an interrupt.
     """
     gc.set_threshold(200_000)  # what a command imports and makes is rarely garbage; looking for it takes a tenth
     atexit.register(gc.freeze)  # else Python looks once more as it ends, which takes longer still

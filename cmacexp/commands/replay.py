@@ -21,7 +21,6 @@ from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.terminal import activity, say
 
 COMPARISONS = Path("outputs", "comparisons")
-"""Default folder of comparisons."""
 LONGEST_NAME = 120
 """Most characters in the name of the file of a comparison."""
 
@@ -48,12 +47,7 @@ def _kept(folder: Path) -> dict[int, int]:
 
 
 def rebuild(folder: Path, path: Path, options: Options) -> str:
-    """Write the recording of a run from its trace; returns a description of its content.
-
-    Raises:
-        BadRun: the run has no readable trace or manifest, or no step.
-        BadInput: the run does not have the requested cycles or steps, or another process writes to its folder.
-    """
+    """Write the recording of a run from its trace; returns a description of its content."""
     from cmacexp.recording.window import make_window, read_cycles
     from cmacexp.recording.write import write_recording
 
@@ -72,12 +66,7 @@ def rebuild(folder: Path, path: Path, options: Options) -> str:
 
 
 def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
-    """Write one recording of several runs side by side; returns a description of its content.
-
-    Raises:
-        BadRun: a run has no readable trace or manifest, or no step; there are too many.
-        BadInput: the runs do not have the requested cycles or steps.
-    """
+    """Write one recording of several runs side by side; returns a description of its content."""
     from cmacexp.config.difference import labels
     from cmacexp.recording.compare import MOST_RUNS, write_comparison
     from cmacexp.recording.run_view import make_view

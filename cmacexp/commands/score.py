@@ -20,12 +20,7 @@ from cmacexp.report.terminal_tables import print_key, print_scores
 
 
 def score(folder: Path) -> Scores:
-    """Compute and write the metrics of a run again.
-
-    Raises:
-        BadRun: its trace or manifest is missing, has changed or cannot be read.
-        BadInput: another process writes to its folder.
-    """
+    """Compute and write the metrics of a run again; raises BadRun if its trace is not as it was written."""
     with updating(folder) as place:
         run = StoredRun(folder)
         require_intact(folder / TRACE)  # a run without one has a config of any kind

@@ -12,7 +12,6 @@ from cmacexp.report.terminal import activity, say
 from cmacexp.report.terminal_tables import print_table
 
 FOLDER = "stability"
-"""Folder of the page, in that of the run."""
 
 
 def _analyse(arguments: argparse.Namespace) -> int:

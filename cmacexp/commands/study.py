@@ -126,14 +126,6 @@ def write_study(file: StudyFile, options: Options) -> Path:
     return options.place(file.name) / HTML
 
 
-def write_collection(name: str, title: str, question: str, files: Sequence[StudyFile], options: Options) -> Path:
-    """Run several studies and write a page over all of them; returns it."""
-    studies = write_studies(files, options)
-    print_claims(studies)
-    with replacing(options.place(name), FOLDER_KEY, REPORT) as place:
-        return write_page(title, question, studies, place, options.quick)
-
-
 def print_claims(studies: Sequence[Evaluated]) -> None:
     """Print the verdicts of studies as a table."""
     rows = [
@@ -173,12 +165,7 @@ def _positive(text: str) -> int:
 
 
 def command(parser: Parser, work: Callable[[argparse.Namespace, Options], Path]) -> NoReturn:
-    """Run studies from the command line, and exit.
-
-    Args:
-        parser: see :func:`study_parser`.
-        work: writes the reports; returns the page to open.
-    """
+    """Run studies from the command line, and exit; ``work`` writes the reports and returns the page to open."""
 
     def run() -> int:
         arguments = parser.parse_args()

@@ -18,11 +18,7 @@ RERUN = (sys.executable, "-m", "rerun", "--bind", HOST)
 
 
 def require_display() -> None:
-    """Check that a window can be opened.
-
-    Raises:
-        CmacexpError: this is Linux without a display.
-    """
+    """Check that a window can be opened; raises CmacexpError on Linux without a display."""
     if sys.platform == "linux" and not any(os.environ.get(name) for name in DISPLAYS):
         raise CmacexpError(
             "no display (DISPLAY and WAYLAND_DISPLAY are not set): --web serves the viewer for a browser, "
@@ -47,11 +43,7 @@ def _answers(port: int) -> bool:
 
 
 def serve_web(recording: Path) -> int:
-    """Serve a recording and the viewer for a browser of this machine until interrupted; the exit code of the server.
-
-    Raises:
-        KeyboardInterrupt: the command was interrupted, after the server has ended.
-    """
+    """Serve a recording and the viewer for a browser of this machine until interrupted; the server's exit code."""
     page, data = _free_port(), _free_port()
     ports = ("--serve-web", "--web-viewer-port", str(page), "--port", str(data))
     # Its own group: Ctrl-C reaches this process alone, which then ends the server and what it has started.

@@ -92,11 +92,7 @@ def _mistake(config: Config, key: str, allowed: str) -> BadInput:
 
 
 def check(config: Config) -> None:
-    """Check every field, and every combination that can be judged before planning.
-
-    Raises:
-        BadInput: names the key, the value, what is allowed and how to mend it.
-    """
+    """Check every field, and every combination that can be judged before planning; raises BadInput."""
     check_fields(config)
     check_robot(config)
     for find_mistakes in CHECKS:

@@ -44,11 +44,7 @@ class CmacConfig:
 
 
 def check_size(cmac: CmacConfig, inputs: int, outputs: int) -> None:
-    """Check that the memory holds one weight per layer and output, and all cells if addressing is dense.
-
-    Raises:
-        BadInput: the memory is too small.
-    """
+    """Check that memory holds a weight per layer and output, and all cells if it is dense; raises BadInput."""
     least = cmac.layers * outputs * WORD_BYTES
     if cmac.memory_bytes < least:
         allowed = f"must be at least {least} B, one float64 per layer and output ({cmac.layers} layers)"

@@ -99,11 +99,6 @@ def _fields_of_options(group: str) -> set[str]:
 def fit_fields(group: str, node: Mapping[str, Any], component: Callable[..., object]) -> dict[str, Any]:
     """A config node without the fields of options that its class does not take: it may have replaced an option.
 
-    Args:
-        group: of the component.
-        node: its ``_target_`` and fields.
-        component: the class that it names.
-
     Raises:
         BadInput: a field is of no option and the class does not take it, or the class needs one that is missing.
     """

@@ -113,12 +113,7 @@ _Dumper.add_representer(str, _Dumper.represent_text)
 
 
 def make_record(composed: Node, hydra: Node) -> dict[str, str]:
-    """The files that Hydra writes unless ``hydra.output_subdir`` is null, by name.
-
-    Args:
-        composed: the config of the run, as Hydra gives it to its task.
-        hydra: Hydra's own config.
-    """
+    """The files, by name, that Hydra writes unless ``hydra.output_subdir`` is null."""
     config, own = map(_make_plain, (composed, hydra))
     nodes: dict[str, Any] = {"config": config, "hydra": {"hydra": own}, "overrides": own["overrides"]["task"]}
     return {f"{name}.yaml": yaml.dump(node, Dumper=_Dumper, sort_keys=False) for name, node in nodes.items()}

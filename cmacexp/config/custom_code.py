@@ -18,12 +18,7 @@ PACKAGE = __name__.partition(".")[0]
 def custom_code_hash(config: Config, *components: object) -> str | None:
     """SHA-256 of the code of the custom components of a run, as it was imported; None: all are built in.
 
-    Args:
-        config: of the run.
-        components: those that it made or was given; none: those that the config names.
-
-    Raises:
-        BadInput: one that the config names cannot be imported.
+    Without ``components`` that were made or given, it is that of those that the config names; raises BadInput.
     """
     classes = [type(component) for component in components] or [_find(config, group) for group in COMPONENTS]
     hashes = [_hash(each.__module__) for each in classes if each.__module__.partition(".")[0] != PACKAGE]

@@ -31,9 +31,6 @@ def describe_fields(config: Mapping[str, Any]) -> dict[str, Described]:
     """Unit and meaning of the fields of a config, by the keys of :func:`cmacexp.config.difference.flat`.
 
     Fields of a component without a ``Config``, or whose class cannot be imported here, are missing.
-
-    Args:
-        config: as it stands in a manifest.
     """
     return dict(_describe(Config, config, ""))
 

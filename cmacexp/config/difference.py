@@ -11,12 +11,7 @@ MOST_KEYS = 3
 
 
 def flat(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """A config as dotted keys with their values; a ``_target_`` as its group with its option.
-
-    Args:
-        config: as it stands in a manifest.
-        before: what the keys begin with.
-    """
+    """A config as dotted keys, which begin with ``before``; a ``_target_`` as its group with its option."""
     found: dict[str, Any] = {}
     for key, value in config.items():
         if isinstance(value, Mapping):
@@ -43,12 +38,7 @@ def _text(value: Any) -> str:
 
 
 def labels(configs: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[str]:
-    """A name for each of several runs: the values in which they differ, else the name of its folder.
-
-    Args:
-        configs: as they stand in the manifests.
-        names: of the folders, in the same order.
-    """
+    """A name for each of several runs: the values in which they differ, else the name of its folder."""
     differing = differences(configs)
     scenarios = [str(config["scenario"]) for config in configs]
     if len(set(scenarios)) == len(configs):

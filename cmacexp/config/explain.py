@@ -20,12 +20,7 @@ COMPOSITION_ERRORS = (HydraException, OmegaConfBaseException, YAMLError)
 
 
 def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
-    """The message of an error that Hydra raised, in one line.
-
-    Args:
-        error: what Hydra raised while it composed.
-        overrides: the command line.
-    """
+    """The message, in one line, of an error that Hydra raised while it composed a command line."""
     if (mistake := find_mistake(error)) is not None:
         return str(mistake)
     text, cause = " ".join(str(error).split()), error.__cause__
@@ -50,7 +45,6 @@ def explain_composition(error: Exception, overrides: Sequence[str]) -> str:
 
 
 def _explain_option(path: str, options: Sequence[str]) -> str:
-    """Why the option at ``path`` (``group/name``) does not exist."""
     group, _, name = path.rpartition("/")
     if command := format_install_command(path):
         return f"{group}={name}: is not installed: {command}"

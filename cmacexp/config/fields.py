@@ -13,7 +13,6 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 from cmacexp.errors import BadInput
 
 TYPES = {int: "a whole number", float: "a number", bool: "true or false", str: "a word"}
-"""Types of values in words."""
 FLAGS = dict.fromkeys(("true", "yes", "on", "y", "1"), True) | dict.fromkeys(("false", "no", "off", "n", "0"), False)
 """What can be typed for a flag."""
 BOUNDS = {"above": operator.gt, "at least": operator.ge, "below": operator.lt, "at most": operator.le}
@@ -92,7 +91,6 @@ def _check_field(key: str, value: object, metadata: dict[str, Any]) -> None:
 
 @cache
 def _declared_types(schema: Any) -> dict[str, Any]:
-    """Types of the fields of a dataclass."""
     return get_type_hints(schema)
 
 
@@ -147,13 +145,8 @@ def _convert(value: Any, declared: Any, key: str) -> Any:
 def make_config(schema: Any, node: Mapping[str, Any], key: str = "") -> Any:
     """A config dataclass of plain values, as YAML holds them; :func:`check_fields` checks their types and ranges.
 
-    Args:
-        schema: the dataclass.
-        node: values by the names of its fields.
-        key: the config key of ``node``, empty at the root.
-
     Raises:
-        BadInput: a key is not that of a field, or a field without default is missing.
+        BadInput: a key below ``key`` is not that of a field, or a field without default is missing.
     """
     before, types = f"{key}." if key else "", _declared_types(schema)
     declared = {each.name: each for each in fields(schema)}
@@ -170,12 +163,8 @@ def make_config(schema: Any, node: Mapping[str, Any], key: str = "") -> Any:
 def check_fields(node: object, prefix: str = "") -> None:
     """Check every field of a config dataclass, and of those inside it, against its type and range.
 
-    Args:
-        node: a config dataclass.
-        prefix: the config key of ``node``, empty at the root.
-
     Raises:
-        BadInput: names the key, the value, and the type or range of the first field outside it.
+        BadInput: names the key below ``prefix``, the value, and the type or range of the first field outside it.
     """
     if not is_dataclass(node):
         return

@@ -16,9 +16,6 @@ def skip_mode_lookup(arguments: Sequence[str]) -> None:
 
     No shipped config sets ``hydra.mode``; where the command line could, Hydra looks as usual. Measured by
     ``benchmarks/command.py``, row "without Hydra's private names".
-
-    Args:
-        arguments: the command line.
     """
     if __version__.startswith(KNOWN) and not any(
         "hydra.mode" in text or text.startswith(("-cd", "-cn", "-cp", "--config-")) for text in arguments

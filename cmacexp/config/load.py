@@ -59,16 +59,10 @@ def _list_groups() -> list[str]:
 
 
 def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
-    """Type and check a composed config.
-
-    Args:
-        composed: what Hydra composed, or plain values, as the ``config`` of a manifest.
-
-    Returns:
-        The config; every value in its range, every combination of values possible.
+    """Type and check what Hydra composed, or plain values, as the ``config`` of a manifest.
 
     Raises:
-        BadInput: names the first key that is wrong.
+        BadInput: names the first key that is wrong; every value must be in its range, every combination possible.
     """
     plain: Any = composed
     try:
@@ -95,10 +89,6 @@ def to_plain(config: Config) -> dict[str, Any]:
 
 
 def config_hash(plain: dict[str, Any]) -> str:
-    """SHA-256 of all that changes the results of a run.
-
-    Args:
-        plain: a config as :func:`to_plain` gives it.
-    """
+    """SHA-256 of all that changes the results of a run, of a config as :func:`to_plain` gives it."""
     kept = {key: value for key, value in plain.items() if key not in WITHOUT_EFFECT}
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()

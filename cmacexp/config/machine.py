@@ -139,11 +139,7 @@ def ask_for_robot(machine: RobotModel) -> BadInput:
 
 
 def read_model(machine: RobotModel) -> Robot:
-    """The robot that a config names.
-
-    Raises:
-        BadInput: there is no such model, or it is no quadruped with three hinges a leg.
-    """
+    """The robot that a config names; raises BadInput if there is no such model, or it is no quadruped."""
     return read_robot(find_model(machine.model, machine.path), machine.joints, machine.feet, machine.home)
 
 

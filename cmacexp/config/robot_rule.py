@@ -38,15 +38,9 @@ DIGITS = 6
 
 
 def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
-    """The value of ``${rule:NAME}``.
+    """The value of ``${rule:NAME}``: one of :data:`PERIODS` or :data:`STRIDE`, a field of ``Basis`` or ``Gains``.
 
-    Args:
-        name: ``sampling_period``, one of :data:`STRIDE`, or a field of :class:`cmacexp.models.robot_gains.Basis` or
-            :class:`cmacexp.models.robot_gains.Gains`.
-        _root_: the config.
-
-    Raises:
-        BadInput: there is no such name, the machine is no robot, or the rule does not serve it.
+    Raises BadInput if there is no such name, the machine is no robot, or the rule does not serve it.
     """
     if name in STRIDE:
         return STRIDE[name](_root_)

@@ -45,11 +45,7 @@ def current_folder_importable() -> Iterator[None]:
 
 
 def find_class(key: str, target: object) -> type[Any]:
-    """Import the class that ``target`` names; nothing but the import of its module runs code.
-
-    Args:
-        key: the config key of the target, ``controller._target_``.
-        target: ``module.Class``.
+    """Import the class that ``target`` names as ``module.Class``; nothing but the import of its module runs code.
 
     Raises:
         BadInput: there is no such class; as :class:`BadComponent` with the traceback of what its module raised.
@@ -72,12 +68,7 @@ def find_class(key: str, target: object) -> type[Any]:
 
 
 def _import(key: str, target: str, name: str) -> ModuleType:
-    """Import a module by its full name.
-
-    Raises:
-        BadInput: there is none, or it needs one that is not installed.
-        BadComponent: it raises when it is imported.
-    """
+    """Import a module by its full name; raises BadInput or, with what the module raised, BadComponent."""
     if name not in sys.modules:
         importlib.invalidate_caches()  # a file may have been written a moment ago
     try:

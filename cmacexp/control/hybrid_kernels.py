@@ -176,14 +176,10 @@ def hybrid_feedback(
     reference: Array,
     observation: Observation,
 ) -> None:
-    """Feedback torques of all legs; fills ``state``.
+    """Feedback torques of all legs; ``state`` of the last step becomes that of this one.
 
-    Args:
-        params: gains and geometry.
-        state: of the last step, becomes that of this one.
-        support: (L,): force control along y where true, position control elsewhere.
-        reference: (L, columns): a row of the plan, see :mod:`cmacexp.planning.columns`.
-        observation: what sensors measure.
+    A leg with ``support`` (L,) is under force control along y, else under position control; ``reference`` (L,
+    columns) is a row of the plan, see :mod:`cmacexp.planning.columns`.
     """
     foot, velocity, geometry = observation.foot, observation.velocity, observation.geometry
     pose = make_pose(observation.body) if has_body(params.mechanism) else LEVEL

@@ -9,7 +9,6 @@ from cmacexp.data.files import NEW
 from cmacexp.errors import BadInput, BadRun
 
 HYDRA_FOLDER = ".hydra"
-"""Folder of Hydra's own record, in that of a run."""
 
 
 def is_run(folder: Path) -> bool:
@@ -30,9 +29,7 @@ def _is_result(folder: Path) -> bool:
 def walk(folder: Path, skipped: Callable[[OSError], None] | None = None) -> Iterator[Path]:
     """``folder`` and all folders below it, but for hidden ones; links are not followed.
 
-    Args:
-        folder: where to begin.
-        skipped: is called with the error of a folder that cannot be read.
+    ``skipped`` is called with the error of a folder that cannot be read.
     """
     for place, inside, _ in os.walk(folder, onerror=skipped):
         inside[:] = sorted(name for name in inside if name[0] != ".")
@@ -52,11 +49,7 @@ def _refuse(error: OSError) -> None:
 
 
 def runs_below(folder: Path) -> list[Path]:
-    """``folder`` if it is a run, else all runs below it, in order.
-
-    Raises:
-        BadRun: the folder does not exist, holds no run, or has one below it that cannot be read.
-    """
+    """``folder`` if it is a run, else all runs below it, in order; raises BadRun if there is none to be read."""
     if not folder.is_dir() or is_run(folder):
         return _require_some(folder, [folder])
     return _require_some(folder, filter(is_run, walk(folder, _refuse)))
@@ -65,10 +58,7 @@ def runs_below(folder: Path) -> list[Path]:
 def everything_below(folder: Path) -> list[Path]:
     """All that can be verified: runs, reports and tables of sweeps from ``folder`` on, inside of runs too, in order.
 
-    A folder that cannot be read is one of them.
-
-    Raises:
-        BadRun: the folder does not exist, or holds nothing of the kind.
+    A folder that cannot be read is one of them. Raises BadRun if there is nothing.
     """
     unreadable: list[OSError] = []
     results = {*filter(_is_result, walk(folder, unreadable.append))}
@@ -76,11 +66,7 @@ def everything_below(folder: Path) -> list[Path]:
 
 
 def require_place(key: str, folder: Path) -> Path:
-    """``folder`` if it is a folder or can be created.
-
-    Raises:
-        BadInput: a file has this path, or that of a parent.
-    """
+    """``folder`` if it is a folder or can be created; raises BadInput if it or a parent is a file."""
     for path in (folder, *folder.parents):
         if path.exists():
             if not path.is_dir():

@@ -29,10 +29,7 @@ def open_file(path: Path) -> BufferedReader:
 def stamp(path: Path) -> tuple[int, ...]:
     """What changes whenever a file changes, unless it has just been written: device, inode, size and times.
 
-    Of one that has just been written it is never the same twice.
-
-    Raises:
-        OSError: there is no such file.
+    Of one that has just been written it is never the same twice. Raises OSError if there is none.
     """
     status, now = path.lstat(), time.time_ns()
     times = status.st_mtime_ns, status.st_ctime_ns
@@ -47,10 +44,6 @@ def is_behind_link(folder: Path, name: str) -> bool:
 
 
 def sha256(path: Path) -> str:
-    """SHA-256 of a file.
-
-    Raises:
-        OSError: as :func:`open_file`.
-    """
+    """SHA-256 of a file; raises OSError as :func:`open_file`."""
     with open_file(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -29,7 +29,6 @@ LOCK = ".cmacexp-lock"
 HTML, FIGURES = "report.html", "figures"
 """The page of a report, and the folder of its figures."""
 TABLE, TABLE_CSV = "sweep.parquet", "sweep.csv"
-"""The table of a sweep."""
 FILES = {
     None: (TRACE, BODY, MEMORY, METRICS, METRICS_CSV, BODY_METRICS, RECORDING, WEIGHTS, f"{HYDRA_FOLDER}/*.yaml"),
     manifests.REPORT: (HTML, "*.json", "*.parquet", f"{FIGURES}/*.svg", f"{FIGURES}/*.png"),
@@ -59,11 +58,7 @@ def _full_disk_named(path: Path) -> Iterator[None]:
 
 @contextmanager
 def write_atomically(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside ``path``; rename it to ``path`` when the block succeeds, else remove it.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Yield a temporary path beside ``path``; rename it to ``path`` when the block succeeds, else remove it."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     with _full_disk_named(path):
         temporary.unlink(missing_ok=True)
@@ -85,15 +80,8 @@ def _sync(path: Path) -> None:
 def locked(folder: Path, key: str, wait: bool = False) -> Iterator[None]:
     """Lock ``folder``, which is made if missing, against other processes; the lock ends with the process.
 
-    On a file system without locks nothing is locked.
-
-    Args:
-        folder: to lock.
-        key: what names the folder on the command line, for the message.
-        wait: until another process unlocks it.
-
-    Raises:
-        BadInput: another process has locked it, and this one is not to wait, or it cannot be made or written.
+    On a file system without locks nothing is locked. Raises BadInput if it cannot be written, or another process has
+    locked it, and this one is not to ``wait``.
     """
     path = folder / LOCK
     try:
@@ -173,12 +161,10 @@ class Place:
         path.write_text(text, encoding="utf-8")
 
     def commit(self, manifest: dict[str, Any], sync: bool = True) -> None:
-        """Replace the earlier result.
+        """Replace the earlier result; files of it that the manifest lists stay.
 
-        Args:
-            manifest: of the new result; lists files of the earlier one that stay, too.
-            sync: whether all files, and not only the manifest, are on the disk before they replace anything. Without
-                that a file that a power failure cuts short no longer has the hash that the manifest lists.
+        Without ``sync`` only the manifest is sure to be on the disk then: a file that a power failure cuts short no
+        longer has the hash that the manifest lists.
 
         Raises:
             BadInput: the folder holds a file of the same name that is not of the earlier result; nothing is replaced.
@@ -276,12 +262,8 @@ def _require_kind(manifest: dict[str, Any], folder: Path, key: str, kind: str | 
 def replacing(folder: Path, key: str, kind: str | None = None, wait: bool = False) -> Iterator[Place]:
     """Lock a folder to replace its result; what is not committed in the block is removed at its end.
 
-    Args:
-        folder: made if missing, and removed if it stays empty. May hold an earlier result of the same kind, and files
-            of other names.
-        key: what names the folder on the command line.
-        kind: of the result; a run has none.
-        wait: until no other process writes there.
+    The folder is made if missing, and removed if it stays empty. It may hold an earlier result of the same kind, and
+    files of other names. ``key`` is what names it on the command line. With ``wait`` another writer ends first.
 
     Raises:
         BadInput: another process writes there, or something would be replaced that is not of an earlier result.
@@ -305,21 +287,13 @@ def replacing(folder: Path, key: str, kind: str | None = None, wait: bool = Fals
 
 
 def updating(folder: Path) -> AbstractContextManager[Place]:
-    """Lock the folder of a run in which only some files are written anew, see :func:`replacing`.
-
-    Raises:
-        BadRun: the folder holds no run.
-    """
+    """Lock the folder of a run in which only some files are written anew, see :func:`replacing`; raises BadRun."""
     manifests.read_file(folder / manifests.NAME)
     return replacing(folder, GIVEN_KEY)
 
 
 def require_no_link(folder: Path) -> Path:
-    """``folder``, a default one inside that of a run, unless it is a link, which could lead out of the run.
-
-    Raises:
-        BadInput: it is one.
-    """
+    """``folder``, by default inside that of a run; raises BadInput if it is a link, which could lead out."""
     if folder.is_symlink():
         raise BadInput(OUT_KEY, folder, "is a link, which is not followed; name a folder")
     return folder

@@ -9,7 +9,6 @@ from cmacexp.data.files import is_behind_link, sha256, stamp
 from cmacexp.errors import BadRun
 
 MAX_CACHED_FILES = 4096
-"""Files whose hash is kept."""
 
 
 @lru_cache(MAX_CACHED_FILES)
@@ -41,22 +40,15 @@ def find_fault(folder: Path, name: str, expected: str) -> str | None:
 
 
 def was_written(path: Path) -> bool:
-    """Whether the run in whose folder ``path`` lies wrote that file.
-
-    Raises:
-        BadRun: the manifest of the run is damaged.
-    """
+    """Whether the run in whose folder ``path`` lies wrote that file; raises BadRun if its manifest is damaged."""
     manifest = _read_manifest(path.parent)
     return path.is_file() if manifest is None else path.name in manifest["files"]
 
 
 def require_intact(path: Path) -> Path:
-    """``path``, if this file of a run is as the run wrote it.
+    """``path``, if this file of a run is as the run wrote it, else raises BadRun.
 
     The files of a run that is still being written have nothing yet that they could be compared with.
-
-    Raises:
-        BadRun: it is missing, has changed, cannot be read, or the manifest of the run is damaged or does not list it.
     """
     manifest = _read_manifest(path.parent)
     if manifest is None:

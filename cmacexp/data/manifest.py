@@ -107,11 +107,7 @@ def read(folder: Path) -> Manifest:
 
 
 def read_file(path: Path) -> Manifest:
-    """A manifest as in :func:`read`, of a result that may be being replaced; it must be as written, byte for byte.
-
-    Raises:
-        BadRun: as :func:`read`.
-    """
+    """:func:`read` for a file, of a result that may be being replaced; it must be as written, byte for byte."""
     try:
         manifest: Manifest = json.loads(_read_checked(path, stamp(path)))
     except (FileNotFoundError, NotADirectoryError):

@@ -114,13 +114,7 @@ CONFIG = {
 
 
 def find_misfit(value: Any, shape: Shape, name: str) -> str | None:
-    """Which value does not have its shape, and what it must be; None: all have.
-
-    Args:
-        value: as read from JSON.
-        shape: that it must have.
-        name: of the value.
-    """
+    """Which value, as read from JSON, does not have its shape, and what it must be; None: all have."""
     if isinstance(shape, Kind):
         return None if shape.holds(value) else f"{name} must be {shape.words}"
     if isinstance(shape, list):

@@ -54,11 +54,7 @@ def write_table(table: pa.Table, path: Path) -> None:
 
 @contextmanager
 def _open_table(path: Path) -> Iterator[BufferedReader]:
-    """The file of a table that is as its run wrote it.
-
-    Raises:
-        BadRun: it is missing, has changed or cannot be read; so for all that reads tables.
-    """
+    """The file of a table that is as its run wrote it; else all that reads tables raises BadRun."""
     try:
         with open_file(require_intact(path)) as file:
             yield file

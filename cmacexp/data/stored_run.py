@@ -26,9 +26,7 @@ def _count_steps(manifest: manifests.Manifest) -> int:
 def select_whole(manifest: manifests.Manifest, kept: Iterable[int]) -> list[int]:
     """Those of the cycles in a trace that are whole there, but for the thinning of their steps.
 
-    Args:
-        manifest: of the run.
-        kept: cycles of which the trace has a step; a run that did not complete keeps its last steps.
+    ``kept`` are those of which the trace has a step: a run that did not complete keeps its last steps.
     """
     asked = manifest["config"].get("record", {}).get("cycles")
     whole = manifest["steps"] // _count_steps(manifest)
@@ -133,11 +131,7 @@ class StoredRun:
 
 
 def read_config(run: StoredRun) -> Config:
-    """Read the typed config of a stored run.
-
-    Raises:
-        BadRun: another version with other fields wrote it.
-    """
+    """The typed config of a stored run; raises BadRun if another version with other fields wrote it."""
     plain = run.config
     try:
         return to_config(plain)

@@ -46,11 +46,7 @@ class Scores(NamedTuple):
 
 
 def steps_by_cycle(folder: Path) -> dict[int, int]:
-    """Number of steps of each cycle in the trace of a run.
-
-    Raises:
-        BadRun: it is missing, has changed or cannot be read.
-    """
+    """Number of steps of each cycle in the trace of a run; raises BadRun if that is not as it was written."""
     steps: dict[int, int] = {}
     for part in read_parts(folder / TRACE, ["cycle", "leg"]):
         cycles, counts = np.unique(as_array(part, "cycle")[as_array(part, "leg") == 1], return_counts=True)
@@ -76,16 +72,7 @@ def _read(path: Path, columns: Sequence[Signal], cycles: tuple[int, int], every:
 
 
 def read_traces(folder: Path, cycles: tuple[int, int] = ALL_CYCLES, every: int = 1) -> Traces:
-    """The traces of a run.
-
-    Args:
-        folder: of the run.
-        cycles: the first and the last to read.
-        every: read one step in so many.
-
-    Raises:
-        BadRun: one is missing, has changed or cannot be read.
-    """
+    """The traces of a run, of cycles from the first to the last, one step in ``every``; raises BadRun."""
     legs = _read(folder / TRACE, select_signals(LEG_SIGNALS), cycles, every)
     walks = was_written(folder / BODY)
     return Traces(legs, _read(folder / BODY, select_signals(BODY_SIGNALS), cycles, every) if walks else None)
@@ -118,12 +105,7 @@ def _select_rows(table: pa.Table, record: RecordConfig, last: int | None) -> pa.
 
 
 class TraceWriter:
-    """Writes the traces of a run, of some cycles at a time.
-
-    Args:
-        writers: of the legs, and of the body if there is one.
-        record: which rows the traces keep.
-    """
+    """Writes the traces of a run, of legs and body, some cycles at a time."""
 
     def __init__(self, writers: Sequence[pq.ParquetWriter], record: RecordConfig):
         self._writers, self._record = writers, record
@@ -161,13 +143,9 @@ class TraceWriter:
 def trace_writer(
     folder: Path, record: RecordConfig, legs: Sequence[Signal], body: Sequence[Signal] | None
 ) -> Iterator[TraceWriter]:
-    """A writer of the traces; the files can be read when the block has ended.
+    """A writer of the traces of legs and of a body, if there is one; the files can be read when the block has ended.
 
-    Args:
-        folder: of the run.
-        record: which rows the traces keep; without traces nothing is written.
-        legs: columns of their trace.
-        body: likewise; None for a machine without a body.
+    Without ``record.trace`` nothing is written.
     """
     columns = {TRACE: legs, BODY: body} if record.trace else {}
     with ExitStack() as stack:

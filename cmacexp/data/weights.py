@@ -27,11 +27,7 @@ def write_weights(folder: Path, weights: Weights) -> None:
 
 
 def read_weights(config: Config) -> Weights | None:
-    """The weights that the feedforward of a run starts from; None without ``learning.start_from``.
-
-    Raises:
-        BadInput: ``learning.start_from`` is no run of the same feedforward with stored weights.
-    """
+    """The weights that a feedforward starts from, None without ``learning.start_from``; raises BadInput."""
     if config.learning.start_from is None:
         return None
     folder = Path(config.learning.start_from)

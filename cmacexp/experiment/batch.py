@@ -26,9 +26,6 @@ METRICS, TRACE = KEPT = ("metrics", "trace")
 def load_sweep(folder: str | Path) -> "pd.DataFrame":
     """All metrics of all jobs of a sweep, or of all runs below a folder.
 
-    Args:
-        folder: of the sweep.
-
     Returns:
         A row for each job, cycle and leg: ``run``, the folder of the job in that of the sweep; a column for each key
         that some job overrides; ``status``; the columns of ``metrics.parquet`` and of ``body_metrics.parquet``, see

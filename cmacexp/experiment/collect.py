@@ -88,15 +88,9 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
 
 
 def collect(each: Each, requests: Sequence[Request], store: Path) -> Collected:
-    """The runs of requests; equal ones are run once, complete ones not at all.
+    """The runs of requests, each of one seed, below ``store``; equal ones are run once, complete ones not at all.
 
-    Args:
-        each: runs work on all cores.
-        requests: each of one seed, see :meth:`Request.with_seed`.
-        store: folder of all runs.
-
-    Raises:
-        CmacexpError: Hydra cannot compose overrides, or every run failed.
+    Raises CmacexpError if Hydra cannot compose overrides, or every run failed.
     """
     first = [request for request in requests if request.starts_from is None]
     later = [request for request in requests if request.starts_from is not None]

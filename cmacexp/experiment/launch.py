@@ -18,16 +18,7 @@ if TYPE_CHECKING:
 
 
 def launch(launcher: Any, batch: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
-    """Run the jobs of a batch of a sweep.
-
-    Args:
-        launcher: that Hydra has set up.
-        batch: overrides of each job.
-        first: number of the first.
-
-    Returns:
-        What they return, in their order.
-    """
+    """Run the jobs of a batch of a sweep, whose first has the number ``first``; what they return, in their order."""
     items = make_items(launcher, batch, first)
     return [make_return(*ended) for ended in get_sweep().start_workers()(run_packed, items, first)]
 
@@ -72,12 +63,7 @@ def run_packed(
 ) -> tuple[Any, JobStatus]:
     """Run one of so many jobs of a sweep in this process.
 
-    Args:
-        kind: of the job, packed.
-        overrides: of the job.
-        changed: those that the first job of its kind does not have.
-        number: of the job.
-        jobs: of the sweep.
+    ``changed`` are the overrides that the first job of its kind does not have.
     """
     from cmacexp.experiment.sweep_job import run_job as run_here
 

@@ -15,11 +15,7 @@ def list_metrics(kind: str) -> list[str]:
 
 
 def check_metric(name: str | None, kind: str) -> None:
-    """Check that ``optimize`` names a metric that the ``kind`` of machine has.
-
-    Raises:
-        BadInput: names the nearest metric and all others.
-    """
+    """Check that ``optimize`` names a metric that the ``kind`` of machine has; raises BadInput."""
     known = list_metrics(kind)
     if name is not None and name not in known:
         raise BadInput("optimize", name, f"choose from {', '.join(known)}, or null{suggest(name, known)}")
@@ -30,10 +26,6 @@ def read_objective(name: str, run: RunSummary) -> float:
 
     A metric that is best near zero counts without its sign. A run that fell, diverged or failed, or that does not
     define the metric, has the worst value: -inf for a metric that is better large, else inf.
-
-    Args:
-        name: of a column of ``metrics.parquet`` or ``body_metrics.parquet``.
-        run: of which the metric is taken.
     """
     better = ALL_METRICS[name].better
     value = run.final(name) if run.status == "completed" else math.nan

@@ -90,13 +90,9 @@ def score_scenario(
     watch: Callable[[float], None] = lambda cycles: None,
     warn: Callable[[Drift], None] = lambda drift: None,
 ) -> tuple[End, Scores]:
-    """Run a scenario and write nothing; how it ended, and its metrics.
+    """Run a new scenario and write nothing; how it ended, and its metrics.
 
-    Args:
-        scenario: new.
-        keep: is called with the traces of some cycles at a time.
-        watch: as :func:`run_scenario` takes it, and the next.
-        warn: see there.
+    ``keep`` is called with the traces of some cycles at a time; ``watch`` and ``warn`` as by :func:`run_scenario`.
     """
     columns, scorer = _columns(scenario), RunScorer(scenario.setup.config.steps_per_cycle)
 
@@ -134,14 +130,7 @@ def _roll_out(
 
 
 def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest, names: list[str]) -> None:
-    """Write the weights and the recording if the config asks for them.
-
-    Args:
-        scenario: of the run.
-        place: of the run, with its new trace and metrics.
-        manifest: what is known of the run before its other files are written.
-        names: of files that are whole; is extended.
-    """
+    """Write the weights and the recording if the config asks for them, and add them to the names of whole files."""
     record, folder = scenario.setup.config.record, place.new
     if record.weights and isinstance(scenario.feedforward, Learns):
         restored = [event["restored"] for event in manifest["guard"]]
@@ -192,20 +181,13 @@ def run_scenario(
     record: Mapping[str, str] | None = None,
     overrides: Sequence[str] | None = None,
 ) -> StoredRun:
-    """Run a scenario and write its results to ``folder``.
+    """Run a scenario of a checked config and write its results to ``folder``, which may be locked already.
 
-    Args:
-        config: a checked config.
-        folder: is made if missing; an earlier run in it is replaced at the end. Its place, if it is locked already.
-        watch: is called with the number of cycles done so far, see :func:`cmacexp.loop.stream`.
-        prepared: the scenario of ``config`` if it is already made.
-        warn: is called once a drift is detected, while the run goes on; see :mod:`cmacexp.metrics.drift`.
-        record: Hydra's own record of the run, texts by file name.
-        overrides: of a job of a sweep, as typed. A power failure may cost it its result: a sweep that is resumed runs
-            it again.
-
-    Returns:
-        The result; a run that diverged, failed or was interrupted keeps its results up to there.
+    An earlier run in it is replaced at the end; a run that diverged, failed or was interrupted keeps its results up
+    to there. ``prepared`` is the scenario if it is already made. ``watch`` is called with the number of cycles done
+    so far, see :func:`cmacexp.loop.stream`, ``warn`` once a drift is detected. ``record`` is Hydra's own, texts by
+    file name. ``overrides`` are those of a job of a sweep: a power failure may cost it its result, and the sweep that
+    is resumed runs it again.
 
     Raises:
         BadInput: the machine cannot follow the plan, or the folder is in use or holds something else; nothing was

@@ -55,12 +55,7 @@ class Sweep:
         """Left when the sweep is over, and when its jobs are."""
 
     def begin(self) -> None:
-        """Keep other sweeps out of the folder, and show how many jobs are done.
-
-        Raises:
-            BadInput: another sweep runs there, or tables in it are not those of a sweep.
-            OSError: the folder cannot be written.
-        """
+        """Keep other sweeps out of the folder, and show how many jobs are done; raises BadInput, OSError."""
         from cmacexp.data.folder import replacing  # here, because every command imports this file
         from cmacexp.data.manifest import SWEEP
         from cmacexp.experiment.workers import shared_progress
@@ -82,10 +77,6 @@ class Sweep:
         Jobs that differ in values alone, which can be thousands, are of one kind, composed once. See
         ``benchmarks/sweep.py``.
 
-        Args:
-            caller: a sweeper or launcher, which Hydra has set up.
-            overrides: of the job.
-
         Raises:
             HydraException: it cannot be composed.
         """
@@ -102,11 +93,7 @@ class Sweep:
         return self.kinds[kind]
 
     def check(self, sweeper: Any, batch: Sequence[Sequence[str]]) -> None:
-        """Note the next jobs, before they start, and compose one of each kind.
-
-        Raises:
-            HydraException: a job cannot be composed.
-        """
+        """Note the next jobs, before they start, and compose one of each kind; raises HydraException."""
         for overrides in batch:
             self.planned[tuple(select_run_overrides(overrides))] += 1
             self.get_kind(sweeper, overrides).runs.append(select_run_overrides(overrides))
@@ -114,7 +101,6 @@ class Sweep:
 
 @cache
 def _is_group(loader: Any, key: str) -> bool:
-    """Whether a key chooses an option."""
     return bool(loader.get_group_options(key))
 
 

@@ -40,8 +40,7 @@ def run_hydra_job(composed: DictConfig, jobs: float | None = None) -> float | No
 def run_job(job: Job, jobs: float) -> float | None:
     """Run one of so many jobs of a sweep; a failure is left on disk and does not end the sweep.
 
-    Returns:
-        What the sweeper asked for by ``optimize``, as :func:`cmacexp.experiment.objective.read_objective` gives it.
+    Returns what ``optimize`` asks for, see :func:`cmacexp.experiment.objective.read_objective`.
     """
     number, folder, composed, hydra = job
     metric, report = composed.get("optimize"), share_progress(number)

@@ -23,7 +23,6 @@ from cmacexp.report.run_summary import Row, RunSummary, make_rows, print_runs, r
 from cmacexp.report.terminal import activity, print_next, say
 
 MAX_LISTED_FAILURES = 20
-"""Failures that are listed; more are only counted."""
 
 
 def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[Row]]:
@@ -100,11 +99,7 @@ def make_column(values: Sequence[Any]) -> pa.Array:
 def finish_sweep(sweep: Sweep) -> str:
     """Write the table of a sweep, print it, list the failures with their causes.
 
-    Returns:
-        How it ended: ``completed`` if no job failed, ``bad input`` if no job could be run, else ``failed``.
-
-    Raises:
-        OSError: the table cannot be written.
+    Returns how it ended: ``completed`` if no job failed, ``bad input`` if no job could be run, else ``failed``.
     """
     with activity("reading the results of the jobs"):
         jobs, rows = read_results(sweep)

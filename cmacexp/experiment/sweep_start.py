@@ -61,11 +61,7 @@ def _wrap(sweep: Sweep, launcher: Any) -> Any:
 
 
 def _read_options(config: DictConfig) -> tuple[int | None, int | None]:
-    """Jobs in a task, and processes.
-
-    Raises:
-        BadInput: one is not what it must be, or of no use here.
-    """
+    """Jobs in a task, and processes; raises BadInput."""
     chunk = config.sweep.chunk
     processes = OmegaConf.select(config, "hydra.launcher.processes")
     for key, value in (("sweep.chunk", chunk), ("hydra.launcher.processes", processes)):
@@ -80,12 +76,7 @@ def _read_options(config: DictConfig) -> tuple[int | None, int | None]:
 
 
 def _check_size(config: DictConfig) -> None:
-    """Count the jobs, before Hydra makes a list of them.
-
-    Raises:
-        BadInput: there are none, or more than ``sweep.max_jobs``.
-        HydraException: an override cannot be read.
-    """
+    """Count the jobs, before Hydra makes a list of them; raises BadInput if they are none or too many."""
     limit, jobs = config.sweep.max_jobs, 1
     if not isinstance(limit, int):
         raise BadInput("sweep.max_jobs", limit, "must be a whole number, at least 1")

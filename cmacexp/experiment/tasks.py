@@ -43,18 +43,10 @@ class _Task:
 def run_tasks(
     launcher: Any, context: HydraContext, config: DictConfig, parts: Sequence[tuple[Sequence[str], Any]], first: int
 ) -> list[Any]:
-    """Do parts of some work in a task each.
+    """Do parts of some work in a task of a launcher each; for each part what its calls returned.
 
-    Args:
-        launcher: of Hydra.
-        context: of Hydra.
-        config: of the sweep.
-        parts: of the work, each as overrides that Hydra can compose, whose config is not used, and what to do: a
-            function, and the arguments of each of its calls.
-        first: number of the first task.
-
-    Returns:
-        For each part what the calls returned.
+    A part is overrides that Hydra can compose, whose config is not used, a function, and the arguments of each of its
+    calls. The first task has the number ``first``.
     """
     folder = Path(config.hydra.sweep.dir).absolute() / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
@@ -90,16 +82,10 @@ class Chunked:
 
 
 def start_tasks(name: str, settings: Sequence[str], count: int, folder: Path) -> RunAll:
-    """Tasks of a launcher of Hydra, for work that is no sweep; gives ``run_all(work, items)``.
+    """So many tasks of a launcher of Hydra, for work that is no sweep; gives ``run_all(work, items)``.
 
-    Args:
-        name: of the launcher, ``submitit_slurm``.
-        settings: of its config, ``timeout_min=600``.
-        count: of the tasks.
-        folder: where the launcher and the tasks keep their files.
-
-    Raises:
-        CmacexpError: there is no such launcher, or it has no such setting.
+    Settings are as ``timeout_min=600``; ``folder`` holds files of both. Raises CmacexpError if there is no such
+    launcher.
     """
     if name == "cores":
         raise BadInput("--launcher", name, "is for sweeps; without --launcher a study uses all cores")

@@ -23,13 +23,9 @@ from cmacexp.errors import CmacexpError, format_value
 
 
 def explain_idle(config: Config, key: str, more: Sequence[str] = (), mode: str = "RUN") -> str:
-    """Why a key has no effect; empty if it has one.
+    """Why the key of a field, or of a group whose option is meant, has no effect; empty if it has one.
 
-    Args:
-        config: of the run.
-        key: of a field, or of a group whose option is meant.
-        more: needs of the key that are declared elsewhere than beside the field.
-        mode: of the command, RUN or MULTIRUN.
+    ``more`` needs of the key are declared elsewhere than beside the field.
     """
     plain = to_plain(config)
     options = {group: find_option(group, plain[group]["_target_"]) for group in COMPONENTS}
@@ -62,7 +58,6 @@ def _holds(need: str, names: dict[str, Any]) -> bool:
 
 
 HYDRA_GROUP = "hydra"
-"""First part of keys that are Hydra's, not the run's."""
 
 
 class Typed(NamedTuple):
@@ -104,13 +99,7 @@ def _reason(config: Config, key: str, composed: DictConfig, mode: str) -> str:
 
 
 def warnings_of(config: Config, overrides: Sequence[str], composed: DictConfig) -> list[str]:
-    """A line for each override of a single run that has no effect; none if the config has ``warn: false``.
-
-    Args:
-        config: of the run.
-        overrides: as typed.
-        composed: what Hydra composed of them.
-    """
+    """A line for each override of a single run that has no effect; none if the config has ``warn: false``."""
     typed = read_typed(overrides) if config.warn else []
     found: dict[str, str] = {}
     for i, (key, _, text) in enumerate(typed):
@@ -136,8 +125,7 @@ def _with_values(config: Config, typed: Iterable[Typed]) -> Config:
 def warnings_of_sweep(kinds: Iterable[tuple[DictConfig, Sequence[Sequence[str]]]]) -> list[str]:
     """A line for each key that has an effect in no job of a sweep.
 
-    Args:
-        kinds: jobs that differ in values alone: what Hydra composed for the first, and the overrides of each.
+    Each kind of jobs, which differ in values alone, is what Hydra composed for the first, and the overrides of each.
     """
     found: dict[str, str] = {}
     for composed, jobs in kinds:

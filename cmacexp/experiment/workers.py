@@ -36,13 +36,7 @@ WATCH_INTERVAL = 1.0
 
 @contextmanager
 def shared_progress(what: str, count: Callable[[], int], unit: str = "") -> Iterator[Path]:
-    """Show how much is done of items of work that any process does; gives the file that holds it.
-
-    Args:
-        what: is being done.
-        count: gives the number of items.
-        unit: of them.
-    """
+    """Show how much is done of items of work that any process does; gives the file that holds it."""
     with NamedTemporaryFile(prefix="cmacexp-") as file:
         os.environ[VARIABLE] = f"{socket.gethostname()} {os.getpid()} {file.name}"
         path, began = Path(file.name), time.monotonic()
@@ -172,12 +166,7 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
 def workers(elsewhere: RunAll | None = None, processes: int | None = None) -> Iterator[Each]:
     """Processes for all cores; gives ``each(what, work, items)``, which shows ``what`` beside the progress.
 
-    Args:
-        elsewhere: does the items of ``each(what, work, items, long=True)``; None: the same processes.
-        processes: as :func:`start_pool` takes them.
-
-    Raises:
-        ChildProcessError: a process was killed.
+    ``elsewhere`` does the items of ``each(what, work, items, long=True)``, else the same processes.
     """
     with start_pool(processes) as run_here:
 

@@ -57,11 +57,7 @@ class InverseDynamics(BuiltInFeedforward):
         return torque
 
     def _torque_of_robot(self, setup: Setup, adds: bool) -> Array:
-        """Likewise, from its model.
-
-        Raises:
-            BadInput: the links of the model cannot have another length.
-        """
+        """Likewise, from its model; raises BadInput, since links of the model cannot have another length."""
         if self.config.length_factor != 1.0:
             reason = "must be 1 with machine.kind=robot, whose links are those of its model"
             raise BadInput("feedforward.length_factor", self.config.length_factor, reason)

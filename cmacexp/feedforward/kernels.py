@@ -110,14 +110,9 @@ def read_sample(params: FeedforwardParams, i: int, sample: int, output: Array) -
 
 @kernel
 def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning_error: Array, output: Array) -> None:
-    """Learn from the last step's feedback, then predict this step's torque (eq. 18, 20, 21).
+    """Learn from the last step's ``learning_error``, then fill ``output`` of this step (eq. 18, 20, 21); (L, J), N m.
 
-    Args:
-        params: the feedforward; the weights of a network change in place.
-        step: counts from 0 over the whole run.
-        sample: this step's sample of the cycle, 0 to N - 1.
-        learning_error: (L, J): of the last step, N m.
-        output: (L, J): filled, N m.
+    ``step`` counts from 0 over the run, ``sample`` over the cycle; weights change in place.
     """
     if sample == 0:
         log_cycle(params.log, params.weights)
@@ -139,13 +134,8 @@ def feedforward_step(params: FeedforwardParams, step: int, sample: int, learning
 def correct(params: FeedforwardParams | None, errors: Array, output: Array, torque: Array) -> None:
     """Update a torque once a cycle: u += beta K / |K| e, K = A A^T / sum a_i^2, e the errors shifted by the lead.
 
-    The weights change by beta / |K| A^T e / sum a_i^2, and the torque by what that changes in their output.
-
-    Args:
-        params: of a network.
-        errors: (N, L, J): learning errors of the last cycle, N m.
-        output: (J,): working array.
-        torque: (N, L, J): changed in place, N m.
+    The weights change by beta / |K| A^T e / sum a_i^2, and ``torque`` (N, L, J), N m, by what that changes in their
+    output. ``errors`` (N, L, J), N m, are the learning errors of the last cycle, ``output`` (J,) is a working array.
     """
     if params is not None:
         samples = errors.shape[0]

@@ -32,13 +32,9 @@ def spacing(points: Array) -> float:
 
 
 def activations(points: Array, centres: Array, width: float, active: int) -> tuple[Cells, Array]:
-    """The ``active`` centres nearest to each of ``points``, and the activation of each, both (samples, active).
+    """The ``active`` of ``centres`` (centres, n) nearest to each of ``points`` (samples, n), and their activations.
 
-    Args:
-        points: (samples, n).
-        centres: (centres, n).
-        width: sigma of exp(-d^2 / (2 sigma^2)), in units of the points; each sample's activations sum up to 1.
-        active: number of active centres.
+    Both are (samples, active). ``width`` is sigma of exp(-d^2 / (2 sigma^2)); activations of a sample sum up to 1.
     """
     square = ((points[:, None] - centres) ** 2).sum(axis=2)
     nearest = square.argsort(axis=1, kind="stable")[:, :active]
@@ -78,11 +74,7 @@ class RadialBasis(BuiltInFeedforward):
     config: Config
 
     def reset(self, setup: Setup) -> None:
-        """Place the centres along the path; start with weights of zero, or with those of an earlier run.
-
-        Raises:
-            BadInput: more centres than samples.
-        """
+        """Place the centres along the path; start with weights of zero, or those of an earlier run."""
         samples, legs = setup.plan.support.shape
         number = self.config.centres
         if number > samples:

@@ -68,15 +68,10 @@ log_weights_now = program(log_weights)
 
 
 def take(log: WeightLog, weights: Array, cycles: int) -> Array:
-    """Take the log of the last ``cycles`` cycles, at most MOST_CYCLES; the last of them may be short.
+    """Take and empty the log of the last ``cycles`` cycles, at most MOST_CYCLES; the last of them may be short.
 
-    Args:
-        log: is emptied.
-        weights: (L, rows, J): as the last of these cycles left them.
-        cycles: those that have passed, whether the networks acted in them or not.
-
-    Returns:
-        (cycles, L, 3): as LOGGED, at the end of each; 0 before the networks learn.
+    Returns (cycles, L, 3), as LOGGED, at the end of each, whether networks acted in it or not; 0 before they learn.
+    ``weights`` (L, rows, J) are as the last of these cycles left them.
     """
     entries = np.zeros((cycles, *log.values.shape[1:]))
     begun = int(log.begun[0])

@@ -56,9 +56,7 @@ def expect_runs(runs: float) -> None:
 def program(function: Function, plain: Callable[..., object] | None = None) -> Function:
     """Compile a kernel as a program, without fastmath, so that it gives the bits of plain Python.
 
-    Args:
-        function: to compile.
-        plain: what gives the same bits where compiling does not pay off; None: ``function`` itself.
+    Where compiling does not pay off, ``plain`` runs, or ``function`` itself; it gives the same bits.
     """
     return cast(Function, _Program(function, plain or function))
 

@@ -26,11 +26,7 @@ def _handle(number: int, frame: object) -> None:
 
 
 def raise_if_interrupted() -> None:
-    """At a safe place, raise an interrupt that has been held back.
-
-    Raises:
-        KeyboardInterrupt: there was one.
-    """
+    """At a safe place, raise an interrupt that has been held back."""
     if _State.waiting:
         _State.waiting = False
         raise KeyboardInterrupt
@@ -65,8 +61,7 @@ def handled(signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
 def interrupt_held_back(held_back: bool = True) -> Iterator[None]:
     """Hold back an interrupt until the end, or until :func:`raise_if_interrupted`; a second one is raised at once.
 
-    Args:
-        held_back: False raises interrupts at once inside a block that holds them back: where code may take any time.
+    With ``held_back`` False it is raised at once inside a block that holds it back: where code may take any time.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -101,9 +101,6 @@ class CheckedFiles:
 
     They are pickles: a truncated one raises whatever it likes, and a wrong bit in machine code can crash the process.
     A file is the SHA-256 of the rest, then the pickled form and what it belongs to.
-
-    Args:
-        numbas: the files that numba would use.
     """
 
     def __init__(self, numbas: Any):
@@ -185,10 +182,8 @@ register("numba:compile", _quick_compilation)
 def before_compiling(call: Callable[[], None], again: Callable[[], None], waits: bool) -> Iterator[None]:
     """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that.
 
-    Args:
-        call: see above.
-        again: is called many times while it is compiled; what it raises ends that.
-        waits: whether to wait for another process that compiles the same; else both do.
+    ``again`` is called many times meanwhile, and may end that likewise. With ``waits`` another process that compiles
+    the same is waited for; else both do.
     """
     with ExitStack() as locks:
         locks.enter_context(install_listener("numba:compile", _Listener(call)))

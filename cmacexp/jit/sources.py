@@ -72,8 +72,7 @@ def _make(folder: Path) -> bool:
 def find_other_writers(folder: Path) -> str:
     """Why another user can write to a folder, or replace it, and how to change that; empty if nobody can.
 
-    Args:
-        folder: without symbolic links.
+    ``folder`` must be without symbolic links.
     """
     if not hasattr(os, "getuid"):
         return ""

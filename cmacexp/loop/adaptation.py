@@ -28,12 +28,7 @@ def _require_weight(setup: Setup, share: float) -> None:
 
 
 class Adaptation:
-    """Makes the plan of a run anew wherever its feet have met something else.
-
-    Args:
-        setup: of the run; arrays of its plan change in place.
-        meter: of the loop.
-    """
+    """Makes the plan of a run anew, in place, wherever its feet have met something else."""
 
     def __init__(self, setup: Setup, meter: LoadMeter):
         self.setup, self.meter = setup, meter
@@ -47,8 +42,7 @@ class Adaptation:
     def end_cycle(self) -> bool:
         """Whether what was met in the cycle that has ended asks for another plan; :meth:`take` makes it.
 
-        Raises:
-            BadInput: in the first cycle the feet carried what no robot of that model weighs.
+        Raises BadInput if in the first cycle the feet carried what no robot of that model weighs.
         """
         met, planned = read_meter(self.meter, self.nominal), self.nominal.load.force.mean()
         least, most = LEAST._replace(weight=LEAST.weight * planned), (math.inf, *[MOST_SHIFT] * 2, *[MOST_SLOPE] * 2)

@@ -60,9 +60,8 @@ def _make_observation(
 def make_guard(scenario: Scenario, external: External) -> Guard | None:
     """The guard of learning of a scenario, None if nothing learns or nothing is to be guarded.
 
-    Raises:
-        BadInput: it is to improve the torque of a feedforward whose weights it does not know, or to estimate the lead
-            of one whose lead it cannot set, or in a run that ends before.
+    Raises BadInput if it is to improve the torque of a feedforward whose weights it does not know, or to estimate the
+    lead of one whose lead it cannot set, or in a run that ends before.
     """
     setup, feedforward = scenario.setup, scenario.feedforward
     config, mode, (legs, joints) = setup.config, setup.config.learning.guard, setup.mechanism.shape

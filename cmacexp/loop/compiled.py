@@ -12,11 +12,7 @@ fused_loop = program(take_fused_steps)
 
 
 class CompiledDriver:
-    """Runs built-in components; taking no step compiles the program.
-
-    Args:
-        loop: all components.
-    """
+    """Runs built-in components; taking no step compiles the program."""
 
     def __init__(self, loop: Loop):
         self.loop = loop

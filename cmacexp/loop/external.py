@@ -63,13 +63,7 @@ def _split(rows: Measurement | None) -> list[Measurement]:
 
 
 class ExternalDriver:
-    """Runs external components, and built-in ones between them; taking no step compiles the program.
-
-    Args:
-        scenario: all components, reset.
-        loop: those that are built in.
-        external: those that are not.
-    """
+    """Runs external components, and built-in ones between them; taking no step compiles the program."""
 
     def __init__(self, scenario: Scenario, loop: Loop, external: External):
         self.loop, self.external, self.scenario = loop, external, scenario
@@ -112,11 +106,7 @@ class ExternalDriver:
     def run(self, samples: Array, body_samples: Array) -> int:
         """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows.
 
-        Returns:
-            RUNNING, or why it stopped.
-
-        Raises:
-            BadOutput: a component returned invalid output; ``taken`` is the number of steps before it.
+        Returns RUNNING or why it stopped; raises BadOutput of a component, after ``taken`` steps.
         """
         done, stop = 0, RUNNING
         # An external component may take any time; MuJoCo would drop an interrupt in a function that it calls.

@@ -13,15 +13,10 @@ from cmacexp.plants import Plant
 from cmacexp.sensors import Sensors
 
 PROTOCOLS = {"plant": Plant, "sensors": Sensors, "controller": Controller, "feedforward": Feedforward}
-"""Protocol of each component, by the key of its group."""
 
 
 def require_members(group: str, target: object, component: object) -> None:
-    """Require that a component has all that its protocol names.
-
-    Raises:
-        BadInput: names what it lacks.
-    """
+    """Require that a component has all that its protocol names; raises BadInput."""
     protocol = PROTOCOLS[group]
     members = [name for name in (*vars(protocol), *protocol.__annotations__) if not name.startswith("_")]
     missing = [name for name in members if not hasattr(component, name)]
@@ -31,17 +26,7 @@ def require_members(group: str, target: object, component: object) -> None:
 
 @lru_cache(64)  # the jobs of a sweep have few classes
 def require_class(group: str, target: object, component: type[Any], given: tuple[str, ...]) -> None:
-    """Require that a class has the methods of its protocol, before anything of it is called.
-
-    Args:
-        group: of the component, ``controller``.
-        target: its ``_target_``.
-        component: the class.
-        given: names of what it is made with.
-
-    Raises:
-        BadInput: names the method that is missing or takes other arguments, or the fields that do not fit.
-    """
+    """Require, before anything of a class is called, that it has the methods of its protocol; raises BadInput."""
     protocol, key = PROTOCOLS[group], f"{group}._target_"
     methods = [name for name, value in vars(protocol).items() if inspect.isfunction(value) and name[0] != "_"]
     if missing := [name for name in methods if not callable(getattr(component, name, None))]:
@@ -72,10 +57,6 @@ def _takes(component: type[Any], name: str, given: list[str]) -> bool:
 
 def make_component(group: str, node: ComponentConfig | dict[str, Any]) -> Any:
     """Make a component: with its ``Config``, if its class carries one, else with its fields as keyword arguments.
-
-    Args:
-        group: its group, ``controller``.
-        node: its ``_target_`` and fields.
 
     Raises:
         BadInput: it cannot be made; as :class:`BadComponent` with the traceback of what its own code raised.

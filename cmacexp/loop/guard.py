@@ -128,16 +128,11 @@ def read_events(guard: Guard | None) -> list[Event]:
 def new_guard(
     mode: str, mechanism: Mechanism, plan: Plan, weights: Array, probe_seed: int | None, has_learnt: bool
 ) -> Guard:
-    """A guard at the start of a run.
+    """A guard at the start of a run, in the mode ``freeze`` or ``refine``.
 
-    Args:
-        mode: ``freeze`` or ``refine``.
-        mechanism: of the run.
-        plan: of the run.
-        weights: (L, M, J): in use at the start, in the order of the log of weights.
-        probe_seed: of the torque that probes how late feedback is; None: nothing probes it.
-        has_learnt: whether the run starts from the weights of an earlier one, which act at once: its first cycle
-            takes the place of that of feedback alone.
+    ``weights`` (L, M, J) are those in use at the start, in the order of their log; ``probe_seed`` is that of the
+    torque that probes how late feedback is, None if nothing does. Where weights have learnt in an earlier run they
+    act at once, and the first cycle takes the place of that of feedback alone.
     """
     shape, samples = mechanism.shape, len(plan.support)
     planned = plan.joints[:, :, JOINT_COLUMNS["velocity"][: shape[1]]]

@@ -111,13 +111,7 @@ def _samples_measured(scenario: Scenario) -> bool:
 
 
 class _Stream:
-    """A scenario under way, with arrays for the samples of some cycles.
-
-    Args:
-        scenario: its components, reset.
-        watch: as of :func:`stream`.
-        fused: False treats every component as external.
-    """
+    """A scenario under way, with arrays for the samples of some cycles; arguments as of :func:`stream`."""
 
     def __init__(self, scenario: Scenario, watch: Callable[[float], None], fused: bool):
         setup = scenario.setup
@@ -253,19 +247,13 @@ def stream(
     *,
     fused: bool = True,
 ) -> End:
-    """Run a scenario, some cycles at a time.
+    """Run a scenario, whose components are reset, some cycles at a time; raises CmacexpError if it has run before.
 
-    Args:
-        scenario: its components, reset.
-        keep: called with the samples of these cycles; their arrays are used again for the next ones.
-        watch: called several times a second with the number of cycles done so far.
-        fused: False treats every component as external.
+    ``keep`` is called with the samples of these cycles, whose arrays are used again for the next ones; ``watch``
+    several times a second with the number of cycles done so far. Not ``fused``, every component is treated as
+    external.
 
-    Raises:
-        CmacexpError: the scenario has run before.
-
-    Returns:
-        How it ended. Samples are kept up to there, whether it diverged, failed or was interrupted.
+    Returns how it ended; samples are kept up to there, whether it diverged, failed or was interrupted.
     """
     scenario.begin()
     if scenario.fault is not None:

@@ -50,11 +50,7 @@ class Scenario:
     used: bool = field(default=False, init=False)
 
     def begin(self) -> None:
-        """Note that the run begins.
-
-        Raises:
-            CmacexpError: it has run before; its components hold their states at its end.
-        """
+        """Note that the run begins; raises CmacexpError if it has run: components hold their last states."""
         if self.used:
             raise CmacexpError("this scenario has run, its components hold their last states: make a new one")
         self.used = True
@@ -63,10 +59,8 @@ class Scenario:
 def count_lateness(config: Config, sensors: Sensors) -> Lateness:
     """What delays the feedback: the actuator and the sensors.
 
-    Args:
-        config: of the run.
-        sensors: may have ``feedback_delay(uses_velocity)``, the samples by which they delay the feedback, and
-            ``feedback_lag(uses_velocity)``, the time constant in s by which they lag.
+    Sensors may have ``feedback_delay(uses_velocity)``, the samples by which they delay the feedback, and
+    ``feedback_lag(uses_velocity)``, the time constant in s by which they lag.
     """
     uses_velocity = config.gains is None or config.gains[1] > 0.0
     declared = (getattr(sensors, name, None) for name in ("feedback_delay", "feedback_lag"))
@@ -75,11 +69,7 @@ def count_lateness(config: Config, sensors: Sensors) -> Lateness:
 
 
 def require_margin(config: Config, control: HybridController.Config, late: Lateness) -> int:
-    """Samples by which the feedback of a robot may be later before its feet shake.
-
-    Raises:
-        BadInput: they shake already.
-    """
+    """Samples by which a robot's feedback may be later before its feet shake; raises BadInput if they do."""
     lead = discretise(control.lead_omega, control.lead_alpha, config.sampling_period)
     foot_mass = derive_basis(read_model(config.machine)).foot_mass
     return find_delay_margin(foot_mass, control.velocity_gain, lead.b0, config.sampling_period, late)
@@ -121,13 +111,7 @@ def _own(setup: Setup, component: object) -> Setup:
 
 
 def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
-    """Reset all components; the plant at the start.
-
-    Raises:
-        BadInput: the feedforward cannot start from the weights of an earlier run.
-        BadOutput: the plant returned no measurement of this machine.
-        Exception: whatever a component raises.
-    """
+    """Reset all components, the plant at the start; raises BadInput, BadOutput, and whatever a component raises."""
     plant, sensors, controller, feedforward = (components[group] for group in PROTOCOLS)
     nominal = replace(setup, config=setup.config.nominal)
     try:
@@ -149,12 +133,9 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
 
 
 def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -> Scenario:
-    """Plan the run, make its components and reset them.
+    """Plan the run, make its components, but for those that are ``given`` by the key of their group, and reset them.
 
-    Args:
-        config: a checked config.
-        learnt: weights that the feedforward starts from; None: those of ``learning.start_from``, if it names a run.
-        given: components that exist already, by the key of their group.
+    The feedforward starts from what is ``learnt``; None: from ``learning.start_from``, if that names a run.
 
     Raises:
         BadInput: a component cannot be made, there are no weights to start from, or the plan asks for what the
@@ -188,11 +169,7 @@ def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -
 
 
 def check_weights(config: Config, feedforward: Feedforward) -> None:
-    """Check that a feedforward learns if its weights are to be kept, or started from.
-
-    Raises:
-        BadInput: ``feedforward`` has no learnt weights.
-    """
+    """Check that a feedforward learns if its weights are to be kept, or started from; raises BadInput."""
     if isinstance(feedforward, Learns):
         return
     name = type(feedforward).__name__

@@ -246,15 +246,9 @@ def take_steps(
 ) -> Iterator[tuple[int, int]]:
     """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows, from ``start``.
 
-    Args:
-        loop: components; its states change.
-        inputs: filled row by row, before the component acts.
-        progress: (3,): filled.
-        start: number of the first step.
-        samples: filled, as ``body_samples``; columns as in :mod:`cmacexp.loop.samples`.
-
-    Yields:
-        Method of an external component that has to act before the generator resumes, and the row of its input.
+    Fills both, with columns as in :mod:`cmacexp.loop.samples`, and ``progress`` (3,); ``inputs`` row by row, before
+    the component acts. Yields the method of an external component that has to act before the generator resumes, and
+    the row of its input.
     """
     # No local variable holds arrays: each pause would save them, which doubles the time of compiling.
     period, measured = loop.support.shape[0], inputs.plant is not None

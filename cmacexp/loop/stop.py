@@ -127,16 +127,7 @@ def _explain_fall(limits: StopLimits, body: Array) -> str:
 def describe_stop(
     limits: StopLimits, status: int, step: int, sampling_period: float, state: Measurement, reported: str = ""
 ) -> str:
-    """Step, time and cause of a stop.
-
-    Args:
-        limits: of the run.
-        status: DIVERGED or FELL.
-        step: at whose start it stopped.
-        sampling_period: s.
-        state: of the machine at that step.
-        reported: cause that the plant reported; empty if it reported none.
-    """
+    """Step, time and cause of a stop at the start of ``step``; a cause that the plant ``reported`` comes first."""
     why = reported or (
         _explain_divergence(limits, state.q, state.dq) if status == DIVERGED else _explain_fall(limits, state.body)
     )

@@ -38,16 +38,10 @@ def assemble(
     model: Array | None = None,
     steered: bool = False,
 ) -> pa.Table:
-    """The trace of a run, or of a part of it, from the plan and the samples.
+    """The trace of a run, or of a part of it, from the ``plan`` of a cycle and the samples of what is not planned.
 
-    Args:
-        plan: the cycle that repeats.
-        samples: (steps, L) by column name: everything that is not planned.
-        sampling_period: T_s, s.
-        start: step of the first row.
-        columns: of the trace, see :func:`select_signals`.
-        steered: whether the controller keeps a course, so that feet should be where its reference is.
-        model: (N, L, J): torque of a model that the feedforward learns on top of, N m; None: there is none.
+    Samples are (steps, L) by column name. Where the controller keeps a course (``steered``), feet should be where its
+    reference is; ``model`` (N, L, J), N m, is the torque of a model that the feedforward learns on top of, if any.
     """
     steps, legs = samples["x"].shape
     period = plan.support.shape[0]
@@ -90,15 +84,10 @@ def assemble_body(
     start: int = 0,
     columns: Sequence[Signal] = select_signals(BODY_SIGNALS),
 ) -> pa.Table:
-    """The trace of a body, or of a part of it, one row per step.
+    """The trace of a body, or of a part of it, one row per step, from samples (steps,) by column name.
 
-    Args:
-        setup: plan and machine.
-        samples: (steps,) by column name: height, pitch, roll, cog_x, cog_y, yaw, and what sensors made of them.
-        legs: (steps, L) by column name, as for :func:`assemble`.
-        moves: whether the plant moves the body, so that the legs load it; else the body's weight acts at its centre.
-        start: step of the first row.
-        columns: of the trace, see :func:`select_signals`.
+    Legs are (steps, L), as for :func:`assemble`; they load the body where the plant ``moves`` it, else its weight
+    acts at its centre.
     """
     config, force = setup.config, legs["force"]
     step = np.arange(start, start + len(force), dtype=np.int32)
@@ -125,12 +114,7 @@ def assemble_body(
 
 
 def assemble_memory(memory: dict[str, Array], first_cycle: int) -> pa.Table:
-    """The memory of the networks of L legs over a run, or a part of it, one row per cycle and leg.
-
-    Args:
-        memory: (cycles, L) by column name.
-        first_cycle: number of the first of these cycles.
-    """
+    """The memory of networks over some cycles, (cycles, L) by column name, with one row per cycle and leg."""
     cycles, legs = next(iter(memory.values())).shape
     columns = {
         **memory,

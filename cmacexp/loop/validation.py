@@ -27,11 +27,7 @@ def _expected(name: str, shape: tuple[int, ...], unit: str) -> str:
 
 
 def take(component: object, method: str, name: str, output: Any, target: Array) -> None:
-    """Copy an array that a component returned into ``target``, which has the shape that it must have.
-
-    Raises:
-        BadOutput: it is not an array of numbers of that shape.
-    """
+    """Copy an array that a component returned into ``target``, whose shape it must have; raises BadOutput."""
     try:
         if output.dtype is FLOAT and output.shape == target.shape:
             target[...] = output
@@ -52,11 +48,7 @@ def take(component: object, method: str, name: str, output: Any, target: Array) 
 
 
 def require_finite(component: object, method: str, name: str, values: Array) -> None:
-    """Check that all values are finite.
-
-    Raises:
-        BadOutput: names the first of them.
-    """
+    """Check that all values are finite; raises BadOutput, which names the first that is not."""
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         where = ", ".join(map(str, bad[0]))
@@ -67,11 +59,7 @@ def require_finite(component: object, method: str, name: str, values: Array) -> 
 
 
 def take_measurement(component: object, method: str, output: Any, target: Measurement) -> None:
-    """Copy a measurement that a plant or sensors returned into the arrays of ``target``.
-
-    Raises:
-        BadOutput: it is not a :class:`Measurement`, or one of its arrays has the wrong type or shape.
-    """
+    """Copy a measurement that a plant or sensors returned into the arrays of ``target``; raises BadOutput."""
     if not isinstance(output, Measurement):
         raise BadOutput(
             f"{_method(component, method)} returned {_describe(output)}: "
@@ -86,13 +74,9 @@ def take_measurement(component: object, method: str, output: Any, target: Measur
 
 
 def take_action(component: object, output: Any, feedback: Array, feedforward: Array, reference: Array) -> bool:
-    """Copy the action of a controller into the arrays of the loop.
+    """Copy the action of a controller into the arrays of the loop; raises BadOutput.
 
-    Returns:
-        Whether it contains the reference that the controller followed.
-
-    Raises:
-        BadOutput: it is not an :class:`Action`, or one of its arrays has the wrong type or shape.
+    Returns whether it contains the reference that the controller followed.
     """
     if not isinstance(output, Action):
         raise BadOutput(

@@ -109,12 +109,9 @@ class Block:
 
 
 def cut(trace: pa.Table, steps_per_cycle: int, before: Block | None = None) -> Block:
-    """Cut a trace into cycles; the last may be short.
+    """Cut the trace of a run, or of a part of it, into cycles of N steps; the last may be short.
 
-    Args:
-        trace: of a run, or a part of it.
-        steps_per_cycle: N.
-        before: the part before it, which has the rhythm of the run; None: this is the first part.
+    The part ``before`` has the rhythm of the run; None: this is the first part.
     """
     legs = int(as_array(trace, "leg").max(initial=1))
     rows = trace.num_rows

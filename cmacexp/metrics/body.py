@@ -82,15 +82,9 @@ BODY_METRICS: dict[str, Metric[BodyBlock]] = {
 
 
 def compute_body(body: pa.Table, steps_per_cycle: int, first_cycle: int = 1) -> pa.Table:
-    """One row per cycle: mean, least and largest height, largest tilt, least of each margin.
+    """One row per cycle: mean, least and largest height, largest tilt, least of each margin; the last may be short.
 
-    Args:
-        body: as :func:`cmacexp.loop.trace.assemble_body` makes it; the last cycle may be short.
-        steps_per_cycle: N.
-        first_cycle: number of the cycle with which ``body`` begins.
-
-    Raises:
-        BadRun: the trace has no true margins, as those of version 0.1.
+    Raises BadRun of a trace without true margins, as those of version 0.1.
     """
     if missing := sorted(set(TRUE_MARGINS) - set(body.column_names)):
         raise BadRun(f"{BODY_FILE}: has no {', '.join(missing)}, as of version 0.1; run it again with this version")

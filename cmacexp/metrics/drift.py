@@ -46,11 +46,7 @@ def format_drift(drift: Drift, when: str = "") -> str:
 
 
 class DriftDetector:
-    """Applies both tests to the feedback of L legs while a run goes on, some cycles at a time.
-
-    Args:
-        legs: L.
-    """
+    """Applies both tests to the feedback of L legs while a run goes on, some cycles at a time."""
 
     def __init__(self, legs: int):
         self._logs = np.full((WINDOW - 1, legs), np.nan)
@@ -63,8 +59,7 @@ class DriftDetector:
     def add(self, feedback: Array) -> tuple[Array, Array]:
         """Test the next cycles of RMS feedback torques (cycles, L).
 
-        Returns:
-            Growth at each of these cycles, and the cycle in which a drift started; (cycles, L), undefined NaN.
+        Returns growth at each of them, and the cycle in which a drift started, (cycles, L); undefined is NaN.
         """
         if not len(feedback):  # of a run that took no step
             return feedback, feedback
@@ -99,11 +94,7 @@ class DriftDetector:
 
 
 def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
-    """The entry ``drift`` of a run's manifest: its first drift, with the growth in its last cycle; None if none.
-
-    Args:
-        metrics: of the run.
-    """
+    """The entry ``drift`` of a run's manifest: its first drift, with the growth in its last cycle; None if none."""
     cycle, leg, started, growth = (as_array(metrics, n) for n in ("cycle", "leg", "drift_cycle", "feedback_growth"))
     detected = np.flatnonzero(~np.isnan(started))
     if not len(detected):
@@ -114,11 +105,7 @@ def make_drift_entry(metrics: pa.Table) -> dict[str, int | float] | None:
 
 
 def read_drift_entry(entry: Mapping[str, Any] | None) -> Drift | None:
-    """What :func:`make_drift_entry` wrote.
-
-    Raises:
-        BadRun: it has other fields.
-    """
+    """What :func:`make_drift_entry` wrote; raises BadRun if it has other fields."""
     try:
         return None if entry is None else Drift(**entry)
     except TypeError:

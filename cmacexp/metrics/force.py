@@ -129,4 +129,3 @@ FORCE: dict[str, Metric[Block]] = {
         shown=Shown("ITAE", "N s²", over_legs=False),
     ),
 }
-"""Columns about force, by name."""

@@ -25,4 +25,3 @@ LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
         source=f"rise: {MANN}",
     ),
 }
-"""Columns that follow from those of all cycles so far, by name."""

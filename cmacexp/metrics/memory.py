@@ -57,4 +57,3 @@ MEMORY: dict[str, Metric[Mapping[str, Array]]] = {
         pooling=LARGEST,
     ),
 }
-"""Columns about memory, by name."""

@@ -125,13 +125,7 @@ def to_table(
     values: Mapping[str, Array],
     metrics: Mapping[str, Metric[Any]],
 ) -> pa.Table:
-    """A table of metrics, with their description in the metadata of each field.
-
-    Args:
-        index: the first columns, whole numbers.
-        values: a value per row, by name.
-        metrics: their definitions, by the same names.
-    """
+    """A table of metrics: whole numbers, values by name, and their definitions in the metadata of each field."""
     fields = [pa.field(name, pa.int32(), metadata=describe(column)) for name, (column, _) in index.items()]
     arrays = [arrow(numbers, pa.int32()) for _, numbers in index.values()]
     for name, metric in metrics.items():

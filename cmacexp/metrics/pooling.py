@@ -37,8 +37,7 @@ def pool_legs(scores: Scores) -> dict[str, Array]:
 def describe_pooling(titles: Mapping[str, str]) -> str:
     """How metrics of several legs become one, e.g. ``RMS of x error, y error; mean of feedforward``.
 
-    Args:
-        titles: of metrics, by name; those of the body are left out.
+    Those of the body are left out.
     """
     poolings: dict[str, list[str]] = {}
     for name, title in titles.items():
@@ -48,13 +47,7 @@ def describe_pooling(titles: Mapping[str, str]) -> str:
 
 
 def is_shown(name: str, values: Container[str], legs: int) -> bool:
-    """Whether tables and figures show one of the metrics that they can show.
-
-    Args:
-        name: of the metric.
-        values: names of those that the run has.
-        legs: number of legs.
-    """
+    """Whether tables and figures show a metric for a run that has these metrics, and so many legs."""
     return (legs == 1 or SHOWN[name].over_legs) and SHOWN[name].instead not in values
 
 

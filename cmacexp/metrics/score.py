@@ -20,11 +20,7 @@ from cmacexp.typing import Array
 
 
 class RunScorer:
-    """The metrics of a run whose tables come in parts: of some cycles each, the last of the run may be short.
-
-    Args:
-        steps_per_cycle: N.
-    """
+    """The metrics of a run whose tables come in parts: of some cycles each, the last of the run may be short."""
 
     def __init__(self, steps_per_cycle: int):
         self.steps_per_cycle = steps_per_cycle
@@ -81,23 +77,14 @@ class RunScorer:
 
 
 def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:
-    """Metrics of a trace, one row per cycle and leg; undefined is NaN.
-
-    Args:
-        trace: as :func:`cmacexp.loop.trace.assemble` makes it; the last cycle may be short.
-        steps_per_cycle: N.
-    """
+    """Metrics of a trace, one row per cycle and leg; undefined is NaN. The last cycle may be short."""
     scorer = RunScorer(steps_per_cycle)
     scorer.add_legs(trace)
     return scorer.scores.legs
 
 
 def score_traces(run: StoredRun) -> Scores:
-    """The metrics of a run from its traces, which must hold every step.
-
-    Raises:
-        BadRun: a trace is missing or cannot be read.
-    """
+    """The metrics of a run from its traces, which must hold every step; raises BadRun."""
     scorer, folder = RunScorer(run.steps_per_cycle), run.folder
     for part in read_parts(folder / TRACE):
         scorer.add_legs(part)

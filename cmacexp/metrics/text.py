@@ -11,6 +11,8 @@ def format_number(value: float, unit: str = "", digits: int = DIGITS) -> str:
 
     >>> format_number(0.123456), format_number(12345.6, "N"), format_number(-5e-7), format_number(float("nan"))
     ('0.123', '12300 N', '-5e-07', 'undefined')
+    >>> format_number(3), format_number(float("inf"))
+    ('3', 'infinite')
     """
     if isinstance(value, bool):
         return "yes" if value else "no"

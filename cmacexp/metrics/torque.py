@@ -76,4 +76,3 @@ TORQUE: dict[str, Metric[Block]] = {
         Shown("feedforward", "%", 100.0, head="feed-\nforward"),
     ),
 }
-"""Columns about torque, by name."""

@@ -28,7 +28,6 @@ TRACKING: dict[str, Metric[Block]] = {
     "transfer_rmse_y": transfer_rmse("y"),
     "support_rmse_x": support_rmse("x"),
 }
-"""Columns about position, by name."""
 
 
 def foot_rmse(block: Block) -> Array:
@@ -61,4 +60,3 @@ SPATIAL: dict[str, Metric[Block]] = {
         shown=Shown("joints", "mrad", 1e3, head="joint\nerror"),
     ),
 }
-"""Columns of a robot alone, by name."""

@@ -134,8 +134,7 @@ def slope(body: Array, hips: Array, foot: Array, stiffness: Array, level: Array,
 def newton_step(at: Slope, damping: float) -> tuple[bool, float, float, float]:
     """Solve the damped Newton equations.
 
-    Returns:
-        Whether the damped curvature is positive definite, and the step in height, pitch and roll; else zeros.
+    Whether the damped curvature is positive definite, and the step in height, pitch and roll; else zeros.
     """
     a, b, c = at.hh + damping, at.hp, at.hr
     d, e, f = at.pp + damping, at.pr, at.rr + damping
@@ -182,19 +181,11 @@ def descend(
 
 @kernel_apart
 def balance(hips: Array, foot: Array, stiffness: Array, level: Array, load: Load, body: Array, force: Array) -> bool:
-    """Find the height, pitch and roll at which the feet carry the body.
+    """Find the height (m), pitch and roll (rad) at which the feet carry the body; False if there is no equilibrium.
 
-    Args:
-        hips: (L, 2): hips in the body frame, m.
-        foot: (L, 2): feet in the frames of their hips, m.
-        stiffness: (L,): K_n under each foot, N/m.
-        level: (L,): depth at which the ground begins to press each foot, m.
-        load: that they carry, with the weight of the body.
-        body: (3,): height (m), pitch and roll (rad), where the search starts; becomes the equilibrium.
-        force: (L,): filled with the contact forces, N.
-
-    Returns:
-        False if there is no equilibrium; ``body`` and ``force`` are then undefined.
+    ``hips`` (L, 2) are in the body frame, ``foot`` (L, 2) in those of the hips, m; ``stiffness`` (L,) is K_n under
+    each foot, N/m, ``level`` (L,) the depth at which the ground begins to press it, m; ``load`` has the weight of the
+    body. The search starts at ``body`` (3,), which becomes the equilibrium, and fills ``force`` (L,), N.
     """
     enough = TOLERANCE * load.weight
     for i in range(stiffness.shape[0]):

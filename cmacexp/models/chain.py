@@ -125,15 +125,9 @@ def batch_kinematics(chain: Array, q: Array) -> tuple[Array, Array]:
 
 
 def chain_angles(chain: Array, feet: Array, start: Array) -> Array:
-    """Joint angles (N, 3), rad, that put the foot at each of ``feet`` (N, 3), by Newton's method.
+    """Joint angles (N, 3), rad, by Newton's method, that put the foot at each of ``feet`` (N, 3), m; else NaN.
 
-    Args:
-        chain: (CHAIN_FIELDS,).
-        feet: m.
-        start: (3,) or (N, 3): where the search begins; it decides to which side the knee bends.
-
-    Returns:
-        NaN where it does not find any: the foot is out of reach.
+    Where the search starts, (3,) or (N, 3), decides to which side the knee bends.
     """
     q = np.broadcast_to(start, feet.shape).copy()
     for _ in range(MOST_ITERATIONS):

@@ -76,12 +76,7 @@ def stiffness_under(ground: Ground, leg: int, step: float, x: float, y: float) -
 
 @kernel
 def contact_force(stiffness: float, depression: float) -> float:
-    """F = K_n D_a for D_a >= 0, N (Lin & Song 1997, eq. 1).
-
-    Args:
-        stiffness: K_n, N/m.
-        depression: D_a, m, positive into the ground.
-    """
+    """F = K_n D_a for a depth D_a >= 0 m, N, with K_n in N/m (Lin & Song 1997, eq. 1)."""
     return stiffness * depression if depression > 0.0 else 0.0
 
 
@@ -89,30 +84,17 @@ def contact_force(stiffness: float, depression: float) -> float:
 def damped_force(stiffness: float, damping: float, depression: float, rate: float) -> float:
     """Contact force of elastic ground with damping, N: K_n D + c dD/dt where D > 0, and never a pull.
 
-    Args:
-        stiffness: K_n, N/m.
-        damping: c, N s/m.
-        depression: D, m, positive into the ground.
-        rate: dD/dt, m/s.
+    K_n in N/m, c in N s/m, D in m, positive into the ground, and its rate in m/s.
     """
     return max(0.0, stiffness * depression + damping * rate) if depression > 0.0 else 0.0
 
 
 @kernel
 def damped_spring(stiffness: float, damping: float, before: float, time: float) -> tuple[float, float]:
-    """The spring that is equivalent to ground with damping, under a foot whose motion is not known yet.
+    """Stiffness, N/m, and depth at which it begins to press, m, of the spring that is equivalent to damped ground.
 
-    The rate is the change of the depression over ``time`` (backward Euler), which is stable even where that is short
-    against c/K_n.
-
-    Args:
-        stiffness: K_n, N/m.
-        damping: c, N s/m.
-        before: depression at its start, m, at least 0.
-        time: duration of the motion, s.
-
-    Returns:
-        Its stiffness, N/m, and the depth at which it begins to press, m.
+    The foot is at the depth ``before``, m, at least 0; its motion is not known yet. The rate is the change of the
+    depth over ``time``, s (backward Euler), which is stable even where that is short against c/K_n.
     """
     extra = damping / time
     return stiffness + extra, extra * before / (stiffness + extra)
@@ -124,16 +106,10 @@ def depression_for(stiffness: float, force: Array) -> Array:
 
 
 def damped_depression(stiffness: float, damping: float, force: Array, support: Mask, time: float) -> Array:
-    """Depressions D with K_n D + c dD/dt = F, m, at which ground with damping carries changing forces.
+    """Depressions D with K_n D + c dD/dt = F, m, at which ground with damping carries changing forces F (N, L), N.
 
-    The cycle is a ring, in which F is straight between samples. A foot that touches down begins at F / K_n.
-
-    Args:
-        stiffness: K_n, N/m.
-        damping: c, N s/m.
-        force: (N, L): F, N.
-        support: (N, L): whether the foot is down.
-        time: between two samples, s.
+    The cycle is a ring, in which F is straight between samples, ``time`` s apart. A foot that touches down, where
+    ``support`` (N, L) begins, begins at F / K_n.
     """
     depression = depression_for(stiffness, force)
     lag = damping / stiffness / time

@@ -16,10 +16,7 @@ class Lead(NamedTuple):
 def discretise(omega: float, alpha: float, sampling_period: float) -> Lead:
     """The bilinear transform of (1 + s/omega)/(1 + s/(alpha omega)) (Lin & Song 1997, eq. 5, 6, with K_c = 1).
 
-    Args:
-        omega: lower corner frequency, rad/s.
-        alpha: upper over lower corner frequency.
-        sampling_period: T_s, s.
+    ``omega`` is the lower corner frequency, rad/s; the sampling period is in s.
     """
     t0, t1 = 1.0 / omega, 1.0 / (alpha * omega)
     scale = sampling_period + 2.0 * t1

@@ -150,15 +150,10 @@ def move_foot(mechanism: Mechanism, i: int, geometry: Array, dq: Array, velocity
 
 @kernel
 def press_foot(mechanism: Mechanism, i: int, geometry: Array, force: Array, down: float, torque: Array) -> None:
-    """J^T U of leg ``i``, N m; J is the identity for a point mass (Lin & Song 1997, Fig. 1).
+    """Fill row ``i`` of ``torque`` (L, J) with J^T U of leg ``i``, N m (Lin & Song 1997, Fig. 1).
 
-    Args:
-        mechanism: the machine.
-        i: the leg.
-        geometry: filled by :func:`update_geometry`.
-        force: (L, J): U, N, but for its y.
-        down: U along y, N.
-        torque: (L, J): its row ``i`` is filled.
+    U is ``force`` (L, J), N, but for its y, which is ``down``; J, the identity for a point mass, follows from
+    ``geometry``, see :func:`update_geometry`.
     """
     if mechanism.kind == CHAINS_UNDER_BODY:
         for n in range(len(mechanism.axes)):

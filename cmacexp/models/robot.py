@@ -36,11 +36,7 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 def load_mujoco() -> Any:
-    """The module ``mujoco``.
-
-    Raises:
-        BadInput: it is not installed.
-    """
+    """The module ``mujoco``; raises BadInput if it is not installed."""
     try:
         import mujoco
     except ImportError as error:
@@ -60,11 +56,7 @@ def warnings_dropped(mujoco: Any) -> Iterator[None]:
 
 
 def load_model(load: Callable[[str], Any], source: str, key: str, value: object) -> Any:
-    """What ``load``, a function of MuJoCo, makes of a ``source``.
-
-    Raises:
-        BadInput: MuJoCo refuses it; names the config ``key`` and its ``value``.
-    """
+    """What ``load``, a function of MuJoCo, makes of a ``source``; raises BadInput with ``key`` if it refuses."""
     try:
         with warnings_dropped(load_mujoco()):
             return load(source)
@@ -145,14 +137,9 @@ def place(model: Any, data: Any, legs: Legs, q: Array) -> Any:
 def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str], home: ArrayLike) -> Robot:
     """The robot of an MJCF or URDF file; the last ones are kept.
 
-    Args:
-        path: of the file.
-        joints: names of hip, thigh and calf joint of each of the four legs.
-        feet: names of the geoms, sites or bodies of the four feet.
-        home: (3,) or (4, 3) joint angles at which the rule for the gains looks at the legs, rad.
-
-    Raises:
-        BadInput: MuJoCo is missing or cannot read the file, or the model is no quadruped with three hinges a leg.
+    Each leg has the names of its hip, thigh and calf joint; a foot is a geom, site or body. At the joint angles
+    ``home``, (3,) or (4, 3), rad, the rule for the gains looks at the legs. Raises BadInput if MuJoCo is missing or
+    cannot read the file, or the model is no quadruped with three hinges a leg.
     """
     try:
         angles = np.array(home, dtype=float)

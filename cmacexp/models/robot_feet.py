@@ -22,16 +22,9 @@ Sphere = tuple[int, Array, float]
 
 
 def place_feet(mujoco: Any, spec: Any, data: Any, feet: Sequence[str]) -> list[str]:
-    """Names of the geoms, all spheres, of the four feet; adds those that are missing to ``spec``.
+    """Names of the geoms, all spheres, of the four feet; adds those that are missing to the ``spec`` of a model.
 
-    Args:
-        mujoco: the module.
-        spec: of the model.
-        data: of its compiled model, the trunk level, the legs at home.
-        feet: names of geoms, sites or bodies.
-
-    Raises:
-        BadInput: nothing in the model has such a name.
+    ``feet`` names geoms, sites or bodies; ``data`` has the trunk level, the legs at home. Raises BadInput.
     """
     found = [_find_foot(mujoco, data.model, data, name) for name in feet]
     bodies = {body.id: body for body in spec.bodies}

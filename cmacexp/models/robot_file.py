@@ -35,11 +35,7 @@ def checkout_models() -> dict[str, Path]:
 
 
 def find_model(name: str | None, path: str | None) -> Path:
-    """The MJCF file of a robot.
-
-    Args:
-        name: of the model, e.g. ``go1``; it counts where no file is given.
-        path: of a file; None: the name is looked up in the package, then in the checkout.
+    """The MJCF file of a robot: ``path``, else that of the model ``name`` in the package, then in the checkout.
 
     Raises:
         BadInput: there is no such file, or no such model; says what to install or to set.

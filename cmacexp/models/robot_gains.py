@@ -131,21 +131,14 @@ def recommend_period(ratio: float, lateness: Lateness = NONE, gain: float = 0.0)
 def choose_period(robot: Robot, lateness: Lateness = NONE, gain: float = 0.0) -> float:
     """The sampling period, s, of a robot: as recommended, and shorter where its joints have no inertia of rotors.
 
-    Models made for ROS have none, and often no losses either.
-
-    Raises:
-        BadInput: there is none, since lags limit the gains at any period.
+    Models made for ROS have none, and often no losses either. Raises BadInput as :func:`recommend_period`.
     """
     period = recommend_period(derive_basis(robot).ratio, lateness, gain)
     return period if robot.armature.any() else min(period, PERIOD_WITHOUT_ROTORS)
 
 
 def require_period(ratio: float, period: float, lateness: Lateness = NONE) -> None:
-    """Require a sampling period, s, that suits a robot with m_f/m = ``ratio``.
-
-    Raises:
-        BadInput: names a period that does.
-    """
+    """Require a sampling period, s, that suits a robot with m_f/m = ``ratio``; raises BadInput, which names one."""
     shortest, least = PERIODS[0]
     if period < shortest:
         least *= period / shortest
@@ -173,16 +166,10 @@ def derive_basis(robot: Robot) -> Basis:
 
 
 def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, lateness: Lateness = NONE) -> Gains:
-    """The gains of a robot (measured for this project: docs/robots.md).
+    """The gains of a robot at a sampling period in s (measured for this project: docs/robots.md).
 
-    Args:
-        basis: of the robot.
-        sampling_period: of the run, T_s, s.
-        lead_gain: gain of the LEAD compensator for the newest error, b0.
-        lateness: of the feedback of the velocity.
-
-    Raises:
-        BadInput: the feet are too light for this period; names one that works.
+    ``lead_gain`` is that of the LEAD compensator for the newest error, b0, ``lateness`` that of velocity feedback.
+    Raises BadInput, which names a period that works, if the feet are too light for this one.
     """
     require_period(basis.ratio, sampling_period, lateness)
     feedback = choose_feedback(lateness, sampling_period)
@@ -201,17 +188,10 @@ def derive_gains(basis: Basis, sampling_period: float, lead_gain: float, latenes
 
 
 def find_delay_margin(foot_mass: float, gain: float, lead_gain: float, period: float, lateness: Lateness) -> int:
-    """Samples by which feedback may be later before the lightest foot is unstable.
+    """Samples by which feedback may be later, beyond ``lateness``, before the lightest foot, kg, is unstable.
 
-    Args:
-        foot_mass: m_f, kg.
-        gain: K_av, N s/m.
-        lead_gain: b0.
-        period: of sampling, T_s, s.
-        lateness: of the feedback without these samples.
-
-    Raises:
-        BadInput: the gain is too high for feedback that late; names one that works.
+    ``gain`` is K_av, N s/m, ``lead_gain`` b0. Raises BadInput, which names a gain that works, if it is unstable
+    already.
     """
     feedback, critical = gain * lead_gain * period / foot_mass, lateness.find_critical_gain(period)
     if feedback > MOST_SHARE * critical:

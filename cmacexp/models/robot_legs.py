@@ -41,11 +41,7 @@ class Legs:
 
 
 def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: Array, home: object) -> None:
-    """Require names for four legs of three joints, and an angle for each of the three, or twelve.
-
-    Raises:
-        BadInput: names the config key.
-    """
+    """Require names for four legs of three joints, and an angle for each of the three, or twelve; raises BadInput."""
     if len(joints) != LEGS or any(len(leg) != JOINTS for leg in joints):
         raise BadInput("machine.joints", joints, "must be four lists of three names: hip, thigh, calf")
     if angles.shape not in ((JOINTS,), (LEGS, JOINTS)):
@@ -57,20 +53,12 @@ def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: 
 
 
 def find_joints(mujoco: Any, model: Any, joints: Sequence[Sequence[str]]) -> Counts:
-    """The joints (4, 3) of the legs in a model, which must be hinges.
-
-    Raises:
-        BadInput: the model lacks one of them.
-    """
+    """The joints (4, 3) of the legs in a model, which must be hinges; raises BadInput."""
     return np.array([[_find_joint(mujoco, model, name) for name in leg] for leg in joints])
 
 
 def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
-    """The free joint of the trunk on which the joints (4, 3) hang.
-
-    Raises:
-        BadInput: the trunk does not float, or more than trunk and legs move.
-    """
+    """The free joint on which the joints (4, 3) hang; raises BadInput if there is none, or more moves."""
     trunk = int(model.body_rootid[model.jnt_bodyid[joint[0, 0]]])
     free = int(model.body_jntadr[trunk])
     if free < 0 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:
@@ -83,17 +71,9 @@ def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
 
 
 def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence[str]) -> Legs:
-    """The legs of a model.
+    """The legs of an MjModel: ``free`` joint of the trunk, joints (4, 3), geoms of the feet (4,), which are spheres.
 
-    Args:
-        model: MjModel.
-        free: joint of the trunk.
-        joint: (4, 3) joints of the legs.
-        foot: (4,) geoms of the feet, spheres.
-        feet: names for messages.
-
-    Raises:
-        BadInput: a foot does not hang on the trunk by the joints of its leg.
+    Raises BadInput if one of ``feet`` does not hang on the trunk by the joints of its leg.
     """
     for leg, geom, name in zip(joint, foot, feet, strict=True):
         _require_chain(model, free, leg, geom, name)
@@ -113,14 +93,8 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
 def torque_limits(mujoco: Any, model: Any, joints: Counts, needs_motor: bool) -> Array:
     """Largest torques (3,) of hip, thigh and calf, the least of all legs, N m; infinite without a limit.
 
-    Args:
-        mujoco: the module.
-        model: its MjModel.
-        joints: (4, 3) of the legs.
-        needs_motor: whether a joint without actuator and limit is a mistake; a URDF has no actuators.
-
-    Raises:
-        BadInput: a joint has no actuator, or one that gives no torque.
+    With ``needs_motor`` a joint without actuator and limit is BadInput, as one whose actuator gives no torque always
+    is; a URDF has no actuators.
     """
     limits = [_torque_limit(mujoco, model, int(joint), needs_motor) for joint in joints.ravel()]
     return np.reshape(limits, joints.shape).min(axis=0)

@@ -33,12 +33,7 @@ def is_urdf(path: Path) -> bool:
 
 
 def read_spec(mujoco: Any, path: Path) -> Any:
-    """The MjSpec of a model file.
-
-    Raises:
-        BadInput: the file, or one that it names, is no model.
-        ValueError: MuJoCo refuses it.
-    """
+    """The MjSpec of a model file; raises BadInput, and ValueError as MuJoCo does."""
     if is_urdf(path):
         spec = _read_urdf(mujoco, path)
     else:

@@ -35,16 +35,11 @@ def static_load(weight: float, samples: int) -> BodyLoad:
 
 
 def dynamic_load(mechanism: Mechanism, body_mass: float, desired: Array, joints: Array) -> BodyLoad:
-    """Gravity and inertia of a body and of the point masses of its legs, moving as planned.
+    """Gravity and inertia of a body and of the point masses of its legs, moving as planned: motions (N, L, 6).
 
-    The body stays level and moves at constant speed. What accelerates the legs along x is friction at the feet, whose
-    lever arm is the height of the hips. Jumps in velocity, as at both ends of one cubic, cause no force here.
-
-    Args:
-        mechanism: the machine; its body's centre of gravity is in the plane of the hips.
-        body_mass: without legs, kg.
-        desired: (N, L, 6): planned motion of the feet, as in the plan.
-        joints: (N, L, 6): the same in joint angles.
+    The body, ``body_mass`` kg without legs, its centre in the plane of the hips, stays level and moves at constant
+    speed. What accelerates the legs along x is friction at the feet, whose lever arm is the height of the hips. Jumps
+    in velocity, as at both ends of one cubic, cause no force here.
     """
     length, mass_knee, mass_foot = mechanism.legs[:, 0], mechanism.legs[:, 2], mechanism.legs[:, 3]
     angle, rate, acceleration = joints[..., Q1], joints[..., DQ1], joints[..., DDQ1]

@@ -30,15 +30,10 @@ class Sway(NamedTuple):
 
 
 def find_pressure(feet: Array, load_fraction: Array, wanted: Array) -> Array:
-    """Centre of pressure (N, 2), near the ``wanted`` one (N, 2), that feet can give, m.
+    """Centre of pressure (N, 2), near the ``wanted`` one (N, 2), that feet (N, L, 2) can give, m.
 
-    Each presses with its load fraction times a linear function of its place: with EASE = 0 exactly about the wanted
-    centre, if the feet span it.
-
-    Args:
-        feet: (N, L, 2), m.
-        load_fraction: (N, L): 0 to 1.
-        wanted: m.
+    Each presses with its load fraction (N, L) times a linear function of its place: with EASE = 0 exactly about the
+    wanted centre, if the feet span it.
     """
     away = feet - wanted[:, None]
     x, y, weight = away[..., 0], away[..., 1], load_fraction
@@ -76,10 +71,7 @@ def _decay(root: float, values: Array) -> Array:
 def find_sway(pressure: Array, height: float, period: float) -> Sway:
     """The periodic motion of a body whose centre of pressure (N, 2) is off its mean place by that, m.
 
-    Args:
-        pressure: of the ground, m.
-        height: of the centre of mass, m.
-        period: of sampling, s.
+    ``height`` is that of the centre of mass, m, ``period`` that of sampling, s.
     """
     place = _spread(pressure, height / GRAVITY / period**2)
     after, before = np.roll(place, -1, axis=0), np.roll(place, 1, axis=0)

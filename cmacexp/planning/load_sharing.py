@@ -63,21 +63,14 @@ def _solve_without_one(weight: Array, feet: Array, support: Mask, load_fraction:
 
 
 def share_load(weight: float | Array, feet: Array, support: Mask, load_fraction: Array) -> Array:
-    """Forces that balance the weight and both of its moments, with the least sum of squares.
+    """Forces (N, L), N, that balance the weight and both of its moments, with the least sum of squares.
 
     With three feet there is one solution. With four the sum of F^2/load_fraction is least: the smaller that of a
-    foot, the less it carries, down to zero where three feet suffice.
-    Feet cannot pull: where the solution pulls, the best one that leaves a foot out replaces it.
-
-    Args:
-        weight: N, one or (N,).
-        feet: (N, L, 2): feet in the horizontal plane, relative to where the weight goes through it, m.
-        support: (N, L): whether a foot is down.
-        load_fraction: (N, L): weight of a foot that is down in the least squares, 0 to 1.
-
-    Returns:
-        (N, L): N. With fewer than three feet down the weight is balanced, then the moment about the body's y, then
-        that about its x, each if the feet allow it; with the weight outside them, feet pull.
+    foot, (N, L), 0 to 1, the less it carries, down to zero where three feet suffice. Feet cannot pull: where the
+    solution pulls, the best one that leaves a foot out replaces it. Feet (N, L, 2) are in the horizontal plane,
+    relative to where the weight goes through it, m; ``support`` (N, L) says which are down. With fewer than three the
+    weight is balanced, then the moment about the body's y, then that about its x, each if the feet allow it; with the
+    weight outside them, feet pull.
     """
     weight = np.broadcast_to(np.asarray(weight, dtype=float), len(feet))
     few = support.sum(axis=1, keepdims=True) <= 3

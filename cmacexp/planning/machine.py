@@ -41,11 +41,7 @@ def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine | R
 
 
 def check_load_sharing(config: Config) -> None:
-    """Check that dynamic load sharing has a body whose weight is that of its masses.
-
-    Raises:
-        BadInput: the machine has no body, or another weight.
-    """
+    """Check that dynamic load sharing has a body whose weight is that of its masses; raises BadInput."""
     machine = config.machine
     if config.force_control.load_sharing == "static" or isinstance(machine, RobotMachine):
         return

@@ -94,14 +94,9 @@ def plan_motion(config: Config, timing: Timing, mechanism: Mechanism, force: Arr
 
 
 def check_apex(config: Config, gap: float) -> None:
-    """Check that a single cubic has its only extreme at mid transfer.
+    """Check that a single cubic has its only extreme at mid transfer; raises BadInput.
 
-    Args:
-        config: of the run.
-        gap: of the touch-down below the take-off point, m; not 0 where the foot presses differently at both.
-
-    Raises:
-        BadInput: the cubic would go through the ground instead.
+    ``gap`` is that of the touch-down below the take-off point, m, not 0 where the foot presses differently at both.
     """
     gait = config.gait
     if gait.vertical == "cubic" and abs(gap) > 1e-12 and gait.lift < 1.25 * abs(gap):

@@ -105,22 +105,14 @@ def _sway(walk: _Walk, load: BodyLoad) -> _Walk:
 
 
 def _require_pressure(config: Config, load: BodyLoad) -> None:
-    """Require that the feet press throughout.
-
-    Raises:
-        BadInput: legs swing so fast that their inertia lifts the body.
-    """
+    """Require that the feet press throughout; legs that swing fast may lift the body by their inertia."""
     if not load.force.min() > 0.0:
         reason = "swings the legs so fast that they would lift the body; use a longer one, or a lower gait.lift"
         raise BadInput("gait.cycle_time", config.gait.cycle_time, reason)
 
 
 def _require_balance(walk: _Walk, load: BodyLoad, force: Array) -> None:
-    """Require that the forces (N, L) of the feet have the centre of pressure that the ``load`` needs.
-
-    Raises:
-        BadInput: they have not: the feet are too close together, or the legs too heavy.
-    """
+    """Require that the forces (N, L) of the feet have the centre of pressure that the ``load`` needs."""
     centre = (force[..., None] * walk.feet).sum(axis=1) / force.sum(axis=1)[:, None]
     off, gait = np.abs(centre - load.centre).mean(), walk.config.gait
     if not off < OUT_OF_BALANCE * walk.mechanism.hip_height:
@@ -160,16 +152,10 @@ def _moving_load(walk: _Walk, desired: Array, joints: Array) -> BodyLoad:
 
 
 def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
-    """Plan one cycle.
+    """Plan one cycle; without a feedforward that acts it stays in the stage BEFORE.
 
-    Args:
-        config: a checked config.
-        mechanism: the machine.
-        feedforward_acts: False for feedback alone, which stays in the stage BEFORE.
-
-    Raises:
-        BadInput: a foot path leaves the reach of its leg, or the gait is neither statically stable
-            nor one in which a swaying body keeps its balance.
+    Raises BadInput if a foot path leaves the reach of its leg, or the gait is neither statically stable nor one in
+    which a swaying body keeps its balance.
     """
     walk = _start_walk(config, mechanism)
     timing, feet = walk.timing, walk.feet
@@ -203,17 +189,7 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
 
 
 def adapt_plan(config: Config, mechanism: Mechanism, plan: Plan, met: Met) -> Plan:
-    """The plan of a body that carries and meets what it ``met``, with the same steps; its feet follow the load.
-
-    Args:
-        config: of the run.
-        mechanism: the machine.
-        plan: that knows of nothing met.
-        met: beyond it.
-
-    Raises:
-        BadInput: a foot path leaves the reach of its leg.
-    """
+    """The plan of a body that carries and meets what it ``met``, with the same steps; raises BadInput."""
     shift = np.array([met.x, met.y if mechanism.shape[1] == len(SPACE) else 0.0])
     walk = _start_walk(config, mechanism)
     walk = walk._replace(feet=walk.feet + shift - plan.sway.place[:, None], sway=plan.sway)

@@ -71,11 +71,7 @@ def _check_near(config: Config, mechanism: Mechanism, i: int, x: Array, y: Array
 
 
 def check_reach(config: Config, mechanism: Mechanism, desired: Array) -> None:
-    """Check that the desired foot path (N, L, 6) is within the reach of every leg.
-
-    Raises:
-        BadInput: names the cause, stroke, lift or hip height, and a value that is within reach.
-    """
+    """Check that the desired foot path (N, L, 6) is within reach; raises BadInput with a value that is."""
     for i in range(mechanism.legs.shape[0]):
         x, y = desired[:, i, X], desired[:, i, Y]
         _check_near(config, mechanism, i, x, y)

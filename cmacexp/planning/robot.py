@@ -50,11 +50,7 @@ def make_chains(robot: Robot, places: Array) -> Array:
 
 @lru_cache(maxsize=16)
 def find_stance(robot: Robot, hip_height: float) -> Stance:
-    """The stance with the hips ``hip_height`` (m) above the feet.
-
-    Raises:
-        BadInput: a leg does not reach that far.
-    """
+    """The stance with the hips ``hip_height`` (m) above the feet; raises BadInput if a leg is too short."""
     mujoco, thighs = load_mujoco(), robot.hinges[:, 1, :3].copy()
     thighs[:, 2] = thighs[:, 2].mean()
     below, shift = np.array([[0.0, hip_height, 0.0]]), np.zeros(3)
@@ -90,11 +86,7 @@ def _require_stance(robot: Robot, hip_height: float, q: Array) -> None:
 
 
 def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
-    """The machine of a robot.
-
-    Raises:
-        BadInput: there is no such model, it is no quadruped with three hinges a leg, or it cannot stand like that.
-    """
+    """The machine of a robot; raises BadInput if there is no such model, or it cannot stand like that."""
     robot = read_model(machine)
     stance = find_stance(robot, machine.hip_height)
     weight, limits = robot.mass * GRAVITY, tuple(robot.torque_limits.tolist())
@@ -103,11 +95,7 @@ def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
 
 
 def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desired: Array, joints: Array) -> None:
-    """Joint angles, velocities and accelerations along ``desired`` (N, 4, 9); fills ``joints`` (N, 4, 9).
-
-    Raises:
-        BadInput: a foot is out of reach, or a joint leaves its range.
-    """
+    """Fill ``joints`` (N, 4, 9), angles with their rates, along ``desired`` (N, 4, 9); raises BadInput."""
     assert mechanism.chains is not None
     plan_chains(mechanism.chains, read_model(machine).home, desired, joints)
     angles = joints[..., JOINT_COLUMNS["angle"]]

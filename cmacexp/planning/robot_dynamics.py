@@ -81,16 +81,10 @@ def planned_torques(
     pressed: Array,
     mass_factor: float = 1.0,
 ) -> Array:
-    """Joint torques (N, 4, 3), N m, that let the robot move as planned, with masses that may be wrong.
+    """Joint torques (N, 4, 3), N m, that let the robot move as planned, with masses that may be wrong by a factor.
 
-    Args:
-        config: of the run.
-        mechanism: of the robot.
-        joints: (N, 4, 9): planned.
-        sway: of the body.
-        load: (N, 4): vertical forces on the feet, N; they share the horizontal force alike.
-        pressed: (N, 4): those that these torques have to give.
-        mass_factor: masses of the model over the true ones.
+    Joints (N, 4, 9) are planned, ``load`` (N, 4) are vertical forces on the feet, N, which share the horizontal force
+    alike; ``pressed`` (N, 4) are those that these torques have to give.
     """
     assert mechanism.chains is not None
     needs = compute_needs(config, joints, sway, mass_factor)

@@ -23,13 +23,10 @@ SAME_PLACE = 1e-6
 
 
 def margins(feet: Array, down: Mask | None = None) -> Array:
-    """Margins of the origin in the polygon of feet, m: (..., 3), nearest edge, front and rear boundary along x.
+    """Margins (..., 3) of the origin in the polygon of feet (..., L, 2), m: nearest edge, front and rear along x.
 
-    NaN with fewer than three feet; front and rear are NaN where the line along x misses the polygon.
-
-    Args:
-        feet: (..., L, 2).
-        down: (..., L), those that span the polygon; None: all.
+    NaN with fewer than three feet; front and rear are NaN where the line along x misses the polygon. ``down`` (...,
+    L) are those that span it; None: all.
     """
     x, y = np.ascontiguousarray(np.moveaxis(feet, (-1, -2), (0, 1)))
     present = np.ones(x.shape, dtype=bool) if down is None else np.moveaxis(down, -1, 0)
@@ -53,11 +50,7 @@ def margins(feet: Array, down: Mask | None = None) -> Array:
 
 
 def check_stability(config: Config, support: Mask, planned: Array) -> None:
-    """Check that a gait is statically stable throughout.
-
-    Raises:
-        BadInput: names the instant, and the feet that are down or the margin.
-    """
+    """Check that a gait is statically stable throughout; raises BadInput with the instant."""
     gait = config.gait
     if gait.allow_unstable or PATTERNS[gait.pattern].is_dynamic:
         return

@@ -26,12 +26,9 @@ class Masses(NamedTuple):
 
 
 def centre_of_gravity(masses: Masses, q1: Array, feet: Array) -> Array:
-    """Centre of gravity in the body frame, (3, N), m: x forward, y left, z up.
+    """Centre of gravity in the body frame, (3, N), m: x forward, y left, z up; ``feet`` (3, L, N) likewise.
 
-    Args:
-        masses: of the machine.
-        q1: (L, N): angles of the thighs, rad.
-        feet: (3, L, N): in the body frame, m.
+    ``q1`` (L, N) are angles of the thighs, rad.
     """
     mechanism, payload = masses.mechanism, masses.payload
     weight, moment = mechanism.weight, np.zeros((3, feet.shape[2]))
@@ -50,12 +47,8 @@ def centre_of_gravity(masses: Masses, q1: Array, feet: Array) -> Array:
 def true_margins(masses: Masses, legs: Mapping[str, Array], body: Mapping[str, Array]) -> Array:
     """Margins (N, 3) of the centre of gravity among the feet that carry load, under the tilted body, m.
 
-    Nearest edge, front and rear boundary, as :func:`cmacexp.planning.stability.margins` gives them.
-
-    Args:
-        masses: of the machine.
-        legs: (N, L) by the names of the trace: x, y, q1, force; of a robot z too.
-        body: (N,) by the names of its trace: pitch, roll.
+    Nearest edge, front and rear boundary, as :func:`cmacexp.planning.stability.margins` gives them. Columns of legs
+    (N, L) and body (N,) are by the names of the traces.
     """
     down, q1, force = (np.ascontiguousarray(legs[name].T) for name in ("y", "q1", "force"))
     hip_x, hip_y = masses.mechanism.hips.T[..., None]

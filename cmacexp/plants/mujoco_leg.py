@@ -15,11 +15,7 @@ class MujocoLeg(MujocoPlant):
     config: MujocoConfig
 
     def reset(self, setup: Setup) -> Measurement:
-        """Start at the planned joint angles, at rest.
-
-        Raises:
-            BadInput: the machine is not a leg on a stand, or MuJoCo is not installed.
-        """
+        """Start at the planned joint angles, at rest; raises BadInput if the machine is not a leg on a stand."""
         require_machine(setup, "leg", "mujoco_leg", "one_leg")
         setup = self.config.build(setup)
         ground = make_ground(setup.config.terrain, setup.config.sampling_period)

@@ -34,15 +34,10 @@ def _leg(number: int, leg: Array, at: str) -> str:
 
 
 def make_planar(mechanism: Mechanism, body_mass: float | None = None, inertia: Sequence[float] = ()) -> Model:
-    """The model of planar legs.
+    """The model of planar legs on a stand, or under a body that floats, of ``body_mass`` kg without its legs.
 
-    Args:
-        mechanism: legs on a stand, or under a body that floats.
-        body_mass: of the body without its legs, kg, whose centre is in the plane of the hips; None on a stand.
-        inertia: of the body about its own x, y and z, kg m^2.
-
-    Raises:
-        BadInput: MuJoCo refuses a mass or an inertia.
+    The centre of the body is in the plane of the hips, ``inertia`` is about its own x, y and z, kg m^2. Raises
+    BadInput if MuJoCo refuses a mass or an inertia.
     """
     origin = np.array([0.0, 0.0, mechanism.hip_height if body_mass is None else 0.0])
     hips = [f"{float(x)!r} {float(y)!r} {float(origin[2])!r}" for x, y in mechanism.hips]

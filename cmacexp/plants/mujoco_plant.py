@@ -95,15 +95,9 @@ class MujocoPlant:
         moving: bool = False,
         push: Push = NO_PUSH,
     ) -> Measurement:
-        """Start with the trunk level, every foot sticking where it is.
+        """Start with the trunk level, every foot sticking where it is; ``moving`` as planned, else at rest.
 
-        Args:
-            setup: of the run, with the machine as it is.
-            made: the machine.
-            touch: of a foot with elastic ground.
-            moving: with the planned velocities; else at rest.
-            push: of the trunk.
-            floor: (L,): which values of MuJoCo's sensors are normal forces of its own contacts; None: ``touch`` acts.
+        Values of MuJoCo's sensors at ``floor`` (L,) are normal forces of its own contacts; None: ``touch`` acts.
         """
         config, mechanism, mujoco = setup.config, setup.mechanism, load_mujoco()
         model, trunk, joint, foot, origin = made
@@ -165,11 +159,7 @@ class MujocoPlant:
         return self.measure()
 
     def step(self, torque: Array) -> Measurement:
-        """Hold ``torque`` (L, J), N m, over one sampling period.
-
-        Raises:
-            Diverged: MuJoCo warns of its state.
-        """
+        """Hold ``torque`` (L, J), N m, over one sampling period; raises Diverged if MuJoCo warns of its state."""
         self._torque[...] = torque
         if self._advancing is None:
             self._advancing = advancing(self.engine, self.state, self._torque)
@@ -240,11 +230,7 @@ class MujocoPlant:
 
 
 def require_machine(setup: Setup, kind: str, option: str, scenario: str) -> None:
-    """Check that a plant can move the machine.
-
-    Raises:
-        BadInput: the machine is of another kind.
-    """
+    """Check that a plant can move the machine; raises BadInput."""
     if setup.config.machine.kind != kind:
         allowed = f"must be {kind} with plant={option}: use scenario={scenario}"
         raise BadInput("machine.kind", setup.config.machine.kind, allowed)

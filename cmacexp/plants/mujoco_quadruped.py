@@ -30,11 +30,7 @@ class MujocoQuadruped(MujocoPlant):
     config: Config
 
     def reset(self, setup: Setup) -> Measurement:
-        """Start near the planned joint angles, at rest, the body at its planned height.
-
-        Raises:
-            BadInput: the machine has no body, or MuJoCo is not installed.
-        """
+        """Start near the planned joint angles, at rest, the body at its planned height; raises BadInput."""
         require_machine(setup, "quadruped", "mujoco_quadruped", "quadruped")
         setup, factor = self.config.build(setup), self.config.mass_factor
         inertia = [factor * moment for moment in self.config.body_inertia]

@@ -102,11 +102,7 @@ class MujocoRobot(MujocoPlant):
     config: Config
 
     def reset(self, setup: Setup) -> Measurement:
-        """Start near the planned joint angles, at rest, the body level at its planned height.
-
-        Raises:
-            BadInput: the machine is no robot, or its model cannot be used.
-        """
+        """Start near the planned joint angles, at rest, the body level at its planned height; raises BadInput."""
         require_machine(setup, "robot", "mujoco_robot", "robot")
         machine, self.mujoco = setup.config.machine, load_mujoco()
         self.robot = read_model(machine)
@@ -135,8 +131,7 @@ class MujocoRobot(MujocoPlant):
     def _make_floor(self) -> tuple[Any, Counts, Counts]:
         """The robot's model with a rigid floor, which touches its feet and nothing else.
 
-        Returns:
-            The model, geoms of its feet, and which of its sensors' values are their normal forces.
+        With it the geoms of the feet, and which of its sensors' values are their normal forces.
         """
         spec = self.robot.spec.copy()
         names = [self.robot.model.geom(int(foot)).name for foot in self.robot.legs.foot_geom]

@@ -10,7 +10,6 @@ from cmacexp.recording.panels import SHARES, SPACE, Panel, Panels
 from cmacexp.recording.run_view import RunView
 
 KEY = "key"
-"""The entity of the text that explains the colours."""
 KEY_SHARE = 0.07
 """Height of the key as part of that of the scenes."""
 
@@ -49,7 +48,6 @@ def with_key(content: Panel) -> Panel:
 
 
 def _plots(panels: Panels, view: RunView) -> Panel:
-    """The plots of a run in tabs."""
     if not view.walks:
         return rrb.Tabs(stack(panels, ("force", "error", "torque"), "plots"), stack(panels, ("events",), "moments"))
     walk = stack(panels, ("gait", "force", "posture", "margins"), "walk")

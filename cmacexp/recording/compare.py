@@ -12,7 +12,6 @@ from cmacexp.recording.run_view import RunView
 from cmacexp.recording.write import write_views
 
 MOST_RUNS = 6
-"""Runs side by side at the most."""
 FEW = 3
 """Of more walks side by side each column is too narrow for a plot for each leg."""
 
@@ -34,15 +33,7 @@ def _layout(views: Sequence[RunView]) -> rrb.Blueprint:
 
 
 def write_comparison(runs: Mapping[Path, RunView], path: Path) -> str:
-    """Write several runs into one recording, whole or not at all.
-
-    Args:
-        runs: at least two by their folders, each with a label and a root of its own.
-        path: of the ``.rrd`` file.
-
-    Returns:
-        The name of the recording, which describes its content.
-    """
+    """Write several runs, each with a label and a root of its own, into one recording; describes it."""
     views = list(runs.values())
     if len({view.window for view in views}) == 1:
         name = f"{' | '.join(view.label for view in views)}, {views[0].window}"

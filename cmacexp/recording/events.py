@@ -11,7 +11,6 @@ from cmacexp.recording.entities import Entities
 from cmacexp.recording.run_view import LegView, RunView
 
 EVENTS = "events"
-"""The entity of the moments."""
 
 
 class Event(NamedTuple):

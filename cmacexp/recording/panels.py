@@ -22,7 +22,6 @@ SHARES = {
     **{"scene": 3.0, "sides": 1.6, "gait": 1.2, "force": 2.1},
     **{"posture": 2.2, "margins": 1.0, "error": 2.1, "torque": 4.2, "events": 1.7},
 }
-"""Heights of the panels."""
 BACKGROUND = [245, 245, 245]
 PAPER_SIZE = 0.95
 """Distance of front and rear hips and height of the hips of the paper's quadruped together, m."""
@@ -31,13 +30,7 @@ BORDER = 60.0
 
 
 class Panels:
-    """Makes the panels of one run.
-
-    Args:
-        view: the run.
-        ranges: of the vertical axes, by the name of the plot.
-        times: first and last of plots of all times, s.
-    """
+    """Makes the panels of one run; ``ranges`` are those of vertical axes by plot, ``times`` first and last, s."""
 
     def __init__(self, view: RunView, ranges: Mapping[str, Range], times: Range):
         self._view = view

@@ -179,15 +179,7 @@ def _leg(trace: pa.Table, rows: NDArray[np.intp], number: int, built: dict[str, 
 def make_view(
     traces: Traces, manifest: Manifest, window: Window | None = None, label: str = "", root: str = ""
 ) -> RunView:
-    """The view of a run from its traces.
-
-    Args:
-        traces: the steps that are drawn.
-        manifest: of the run: how it ended, its config and, of a robot, how that is built.
-        window: which steps these are; None: all of them.
-        label: name of the run.
-        root: prefix of the paths of its entities in a recording.
-    """
+    """The view of a run from the traces of the steps that are drawn; without a window they are all of its steps."""
     trace, config, robot = traces.legs, manifest["config"], manifest.get("robot")
     number, built = as_array(trace, "leg"), _leg_configs(config, robot)
     rows = {i: np.flatnonzero(number == i) for i in range(1, len(built) + 1)}

@@ -19,7 +19,6 @@ AXES = {
     "y": ("y down", palette.FIRST_CYCLE),
     "z": ("z left", palette.LAST_CYCLE),
 }
-"""Names and colours of errors along the axes."""
 GAIT_BAR = 9.0
 """Thickness of a bar of the gait diagram, in pixels."""
 

@@ -44,12 +44,7 @@ def choose_every(steps: int, sharing: int = 1) -> int:
 
 
 def read_cycles(text: str, cycles: int, who: str = "the run") -> tuple[int, int]:
-    """First and last cycle that ``3-5``, ``7``, ``last`` or ``last5`` mean.
-
-    Args:
-        text: as typed.
-        cycles: number of cycles.
-        who: completed them.
+    """First and last cycle that ``3-5``, ``7``, ``last`` or ``last5`` mean, of so many that ``who`` completed.
 
     Raises:
         BadInput: the text cannot be read, or the run does not have these cycles.
@@ -69,16 +64,9 @@ def read_cycles(text: str, cycles: int, who: str = "the run") -> tuple[int, int]
 def make_window(
     kept: Mapping[int, int], cycles: tuple[int, int] | None = None, every: int | None = None, sharing: int = 1
 ) -> Window:
-    """The window of a run.
+    """The window of a run of which the trace has ``kept`` so many steps of each cycle.
 
-    Args:
-        kept: steps of each cycle in the trace, at least one.
-        cycles: first and last cycle; None: all.
-        every: one step in so many; None: so many that a recording is not too large for the viewer.
-        sharing: number of runs in one recording.
-
-    Raises:
-        BadInput: the trace has none of these cycles, or fewer steps than ``every``.
+    By default it shows all cycles, and so many steps that ``sharing`` runs fit into one recording. Raises BadInput.
     """
     first, last = cycles or (min(kept), max(kept))
     steps = sum(count for cycle, count in kept.items() if first <= cycle <= last)

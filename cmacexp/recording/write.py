@@ -75,14 +75,7 @@ def _send_facts(recording: rr.RecordingStream, folder: Path, view: RunView) -> N
 
 
 def write_views(runs: Mapping[Path, RunView], blueprint: rrb.Blueprint, name: str, path: Path) -> None:
-    """Write runs into one recording, whole or not at all.
-
-    Args:
-        runs: by their folders, each below its own root.
-        blueprint: how the viewer lays them out.
-        name: of the recording in the viewer.
-        path: of the ``.rrd`` file.
-    """
+    """Write runs, by their folders and each below its own root, into one recording, whole or not at all."""
     recording = rr.RecordingStream("cmacexp", recording_id=name)
     # In memory first: on a full disk rerun's own writer stops without an error, and flushing waits for ever.
     memory = recording.memory_recording()
@@ -112,19 +105,7 @@ def write_recording(
     window: Window,
     meshes: bool = False,
 ) -> str:
-    """Write the Rerun view of a run, whole or not at all.
-
-    Args:
-        folder: of the run, whose trace has at least one step.
-        manifest: how it ended, and of what config.
-        path: of the ``.rrd`` file.
-        label: name of the run.
-        window: the steps that are shown.
-        meshes: whether a robot is drawn as its model shows it.
-
-    Returns:
-        The name of the recording, which describes its content.
-    """
+    """Write the Rerun view of a run whose trace has a step, whole or not at all; returns a description of it."""
     with _pandas_left_out():
         traces = read_traces(folder, window.cycles, window.every)
         view = replace(make_view(traces, manifest, window, label), meshes=meshes)

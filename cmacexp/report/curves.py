@@ -35,11 +35,8 @@ def is_numeric(values: Sequence[Any]) -> bool:
 def over_cycles(name: str, groups: Mapping[Any, Sequence[Array]], log: str | None = None, title: str = "") -> Panel:
     """A metric in every cycle: the median over the runs of each group, and their range as a band.
 
-    Args:
-        name: of the metric.
-        groups: histories of the metric in SI units, by what their runs have in common.
-        log: logarithmic axes; None: those whose values span decades.
-        title: replaces the metric's own.
+    Groups are histories in SI units, by what their runs have in common. Axes are logarithmic, unless ``log`` says
+    which, where values span decades.
     """
     shown = appearance(name)
     title, series = title or shown.title, []
@@ -72,15 +69,9 @@ def over_setting(
 ) -> Panel:
     """What is reduced from the runs with the same value of a setting, against that value; none where it is infinite.
 
-    Args:
-        groups: for each series and then for each value of the setting a number for each run.
-        x: name and unit of the x axis.
-        y: likewise.
-        reduce: gives a value, and the ends of its band or error bar.
-        kind: of the panel; ``bars`` have a group for each value, in order.
-        log: logarithmic axes; None: those whose values span decades.
-        title: of the panel.
-        order: of values that are no numbers, if not that of ``groups``.
+    A group has, for each value of the setting, a number for each run; ``reduce`` gives a value and the ends of its
+    band. Axes are named with their units; with ``log=None`` they are logarithmic where values span decades. Values
+    that are no numbers have an ``order``, by default that of the groups.
     """
     values = order or [value for by_value in groups.values() for value in by_value]
     series, ticks = [], list(dict.fromkeys(map(format_setting, values)))

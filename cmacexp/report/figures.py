@@ -28,7 +28,6 @@ SHADE: dict[str, Any] = {"color": "#F1F1F1", "linewidth": 0, "zorder": 0}
 DESIRED_LINE: dict[str, Any] = {"color": DESIRED, "linestyle": "-", "linewidth": 2.6, "alpha": 0.6, "zorder": 1.9}
 """Style of what should be, behind what is."""
 STOPPED: dict[str, Any] = {"color": "#000000", "marker": "x", "linestyle": "none", "ms": 6, "clip_on": False}
-"""Style of runs that fell or diverged."""
 
 
 @dataclass(frozen=True)
@@ -115,15 +114,10 @@ def draw(
     legend: str = "figure",
     legend_title: str = "",
 ) -> "Figure":
-    """A figure of panels.
+    """A figure of panels, in rows of so many ``columns``, each so many inches high.
 
-    Args:
-        panels: in rows.
-        columns: of panels.
-        height: of a panel, inches.
-        share: axes that all panels have in common: ``x`` or ``xy``; the inner ones are not named.
-        legend: of the whole ``figure``, below it, or one for each ``panel``, above it.
-        legend_title: of the legend.
+    Axes that all have in common, ``x`` or ``xy``, are not named inside. The legend is that of the whole ``figure``,
+    below it, or of each ``panel``, above it.
     """
     columns = min(columns, len(panels))
     shared = {f"share{axis}": True for axis in share}
@@ -150,12 +144,9 @@ def draw(
 
 
 def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
-    """Draw a panel, but for its title and the names of its axes.
+    """Draw a panel on empty axes, but for its title and the names of its axes.
 
-    Args:
-        axes: empty ones.
-        panel: its content.
-        names: of all series that share a legend; empty: those of the panel.
+    ``names`` are those of all series that share a legend; empty: those of the panel.
     """
     from matplotlib.ticker import MaxNLocator
 

@@ -25,21 +25,11 @@ def render_markdown(
     tables: "Mapping[str, Callable[[], pd.DataFrame]]",
     values: Mapping[str, Any],
 ) -> list[Section]:
-    """The sections of a page; what comes before the first heading stands under ``title``.
+    """The sections of a page of Markdown with Jinja; what comes before the first heading stands under ``title``.
 
     ``{% call figure("name", "Fig. 7") %}caption{% endcall %}`` inserts a figure, ``{{ table("name", "caption") }}`` a
-    table, ``{{ name }}`` a value; numbers get three digits.
-
-    Args:
-        template: file of Markdown with Jinja.
-        title: of the page.
-        renderer: saves the figures.
-        figures: called when they are inserted.
-        tables: likewise.
-        values: further names of the template.
-
-    Raises:
-        BadInput: the template inserts a value that is not given.
+    table, which are called then; ``{{ name }}`` a value; numbers get three digits. Raises BadInput if the template
+    inserts a value that is not given.
     """
     from jinja2 import Environment, StrictUndefined, UndefinedError
 
@@ -62,11 +52,7 @@ def render_markdown(
 
 
 def find_insertions(template: Path) -> list[tuple[str, str, int]]:
-    """What a template inserts by a name that it spells out: the function, the name and the line.
-
-    Raises:
-        BadInput: the template has a syntax error.
-    """
+    """What a template inserts by a name that it spells out: the function, the name, the line; raises BadInput."""
     from jinja2 import Environment, TemplateSyntaxError, nodes
 
     try:
@@ -81,7 +67,6 @@ def find_insertions(template: Path) -> list[tuple[str, str, int]]:
 
 
 def _finalize(value: Any) -> Any:
-    """Numbers in one format."""
     return format_number(value) if isinstance(value, float) else value
 
 

@@ -59,17 +59,8 @@ def _describe_origin() -> str:
 def write_report(report: Report, where: Path | Place, say: Callable[[str], None] = ignore) -> Path:
     """Write a report and its figures in place of an earlier one; the manifest has the hash of every file and input.
 
-    Args:
-        report: its content.
-        where: a folder, created if missing; or one that is locked already, whose ``new`` files inputs can be.
-        say: called with what is done next.
-
-    Returns:
-        The HTML file.
-
-    Raises:
-        BadInput: the folder is in use, or holds something else.
-        OSError: it cannot be written; an earlier report in it is as it was.
+    ``where`` is a folder, or one that is locked already, whose ``new`` files inputs can be. Raises BadInput if it is
+    in use, or holds something else, and OSError if it cannot be written, with an earlier report as it was.
     """
     if isinstance(where, Path):
         with replacing(where, OUT_KEY, manifests.REPORT) as locked:

@@ -80,19 +80,13 @@ def ignore(text: str) -> None:
 
 
 class Renderer:
-    """Turns parts into HTML by the templates beside this file.
-
-    Args:
-        folder: of the report, where figures are saved.
-        say: called with what is done next.
-    """
+    """Turns parts into HTML by the templates beside this file, and saves figures in the folder of the report."""
 
     def __init__(self, folder: Path, say: Callable[[str], None] = ignore):
         from jinja2 import Environment, FileSystemLoader
 
         self.folder, self.say = folder, say
         self.files: list[Path] = []
-        """Figures that were saved."""
         loader = FileSystemLoader(Path(__file__).parent)
         self.environment = Environment(loader=loader, autoescape=True, trim_blocks=True)
         self.environment.globals.update(save=self._save, describe=describe)

@@ -15,11 +15,7 @@ from cmacexp.report.run_tables import list_facts, list_key_metrics, list_memory,
 
 
 def require_whole(run: StoredRun) -> None:
-    """Refuse a run whose tables are missing or changed.
-
-    Raises:
-        BadRun: names the first table that is missing or changed, or says that the run took no step.
-    """
+    """Refuse a run whose tables are missing or changed, or that took no step; raises BadRun."""
     for fault in faults(run.folder):
         name, _, problem = fault.partition(": ")
         if name in TABLES:
@@ -36,11 +32,7 @@ def _read_cycles(run: StoredRun) -> list[int]:
 
 
 def choose_cycles(run: StoredRun) -> list[int]:
-    """The cycles to show: the first, the first that learned, the middle and the last whole one in the trace.
-
-    Raises:
-        BadRun: the trace holds no step.
-    """
+    """The cycles to show: the first, the first that learned, the middle and the last whole one; raises BadRun."""
     kept = _read_cycles(run)
     whole = run.select_whole(kept) or kept[:1]
     learned = run.config["learning"]["start_cycle"] if run.manifest["memory"] else 1
@@ -74,14 +66,7 @@ def _end(run: StoredRun) -> list[Section]:
 
 
 def make_run_report(run: StoredRun) -> Report:
-    """The report of one run.
-
-    Args:
-        run: that ended, with any status.
-
-    Raises:
-        BadRun: a table is missing, changed or empty.
-    """
+    """The report of a run that ended, with any status; raises BadRun."""
     require_whole(run)
     cycles = choose_cycles(run)
     data = read_cycle_data(run, cycles)

@@ -126,10 +126,6 @@ def tabulate_runs(runs: Sequence[RunSummary], keys: Sequence[str]) -> tuple[dict
 
     A row has the run's name, the values of ``keys``, the status, the number of whole cycles, and the metrics of the
     last of them.
-
-    Args:
-        runs: to compare.
-        keys: in which they differ.
     """
     columns = {
         name: [shown.factor * run.final(name) if run.shows(name) else math.nan for run in runs]

@@ -62,14 +62,7 @@ FEEDBACK, FEEDFORWARD = colour(palette.FEEDBACK), colour(palette.FEEDFORWARD)
 
 
 def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: Any) -> tuple["Figure", list["Axes"]]:
-    """A figure in this style, and its axes row by row.
-
-    Args:
-        rows: of axes.
-        columns: of axes.
-        height: of one row, inches.
-        options: of ``Figure.subplots``.
-    """
+    """A figure in this style with rows of so many inches, and its axes row by row."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -92,12 +85,9 @@ def label(axes: "Axes", title: str, x: str, y: str) -> None:
 
 
 def include_zero(axes: "Axes", values: Sequence[float] | Array, from_zero: bool = True) -> None:
-    """Extend a linear y axis so that it does not exaggerate differences.
+    """Extend a linear y axis with these values so that it does not exaggerate differences.
 
-    Args:
-        axes: with everything drawn.
-        values: on this axis.
-        from_zero: it includes zero; else it spans at least :data:`LEAST_SPAN` of the values.
+    It includes zero or, if not ``from_zero``, spans at least :data:`LEAST_SPAN` of the values.
     """
     known = np.asarray(values, dtype=float)
     known = known[np.isfinite(known)]
@@ -118,13 +108,7 @@ def spans_decades(values: Sequence[float] | Array) -> bool:
 
 
 def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> None:
-    """Make one axis logarithmic, with plain numbers at its ticks.
-
-    Args:
-        axes: to change.
-        which: ``x`` or ``y``.
-        values: on this axis; those not above 0 are not drawn.
-    """
+    """Make the ``x`` or ``y`` axis logarithmic, with plain numbers at its ticks; values not above 0 are not drawn."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
     known = np.asarray(values, dtype=float)
@@ -143,10 +127,7 @@ def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> No
 def add_legend(place: Any, axes: "Sequence[Axes]", title: str = "") -> None:
     """A legend of all names in ``axes``, each once; a single name without a title has none.
 
-    Args:
-        place: a figure, below which it stands, or axes, between whose title and data it stands.
-        axes: whose names it has.
-        title: of the legend.
+    It stands below a figure, or between title and data of axes.
     """
     handles: dict[str, Any] = {}
     for ax in axes:

@@ -36,10 +36,7 @@ def group_by(runs: Sequence[RunSummary], key: str) -> dict[Any, list[RunSummary]
 def draw_learning_curves(runs: Sequence[RunSummary], names: Sequence[str], keys: Sequence[str]) -> list[Drawing]:
     """The main metrics per cycle, a line for each run that has a whole one; none if no run has two.
 
-    Args:
-        runs: with results.
-        names: of the runs, for the legend.
-        keys: that were swept; of many runs each of the first two has a figure with a line for each of its values.
+    Of many runs each of the first two swept keys has a figure with a line for each of its values.
     """
     ends = ["" if run.status == "completed" else f", {run.status}" for run in runs]
     begun = {name + end: [run] for name, end, run in zip(names, ends, runs, strict=True) if run.cycles}
@@ -83,13 +80,7 @@ def _varies(values: Array) -> bool:
 
 
 def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> list[Drawing]:
-    """The main metrics of the last cycle over a swept key; with a second key a line for each of its values.
-
-    Args:
-        runs: with results.
-        key: the one on the axis.
-        keys: all that were swept.
-    """
+    """The main metrics of the last cycle over a swept key; with a second key a line for each of its values."""
     ended = [run for run in runs if run.status == "completed"]
     values = list(group_by(runs, key))
     others = [other for other in keys if other != key]

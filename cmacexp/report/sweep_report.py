@@ -98,12 +98,7 @@ def _make_line_names(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[st
 
 
 def make_sweep_report(runs: Sequence[RunSummary], title: str) -> Report:
-    """The report of several runs.
-
-    Args:
-        runs: two or more.
-        title: of the page.
-    """
+    """The report of two or more runs."""
     swept = find_swept(runs)
     results = [run for run in runs if run.is_result]
     keys = [*swept.keys, *swept.seeds]

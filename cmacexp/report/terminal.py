@@ -98,13 +98,7 @@ def format_duration(seconds: float) -> str:
 
 @contextmanager
 def progress(what: str, total: int, unit: str = "") -> Iterator[Callable[[float], None]]:
-    """Show how much of some work is done while it takes place; gives what moves it.
-
-    Args:
-        what: is being done.
-        total: parts of the work, of which so many have to be given as done.
-        unit: of the parts.
-    """
+    """Show how much of some work is done while it takes place; gives what is called with the parts that are done."""
     done, began = [0.0], time.monotonic()
     with shown(lambda: format_progress(what, done[0], total, unit, time.monotonic() - began)):
         yield lambda parts: done.__setitem__(0, parts)

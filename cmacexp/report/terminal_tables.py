@@ -38,9 +38,7 @@ def _split(widths: Sequence[int], line: int, repeated: int) -> Iterator[list[int
 def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print rows under their titles; columns that do not fit into a line follow below, after the first one.
 
-    Args:
-        titles: of the columns, with line breaks; the unit is the last line.
-        rows: cells as text.
+    Titles may have line breaks; the unit is the last line.
     """
     from rich.console import Console
     from rich.table import Table as Grid
@@ -81,11 +79,7 @@ def print_key(names: Iterable[str], legs: int) -> None:
 
 
 def print_scores(scores: Scores, folder: Path) -> list[str]:
-    """Print the main metrics of a run per cycle, pooled over the legs; of a long run some, and where all are.
-
-    Returns:
-        The names of the metrics.
-    """
+    """Print the main metrics of a run per cycle, pooled over the legs, of a long run some; their names."""
     main, rows = tabulate_cycles(scores)
     shown = shorten(rows)
     print_table(["cycle\n", *map(head, main.values())], shown)

@@ -74,15 +74,9 @@ def imperfect_reading(sensing: Sensing, c: int, step: int) -> float:
 
 @kernel
 def faulty_reading(kind: int, amount: float, value: float, last: float, key: int, step: int) -> float:
-    """The reading of a faulty channel.
+    """The reading of a channel with one of FAULTS, instead of the ``value`` without it, in a ``step`` of the run.
 
-    Args:
-        kind: one of FAULTS.
-        amount: the value of the fault.
-        value: reading without the fault.
-        last: reading at the start of the fault.
-        key: seed of its noise.
-        step: counts from 0 over the run.
+    ``last`` is the reading at the start of the fault, ``key`` the seed of its noise.
     """
     if kind == ZERO:
         return 0.0

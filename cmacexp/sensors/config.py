@@ -14,7 +14,6 @@ IMPERFECTIONS = ("noise", "noise_relative", "bias", "quantum", "delay", "lag", "
 IMPERFECT = (" or ".join(f"own.{name}" for name in IMPERFECTIONS),)
 """What the fields need that say when, and in which legs, a signal is imperfect."""
 BREAKS = ("own.kind != 'none'",)
-"""What the other fields of a fault need."""
 
 
 @dataclass

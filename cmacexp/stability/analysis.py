@@ -38,21 +38,13 @@ class Analysis:
 
 
 def read_learning(run: StoredRun) -> Config:
-    """The config of a run; of a lead that it estimated, with the last estimate.
-
-    Raises:
-        BadRun: it cannot be read.
-    """
+    """The config of a run; of a lead that it estimated, with the last estimate."""
     config = read_config(run)
     return with_lead(config, int(run.manifest["learning_lead"])) if config.learning.lead == "estimate" else config
 
 
 def analyse(config: Config, verdict: Verdict) -> Analysis:
-    """Judge other leads of a run, and linearise its loop.
-
-    Args:
-        config: of the run, see :func:`read_learning`.
-        verdict: on it.
+    """Judge other leads of a run, of whose config :func:`read_learning` there is a verdict, and linearise its loop.
 
     Raises:
         NotPredictable: it does not learn, ends before that shows, or its loop cannot be linearised.

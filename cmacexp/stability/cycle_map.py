@@ -73,14 +73,7 @@ def _write(part: Declared, step: int, values: Array) -> None:
 
 
 class RestorableLoop:
-    """A scenario in the loop whose state can be read and set.
-
-    Args:
-        scenario: fresh; of built-in components.
-
-    Raises:
-        NotPredictable: it has external components.
-    """
+    """A fresh scenario of built-in components, else NotPredictable, in the loop whose state can be read and set."""
 
     def __init__(self, scenario: Scenario):
         external = find_external(scenario)
@@ -164,17 +157,7 @@ class RestorableLoop:
             self.plant.put(state[done:])
 
     def derivative(self, about: Array, along: Array, observe: Callable[[], Array], steps: int) -> tuple[Array, Array]:
-        """Directional derivative of the state after some steps, and of an observation of them.
-
-        Args:
-            about: (n,): the state to linearise about.
-            along: (n,): direction, not zero.
-            observe: returns the observation after the steps.
-            steps: how many.
-
-        Raises:
-            NotPredictable: a run from a nearby state ends in those steps.
-        """
+        """Directional derivative of the state (n,), and of an observation, after steps that must not end the run."""
         size = NUDGE / float(np.linalg.norm(along))
         ends = []
         for sign in (1.0, -1.0):
@@ -187,12 +170,7 @@ class RestorableLoop:
 
 
 def open_loop(config: Config, prepared: Scenario | None = None) -> RestorableLoop:
-    """The loop of a config, at its start; see :class:`RestorableLoop`.
-
-    Args:
-        config: a checked config.
-        prepared: its scenario if it is already made and has not run; it stays unchanged.
-    """
+    """The loop of a config, at its start; a prepared scenario that has not run stays unchanged."""
     if prepared is None or isinstance(prepared.plant, MujocoPlant):  # which cannot be copied
         scenario = make_scenario(config)
     else:

@@ -27,13 +27,9 @@ SETTLING_CYCLES, GROWTH_CYCLES = 5, 100
 
 
 def fitted_growth(changes: Array | Sequence[float]) -> float:
-    """Growth per cycle of a positive quantity, by least squares over its logarithm.
+    """Growth per cycle of a positive quantity (n,), by least squares over its logarithm.
 
-    Args:
-        changes: (n,), of successive cycles.
-
-    Returns:
-        NaN with fewer than 3 values, or one that is not positive and finite.
+    NaN with fewer than 3 values, or one that is not positive and finite.
     """
     values = np.asarray(changes, dtype=float)
     if len(values) < 3 or not (np.isfinite(values) & (values > 0.0)).all():
@@ -105,25 +101,15 @@ def change_sizes(config: Config, cycles: int, prepared: Scenario | None = None) 
 
 
 def calmest(sizes: Sequence[float] | Array, first: int) -> int:
-    """The cycle whose feedback changes least to the next: where the loop is nearest to a fixed point.
-
-    Args:
-        sizes: of changes, see :func:`change_sizes`.
-        first: cycle to begin with: none before the feedforward acts.
-    """
+    """The cycle from ``first`` on whose feedback changes least to the next: the nearest to a fixed point."""
     return int(np.argmin(sizes[first - 1 :])) + first
 
 
 def grow(loop: RestorableLoop, dimension: int = DIMENSION, seed: int | None = None) -> Growth:
-    """Linearise a loop where it stands, at the start of a cycle.
+    """Linearise a loop where it stands, at the start of a cycle; it stays as it is.
 
-    Args:
-        loop: stays as it is.
-        dimension: of the Krylov space; each direction costs two cycles.
-        seed: of a random start; None: the start is the change that the loop makes in this cycle.
-
-    Raises:
-        NotPredictable: the run, or one from nearby, ends within a cycle.
+    Each direction of the Krylov space costs two cycles. Its start is random with a ``seed``, else the change that the
+    loop makes in this cycle. Raises NotPredictable if the run, or one from nearby, ends within a cycle.
     """
     done, now = loop.cycles, loop.hold()
 
@@ -148,11 +134,7 @@ def grow(loop: RestorableLoop, dimension: int = DIMENSION, seed: int | None = No
 
 
 def require_learning(loop: RestorableLoop) -> None:
-    """Check that something learns from cycle to cycle where a loop stands.
-
-    Raises:
-        NotPredictable: nothing does.
-    """
+    """Check that something learns from cycle to cycle where a loop stands; raises NotPredictable."""
     params = loop.run.loop.feedforward
     if loop.run.taken < loop.plan.start_step or params is None or params.kind == TABLE:
         raise NotPredictable("nothing learns from cycle to cycle")
@@ -161,14 +143,9 @@ def require_learning(loop: RestorableLoop) -> None:
 def predicted_growth(config: Config, cycle: int | None = None, prepared: Scenario | None = None) -> Growth:
     """Predict the growth of learning, by running a few cycles in memory and linearising the loop there.
 
-    Args:
-        config: a checked config.
-        cycle: where to linearise, in cycles done; None: at the calmest of the first MAX_CYCLES_BEFORE.
-        prepared: the scenario of ``config`` if it is already made; it stays unchanged.
-
-    Raises:
-        NotPredictable: the loop has components that cannot be linearised, does not learn, or ends before.
-        BadInput: the machine cannot follow the plan.
+    It is linearised after ``cycle`` cycles, by default at the calmest of the first MAX_CYCLES_BEFORE. A prepared
+    scenario of the config stays unchanged. Raises NotPredictable if components cannot be linearised, nothing is
+    learnt, or it ends.
     """
     first = config.learning.start_cycle
     scenario = make_scenario(config) if prepared is None else prepared

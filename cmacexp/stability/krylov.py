@@ -46,12 +46,10 @@ class Krylov(NamedTuple):
 
 
 def krylov(apply: Callable[[Array], tuple[Array, Array]], start: Array, dimension: int) -> Krylov:
-    """Reduce a linear map to the space of ``start`` and its first images.
+    """Reduce a linear map to the space of ``start`` (n,), not zero, and its first images.
 
-    Args:
-        apply: takes a vector (n,); returns its image (n,) and an observation (p,).
-        start: (n,), not zero.
-        dimension: of the space at most; less if the images span fewer directions.
+    ``apply`` takes a vector (n,) and returns its image (n,) and an observation (p,). The space has a lower
+    ``dimension`` if the images span fewer directions.
     """
     dimension = min(dimension, len(start))
     basis = np.empty((dimension + 1, len(start)))

@@ -101,10 +101,7 @@ def _replay(config: Config, cycle: int) -> tuple[RestorableLoop, Array]:
 def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Local]:
     """Linearise the loop without learning at some samples of the cycle that follows ``cycle`` cycles of learning.
 
-    The learned torque of that cycle is repeated.
-
-    Raises:
-        NotPredictable: the run ends before, or its components cannot be linearised.
+    The learned torque of that cycle is repeated. Raises NotPredictable if the run ends before.
     """
     loop, table = _replay(config, cycle)
     linearised = []
@@ -117,15 +114,9 @@ def locals_along(config: Config, cycle: int, samples: Sequence[int]) -> list[Loc
 
 
 def transfer(local: Local, frequencies: Array, period: float) -> NDArray[np.complex128]:
-    """T at some frequencies.
+    """T at ``frequencies`` (f,), Hz, with a sampling ``period`` in s, (f, L J, L J).
 
-    Args:
-        local: where.
-        frequencies: (f,), Hz.
-        period: sampling period, s.
-
-    Returns:
-        (f, L J, L J); [f, i, j] from feedforward torque j to torque i of the learning error, with opposite sign.
+    [f, i, j] is from feedforward torque j to torque i of the learning error, with opposite sign.
     """
     z = np.exp(2j * np.pi * np.asarray(frequencies, dtype=float) * period)[:, None, None]
     path = local.c @ np.linalg.solve(z * np.eye(len(local.a)) - local.a, local.b.astype(complex)[None])
@@ -159,11 +150,7 @@ def compute_spectrum(local: Local, frequencies: Array, period: float) -> Spectru
 
 
 def spectra_along(config: Config, cycle: int, places: int, frequencies: int) -> list[Spectrum]:
-    """T at evenly spaced places of the cycle after ``cycle`` cycles of learning, up to half the sampling rate.
-
-    Raises:
-        NotPredictable: as of :func:`locals_along`.
-    """
+    """T at evenly spaced places of the cycle after ``cycle`` cycles of learning, up to half the sampling rate."""
     samples = sorted({int(sample) for sample in np.linspace(0, config.steps_per_cycle, places, endpoint=False)})
     hertz = np.linspace(0.0, 0.5 / config.sampling_period, frequencies + 1)[1:]
     return [compute_spectrum(local, hertz, config.sampling_period) for local in locals_along(config, cycle, samples)]

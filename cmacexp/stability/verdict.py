@@ -83,8 +83,7 @@ class _Evidence(NamedTuple):
 def compute_rise(levels: Array) -> tuple[float, float]:
     """Level of the feedback at the end of the cycles of learning over its lowest there, and that lowest level.
 
-    Args:
-        levels: (n,), in these cycles alone; n at least WINDOW.
+    ``levels`` (n,) are of these cycles alone, n at least WINDOW.
     """
     medians = np.median(sliding_window_view(levels, WINDOW), axis=1)
     lowest = max(float(medians.min()), LEAST * float(levels.max()))
@@ -92,15 +91,9 @@ def compute_rise(levels: Array) -> tuple[float, float]:
 
 
 def assess(config: Config, prepared: Scenario | None = None, simulate: bool = True) -> Verdict:
-    """Say whether the learning of a config holds.
+    """Say whether the learning of a config holds; a prepared scenario of it stays unchanged. Raises BadInput.
 
-    Args:
-        config: a checked config.
-        prepared: its scenario if it is already made; it stays unchanged.
-        simulate: run as many cycles in memory as take a second, MAX_CYCLES at most; otherwise MAX_CYCLES_BEFORE.
-
-    Raises:
-        BadInput: the machine cannot follow the plan.
+    As many cycles as take a second are run in memory, MAX_CYCLES at most; MAX_CYCLES_BEFORE if not ``simulate``.
     """
     scenario = make_scenario(config) if prepared is None else prepared
     try:

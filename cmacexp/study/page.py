@@ -53,11 +53,7 @@ class Evaluated:
 
 
 def check_page(file: StudyFile) -> None:
-    """Check, before anything is run, what the page of a study inserts by name.
-
-    Raises:
-        BadInput: it has a syntax error, or the study declares no such figure, table, finding or claim.
-    """
+    """Check, before anything is run, what the page of a study inserts by name; raises BadInput."""
     study = file.study
     declared: dict[str, Mapping[str, Any]] = {
         "figure": study.figures, "table": study.tables, "finding": study.findings, "claim": study.claims,
@@ -160,15 +156,7 @@ def _statements(claims: Mapping[str, Judged], findings: Mapping[str, Found], fol
 
 
 def write_page(title: str, question: str, studies: Sequence[Evaluated], place: Place, quick: bool) -> Path:
-    """Write the report of one study or of several together, and their statements.
-
-    Args:
-        title: of the page.
-        question: what it asks.
-        studies: whose sections follow each other.
-        place: of the report.
-        quick: whether the page says that it concludes nothing.
-    """
+    """Write the report of one study or of several together, and their statements; a quick one concludes nothing."""
     folder = place.folder
     claims = [judged for study in studies for judged in study.claims.values()]
     sections = [make_claims_section(claims, folder)] if claims else []

@@ -17,11 +17,6 @@ def share_of_time(run: StoredRun) -> float:
     return float(run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]))
 
 
-def seconds_per_step(run: StoredRun) -> float:
-    """Processor time of the closed loop over its steps, without compiling: a measure that no two runs share."""
-    return float(run.manifest["processor_seconds"] / max(1, run.manifest["steps"]))
-
-
 def ratio(sample: Sample, chosen: Mapping[str, Any], reference: Mapping[str, Any]) -> Sample:
     """A sample of the runs with some settings over that of the runs with others, in order; or over the only one."""
     return lambda results: sample(results.select(chosen)) / sample(results.select(reference))
@@ -42,16 +37,6 @@ def ended_in(results: Results) -> Array:
 def share_done(results: Results) -> Array:
     """(runs,): whole cycles over those asked for."""
     return np.array([row.summary.cycles / row.settings["cycles"] for row in results.rows])
-
-
-def over_history(name: str, reduce: Callable[[Array], float]) -> Sample:
-    """All cycles of a metric reduced to a number, for each run; infinite of one that ended before."""
-
-    def sample(results: Results) -> Array:
-        found = zip(results.completed, results.history(name), strict=True)
-        return np.array([reduce(values) if done else np.inf for done, values in found])
-
-    return sample
 
 
 def relative(results: Results, other: Results, measure: Callable[[Results], Sequence[float] | Array]) -> Array:

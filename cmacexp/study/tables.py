@@ -43,13 +43,9 @@ def _show(value: Any) -> Any:
 def cross_tabulate(
     results: Results, rows: tuple[str, str], columns: tuple[str, str], cell: Callable[[Results], Any]
 ) -> "pd.DataFrame":
-    """A row for each value of one setting, a column for each value of another.
+    """A row for each value of one setting, a column for each value of another; ``cell`` shows the runs with both.
 
-    Args:
-        results: to tabulate.
-        rows: the first setting, and the title of its column.
-        columns: the second one, and what the titles of its columns begin with.
-        cell: what is shown of the runs with both values.
+    ``rows`` are the first setting and the title of its column, ``columns`` the second and what its titles begin with.
     """
     values = {f"{columns[1]} {value}": {columns[0]: value} for value in results.values(columns[0])}
     found = {title: (lambda own, chosen=chosen: cell(own.select(chosen))) for title, chosen in values.items()}

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from support.command import python
+from support.controllers import CONTROLLERS
 from support.robots import OWN
 
 import cmacexp
@@ -32,35 +33,11 @@ from cmacexp.report.terminal import COMPILING
 
 PAGE = Path(__file__).with_name("messages.txt")
 COMPONENTS = """
-from dataclasses import dataclass
-
-import numpy as np
-from cmacexp.config import ComponentConfig
-from cmacexp.control import Action
 from cmacexp.feedforward import CmacFeedforward
 from cmacexp.plants import AnalyticPlant
 
-class Still:
-    def __init__(self, gain=1.0): self.gain = gain
-    def reset(self, setup, feedforward): self.legs = len(setup.mechanism.legs)
-    def act(self, reference, measurement): return Action(np.zeros((self.legs, 2)), np.zeros((self.legs, 2)))
-
-class Needs(Still):
-    def __init__(self, stiffness): super().__init__()
-
-class Flat(Still):
-    def act(self, reference, measurement): return Action(np.zeros(2), np.zeros((self.legs, 2)))
-
 class Words(Still):
     def act(self, reference, measurement): return Action("none", np.zeros((self.legs, 2)))
-
-class Narrow(Still):
-    def act(self, reference): return None
-
-class Other(Still):
-    @dataclass
-    class Config(ComponentConfig):
-        stiffness: float = 1.0
 
 class Infinite(Still):
     def act(self, reference, measurement): return Action(np.full((self.legs, 2), np.inf), np.zeros((self.legs, 2)))
@@ -74,23 +51,18 @@ class Raises(Still):
 class RaisesAtReset(Still):
     def reset(self, setup, feedforward): raise RuntimeError("no contact to the robot")
 
-class CannotBeMade(Still):
-    def __init__(self): raise ValueError("no licence")
-
 class NoPlant(AnalyticPlant):
     def step(self, torque): return torque
 
 class NoTorque(CmacFeedforward):
     def predict(self, reference, learning_error): return None
-
-number = 3
 """
 RUN = ["scenario=one_leg", "cycles=2", "record=trace"]
 
 
 def make_folder(folder: Path) -> None:
     """Custom components, a run, and what can be wrong with one."""
-    (folder / "my_components.py").write_text(COMPONENTS)
+    (folder / "my_components.py").write_text(CONTROLLERS + COMPONENTS)
     (folder / "my_mistake.py").write_text("import no_such_module\n")
     (folder / "my_syntax.py").write_text("def f(:\n")
     (folder / "my_exit.py").write_text("raise SystemExit(0)\n")

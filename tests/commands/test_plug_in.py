@@ -1,12 +1,12 @@
 """Parts of one's own: how they are found and made, what they are held to, what is told when they are wrong."""
 
-import itertools
 import json
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from support.command import cmacexp
+from support.controllers import CONTROLLERS
 from support.manifests import change_manifest
 
 import cmacexp as package
@@ -18,7 +18,6 @@ from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_tra
 from cmacexp.experiment.run import run_scenario
 from cmacexp.feedforward import CmacFeedforward
 from cmacexp.loop import roll_out
-from cmacexp.loop.builtin import find_external
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
 from cmacexp.report.run_tables import list_settings
@@ -31,33 +30,9 @@ PARTS = {
     "feedforward": CmacFeedforward,
 }
 GAINS = HybridController.Config(100.0, 5.0, 5.0, 10.0)
-OWN = """
-from dataclasses import dataclass
-import numpy as np
-from cmacexp.config import ComponentConfig
-from cmacexp.control import Action
-
-class Still:
-    def __init__(self, gain=1.0): self.gain = gain
-    def reset(self, setup, feedforward): self.legs = len(setup.mechanism.legs)
-    def act(self, reference, measurement): return Action(np.zeros((self.legs, 2)), np.zeros((self.legs, 2)))
-
-class Needs(Still):
-    def __init__(self, stiffness): super().__init__()
-
+OWN = f"""{CONTROLLERS}
 class Stiff(Still):
     def __init__(self, position_gain, velocity_gain): super().__init__()
-
-class Flat(Still):
-    def act(self, reference, measurement): return Action(np.zeros(2), np.zeros((self.legs, 2)))
-
-class Narrow(Still):
-    def act(self, reference): return None
-
-class Other(Still):
-    @dataclass
-    class Config(ComponentConfig):
-        stiffness: float = 1.0
 
 class Breaks(Still):
     def act(self, reference, measurement):
@@ -70,11 +45,6 @@ class BreaksAtOnce(Still):
 class Reports(Still):
     memory = dropped = "own"
     def manifest_entries(self): raise KeyError("own")
-
-class CannotBeMade(Still):
-    def __init__(self): raise ValueError("no licence")
-
-number = 3
 """
 
 PREDICTS = """
@@ -94,27 +64,7 @@ def here(tmp_path, monkeypatch):
     return name
 
 
-def external(part):
-    """The same part under a class that no loop knows."""
-    part.__class__ = type(type(part).__name__, (type(part),), {"predict": lambda *a: CmacFeedforward.predict(*a)})
-    return part
-
-
 # Any of the parts can be external, alone or with others
-
-
-@pytest.mark.parametrize("keys", [k for n in (1, 2, 4) for k in itertools.combinations(PARTS, n)], ids="-".join)
-def test_a_run_is_the_same_to_the_bit_whichever_parts_are_external(make_config, keys):
-    config = make_config("cycles=2", "gait.cycle_time=1.5", "cmac.memory_bytes=16384", "learning.start_cycle=1")
-    scenario = make_scenario(config)
-    for key in keys:
-        external(getattr(scenario, key))
-    found = find_external(scenario)._asdict()
-    expected = {key for key in keys if key != "feedforward" or "controller" not in keys}
-    assert {key for key, is_external in found.items() if is_external} == expected
-    one, other = roll_out(make_scenario(config)), roll_out(scenario)
-    assert other.status == "completed", other.cause
-    assert one.samples.tobytes() == other.samples.tobytes()
 
 
 class Spy:

@@ -169,14 +169,6 @@ def test_a_recording_that_is_there_is_kept_until_another_is_asked_for(copy, tmp_
     assert "cycles 1 to 4" in replay(folder, "--rebuild", folder=tmp_path).stdout
 
 
-def test_a_damaged_recording_is_built_anew(copy, tmp_path):
-    folder = copy("leg_none")
-    replay(folder, "--cycles", "1", folder=tmp_path)
-    (folder / "recording.rrd").write_bytes(b"rubbish")
-    assert "cycles 1 to 4, every step\n" in replay(folder, folder=tmp_path).stdout
-    assert len(lines(folder / "recording.rrd", "leg_1/force")[0]) == 2400
-
-
 def test_a_recording_is_not_built_where_another_command_writes(copy, tmp_path):
     run = copy("leg_cmac")
     before = sorted(run.iterdir())

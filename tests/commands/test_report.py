@@ -1,6 +1,5 @@
 """Reports of a run and of a sweep, from the command line: whole files, what they rest on, what they refuse."""
 
-import itertools
 import json
 import math
 import re
@@ -15,7 +14,6 @@ from support.manifests import change_manifest
 from cmacexp.config.difference import flat
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.version import __version__
-from cmacexp.metrics.pooling import shorten
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.parts import Drawing, Folded, Table
 from cmacexp.report.run_report import make_run_report
@@ -299,16 +297,6 @@ def test_what_the_scenario_decides_goes_with_it(tmp_path):
 def test_jobs_come_in_the_order_of_their_numbers(tmp_path):
     folders = [tmp_path / name for name in ("10", "2", "a", "1")]
     assert [path.name for path in sort_folders(folders)] == ["1", "2", "10", "a"]
-
-
-def test_a_long_table_keeps_its_ends_and_evenly_spaced_rows_between():
-    rows = [[str(i), ""] for i in range(1000)]
-    short = shorten(rows)
-    assert (short[:6], short[-6:]) == (rows[:6], rows[-6:])
-    assert short == sorted(short, key=rows.index)
-    gaps = {rows.index(later) - rows.index(row) for row, later in itertools.pairwise(short[5:-5])}
-    assert max(gaps) - min(gaps) <= 1
-    assert shorten(rows[:24]) == rows[:24]
 
 
 def test_axes_are_logarithmic_only_where_values_allow_it():

@@ -100,20 +100,6 @@ def test_activations_by_hand():
     assert_allclose(activation, [[near / (near + far), far / (near + far)], [1.0, 0.0]])
 
 
-def test_perceptron_learns_and_its_chance_comes_from_the_seed(make_config):
-    common = ("scenario=one_leg", "reference=aware", "learning.lead=1", "learning.rate=0.5", "cycles=12")
-    alone = roll_out(make_scenario(make_config(*common, "feedforward=none")))
-    learnt, again, other = (
-        roll_out(make_scenario(make_config(*common, PERCEPTRON, f"seed={seed}"))) for seed in (0, 0, 1)
-    )
-    assert transfer_error(learnt, 12) < transfer_error(alone, 12) / 4.0
-    assert_array_equal(learnt.samples, again.samples)
-    assert not np.array_equal(learnt.samples, other.samples)
-    tau = learnt.columns()["tau_feedforward_1"].reshape(12, -1)
-    assert np.all(tau[:2] == 0.0)
-    assert np.all(np.abs(tau[2:]).max(axis=1) > 0.0)
-
-
 def test_perceptron_without_its_library_says_how_to_get_it(make_config, monkeypatch):
     monkeypatch.setitem(sys.modules, "sklearn.neural_network", None)
     with pytest.raises(BadInput) as raised:

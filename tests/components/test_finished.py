@@ -9,16 +9,12 @@ from support.robots import change
 
 from cmacexp.config.compose import compose_config
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import everything_below, runs_below
-from cmacexp.data.folder import HTML
 from cmacexp.data.integrity import faults, is_finished
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.errors import CmacexpError
 from cmacexp.experiment.collect import collect
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.workers import workers
 from cmacexp.report.page import Report, write_report
-from cmacexp.report.parts import Section, Table
 from cmacexp.study import Request
 
 JOB = ["scenario=force_step", "gait.cycle_time=1.0", "record=trace"]
@@ -71,20 +67,8 @@ def test_a_run_that_fell_or_diverged_has_a_result(finished, status):
     assert is_finished(folder, config)
 
 
-def test_a_changed_file_makes_it_unfinished(finished):
-    folder, config = finished
-    (folder / "metrics.csv").write_text("other")
-    assert not is_finished(folder, config)
-
-
 def test_no_run_at_all_is_not_finished(tmp_path):
     assert not is_finished(tmp_path / "none", compose_config(JOB))
-
-
-def test_overrides_that_cannot_be_are_answered_in_one_line():
-    with pytest.raises(CmacexpError, match=r"no such key.*\n?") as caught:
-        compose_config(["cmac.layerz=8"])
-    assert "\n" not in str(caught.value)
 
 
 def test_runs_are_reused_and_equal_ones_run_once(tmp_path, capfd):
@@ -113,24 +97,6 @@ def test_a_stored_run_gives_its_tables(finished):
     assert run.metrics["cycle"].tolist() == [1]
 
 
-def make_report(folder, run):
-    section = Section("One & only", ["a < b", Table(["x", "y"], [["1", "2"]])])
-    return write_report(Report("T", "S", [section], [run / "trace.parquet"]), folder)
-
-
-def test_a_report_lists_what_it_rests_on(finished, tmp_path):
-    page = make_report(tmp_path / "report", finished[0])
-    assert page == tmp_path / "report" / HTML
-    text = page.read_text()
-    assert "a &lt; b" in text
-    assert "http" not in text, "the page needs nothing from elsewhere"
-    assert set(manifests.read(page.parent)["files"]) == {"report.html", "../run/trace.parquet"}
-    assert not faults(page.parent)
-    with (finished[0] / "trace.parquet").open("ab") as file:
-        file.write(b" ")
-    assert faults(page.parent) == ["../run/trace.parquet: changed since it was written"]
-
-
 def test_a_report_notices_a_config_that_was_changed_by_hand(finished, tmp_path):
     run = finished[0]
     report = Report("T", "S", [], [], runs={run: manifests.read(run)["config_hash"]})
@@ -139,12 +105,6 @@ def test_a_report_notices_a_config_that_was_changed_by_hand(finished, tmp_path):
     config = manifests.read(run)["config"]
     change_manifest(run, config={**config, "seed": 1})
     assert faults(folder) == ["../run: its config is not the one of the report"]
-
-
-def test_a_report_is_no_run(finished, tmp_path):
-    make_report(tmp_path / "report", finished[0])
-    assert runs_below(tmp_path) == [finished[0]]
-    assert everything_below(tmp_path) == [tmp_path / "report", finished[0]]
 
 
 def test_a_run_of_own_code_is_not_once_that_code_has_changed(tmp_path):

@@ -172,16 +172,6 @@ def test_a_report_replaces_a_report_alone(first, tmp_path):
         write_report(Report("T", "S", [], []), tmp_path / "mine")
 
 
-def test_a_report_does_not_replace_the_manifest_of_a_sweep(tmp_path):
-    manifests.write(
-        tmp_path, {"kind": manifests.SWEEP, "status": "completed", "config": {}, "versions": {}, "files": {}}
-    )
-    before = state_of(tmp_path)
-    with pytest.raises(BadInput):
-        write_report(Report("", "", [], []), tmp_path)
-    assert state_of(tmp_path) == before
-
-
 def test_a_report_removes_nothing_that_it_was_made_from(first, tmp_path):
     page = Report("T", "S", [], [first / "trace.parquet"])
     for _ in range(2):

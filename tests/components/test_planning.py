@@ -137,16 +137,6 @@ def test_planned_depression_follows_the_assumed_stiffness(plan_of):
     assert_allclose(plan.reference[:, support, 0, 1], 0.5 + 0.165)
 
 
-@pytest.mark.parametrize("vertical", VERTICAL)
-def test_x_is_continuous_in_value_and_velocity_all_around_the_cycle(plan_of, vertical):
-    x, _, vx, _, ax, _ = plan_of("scenario=one_leg", f"gait.vertical={vertical}").desired[:, 0].T
-    period = 0.005
-    middle = (vx + np.roll(vx, -1)) / 2.0
-    assert_allclose(np.roll(x, -1) - x, middle * period, atol=1e-5)
-    assert np.abs(np.roll(vx, -1) - vx).max() <= 1.05 * np.abs(ax).max() * period
-    assert_allclose(vx[120:], -0.2 / 2.4)
-
-
 def test_the_foot_is_lifted_by_the_lift_above_where_it_took_off(plan_of):
     for overrides in ([], ["gait.load_ramp=0.1"], ["gait.vertical=two_cubics", "gait.load_ramp=0.1"]):
         y = plan_of("scenario=one_leg", *overrides).desired[:, 0, 1]

@@ -20,7 +20,6 @@ from cmacexp.metrics.metric import (
     LEG,
     MEAN,
     NEAR_ZERO,
-    NEITHER,
     RMS,
     SMALL,
     SMALLEST,
@@ -170,10 +169,3 @@ def test_poolings_and_directions_of_families():
     assert {name for name, metric in BODY_METRICS.items() if "margin" in name} == {
         name for name, metric in BODY_METRICS.items() if metric.better == LARGE
     }
-
-
-@pytest.mark.parametrize(("better", "best"), [(SMALL, -3.0), (NEAR_ZERO, 2.0), (LARGE, 5.0), (NEITHER, math.nan)])
-def test_the_best_value_follows_the_direction(better, best):
-    metric = ALL_METRICS["force_rmse"]._replace(better=better)
-    assert metric.find_best(np.array([math.nan, -3.0, 2.0, 5.0])) == pytest.approx(best, nan_ok=True)
-    assert math.isnan(metric.find_best(np.array([math.nan])))

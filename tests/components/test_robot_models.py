@@ -78,12 +78,6 @@ def test_names_that_do_not_fit_the_model_are_refused(joints, feet, message):
         read_robot(OWN, joints, feet, HOME)
 
 
-def test_a_home_of_two_angles_is_refused():
-    reason = r"must be three angles, hip, thigh, calf, or four lists of three$"
-    with pytest.raises(BadInput, match=rf"^machine\.home=\[0\.9, -1\.8\]: {reason}"):
-        read(home=[0.9, -1.8])
-
-
 def test_a_foot_on_the_thigh_is_refused(tmp_path):
     path = change(tmp_path, '<geom name="FL"', '<geom name="calf"')
     path.write_text(

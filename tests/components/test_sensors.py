@@ -11,7 +11,6 @@ from support.command import ROOT
 
 from cmacexp.commands.score import score
 from cmacexp.data.signals import BODY_SIGNALS, select_signals
-from cmacexp.errors import BadInput
 from cmacexp.experiment.run import run_scenario
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
@@ -123,11 +122,6 @@ def test_a_fault_reads_what_the_documentation_says(make_config, kind, readings):
     value = [] if kind in WITHOUT_VALUE else ["sensors.force.fault.value=40"]
     overrides = [f"sensors.force.fault.kind={kind}", "sensors.force.fault.start=0.01", *value]
     assert tell_one(make_config, [1, 2, 3, 4, 5], *overrides) == [1, 2, *map(float, readings.split())]
-
-
-def test_an_unknown_fault_is_bad_input(make_config):
-    with pytest.raises(BadInput, match=r"sensors\.force\.fault\.kind=odd: choose from none, zero, last, "):
-        make_config(REAL, "sensors.force.fault.kind=odd")
 
 
 def test_noise_as_a_fault_comes_on_top_of_that_of_a_sound_sensor(make_config):

@@ -167,14 +167,6 @@ def test_steps_and_windows_are_read_back(whole, tmp_path):
     assert window.legs["step"].to_pylist()[::4] == list(range(600, 1800, 5))
 
 
-def test_scores_of_a_long_run_are_those_it_wrote(tmp_path, monkeypatch):
-    monkeypatch.setattr(rollouts, "MOST_ROWS", 1200)
-    run_scenario(compose_config(["cycles=7", "record=trace"]), tmp_path)
-    before = (tmp_path / "metrics.parquet").read_bytes()
-    score(tmp_path)
-    assert (tmp_path / "metrics.parquet").read_bytes() == before
-
-
 def test_an_interrupt_waits_for_what_is_being_written(monkeypatch):
     monkeypatch.setattr(rollouts, "MOST_ROWS", 600)
     kept, before = [], signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background

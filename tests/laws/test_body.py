@@ -263,20 +263,6 @@ def test_supporting_feet_are_sent_gain_times_what_their_hip_lacks_below_the_plan
     assert_array_equal(columns["x_reference"], planned[..., 0])
 
 
-@pytest.fixture(scope="module")
-def hybrid_law(make_config):
-    return make_scenario(make_config("scenario=quadruped")).controller.params
-
-
-@given(st.floats(0.4, 0.6), tilts, tilts, st.integers(0, 3))
-def test_posture_term_is_gain_times_what_the_hip_lacks(hybrid_law, height, pitch, roll, leg):
-    params = hybrid_law._replace(posture_gain=5.0)
-    lacks = 0.5 - in_world((height, pitch, roll), np.array([[*HIPS[leg], 0.0]]))[0, 2]
-    pose = make_pose(np.array([height, pitch, roll]))
-    assert posture_term(params, leg, pose) == pytest.approx(5.0 * lacks, abs=1e-12)
-    assert posture_term(params._replace(posture_gain=0.0), leg, pose) == 0.0
-
-
 def test_one_leg_on_a_stand_has_no_posture(make_config):
     params = make_scenario(make_config("scenario=one_leg")).controller.params
     assert params.posture_gain == 8.0

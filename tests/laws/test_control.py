@@ -11,7 +11,6 @@ from scipy import signal
 
 from cmacexp.control.fault_detection import FaultDetection
 from cmacexp.control.hybrid_kernels import METHODS, HybridParams, hybrid_feedback, new_hybrid_state
-from cmacexp.errors import BadInput
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.ground import NEVER
@@ -240,11 +239,6 @@ def test_static_load_is_kept_by_the_rule_of_the_reference(make_config, reference
 
 def test_feedback_alone_never_leaves_its_first_references(make_config):
     assert make_scenario(make_config("feedforward=none", "reference=aware")).setup.plan.start_step == NEVER
-
-
-def test_damping_control_without_velocity_gain_is_bad_input(make_config):
-    with pytest.raises(BadInput, match=r"controller\.velocity_gain"):
-        make_scenario(make_config("force_control=damping", "controller.velocity_gain=0"))
 
 
 # Design of the loop

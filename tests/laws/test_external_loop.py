@@ -62,15 +62,6 @@ def test_a_run_has_the_same_bits_whichever_components_are_external(make_config, 
         assert component.calls[CALLED[group]] == asked
 
 
-@pytest.mark.parametrize("fused", [True, False])
-def test_a_machine_that_cannot_stand_falls_before_its_first_step(make_config, fused):
-    soft = ("terrain.stiffness=50", "terrain.assumed_stiffness=1e4", "feedforward=none")
-    config = make_config("scenario=quadruped", *SHORT, "learning.start_cycle=1", *soft)
-    assert np.isnan(make_scenario(config).first.body[0])  # no height has a balance
-    fallen, _ = run(config, fused=fused)
-    assert (fallen.status, len(fallen.samples)) == ("fell", 0)
-
-
 def test_codes_of_methods_and_of_progress_are_distinct():
     assert len({MEASURE, ACT, PREDICT, STEP, NO_METHOD}) == 5
     assert sorted((TAKEN, STOP, NOT_FINITE)) == [0, 1, 2]

@@ -1,6 +1,8 @@
 """The house: which room may use which, how large a file may be, and that compiled code is never stale."""
 
 import ast
+import doctest
+import importlib
 import importlib.util
 import pkgutil
 import re
@@ -140,6 +142,12 @@ def test_files_are_short_and_public_names_documented():
         for node in ast.parse(text).body:
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
                 assert ast.get_docstring(node), f"{module}.{node.name}"
+
+
+def test_examples_in_docstrings_give_what_they_say():
+    shown = [module for module in MODULES if "    >>> " in text_of(module)]
+    results = [doctest.testmod(importlib.import_module(module)) for module in shown]
+    assert all(found.attempted and not found.failed for found in results), shown
 
 
 def test_starting_imports_nothing_that_only_some_runs_need():

@@ -133,17 +133,3 @@ def test_a_ramp_rises_from_nothing_to_all_at_its_rate(shape, duration, part):
     assert make_ramp(shape, np.array([0.0, duration]), duration)[0].tolist() == [0.0, 1.0]
     if abs(part - 1.0) > 1e-5 and part > 1e-5:
         assert_allclose(rate / duration, (after - before) / (2.0 * near), atol=1e-3 / duration)
-
-
-@pytest.mark.parametrize(
-    ("key", "overrides"),
-    [
-        ("terrain.stiffness", ("terrain.stiffness=25", "force_control.desired_force=10")),
-        ("machine.hip_height", ("machine.hip_height=0.62",)),
-        ("gait.stroke", ("gait.stroke=0.9",)),
-    ],
-)
-def test_of_a_foot_out_of_reach_that_is_named_which_takes_it_there(plan_of, key, overrides):
-    with pytest.raises(BadInput) as refused:
-        plan_of("scenario=one_leg", *overrides)
-    assert refused.value.key == key

@@ -12,7 +12,6 @@ from test_cmac import make_cmac, random_inputs
 
 from cmacexp.cmac.network import memory_use
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, spline
-from cmacexp.errors import BadInput
 from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
@@ -149,13 +148,6 @@ def test_use_of_memory_counts_no_clipping_twice():
     cells = cmac.cells(outside)
     assert [memory_use(cmac, outside, cells).clipped for _ in range(2)] == [6, 6]
     assert cmac.clipped == 6
-
-
-def test_more_cells_than_memory_are_bad_input_that_names_what_is_enough():
-    cmac = make_cmac(addressing="visited", rows=20)
-    with pytest.raises(BadInput, match=r"must be at least \d+ B for the \d+ cells"):
-        cmac.cells(random_inputs(100))
-    assert cmac.cells(random_inputs(1)).max() == 7  # nothing was given in vain
 
 
 # In a run

@@ -14,10 +14,10 @@ from support.made_traces import make_trace
 
 from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.tables import Scores, Traces
+from cmacexp.data.tables import Traces
 from cmacexp.experiment.run import run_scenario
 from cmacexp.metrics.metric import NEITHER
-from cmacexp.metrics.pooling import BETWEEN, ENDS, MOST_ROWS, count_legs, describe_pooling, select_main, shorten
+from cmacexp.metrics.pooling import BETWEEN, ENDS, MOST_ROWS, describe_pooling, select_main, shorten
 from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, RANKED, SHOWN
 from cmacexp.metrics.score import RunScorer, score_traces
 from cmacexp.metrics.text import format_cell
@@ -34,13 +34,6 @@ def random_trace(legs, cycles=3, seed=0):
     columns = {name: rng.normal(size=(rows, legs)) for name in ("x", "y", *sorted(torques))}
     columns |= {"force": rng.uniform(0.5, 1.5, (rows, legs)), "force_desired": 1.0}
     return make_trace("TTSSSS", rows, legs, **columns)
-
-
-def random_scores(legs, cycles=3):
-    """Its metrics."""
-    scorer = RunScorer(6)
-    scorer.add_legs(random_trace(legs, cycles))
-    return scorer.scores
 
 
 def columns(table) -> dict[str, Array]:
@@ -109,27 +102,6 @@ def test_stored_traces_have_the_scores_of_their_run(make_config, tmp_path, scena
         if one is not None:
             for name, values in columns(one).items():
                 assert_array_equal(values, columns(other)[name], err_msg=name)
-
-
-def test_torques_are_measured_over_the_whole_cycle_both_joints_alike():
-    trace = random_trace(1, cycles=3).to_pandas()
-    found = columns(random_scores(1).legs)
-    for cycle in range(3):
-        own = trace[trace["cycle"] == cycle + 1]
-        feedback, forward = (
-            own[[f"tau_{part}_{j}" for j in (1, 2)]].to_numpy() for part in ("feedback", "feedforward")
-        )
-        expected = {
-            "feedback_rms": np.sqrt((feedback**2).mean()),
-            "feedforward_rms": np.sqrt((forward**2).mean()),
-            "torque_peak": np.abs(feedback + forward).max(),
-            "feedforward_share": np.abs(forward).sum() / (np.abs(forward) + np.abs(feedback)).sum(),
-        }
-        assert {name: found[name][cycle] for name in expected} == pytest.approx(expected)
-
-
-def test_of_no_row_there_is_one_leg():
-    assert count_legs(Scores(random_scores(2).legs.slice(0, 0), None)) == 1
 
 
 def test_a_main_metric_is_shown_if_one_cycle_defines_it_and_it_suits_the_number_of_legs():
