@@ -34,4 +34,7 @@ def draw_world(scenario: str, number: int) -> tuple[str, ...]:
         f"plant.mass_factor={chance.uniform(0.8, 1.2):.4f}",
         *(f"plant.start_spread={START[scenario]}", f"plant.start_seed={number}"),
         "sensors=encoders",
+        f"sensors.velocity.delay={chance.integers(2)}",
+        f"sensors.velocity.noise={np.exp(chance.uniform(np.log(0.005), np.log(0.05))):.4f}",
+        f"sensors.force.noise_relative={chance.uniform(0.0, 0.1):.4f}",
     )
