@@ -27,6 +27,7 @@ def draw_world(scenario: str, number: int) -> tuple[str, ...]:
         known = STIFFNESS[scenario]
         true = known * float(np.exp(chance.uniform(-0.3, 0.3)))
         ground = (f"terrain.stiffness={true:.5g}", f"terrain.assumed_stiffness={known:g}")
+    # Gains of a robot by rule count the delay of its sensors: with none they leave no room for a later torque.
     return (
         f"seed={number}",
         *ground,
@@ -34,7 +35,7 @@ def draw_world(scenario: str, number: int) -> tuple[str, ...]:
         f"plant.mass_factor={chance.uniform(0.8, 1.2):.4f}",
         *(f"plant.start_spread={START[scenario]}", f"plant.start_seed={number}"),
         "sensors=encoders",
-        f"sensors.velocity.delay={chance.integers(2)}",
+        f"sensors.velocity.delay={max(chance.integers(2), scenario == 'robot'):d}",
         f"sensors.velocity.noise={np.exp(chance.uniform(np.log(0.005), np.log(0.05))):.4f}",
         f"sensors.force.noise_relative={chance.uniform(0.0, 0.1):.4f}",
     )
