@@ -46,7 +46,7 @@ def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
 
 
 def worsening_in_worlds(own: Results, base: Results, cycle: int | None = None) -> Array:
-    """(runs of ``own``,): as :func:`worsening`, over the run of ``base`` in the same world."""
+    """(runs of ``own``,): as :func:`worsening`, over the run of ``base`` in the same world, or of the same seed."""
 
     def errors(results: Results, side: str) -> Array:
         return results.end(side) if cycle is None else results.at(cycle, side)
