@@ -19,8 +19,9 @@ DOCS = PIPELINES.parent / "docs"
 PAGES = (PIPELINES.parent / "README.md", *sorted(DOCS.glob("*.md")))
 """What may quote the studies."""
 QUOTED = DOCS / "results.json"
-"""Values and verdicts of the last full studies; ``4.87 %<!--one_leg_learning.bias 0-->`` quotes a first value."""
-MARK = re.compile(r"<!--(\w+)\.([^>]+?) (\d+|verdict)-->")
+"""Of the last full studies; ``4.87 %<!--one_leg_learning.bias 0-->`` quotes a first value, ``... interval 0`` its
+interval, ``... verdict`` what came out."""
+MARK = re.compile(r"<!--(\w+)\.([^>]+?) (\d+|verdict|interval \d+)-->")
 
 Quotable = Mapping[str, Mapping[str, Any]]
 
@@ -35,7 +36,11 @@ def read_quotable(folder: Path) -> Quotable:
         study = path.parent.name
         if (statements := json.loads(path.read_text(encoding="utf-8")).get(study)) is not None:
             found[study] = {
-                each["name"]: {"verdict": each["verdict"], "values": [c["shown"] for c in each["criteria"]]}
+                each["name"]: {
+                    "verdict": each["verdict"],
+                    "values": [c["shown"] for c in each["criteria"]],
+                    "intervals": [c["spread"] for c in each["criteria"]],
+                }
                 for each in statements
             }
     return found
@@ -49,7 +54,10 @@ def quoted(match: re.Match[str], results: Quotable) -> str:
     """
     study, name, which = match.groups()
     entry = results[study][name]
-    return str(entry["verdict"] if which == "verdict" else entry["values"][int(which)])
+    if which == "verdict":
+        return str(entry[which])
+    kind = "intervals" if which.startswith("interval") else "values"
+    return str(entry[kind][int(which.split()[-1])])
 
 
 def renew(text: str, before: Quotable, after: Quotable) -> str:

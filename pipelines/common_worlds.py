@@ -20,6 +20,8 @@ FIRST_TUNING = 1_000_000
 """Number of the first world that settings are tuned in: none of those that they are tested in."""
 TESTED, TUNED = range(24), range(FIRST_TUNING, FIRST_TUNING + 4)
 """Numbers of the worlds that studies test in, and tune in."""
+FEWER = TESTED[:12]
+"""Those in which long runs are tested."""
 
 
 def draw_world(scenario: str, number: int, stiffer: float = 1.0) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from pipelines.common_memory import (
     worsening_in_worlds,
     worst_in_worlds,
 )
-from pipelines.common_worlds import TESTED, in_worlds
+from pipelines.common_worlds import FEWER, in_worlds
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,7 +53,7 @@ def runs(quick: bool) -> list[Request]:
         found += grid(*common, "cmac.addressing=visited", seeded=True, **labels)
         labels["rule"] = LASTING
         words = ("learning=lasting", "learning.guard=none", *more, cycles[LASTING], "record.cycles=[1]")
-        worlds = TESTED[:1] if quick else TESTED
+        worlds = FEWER[:1] if quick else FEWER
         found += in_worlds(lasting, worlds, *words, over={MEMORY: memories}, **labels)
         found += in_worlds(lasting, worlds, *words, "cmac.addressing=visited", **labels)
     return found
@@ -152,7 +152,7 @@ def values(results: Results) -> dict[str, Any]:
     paper, lasting = (results.select(machine=WALK, rule=rule) for rule in CYCLES)
     return {
         "cycles": {"paper": paper.value("cycles"), "lasting": lasting.value("cycles")},
-        "worlds": len(TESTED),
+        "worlds": len(FEWER),
         "crowded": 100.0 * CROWDED,
     }
 
