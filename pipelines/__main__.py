@@ -61,11 +61,12 @@ def quoted(match: re.Match[str], results: Quotable) -> str:
 
 
 def renew(text: str, before: Quotable, after: Quotable) -> str:
-    """A page whose quotes of ``before`` are those of ``after``."""
+    """A page whose quotes of ``before`` are those of ``after``; a ``?`` before a mark is filled in."""
     parts, end = [], 0
     for match in MARK.finditer(text):
         own = text[end : match.start()]
-        parts += [own.removesuffix(quoted(match, before)), quoted(match, after), match[0]]
+        rest = own[:-1] if own.endswith("?") else own.removesuffix(quoted(match, before))
+        parts += [rest, quoted(match, after), match[0]]
         end = match.end()
     return "".join([*parts, text[end:]])
 

@@ -21,7 +21,7 @@ from cmacexp.study.statements import percent
 from cmacexp.study.tables import cross_tabulate, describe_end, tabulate
 from cmacexp.typing import Array
 from pipelines import long_learning_measures as measures
-from pipelines.common_worlds import FEWER, in_worlds
+from pipelines.common_worlds import FEWER, TESTED, in_worlds
 from pipelines.long_learning_measures import FORCE, GRID, LEG, PAPER, TRANSFER, WALK, final
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ WORLD, LATE, RATE, SETTING = "rules", "late", "rates", "settings"
 """Parts of the study in worlds, besides GRID in the paper's: column ``part``."""
 RATES = ("auto", 0.05, 0.1, 0.1953125, 0.4, 0.8, 1.5)
 AUTO, FAST = RATES[0], RATES[-3:-1]
+DELAYS = (0, 1, 2)
+"""Of the actuator, besides what sensors delay, samples."""
 THIN = "record.every_nth_step=600"
 """Metrics are of every step; of the traces little is kept."""
 RAMP = "gait.load_ramp=0.12"
@@ -63,12 +65,14 @@ def runs(quick: bool) -> list[Request]:
         over = {"learning.rule": rules, "learning.lead": leads}
         return grid(*common, over=over, seeded=seeded, part=GRID, machine=machine)
 
-    def part(name: str, machine: str, number: int, over: Mapping[str, Any], *more: str) -> list[Request]:
+    def part(
+        name: str, machine: str, number: int, over: Mapping[str, Any], *more: str, worlds: Sequence[int] = worlds
+    ) -> list[Request]:
         scenario, overrides = MACHINES[machine]
         words = (*lasting, *overrides, cycles(machine, number), *more)
         return in_worlds(scenario, worlds, *words, over=over, part=name, machine=machine)
 
-    late = {"actuator.delay": (0, 1) if quick else (0, 1, 2), "learning.lead": (0, 1, 2, 3, 4, "auto")}
+    late = {"actuator.delay": DELAYS[:2] if quick else DELAYS, "learning.lead": (0, 1, 2, 3, 4, "auto")}
     return [
         *published(LEG, "one_leg", 2_000, rules=["paper"], seeded=True),
         *published(WALK, "quadruped", 500, RAMP, rules=["paper"], seeded=True),
@@ -77,7 +81,7 @@ def runs(quick: bool) -> list[Request]:
         *part(WORLD, WALK, 500, {"learning.lead": (0, "auto"), **rules}, RAMP),
         *part(LATE, LEG, 300, late),
         *part(RATE, LEG, 500, {"learning.rate": (AUTO, *FAST) if quick else RATES}),
-        *part(SETTING, WALK, 500, {"settings": SETTINGS}),
+        *part(SETTING, WALK, 500, {"settings": SETTINGS}, worlds=worlds if quick else TESTED),
     ]
 
 
@@ -103,7 +107,7 @@ def _with_feedback(results: Results) -> Array:
     return relative(felt, ramped, partial(final, name=FORCE))
 
 
-WARNED = {"part": [GRID, WORLD, LATE, RATE]}
+WARNED = {"part": [WORLD, LATE, RATE]}
 
 
 def _paper(machine: str, lead: int | str, part: str) -> dict[str, Any]:
@@ -112,6 +116,10 @@ def _paper(machine: str, lead: int | str, part: str) -> dict[str, Any]:
 
 def _ends(what: str, of: Mapping[str, Any], sample: Any = share_done) -> Criterion:
     return percent(f"cycles done of those asked for, {what}", sample, at_most(0.9), of=of)
+
+
+def _complete(what: str, of: Mapping[str, Any], least: float) -> Criterion:
+    return percent(f"runs that complete, {what}", lambda results: results.completed, at_least(least), of=of)
 
 
 def _steady(what: str, of: Mapping[str, Any], name: str = TRANSFER) -> Criterion:
@@ -176,13 +184,26 @@ FINDINGS = {
     ),
     "late": Finding(
         [
-            _steady("auto", {"part": LATE, "learning.lead": "auto"}),
+            _complete("lead auto", {"part": LATE, "learning.lead": "auto"}, 0.8),
             _ends("lead one less", {"part": LATE}, measures.one_too_short),
         ],
         yes=f"{UNKNOWN} the lead must not be less than the number of samples from torque to feedback, which "
-        "`learning.lead=auto` counts: with one less, runs end after {values[1]} of their cycles.",
+        "`learning.lead=auto` counts: with it {value} of the runs complete, with one less they end after "
+        "{values[1]} of their cycles.",
         no=f"{UNKNOWN} the number of samples from torque to feedback does not decide: with `learning.lead=auto` "
-        "errors vary {value}-fold in the second half; with one less, runs complete {values[1]} of their cycles.",
+        "{value} of the runs complete; with one less, they do {values[1]} of their cycles.",
+    ),
+    "latest": Finding(
+        [
+            _complete(
+                f"lead auto, delay {delay}", {"part": LATE, "learning.lead": "auto", "actuator.delay": delay}, 0.75
+            )
+            for delay in DELAYS
+        ],
+        yes=f"{UNKNOWN} one leg needs no guard with lead and rate `auto` and torques up to {DELAYS[-1]} samples "
+        "late: {value}, {values[1]} and {values[2]} of the runs complete.",
+        no=f"{UNKNOWN} one leg needs a guard with lead and rate `auto` where torques are late: {{value}} of the runs "
+        "complete with torques on time, {values[1]} and {values[2]} with later ones.",
     ),
     "rate": Finding(
         [
@@ -319,7 +340,8 @@ def values(results: Results) -> dict[str, Any]:
         "walk_cycles": results.select(part=WORLD, machine=WALK).value("cycles"),
         "grid_cycles": {name: f"{number:,}" for name, number in grid_cycles.items()},
         "ramp": felt.value("gait.load_ramp"), "gain": felt.value(gain), "published_gain": published.value(gain),
-        "worlds": len(FEWER), "last": measures.LAST, "near": NEAR, "smoothed": measures.SMOOTHED,
+        "worlds": len(FEWER), "setting_worlds": len(TESTED), "last": measures.LAST, "near": NEAR,
+        "smoothed": measures.SMOOTHED,
     }  # fmt: skip
 
 

@@ -45,3 +45,9 @@ def test_quotes_are_renewed_in_place():
     text = "It is 1 N<!--s.a 0--> (exact<!--s.a interval 0-->): yes<!--s.a verdict-->."
     renewed = "It is 2.5 N<!--s.a 0--> (2 N to 3 N<!--s.a interval 0-->): no<!--s.a verdict-->."
     assert renew(text, before, after) == renewed
+
+
+def test_a_new_quote_is_filled_in():
+    after = {"s": {"new": {"verdict": "yes", "values": ["3 N"], "intervals": ["2 N to 4 N"]}}}
+    text = "It is ?<!--s.new 0--> (?<!--s.new interval 0-->)."
+    assert renew(text, {}, after) == "It is 3 N<!--s.new 0--> (2 N to 4 N<!--s.new interval 0-->)."
