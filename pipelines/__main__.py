@@ -39,7 +39,7 @@ def read_quotable(folder: Path) -> Quotable:
                 each["name"]: {
                     "verdict": each["verdict"],
                     "values": [c["shown"] for c in each["criteria"]],
-                    "intervals": [c["spread"] for c in each["criteria"]],
+                    "intervals": [c.get("spread") for c in each["criteria"]],  # none in pages of older versions
                 }
                 for each in statements
             }
