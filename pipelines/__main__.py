@@ -23,8 +23,9 @@ DOCS = PIPELINES.parent / "docs"
 PAGES = (PIPELINES.parent / "README.md", *sorted(DOCS.glob("*.md")))
 """What may quote the studies."""
 QUOTED = DOCS / "results.json"
-"""Values and verdicts of the last full studies; ``4.87 %<!--one_leg_learning.bias 0-->`` quotes a first value."""
-MARK = re.compile(r"<!--(\w+)\.([^>]+?) (\d+|verdict)-->")
+"""Of the last full studies; ``4.87 %<!--one_leg_learning.bias 0-->`` quotes a first value, ``... interval 0`` its
+interval, ``... verdict`` what came out."""
+MARK = re.compile(r"<!--(\w+)\.([^>]+?) (\d+|verdict|interval \d+)-->")
 
 TABLE = re.compile(r"(?<=<!-- benchmark: begin -->\n).*?(?=<!-- benchmark: end -->)", flags=re.DOTALL)
 """Where the tables of the benchmark stand."""
@@ -41,7 +42,11 @@ def read_quotable(folder: Path) -> Quotable:
         study = path.parent.name
         if (statements := json.loads(path.read_text(encoding="utf-8")).get(study)) is not None:
             found[study] = {
-                each["name"]: {"verdict": each["verdict"], "values": [c["shown"] for c in each["criteria"]]}
+                each["name"]: {
+                    "verdict": each["verdict"],
+                    "values": [c["shown"] for c in each["criteria"]],
+                    "intervals": [c.get("spread") for c in each["criteria"]],  # none in pages of older versions
+                }
                 for each in statements
             }
     return found
@@ -55,15 +60,19 @@ def quoted(match: re.Match[str], results: Quotable) -> str:
     """
     study, name, which = match.groups()
     entry = results[study][name]
-    return str(entry["verdict"] if which == "verdict" else entry["values"][int(which)])
+    if which == "verdict":
+        return str(entry[which])
+    kind = "intervals" if which.startswith("interval") else "values"
+    return str(entry[kind][int(which.split()[-1])])
 
 
 def renew(text: str, before: Quotable, after: Quotable) -> str:
-    """A page whose quotes of ``before`` are those of ``after``."""
+    """A page whose quotes of ``before`` are those of ``after``; a ``?`` before a mark is filled in."""
     parts, end = [], 0
     for match in MARK.finditer(text):
         own = text[end : match.start()]
-        parts += [own.removesuffix(quoted(match, before)), quoted(match, after), match[0]]
+        rest = own[:-1] if own.endswith("?") else own.removesuffix(quoted(match, before))
+        parts += [rest, quoted(match, after), match[0]]
         end = match.end()
     return "".join([*parts, text[end:]])
 

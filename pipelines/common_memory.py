@@ -1,12 +1,14 @@
 """How well a CMAC's memory holds the cells that its path visits, and what collisions in it cost."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.study.results import Results
+from cmacexp.study.samples import per_seed, relative
 from cmacexp.typing import Array
 
 SIDES = ("transfer_rmse_x", "transfer_rmse_y")
@@ -43,6 +45,15 @@ def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
         return np.max([np.where(np.isinf(ours), np.inf, ours / theirs) for ours, theirs in pairs], axis=0)
 
 
+def worsening_in_worlds(own: Results, base: Results, cycle: int | None = None) -> Array:
+    """(runs of ``own``,): as :func:`worsening`, over the run of ``base`` in the same world, or of the same seed."""
+
+    def errors(results: Results, side: str) -> Array:
+        return results.end(side) if cycle is None else results.at(cycle, side)
+
+    return np.max([relative(own, base, partial(errors, side=side)) for side in SIDES], axis=0)
+
+
 def hashed(results: Results) -> Results:
     """The runs with hashed memory."""
     return results.select({"cmac.addressing": "hashed"})
@@ -51,6 +62,13 @@ def hashed(results: Results) -> Results:
 def cost_of_collisions(results: Results) -> Array:
     """(hashed runs,): :func:`worsening` of the runs with hashed memory against the one without collisions."""
     return worsening(hashed(results), results.select({"cmac.addressing": "visited"}))
+
+
+def worst_in_worlds(results: Results, measure: str, least: float) -> Array:
+    """(worlds,): the largest cost of collisions of the hashed runs in which a measure is at least so large."""
+    chosen = Results([row for row in hashed(results).rows if row.measures[measure] >= least])
+    free = results.select({"cmac.addressing": "visited"})
+    return per_seed(chosen, worsening_in_worlds(chosen, free), max)
 
 
 def where_hashed(

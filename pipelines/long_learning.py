@@ -1,10 +1,11 @@
 """Learning over many cycles: which rules, leads and rates last, and whether drift and growth predict it.
 
-``python -m pipelines.long_learning`` runs every rule with several leads on one leg and on the quadruped, every rule
-for very long, late actuators, other rates, and settings of the quadruped's force feedback.
+``python -m pipelines.long_learning`` runs the paper's rule with several leads in the paper's own world; and, in
+worlds that nobody in the loop knows, every rule on one leg and on the quadruped, late actuators, rates, and settings
+of the quadruped's force feedback.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -17,18 +18,22 @@ from cmacexp.study import Criterion, Finding, Panel, Request, Results, Series, S
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.samples import ended_in, per_seed, relative, share_done
 from cmacexp.study.statements import percent
-from cmacexp.study.tables import cross_tabulate, describe_end
+from cmacexp.study.tables import cross_tabulate, describe_end, tabulate
 from cmacexp.typing import Array
 from pipelines import long_learning_measures as measures
+from pipelines.common_worlds import FEWER, TESTED, in_worlds
 from pipelines.long_learning_measures import FORCE, GRID, LEG, PAPER, TRANSFER, WALK, final
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
-LONG, LATE, RATE, SETTING = "long", "late", "rates", "settings"
-"""Parts of the study besides GRID: column ``part``."""
-RATES = (0.05, 0.1, 0.1953125, 0.4, 0.8, 1.5)
-PAPER_RATE, FASTEST = RATES[2], RATES[-1]
+WORLD, LATE, RATE, SETTING = "rules", "late", "rates", "settings"
+"""Parts of the study in worlds, besides GRID in the paper's: column ``part``."""
+RATES = ("auto", 0.05, 0.1, 0.1953125, 0.4, 0.8, 1.5)
+AUTO, FAST = RATES[0], RATES[-3:-1]
+DELAYS = (0, 1, 2)
+"""Of the actuator, besides what sensors delay, samples."""
 THIN = "record.every_nth_step=600"
 """Metrics are of every step; of the traces little is kept."""
 RAMP = "gait.load_ramp=0.12"
@@ -36,67 +41,85 @@ FEEDBACK = ("force_control.elasticity=0.001", "force_control.admittance=0.001")
 """Force feedback ten times the paper's."""
 PUBLISHED, RAMPED, FELT = "as published", "ramp", "ramp, force feedback"
 SETTINGS = {PUBLISHED: [], RAMPED: [RAMP], "force feedback": FEEDBACK, FELT: [RAMP, *FEEDBACK]}
+MACHINES: dict[str, tuple[str, tuple[str, ...]]] = {
+    LEG: ("one_leg", ("reference=aware",)),
+    WALK: ("quadruped", ()),
+}
+"""Scenario and further overrides in worlds."""
 NEAR = 0.01
 """Difference of two growths up to which one predicts the other."""
 
 
 def runs(quick: bool) -> list[Request]:
-    """All parts, each for every seed."""
-    rules, leads = (("paper", "weight_smoothing"), (0, 1)) if quick else (tuple(RULES), (-1, 0, 1, 2))
+    """All parts; those in the paper's world for every seed, or other rules once, the rest in every world."""
+    others = [rule for rule in RULES if rule != "paper"][: 1 if quick else None]
+    leads, worlds = (0, 1) if quick else (-1, 0, 1, 2), FEWER[:1] if quick else FEWER
+    lasting = ("learning=lasting", "learning.guard=none", THIN)
+    rules = {"learning.rule": ("paper", *others)}
+
+    def cycles(machine: str, number: int) -> str:
+        return f"cycles={(40 if machine == LEG else 12) if quick else number}"
+
+    def published(machine: str, scenario: str, number: int, *more: str, rules: Sequence[str], seeded: bool) -> Any:
+        common = (f"scenario={scenario}", cycles(machine, number), THIN, *more)
+        over = {"learning.rule": rules, "learning.lead": leads}
+        return grid(*common, over=over, seeded=seeded, part=GRID, machine=machine)
 
     def part(
-        name: str, scenario: str, cycles: int, over: Mapping[str, Any], *more: str, **labels: str
+        name: str, machine: str, number: int, over: Mapping[str, Any], *more: str, worlds: Sequence[int] = worlds
     ) -> list[Request]:
-        number = (40 if scenario == "one_leg" else 12) if quick else cycles
-        common = (f"scenario={scenario}", f"cycles={number}", THIN, *more)
-        return grid(*common, over=over, seeded=True, part=name, **labels)
+        scenario, overrides = MACHINES[machine]
+        words = (*lasting, *overrides, cycles(machine, number), *more)
+        return in_worlds(scenario, worlds, *words, over=over, part=name, machine=machine)
 
-    both = {"learning.rule": rules, "lead": {f"lead {lead}": [f"learning.lead={lead}"] for lead in leads}}
-    late = {"actuator.delay": (0, 1) if quick else (0, 1, 2), "learning.lead": (0, 1, 2, 3, "auto")}
-    rates = {"learning.rate": RATES[2:4] if quick else RATES, "learning.lead": [0, 1]}
+    late = {"actuator.delay": DELAYS[:2] if quick else DELAYS, "learning.lead": (0, 1, 2, 3, 4, "auto")}
     return [
-        *part(GRID, "one_leg", 2_000, both, machine=LEG),
-        *part(GRID, "quadruped", 500, both, RAMP, machine=WALK),
-        *part(LONG, "one_leg", 10_000, {"learning.rule": rules}, "learning.lead=1"),
-        *part(LATE, "one_leg", 2_000, late),
-        *part(RATE, "one_leg", 1_000, rates),
-        *part(SETTING, "quadruped", 2_000, {"settings": SETTINGS}, "learning.lead=1"),
+        *published(LEG, "one_leg", 2_000, rules=["paper"], seeded=True),
+        *published(WALK, "quadruped", 500, RAMP, rules=["paper"], seeded=True),
+        *published(LEG, "one_leg", 1_000, rules=others, seeded=False),
+        *part(WORLD, LEG, 500, {"learning.lead": (0, "auto"), **rules}),
+        *part(WORLD, WALK, 500, {"learning.lead": (0, "auto"), **rules}, RAMP),
+        *part(LATE, LEG, 300, late),
+        *part(RATE, LEG, 500, {"learning.rate": (AUTO, *FAST) if quick else RATES}),
+        *part(SETTING, WALK, 500, {"settings": SETTINGS}, worlds=worlds if quick else TESTED),
     ]
 
 
-def _least_of_others(results: Results, lead: int, name: str) -> Array:
-    """(seeds,): least error at the end of the other rules with a lead, over the paper's rule with lead 1."""
-    own = results.select(PAPER, lead="lead 1")
+def _least_of_others(results: Results, lead: int | str, name: str) -> Array:
+    """(worlds,): least error at the end of the other rules with a lead, over the paper's rule with lead `auto`."""
+    own = results.select({**PAPER, "learning.lead": "auto"})
     others = results.select({"learning.rule": [rule for rule in RULES if rule != "paper"], "learning.lead": lead})
     return per_seed(others, relative(others, own, partial(final, name=name)), min)
 
 
-def _one_less(results: Results) -> Array:
-    """(runs,): share done with a lead of a sample less than from torque to feedback."""
-    chosen = [row for row in results.rows if row.settings["learning.lead"] == row.settings["actuator.delay"]]
-    return share_done(Results(chosen))
-
-
-def _at_other_rates(results: Results) -> Array:
-    """(seeds,): largest error at the end over that with the paper's rate."""
-    return per_seed(results, relative(results, results.select({"learning.rate": PAPER_RATE}), final), max)
+def over_best_rate(results: Results) -> Array:
+    """(worlds,): error at the end with rate ``auto`` over the least with another rate."""
+    auto = results.select({"learning.rate": AUTO})
+    others = results.select({"learning.rate": list(RATES[1:])})
+    errors = final(others)
+    least = dict(zip(others.values("seed"), per_seed(others, errors, min), strict=True))
+    return np.array([error / least[row.settings["seed"]] for error, row in zip(final(auto), auto.rows, strict=True)])
 
 
 def _with_feedback(results: Results) -> Array:
-    """(seeds,): force error at the end with stronger force feedback over that without."""
+    """(worlds,): force error at the end with stronger force feedback over that without."""
     felt, ramped = (results.select(settings=name) for name in (FELT, RAMPED))
     return relative(felt, ramped, partial(final, name=FORCE))
 
 
-WARNED = {"part": [GRID, LATE, RATE]}
+WARNED = {"part": [WORLD, LATE, RATE]}
 
 
-def _paper(machine: str, lead: int) -> dict[str, Any]:
-    return {"part": GRID, "machine": machine, "learning.lead": lead, **PAPER}
+def _paper(machine: str, lead: int | str, part: str) -> dict[str, Any]:
+    return {"part": part, "machine": machine, "learning.lead": lead, **PAPER}
 
 
 def _ends(what: str, of: Mapping[str, Any], sample: Any = share_done) -> Criterion:
     return percent(f"cycles done of those asked for, {what}", sample, at_most(0.9), of=of)
+
+
+def _complete(what: str, of: Mapping[str, Any], least: float) -> Criterion:
+    return percent(f"runs that complete, {what}", lambda results: results.completed, at_least(least), of=of)
 
 
 def _steady(what: str, of: Mapping[str, Any], name: str = TRANSFER) -> Criterion:
@@ -104,65 +127,110 @@ def _steady(what: str, of: Mapping[str, Any], name: str = TRANSFER) -> Criterion
     return Criterion(quantity, partial(measures.variation, name=name), at_most(1.25), of=of)
 
 
-def _others(what: str, lead: int, name: str, machine: str, limit: float) -> Criterion:
-    quantity = f"least {what} of the other rules with lead {lead} over that of the paper's rule"
-    sample, of = partial(_least_of_others, lead=lead, name=name), {"part": GRID, "machine": machine}
-    return Criterion(quantity if lead else f"{quantity} with lead 1", sample, at_most(limit), of=of)
+def _others(what: str, lead: int | str, name: str, machine: str, limit: float) -> Criterion:
+    return Criterion(
+        f"least {what} of the other rules with lead {lead} over that of the paper's rule with lead auto",
+        partial(_least_of_others, lead=lead, name=name),
+        at_most(limit),
+        of={"part": WORLD, "machine": machine},
+    )
 
 
+KNOWN, UNKNOWN = "In the paper's own world", "In worlds unknown to the loop"
 FINDINGS = {
     "lead": Finding(
         [
-            *(_ends(f"{machine}, lead 0", _paper(machine, 0)) for machine in (LEG, WALK)),
-            _steady("one leg, lead 1", {"part": LONG, **PAPER}),
+            *(_ends(f"{machine}, lead 0", _paper(machine, 0, GRID)) for machine in (LEG, WALK)),
+            _steady("one leg, lead 1", _paper(LEG, 1, GRID)),
         ],
-        yes="With lead 0, as published, the paper's rule does not last: one leg ends after {value} of its cycles, "
-        "the quadruped after {values[1]}. With lead 1 it lasts on one leg.",
-        no="The lead alone does not decide whether the paper's rule lasts: with lead 0 one leg completes {value} of "
-        "its cycles and the quadruped {values[1]}; with lead 1 errors of one leg vary {values[2]}-fold in the second "
-        "half.",
+        yes=f"{KNOWN} the paper's rule does not last with lead 0, as published: one leg ends after {{value}} of its "
+        "cycles, the quadruped after {values[1]}. With lead 1 it lasts on one leg.",
+        no=f"{KNOWN} the lead alone does not decide whether the paper's rule lasts: with lead 0 one leg completes "
+        "{value} of its cycles and the quadruped {values[1]}; with lead 1 errors of one leg vary {values[2]}-fold in "
+        "the second half.",
+    ),
+    "lasts": Finding(
+        [
+            _steady("one leg, lead auto", _paper(LEG, "auto", WORLD)),
+            *(_ends(f"{machine}, lead 0", _paper(machine, 0, WORLD)) for machine in (LEG, WALK)),
+        ],
+        yes=f"{UNKNOWN} the paper's rule lasts on one leg with lead and rate `auto`; with lead 0 one leg ends after "
+        "{values[1]} of its cycles, the quadruped after {values[2]}.",
+        no=f"{UNKNOWN} the lead does not decide whether the paper's rule lasts: with lead and rate `auto` errors of "
+        "one leg vary {value}-fold in the second half; with lead 0 it completes {values[1]} of its cycles, the "
+        "quadruped {values[2]}.",
     ),
     "body": Finding(
-        [_steady("force", _paper(WALK, 1), FORCE)],
-        yes="Lead 1 is enough under a body too: force errors vary by a factor of {value} in the second half.",
-        no="Lead 1 alone is not enough under a body: force errors vary by a factor of {value} in the second half.",
+        [_steady("force", _paper(WALK, "auto", WORLD), FORCE)],
+        yes=f"{UNKNOWN} lead `auto` is enough under a body too: force errors vary by a factor of {{value}} in the "
+        "second half.",
+        no=f"{UNKNOWN} lead `auto` alone is not enough under a body: force errors vary by a factor of {{value}} in "
+        "the second half.",
     ),
     **{
         f"rules_{machine}": Finding(
-            [_others(f"{what} error", 1, name, machine, 0.9)],
-            yes=f"With lead 1 ({machine}) another rule leaves {{value}} times the {what} error of the paper's.",
-            no=f"With lead 1 ({machine}) no other rule leaves a {what} error smaller by a tenth than the paper's.",
+            [_others(f"{what} error", "auto", name, machine, 0.9)],
+            yes=f"{UNKNOWN} another rule ({machine}) leaves {{value}} times the {what} error of the paper's.",
+            no=f"{UNKNOWN} no other rule ({machine}) leaves a {what} error smaller by a tenth than the paper's.",
         )
         for machine, what, name in ((LEG, "transfer", TRANSFER), (WALK, "force", FORCE))
     },
     "substitute": Finding(
         [_others("error", 0, TRANSFER, LEG, 1.1)],
-        yes="On one leg a rule can replace the right lead: with lead 0 one leaves {value} times the error of the "
-        "paper's rule with lead 1.",
-        no="On one leg no rule replaces the right lead: with lead 0 the least error of any other is {value} times "
-        "that of the paper's rule with lead 1.",
+        yes=f"{UNKNOWN} a rule can replace the right lead on one leg: with lead 0 one leaves {{value}} times the "
+        "error of the paper's rule with lead `auto`.",
+        no=f"{UNKNOWN} no rule replaces the right lead on one leg: with lead 0 the least error of any other is "
+        "{value} times that of the paper's rule with lead `auto`.",
     ),
     "late": Finding(
-        [_steady("auto", {"part": LATE, "learning.lead": "auto"}), _ends("one less", {"part": LATE}, _one_less)],
-        yes="The lead must not be less than the number of samples from torque to feedback, which "
-        "`learning.lead=auto` counts: with one less, runs end after {values[1]} of their cycles.",
-        no="The number of samples from torque to feedback does not decide: with `learning.lead=auto` errors vary "
-        "{value}-fold in the second half; with one less, runs complete {values[1]} of their cycles.",
+        [
+            _complete("lead auto", {"part": LATE, "learning.lead": "auto"}, 0.8),
+            _ends("lead one less", {"part": LATE}, measures.one_too_short),
+        ],
+        yes=f"{UNKNOWN} the lead must not be less than the number of samples from torque to feedback, which "
+        "`learning.lead=auto` counts: with it {value} of the runs complete, with one less they end after "
+        "{values[1]} of their cycles.",
+        no=f"{UNKNOWN} the number of samples from torque to feedback does not decide: with `learning.lead=auto` "
+        "{value} of the runs complete; with one less, they do {values[1]} of their cycles.",
+    ),
+    "latest": Finding(
+        [
+            _complete(
+                f"lead auto, delay {delay}", {"part": LATE, "learning.lead": "auto", "actuator.delay": delay}, 0.75
+            )
+            for delay in DELAYS
+        ],
+        yes=f"{UNKNOWN} one leg needs no guard with lead and rate `auto` and torques up to {DELAYS[-1]} samples "
+        "late: {value}, {values[1]} and {values[2]} of the runs complete.",
+        no=f"{UNKNOWN} one leg needs a guard with lead and rate `auto` where torques are late: {{value}} of the runs "
+        "complete with torques on time, {values[1]} and {values[2]} with later ones.",
     ),
     "rate": Finding(
         [
             Criterion(
-                "largest error at the end with another rate over that with the paper's, lead 1",
-                _at_other_rates,
-                at_most(1.1),
-                of={"part": RATE, "learning.rate": list(RATES[:-1]), "learning.lead": 1},
-            ),
-            _ends(f"rate {FASTEST}, lead 1", {"part": RATE, "learning.lead": 1, "learning.rate": FASTEST}),
+                "error at the end with rate auto over the least with another rate, lead auto",
+                over_best_rate,
+                at_most(1.25),
+                of={"part": RATE},
+            )
         ],
-        yes=f"With lead 1, no rate up to {RATES[-2]} ends with a clearly larger error; with {FASTEST} one leg ends "
-        "after {values[1]} of its cycles.",
-        no=f"With lead 1, rates up to {RATES[-2]} end with up to {{value}} times the error of the paper's; with "
-        f"{FASTEST} one leg completes {{values[1]}} of its cycles.",
+        yes=f"{UNKNOWN} rate `auto` leaves one leg about as small an error as the best of the rates tried: {{value}} "
+        "times.",
+        no=f"{UNKNOWN} rate `auto` leaves one leg a larger error than the best of the rates tried: {{value}} times.",
+    ),
+    "fast": Finding(
+        [
+            percent(
+                f"cycles done of those asked for, rate {rate}, lead auto",
+                share_done,
+                at_least(0.9),
+                of={"part": RATE, "learning.rate": rate},
+            )
+            for rate in FAST
+        ],
+        yes=f"{UNKNOWN} one leg completes with lead `auto` at rates of {FAST[0]} and {FAST[1]}.",
+        no=f"{UNKNOWN} one leg does not complete with lead `auto` at rates of {FAST[0]} and {FAST[1]} alike: it does "
+        "{value} and {values[1]} of its cycles.",
     ),
     "settings": Finding(
         [
@@ -174,10 +242,10 @@ FINDINGS = {
             ),
             _steady("force, with both", {"part": SETTING, "settings": FELT}, FORCE),
         ],
-        yes="Stronger force feedback keeps the quadruped's force error small: {value} times that without it. "
-        "`scenario=quadruped_lasting` has these settings.",
-        no="Stronger force feedback does not keep the quadruped's force error small: it is {value} times that "
-        "without, and varies {values[1]}-fold.",
+        yes=f"{UNKNOWN} stronger force feedback keeps the quadruped's force error small: {{value}} times that "
+        "without it. `scenario=quadruped_lasting` has these settings.",
+        no=f"{UNKNOWN} stronger force feedback does not keep the quadruped's force error small: it is {{value}} "
+        "times that without, and varies {values[1]}-fold.",
     ),
     "drift": Finding(
         [
@@ -208,9 +276,9 @@ FINDINGS = {
                     at_most(NEAR),
                 )
             ],
-            yes=f"For the paper's rule ({machine}) the linearised loop predicts the growth per cycle to within "
-            "{value} with every lead: `python -m cmacexp.stability` computes it without a long run.",
-            no=f"For the paper's rule ({machine}) the linearised loop misses the growth per cycle by up to "
+            yes=f"{KNOWN} the linearised loop predicts the growth per cycle of the paper's rule ({machine}) to "
+            "within {value} with every lead: `python -m cmacexp.stability` computes it without a long run.",
+            no=f"{KNOWN} the linearised loop misses the growth per cycle of the paper's rule ({machine}) by up to "
             "{value}: the prediction does not replace a long run.",
         )
         for machine in (LEG, WALK)
@@ -232,7 +300,8 @@ def draw_leads(results: Results) -> "Figure":
     """The paper's rule with every lead, on both machines."""
     names = {"transfer_rmse_y": "transfer error in y", "feedback_change": "change of the feedback"}
     machines = results.by("machine").items()
-    return draw([panel for machine, own in machines for panel in _curves(own, names, "lead", f"{machine}: ")])
+    panels = [_curves(own, names, "learning.lead", f"{machine}, by lead: ") for machine, own in machines]
+    return draw([panel for own in panels for panel in own])
 
 
 def draw_growth(results: Results) -> "Figure":
@@ -263,40 +332,48 @@ def _drift(results: Results) -> str:
 
 def values(results: Results) -> dict[str, Any]:
     """Cycles of each part, and settings that the page names."""
-    asked = {part: f"{own.values('cycles')[0]:,}" for part, own in results.by("part").items()}
     published, felt = (results.select(settings=name) for name in (PUBLISHED, FELT))
     gain = "force_control.elasticity"
+    grid_cycles = {machine: results.select(PAPER, part=GRID, machine=machine).value("cycles") for machine in MACHINES}
     return {
-        "cycles": asked, "walk_cycles": results.select(part=GRID, machine=WALK).value("cycles"),
+        "cycles": {part: results.select(part=part).values("cycles")[0] for part in (WORLD, LATE, RATE, SETTING)},
+        "walk_cycles": results.select(part=WORLD, machine=WALK).value("cycles"),
+        "grid_cycles": {name: f"{number:,}" for name, number in grid_cycles.items()},
         "ramp": felt.value("gait.load_ramp"), "gain": felt.value(gain), "published_gain": published.value(gain),
-        "seeds": len(results.values("seed")), "last": measures.LAST, "near": NEAR,
+        "worlds": len(FEWER), "setting_worlds": len(TESTED), "last": measures.LAST, "near": NEAR,
+        "smoothed": measures.SMOOTHED,
     }  # fmt: skip
+
+
+def _leads(results: Results, machine: str, name: str) -> "pd.DataFrame":
+    """Errors at the end in worlds, or how runs ended, by rule and lead."""
+    factor = 1e3 if name == TRANSFER else 1.0
+    own = results.select(part=WORLD, machine=machine)
+    return _by_lead(own, "learning.rule", "rule", lambda runs: describe_end(runs, factor * final(runs, name)))
 
 
 STUDY = Study(
     title="Learning over many cycles",
     question="With which rules, leads and rates does learning last, and how early can this be predicted?",
     runs=runs,
-    measures={"detected": measures.detected},
+    measures={"detected": measures.detected, "lead": measures.learning_lead},
     computed={"growth": measures.growth},
     findings=FINDINGS,
     figures={
         "leads": lambda r: draw_leads(r.select(PAPER, part=GRID)),
-        "rules": lambda r: draw(_curves(r.select(part=LONG), RULE_ERRORS, "learning.rule")),
+        "rules": lambda r: draw(
+            _curves(r.select({"learning.lead": "auto"}, part=WORLD, machine=LEG), RULE_ERRORS, "learning.rule")
+        ),
         "growth": draw_growth,
         "settings": lambda r: draw(_curves(r.select(part=SETTING), WALK_ERRORS, "settings")),
     },
     tables={
-        "leg": lambda r: _by_lead(r.select(part=GRID, machine=LEG), "learning.rule", "rule", _transfer),
-        "walk": lambda r: _by_lead(
-            r.select(part=GRID, machine=WALK),
-            "learning.rule",
-            "rule",
-            lambda own: describe_end(own, final(own, FORCE)),
-        ),
+        "leg": lambda r: _leads(r, LEG, TRANSFER),
+        "walk": lambda r: _leads(r, WALK, FORCE),
+        "published": lambda r: _by_lead(r.select(PAPER, part=GRID), "machine", "machine", _transfer),
         "drift": lambda r: _by_lead(r.select(PAPER, part=GRID), "machine", "machine", _drift),
         "late": lambda r: _by_lead(r.select(part=LATE), "actuator.delay", "delay, samples", _transfer),
-        "rates": lambda r: _by_lead(r.select(part=RATE), "learning.rate", "rate", _transfer),
+        "rates": lambda r: tabulate(r.select(part=RATE), {"learning.rate": "rate"}, {"error": _transfer}),
     },
     values=values,
 )

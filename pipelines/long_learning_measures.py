@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.data.stored_run import StoredRun, read_config
 from cmacexp.stability.cycle_map import NotPredictable
@@ -17,12 +18,14 @@ from cmacexp.stability.growth import (
 )
 from cmacexp.study import Results
 from cmacexp.study.results import Row
-from cmacexp.study.samples import plane_error
+from cmacexp.study.samples import plane_error, share_done
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
 
+SMOOTHED = 10
+"""Cycles of each median of which errors vary."""
 LAST = 100
 """Cycles whose median is the error at the end."""
 TRANSFER, FORCE = "transfer", "force_rmse_cycle"
@@ -31,7 +34,7 @@ MIN_GROWTH_RATIO = 2.0
 SHARE_LEFT_OUT = 0.05
 """Share of the cycles that are left out at the end of a run that did not complete: nothing is small there."""
 PAPER = {"learning.rule": "paper"}
-LEG, WALK, GRID = "one leg", "quadruped", "rules"
+LEG, WALK, GRID = "one leg", "quadruped", "paper's world"
 
 
 def history(row: Row, name: str = TRANSFER) -> Array:
@@ -49,9 +52,34 @@ def final(results: Results, name: str = TRANSFER) -> Array:
 
 
 def variation(results: Results, name: str = TRANSFER) -> Array:
-    """(runs,): largest error over the least in the second half; infinite of a run that ended before."""
+    """(runs,): largest error over the least in the second half; infinite of a run that ended before.
+
+    Of medians over :data:`SMOOTHED` cycles, since noise alone varies the error of single cycles.
+    """
     halves = [history(row, name)[row.summary.cycles // 2 :] if _lasting(row) else None for row in results.rows]
-    return np.array([np.inf if half is None else half.max() / half.min() for half in halves])
+    return np.array([np.inf if half is None else _spread(half) for half in halves])
+
+
+def _spread(errors: Array) -> float:
+    medians = np.median(sliding_window_view(errors, min(SMOOTHED, len(errors))), axis=1)
+    return float(medians.max() / medians.min())
+
+
+def learning_lead(run: StoredRun) -> float:
+    """The lead that a run learnt with, also where the config says ``auto``; NaN if nothing learnt."""
+    lead = run.manifest.get("learning_lead")
+    return np.nan if lead is None else float(lead)
+
+
+def one_too_short(results: Results) -> Array:
+    """(runs,): share done by runs whose lead is one less than the ``auto`` of their world and delay."""
+    right = {_place(row): row.measures["lead"] for row in results.select({"learning.lead": "auto"}).rows}
+    fixed = [row for row in results.rows if row.settings["learning.lead"] != "auto"]
+    return share_done(Results([row for row in fixed if row.measures["lead"] == right[_place(row)] - 1]))
+
+
+def _place(row: Row) -> tuple[int, int]:
+    return int(row.settings["seed"]), int(row.settings["actuator.delay"])
 
 
 def detected(run: StoredRun) -> float:
@@ -75,13 +103,11 @@ def error_when_detected(results: Results) -> list[float]:
 def growth(results: Results) -> "pd.DataFrame":
     """Growth of the feedback per cycle, ``predicted`` and ``measured``; NaN where a run is too short for it.
 
-    Of the paper's rule for every machine, lead and seed; of other rules for one leg and one seed.
+    In the paper's world: of its rule for every machine, lead and seed; of other rules for one leg and one seed.
     """
     import pandas as pd
 
-    own = results.select(part=GRID)
-    chosen = [*own.select(PAPER).rows]
-    chosen += [row for row in own.select(machine=LEG, seed=own.values("seed")[0]).rows if row not in chosen]
+    chosen = results.select(part=GRID).rows
     keys = {"machine": "machine", "rule": "learning.rule", "lead": "learning.lead", "seed": "seed"}
     return pd.DataFrame(
         {name: row.settings[key] for name, key in keys.items()}

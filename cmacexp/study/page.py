@@ -137,7 +137,7 @@ def _entry(measured: Measured, folder: Path) -> dict[str, Any]:
     return {
         "quantity": criterion.quantity, "value": interval.value, "low": interval.low, "high": interval.high,
         "count": interval.count, "method": interval.method, **limits, "shown": measured.value,
-        "runs": [relative(Path(run), folder) for run in measured.runs],
+        "spread": measured.spread, "runs": [relative(Path(run), folder) for run in measured.runs],
     }  # fmt: skip
 
 

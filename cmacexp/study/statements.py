@@ -128,15 +128,20 @@ class Measured:
         return self._format(self.interval.value)
 
     @property
+    def spread(self) -> str:
+        """The ends of the interval with their unit; of a value without one, what it is."""
+        if self.interval.method in (EXACT, UNDEFINED):
+            return self.interval.method
+        return f"{self._format(self.interval.low)} to {self._format(self.interval.high)}"
+
+    @property
     def evidence(self) -> str:
         """The estimate, its interval, the size of the sample, and the limits."""
         criterion, interval = self.criterion, self.interval
         limits = [f"holds: {criterion.holds.describe(criterion.scale, criterion.unit)}"]
         if criterion.fails is not None:
             limits.append(f"opposite: {criterion.fails.describe(criterion.scale, criterion.unit)}")
-        spread = f"{self._format(interval.low)} to {self._format(interval.high)}"
-        spread = interval.method if interval.method in (EXACT, UNDEFINED) else spread
-        return f"{self.value} ({spread}, n = {interval.count}; {'; '.join(limits)})"
+        return f"{self.value} ({self.spread}, n = {interval.count}; {'; '.join(limits)})"
 
 
 def _measure(criterion: Criterion, results: Results) -> Measured:

@@ -32,12 +32,22 @@ def test_a_study_is_quoted_from_its_own_folder(tmp_path):
         ("paper", "1 N"),
     ):  # the study has been run again since the page over several
         (tmp_path / folder).mkdir()
-        statement = {"name": "a", "verdict": "yes", "criteria": [{"shown": value}]}
+        statement = {"name": "a", "verdict": "yes", "criteria": [{"shown": value, "spread": "exact"}]}
         (tmp_path / folder / "claims.json").write_text(json.dumps({"leg": [statement]}))
-    assert read_quotable(tmp_path) == {"leg": {"a": {"verdict": "yes", "values": ["2 N"]}}}
+    assert read_quotable(tmp_path) == {"leg": {"a": {"verdict": "yes", "values": ["2 N"], "intervals": ["exact"]}}}
 
 
 def test_quotes_are_renewed_in_place():
-    before, after = ({"s": {"a": {"verdict": v, "values": [x]}}} for v, x in (("yes", "1 N"), ("no", "2.5 N")))
-    text = "It is 1 N<!--s.a 0-->: yes<!--s.a verdict-->."
-    assert renew(text, before, after) == "It is 2.5 N<!--s.a 0-->: no<!--s.a verdict-->."
+    before, after = (
+        {"s": {"a": {"verdict": v, "values": [x], "intervals": [i]}}}
+        for v, x, i in (("yes", "1 N", "exact"), ("no", "2.5 N", "2 N to 3 N"))
+    )
+    text = "It is 1 N<!--s.a 0--> (exact<!--s.a interval 0-->): yes<!--s.a verdict-->."
+    renewed = "It is 2.5 N<!--s.a 0--> (2 N to 3 N<!--s.a interval 0-->): no<!--s.a verdict-->."
+    assert renew(text, before, after) == renewed
+
+
+def test_a_new_quote_is_filled_in():
+    after = {"s": {"new": {"verdict": "yes", "values": ["3 N"], "intervals": ["2 N to 4 N"]}}}
+    text = "It is ?<!--s.new 0--> (?<!--s.new interval 0-->)."
+    assert renew(text, {}, after) == "It is 3 N<!--s.new 0--> (2 N to 4 N<!--s.new interval 0-->)."

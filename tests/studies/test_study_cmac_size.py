@@ -9,8 +9,8 @@ import pytest
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Results
 from cmacexp.study.results import Row
-from pipelines.cmac_size import OTHERS, PAPER
-from pipelines.common_memory import SIDES, colliding, rows_per_cell, where_hashed, worsening
+from pipelines.cmac_size import FEW, LAYERS, MANY, MEMORY, OTHERS, PAPER, SMALLER, WITH_LAYERS, weigh
+from pipelines.common_memory import SIDES, colliding, rows_per_cell, where_hashed, worsening, worst_in_worlds
 
 
 def run(x: float, y: float, status: str = "completed", crowd: float = 0.0, **settings) -> Row:
@@ -51,7 +51,29 @@ def test_runs_are_taken_by_their_measure_and_compared_with_the_one_without_colli
     assert where_hashed("colliding", 0.5)(Results(rows)) == pytest.approx([2.0])
 
 
+def test_collisions_cost_a_world_as_much_as_in_its_worst_run_and_each_world_counts_once():
+    free, hashed = {"cmac.addressing": "visited"}, {"cmac.addressing": "hashed"}
+    rows = [
+        *(run(error, error, seed=world, **free) for world, error in ((0, 0.1), (1, 1.0))),
+        run(0.2, 0.1, crowd=0.9, seed=1, **hashed),
+        run(0.9, 2.0, crowd=0.8, seed=1, **hashed),
+        run(0.3, 0.2, crowd=0.9, seed=0, **hashed),
+        run(9.0, 9.0, crowd=0.1, seed=0, **hashed),
+    ]
+    assert sorted(worst_in_worlds(Results(rows), "colliding", 0.5)) == pytest.approx([2.0, 3.0])
+
+
 def test_no_size_is_tried_twice():
     for machine, others in OTHERS.items():
-        for key, tried in others.items():
+        for key, tried in {**others, "cmac.memory_bytes": SMALLER[machine]}.items():
             assert len({*tried, PAPER[machine][key]}) == len(tried) + 1
+
+
+def test_collisions_are_weighed_against_as_many_layers_without_them():
+    """Few layers are worse with and without collisions; these cost them twice as much as many layers."""
+    rows = []
+    for layers, (free, crowded) in {FEW: (0.2, 0.8), MANY: (0.1, 0.2)}.items():
+        hashed = {"cmac.addressing": "hashed", MEMORY: WITH_LAYERS[layers][0]}
+        for error, memory in ((free, {"cmac.addressing": "visited"}), (crowded, hashed)):
+            rows.append(run(error, error, seed=3, **{LAYERS: layers, **memory}))
+    assert weigh(Results(rows)) == pytest.approx([2.0])

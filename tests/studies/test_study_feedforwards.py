@@ -1,5 +1,6 @@
 """The measures of the study of feedforwards: learning counted by hand, samples on made runs, bytes of weights."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,17 +11,8 @@ from cmacexp.experiment.run import run_scenario
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Results
 from cmacexp.study.results import Row
-from pipelines.feedforwards import (
-    ANEW,
-    CARRIED,
-    KEPT,
-    against_fastest,
-    carried_over,
-    cycles_to_tenth,
-    left_at_first,
-    runs,
-    training_time,
-)
+from pipelines.common_worlds import TESTED, TUNED
+from pipelines.feedforwards import against_fastest, cycles_to_tenth, left_at_first, runs, training_time
 from pipelines.feedforwards_measures import (
     ALONE,
     CMAC,
@@ -33,6 +25,7 @@ from pipelines.feedforwards_measures import (
     cycles_to,
     errors,
 )
+from pipelines.feedforwards_worlds import ANEW, CARRIED, EARLY, KEPT, at_best_rate, compare, mean_early
 
 inf = float("inf")
 LEARNT_IN = {CMAC: 2, RBF: 4, MLP: 6, ILC: 3}
@@ -73,10 +66,32 @@ def test_cmac_is_compared_with_the_fastest_of_the_others_and_the_perceptron_with
     assert against_fastest(never) == [inf]
 
 
-def test_what_is_carried_over_is_compared_with_feedback_alone_and_with_learning_from_nothing():
-    results = Results([*ROWS, run(CMAC, 10.0, *[4.0] * 5, start=CARRIED)])
-    assert left_at_first(results) == pytest.approx([0.2])
-    assert carried_over(results) == pytest.approx([2.0])  # in its second cycle of learning, and in the first
+def test_what_is_carried_over_is_compared_with_feedback_alone():
+    assert left_at_first(Results([*ROWS[:1], run(CMAC, 10.0, *[4.0] * 5)])) == pytest.approx([0.2])
+
+
+def in_world(world: int, row: Row, **settings) -> Row:
+    """The same run in a world, whose number is the seed."""
+    return replace(row, settings={**row.settings, "world": world, "seed": world, **settings})
+
+
+def test_worlds_are_compared_each_with_itself_and_a_run_that_ended_is_infinitely_worse():
+    errors = {ANEW: (10.0, 100.0, 10.0), CARRIED: (5.0, 80.0, 5.0)}
+    rows = [in_world(w, run(CMAC, *[e] * 6, start=start)) for start, own in errors.items() for w, e in enumerate(own)]
+    rows[-1] = in_world(2, run(CMAC, 5.0, 5.0, start=CARRIED))
+    sample = compare({"start": CARRIED}, {"start": ANEW}, mean_early)
+    assert sample(Results(rows[::-1])).tolist() == [inf, 0.8, 0.5]
+
+
+def test_a_rate_is_chosen_in_worlds_that_it_is_not_tested_in():
+    """The rate 2 is best in the worlds of the tests, but 1 is in those it is chosen in."""
+    found = {(CMAC, 1): (4.0, 9.0), (CMAC, 2): (5.0, 1.0), (RBF, 1): (3.0, 6.0), (MLP, 1): (3.0, 90.0)}
+    rows = [
+        in_world(worlds[0], run(kind, *[error] * 6), **{"learning.rate": rate})
+        for (kind, rate), errors in {**found, (ILC, 1): (3.0, 12.0)}.items()
+        for worlds, error in zip((TUNED, TESTED), errors, strict=True)
+    ]
+    assert at_best_rate(Results(rows), EARLY) == pytest.approx([9.0 / 6.0])
 
 
 @pytest.mark.parametrize("quick", [True, False])
@@ -85,7 +100,8 @@ def test_runs_after_a_change_start_from_runs_of_the_study_with_weights(quick):
     kept = [request for request in found if "record.weights=true" in request.overrides]
     carried = [request for request in found if request.labels.get("start") == CARRIED]
     assert {request.labels["kind"] for request in carried} == set(KEPT)
-    assert all(request.starts_from in kept for request in carried)
+    assert all(request.starts_from in kept for request in found if request.starts_from)
+    assert all(request.starts_from.labels["world"] == request.labels["world"] for request in carried)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """What the study of long learning measures, on made runs."""
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from cmacexp.report.run_summary import RunSummary
 from cmacexp.study.results import Results, Row
 from cmacexp.study.samples import ended_in
 from pipelines import long_learning_measures as measures
+from pipelines.long_learning import over_best_rate
 
 
 def run(*errors: float, asked: int = 4, seed: int = 0, detected: float = np.inf, **settings) -> Row:
@@ -28,8 +30,27 @@ def test_an_error_at_the_end_is_a_distance_and_infinite_of_a_run_that_ended_befo
     assert ended_in(results).tolist() == [np.inf, 2.0]
 
 
-def test_errors_vary_over_the_second_half_alone():
-    assert measures.variation(Results([run(9.0, 3.0, 2.0, 3.0), run(9.0)])).tolist() == pytest.approx([1.5, np.inf])
+def test_errors_vary_over_the_second_half_alone_and_a_single_cycle_does_not_count():
+    rises = [9.0] * 40 + [2.0] * 15 + [8.0] + [2.0] * 10 + [3.0] * 14
+    assert measures.variation(Results([run(*rises, asked=80), run(9.0)])).tolist() == pytest.approx([1.5, np.inf])
+
+
+def test_a_lead_is_too_short_by_what_auto_gave_in_the_same_world():
+    def led(lead, known: float, world: int, *errors: float) -> Row:
+        row = run(*errors, seed=world, **{"learning.lead": lead, "actuator.delay": 1})
+        return replace(row, measures={"lead": known})
+
+    rows = [led("auto", 3.0, 0, 1.0, 1.0, 1.0, 1.0), led("auto", 2.0, 1, 1.0, 1.0, 1.0, 1.0)]
+    rows += [led(2, 2.0, world, *errors) for world, errors in enumerate([(1.0,), (1.0, 1.0, 1.0, 1.0)])]
+    rows += [led(1, 1.0, world, 1.0, 1.0) for world in (0, 1)]
+    assert measures.one_too_short(Results(rows)).tolist() == [0.25, 0.5]
+
+
+def test_auto_is_compared_with_the_rate_that_is_best_in_the_same_world():
+    errors = {("auto", 0): 2.0, ("auto", 1): 3.0, (0.05, 0): 4.0, (0.05, 1): 2.0, (0.8, 0): 8.0, (0.8, 1): 3.0}
+    rows = [run(*[error] * 4, seed=world, **{"learning.rate": rate}) for (rate, world), error in errors.items()]
+    rows[-2] = run(8.0, seed=0, **{"learning.rate": 0.8})
+    assert over_best_rate(Results(rows)) == pytest.approx([0.5, 1.5])
 
 
 def test_drift_is_judged_by_the_runs_that_ended_before():

@@ -1,0 +1,335 @@
+"""Feedforwards in worlds that nobody in the loop knows: what to choose, what carries over, what the guard ends."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.report.figures import Panel, Series, draw
+from cmacexp.study import Criterion, Finding, Request, Results, at_least, at_most
+from cmacexp.study.samples import Sample, relative
+from cmacexp.study.statements import Limit, percent
+from cmacexp.study.study import starting_from
+from cmacexp.study.tables import tabulate
+from cmacexp.typing import Array
+from pipelines.common_worlds import TESTED, TUNED, in_worlds
+from pipelines.feedforwards_measures import ALONE, CMAC, ILC, LEARNERS, MLP, MODELS, RBF, error_at, errors
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+MODEL, ON_MODEL = "model", "CMAC on model"
+KINDS = {
+    ALONE: MODELS[ALONE],
+    MODEL: ("feedforward=inverse_dynamics",),
+    CMAC: LEARNERS[CMAC],
+    ON_MODEL: ("feedforward=cmac_on_model",),
+    **{kind: LEARNERS[kind] for kind in (RBF, MLP, ILC)},
+}
+"""What is compared in worlds; the model has the masses of the plan, not the true ones."""
+LEARN = (CMAC, ON_MODEL, RBF, MLP, ILC)
+OTHERS = (RBF, MLP, ILC)
+LEG, WALK, SMOOTH = "worlds, one leg", "worlds, quadruped", "worlds, without jumps"
+RATE, GUARDED = "worlds, rates", "worlds, guarded"
+MACHINES = {
+    LEG: ("one_leg", ("reference=aware", "learning=lasting")),
+    WALK: ("quadruped_lasting", ()),
+}
+"""Scenario and further overrides of each group."""
+RATES = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
+STROKES = {"stroke 150 mm": (("gait.stroke=0.15",), 1.0), "stroke 250 mm": (("gait.stroke=0.25",), 1.0)}
+STIFFER = 1.5
+CHANGES = {
+    **STROKES,
+    "ground stiffer, known": ((f"terrain.assumed_stiffness={10 * STIFFER:g}",), STIFFER),
+    "ground stiffer, unknown": ((), STIFFER),
+}
+"""What becomes of path and ground after the first runs: overrides, and how many times as stiff the ground is."""
+KEPT = (CMAC, ON_MODEL, RBF)
+"""Learners whose weights are carried over."""
+CARRIED, ANEW = "carried over", "from nothing"
+EARLY, LATE, QUICK_CYCLES = 5, 20, 5
+AS_GOOD, CLEARLY, HALF, LITTLE = 1.25, 0.8, 0.5, 0.25
+"""Largest ratios of errors that count as as good, clearly smaller, far below, and little left of an error."""
+LET = 0.75
+"""Share of the worlds, at the lower end of its interval, in which the guard lets learning be."""
+
+
+def runs(quick: bool) -> list[Request]:
+    """Every kind on one leg and on four; models and CMAC without jumps; other rates; guarded; and after changes."""
+    tested, tuned = (TESTED[:1], TUNED[:1]) if quick else (TESTED, TUNED)
+
+    def part(
+        group: str, kinds: Sequence[str], *overrides: str, machine: str = LEG, guard: str = "none", **more: Any
+    ) -> list[Request]:
+        scenario, common = MACHINES[machine]
+        cycles = f"cycles={QUICK_CYCLES if quick else LATE}"
+        words = (*common, f"learning.guard={guard}", cycles, "record.cycles=[1]", *overrides)
+        over = {"kind": {kind: KINDS[kind] for kind in kinds}, **more.pop("over", {})}
+        return in_worlds(scenario, more.pop("numbers", tested), *words, over=over, group=group, **more)
+
+    weights, first = "record.weights=true", "learning.start_cycle=1"
+    before = part(LEG, KEPT, weights)
+    found = [
+        *before,
+        *part(LEG, [kind for kind in KINDS if kind not in KEPT]),
+        *part(WALK, tuple(KINDS), machine=WALK),
+        *part(SMOOTH, (MODEL, CMAC), "gait.vertical=two_cubics"),
+        *part(RATE, LEARN, numbers=[*tested, *tuned], over={"learning.rate": RATES[1:3] if quick else RATES}),
+        *part(GUARDED, LEARN, guard="freeze"),
+    ]
+    before = [replace(each, labels={key: each.labels[key] for key in ("kind", "world")}) for each in before]
+    for change, (overrides, stiffer) in CHANGES.items():
+        more: dict[str, Any] = {"stiffer": stiffer}
+        found += part(change, (ALONE,), *overrides, start=ANEW, **more)
+        found += part(change, KEPT, *overrides, first, start=ANEW, **more)
+        found += starting_from(before, part(change, KEPT, *overrides, first, start=CARRIED, **more))
+    return found
+
+
+def ended_by_guard(run: StoredRun) -> float:
+    """Whether the guard ended learning: 1 or 0."""
+    return float(bool(run.manifest["guard"]))
+
+
+def mean_early(results: Results) -> Array:
+    """(runs,): mean error of the first cycles, mm; infinite of a run that ended in them."""
+    mean: Array = errors(results)[:, :EARLY].mean(axis=1)
+    return mean
+
+
+def compare(chosen: Mapping[str, str], other: Mapping[str, str], measure: Any) -> Sample:
+    """A sample of the worlds: a measure of some runs over that of others in the same world."""
+    return lambda results: relative(results.select(chosen), results.select(other), measure)
+
+
+def _kinds(own: str, other: str, cycle: int) -> Sample:
+    return compare({"kind": own}, {"kind": other}, partial(error_at, cycle=cycle))
+
+
+def _kept(measure: Any) -> Sample:
+    return compare({"kind": CMAC, "start": CARRIED}, {"kind": CMAC, "start": ANEW}, measure)
+
+
+def without_jumps(results: Results, kind: str) -> Array:
+    """(worlds,): late error of a kind on a path without jumps of speed, over that with jumps."""
+    smooth, jumps = (results.select(group=group, kind=kind) for group in (SMOOTH, LEG))
+    return relative(smooth, jumps, partial(error_at, cycle=LATE))
+
+
+def at_best_rate(results: Results, cycle: int) -> Array:
+    """(worlds,): error of CMAC in a cycle over the least of the others, each at the rate best in other worlds."""
+
+    def tested(kind: str) -> Results:
+        own = results.select(kind=kind)
+        rates = own.select(world=list(TUNED)).by("learning.rate")
+        best = min(rates, key=lambda rate: float(error_at(rates[rate], cycle).mean()))
+        return own.select({"learning.rate": best}, world=list(TESTED))
+
+    error = partial(error_at, cycle=cycle)
+    return np.max([relative(tested(CMAC), tested(kind), error) for kind in OTHERS], axis=0)
+
+
+def _criterion(group: Any, quantity: str, sample: Sample, holds: Limit, **unit: Any) -> Criterion:
+    return Criterion(quantity, sample, holds, None, **unit, of={"group": group})
+
+
+def _over(group: str, own: str, other: str, cycle: int, most: float) -> Criterion:
+    return _criterion(
+        group, f"{group}: error in cycle {cycle}, {own} over {other}", _kinds(own, other, cycle), at_most(most)
+    )
+
+
+PERCENT: dict[str, Any] = {"unit": "%", "scale": 100.0}
+WORLDS = "In worlds unknown to the loop"
+FINDINGS = {
+    "models": Finding(
+        [_over(group, CMAC, MODEL, LATE, HALF) for group in MACHINES],
+        yes=f"{WORLDS} the error of CMAC is in cycle {LATE} far below that of inverse dynamics with the planned "
+        "masses: {value} times as large on one leg and {values[1]} on four.",
+        no=f"{WORLDS} the error of CMAC is in cycle {LATE} not far below that of inverse dynamics with the planned "
+        "masses on both machines: {value} times as large on one leg, {values[1]} on four.",
+    ),
+    "on_model": Finding(
+        [_over(group, ON_MODEL, CMAC, EARLY, CLEARLY) for group in MACHINES]
+        + [_over(group, ON_MODEL, CMAC, LATE, AS_GOOD) for group in MACHINES],
+        yes=f"{WORLDS} a CMAC on such a model has a smaller error than CMAC alone in cycle {EARLY}, {{value}} times "
+        f"on one leg and {{values[1]}} on four, and is as accurate in cycle {LATE}.",
+        no=f"{WORLDS} a CMAC on such a model does not have a smaller error than CMAC alone in cycle {EARLY} and as "
+        f"small a one in cycle {LATE} on both machines: in cycle {EARLY} {{value}} times on one leg, {{values[1]}} "
+        f"on four, in cycle {LATE} {{values[2]}} and {{values[3]}} times.",
+    ),
+    **{
+        f"learners_{name}": Finding(
+            [_over(group, CMAC, other, LATE, 1.0) for other in OTHERS],
+            yes=f"{WORLDS}, at rate `auto` and unguarded, the error of CMAC ({name}) is in cycle {LATE} below those "
+            "of RBF ({value} times), MLP ({values[1]}) and ILC ({values[2]}).",
+            no=f"{WORLDS}, at rate `auto` and unguarded, the error of CMAC ({name}) is in cycle {LATE} not below "
+            "those of RBF ({value} times), MLP ({values[1]}) and ILC ({values[2]}) alike.",
+        )
+        for name, group in (("one leg", LEG), ("quadruped", WALK))
+    },
+    "jumps": Finding(
+        [
+            _criterion(
+                [LEG, SMOOTH],
+                f"error of {kind} in cycle {LATE} without jumps of the planned speed, over that with them",
+                partial(without_jumps, kind=kind),
+                at_most(HALF),
+            )
+            for kind in (MODEL, CMAC)
+        ],
+        yes=f"{WORLDS} inverse dynamics with the planned masses and CMAC are both far more accurate on a path "
+        "without jumps: plan such paths first.",
+        no=f"{WORLDS} inverse dynamics with the planned masses and CMAC are not both far more accurate on a path "
+        f"without jumps: their errors in cycle {LATE} are {{value}} and {{values[1]}} times those with jumps.",
+    ),
+    **{
+        name: Finding(
+            [
+                _criterion(
+                    RATE,
+                    f"error in cycle {cycle}, CMAC over the least of RBF, MLP, ILC, each at the rate that is best in "
+                    "other worlds",
+                    partial(at_best_rate, cycle=cycle),
+                    at_most(AS_GOOD),
+                )
+            ],
+            yes=f"{WORLDS}, each at the rate that is best in other worlds, CMAC is in cycle {cycle} about as "
+            "accurate as RBF, MLP and ILC, or more: {value} times the least of their errors.",
+            no=f"{WORLDS}, each at the rate that is best in other worlds, CMAC is in cycle {cycle} less accurate "
+            "than one of RBF, MLP and ILC: {value} times the least of their errors.",
+        )
+        for name, cycle in (("best_rate", EARLY), ("best_rate_late", LATE))
+    },
+    "guard": Finding(
+        [
+            percent(
+                f"worlds in which the guard does not end learning, {kind}",
+                lambda own: own.measure("ended_by_guard") == 0.0,
+                at_least(LET),
+                group=GUARDED,
+                kind=kind,
+            )
+            for kind in LEARN
+        ],
+        yes=f"{WORLDS} the guard lets each of these learners learn.",
+        no=f"{WORLDS} the guard does not let each of these learners learn: CMAC learns on in {{value}} of the "
+        "worlds, CMAC on model in {values[1]}, RBF in {values[2]}, MLP in {values[3]}, ILC in {values[4]}.",
+    ),
+    "keep": Finding(
+        [
+            _criterion(
+                change,
+                f"{change}: mean error of the first {EARLY} cycles, CMAC with its weights over CMAC from nothing",
+                _kept(mean_early),
+                at_most(1.0),
+            )
+            for change in CHANGES
+        ],
+        yes=f"{WORLDS} CMAC with its weights has a smaller error than from nothing over the first {EARLY} cycles "
+        "after each of these changes: keep them.",
+        no=f"{WORLDS} CMAC with its weights does not have a smaller error than from nothing over the first {EARLY} "
+        "cycles after each of these changes.",
+    ),
+    "keep_late": Finding(
+        [
+            _criterion(
+                change,
+                f"{change}: error in cycle {LATE}, CMAC with its weights over CMAC from nothing",
+                _kept(partial(error_at, cycle=LATE)),
+                at_most(AS_GOOD),
+            )
+            for change in CHANGES
+        ],
+        yes=f"Its kept weights do no harm later: in cycle {LATE} CMAC is about as accurate as from nothing, or more.",
+        no=f"After some of these changes CMAC is in cycle {LATE} less accurate with its weights than from nothing.",
+    ),
+    "carries_most": Finding(
+        [
+            _criterion(
+                stroke,
+                f"{stroke}, learnt with the default one: first error of {RBF} over that of feedback alone",
+                compare({"kind": RBF, "start": CARRIED}, {"kind": ALONE}, partial(error_at, cycle=1)),
+                at_most(LITTLE),
+                **PERCENT,
+            )
+            for stroke in STROKES
+        ],
+        yes=f"{WORLDS} RBF carries most of what it has learnt over to another stroke.",
+        no=f"{WORLDS} RBF does not carry most of what it has learnt over to both other strokes: {{value}} and "
+        "{values[1]} of the error of feedback alone are left in the first cycle.",
+    ),
+    "carries_more": Finding(
+        [
+            _criterion(
+                stroke,
+                f"{stroke}, learnt with the default one: first error of {RBF} over that of {CMAC}",
+                compare(
+                    {"kind": RBF, "start": CARRIED}, {"kind": CMAC, "start": CARRIED}, partial(error_at, cycle=1)
+                ),
+                at_most(CLEARLY),
+            )
+            for stroke in STROKES
+        ],
+        yes=f"{WORLDS} RBF carries more over to another stroke than CMAC: its first error is {{value}} and "
+        "{values[1]} times as large.",
+        no=f"{WORLDS} RBF does not carry clearly more over to both other strokes than CMAC: its first error is "
+        "{value} and {values[1]} times as large.",
+    ),
+}
+
+
+def table_kinds(results: Results) -> "pd.DataFrame":
+    """Errors of every kind, and of learners at every rate; estimates over the worlds, and runs that ended early."""
+    cycles = [cycle for cycle in (EARLY, LATE) if cycle <= min(results.values("cycles"))]
+    columns: dict[str, Any] = {
+        f"cycle {n}, mm": partial(lambda own, cycle: error_at(own, cycle), cycle=n) for n in cycles
+    }
+    columns["ended early"] = lambda own: f"{len(own) - sum(own.completed)} of {len(own)}"
+    if len(results.values("learning.guard")) == 1 and results.value("learning.guard") != "none":
+        columns["ended by the guard"] = lambda own: f"{own.measure('ended_by_guard').sum():.0f} of {len(own)}"
+    rates = {"learning.rate": "rate"} if len(results.values("learning.rate")) > 1 else {}
+    return tabulate(results, {"kind": "feedforward", **rates}, columns)
+
+
+def _series(name: str, results: Results) -> Series:
+    """The median over worlds, and their range as a band."""
+    found = errors(results)
+    found[np.isinf(found)] = np.nan
+    band = (found.min(axis=0), found.max(axis=0))
+    return Series(name, np.arange(1, found.shape[1] + 1), np.median(found, axis=0), *band)
+
+
+def draw_changes(results: Results) -> "Figure":
+    """Transfer error after each change, with what was learnt before it; for CMAC also from nothing."""
+    lines = {
+        ALONE: {"kind": ALONE},
+        **{f"{kind}, {CARRIED}": {"kind": kind, "start": CARRIED} for kind in KEPT},
+        f"{CMAC}, {ANEW}": {"kind": CMAC, "start": ANEW},
+    }
+    return draw(
+        [
+            Panel(
+                change,
+                "cycle",
+                "transfer error, mm",
+                [_series(name, own.select(chosen)) for name, chosen in lines.items()],
+                log="y",
+            )
+            for change, own in results.by("group").items()
+        ]
+    )
+
+
+FIGURES = {"changes": lambda r: draw_changes(r.select(group=list(CHANGES)))}
+TABLES = {
+    "leg_worlds": lambda r: table_kinds(r.select(group=LEG)),
+    "walk_worlds": lambda r: table_kinds(r.select(group=WALK)),
+    "guarded": lambda r: table_kinds(r.select(group=GUARDED)),
+    "rates": lambda r: table_kinds(r.select(group=RATE, world=list(TESTED))),
+}
