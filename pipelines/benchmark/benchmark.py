@@ -31,11 +31,11 @@ def _by_world(scores: Array) -> Array:
     return np.fmin(scores, 1.0).mean(axis=0)
 
 
-def _ratio(machine: str, one: str, other: str) -> Callable[[Results], Array]:
+def _ratio(machine: str, one: str, other: str, setting: str = FOR_ALL) -> Callable[[Results], Array]:
     def compute(comparison: Comparison) -> Array:
         return _by_world(comparison.scores[one]) / _by_world(comparison.scores[other])
 
-    return summary.over_worlds(machine, compute)
+    return summary.over_worlds(machine, compute, setting)
 
 
 def _failures(comparison: Comparison) -> Array:
@@ -44,9 +44,10 @@ def _failures(comparison: Comparison) -> Array:
     return failed
 
 
-def _tuned(results: Results, machine: str, kind: str) -> Array:
+def _tuned(results: Results, machine: str, kind: str, method: str = CMAC) -> Array:
+    """(worlds,): score of a method with a kind of setting over that with its default one."""
     frame = results.computed[NAME]
-    after, before = (summary.make_comparison(frame, machine, each).scores[CMAC] for each in (kind, BY_DEFAULT))
+    after, before = (summary.make_comparison(frame, machine, each).scores[method] for each in (kind, BY_DEFAULT))
     return _by_world(after) / _by_world(before)
 
 
@@ -74,8 +75,8 @@ SCORE = "mean score over the tasks"
 def _findings(machine: str) -> dict[str, Finding]:
     return {
         f"on_model_{machine}": Finding(
-            [Criterion(f"{SCORE}, CMAC on the model over CMAC alone", _ratio(machine, ON_MODEL, CMAC),
-                       at_most(CLEARLY), at_least(1.0))],
+            [Criterion(f"{SCORE}, CMAC on the model over CMAC alone, default settings",
+                       _ratio(machine, ON_MODEL, CMAC, BY_DEFAULT), at_most(CLEARLY), at_least(1.0))],
             yes=f"{machine}: on top of a model that is wrong the CMAC ends clearly better than alone "
                 "({value} of its score).",
             no=f"{machine}: on top of a model that is wrong the CMAC does not end clearly better than alone "
@@ -120,6 +121,14 @@ def _findings(machine: str) -> dict[str, Finding]:
                 "though the true masses lie evenly around it ({value} of its score).",
             no=f"{machine}: a model with masses 20 % too heavy is not clearly better than the one that the designer "
                "believes ({value} of its score).",
+        ),
+        f"overfits_{machine}": Finding(
+            [Criterion(f"{SCORE} of RBF, {FOR_EACH}, over that of its default setting",
+                       partial(_tuned, machine=machine, kind=FOR_EACH, method=RBF), at_least(1.1), at_most(1.0))],
+            yes=f"{machine}: tuned for each task in a few other worlds RBF ends worse than with its default setting "
+                "({value} times its score).",
+            no=f"{machine}: tuned for each task in a few other worlds RBF does not end worse than with its default "
+               "setting ({value} times its score).",
         ),
         f"carries_{machine}": Finding(
             [Criterion(f"first error after another {task} over that of feedback alone, CMAC",
