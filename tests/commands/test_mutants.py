@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutants.__main__ import all_mutants
-from tests.mutants.calls import REPORT, Reporting
-from tests.mutants.mutations import find_mutants, sample
-from tests.mutants.page import read_reasons
-from tests.mutants.session import call_apart
-from tests.mutants.trial import (
+from benchmarks.mutants.__main__ import all_mutants
+from benchmarks.mutants.calls import REPORT, Reporting
+from benchmarks.mutants.mutations import find_mutants, sample
+from benchmarks.mutants.page import read_reasons
+from benchmarks.mutants.session import call_apart
+from benchmarks.mutants.trial import (
     BUDGET,
     FIGURES,
     FIGURES_ONLY,

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from tests.mutants.mutations import Mutant
-from tests.mutants.session import OPTIONS, ROOT, Collected, run_until_failure
+from benchmarks.mutants.mutations import Mutant
+from benchmarks.mutants.session import OPTIONS, ROOT, Collected, run_until_failure
 
 FIGURES = ("tests/laws/test_golden.py", "tests/laws/test_bits.py")
 """Figures of an earlier version: they find almost every fault and explain none, so they run last."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.mutants.calls import LONGEST, Calls, limit, refuse, take_few_examples
+from benchmarks.mutants.calls import LONGEST, Calls, limit, refuse, take_few_examples
 
 ROOT = Path(__file__).parents[2]
 TESTS = ("tests/laws", "tests/components")
@@ -103,7 +103,7 @@ def run_until_failure(items: list[pytest.Item]) -> str:
 
 
 def record_calls(part: int, parts: int) -> dict[str, Any]:
-    """Run a share of the test files once without a fault; what :mod:`tests.mutants.calls` records."""
+    """Run a share of the test files once without a fault; what :mod:`benchmarks.mutants.calls` records."""
     calls = Calls(ROOT / "cmacexp")
 
     def run(items: dict[str, pytest.Item]) -> None:

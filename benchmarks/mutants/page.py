@@ -5,8 +5,8 @@ from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any
 
-from tests.mutants.mutations import Mutant
-from tests.mutants.trial import FIGURES_ONLY, INVALID, KILLED, SURVIVED
+from benchmarks.mutants.mutations import Mutant
+from benchmarks.mutants.trial import FIGURES_ONLY, INVALID, KILLED, SURVIVED
 
 EXPLAINED = Path(__file__).with_name("explained.toml")
 UNEXPLAINED = "not explained"

@@ -1,4 +1,4 @@
-"""``python -m tests.mutants``: whether the tests find small faults in the mathematics.
+"""``python -m benchmarks.mutants``: whether the tests find small faults in the mathematics.
 
 Each fault is made in a copy of the project. The tests that call the function which holds it run, without compiled
 code, until one fails.
@@ -21,10 +21,10 @@ from typing import Any
 
 import pytest
 
-from tests.mutants.mutations import Mutant, find_mutants, sample
-from tests.mutants.page import write_page
-from tests.mutants.session import OPTIONS, ROOT, TESTS, Collected, call_apart, record_calls
-from tests.mutants.trial import SURVIVED, choose_tests, is_early, judge, run_imported, run_replaced
+from benchmarks.mutants.mutations import Mutant, find_mutants, sample
+from benchmarks.mutants.page import write_page
+from benchmarks.mutants.session import OPTIONS, ROOT, TESTS, Collected, call_apart, record_calls
+from benchmarks.mutants.trial import SURVIVED, choose_tests, is_early, judge, run_imported, run_replaced
 
 ROOMS = ("models", "cmac", "planning", "feedforward", "control", "metrics")
 FILES = ("plants/kernels.py", "sensors/kernels.py", "loop/step.py", "loop/stop.py")
@@ -126,7 +126,7 @@ def try_mutants(todo: list[Mutant], folder: Path, log: Path, workers: int) -> No
 
 def main() -> None:
     """Try a sample of mutants, and write the results into a page if asked to."""
-    parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants", description=__doc__)
     parser.add_argument("--number", type=int, default=300, help="mutants, and a few more for small files")
     parser.add_argument("--seed", type=int, default=1997, help="of the sample")
     parser.add_argument("--workers", type=int, default=1, help="mutants tried at the same time")
