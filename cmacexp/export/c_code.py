@@ -12,7 +12,6 @@ import numpy as np
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS
 from cmacexp.cmac.rules import (
     DECAYING,
-    GOALS,
     MEAN,
     NO_GOAL,
     OUTSIDE_DEAD_ZONE,
@@ -27,6 +26,7 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput
 from cmacexp.export.network import Network, read_network
+from cmacexp.export.operations import count_operations
 from cmacexp.export.vectors import Vectors, make_vectors, measure_single
 from cmacexp.models.mix import MULTIPLIER
 from cmacexp.typing import Array
@@ -43,8 +43,6 @@ GOAL_NAMES = {NO_GOAL: "", ZERO_BY_ERROR: "zero_by_error", MEAN: "mean"}
 """In the template; any other goal is ``zero``."""
 QUANTITIES = {"angle": ("rad", "m"), "velocity": ("rad/s", "m/s"), "acceleration": ("rad/s^2", "m/s^2")}
 """Units of planned inputs: of joints, and of a point mass, whose joints are its axes."""
-SPLINE = {"linear": (2, 1), "cubic": (3, 7)}
-"""Additions and multiplications of a B-spline, at most."""
 
 
 def write_c(run: StoredRun, folder: Path, single: bool = False, one_path: bool = False) -> Path:
@@ -83,7 +81,7 @@ def write_c(run: StoredRun, folder: Path, single: bool = False, one_path: bool =
     return folder / HEADER
 
 
-def format_real(value: float, single: bool) -> str:
+def format_real(value: Any, single: bool) -> str:
     """A C constant of exactly this value."""
     rounded = float(np.float32(value)) if single else float(value)
     text = repr(rounded) if rounded == round(rounded, 2) and abs(rounded) < 1e6 else rounded.hex()
@@ -110,6 +108,7 @@ def _render(name: str, context: dict[str, Any], single: bool) -> str:
         table=table,
         matrix=matrix,
         cube=lambda rows: ",\n".join("  {\n" + matrix(row) + "}" for row in rows),
+        wide=lambda rows: matrix(rows, "UINT64_C({})".format),
         doubles=lambda rows: matrix(rows, lambda value: format_real(value, False)),
     )
     return environment.get_template(f"{name}.jinja").render(context, strength=format_real(context["factor"], single))
@@ -193,42 +192,6 @@ def _list_inputs(network: Network, columns: list[str], on_axes: bool) -> Iterabl
         yield from ("cosine of the phase, 2 pi sample / CMAC_SAMPLES", "sine of the phase")
 
 
-def count_operations(network: Network) -> dict[str, int]:
-    """Operations of one step, at most, all legs: of numbers, of integers (about), and words of memory."""
-    params, rule = network.params, network.params.learning.rule
-    (legs, _, joints), layers, inputs = params.weights.shape, params.cells.shape[2], network.inputs.shape[2]
-    weighted, goal = int(network.is_weighted), rule.goal != NO_GOAL
-    add, multiply, divide = layers * joints, weighted * layers * joints, 0  # to predict
-    add += joints * (network.known is not None)
-    add, multiply = add + weighted * layers, multiply + weighted * layers  # the power
-    per_joint = [1 + (rule.divisor == REGULARISED), 1 + goal * (1 + (rule.goal == ZERO_BY_ERROR)), 1 + goal * weighted]
-    per_joint[0] += layers * (1 + 2 * goal)
-    per_joint[1] += layers * (weighted + goal * (1 + weighted))
-    if rule.goal == MEAN:
-        per_joint = [per_joint[0] + layers, per_joint[1] + 2 * weighted * layers, per_joint[2] + 1]
-    add, multiply, divide = (so_far + joints * more for so_far, more in zip((add, multiply, divide), per_joint, strict=True))
-    integer = 2 * layers * joints
-    if network.addresses:
-        add, multiply, divide = add + 2 * inputs, multiply + inputs, divide + inputs
-        integer += layers * inputs * (8 if network.addresses[0].hashed else 5) + 12 * layers
-        integer += layers * 5 * params.weights.shape[1].bit_length() * bool(network.places)
-        if weighted:
-            name = next(key for key, value in RECEPTIVE_FIELDS.items() if value == network.field)
-            added, multiplied = SPLINE[name]
-            add += layers * (inputs * (2 + added) + 1)
-            multiply += layers * (inputs * (1 + multiplied) + 1)
-            divide += layers * (inputs + 1)
-    decays = rule.rate == DECAYING
-    return {
-        "add": legs * add + decays,
-        "multiply": legs * multiply,
-        "divide": legs * divide + 2 * decays,
-        "integer": legs * integer,
-        "weights": legs * layers * joints,
-        "trained": legs * layers * joints,
-    }
-
-
 def _list_tables(network: Network) -> dict[str, Any]:
     params, addresses = network.params, network.addresses
     legs, rows, joints = params.weights.shape
@@ -241,12 +204,12 @@ def _list_tables(network: Network) -> dict[str, Any]:
     }
     if not addresses:
         return tables | {"path_cells": params.cells, "path_activation": params.activation}
-    most = np.iinfo(np.uint64).max  # beyond the last cell of a leg that has visited fewer
+    most = 2**64 - 1  # beyond the last cell of a leg that has visited fewer
     return tables | {
         "low": [each.ranges.low for each in addresses],
         "high": [each.ranges.high for each in addresses],
         "displacement": addresses[0].displacement,
-        "places": [[*own.tolist(), *[f"{most}"] * (rows - len(own))] for own in network.places],
+        "places": [[*own.tolist(), *[most] * (rows - len(own))] for own in network.places],
     }
 
 

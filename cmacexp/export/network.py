@@ -144,7 +144,7 @@ def _reset(run: StoredRun, kind: str, config: Config, learnt: Weights | None) ->
     start = np.zeros(mechanism.shape)
     lead, rate = config.learning.lead, config.learning.rate
     setup = Setup(config.nominal, mechanism, plan, start, learnt, int(lead), float(rate))
-    feedforward: NetworkFeedforward = EXPORTED[kind](config.feedforward)
+    feedforward: Any = EXPORTED[kind](config.feedforward)
     try:
         feedforward.reset(setup)
         _require_fitting(feedforward)

@@ -45,7 +45,7 @@ def checksum(weights: Array) -> int:
 
 
 def _find_cells(network: Network, inputs: Array, real: Any) -> tuple[Any, Array]:
-    """Rows and activations (K, L, C) of ``inputs`` (K, L, n) in precision ``real``; without addressing of the plan."""
+    """Rows and activations (K, L, C) of ``inputs`` (K, L, n) in precision ``real``, or of the plan."""
     if not network.addresses:
         activation = network.params.activation if network.is_weighted else np.ones(network.params.cells.shape)
         return network.params.cells, activation.astype(real)
@@ -106,7 +106,7 @@ def run_steps(network: Network, inputs: Array, errors: Array, real: Any) -> tupl
 
 
 def _make_inputs(network: Network, steps: int, rng: np.random.Generator) -> Array:
-    """Planned inputs, then some anywhere in their ranges and beyond; cells that are not visited learn nothing in C."""
+    """Planned inputs, then some in their ranges and beyond, but where unvisited cells would learn in Python alone."""
     inputs = network.inputs[np.arange(steps) % len(network.inputs)].copy()
     if network.addresses and not network.places:
         elsewhere = steps // 3
@@ -139,7 +139,9 @@ def measure_single(network: Network, vectors: Vectors) -> tuple[float, float, in
     joints = vectors.errors.shape[2]
     steps = max(1, min(samples, MOST_PRODUCTS // (legs * layers * joints)))
     errors = np.random.default_rng(1997).uniform(-1.0, 1.0, (steps, legs, joints))
-    double, single = (run_steps(network, network.inputs[:steps], errors, real)[0] for real in (np.float64, np.float32))
+    double, single = (
+        run_steps(network, network.inputs[:steps], errors, real)[0] for real in (np.float64, np.float32)
+    )
     of_vectors = run_steps(network, vectors.inputs, vectors.errors, np.float32)[0]
     off = max(float(np.abs(double - single).max()), float(np.abs(vectors.torque - of_vectors).max()))
     return off, float(np.abs(double).max()), steps + len(vectors.errors)
