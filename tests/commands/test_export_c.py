@@ -20,12 +20,24 @@ from cmacexp.export.network import read_network
 from cmacexp.export.vectors import run_steps
 
 FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-pedantic", "-Werror"]
-needs_compiler = pytest.mark.skipif(compiler() is None, reason="checks C code, which nothing else needs a compiler for")
+needs_compiler = pytest.mark.skipif(
+    compiler() is None, reason="checks C code, which nothing else needs a compiler for"
+)
 SHORT = ["record=metrics", "record.weights=true", "cycles=1", "learning.start_cycle=1"]
 HASHED: list[str] = []
-DENSE = ["cmac.addressing=dense", "cmac.inputs=[angle]", "cmac.resolution_elements=9", "cmac.displacement=odd_lattice"]
+DENSE = [
+    "cmac.addressing=dense",
+    "cmac.inputs=[angle]",
+    "cmac.resolution_elements=9",
+    "cmac.displacement=odd_lattice",
+]
 SMOOTH = ["cmac.receptive_field=cubic", "learning.rule=weight_smoothing", "cmac.displacement=parks_militzer"]
-VISITED = ["cmac.addressing=visited", "cmac.receptive_field=linear", "learning.rule=decaying_rate", "learning.decay=0.5"]
+VISITED = [
+    "cmac.addressing=visited",
+    "cmac.receptive_field=linear",
+    "learning.rule=decaying_rate",
+    "learning.decay=0.5",
+]
 ROBOT = ["scenario=robot", "machine=mjcf", f"machine.path={OWN}", "cmac=phase", "learning.rule=leakage"]
 CASES = {
     "hashed": (HASHED, {}),
@@ -36,7 +48,7 @@ CASES = {
     "smooth single": ([*SMOOTH, "learning.lead=-1"], {"single": True}),
     "visited": (VISITED, {}),
     "quadruped": (["scenario=quadruped", "learning.rule=normalised", "learning.lead=1"], {"one_path": True}),
-    "robot": (ROBOT, {"single": True}),
+    "robot single": (ROBOT, {"single": True}),
     "rbf": (["feedforward=rbf", "learning.lead=-3"], {}),
     "model": (["feedforward=cmac_on_model", "learning.rule=dead_zone"], {}),
 }
@@ -83,7 +95,10 @@ def test_a_changed_weight_and_a_changed_law_fail(run_of, tmp_path):
     write_c(run_of(*HASHED), tmp_path)
     source = tmp_path / "cmac_leg.c"
     text = source.read_text()
-    for old, new in [(r"(learnt\[LEARNT\][^{]*\{\s*\{-?0x1\.)(.)", r"\g<1>8"), (r"rate \* error", "error * error")]:
+    for old, new in [
+        (r"(learnt\[LEARNT\][^{]*\{\s*\{-?0x1\.)(.)", r"\g<1>8"),
+        (r"rate \* error", "rate * error * error"),
+    ]:
         changed = re.sub(old, new, text, count=1)
         assert changed != text
         source.write_text(changed)

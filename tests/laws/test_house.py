@@ -32,6 +32,7 @@ LAYERS = (
     {"report"},
     {"stability"},
     {"study"},
+    {"export"},
     {"experiment"},
     {"commands", "__main__"},
 )
