@@ -1,4 +1,4 @@
-"""The C code of a network: it compiles without a warning, agrees bit for bit, and holds nothing of a run but numbers."""
+"""The C code of a network: it compiles without a warning, agrees bit for bit, and takes only numbers from a run."""
 
 import json
 import re
@@ -20,9 +20,7 @@ from cmacexp.export.network import read_network
 from cmacexp.export.vectors import run_steps
 
 FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-pedantic", "-Werror"]
-needs_compiler = pytest.mark.skipif(
-    compiler() is None, reason="checks C code, which nothing else needs a compiler for"
-)
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="checks C code: needs a C compiler")
 SHORT = ["record=metrics", "record.weights=true", "cycles=1", "learning.start_cycle=1"]
 HASHED: list[str] = []
 DENSE = [
