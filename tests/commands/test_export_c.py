@@ -22,7 +22,7 @@ from cmacexp.export.vectors import run_steps
 FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-pedantic", "-Werror"]
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="checks C code: needs a C compiler")
 SHORT = ["record=metrics", "record.weights=true", "cycles=1", "learning.start_cycle=1"]
-DENSE = ["cmac.addressing=dense", "cmac.inputs=[angle]", "cmac.resolution_elements=9"]
+DENSE = ["cmac.addressing=dense", "cmac.inputs=[angle]", "cmac.displacement=odd_lattice"]
 SMOOTH = ["cmac.receptive_field=cubic", "learning.rule=weight_smoothing", "cmac.displacement=parks_militzer"]
 DECAYING = ["learning.rule=decaying_rate", "learning.decay=0.5"]
 ROBOT = ["scenario=robot", "machine=mjcf", f"machine.path={OWN}", "cmac=phase", "learning.rule=leakage"]
