@@ -49,14 +49,24 @@ def read_weights(config: Config) -> Weights | None:
         there = " ".join(f"{key}={value}" for key, value in differing.items())
         raise refusal(f"its weights were learnt with {there}; give the same here")
     try:
-        with open_file(require_intact(folder / WEIGHTS)) as file:
-            _check_sizes(file)
-            with np.load(file, allow_pickle=False) as arrays:
-                return dict(arrays)
+        return load_weights(folder)
     except BadRun as error:
         raise refusal(f"must hold the weights that its run wrote ({error})") from None
     except Exception as error:  # whatever zipfile, zlib and numpy raise for a file that nobody wrote with them
         raise refusal(f"{WEIGHTS} cannot be read ({error}); run it again") from None
+
+
+def load_weights(folder: Path) -> Weights:
+    """The weights that the run in a folder stored.
+
+    Raises:
+        BadRun: they are not as the run wrote them.
+        Exception: whatever zipfile, zlib and numpy raise.
+    """
+    with open_file(require_intact(folder / WEIGHTS)) as file:
+        _check_sizes(file)
+        with np.load(file, allow_pickle=False) as arrays:
+            return dict(arrays)
 
 
 def _check_sizes(file: BinaryIO) -> None:

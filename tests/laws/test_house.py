@@ -34,6 +34,7 @@ LAYERS = (
     {"report"},
     {"stability"},
     {"study"},
+    {"export"},
     {"experiment"},
     {"commands", "__main__"},
 )

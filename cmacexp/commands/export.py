@@ -1,0 +1,67 @@
+"""``python -m cmacexp.export DIR --c``: a stored run for other programs, as C code or tables."""
+
+import argparse
+from pathlib import Path
+
+from cmacexp.commands.command import Parser, run_command
+from cmacexp.data.discovery import is_run, require_place
+from cmacexp.data.folder import OUT_KEY, require_no_link
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.errors import BadInput
+from cmacexp.report.terminal import activity, say
+
+FORMATS = ("c", "wide", "mcap")
+
+
+def _find_place(arguments: argparse.Namespace) -> Path:
+    """The folder to write to; never that of a run, which stays as its run wrote it."""
+    if arguments.out is None:
+        return require_no_link(Path(f"export-{arguments.folder.resolve().name}"))
+    folder = require_place(OUT_KEY, Path(arguments.out))
+    if is_run(folder):
+        raise BadInput(OUT_KEY, folder, "is the folder of a run, which stays as it is; choose another")
+    return folder
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    run, out = StoredRun(arguments.folder), _find_place(arguments)
+    _ = run.manifest
+    with activity(f"exporting {run.folder}"):
+        written = []
+        if arguments.c:
+            from cmacexp.export.c_code import write_c
+
+            written.append(write_c(run, out, arguments.single, arguments.path))
+        if arguments.wide:
+            from cmacexp.export.wide import write_wide  # type: ignore[import-untyped]
+
+            written.append(write_wide(run, out))
+        if arguments.mcap:
+            from cmacexp.export.mcap import write_mcap  # type: ignore[import-untyped]
+
+            written.append(write_mcap(run, out))
+    for path in written:
+        say(str(path))
+    return 0
+
+
+def _parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    arguments = parser.parse_args()
+    if not any(getattr(arguments, name) for name in FORMATS):
+        parser.error("what to write is missing: " + ", ".join(f"--{name}" for name in FORMATS))
+    if (arguments.single or arguments.path) and not arguments.c:
+        parser.error("--single and --path are options of --c")
+    return arguments
+
+
+def main() -> int:
+    """Run the command."""
+    parser = Parser("cmacexp.export", "Write a stored run for other programs: C code of its network, or its tables.")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="a run")
+    parser.add_argument("--c", action="store_true", help="cmac_leg.h, cmac_leg.c and main.c, which checks itself")
+    parser.add_argument("--single", action="store_true", help="the C code in single precision")
+    parser.add_argument("--path", action="store_true", help="the C code for the planned path alone: little memory")
+    parser.add_argument("--wide", action="store_true", help="the trace as a table with one row a step")
+    parser.add_argument("--mcap", action="store_true", help="the trace as MCAP")
+    parser.add_argument("--out", metavar="FOLDER", help="where to write (default: export-NAME OF DIR)")
+    return run_command(lambda: _export(_parse(parser)))

@@ -1,0 +1,1 @@
+"""Formats for other programs, written from a stored run."""

@@ -1,0 +1,227 @@
+"""The network of a stored run as C: ``cmac_leg.h``, ``cmac_leg.c`` and ``main.c``, which checks them.
+
+Nothing of a run gets into the text but numbers, and words that are listed here or in the package.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS
+from cmacexp.cmac.rules import (
+    DECAYING,
+    MEAN,
+    NO_GOAL,
+    OUTSIDE_DEAD_ZONE,
+    REGULARISED,
+    RULES,
+    ZERO_BY_ERROR,
+    RuleParams,
+)
+from cmacexp.config.cmac import PHASE
+from cmacexp.data.folder import write_atomically
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.version import __version__
+from cmacexp.errors import BadInput
+from cmacexp.export.network import Network, read_network
+from cmacexp.export.operations import count_operations
+from cmacexp.export.vectors import Vectors, make_vectors, measure_single
+from cmacexp.models.mix import MULTIPLIER
+from cmacexp.typing import Array
+
+HEADER, SOURCE, CHECK = FILES = ("cmac_leg.h", "cmac_leg.c", "main.c")
+MOST_STATE, MOST_CONSTANTS = 2**28, 2**24
+"""Bytes, above which a network is refused."""
+TITLES = {
+    "cmac": "CMAC feedforward",
+    "cmac_on_model": "CMAC feedforward on top of the torque of a model",
+    "rbf": "Feedforward of radial basis functions",
+}
+GOAL_NAMES = {NO_GOAL: "", ZERO_BY_ERROR: "zero_by_error", MEAN: "mean"}
+"""In the template; any other goal is ``zero``."""
+QUANTITIES = {"angle": ("rad", "m"), "velocity": ("rad/s", "m/s"), "acceleration": ("rad/s^2", "m/s^2")}
+"""Units of planned inputs: of joints, and of a point mass, whose joints are its axes."""
+
+
+def write_c(run: StoredRun, folder: Path, single: bool = False, one_path: bool = False) -> Path:
+    """Write the C code of a run's network.
+
+    Args:
+        run: with ``feedforward=cmac``, ``cmac_on_model`` or ``rbf``.
+        folder: created if missing.
+        single: in single precision.
+        one_path: with the cells of the planned path as a table, without addressing.
+
+    Returns:
+        The header.
+
+    Raises:
+        BadInput: something of the run cannot be exported.
+        BadRun: the run is damaged.
+        OSError: a file cannot be written.
+    """
+    network = read_network(run, one_path)
+    context = describe(network, single) | {"period": repr(float(run.config["sampling_period"]))}
+    for key, most in (("state_bytes", MOST_STATE), ("constant_bytes", MOST_CONSTANTS)):
+        if context[key] > most:
+            reason = f"needs {context[key]} {key.replace('_', ' ')}, above the limit of {most}; add --path"
+            raise BadInput("cmac.memory_bytes", run.config["cmac"].get("memory_bytes"), reason)
+    vectors = make_vectors(network, np.float32 if single else np.float64)
+    if single:
+        off, largest, steps = measure_single(network, vectors)
+        context |= {"error": f"{1.1 * off:.1e}", "largest": f"{largest:.2g}", "error_steps": steps}
+    context |= _list_tables(network) | _list_vectors(vectors)
+    texts = [_render(name, context, single) for name in FILES]
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in zip(FILES, texts, strict=True):
+        with write_atomically(folder / name) as temporary:
+            temporary.write_text(text, encoding="ascii")
+    return folder / HEADER
+
+
+def format_real(value: Any, single: bool) -> str:
+    """A C constant of exactly this value."""
+    rounded = float(np.float32(value)) if single else float(value)
+    text = repr(rounded) if rounded == round(rounded, 2) and abs(rounded) < 1e6 else rounded.hex()
+    return text + "f" * single
+
+
+def _render(name: str, context: dict[str, Any], single: bool) -> str:
+    from jinja2 import Environment, PackageLoader
+
+    def text_of(value: Any) -> str:
+        return format_real(value, single) if isinstance(value, float | np.floating) else str(int(value))
+
+    def table(values: Iterable[Any], text: Any = text_of) -> str:
+        words = [text(value) for value in values]
+        return ",\n".join("    " + ", ".join(words[k : k + 8]) for k in range(0, len(words), 8))
+
+    def matrix(rows: Any, text: Any = text_of) -> str:
+        return ",\n".join("    {" + ", ".join(map(text, row)) + "}" for row in rows)
+
+    loader = PackageLoader("cmacexp.export", "")
+    environment = Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    environment.globals.update(
+        real=lambda value: format_real(float(value), single),
+        table=table,
+        matrix=matrix,
+        cube=lambda rows: ",\n".join("  {\n" + matrix(row) + "}" for row in rows),
+        wide=lambda rows: matrix(rows, "UINT64_C({})".format),
+        doubles=lambda rows: matrix(rows, lambda value: format_real(value, False)),
+    )
+    return environment.get_template(f"{name}.jinja").render(context, strength=format_real(context["factor"], single))
+
+
+def _name_goal(rule: RuleParams) -> str:
+    return GOAL_NAMES.get(rule.goal, "zero")
+
+
+def describe(network: Network, single: bool) -> dict[str, Any]:
+    """What the templates say of a network, but for its tables."""
+    params, one_path = network.params, not network.addresses
+    (legs, rows, joints), (samples, _, layers) = params.weights.shape, params.cells.shape
+    how, inputs = params.learning, network.inputs.shape[2]
+    rule = how.rule
+    name = next(name for name, each in RULES.items() if each.params == rule._replace(strength=0.0))
+    on_axes = network.machine == "point_mass"
+    columns = ["x", "y"] if on_axes else [f"q{n + 1}" for n in range(joints)]
+    ring = how.lead + 2
+    small = rows <= 2**16 - bool(network.places)
+    size, cell = 4 if single else 8, 2 if small else 4
+    state = size * (legs * rows * joints + 1) + 8
+    constants = int(np.any(params.weights != 0.0, axis=2).sum()) * (4 + joints * size)
+    constants += 0 if network.known is None else network.known.size * size
+    of_cells = cell + size * network.is_weighted
+    if one_path:
+        constants += params.cells.size * of_cells
+    else:
+        state += 8 + ring * legs * layers * of_cells
+        constants += 2 * legs * inputs * size + 2 * layers * inputs + (8 * legs * rows if network.places else 0)
+    return {
+        "title": TITLES[network.kind],
+        "version": __version__,
+        "precision": "single" if single else "double",
+        "single": single,
+        "legs": legs,
+        "joints": joints,
+        "inputs": inputs,
+        "layers": layers,
+        "rows": rows,
+        "samples": samples,
+        "lead": how.lead,
+        "rate": how.rate,
+        "ring": ring,
+        "back": (-1 - how.lead) % samples if one_path else 1,
+        "one_path": one_path,
+        "weighted": network.is_weighted,
+        "field": next((key for key, value in RECEPTIVE_FIELDS.items() if value == network.field), ""),
+        "visited": bool(network.places),
+        "bisections": rows.bit_length(),
+        "hashed": not one_path and network.addresses[0].hashed,
+        "seed": 0 if one_path else network.addresses[0].seed,
+        "multiplier": MULTIPLIER,
+        "blocks": 0 if one_path else network.addresses[0].resolution_elements,
+        "quanta": 0 if one_path else (network.addresses[0].resolution_elements - 1) * layers,
+        "rule": name,
+        "source": RULES[name].source,
+        "goal": _name_goal(rule),
+        "teaches": "outside" if rule.teaches == OUTSIDE_DEAD_ZONE else "error",
+        "regularised": rule.divisor == REGULARISED,
+        "decays": rule.rate == DECAYING,
+        "factor": rule.strength,
+        "learnt": network.is_learnt,
+        "known": network.known is not None,
+        "small": small,
+        "unit": "N" if on_axes else "N m",
+        "joint_line": f"columns {', '.join(columns)}; torques act in the direction in which they grow.",
+        "input_lines": [*_list_inputs(network, columns, on_axes)],
+        "state_bytes": -(-state // size) * size,
+        "constant_bytes": constants,
+        "operations": count_operations(network),
+    }
+
+
+def _list_inputs(network: Network, columns: list[str], on_axes: bool) -> Iterable[str]:
+    for name in network.input_names:
+        if name != PHASE:
+            for column in columns:
+                yield f"{name} of {column}, {QUANTITIES[name][on_axes]}"
+    if PHASE in network.input_names:
+        yield from ("cosine of the phase, 2 pi sample / CMAC_SAMPLES", "sine of the phase")
+
+
+def _list_tables(network: Network) -> dict[str, Any]:
+    params, addresses = network.params, network.addresses
+    legs, rows, joints = params.weights.shape
+    flat = params.weights.reshape(legs * rows, joints)
+    learnt = np.flatnonzero((flat != 0.0).any(axis=1))
+    tables: dict[str, Any] = {
+        "learnt_rows": learnt.tolist(),
+        "learnt_weights": flat[learnt],
+        "model_torque": [] if network.known is None else network.known.reshape(len(network.known), -1),
+    }
+    if not addresses:
+        return tables | {"path_cells": params.cells, "path_activation": params.activation}
+    most = 2**64 - 1  # beyond the last cell of a leg that has visited fewer
+    return tables | {
+        "low": [each.ranges.low for each in addresses],
+        "high": [each.ranges.high for each in addresses],
+        "displacement": addresses[0].displacement,
+        "places": [[*own.tolist(), *[most] * (rows - len(own))] for own in network.places],
+    }
+
+
+def _list_vectors(vectors: Vectors) -> dict[str, Any]:
+    def flat(values: Array) -> Array:
+        return values.reshape(len(values), -1)
+
+    return {
+        "steps": len(vectors.errors),
+        "vector_inputs": flat(vectors.inputs),
+        "vector_errors": flat(vectors.errors),
+        "vector_torque": flat(vectors.torque),
+        "loaded": vectors.loaded,
+        "learnt_sum": vectors.learnt,
+    }

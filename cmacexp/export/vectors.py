@@ -1,0 +1,147 @@
+"""Test vectors of an exported network: what the kernels of the project compute, in double or in single precision.
+
+Kernels are plain Python, so that with arrays of float32 they compute in single precision, operation by operation as C
+does.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cmacexp.cmac.addressing import InputRange, address
+from cmacexp.cmac.receptive_field import activate
+from cmacexp.export.network import Network
+from cmacexp.feedforward.kernels import learn, read_sample
+from cmacexp.typing import Array
+
+MIN_STEPS, LEARNING_STEPS = 40, 24
+"""Steps of the vectors, and those of them at least that learn."""
+MOST_PRODUCTS = 2_000_000
+"""Active weights read while single precision is measured, which takes a second or two."""
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """Inputs and results of K steps."""
+
+    inputs: Array
+    """(K, L, n)."""
+    errors: Array
+    """(K, L, J): learning error given in each step, N m."""
+    torque: Array
+    """(K, L, J): N m."""
+    loaded: int
+    """Checksum of the weights before the first step."""
+    learnt: int
+    """After the last."""
+
+
+def checksum(weights: Array) -> int:
+    """Sum over the weights of their bits times 2 k + 1, k their number from 0, modulo 2^64."""
+    bits = np.ascontiguousarray(weights).view(np.uint64 if weights.itemsize == 8 else np.uint32).ravel()
+    factors = 2 * np.arange(bits.size, dtype=np.uint64) + np.uint64(1)
+    return int((bits.astype(np.uint64) * factors).sum(dtype=np.uint64))
+
+
+def _find_cells(network: Network, inputs: Array, real: Any) -> tuple[Any, Array]:
+    """Rows and activations (K, L, C) of ``inputs`` (K, L, n) in precision ``real``, or of the plan."""
+    if not network.addresses:
+        activation = network.params.activation if network.is_weighted else np.ones(network.params.cells.shape)
+        return network.params.cells, activation.astype(real)
+    shape = (*inputs.shape[:2], network.params.cells.shape[2])
+    cells, activation = np.empty(shape, dtype=np.int64), np.ones(shape, dtype=real)
+    for i, params in enumerate(network.addresses):
+        ranges = InputRange(params.ranges.low.astype(real), params.ranges.high.astype(real))
+        # Of 16 bits, because the sum of a float32 and an integer of more is a float64.
+        params = params._replace(ranges=ranges, displacement=params.displacement.astype(np.int16))
+        found = np.empty((shape[2], len(inputs)), dtype=np.uint64)
+        address(params, inputs[:, i].T, found)  # type: ignore[arg-type]  # of 64 bits: positions
+        cells[:, i] = found.T if not network.places else _find_rows(network.places[i], found.T, network)
+        if network.is_weighted:
+            for k in range(len(inputs)):
+                activate(params, network.field, inputs[k, i], activation[k, i])
+    return cells, activation
+
+
+def _find_rows(places: Any, positions: Any, network: Network) -> Any:
+    """Rows of cells at ``positions``; the one beyond the last of a cell that has none."""
+    place = np.searchsorted(places, positions)
+    found = places[np.minimum(place, len(places) - 1)] == positions
+    return np.where(found, place, network.params.weights.shape[1])
+
+
+def run_steps(network: Network, inputs: Array, errors: Array, real: Any) -> tuple[Array, Array]:
+    """What the exported network does in K steps, from the learnt weights on and the first sample of the cycle.
+
+    Args:
+        network: exported.
+        inputs: (K, L, n): to its addressing.
+        errors: (K, L, J): learning error given in each step, N m.
+        real: ``np.float64`` or ``np.float32``.
+
+    Returns:
+        Torque (K, L, J) and weights (L, rows, J) at the end, N m.
+    """
+    legs, rows, joints = network.params.weights.shape
+    weights = np.zeros((legs, rows + 1, joints), dtype=real)
+    weights[:, :rows] = network.params.weights
+    cells, activation = _find_cells(network, inputs.astype(real), real)
+    how, given = network.params.learning, errors.astype(real)
+    how = how._replace(rate=real(how.rate), rule=how.rule._replace(strength=real(how.rule.strength)))
+    params = network.params._replace(cells=cells, activation=activation, weights=weights, learning=how)
+    samples, steps = len(network.params.cells), len(cells)
+    known = None if network.known is None else network.known.astype(real)
+    torque = np.empty(given.shape, dtype=real)
+    for k in range(len(given)):
+        cycles, back = k // samples, k - 1 - how.lead
+        for i in range(legs):
+            if back >= 0 or not network.addresses:
+                learn(params, i, how.start_step + cycles * steps, back % steps, given[k, i])
+                weights[i, rows] = 0.0  # of cells without a row
+            read_sample(params, i, k % steps, torque[k, i])
+            if known is not None:
+                torque[k, i] += known[k % samples, i]
+    return torque, weights[:, :rows]
+
+
+def _make_inputs(network: Network, steps: int, rng: np.random.Generator) -> Array:
+    """Planned inputs, then some in their ranges and beyond, but where unvisited cells would learn in Python alone."""
+    inputs = network.inputs[np.arange(steps) % len(network.inputs)].copy()
+    if network.addresses and not network.places:
+        elsewhere = steps // 3
+        for i, params in enumerate(network.addresses):
+            low, high = params.ranges
+            share = rng.uniform(-0.1, 1.1, (elsewhere, len(low)))
+            inputs[-elsewhere:, i] = low + (high - low) * share
+    return inputs
+
+
+def make_vectors(network: Network, real: Any) -> Vectors:
+    """Vectors of a network: torques in double precision, checksums in precision ``real``."""
+    rng, joints = np.random.default_rng(1997), network.params.weights.shape[2]
+    steps = max(MIN_STEPS, network.params.learning.lead + LEARNING_STEPS)
+    inputs = _make_inputs(network, steps, rng)
+    errors = rng.uniform(-1.0, 1.0, (steps, inputs.shape[1], joints))
+    torque, weights = run_steps(network, inputs, errors, np.float64)
+    if real != np.float64:
+        inputs, errors = inputs.astype(real), errors.astype(real)
+        _, weights = run_steps(network, inputs, errors, real)
+    return Vectors(inputs, errors, torque, checksum(network.params.weights.astype(real)), checksum(weights))
+
+
+def measure_single(network: Network, vectors: Vectors) -> tuple[float, float, int]:
+    """Largest difference of torques in single from double precision, largest torque, N m, and the steps of both.
+
+    The steps are a cycle of the plan, as far as that is quick, and those of the vectors.
+    """
+    samples, legs, layers = network.params.cells.shape
+    joints = vectors.errors.shape[2]
+    steps = max(1, min(samples, MOST_PRODUCTS // (legs * layers * joints)))
+    errors = np.random.default_rng(1997).uniform(-1.0, 1.0, (steps, legs, joints))
+    double, single = (
+        run_steps(network, network.inputs[:steps], errors, real)[0] for real in (np.float64, np.float32)
+    )
+    of_vectors = run_steps(network, vectors.inputs, vectors.errors, np.float32)[0]
+    off = max(float(np.abs(double - single).max()), float(np.abs(vectors.torque - of_vectors).max()))
+    return off, float(np.abs(double).max()), steps + len(vectors.errors)
