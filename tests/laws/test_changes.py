@@ -28,11 +28,13 @@ def test_the_use_of_memory_is_counted_as_from_all_cells(addressing):
     dense = CmacConfig(8, 9, 2**20, "dense", "diagonal", ["angle"], 1.0, "rectangular")
     angle = np.linspace(0.0, 2.0 * np.pi, 300)
     inputs, ranges = np.stack([np.cos(angle), np.sin(angle)], axis=1), InputRange(-np.ones(2), np.ones(2))
-    cmac = Cmac(config, ranges, seed=3)
+    cmac = Cmac.from_config(config, ranges, seed=3)
     if addressing == "visited":
-        cmac = Cmac(CmacConfig(**{**vars(config), "memory_bytes": 2**16}), ranges)
+        cmac = Cmac.from_config(CmacConfig(**{**vars(config), "memory_bytes": 2**16}), ranges)
     cells = cmac.cells(inputs)
-    pairs = set(zip(Cmac(dense, ranges).cells(inputs).ravel().tolist(), cells.ravel().tolist(), strict=True))
+    pairs = set(
+        zip(Cmac.from_config(dense, ranges).cells(inputs).ravel().tolist(), cells.ravel().tolist(), strict=True)
+    )
     rows = [row for _, row in pairs]
     use = memory_use(cmac, inputs, cells)
     assert use.rows_used == len(set(rows))
