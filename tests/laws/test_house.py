@@ -33,6 +33,7 @@ LAYERS = (
     {"stability"},
     {"study"},
     {"experiment"},
+    {"gym"},
     {"commands", "__main__"},
 )
 """Rooms of the package; each imports only from its own layer and those above it in this list."""
