@@ -1,5 +1,6 @@
 """A scenario as a Gymnasium environment: the action is a feedforward torque beside the controller's feedback."""
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -83,6 +84,10 @@ class LoopEnv(Env[Array, Array]):
         plan, (vertical, axes) = loop.setup.plan, (Y, [X, Y, Z][:joints])
         self._axes, self._columns = axes, list(REFERENCES[joints])
         self._counted = np.array([axis != vertical for axis in axes])
+        self._values = np.zeros(len(self.names))
+        of_legs = self._values[: len(self.names) - (8 if self.has_body else 2)].reshape(legs, -1)
+        widths = (joints, joints, joints, joints, 1, len(self._columns), 1, joints)
+        self._views = np.split(of_legs, np.cumsum(widths)[:-1], axis=1)
         self._force_scale = float(plan.force_desired.max()) or 1.0
 
     def reset(
@@ -113,24 +118,14 @@ class LoopEnv(Env[Array, Array]):
         return float(np.minimum(cost, LARGEST_COST).mean())
 
     def _observe(self, moment: Moment) -> Array:
-        seen = moment.observed
-        legs = np.concatenate(
-            [
-                seen.q,
-                seen.dq,
-                seen.foot,
-                seen.velocity,
-                seen.force[:, None],
-                moment.reference[:, self._columns],
-                moment.support[:, None],
-                moment.learning_error,
-            ],
-            axis=1,
-        )
-        angle = 2.0 * np.pi * moment.sample / self.loop.period
-        body = [seen.body, seen.body_rate] if self.has_body else []
-        values = np.concatenate([legs.ravel(), *body, [np.cos(angle), np.sin(angle)]])
-        return values if moment.status == "running" else np.nan_to_num(values)
+        seen, angle = moment.observed, 2.0 * math.pi * moment.sample / self.loop.period
+        parts = seen.q, seen.dq, seen.foot, seen.velocity, seen.force[:, None], moment.reference[:, self._columns]
+        for view, part in zip(self._views, (*parts, moment.support[:, None], moment.learning_error), strict=True):
+            view[...] = part
+        if self.has_body:
+            self._values[-8:-5], self._values[-5:-2] = seen.body, seen.body_rate
+        self._values[-2], self._values[-1] = math.cos(angle), math.sin(angle)
+        return self._values.copy() if moment.status == "running" else np.nan_to_num(self._values)
 
     def _inform(self, moment: Moment) -> dict[str, Any]:
         return {"step": moment.step, "status": moment.status, "cause": moment.cause}

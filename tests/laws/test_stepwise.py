@@ -196,8 +196,9 @@ def test_actions_reach_what_the_plan_needs_and_are_clipped():
 
 def test_nothing_else_imports_gymnasium_and_its_absence_is_one_line():
     code = (
-        "import sys, cmacexp.commands.main, cmacexp.experiment.api\nassert 'gymnasium' not in sys.modules\nsys.modules['gymnasium'] = None\n"
-        "import cmacexp\ntry:\n    cmacexp.gym.make()\nexcept ImportError as error:\n    print(error)"
+        "import sys, cmacexp.commands.main, cmacexp.experiment.api\n"
+        "assert 'gymnasium' not in sys.modules\nsys.modules['gymnasium'] = None\n"
+        "try:\n    cmacexp.gym.make()\nexcept ImportError as error:\n    print(error)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("cmacexp.gym needs gymnasium: python -m pip install ")
