@@ -54,7 +54,7 @@ def inside(inputs: int, rounds: int) -> list[Row]:
     """One sample inside the compiled loop, on the planned path of one leg."""
     config = make_config("scenario=one_leg", f"cmac.inputs={INPUTS[inputs]}")
     path = planned_inputs(make_scenario(config))
-    cmac = Cmac(config.cmac, spanning(path, config.cmac.range_factor))
+    cmac = Cmac.from_config(config.cmac, spanning(path, config.cmac.range_factor))
     cells, error = cmac.cells(path), np.random.default_rng(0).normal(size=(len(path), 2))
     output, row, samples = np.zeros(2), np.zeros(cmac.layers, dtype=np.uint32), PASSES * len(path)
     few = NumpyCmac(cmac.address, cmac.weights, RATE)
@@ -80,18 +80,18 @@ def _one_by_one(peer: Peer, x: Array, error: Array) -> Callable[[], float]:
 def outside(inputs: int, rounds: int) -> list[Row]:
     """From Python: single samples, and a batch at random inputs, against NumPy and PyPI."""
     config, rng = make_config("scenario=one_leg").cmac, np.random.default_rng(1)
-    cmac = Cmac(config, InputRange(-np.ones(inputs), np.ones(inputs)))
+    cmac = Cmac.from_config(config, InputRange(-np.ones(inputs), np.ones(inputs)))
     x, error = rng.uniform(-1.0, 1.0, size=(BATCH, inputs)), rng.normal(size=(BATCH, 2))
     plain, peers = NumpyCmac(cmac.address, cmac.weights, RATE), installed(cmac.address, RATE)
     assert (plain.cells(x) == cmac.cells(x)).all()
 
-    def use(samples: slice) -> None:
+    def use(samples: slice | int) -> None:
         cmac.predict(x[samples])
         cmac.update(x[samples], error[samples], RATE)
 
     workers = {
         "batch": per_sample(lambda: use(slice(0, BATCH)), BATCH),
-        "single": per_sample(lambda: [use(slice(k, k + 1)) for k in range(FEW)], FEW),
+        "single": per_sample(lambda: [use(k) for k in range(FEW)], FEW),
         "NumPy batch": per_sample(lambda: plain.batch(x, error), BATCH),
         "NumPy": _one_by_one(plain, x, error),
         **{name: _one_by_one(peer, x, error) for name, peer in peers.items()},

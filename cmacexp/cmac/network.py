@@ -1,60 +1,113 @@
 """The CMAC as an object: addressing and weights, for one leg or any other function."""
 
+import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from cmacexp.cmac.addressing import Address, InputRange, address_batch, count_outside, displacement
+from cmacexp.cmac.addressing import Address, InputRange, address_batch, count_outside
+from cmacexp.cmac.addressing import displacement as find_displacement
 from cmacexp.cmac.memory import Visited, find_entered, read_batch
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, RECTANGULAR, activate_batch
 from cmacexp.cmac.rules import PAPER, train_batch
-from cmacexp.config.cmac import MOST_POSITIONS, WORD_BYTES, CmacConfig, check_size
-from cmacexp.data.folder import write_atomically
+from cmacexp.cmac.single import NOT_FINITE, Single
+from cmacexp.config.cmac import MOST_POSITIONS, PHASE, WORD_BYTES, CmacConfig, check_size
+from cmacexp.config.fields import check_fields
 from cmacexp.models.mix import MASK
 from cmacexp.typing import Array, Cells
 
 
 class Cmac:
-    """A cerebellar model articulation controller (Lin & Song 1997, section 4).
+    """A cerebellar model articulation controller (Lin & Song 1997, section 4), of any function.
+
+    Inputs are a batch (samples, n) or one input (n,), outputs likewise. An object is for one thread at a time.
 
     Args:
-        config: size and shape; ``inputs`` and ``range_factor`` are not used here.
-        ranges: range of each of the n inputs.
+        low: (n,): lower end of the range of each input; inputs beyond it are clipped, and counted.
+        high: (n,): upper end.
         outputs: outputs on one address.
-        seed: seed of the hash, 32 bits.
+        layers: C, the number of weights that each input activates; their generalisation is one cell wide.
+        cells: cells of each layer along each input; (cells - 1) x layers quanta span a range.
+        memory_bytes: most memory for weights, B.
+        addressing: ``dense``: a row for each cell; ``hashed``: cells share rows by chance; ``visited``: a row for
+            each cell met so far; None: dense if that fits into the memory, else hashed.
+        displacement: of the layers against each other: ``parks_militzer``, found by search, ``diagonal``, as in the
+            paper, or ``odd_lattice``, which needs a power of two of layers.
+        receptive_field: activation of a cell over its width: ``rectangular``, as in the paper, ``linear``, ``cubic``.
+        seed: of the hash, 32 bits.
 
     Raises:
-        BadInput: the memory is too small.
-        ValueError: a range is empty.
+        BadInput: a value is out of its range, or the memory is too small.
+        ValueError: a range is empty, or not one-dimensional.
 
     Attributes:
-        weights: (rows, outputs), float64, zero at first.
-        clipped: number of inputs so far that were outside their range, and clipped to it.
-        visited: the cells that have a row, with ``addressing=visited``; else None.
+        clipped: number of values so far that were outside their range.
+        visited: the cells that have a row, with ``addressing="visited"``; else None.
     """
 
-    def __init__(self, config: CmacConfig, ranges: InputRange, outputs: int = 2, seed: int = 0):
-        inputs = len(ranges.low)
-        check_size(config, inputs, outputs)
-        if not (np.asarray(ranges.low) < np.asarray(ranges.high)).all():
-            raise ValueError(f"ranges from {ranges.low} to {ranges.high}: the lower end must lie below the upper one")
-        dense_rows = config.layers * config.resolution_elements**inputs
-        fitting = config.memory_bytes // (WORD_BYTES * outputs)
-        rows = dense_rows if config.addressing == "dense" else fitting
-        self.address = Address(
-            InputRange(np.ascontiguousarray(ranges.low, dtype=float), np.ascontiguousarray(ranges.high, dtype=float)),
-            # Column-major, since all layers of one input are read together.
-            np.asfortranarray(displacement(config.displacement, config.layers, inputs)),
-            config.resolution_elements,
-            rows,
-            config.addressing == "hashed",
-            seed & MASK,
-        )
-        self.visited = Visited(rows, WORD_BYTES * outputs) if config.addressing == "visited" else None
-        self.receptive_field = RECEPTIVE_FIELDS[config.receptive_field]
+    def __init__(
+        self,
+        low: ArrayLike,
+        high: ArrayLike,
+        outputs: int = 1,
+        layers: int = 32,
+        cells: int = 33,
+        *,
+        memory_bytes: int = 2**24,
+        addressing: str | None = None,
+        displacement: str = "parks_militzer",
+        receptive_field: str = "rectangular",
+        seed: int = 0,
+    ):
+        ranges = InputRange(np.array(low, dtype=float), np.array(high, dtype=float))
+        inputs, dense_rows = ranges.low.size, layers * cells**ranges.low.size
+        if ranges.low.ndim != 1 or ranges.low.shape != ranges.high.shape or not (ranges.low < ranges.high).all():
+            raise ValueError(
+                f"ranges from {ranges.low} to {ranges.high}: must be two arrays (n,), the first below the second"
+            )
+        if addressing is None:
+            addressing = "dense" if dense_rows * outputs * WORD_BYTES <= memory_bytes else "hashed"
+        size = CmacConfig(layers, cells, memory_bytes, addressing, displacement, [PHASE], 1.0, receptive_field)
+        check_fields(size, "cmac")
+        check_size(size, inputs, outputs)
+        rows = dense_rows if addressing == "dense" else memory_bytes // (WORD_BYTES * outputs)
+        # Column-major, since all layers of one input are read together.
+        shifts = np.asfortranarray(find_displacement(displacement, layers, inputs))
+        self.address = Address(ranges, shifts, cells, rows, addressing == "hashed", seed & MASK)
+        self.visited = Visited(rows, WORD_BYTES * outputs) if addressing == "visited" else None
+        self.receptive_field = RECEPTIVE_FIELDS[receptive_field]
         self.weights = np.zeros((rows, outputs))
         self.clipped = 0
+
+    @classmethod
+    def from_config(cls, config: CmacConfig, ranges: InputRange, outputs: int = 2, seed: int = 0) -> "Cmac":
+        """The CMAC of a config; its ``inputs`` and ``range_factor`` are not used here."""
+        return cls(
+            *ranges,
+            outputs,
+            config.layers,
+            config.resolution_elements,
+            memory_bytes=config.memory_bytes,
+            addressing=config.addressing,
+            displacement=config.displacement,
+            receptive_field=config.receptive_field,
+            seed=seed,
+        )
+
+    @property
+    def weights(self) -> Array:
+        """(rows, outputs), zero at first; may be replaced by an array of the same shape."""
+        return self._weights
+
+    @weights.setter
+    def weights(self, weights: Array) -> None:
+        self._weights = weights
+        self._single: Single | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"_single": None}  # a generator cannot be copied
 
     @property
     def layers(self) -> int:
@@ -98,30 +151,66 @@ class Cmac:
             raise ValueError(f"inputs of shape {batch.shape}: expected finite numbers of shape (samples, {expected})")
         return batch
 
-    def predict(self, inputs: Array) -> Array:
-        """Outputs (samples, outputs) for a batch of inputs (samples, n)."""
-        output = np.empty((len(inputs), self.weights.shape[1]))
-        read_batch(self.weights, self.cells(inputs), self.activation(inputs), output)
-        return output
+    def _serve(self, inputs: Array, rate: float, error: Array | None = None) -> Single:
+        """Predict at one input (n,) with rate 0, else train there."""
+        single = self._single
+        if single is None:
+            single = self._single = Single(self.address, self.receptive_field, self._weights)
+        request = single.request
+        if inputs.shape != single.shape or (error is not None and error.shape != single.error_shape):
+            raise ValueError(f"an input has the shape {single.shape}, its error {single.error_shape}")
+        request.inputs[:], request.rate[0] = inputs, rate
+        if error is not None:
+            request.error[:] = error
+        if clipped := single.resume():
+            if clipped == NOT_FINITE:
+                raise ValueError(f"input {inputs} or error {error}: expected finite numbers")
+            self.clipped += clipped
+        return single
 
-    def update(self, inputs: Array, error: Array, rate: float) -> None:
-        """Train with ``error`` (samples, outputs), one sample after the other (eq. 20).
+    def predict(self, inputs: ArrayLike) -> Array:
+        """Outputs (samples, outputs) for a batch of inputs (samples, n); (outputs,) for one input (n,).
 
         Raises:
-            ValueError: an error is not finite, or a shape does not fit.
+            ValueError: as :meth:`cells`.
+            BadInput: likewise.
         """
-        errors = np.ascontiguousarray(error, dtype=float)
-        expected = (len(inputs), self.weights.shape[1])
+        x = np.asarray(inputs, dtype=float)
+        if x.ndim == 1:
+            return self.predict(x[None])[0] if self.visited else self._serve(x, 0.0).request.output.copy()
+        output = np.empty((len(x), self._weights.shape[1]))
+        read_batch(self._weights, self.cells(x), self.activation(x), output)
+        return output
+
+    def update(self, inputs: ArrayLike, error: ArrayLike, rate: float) -> None:
+        """Train with ``error`` (samples, outputs), one sample after the other (eq. 20); one sample (n,), (outputs,).
+
+        A sample moves the output at its input by ``rate`` times ``error``.
+
+        Raises:
+            ValueError: a number is not finite, or a shape does not fit.
+        """
+        x, errors = np.asarray(inputs, dtype=float), np.ascontiguousarray(error, dtype=float)
+        if not math.isfinite(rate):
+            raise ValueError(f"rate {rate}: expected a finite number")
+        if x.ndim == 1:
+            if self.visited is None:
+                self._serve(x, rate, errors)
+                return
+            x, errors = x[None], errors[None]
+        expected = (len(x), self._weights.shape[1])
         if errors.shape != expected or not np.isfinite(errors).all():
             raise ValueError(f"error of shape {errors.shape}: expected finite numbers of shape {expected}")
-        train_batch(PAPER, self.weights, self.cells(inputs), self.activation(inputs), errors, rate)
+        train_batch(PAPER, self._weights, self.cells(x), self.activation(x), errors, rate)
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Save addressing and weights in one ``.npz`` file."""
+        from cmacexp.data.folder import write_atomically  # which takes longer to import than the rest
+
         a = self.address
         visited = {} if self.visited is None else {"visited": self.visited.positions}
         settings = [a.resolution_elements, a.rows, int(a.hashed), a.seed, self.clipped, self.receptive_field]
-        with write_atomically(path) as temporary, temporary.open("wb") as file:
+        with write_atomically(Path(path)) as temporary, temporary.open("wb") as file:
             np.savez_compressed(
                 file,
                 allow_pickle=False,
@@ -134,7 +223,7 @@ class Cmac:
             )
 
     @classmethod
-    def load(cls, path: Path) -> "Cmac":
+    def load(cls, path: str | Path) -> "Cmac":
         """The CMAC of a file of :meth:`save`, bit for bit."""
         with np.load(path, allow_pickle=False) as saved:
             cmac = cls.__new__(cls)

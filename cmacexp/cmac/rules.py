@@ -6,12 +6,15 @@ torque U over sum a_i^2, without a goal; the others are listed in :data:`RULES`.
 """
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from cmacexp.config.schema import LEARNS, LearningConfig
+from cmacexp.config.cmac import LEARNS
 from cmacexp.errors import BadInput
 from cmacexp.jit.compiler import kernel, kernel_apart, program
 from cmacexp.typing import Array, Cells
+
+if TYPE_CHECKING:
+    from cmacexp.config.schema import LearningConfig
 
 ERROR, OUTSIDE_DEAD_ZONE, NEIGHBOURS = range(3)
 TEACHES = ("U", "U where abs(U) > strength", "U, also at neighbouring steps")
@@ -79,7 +82,7 @@ def find_rule(name: str) -> Rule:
     return RULES[name]
 
 
-def make_rule(config: LearningConfig, activation: Array) -> RuleParams:
+def make_rule(config: "LearningConfig", activation: Array) -> RuleParams:
     """The rule of a config, for a network with ``activation`` (N, L, C) along the plan; raises BadInput."""
     rule = find_rule(config.rule)
     strength = float(getattr(config, rule.strength)) if rule.strength else 0.0

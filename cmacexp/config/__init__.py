@@ -1,10 +1,20 @@
 """Typed and checked configuration of a run."""
 
-from cmacexp.config.component import ComponentConfig, FeedforwardConfig, config_folder
-from cmacexp.config.fields import choice, number
-from cmacexp.config.load import config_hash, to_config, to_plain
-from cmacexp.config.schema import Config
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
+if TYPE_CHECKING:
+    from cmacexp.config.component import ComponentConfig, FeedforwardConfig, config_folder
+    from cmacexp.config.fields import choice, number
+    from cmacexp.config.load import config_hash, to_config, to_plain
+    from cmacexp.config.schema import Config
+
+_PLACES = {
+    **dict.fromkeys(("ComponentConfig", "FeedforwardConfig", "config_folder"), "component"),
+    **dict.fromkeys(("choice", "number"), "fields"),
+    **dict.fromkeys(("config_hash", "to_config", "to_plain"), "load"),
+    "Config": "schema",
+}
 __all__ = [
     "ComponentConfig",
     "Config",
@@ -16,3 +26,10 @@ __all__ = [
     "to_config",
     "to_plain",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported when it is first asked for: :class:`cmacexp.cmac.Cmac` needs no Hydra."""
+    if name in _PLACES:
+        return getattr(import_module(f"cmacexp.config.{_PLACES[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

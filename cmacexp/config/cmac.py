@@ -15,6 +15,8 @@ CMACS = ("cmac", "cmac_on_model")
 """Feedforwards that are a CMAC."""
 ACTS = ("learning.start_cycle <= cycles",)
 """What a feedforward needs to act in some cycle."""
+LEARNS = ("option.feedforward not in ('none', 'inverse_dynamics')",)
+"""What fields of learning need beside :data:`ACTS`."""
 MOST_POSITIONS = 2**63
 """Most cells of a CMAC that can be numbered with 64 bits."""
 

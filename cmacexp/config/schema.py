@@ -6,7 +6,7 @@ Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do n
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-from cmacexp.config.cmac import ACTS, CMACS, CmacConfig
+from cmacexp.config.cmac import ACTS, CMACS, LEARNS, CmacConfig
 from cmacexp.config.environment import PayloadConfig, TerrainConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
@@ -16,8 +16,6 @@ from cmacexp.models.robot_legs import JOINTS
 NONE, FREEZE, REFINE = GUARDS = ("none", "freeze", "refine")
 AUTO, ESTIMATE = "auto", "estimate"
 ADAPTIVE = "adaptive"
-LEARNS = ("option.feedforward not in ('none', 'inverse_dynamics')",)
-"""What fields of learning need beside :data:`ACTS`."""
 DRAWS = (
     f"{ACTS[0]} and option.feedforward in {CMACS} and cmac.addressing == 'hashed' and learning.start_from is None "
     "or sensors.draws",

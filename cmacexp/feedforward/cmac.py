@@ -23,7 +23,7 @@ class CmacFeedforward(BuiltInFeedforward):
             ranges, self.seed = [spanning(own, config.cmac.range_factor) for own in inputs], config.seed
         else:
             ranges, self.seed = [InputRange(*ends) for ends in learnt["ranges"]], int(learnt["seed"])
-        self.cmacs = [Cmac(config.cmac, own, setup.mechanism.shape[1], self.seed) for own in ranges]
+        self.cmacs = [Cmac.from_config(config.cmac, own, setup.mechanism.shape[1], self.seed) for own in ranges]
         for i, cmac in enumerate(self.cmacs):
             if learnt is not None and cmac.visited is not None:
                 cmac.visited.positions = learnt[f"visited_{i + 1}"]

@@ -38,7 +38,7 @@ def test_the_loop_in_c_gives_the_trace_of_the_fused_loop(make_config, overrides)
 
 
 def test_a_compiled_sample_and_a_whole_array_find_the_same_cells_and_weights(make_config):
-    cmac = Cmac(make_config("scenario=one_leg").cmac, InputRange(-np.ones(4), np.ones(4)), seed=3)
+    cmac = Cmac.from_config(make_config("scenario=one_leg").cmac, InputRange(-np.ones(4), np.ones(4)), seed=3)
     rng = np.random.default_rng(0)
     inputs, errors = rng.uniform(-1.2, 1.2, size=(500, 4)), rng.normal(size=(500, 2))
     plain = NumpyCmac(cmac.address, cmac.weights, 0.2)

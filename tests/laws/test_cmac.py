@@ -46,7 +46,7 @@ def make_cmac(
     receptive_field="rectangular",
 ):
     config = CmacConfig(layers, elements, rows * 8 * outputs, addressing, vector, ["angle"], 1.0, receptive_field)
-    return Cmac(config, unit_range(inputs), outputs, seed)
+    return Cmac.from_config(config, unit_range(inputs), outputs, seed)
 
 
 def random_inputs(samples, inputs=2, seed=0):

@@ -17,7 +17,7 @@ LAYERS, ELEMENTS, BYTES_OF_ROW = 4, 3, 16
 
 def make_cmac(addressing, rows, inputs=2):
     config = CmacConfig(LAYERS, ELEMENTS, BYTES_OF_ROW * rows, addressing, "diagonal", ["angle"], 1.0, "rectangular")
-    return Cmac(config, InputRange(-np.ones(inputs), np.ones(inputs)), outputs=2, seed=3)
+    return Cmac.from_config(config, InputRange(-np.ones(inputs), np.ones(inputs)), outputs=2, seed=3)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 20), st.integers(LAYERS, 60))
