@@ -30,7 +30,7 @@ def _read_id(path: Path) -> str:
 def find_shared(recordings: Sequence[Path]) -> list[Path]:
     """Recordings whose id others have, too, of which the server would keep one; those that cannot be read.
 
-    A copy has the id of its original; before version 0.3 a job had that of the same job of any other sweep.
+    A copy has the id of its original; earlier versions gave all jobs of a number the same.
     """
     ids = {path: _read_id(path) for path in recordings}
     count = Counter(ids.values())
