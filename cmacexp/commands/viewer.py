@@ -26,9 +26,9 @@ def require_display() -> None:
         )
 
 
-def open_window(recording: Path) -> int:
-    """Open a recording in the viewer, and wait until it is closed; its exit code."""
-    return subprocess.call([*RERUN, str(recording)])
+def open_window(shown: Path | str) -> int:
+    """Open a recording, or what has an address, in the viewer, and wait until it is closed; its exit code."""
+    return subprocess.call([*RERUN, str(shown)])
 
 
 def _free_port() -> int:
@@ -42,19 +42,20 @@ def _answers(port: int) -> bool:
         return connection.connect_ex((HOST, port)) == 0
 
 
-def serve_web(recording: Path) -> int:
-    """Serve a recording and the viewer for a browser of this machine until interrupted; the server's exit code."""
+def serve_web(shown: Path | str) -> int:
+    """Serve the viewer, and a recording unless it has an address already, until interrupted; the server's exit code."""
     page, data = _free_port(), _free_port()
     ports = ("--serve-web", "--web-viewer-port", str(page), "--port", str(data))
     # Its own group: Ctrl-C reaches this process alone, which then ends the server and what it has started.
     server = subprocess.Popen(
-        [*RERUN, *ports, str(recording)], env={**os.environ, "RUST_LOG": "error"}, start_new_session=True
+        [*RERUN, *ports, str(shown)], env={**os.environ, "RUST_LOG": "error"}, start_new_session=True
     )
     try:
-        while server.poll() is None and not (_answers(page) and _answers(data)):
+        served = isinstance(shown, str)
+        while server.poll() is None and not (_answers(page) and (served or _answers(data))):
             time.sleep(0.1)
         if server.poll() is None:
-            source = quote(f"rerun+http://{HOST}:{data}/proxy", safe="")
+            source = quote(shown if isinstance(shown, str) else f"rerun+http://{HOST}:{data}/proxy", safe="")
             print(f"http://{HOST}:{page}/?url={source} (Ctrl-C ends it)", flush=True)
         return server.wait()
     finally:

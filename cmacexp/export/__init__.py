@@ -1,1 +1,1 @@
-"""Formats for other programs, written from a stored run."""
+"""Runs for other programs: C code, wide tables, MCAP."""

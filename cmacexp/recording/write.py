@@ -1,5 +1,6 @@
 """Write ``recording.rrd`` from a trace."""
 
+import hashlib
 import math
 import sys
 from collections.abc import Iterator, Mapping
@@ -61,6 +62,7 @@ def _send_facts(recording: rr.RecordingStream, folder: Path, view: RunView) -> N
     """
     manifest, body = view.manifest, folder / BODY_METRICS
     run = {name: manifest.get(name) for name in ("status", "cause", "seed", "steps", "config_hash", "git_commit")}
+    run["overrides"] = " ".join(manifest.get("overrides", ())) or None
     run["version"] = manifest.get("versions", {}).get("cmacexp")
     pooled = pool_legs(Scores(read_table(folder / METRICS), read_table(body) if was_written(body) else None))
     last = {name: float(values[-1]) for name, values in pooled.items() if len(values) and math.isfinite(values[-1])}
@@ -74,9 +76,15 @@ def _send_facts(recording: rr.RecordingStream, folder: Path, view: RunView) -> N
             recording.send_property(view.root.replace("/", "_") + name, rr.AnyValues(**known))
 
 
+def _make_id(name: str, runs: Mapping[Path, RunView]) -> str:
+    """An id that other runs and other views of these do not have: a catalogue drops what has the id of another."""
+    identity = (name, *(f"{view.manifest['config_hash']} {folder.resolve()}" for folder, view in runs.items()))
+    return hashlib.sha256("\n".join(identity).encode()).hexdigest()[:32]
+
+
 def write_views(runs: Mapping[Path, RunView], blueprint: rrb.Blueprint, name: str, path: Path) -> None:
     """Write runs, by their folders and each below its own root, into one recording, whole or not at all."""
-    recording = rr.RecordingStream("cmacexp", recording_id=name)
+    recording = rr.RecordingStream("cmacexp", recording_id=_make_id(name, runs))
     # In memory first: on a full disk rerun's own writer stops without an error, and flushing waits for ever.
     memory = recording.memory_recording()
     recording.send_blueprint(blueprint)

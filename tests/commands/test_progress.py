@@ -49,6 +49,10 @@ def test_the_time_that_is_left_is_what_the_rest_takes_at_this_rate(seconds, left
     assert format_progress("sweep", 1.5, 6, "jobs", seconds) == f"sweep: 1/6 jobs (25.0 %), {left} left"
 
 
+def test_of_a_search_jobs_are_counted_without_a_total():
+    assert format_progress("sweep", 1.5, 0, "jobs", 3.0) == "sweep: 1 jobs"
+
+
 def test_a_command_of_unknown_length_shows_what_it_does(monkeypatch, tmp_path):
     run = cmacexp.run(["cycles=1", "sampling_period=0.05", "record=trace"], tmp_path)
     monkeypatch.setattr(sys, "argv", ["score", str(run.folder)])

@@ -1,0 +1,54 @@
+"""A run as one table of plain columns, a row for each step: for PlotJuggler, MATLAB, Julia and spreadsheets."""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from cmacexp.data.folder import write_atomically
+from cmacexp.data.parquet import arrow
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.export.steps import Field, describe_fields, read_steps
+
+WIDE = "wide.parquet"
+
+
+def _make_schema(fields: dict[str, Field]) -> pa.Schema:
+    """Plain types alone, without dictionaries and nested types; unit and meaning beside each column."""
+    return pa.schema(
+        pa.field(name, field.type, nullable=False, metadata={"unit": field.unit, "meaning": field.meaning})
+        for name, field in fields.items()
+    )
+
+
+def write_wide(run: StoredRun, folder: Path) -> Path:
+    """Write ``wide.parquet``: ``time``, ``step``, ``cycle``, then ``leg1.force`` and so on, ``body.height``.
+
+    Numbers are float64 or int32; ``support`` is 1 in planned support and 0 in transfer. Compressed by Snappy, which
+    every reader of Parquet knows.
+
+    Args:
+        run: whose tables are checked against their hashes.
+        folder: that exists; the file replaces an earlier one as a whole.
+
+    Returns:
+        The file.
+
+    Raises:
+        BadRun: the run has no trace, or one that is not as it was written.
+    """
+    shared, groups = describe_fields(run)
+    fields = shared | {f"{group}.{name}": field for group, own in groups.items() for name, field in own.items()}
+    schema, path = _make_schema(fields), folder / WIDE
+    with (
+        write_atomically(path) as temporary,
+        pq.ParquetWriter(temporary, schema, compression="snappy", use_dictionary=False) as writer,
+    ):
+        for part in read_steps(run):
+            columns = part.shared | {
+                f"{group}.{name}": values for group, own in part.groups.items() for name, values in own.items()
+            }
+            arrays = [arrow(np.asarray(columns[field.name]), field.type) for field in schema]
+            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+    return path

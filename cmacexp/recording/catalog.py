@@ -1,0 +1,76 @@
+"""A catalogue of recordings: Rerun's server, and its table of runs, a column for each setting and metric."""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import rerun.blueprint.table as rrt
+from rerun.catalog import DatasetEntry
+from rerun.chunk import RrdReader
+from rerun.server import Server
+
+from cmacexp.errors import BadRun
+from cmacexp.metrics.registry import ALL_METRICS, MAIN
+
+DATASET = "runs"
+NAME = "property:RecordingInfo:name"
+
+
+def _read_id(path: Path) -> str:
+    """The id of a recording; empty if it cannot be read."""
+    try:
+        return str(RrdReader(path).recordings()[0].recording_id)
+    except (OSError, ValueError, RuntimeError, IndexError):
+        return ""
+
+
+def find_shared(recordings: Sequence[Path]) -> list[Path]:
+    """Recordings whose id others have, too, of which the server would keep one; those that cannot be read.
+
+    A copy has the id of its original; earlier versions gave all jobs of a number the same.
+    """
+    ids = {path: _read_id(path) for path in recordings}
+    count = Counter(ids.values())
+    return [path for path, name in ids.items() if not name or count[name] > 1]
+
+
+def _list_columns(present: Sequence[str], keys: Sequence[str]) -> list[rrt.Column]:
+    """The columns of the table: first what tells the runs apart, then the main metrics; the others can be shown."""
+    sources = {NAME: "run", **{f"property:config:{re.sub(r'[^A-Za-z0-9_]', '_', key)}": key for key in keys}}
+    sources["property:run:status"] = "status"
+    sources |= {f"property:metrics:{name}": f"{name} {ALL_METRICS[name].unit}".rstrip() for name in MAIN}
+    shown = [rrt.Column(source, name=name) for source, name in sources.items() if source in present]
+    return [*shown, *(rrt.Column(source, visible=False) for source in present if source not in sources)]
+
+
+def _set_columns(runs: DatasetEntry, keys: Sequence[str]) -> None:
+    columns = _list_columns(runs.segment_table().schema().names, keys)
+    table = rrt.TableBlueprint(table_layout=rrt.TableLayout(columns=columns), sort_by=NAME)
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "table.rbl")
+        table.save(DATASET, path)
+        runs.register_blueprint(path.as_uri(), segment_table=True)
+
+
+@contextmanager
+def serve_catalog(recordings: Sequence[Path], keys: Sequence[str], host: str) -> Iterator[tuple[str, DatasetEntry]]:
+    """Serve recordings as one data set; gives the address of its table, and the data set.
+
+    Args:
+        recordings: a file for each run.
+        keys: of the config, in which the runs differ: the first columns of the table.
+        host: address of this machine that the server listens to.
+
+    Raises:
+        BadRun: the server does not take a recording.
+    """
+    with Server(host=host, datasets={DATASET: recordings}) as server:
+        runs = server.client().get_dataset(DATASET)
+        if (taken := len(runs.segment_ids())) < len(recordings):
+            reason = f"the server takes {taken} of {len(recordings)} recordings; --rebuild builds them anew"
+            raise BadRun(f"{recordings[0]}: {reason}")
+        _set_columns(runs, keys)
+        yield f"{server.url()}/entry/{runs.id}", runs
