@@ -64,9 +64,8 @@ class Cmac:
         ranges = InputRange(np.array(low, dtype=float), np.array(high, dtype=float))
         inputs, dense_rows = ranges.low.size, layers * cells**ranges.low.size
         if ranges.low.ndim != 1 or ranges.low.shape != ranges.high.shape or not (ranges.low < ranges.high).all():
-            raise ValueError(
-                f"ranges from {ranges.low} to {ranges.high}: must be two arrays (n,), the first below the second"
-            )
+            expected = "must be two arrays (n,), the first below the second"
+            raise ValueError(f"ranges from {ranges.low} to {ranges.high}: {expected}")
         if addressing is None:
             addressing = "dense" if dense_rows * outputs * WORD_BYTES <= memory_bytes else "hashed"
         size = CmacConfig(layers, cells, memory_bytes, addressing, displacement, [PHASE], 1.0, receptive_field)
@@ -115,12 +114,7 @@ class Cmac:
         return int(self.address.displacement.shape[0])
 
     def cells(self, inputs: Array) -> Cells:
-        """Active rows (samples, C) of a batch of inputs (samples, n); counts those that are clipped.
-
-        Raises:
-            ValueError: an input is not finite, or the shape is not (samples, n).
-            BadInput: more cells are visited than there are rows.
-        """
+        """Active rows (samples, C) of inputs (samples, n); counts those clipped; raises ValueError or BadInput."""
         batch = self._checked(inputs)
         shape = (len(batch), self.layers)
         self.clipped += count_outside(self.address.ranges, batch)
@@ -133,11 +127,7 @@ class Cmac:
         return cells
 
     def activation(self, inputs: Array) -> Array:
-        """Activation (samples, C) of the cells of a batch of inputs (samples, n).
-
-        Raises:
-            ValueError: as :meth:`cells`.
-        """
+        """Activation (samples, C) of the cells of a batch of inputs (samples, n); raises ValueError."""
         batch = self._checked(inputs)
         activation = np.ones((len(batch), self.layers))
         if self.receptive_field != RECTANGULAR:
@@ -169,12 +159,7 @@ class Cmac:
         return single
 
     def predict(self, inputs: ArrayLike) -> Array:
-        """Outputs (samples, outputs) for a batch of inputs (samples, n); (outputs,) for one input (n,).
-
-        Raises:
-            ValueError: as :meth:`cells`.
-            BadInput: likewise.
-        """
+        """Outputs (samples, outputs) for inputs (samples, n), or (outputs,) for one (n,); raises as :meth:`cells`."""
         x = np.asarray(inputs, dtype=float)
         if x.ndim == 1:
             return self.predict(x[None])[0] if self.visited else self._serve(x, 0.0).request.output.copy()
@@ -183,12 +168,9 @@ class Cmac:
         return output
 
     def update(self, inputs: ArrayLike, error: ArrayLike, rate: float) -> None:
-        """Train with ``error`` (samples, outputs), one sample after the other (eq. 20); one sample (n,), (outputs,).
+        """Train with ``error`` (samples, outputs), one sample after the other (eq. 20); raises ValueError.
 
         A sample moves the output at its input by ``rate`` times ``error``.
-
-        Raises:
-            ValueError: a number is not finite, or a shape does not fit.
         """
         x, errors = np.asarray(inputs, dtype=float), np.ascontiguousarray(error, dtype=float)
         if not math.isfinite(rate):
