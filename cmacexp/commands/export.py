@@ -33,11 +33,11 @@ def _export(arguments: argparse.Namespace) -> int:
 
             written.append(write_c(run, out, arguments.single, arguments.path))
         if arguments.wide:
-            from cmacexp.export.wide import write_wide  # type: ignore[import-untyped]
+            from cmacexp.export.wide import write_wide
 
             written.append(write_wide(run, out))
         if arguments.mcap:
-            from cmacexp.export.mcap import write_mcap  # type: ignore[import-untyped]
+            from cmacexp.export.mcap import write_mcap
 
             written.append(write_mcap(run, out))
     for path in written:

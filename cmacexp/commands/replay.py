@@ -134,15 +134,7 @@ def _is_kept(folder: Path) -> bool:
 
 
 def build_missing(folders: Sequence[Path], anew: bool) -> list[Path]:
-    """Build the recordings of runs that have none, or one that a catalogue would drop; those of runs with steps.
-
-    Args:
-        folders: of the runs.
-        anew: whether all recordings are built.
-
-    Raises:
-        BadRun: no run can be shown.
-    """
+    """Build recordings that are missing or doubtful, or all ``anew``; the runs that can be shown. Raises BadRun."""
     from cmacexp.recording.catalog import find_shared
 
     kept = set()

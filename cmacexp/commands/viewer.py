@@ -43,7 +43,7 @@ def _answers(port: int) -> bool:
 
 
 def serve_web(shown: Path | str) -> int:
-    """Serve the viewer, and a recording unless it has an address already, until interrupted; the server's exit code."""
+    """Serve the viewer, and a recording that has no address yet, until interrupted; the server's exit code."""
     page, data = _free_port(), _free_port()
     ports = ("--serve-web", "--web-viewer-port", str(page), "--port", str(data))
     # Its own group: Ctrl-C reaches this process alone, which then ends the server and what it has started.

@@ -18,7 +18,6 @@ from cmacexp.cmac.rules import (
     REGULARISED,
     RULES,
     ZERO_BY_ERROR,
-    RuleParams,
 )
 from cmacexp.config.cmac import PHASE
 from cmacexp.data.folder import write_atomically
@@ -29,7 +28,6 @@ from cmacexp.export.network import Network, read_network
 from cmacexp.export.operations import count_operations
 from cmacexp.export.vectors import Vectors, make_vectors, measure_single
 from cmacexp.models.mix import MULTIPLIER
-from cmacexp.typing import Array
 
 HEADER, SOURCE, CHECK = FILES = ("cmac_leg.h", "cmac_leg.c", "main.c")
 MOST_STATE, MOST_CONSTANTS = 2**28, 2**24
@@ -46,21 +44,9 @@ QUANTITIES = {"angle": ("rad", "m"), "velocity": ("rad/s", "m/s"), "acceleration
 
 
 def write_c(run: StoredRun, folder: Path, single: bool = False, one_path: bool = False) -> Path:
-    """Write the C code of a run's network.
+    """Write the C code of a run's network, in single precision or double; its header. Raises BadInput or BadRun.
 
-    Args:
-        run: with ``feedforward=cmac``, ``cmac_on_model`` or ``rbf``.
-        folder: created if missing.
-        single: in single precision.
-        one_path: with the cells of the planned path as a table, without addressing.
-
-    Returns:
-        The header.
-
-    Raises:
-        BadInput: something of the run cannot be exported.
-        BadRun: the run is damaged.
-        OSError: a file cannot be written.
+    ``one_path`` gives the cells of the planned path as a table, without addressing.
     """
     network = read_network(run, one_path)
     context = describe(network, single) | {"period": repr(float(run.config["sampling_period"]))}
@@ -114,10 +100,6 @@ def _render(name: str, context: dict[str, Any], single: bool) -> str:
     return environment.get_template(f"{name}.jinja").render(context, strength=format_real(context["factor"], single))
 
 
-def _name_goal(rule: RuleParams) -> str:
-    return GOAL_NAMES.get(rule.goal, "zero")
-
-
 def describe(network: Network, single: bool) -> dict[str, Any]:
     """What the templates say of a network, but for its tables."""
     params, one_path = network.params, not network.addresses
@@ -166,7 +148,7 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
         "quanta": 0 if one_path else (network.addresses[0].resolution_elements - 1) * layers,
         "rule": name,
         "source": RULES[name].source,
-        "goal": _name_goal(rule),
+        "goal": GOAL_NAMES.get(rule.goal, "zero"),
         "teaches": "outside" if rule.teaches == OUTSIDE_DEAD_ZONE else "error",
         "regularised": rule.divisor == REGULARISED,
         "decays": rule.rate == DECAYING,
@@ -214,14 +196,10 @@ def _list_tables(network: Network) -> dict[str, Any]:
 
 
 def _list_vectors(vectors: Vectors) -> dict[str, Any]:
-    def flat(values: Array) -> Array:
-        return values.reshape(len(values), -1)
-
-    return {
-        "steps": len(vectors.errors),
-        "vector_inputs": flat(vectors.inputs),
-        "vector_errors": flat(vectors.errors),
-        "vector_torque": flat(vectors.torque),
+    steps = len(vectors.errors)
+    flat = {f"vector_{name}": getattr(vectors, name).reshape(steps, -1) for name in ("inputs", "errors", "torque")}
+    return flat | {
+        "steps": steps,
         "loaded": vectors.loaded,
         "learnt_sum": vectors.learnt,
     }

@@ -46,26 +46,16 @@ def _write_messages(columns: dict[str, Array]) -> Iterator[bytes]:
 
 
 def write_mcap(run: StoredRun, folder: Path) -> Path:
-    """Write ``run.mcap``: topics ``/leg1`` and so on, ``/body``; log times in ns, from the start of the run.
+    """Write ``run.mcap``, with the extra ``mcap``: topics ``/leg1`` and so on, ``/body``; raises BadRun.
 
-    The manifest of the run is a record of metadata. Needs the extra ``mcap``.
-
-    Args:
-        run: whose tables are checked against their hashes.
-        folder: that exists; the file replaces an earlier one as a whole.
-
-    Returns:
-        The file.
-
-    Raises:
-        BadRun: the run has no trace, or one that is not as it was written.
-        CmacexpError: the extra is not installed.
+    Log times are in ns, from the start of the run; the manifest of the run is a record of metadata.
     """
     require_extra("mcap")
     from mcap.writer import Writer
 
     shared, groups = describe_fields(run)
     path = folder / MCAP
+    folder.mkdir(parents=True, exist_ok=True)
     with write_atomically(path) as temporary, temporary.open("wb") as file:
         writer = Writer(file)
         writer.start(library="cmacexp")

@@ -62,15 +62,9 @@ class Network:
 
 
 def read_network(run: StoredRun, one_path: bool) -> Network:
-    """The network of a run.
+    """The network of a run whose classes are all those of the package; raises BadInput or BadRun.
 
-    Args:
-        run: its classes must all be those of the package: no other is imported.
-        one_path: keep the cells of the planned path alone, by sample, instead of the addressing.
-
-    Raises:
-        BadInput: something of the run cannot be exported.
-        BadRun: a file of it is damaged, or not of this version.
+    ``one_path`` keeps the cells of the planned path alone, by sample, instead of the addressing.
     """
     kind = _require_exportable(run)
     config = _read_config(run)
@@ -87,11 +81,7 @@ def read_network(run: StoredRun, one_path: bool) -> Network:
 
 
 def _require_exportable(run: StoredRun) -> str:
-    """The kind of its network; nothing that a run names is imported before this.
-
-    Raises:
-        BadInput: it has none, or a component or a learning rule that cannot be exported.
-    """
+    """The kind of its network, before anything that a run names is imported; raises BadInput."""
     plain = run.config
     for group in ("plant", "sensors", "controller"):
         if not (target := plain[group]["_target_"]).startswith("cmacexp."):
@@ -104,12 +94,7 @@ def _require_exportable(run: StoredRun) -> str:
 
 
 def _read_config(run: StoredRun) -> Config:
-    """The config, with lead and rate as they were at the end of the run.
-
-    Raises:
-        BadInput: its robot is a file in its own folder, which is not read.
-        BadRun: it does not say its lead and rate.
-    """
+    """The config, with lead and rate as they were at the end of the run; raises BadInput or BadRun."""
     config = read_config(run)
     if isinstance(config.machine, RobotMachine):
         path = find_model(config.machine.model, config.machine.path)
@@ -159,11 +144,7 @@ def _reset(run: StoredRun, kind: str, config: Config, learnt: Weights | None) ->
 
 
 def _require_fitting(feedforward: NetworkFeedforward) -> None:
-    """Require that weights are finite, and that there is a row for every cell; the file may hold anything.
-
-    Raises:
-        ValueError: it is not so.
-    """
+    """Require finite weights and a row for every cell, since the file may hold anything; raises ValueError."""
     params, rows = feedforward.params, feedforward.params.weights.shape[1]
     ranges = feedforward.learnt()["ranges"]
     if not all(np.isfinite(each).all() for each in (params.weights, params.activation, ranges)):

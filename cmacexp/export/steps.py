@@ -43,11 +43,7 @@ def _describe(table: pa.Table, name: str) -> Field:
 
 
 def describe_fields(run: StoredRun) -> tuple[dict[str, Field], dict[str, dict[str, Field]]]:
-    """What :func:`read_steps` gives, with units: shared columns, and those of each group.
-
-    Raises:
-        BadRun: the run has no trace that can be read, or no step.
-    """
+    """What :func:`read_steps` gives, with units: shared columns, and those of each group; raises BadRun."""
     shared, groups = {}, {}
     for path, legs in _list_tables(run):
         table = next(read_parts(run.folder / path), None)
@@ -82,11 +78,7 @@ def _read_columns(table: pa.Table, legs: bool) -> dict[str, Array]:
 
 
 def read_steps(run: StoredRun) -> Iterator[Part]:
-    """All steps that the trace kept, part by part: only a part is in memory.
-
-    Raises:
-        BadRun: a table is missing, has changed, cannot be read, or the tables do not fit each other.
-    """
+    """All steps that the trace kept, only a part of them in memory at a time; raises BadRun."""
     tables = _list_tables(run)
     names: set[str] = set()
     for parts in zip_longest(*(read_parts(run.folder / name) for name, _ in tables)):

@@ -72,16 +72,9 @@ def _find_rows(places: Any, positions: Any, network: Network) -> Any:
 
 
 def run_steps(network: Network, inputs: Array, errors: Array, real: Any) -> tuple[Array, Array]:
-    """What the exported network does in K steps, from the learnt weights on and the first sample of the cycle.
+    """Torque (K, L, J) and weights (L, rows, J) after K steps, from the learnt weights and the first sample on, N m.
 
-    Args:
-        network: exported.
-        inputs: (K, L, n): to its addressing.
-        errors: (K, L, J): learning error given in each step, N m.
-        real: ``np.float64`` or ``np.float32``.
-
-    Returns:
-        Torque (K, L, J) and weights (L, rows, J) at the end, N m.
+    Takes inputs (K, L, n) and learning errors (K, L, J); ``real`` is ``np.float64`` or ``np.float32``.
     """
     legs, rows, joints = network.params.weights.shape
     weights = np.zeros((legs, rows + 1, joints), dtype=real)

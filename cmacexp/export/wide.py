@@ -23,24 +23,15 @@ def _make_schema(fields: dict[str, Field]) -> pa.Schema:
 
 
 def write_wide(run: StoredRun, folder: Path) -> Path:
-    """Write ``wide.parquet``: ``time``, ``step``, ``cycle``, then ``leg1.force`` and so on, ``body.height``.
+    """Write ``wide.parquet``: ``time``, ``step``, ``cycle``, ``leg1.force``, ``body.height``, ...; raises BadRun.
 
     Numbers are float64 or int32; ``support`` is 1 in planned support and 0 in transfer. Compressed by Snappy, which
     every reader of Parquet knows.
-
-    Args:
-        run: whose tables are checked against their hashes.
-        folder: that exists; the file replaces an earlier one as a whole.
-
-    Returns:
-        The file.
-
-    Raises:
-        BadRun: the run has no trace, or one that is not as it was written.
     """
     shared, groups = describe_fields(run)
     fields = shared | {f"{group}.{name}": field for group, own in groups.items() for name, field in own.items()}
     schema, path = _make_schema(fields), folder / WIDE
+    folder.mkdir(parents=True, exist_ok=True)
     with (
         write_atomically(path) as temporary,
         pq.ParquetWriter(temporary, schema, compression="snappy", use_dictionary=False) as writer,

@@ -41,8 +41,12 @@ def legs_of(stored):
 
 
 def test_a_wide_table_has_every_value_of_the_run_in_one_row_a_step(stored, tmp_path):
-    table = pq.read_table(write_wide(stored, tmp_path))
+    path = write_wide(stored, tmp_path)
+    table, columns = pq.read_table(path), pq.ParquetFile(path).metadata.row_group(0)
     assert table.column_names[0] == "time"
+    assert table.schema.field("leg1.force").metadata[b"unit"] == b"N"
+    encodings = {each for index in range(columns.num_columns) for each in columns.column(index).encodings}
+    assert not {"PLAIN_DICTIONARY", "RLE_DICTIONARY"} & encodings  # which some readers do not know
     assert set(table.schema.types) <= {pa.float64(), pa.int32()}
     found = table.to_pandas()
     bodies = {"body": stored.body} if stored.walks else {}
@@ -52,14 +56,6 @@ def test_a_wide_table_has_every_value_of_the_run_in_one_row_a_step(stored, tmp_p
         for name in set(rows) - {*own, "leg", "phase"}:
             np.testing.assert_array_equal(found[f"{group}.{name}"], rows[name])
     assert (found["leg1.support"] == (legs_of(stored)["leg1"]["phase"] == "support")).all()
-
-
-def test_a_wide_table_says_units_and_needs_no_dictionary(stored, tmp_path):
-    path = write_wide(stored, tmp_path)
-    assert pq.read_schema(path).field("leg1.force").metadata[b"unit"] == b"N"
-    columns = pq.ParquetFile(path).metadata.row_group(0)
-    for index in range(columns.num_columns):
-        assert not {"PLAIN_DICTIONARY", "RLE_DICTIONARY"} & {*columns.column(index).encodings}
 
 
 def test_mcap_has_a_message_for_each_step_and_topic(stored, tmp_path):
@@ -95,28 +91,20 @@ def test_what_is_not_finite_is_null_in_json(folder, tmp_path):
 
 @pytest.mark.parametrize("write", [write_wide, write_mcap])
 def test_a_damaged_run_leaves_no_file(write, folder, tmp_path):
-    shutil.copytree(folder / "leg", tmp_path / "run")
-    out = tmp_path / "out"
-    out.mkdir()
-    trace = pq.read_table(tmp_path / "run" / "trace.parquet")
-    pq.write_table(trace.slice(1), tmp_path / "run" / "trace.parquet")
-    with pytest.raises(BadRun, match="changed since it was written"):
-        write(StoredRun(tmp_path / "run"), out)
-    for changed in (trace.slice(0, 0), trace.drop_columns("time"), trace.append_column("a", [["b"] * len(trace)])):
-        pq.write_table(changed, tmp_path / "run" / "trace.parquet")
-        accept(tmp_path / "run", "trace.parquet")
-        with pytest.raises(BadRun, match="holds no step of a run"):
-            write(StoredRun(tmp_path / "run"), out)
-    assert not list(out.iterdir())
-
-
-def test_tables_that_do_not_fit_each_other_are_refused(folder, tmp_path):
-    walk = shutil.copytree(folder / "walk", tmp_path / "walk")
+    """A trace that is not its own, that has no step or other columns, and one without the last row of the body's."""
+    walk, out = shutil.copytree(folder / "walk", tmp_path / "walk"), tmp_path / "out"
     trace = pq.read_table(walk / "trace.parquet")
-    pq.write_table(trace.slice(0, len(trace) - 1), walk / "trace.parquet")
-    accept(walk, "trace.parquet")
-    with pytest.raises(BadRun, match="have not the same steps"):
-        write_wide(StoredRun(walk), tmp_path)
+    pq.write_table(trace.slice(1), walk / "trace.parquet")
+    with pytest.raises(BadRun, match="changed since it was written"):
+        write(StoredRun(walk), out)
+    strange = trace.slice(0, 0), trace.drop_columns("time"), trace.append_column("a", [["b"] * len(trace)])
+    cases = [(each, "holds no step of a run") for each in strange]
+    for changed, said in [*cases, (trace.slice(0, len(trace) - 1), "have not the same steps")]:
+        pq.write_table(changed, walk / "trace.parquet")
+        accept(walk, "trace.parquet")
+        with pytest.raises(BadRun, match=said):
+            write(StoredRun(walk), out)
+    assert not list(out.glob("*"))
 
 
 def test_a_long_run_is_written_part_by_part(folder, tmp_path):
