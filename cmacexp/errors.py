@@ -33,11 +33,7 @@ def format_install_command(wanted: str) -> str:
 
 
 def require_extra(module: str) -> None:
-    """Import a module of an extra of this package.
-
-    Raises:
-        CmacexpError: it is not installed.
-    """
+    """Import a module of an extra of this package; raises CmacexpError if it is not installed."""
     try:
         importlib.import_module(module)
     except ImportError as error:

@@ -132,13 +132,5 @@ class LoopEnv(Env[Array, Array]):
 
 
 def make(scenario: str = "one_leg", overrides: Sequence[str] = ()) -> LoopEnv:
-    """The environment of a scenario.
-
-    Args:
-        scenario: ``one_leg``, ``quadruped``, ``robot`` or another one.
-        overrides: as of :func:`cmacexp.open_loop`, e.g. ``["cycles=3"]``.
-
-    Raises:
-        CmacexpError: it cannot be run.
-    """
+    """The environment of a scenario, with overrides such as ``["cycles=3"]``; raises CmacexpError."""
     return LoopEnv(open_loop([f"scenario={scenario}", *overrides]))

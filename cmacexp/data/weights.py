@@ -57,12 +57,7 @@ def read_weights(config: Config) -> Weights | None:
 
 
 def load_weights(folder: Path) -> Weights:
-    """The weights that the run in a folder stored.
-
-    Raises:
-        BadRun: they are not as the run wrote them.
-        Exception: whatever zipfile, zlib and numpy raise.
-    """
+    """The weights that the run in a folder stored; raises BadRun, and whatever zipfile, zlib and numpy raise."""
     with open_file(require_intact(folder / WEIGHTS)) as file:
         _check_sizes(file)
         with np.load(file, allow_pickle=False) as arrays:

@@ -120,19 +120,10 @@ def run(
 
 
 def open_loop(overrides: str | Sequence[str] = (), *, config_dir: str | Path | None = None) -> OpenLoop:
-    """The loop of ``python -m cmacexp`` with these overrides, to be stepped from outside; nothing is written.
+    """The loop of :func:`run` with these overrides, stepped from outside; nothing is written; raises CmacexpError.
 
-    Whoever steps it takes the place of the feedforward. Without torque it gives the bits of ``feedforward=none``.
-
-    Args:
-        overrides: as of :func:`run`, but for ``feedforward``.
-        config_dir: likewise.
-
-    Raises:
-        CmacexpError: it cannot be run.
-
-    Warns:
-        WithoutEffect: as :func:`run`.
+    Whoever steps it takes the place of the feedforward, which overrides do not name. Without torque it gives the bits
+    of ``feedforward=none``.
     """
     own, _ = _split(overrides)
     for text in own:

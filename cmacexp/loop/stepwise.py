@@ -60,13 +60,7 @@ class Moment(NamedTuple):
 
 
 class OpenLoop:
-    """A scenario without feedforward, at its start; :func:`cmacexp.open_loop` makes one.
-
-    Args:
-        scenario: new, with ``feedforward=none`` and built-in components.
-
-    Raises:
-        CmacexpError: it has external components.
+    """A scenario without feedforward, at its start; :func:`cmacexp.open_loop` makes one of built-in components.
 
     Attributes:
         setup: config, machine and plan.
@@ -107,11 +101,7 @@ class OpenLoop:
     """Of the present cycle, which pauses before each."""
 
     def reset(self, seed: int | None = None) -> Moment:
-        """Return to the start of the run.
-
-        Args:
-            seed: of the noise of the sensors, as ``seed`` of the config; None: as before.
-        """
+        """Return to the start of the run; ``seed`` of the noise of the sensors, None: as before."""
         with interrupt_held_back(self._plant is not None):
             if self._plant is not None:
                 self._plant.put()
@@ -125,15 +115,7 @@ class OpenLoop:
             return self._pause()
 
     def step(self, torque: ArrayLike) -> Moment:
-        """Take a step.
-
-        Args:
-            torque: (L, J): of the feedforward, N m.
-
-        Raises:
-            BadOutput: it has another shape or is not finite.
-            CmacexpError: the run has ended.
-        """
+        """Take a step with a feedforward ``torque`` (L, J), N m; raises BadOutput, or CmacexpError after the end."""
         if self.moment.status != "running":
             raise CmacexpError(f"the run has {self.moment.status}: reset() starts it again")
         given = np.asarray(torque, dtype=float)

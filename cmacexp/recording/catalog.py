@@ -57,15 +57,9 @@ def _set_columns(runs: DatasetEntry, keys: Sequence[str]) -> None:
 
 @contextmanager
 def serve_catalog(recordings: Sequence[Path], keys: Sequence[str], host: str) -> Iterator[tuple[str, DatasetEntry]]:
-    """Serve recordings as one data set; gives the address of its table, and the data set.
+    """Serve recordings as one data set, with ``keys`` of the config as first columns; raises BadRun.
 
-    Args:
-        recordings: a file for each run.
-        keys: of the config, in which the runs differ: the first columns of the table.
-        host: address of this machine that the server listens to.
-
-    Raises:
-        BadRun: the server does not take a recording.
+    Gives the address of its table, and the data set; ``host`` is the address of this machine that it listens to.
     """
     with Server(host=host, datasets={DATASET: recordings}) as server:
         runs = server.client().get_dataset(DATASET)

@@ -83,10 +83,7 @@ def shown(describe: Callable[[], str]) -> Iterator[None]:
 
 
 def format_progress(what: str, done: float, total: int, unit: str, seconds: float) -> str:
-    """How much of some work is done after ``seconds``, and the time that is left at this rate.
-
-    A search does not say how much there is: its total is 0.
-    """
+    """How much is done after ``seconds``, and the time that is left at this rate; a search has a total of 0."""
     if not total:
         return f"{what}: {int(done)} {unit}".rstrip()
     text = f"{what}: {int(done)}/{total} {unit}".rstrip()
