@@ -192,7 +192,10 @@ def write_scores(frame: "pd.DataFrame") -> str:
         scores = table_scores(frame, machine)
         rows = [list(scores), ["---"] * len(scores.columns), *scores.itertuples(index=False)]
         table = "\n".join("| " + " | ".join(map(str, row)) + " |" for row in rows)
-        parts.append(f"**{machine}**\n\n{table}\n\n{describe_order(frame, machine, find_setting(machine))}\n")
+        excluded = make_comparison(frame, machine, BY_DEFAULT).excluded
+        notes = [f"The task {task} does not count there: {why}." for task, why in excluded.items()]
+        order = " ".join([describe_order(frame, machine, find_setting(machine)), *notes])
+        parts.append(f"**{machine}**\n\n{table}\n\n{order}\n")
     return "\n".join(parts)
 
 
