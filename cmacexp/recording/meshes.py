@@ -28,8 +28,7 @@ UNSET = (0.5, 0.5, 0.5, 1.0)
 def read_shown_model(folder: Path, manifest: Manifest) -> Robot:
     """The model with which a robot ran, as its config names it; no file of the run's folder is read for it.
 
-    Raises:
-        BadInput: it is no run of a robot, MuJoCo or the model is missing, or the model is not that of the run.
+    Raises BadInput if it is no run of a robot, MuJoCo or the model is missing, or the model is not that of the run.
     """
     plain = manifest["config"]["machine"]
     if plain["kind"] != "robot" or "robot" not in manifest:
