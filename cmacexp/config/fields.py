@@ -44,9 +44,9 @@ def number(
     return field(default=default, metadata={"unit": unit, "words": words, "needs": needs, "tuned": tuned, **given})
 
 
-def choice(*names: str, needs: tuple[str, ...] = (), default: Any = MISSING, tuned: Tuned = None) -> Any:
+def choice(*names: str, needs: tuple[str, ...] = (), tuned: Tuned = None) -> Any:
     """A dataclass field for one of ``names``, or a list of at least one of them, each once; ``tuned`` as above."""
-    return field(default=default, metadata={"choices": names, "needs": needs, "tuned": tuned})
+    return field(metadata={"choices": names, "needs": needs, "tuned": tuned})
 
 
 def describe_range(metadata: dict[str, Any]) -> str:
