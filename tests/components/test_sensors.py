@@ -14,8 +14,7 @@ from cmacexp.commands.score import score
 from cmacexp.data.signals import BODY_SIGNALS, select_signals
 from cmacexp.experiment.run import run_scenario
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE
-from cmacexp.sensors.noise import normal, uniform
+from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE, normal, uniform
 from cmacexp.sensors.protocol import SIGNALS, PerfectSensors
 
 REAL = "sensors=real"
