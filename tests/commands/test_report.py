@@ -19,7 +19,7 @@ from cmacexp.report.parts import Drawing, Folded, Table
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import RunSummary, make_rows, read_summary, sort_folders
 from cmacexp.report.run_tables import list_settings
-from cmacexp.report.style import include_zero, logarithmic, mark, new_figure, spans_decades
+from cmacexp.report.style import include_zero, logarithmic, new_figure, spans_decades
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
 
 
@@ -305,11 +305,6 @@ def test_axes_are_logarithmic_only_where_values_allow_it():
     assert not spans_decades([1.0, 15.0])
     assert not spans_decades([-1.0, 100.0])
     assert not spans_decades([math.nan])
-
-
-def test_lines_of_one_figure_differ_in_colour_or_dash():
-    marks = {tuple(map(str, mark(index).values())) for index in range(12)}
-    assert len(marks) == 12
 
 
 def test_axes_do_not_exaggerate_differences():
