@@ -56,9 +56,6 @@ def _holds(need: str, names: dict[str, Any]) -> bool:
         return True
 
 
-HYDRA_GROUP = "hydra"
-
-
 class Typed(NamedTuple):
     """A value that was typed for a key."""
 
@@ -74,7 +71,7 @@ def read_typed(overrides: Sequence[str]) -> list[Typed]:
     found = []
     for override in parsed:
         key = override.key_or_group
-        own = re.split(r"[./@]", key)[0] != HYDRA_GROUP
+        own = re.split(r"[./@]", key)[0] != "hydra"
         if own and not override.is_delete() and not override.is_sweep_override():
             found += [
                 Typed(place, value, str(override.input_line)) for place, value in _leaves(key, override.value())
