@@ -124,7 +124,6 @@ class Address(NamedTuple):
     """(C, n): shift of every layer along every input, 0 to C - 1 quanta."""
     resolution_elements: int
     rows: int
-    """Rows of memory."""
     hashed: bool
     seed: int
     """Seed of the hash, 32 bits."""

@@ -49,7 +49,6 @@ class Samples(NamedTuple):
     """Samples of some steps of a closed loop, whole cycles unless the run ends in them."""
 
     start: int
-    """First step."""
     legs: Array
     """(steps, L, columns), in the order of :mod:`cmacexp.loop.samples`."""
     body: Array
@@ -71,7 +70,6 @@ class End:
     """How a closed loop ended."""
 
     steps: int
-    """Steps taken."""
     status: str
     """``completed``, ``diverged``, ``fell``, ``interrupted`` or ``failed``."""
     cause: str

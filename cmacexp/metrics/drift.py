@@ -55,7 +55,6 @@ class DriftDetector:
         self._level, self._rises = np.zeros((0, legs)), np.zeros((0, legs), dtype=bool)
         """Logarithm of the level at the end of each cycle so far, and whether the last WINDOW cycles rise."""
         self.first: Drift | None = None
-        """The first drift of all legs."""
 
     def add(self, feedback: Array) -> tuple[Array, Array]:
         """Test the next cycles of RMS feedback torques (cycles, L).

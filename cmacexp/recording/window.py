@@ -17,7 +17,6 @@ class Window(NamedTuple):
     first: int
     """First cycle shown, from 1."""
     last: int
-    """Last cycle shown."""
     every: int
     """One step in so many is shown."""
     steps: int

@@ -24,7 +24,6 @@ class Interval:
     low: float
     high: float
     count: int
-    """Size of the sample."""
     method: str
     """How the interval was computed."""
 
