@@ -13,7 +13,6 @@ from support.manifests import change_manifest
 
 from cmacexp.config.difference import flat
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.version import __version__
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.parts import Drawing, Folded, Table
 from cmacexp.report.run_report import make_run_report
@@ -102,10 +101,6 @@ def test_a_run_gets_a_page_that_needs_nothing_else(leg):
     assert not list((leg / "report").rglob(".*.part"))
     assert "Memory of the feedforward" in text_of(leg)
     assert "How it ended" not in text_of(leg)
-
-
-def test_a_page_says_when_and_by_what_it_was_written(leg):
-    assert re.search(rf"Written on \d{{4}}-\d\d-\d\d by cmacexp {re.escape(__version__)}", text_of(leg))
 
 
 def test_figures_are_described_by_what_they_show(leg):

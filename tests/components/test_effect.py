@@ -95,31 +95,6 @@ def test_warnings(overrides, expected):
     assert warned(overrides) == expected
 
 
-@pytest.mark.parametrize(
-    ("typed", "group", "but", "needs"),
-    [
-        ((), "posture", (), "machine.kind in ('quadruped', 'robot')"),
-        ((), "plausibility", ("enabled",), "plausibility.enabled"),
-        ((), "payload", ("weight",), "payload.weight > 0"),
-        (("sensors=real",), "sensors.force.fault", ("kind",), "sensors.force.fault.kind != 'none'"),
-        (("feedforward=none",), "cmac", (), "feedforward in ('cmac', 'cmac_on_model')"),
-        (("feedforward=none",), "learning", (), "feedforward != 'none'"),
-        (("learning.start_cycle=9",), "cmac", (), "learning.start_cycle <= cycles"),
-        (("learning.start_cycle=9",), "learning", ("start_cycle",), "learning.start_cycle <= cycles"),
-    ],
-)
-def test_each_field_of_a_group_is_warned_of_in_one_line(typed, group, but, needs):
-    config = compose_config(typed)
-    keys = [key for key, *_ in leaves(config) if key.startswith(f"{group}.")]
-    keys = [key for key in keys if key.removeprefix(f"{group}.") not in but]
-    composed, _ = compose_untyped(typed)
-    assert len(keys) >= 2
-    for key in keys:
-        (line,) = warnings_of(config, [f"{key}=0"], composed)
-        assert line.startswith(f"{key}=0 has no effect: needs ")
-        assert needs in line
-
-
 def test_a_run_from_python_warns_as_python_does(tmp_path):
     with pytest.warns(WithoutEffect, match=r"payload\.x=0\.1 has no effect: needs payload\.weight > 0") as caught:
         cmacexp.run([*DROP, "record=trace", "payload.x=0.1"], tmp_path / "run")
