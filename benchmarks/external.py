@@ -11,10 +11,10 @@ from benchmarks.timing import Row, Table, compared, in_turn, make_config
 from cmacexp.config import Config
 from cmacexp.control import Action, Reference
 from cmacexp.data.signals import ARRAYS
-from cmacexp.loop import Rollout, roll_out
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.plants import Measurement
 from cmacexp.typing import Array
+from tests.support.rollout import Rollout, roll_out
 
 TARGET = "10 us on top"
 

@@ -12,8 +12,9 @@ from benchmarks import external
 from benchmarks.c_loop import build, compiler, run_in_c
 from benchmarks.timing import ROOT, Row, Table, compared, in_turn, make_config, python
 from cmacexp.config import Config
-from cmacexp.loop import roll_out, stream
+from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
+from tests.support.rollout import roll_out
 
 TARGETS = {
     "one_leg": "0.30 us where C takes 0.36 us",

@@ -43,7 +43,7 @@ def tables(quick: bool) -> list[Table]:
         for what, command, target in commands:
             used.append(processor_time(command)() / runs)
             rows.append(Row(what, format_time(used[-1]), against, used[-1] / base, target))
-        all_of_it = stopwatch(sweep("many", many, "record=metrics", f"sweep.max_jobs={many}"))()
+        all_of_it = stopwatch(sweep("many", many, "record=metrics"))()
         loading = stopwatch(start("-c", LOAD, "metrics"))()
         importing = stopwatch(start("-c", "import cmacexp, pandas"))()
         rows.append(_elapsed(f"{many} runs, `record=metrics`, elapsed", all_of_it, "2 min for 10,000"))

@@ -24,10 +24,10 @@ from cmacexp.config import Config, config_folder, to_config
 ROOT = Path(__file__).parents[1]
 WITHOUT_PRIVATE_NAMES = [
     "-c",
-    "import sys; from cmacexp.config import hydra_private; hydra_private.KNOWN = 'none'; "
-    "from cmacexp.commands.main import main; sys.exit(main())",
+    "import sys; from cmacexp.commands import main; main.skip_mode_lookup = lambda arguments: None; "
+    "sys.exit(main.main())",
 ]
-"""``-m cmacexp`` as with a version of Hydra whose private names are not known."""
+"""``-m cmacexp`` without what private names of Hydra gain."""
 Times = dict[str, list[float]]
 """Seconds of every round by name."""
 

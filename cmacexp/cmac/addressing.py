@@ -41,10 +41,8 @@ def parks_militzer(layers: int, inputs: int) -> Vector:
     """The vector whose lattice has the largest least distance (Parks & Militzer 1991), found by search.
 
     Mirroring an input and exchanging inputs do not change the distance, so the search is limited to non-decreasing
-    vectors that begin with 1, of numbers coprime with the number of layers and at most half of it.
-
-    Raises:
-        BadInput: there are too many of them.
+    vectors that begin with 1, of numbers coprime with the number of layers and at most half of it. Raises BadInput if
+    there are too many of them.
     """
     if layers <= 2:
         return diagonal(layers, inputs)
@@ -126,7 +124,6 @@ class Address(NamedTuple):
     """(C, n): shift of every layer along every input, 0 to C - 1 quanta."""
     resolution_elements: int
     rows: int
-    """Rows of memory."""
     hashed: bool
     seed: int
     """Seed of the hash, 32 bits."""

@@ -87,10 +87,8 @@ def _end_sweep() -> str | None:
 class _Task:
     """What Hydra calls with the composed config of a run, or of each job of a sweep.
 
-    Attributes:
-        called: whether Hydra has composed a config.
-        status: of the run; where Hydra calls nothing, as for ``--help``, ``completed``.
-        error: what the run or Hydra raised.
+    ``called`` says whether Hydra has composed a config; ``status`` is that of the run, ``completed`` where Hydra
+    calls nothing, as for ``--help``; ``error`` is what the run or Hydra raised.
     """
 
     def __init__(self) -> None:

@@ -29,11 +29,6 @@ def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     )
 
 
-def _report_of_one(folder: Path, out: Path) -> Path:
-    with activity(f"reading {folder}") as show:
-        return write_report(make_run_report(StoredRun(folder)), out, say=show)
-
-
 def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path) -> Path:
     with activity("reading runs") as show:
         runs = []
@@ -56,9 +51,11 @@ def _report(arguments: argparse.Namespace) -> int:
     folders = list(dict.fromkeys(run for folder in given for run in sort_folders(runs_below(folder))))
     out = _find_destination(given, arguments.out)
     if len(folders) == 1:
-        say(str(_report_of_one(folders[0], out)))
+        with activity(f"reading {folders[0]}") as show:
+            page = write_report(make_run_report(StoredRun(folders[0])), out, say=show)
     else:
-        say(str(_report_of_several(folders, given, out)))
+        page = _report_of_several(folders, given, out)
+    say(str(page))
     return 0
 
 

@@ -4,7 +4,6 @@ import argparse
 import re
 import shlex
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from omegaconf import OmegaConf
@@ -99,11 +98,11 @@ def joint_rows(robot: Robot) -> list[list[str]]:
     ]
 
 
-def setting_rows(config: Config, keys: Sequence[str] = SETTINGS) -> list[list[str]]:
+def setting_rows(config: Config) -> list[list[str]]:
     """Rows of a table: fields of the config, each with its unit."""
     plain = to_plain(config)
     values, described = flat(plain), describe_fields(plain)
-    return [[key, described[key].unit, format_number(values[key])] for key in keys if key in values]
+    return [[key, described[key].unit, format_number(values[key])] for key in SETTINGS if key in values]
 
 
 def _count_margin(config: Config) -> int | None:

@@ -24,11 +24,7 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 
 def main() -> int:
-    """Run the command.
-
-    Returns:
-        The exit code: 0 if all is intact; 4 if something is not; 2 if there is nothing.
-    """
+    """Run the command; returns its exit code: 0 if all is intact, 4 if something is not, 2 if there is nothing."""
     description = "Check which runs, reports and tables of sweeps are intact: every file is present and unchanged."
     parser = Parser("cmacexp.verify", description, folders=True)
     return run_command(lambda: _verify(parser.parse_args()))

@@ -38,11 +38,7 @@ class ComponentConfig:
     """Whether the component draws random numbers, for all that its own fields say."""
 
     def check(self, config: Config) -> None:
-        """Check what no field shows alone, against each other and against the rest of the run.
-
-        Raises:
-            BadInput: names the key, the value and what is allowed.
-        """
+        """Check what no field shows alone, against each other and the rest of the run; raises BadInput."""
 
 
 @dataclass
@@ -99,8 +95,7 @@ def _fields_of_options(group: str) -> set[str]:
 def fit_fields(group: str, node: Mapping[str, Any], component: Callable[..., object]) -> dict[str, Any]:
     """A config node without the fields of options that its class does not take: it may have replaced an option.
 
-    Raises:
-        BadInput: a field is of no option and the class does not take it, or the class needs one that is missing.
+    Raises BadInput if a field is of no option and the class does not take it, or if one that it needs is missing.
     """
     taken = _fields_taken(component)
     if taken is None:

@@ -71,14 +71,10 @@ def _compose_cached(overrides: Sequence[str]) -> tuple[DictConfig, dict[str, str
 
 
 def compose_config(overrides: Sequence[str], config_dir: str | Path | None = None) -> Config:
-    """The checked config of a command line.
+    """The checked config of a command line, e.g. ``["scenario=one_leg", "cycles=3"]``.
 
-    Args:
-        overrides: as on the command line, e.g. ``["scenario=one_leg", "cycles=3"]``.
-        config_dir: a folder of custom configs, as ``--config-dir``; its files are read anew by each call.
-
-    Raises:
-        CmacexpError: a name or a value is not valid; the message is that of the command line.
+    ``config_dir`` is a folder of custom configs, as ``--config-dir``; its files are read anew by each call. Raises
+    CmacexpError with the message of the command line.
     """
     return to_config(compose_untyped(overrides, config_dir)[0])
 
@@ -88,8 +84,7 @@ def compose_untyped(
 ) -> tuple[DictConfig, dict[str, str]]:
     """What :func:`cmacexp.config.to_config` takes, and the option of each group, e.g. ``{"feedforward": "cmac"}``.
 
-    Raises:
-        CmacexpError: Hydra cannot compose it.
+    Raises CmacexpError if Hydra cannot compose it.
     """
     from cmacexp.config.explain import explain_composition
 

@@ -44,9 +44,9 @@ def number(
     return field(default=default, metadata={"unit": unit, "words": words, "needs": needs, "tuned": tuned, **given})
 
 
-def choice(*names: str, needs: tuple[str, ...] = (), default: Any = MISSING, tuned: Tuned = None) -> Any:
+def choice(*names: str, needs: tuple[str, ...] = (), tuned: Tuned = None) -> Any:
     """A dataclass field for one of ``names``, or a list of at least one of them, each once; ``tuned`` as above."""
-    return field(default=default, metadata={"choices": names, "needs": needs, "tuned": tuned})
+    return field(metadata={"choices": names, "needs": needs, "tuned": tuned})
 
 
 def describe_range(metadata: dict[str, Any]) -> str:
@@ -145,8 +145,7 @@ def _convert(value: Any, declared: Any, key: str) -> Any:
 def make_config(schema: Any, node: Mapping[str, Any], key: str = "") -> Any:
     """A config dataclass of plain values, as YAML holds them; :func:`check_fields` checks their types and ranges.
 
-    Raises:
-        BadInput: a key below ``key`` is not that of a field, or a field without default is missing.
+    Raises BadInput if a key below ``key`` is not that of a field, or a field without default is missing.
     """
     before, types = f"{key}." if key else "", _declared_types(schema)
     declared = {each.name: each for each in fields(schema)}
@@ -163,8 +162,7 @@ def make_config(schema: Any, node: Mapping[str, Any], key: str = "") -> Any:
 def check_fields(node: object, prefix: str = "") -> None:
     """Check every field of a config dataclass, and of those inside it, against its type and range.
 
-    Raises:
-        BadInput: names the key below ``prefix``, the value, and the type or range of the first field outside it.
+    Raises BadInput, which names the key below ``prefix``, for the first field outside it.
     """
     if not is_dataclass(node):
         return

@@ -1,14 +1,9 @@
-"""All private names of Hydra that this project uses; another version does without, slower or wordier."""
+"""All private names of Hydra that this project uses; ``pyproject.toml`` allows only versions that have them."""
 
 import sys
 from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 from types import MethodType
-
-from hydra import __version__
-
-KNOWN = "1.3."
-"""The version whose private names these are."""
 
 
 def skip_mode_lookup(arguments: Sequence[str]) -> None:
@@ -17,9 +12,7 @@ def skip_mode_lookup(arguments: Sequence[str]) -> None:
     No shipped config sets ``hydra.mode``; where the command line could, Hydra looks as usual. Measured by
     ``benchmarks/command.py``, row "without Hydra's private names".
     """
-    if __version__.startswith(KNOWN) and not any(
-        "hydra.mode" in text or text.startswith(("-cd", "-cn", "-cp", "--config-")) for text in arguments
-    ):
+    if not any("hydra.mode" in text or text.startswith(("-cd", "-cn", "-cp", "--config-")) for text in arguments):
         from hydra._internal.hydra import Hydra
 
         Hydra.get_mode = lambda self, config_name, overrides: None  # type: ignore[method-assign, assignment]
@@ -27,8 +20,6 @@ def skip_mode_lookup(arguments: Sequence[str]) -> None:
 
 def report_parser_errors(report: Callable[[ArgumentParser, str], None]) -> None:
     """Have Hydra's parser of the command line call ``report``, where it would print nine lines and exit."""
-    if not __version__.startswith(KNOWN):
-        return
     from hydra._internal.utils import get_args_parser
 
     def make_parser() -> ArgumentParser:

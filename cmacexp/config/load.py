@@ -61,8 +61,7 @@ def _list_groups() -> list[str]:
 def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     """Type and check what Hydra composed, or plain values, as the ``config`` of a manifest.
 
-    Raises:
-        BadInput: names the first key that is wrong; every value must be in its range, every combination possible.
+    Raises BadInput for the first key that is wrong: every value must be in its range, every combination possible.
     """
     plain: Any = composed
     try:

@@ -47,8 +47,7 @@ def current_folder_importable() -> Iterator[None]:
 def find_class(key: str, target: object) -> type[Any]:
     """Import the class that ``target`` names as ``module.Class``; nothing but the import of its module runs code.
 
-    Raises:
-        BadInput: there is no such class; as :class:`BadComponent` with the traceback of what its module raised.
+    Raises BadInput; as :class:`BadComponent` with the traceback of what its module raised.
     """
     if not isinstance(target, str) or not all(target.split(".")) or "." not in target:
         raise BadInput(key, target, "must name a class as module.Class, e.g. my_file.MyController")

@@ -36,11 +36,7 @@ def new_actuator(
 ) -> Actuator:
     """Actuators at rest: until the first command arrives the torque is zero.
 
-    Args:
-        config: limits, delay and lag of all joints.
-        sampling_period: T_s, s.
-        legs: number of legs.
-        motors: (J,): largest absolute torque of each joint of a leg, N m, which the config can only lower.
+    ``motors`` (J,) are the largest absolute torques of each joint of a leg, N m, which the config can only lower.
     """
     joints = len(motors)
     return Actuator(
@@ -56,13 +52,10 @@ def new_actuator(
 
 @kernel
 def saturate(limit: tuple[float, ...], feedback: Array, feedforward: Array, torque: Array) -> None:
-    """Limit the torque of every joint to its ``limit``; the feedback is reduced first.
+    """Limit the torque of every joint to its ``limit`` (J,), N m; the feedback is reduced first.
 
-    Args:
-        limit: (J,): largest absolute torque, N m; infinite for none.
-        feedback: (L, J): reduced in place.
-        feedforward: (L, J): reduced in place where it alone exceeds the limit.
-        torque: (L, J): filled with the sum of both, the input of the plant.
+    ``feedback`` (L, J) is reduced in place, and ``feedforward`` (L, J) where it alone exceeds the limit. ``torque``
+    (L, J) is filled with their sum, the input of the plant.
     """
     for i in range(torque.shape[0]):
         for j in range(len(limit)):
@@ -115,12 +108,8 @@ def follow(lagged: Array | None, share: float, feedback: Array, feedforward: Arr
 def actuate(actuator: Actuator, step: int, feedback: Array, feedforward: Array, torque: Array) -> None:
     """Compute the torques of the plant from those commanded in ``step``: delayed, limited, limited in rate, lagging.
 
-    Args:
-        actuator: limits, delay and lag.
-        step: counts from 0; steps must follow each other.
-        feedback: (L, J), N m: commanded; replaced by the one that acts.
-        feedforward: (L, J), N m: likewise.
-        torque: (L, J): filled with the sum of both, the input of the plant.
+    Steps count from 0 and must follow each other. ``feedback`` and ``feedforward`` (L, J), N m, are replaced by those
+    that act; ``torque`` (L, J) is filled with their sum, the input of the plant.
     """
     if actuator.delay > 0:
         postpone(actuator, step, feedback, feedforward)

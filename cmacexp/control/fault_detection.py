@@ -15,7 +15,6 @@ from cmacexp.models.mechanism import Mechanism, has_body
 from cmacexp.typing import Array, Clock, State
 
 LARGEST_INCREMENT = 1.0
-"""Largest increment of the statistic by one sample."""
 
 
 class FaultDetection(NamedTuple):

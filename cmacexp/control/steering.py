@@ -44,7 +44,6 @@ class Steering(NamedTuple):
     sway: Array
     """(N, 2): planned place of the body beside its constant speed, m."""
     most: float
-    """Largest command."""
     command: Scratch
     """(3,)"""
     capture: float

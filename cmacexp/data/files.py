@@ -15,10 +15,9 @@ TIME_RESOLUTION = 20_000_000
 
 
 def open_file(path: Path) -> BufferedReader:
-    """Open a regular file for reading. A device or a FIFO could block or be endless; a link could lead anywhere.
+    """Open a regular file for reading; raises OSError.
 
-    Raises:
-        OSError: it is missing, cannot be read, or is not a regular file.
+    A device or a FIFO could block or be endless; a link could lead anywhere.
     """
     if not stat.S_ISREG(path.lstat().st_mode):
         raise OSError(errno.EINVAL, "not a regular file", str(path))

@@ -164,11 +164,8 @@ class Place:
         """Replace the earlier result; files of it that the manifest lists stay.
 
         Without ``sync`` only the manifest is sure to be on the disk then: a file that a power failure cuts short no
-        longer has the hash that the manifest lists.
-
-        Raises:
-            BadInput: the folder holds a file of the same name that is not of the earlier result; nothing is replaced.
-            OSError: the disk refuses a file.
+        longer has the hash that the manifest lists. Raises BadInput, and replaces nothing, if the folder holds a file
+        of the same name that is not of the earlier result; OSError if the disk refuses a file.
         """
         for name in _list_files(self.new):
             if name in manifest["files"] and name not in self.earlier:
@@ -264,10 +261,7 @@ def replacing(folder: Path, key: str, kind: str | None = None, wait: bool = Fals
 
     The folder is made if missing, and removed if it stays empty. It may hold an earlier result of the same kind, and
     files of other names. ``key`` is what names it on the command line. With ``wait`` another writer ends first.
-
-    Raises:
-        BadInput: another process writes there, or something would be replaced that is not of an earlier result.
-        OSError: the folder cannot be written.
+    Raises BadInput if another process writes there, or something would be replaced that is not of an earlier result.
     """
     made = not folder.exists()
     try:

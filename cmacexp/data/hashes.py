@@ -8,10 +8,8 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.files import is_behind_link, sha256, stamp
 from cmacexp.errors import BadRun
 
-MAX_CACHED_FILES = 4096
 
-
-@lru_cache(MAX_CACHED_FILES)
+@lru_cache(4096)
 def _cached_hash(path: Path, stamp: tuple[int, ...]) -> str:
     return sha256(path)
 

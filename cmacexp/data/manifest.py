@@ -96,9 +96,8 @@ def write(folder: Path, manifest: Manifest) -> None:
 def read(folder: Path) -> Manifest:
     """The manifest of a run, a report or a sweep, checked; without its checksum.
 
-    Raises:
-        BadRun: there is none, it cannot be read, it has changed, or an entry is missing or not what it must be; or
-            the result was being replaced when its writer was killed.
+    Raises BadRun if there is none, it cannot be read, it has changed, an entry is missing or not what it must be, or
+    the result was being replaced when its writer was killed.
     """
     if os.path.lexists(folder / NEW / NAME):
         reason = "its replacement was interrupted; repeat the command that wrote there, which completes it"

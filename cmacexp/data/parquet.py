@@ -30,10 +30,6 @@ def arrow_strings(values: list[str]) -> pa.Array:
     return pa.StringArray.from_buffers(len(values), pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded)))
 
 
-FEW_ROWS = 1000
-"""Compressing columns of so few values takes longer than all else that writes and reads them."""
-
-
 def table_writer(path: Path, schema: pa.Schema, compression: str = "zstd") -> pq.ParquetWriter:
     """What writes a table as Parquet part by part, a row group each; same parts, same bytes."""
     floats = [field.name for field in schema if pa.types.is_floating(field.type)]
@@ -48,7 +44,8 @@ def table_writer(path: Path, schema: pa.Schema, compression: str = "zstd") -> pq
 
 def write_table(table: pa.Table, path: Path) -> None:
     """Write a table as Parquet; the same table gives the same bytes."""
-    with table_writer(path, table.schema, "zstd" if table.num_rows > FEW_ROWS else "none") as writer:
+    # Compressing columns of so few values takes longer than all else that writes and reads them.
+    with table_writer(path, table.schema, "zstd" if table.num_rows > 1000 else "none") as writer:
         writer.write_table(table)
 
 

@@ -11,9 +11,7 @@ PRELOADED += ["cmacexp.jit.numba_private", "cmacexp.config.compose", "hydra.core
 
 
 def make_context() -> Any:
-    """What starts processes, the first one at once; where there is no fork, each imports for itself."""
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
+    """What starts processes, the first one at once."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOADED)
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which it inherits: Ctrl-C reaches it too

@@ -43,10 +43,6 @@ def make_return(value: Any, status: JobStatus) -> JobReturn:
     return returned
 
 
-SPECIAL = ("${", "???")
-"""What only OmegaConf understands: interpolations, and values that are missing."""
-
-
 def _pack(kind: Kind, folder: Path, callbacks: Any) -> bytes:
     """What a worker has to know of a kind of jobs: plain values where it needs no help of Hydra and OmegaConf."""
     config: Any = OmegaConf.to_container(kind.composed, enum_to_str=True)
@@ -54,7 +50,8 @@ def _pack(kind: Kind, folder: Path, callbacks: Any) -> bytes:
     job, where = hydra["job"], hydra["sweep"]["subdir"]
     asked = job["chdir"], job["env_set"], hydra["output_subdir"], hydra["job_logging"]["root"]
     is_default = where == "${hydra.job.num}" and len(hydra["callbacks"]) == 1 and not any(asked)
-    is_plain = is_default and not any(text in str((config, kind.runs)) for text in SPECIAL)
+    # Only OmegaConf understands interpolations, and values that are missing.
+    is_plain = is_default and not any(text in str((config, kind.runs)) for text in ("${", "???"))
     return pickle.dumps((config, hydra, folder) if is_plain else (kind.composed, callbacks, folder))
 
 

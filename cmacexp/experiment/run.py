@@ -189,10 +189,8 @@ def run_scenario(
     file name. ``overrides`` are those of a job of a sweep: a power failure may cost it its result, and the sweep that
     is resumed runs it again.
 
-    Raises:
-        BadInput: the machine cannot follow the plan, or the folder is in use or holds something else; nothing was
-            simulated or written.
-        OSError: the folder cannot be written, or the disk is full: an earlier run in the folder stays as it was.
+    Raises BadInput, with nothing simulated or written, if the machine cannot follow the plan, or the folder is in use
+    or holds something else; OSError if the folder cannot be written: an earlier run in it stays as it was.
     """
     began = time.perf_counter()
     scenario = prepared or make_scenario(config)

@@ -33,13 +33,8 @@ class Kind(NamedTuple):
 class Sweep:
     """The sweep of this process.
 
-    Attributes:
-        folder: ``hydra.sweep.dir``.
-        chunk: jobs in each task of a launcher.
-        processes: that run jobs on this machine; None: one for each core.
-        place: the same once it is locked, for the table.
-        planned: how many jobs have which overrides, see :func:`select_run_overrides`.
-        kinds: of jobs, see :meth:`get_kind`.
+    ``place`` is its folder once that is locked, for the table; ``planned`` counts jobs by their overrides, see
+    :func:`select_run_overrides`; ``kinds`` are those of :meth:`get_kind`.
     """
 
     current: "Sweep | None" = None
@@ -75,10 +70,7 @@ class Sweep:
         """The kind of a job: whether it can be composed depends on its keys and on the options that it chooses.
 
         Jobs that differ in values alone, which can be thousands, are of one kind, composed once. See
-        ``benchmarks/sweep.py``.
-
-        Raises:
-            HydraException: it cannot be composed.
+        ``benchmarks/sweep.py``. Raises HydraException if it cannot be composed.
         """
         loader = caller.hydra_context.config_loader
         keys = [text.split("=")[0] for text in overrides]

@@ -18,7 +18,6 @@ from cmacexp.data.folder import TABLE, TABLE_CSV, Place
 from cmacexp.data.parquet import arrow, arrow_strings, write_table
 from cmacexp.errors import BadRun
 from cmacexp.experiment.sweep import Sweep
-from cmacexp.experiment.without_effect import warnings_of_sweep
 from cmacexp.report.run_summary import Row, RunSummary, make_rows, print_runs, read_summary, sort_folders
 from cmacexp.report.terminal import activity, print_next, say
 
@@ -118,8 +117,6 @@ def finish_sweep(sweep: Sweep) -> str:
         say(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
     if len(failed) > MAX_LISTED_FAILURES:
         say(f"  and {len(failed) - MAX_LISTED_FAILURES} more: see {TABLE_CSV}", error=True)
-    for text in warnings_of_sweep((kind.composed, kind.runs) for kind in sweep.kinds.values() if kind.runs):
-        say(f"warning: {text}", error=True)
     if len(failed) < len(jobs):
         print_next(sweep.folder, {"report": "report"})
     say(str(sweep.folder / TABLE))

@@ -1,13 +1,11 @@
 """The start of a sweep: lock its folder, check its options, note its jobs, set ``record=trace`` by default."""
 
 from collections.abc import Sequence
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import RangeSweep
 from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from hydra.plugins.sweeper import Sweeper
@@ -31,7 +29,7 @@ class SweepStart(Callback):
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Prepare the sweep, before its jobs are made."""
         try:
-            _check_size(config)
+            _check_values(config)
             sweep = Sweep(Path(config.hydra.sweep.dir), *_read_options(config))
             sweep.begin()
         except (BadInput, OSError, HydraException) as error:
@@ -75,26 +73,14 @@ def _read_options(config: DictConfig) -> tuple[int | None, int | None]:
     return chunk, processes
 
 
-def _check_size(config: DictConfig) -> None:
-    """Count the jobs, before Hydra makes a list of them; raises BadInput if they are none or too many."""
-    limit, jobs = config.sweep.max_jobs, 1
-    if not isinstance(limit, int):
-        raise BadInput("sweep.max_jobs", limit, "must be a whole number, at least 1")
+def _check_values(config: DictConfig) -> None:
+    """Raises BadInput if a key is swept over no value, before Hydra makes a list of the jobs."""
     searched = [f"{key}={value}" for key, value in (OmegaConf.select(config, "hydra.sweeper.params") or {}).items()]
     parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
     for override in parser.parse_overrides([*searched, *config.hydra.overrides.task]):
-        if override.is_discrete_sweep():
-            value = override.value()
-            values = value.range() if isinstance(value, RangeSweep) else override.sweep_string_iterator()
-            count = sum(1 for _ in islice(values, limit + 1))
-            if not count:
-                typed = str(override.input_line).partition("=")
-                raise BadInput(
-                    typed[0], typed[2], "matches no option; glob is for groups, a field takes values: 8,16"
-                )
-            jobs *= count
-    if jobs > limit:
-        raise BadInput("sweep.max_jobs", limit, f"the sweep has more than {limit} jobs; raise it if they are meant")
+        if override.is_discrete_sweep() and next(iter(override.sweep_iterator()), None) is None:
+            key, _, value = str(override.input_line).partition("=")
+            raise BadInput(key, value, "matches no option; glob is for groups, a field takes values: 8,16")
 
 
 def _keys(overrides: Sequence[str]) -> set[str]:

@@ -5,9 +5,8 @@ evaluated and printed, e.g. ``own.weight > 0``. ``own`` is the group of the fiel
 plant, sensors, controller and feedforward.
 """
 
-import copy
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -16,13 +15,13 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import DictConfig, OmegaConf
 
 from cmacexp.cmac.rules import strength_needs
-from cmacexp.config import Config, to_config
+from cmacexp.config import Config
 from cmacexp.config.component import COMPONENTS, config_folder, find_option
 from cmacexp.config.load import to_plain
-from cmacexp.errors import CmacexpError, format_value
+from cmacexp.errors import format_value
 
 
-def explain_idle(config: Config, key: str, more: Sequence[str] = (), mode: str = "RUN") -> str:
+def explain_idle(config: Config, key: str, more: Sequence[str] = ()) -> str:
     """Why the key of a field, or of a group whose option is meant, has no effect; empty if it has one.
 
     ``more`` needs of the key are declared elsewhere than beside the field.
@@ -33,7 +32,7 @@ def explain_idle(config: Config, key: str, more: Sequence[str] = (), mode: str =
     if group in COMPONENTS and rest and rest.split(".")[0] not in plain[group]:
         return f"{group}={options[group]} does not take it"
     shipped = {name: o for name, o in options.items() if (config_folder() / name / f"{o}.yaml").exists()}
-    names = {**vars(config), "option": SimpleNamespace(**shipped), "hydra": SimpleNamespace(mode=mode)}
+    names = {**vars(config), "option": SimpleNamespace(**shipped), "hydra": SimpleNamespace(mode="RUN")}
     unmet = [need for need in dict.fromkeys((*_needs(config, key), *more)) if not _holds(need, names)]
     return "needs " + " and ".join(unmet).replace("option.", "") if unmet else ""
 
@@ -57,9 +56,6 @@ def _holds(need: str, names: dict[str, Any]) -> bool:
         return True
 
 
-HYDRA_GROUP = "hydra"
-
-
 class Typed(NamedTuple):
     """A value that was typed for a key."""
 
@@ -75,7 +71,7 @@ def read_typed(overrides: Sequence[str]) -> list[Typed]:
     found = []
     for override in parsed:
         key = override.key_or_group
-        own = re.split(r"[./@]", key)[0] != HYDRA_GROUP
+        own = re.split(r"[./@]", key)[0] != "hydra"
         if own and not override.is_delete() and not override.is_sweep_override():
             found += [
                 Typed(place, value, str(override.input_line)) for place, value in _leaves(key, override.value())
@@ -91,9 +87,9 @@ def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield key, value
 
 
-def _reason(config: Config, key: str, composed: DictConfig, mode: str) -> str:
+def _reason(config: Config, key: str, composed: DictConfig) -> str:
     """Why a key has no effect; empty if it has one, if only where it is interpolated."""
-    reason = explain_idle(config, key, strength_needs(key), mode)
+    reason = explain_idle(config, key, strength_needs(key))
     used = reason and f"${{{key}}}" in str(OmegaConf.to_container(composed, resolve=False))
     return "" if used else reason
 
@@ -104,43 +100,6 @@ def warnings_of(config: Config, overrides: Sequence[str], composed: DictConfig) 
     found: dict[str, str] = {}
     for i, (key, _, text) in enumerate(typed):
         later = next((each.text for each in typed[i + 1 :] if each.key == key), None)
-        if reason := f"{later} comes after it" if later else _reason(config, key, composed, "RUN"):
+        if reason := f"{later} comes after it" if later else _reason(config, key, composed):
             found[text] = reason
     return [f"{format_value(text)} has no effect: {reason}" for text, reason in found.items()]
-
-
-def _with_values(config: Config, typed: Iterable[Typed]) -> Config:
-    """A config with other values of fields; options stay as they are."""
-    config = copy.deepcopy(config)
-    for key, value, _ in typed:
-        *groups, name = key.split(".")
-        node: Any = config
-        for group in groups:
-            node = getattr(node, group, None)
-        if hasattr(node, name) and not is_dataclass(getattr(node, name)):
-            setattr(node, name, value)
-    return config
-
-
-def warnings_of_sweep(kinds: Iterable[tuple[DictConfig, Sequence[Sequence[str]]]]) -> list[str]:
-    """A line for each key that has an effect in no job of a sweep.
-
-    Each kind of jobs, which differ in values alone, is what Hydra composed for the first, and the overrides of each.
-    """
-    found: dict[str, str] = {}
-    for composed, jobs in kinds:
-        plain = OmegaConf.masked_copy(composed, [str(key) for key in composed if key != HYDRA_GROUP])
-        try:
-            config = to_config(plain)
-        except CmacexpError:  # its jobs say what is wrong
-            return []
-        if not config.warn:
-            return []
-        keys = dict.fromkeys(each.key for each in read_typed(jobs[0]))
-        for overrides in jobs:
-            if not (keys := {key: None for key in keys if found.get(key) != ""}):
-                break
-            own = _with_values(config, read_typed(overrides))
-            for key in keys:
-                found[key] = _reason(own, key, plain, "MULTIRUN")
-    return [f"{key} has no effect in any job: {reason}" for key, reason in found.items() if reason]

@@ -30,8 +30,6 @@ SHARE = struct.Struct("d")
 """What is done of one item, 0 to 1 or FAILED_SHARE, in that file."""
 FAILED_SHARE = 2.0
 """Of an item that failed."""
-WATCH_INTERVAL = 1.0
-"""Seconds between two looks at whether the process is alive."""
 
 
 @contextmanager
@@ -80,7 +78,7 @@ def _end_with(process: int) -> None:
         with suppress(ProcessLookupError):
             while True:
                 os.kill(process, 0)
-                time.sleep(WATCH_INTERVAL)
+                time.sleep(1.0)
         os._exit(1)
 
     Thread(target=watch, daemon=True).start()
@@ -103,7 +101,7 @@ def _start(environment: Mapping[str, str]) -> None:
 
 def count_cores() -> int:
     """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return len(os.sched_getaffinity(0))
 
 
 @contextmanager

@@ -96,9 +96,7 @@ def planned_inputs(setup: Setup, i: int, names: Sequence[str]) -> Array:
 def kernel_norm(cells: Cells, activation: Array) -> float:
     """|K| of K = A A^T / sum a_i^2 over a cycle: its largest sum over a row, of all legs.
 
-    Args:
-        cells: (N, L, C): active rows of each sample.
-        activation: (N, L, C): activation of each of them, the entries of A.
+    ``cells`` (N, L, C) are the active rows of each sample, ``activation`` (N, L, C) the entries of A.
     """
     power = (activation**2).sum(axis=2, keepdims=True)
     share = np.divide(activation, power, out=np.zeros(cells.shape), where=power > 0.0)
@@ -164,15 +162,11 @@ def network(
 ) -> FeedforwardParams:
     """Params of one network per leg, linear in its weights, which are zero at first or those of an earlier run.
 
-    Args:
-        setup: of the run.
-        cells: (N, L, C): rows of the weights that are active at each sample of the cycle.
-        rows: number of weights of one leg for each of its outputs, the torques of its joints.
-        activation: (N, L, C): activation of each of them, 0 or more; None: all 1, as in a CMAC.
-        taps: (K,): of a symmetric filter along the rows, once a cycle, from the middle outwards; None: no filter.
+    ``cells`` (N, L, C) are the rows of the weights that are active at each sample of the cycle, ``rows`` the number
+    of weights of one leg for each of its joints, ``activation`` (N, L, C) those of the cells, 0 or more; None: all 1,
+    as in a CMAC. ``taps`` (K,) are of a symmetric filter along the rows, once a cycle, from the middle outwards.
 
-    Raises:
-        BadInput: the learning rule or the earlier weights do not fit the network.
+    Raises BadInput if the learning rule or the earlier weights do not fit the network.
     """
     legs, joints = setup.mechanism.shape
     cells = np.ascontiguousarray(cells, dtype=np.uint32)

@@ -11,7 +11,6 @@ from cmacexp.jit.compiler import kernel, program
 from cmacexp.typing import CLOCK, Array, Cells, Clock, Counts
 
 LOGGED = tuple(signal.name for signal in MEMORY_SIGNALS if signal.owner == FEEDFORWARD)
-"""Columns of a log."""
 NORM, LARGEST, ROWS_USED = (LOGGED.index(name) for name in ("weight_norm", "weight_largest", "rows_used"))
 MOST_CYCLES = 64
 """Cycles that a log can hold until it is taken."""

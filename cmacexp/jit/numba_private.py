@@ -1,8 +1,7 @@
 """How kernels become machine code; all private names of numba stand here.
 
-They are used with the versions of numba that ``pyproject.toml`` allows, which a test holds. Another version takes the
-public way, which is slower and gives the same bits. Beside each name stands the row of ``docs/performance.md`` that
-shows its gain.
+``pyproject.toml`` allows only versions of numba that have them. Beside each name stands the row of
+``docs/performance.md`` that shows its gain.
 """
 
 import contextlib
@@ -26,10 +25,6 @@ from numba.extending import typeof_impl
 
 from cmacexp.jit.kernels import c_functions, inlined_kernels
 
-TESTED = ((0, 62), (0, 70))
-"""First version of numba that these names were tested with, and first that they were not."""
-KNOWN = TESTED[0] <= tuple(numba.version_info[:2]) < TESTED[1]
-
 njit: Any = numba.njit
 typeof: Any = numba.typeof
 config: Any = numba.config
@@ -38,10 +33,9 @@ register: Any = event.register
 dumps: Any = serialize.dumps
 
 BLAS = ("scipy.linalg", "scipy.linalg.cython_blas")
-PUBLIC_SETTINGS: dict[str, object] = {"error_model": "numpy"}
 # "The loop, a step": counting references to the arrays inside tuples takes longer than the arithmetic; a kernel
 # cannot make an array, so that none has to be counted. "Compiling": nothing calls programs from C.
-SETTINGS = PUBLIC_SETTINGS | ({"_nrt": False, "no_cfunc_wrapper": True} if KNOWN else {})
+SETTINGS: dict[str, object] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 
 
 def _import_without_blas() -> None:
@@ -49,7 +43,7 @@ def _import_without_blas() -> None:
 
     "Compiling", last row: 7 % of a whole command. Functions that use BLAS import it when they are compiled.
     """
-    absent = [name for name in BLAS if name not in sys.modules] if KNOWN else []
+    absent = [name for name in BLAS if name not in sys.modules]
     sys.modules.update({name: ModuleType(name) for name in absent})
     import_module("numba.np.arraymath")
     for name in absent:
@@ -62,8 +56,7 @@ _import_without_blas()
 @cache
 def _inner(function: Callable[..., object]) -> Any:
     """A kernel as programs call it: not kept, since the programs that contain it are; without an entry for Python."""
-    settings = {"no_cpython_wrapper": True, "forceinline": inlined_kernels[function]} if KNOWN else {}
-    return njit(**SETTINGS, **settings)(function)
+    return njit(**SETTINGS, no_cpython_wrapper=True, forceinline=inlined_kernels[function])(function)
 
 
 @typeof_impl.register(FunctionType)
@@ -76,17 +69,14 @@ def _type_of_kernel(function: FunctionType, context: object) -> Any:
 
 
 def compiled_program(function: Callable[..., object], folder: Path) -> Callable[..., object]:
-    """``function`` with an entry for Python, kept in ``folder``; as it is if compiling is switched off.
-
-    With another version of numba it is not kept: numba does not check what it reads.
-    """
+    """``function`` with an entry for Python, kept in ``folder``; as it is if compiling is switched off."""
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder)
     try:
-        compiled: Any = njit(**SETTINGS, cache=KNOWN)(function)
+        compiled: Any = njit(**SETTINGS, cache=True)(function)
     finally:
         config.CACHE_DIR = before
-    if KNOWN and compiled is not function:
+    if compiled is not function:
         compiled._cache._cache_file = CheckedFiles(compiled._cache._cache_file)
     _quick_compilation.programs.add(compiled)
     return compiled  # type: ignore[no-any-return]
@@ -164,13 +154,13 @@ class _QuickCompilation(event.Listener):
 
     def on_start(self, event: event.Event) -> None:
         """A program, a kernel in it, or a function of somebody else is about to be compiled."""
-        if KNOWN and event.data["dispatcher"] in self.programs:
+        if event.data["dispatcher"] in self.programs:
             self.before = config.OPT
             config.OPT = type(self.before)(1)
 
     def on_end(self, event: event.Event) -> None:
         """It has been compiled, or has failed."""
-        if KNOWN and event.data["dispatcher"] in self.programs:
+        if event.data["dispatcher"] in self.programs:
             config.OPT = self.before
 
 

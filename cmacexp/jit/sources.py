@@ -20,11 +20,11 @@ RESULT_ROOMS = (*KERNEL_ROOMS, "typing.py", "config", "data", "metrics", "experi
 PRIVATE = 0o700
 
 
-def sources_hash(rooms: Sequence[str], package: Path = PACKAGE) -> str:
-    """Hash of every Python file of ``rooms`` (folders or files of ``package``), 16 hexadecimal digits."""
+def sources_hash(rooms: Sequence[str]) -> str:
+    """Hash of every Python file of ``rooms`` (folders or files of the package), 16 hexadecimal digits."""
     digest = hashlib.sha256()
     for room in rooms:
-        path = package / room
+        path = PACKAGE / room
         for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
             digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
@@ -74,8 +74,6 @@ def find_other_writers(folder: Path) -> str:
 
     ``folder`` must be without symbolic links.
     """
-    if not hasattr(os, "getuid"):
-        return ""
     user = os.getuid()
     for each in (folder, *folder.parents):
         status = each.stat()
@@ -91,7 +89,7 @@ def find_other_writers(folder: Path) -> str:
 
 def _temporary_folder(name: str) -> Path:
     """A temporary folder that lasts; a new one if others could have put code there."""
-    user = os.getuid() if hasattr(os, "getuid") else 0
+    user = os.getuid()
     folder = Path(tempfile.gettempdir()).resolve() / f"cmacexp-{user}"
     with contextlib.suppress(OSError):
         folder.mkdir(PRIVATE, exist_ok=True)

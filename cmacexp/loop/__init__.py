@@ -1,5 +1,5 @@
 """The closed loop: plan x sensors x controller x plant, at the sampling period."""
 
-from cmacexp.loop.run import End, Rollout, Samples, roll_out, stream
+from cmacexp.loop.run import End, Samples, stream
 
-__all__ = ["End", "Rollout", "Samples", "roll_out", "stream"]
+__all__ = ["End", "Samples", "stream"]

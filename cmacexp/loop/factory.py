@@ -58,8 +58,7 @@ def _takes(component: type[Any], name: str, given: list[str]) -> bool:
 def make_component(group: str, node: ComponentConfig | dict[str, Any]) -> Any:
     """Make a component: with its ``Config``, if its class carries one, else with its fields as keyword arguments.
 
-    Raises:
-        BadInput: it cannot be made; as :class:`BadComponent` with the traceback of what its own code raised.
+    Raises BadInput; as :class:`BadComponent` with the traceback of what its own code raised.
     """
     if isinstance(node, ComponentConfig):
         target, given = node._target_, {"config": node}

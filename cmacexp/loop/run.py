@@ -28,7 +28,7 @@ from cmacexp.loop.scenario import Scenario, resolve_rate
 from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits
 from cmacexp.models.lateness import Lateness
 from cmacexp.models.mechanism import POINT_MASS
-from cmacexp.planning.plan import Met, Plan
+from cmacexp.planning.plan import Met
 from cmacexp.planning.stability import STABILITY
 from cmacexp.plants.mujoco_plant import MujocoPlant
 from cmacexp.sensors.protocol import find_altered
@@ -49,7 +49,6 @@ class Samples(NamedTuple):
     """Samples of some steps of a closed loop, whole cycles unless the run ends in them."""
 
     start: int
-    """First step."""
     legs: Array
     """(steps, L, columns), in the order of :mod:`cmacexp.loop.samples`."""
     body: Array
@@ -71,7 +70,6 @@ class End:
     """How a closed loop ended."""
 
     steps: int
-    """Steps taken."""
     status: str
     """``completed``, ``diverged``, ``fell``, ``interrupted`` or ``failed``."""
     cause: str
@@ -273,32 +271,3 @@ def stream(
     events, carried = read_events(run.guard), run.adaptation.carried if run.adaptation is not None else []
     seconds = run.seconds, run.processor_seconds
     return End(run.driver.taken, run.status, run.cause, run.rate, run.error, *seconds, events, run.estimates, carried)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rollout(End):
-    """A closed loop with all its samples in memory."""
-
-    plan: Plan
-    samples: Array
-    """(steps, L, columns), as :attr:`Samples.legs`."""
-    body_samples: Array
-    """(steps, columns), as :attr:`Samples.body`."""
-
-    def columns(self) -> dict[str, Array]:
-        """Samples (steps, L) by column name."""
-        return name_samples(self.samples)
-
-    def body_columns(self) -> dict[str, Array]:
-        """Samples of the body (steps,) by column name."""
-        return name_samples(self.body_samples, WIDE_BODY_SAMPLES)
-
-
-def roll_out(
-    scenario: Scenario, watch: Callable[[float], None] = lambda cycles: None, *, fused: bool = True
-) -> Rollout:
-    """:func:`stream` with all samples kept in memory."""
-    kept: list[tuple[Array, Array]] = []
-    end = stream(scenario, lambda new: kept.append((new.legs.copy(), new.body.copy())), watch, fused=fused)
-    samples, body = (np.concatenate(arrays) for arrays in zip(*kept, strict=True))
-    return Rollout(**vars(end), plan=scenario.setup.plan, samples=samples, body_samples=body)

@@ -135,11 +135,8 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
 def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -> Scenario:
     """Plan the run, make its components, but for those that are ``given`` by the key of their group, and reset them.
 
-    The feedforward starts from what is ``learnt``; None: from ``learning.start_from``, if that names a run.
-
-    Raises:
-        BadInput: a component cannot be made, there are no weights to start from, or the plan asks for what the
-            machine cannot do.
+    The feedforward starts from what is ``learnt``; None: from ``learning.start_from``, if that names a run. Raises
+    BadInput if a component cannot be made, there are no weights to start from, or the machine cannot follow the plan.
     """
     find_rule(config.learning.rule)  # also if no feedforward uses it
     check_load_sharing(config)

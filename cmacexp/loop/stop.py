@@ -36,7 +36,6 @@ class StopLimits(NamedTuple):
     lowest_hip: float
     """Height below which a hip has fallen, m."""
     longest_unstable: int
-    """Steps of LONGEST_UNSTABLE."""
     unstable: Clock
     """(2,): steps for which the margin has been negative, and for which no foot has borne the body."""
 

@@ -14,6 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from cmacexp.data.parquet import as_array
 from cmacexp.errors import BadRun
+from cmacexp.metrics.metric import MANN, NEITHER, SEN, SMALLEST, Metric, worst
 from cmacexp.models.trend import SIGNIFICANT, WINDOW
 from cmacexp.typing import Array
 
@@ -54,7 +55,6 @@ class DriftDetector:
         self._level, self._rises = np.zeros((0, legs)), np.zeros((0, legs), dtype=bool)
         """Logarithm of the level at the end of each cycle so far, and whether the last WINDOW cycles rise."""
         self.first: Drift | None = None
-        """The first drift of all legs."""
 
     def add(self, feedback: Array) -> tuple[Array, Array]:
         """Test the next cycles of RMS feedback torques (cycles, L).
@@ -123,3 +123,23 @@ def describe_guard(manifest: Mapping[str, Any]) -> str:
     events = [(event["cycle"], format_event(event)) for event in manifest.get("guard", ())]
     again = [(each["cycle"], f"learns again with lead {each['lead']}") for each in manifest.get("lead_estimates", ())]
     return "; ".join(f"cycle {cycle}: {text}" for cycle, text in sorted(events + again[1:]))
+
+
+LEARNING: dict[str, Metric[Mapping[str, Array]]] = {
+    "feedback_growth": worst(
+        "",
+        f"factor by which feedback_rms grows per cycle, over the last {WINDOW} cycles",
+        f"the first {WINDOW - 1} cycles",
+        lambda known: known["feedback_growth"],
+        source=SEN,
+    ),
+    "drift_cycle": Metric(
+        "",
+        f"cycle since which feedback_rms drifts: it rises, and has risen to {DRIFT_RATIO:g} times its lowest level",
+        "no drift named up to this cycle",
+        lambda known: known["drift_cycle"],
+        SMALLEST,
+        NEITHER,
+        source=f"rise: {MANN}",
+    ),
+}

@@ -4,8 +4,8 @@ from typing import Any
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.body import BODY_METRICS
+from cmacexp.metrics.drift import LEARNING
 from cmacexp.metrics.force import FORCE
-from cmacexp.metrics.learning import LEARNING
 from cmacexp.metrics.memory import MEMORY
 from cmacexp.metrics.metric import NEITHER, Metric, Shown
 from cmacexp.metrics.torque import TORQUE

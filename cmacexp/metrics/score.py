@@ -9,8 +9,7 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY, MEMORY, TRACE, Scores, Traces
 from cmacexp.metrics.block import Block, cut
 from cmacexp.metrics.body import compute_body
-from cmacexp.metrics.drift import Drift, DriftDetector
-from cmacexp.metrics.learning import LEARNING
+from cmacexp.metrics.drift import LEARNING, Drift, DriftDetector
 from cmacexp.metrics.memory import MEMORY as MEMORY_METRICS
 from cmacexp.metrics.memory import split_columns
 from cmacexp.metrics.metric import CYCLE, LEG, to_table

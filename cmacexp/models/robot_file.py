@@ -37,8 +37,7 @@ def checkout_models() -> dict[str, Path]:
 def find_model(name: str | None, path: str | None) -> Path:
     """The MJCF file of a robot: ``path``, else that of the model ``name`` in the package, then in the checkout.
 
-    Raises:
-        BadInput: there is no such file, or no such model; says what to install or to set.
+    Raises BadInput, which says what to install or to set.
     """
     if path is not None:
         if not Path(path).is_file():

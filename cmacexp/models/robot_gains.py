@@ -110,10 +110,8 @@ def recommend_period(ratio: float, lateness: Lateness = NONE, gain: float = 0.0)
 
     Below the lightest feet that were measured the period shrinks with them, to a half, a fifth, a tenth and so on.
     Where feedback is late the gains are lower, as if the feet were so much lighter, and a margin is kept. A
-    gait on two feet at times needs at least ``gain`` times the largest gains at the first of PERIODS.
-
-    Raises:
-        BadInput: there is none, since lags limit the gains at any period.
+    gait on two feet at times needs at least ``gain`` times the largest gains at the first of PERIODS. Raises BadInput
+    if lags limit the gains at any period.
     """
     period, least = PERIODS[0]
     parts = (part * 10**power for power in range(12) for part in (2, 5, 10))

@@ -36,8 +36,7 @@ class Names(NamedTuple):
 def find_names(path: Path) -> Names:
     """What a model needs; legs front left, front right, rear left, rear right.
 
-    Raises:
-        BadInput: the file is no model, has no four chains of three hinges on a trunk that floats, or is turned.
+    Raises BadInput if the file is no model, has no four chains of three hinges on a trunk that floats, or is turned.
     """
     mujoco, spec = load_mujoco(), load_spec(path)
     model = compile_spec(path, spec)

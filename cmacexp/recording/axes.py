@@ -7,14 +7,8 @@ import numpy as np
 from cmacexp.recording.run_view import RunView
 from cmacexp.recording.series import Line, collect_series
 
-ALIKE = 10.0
-"""Plots of several runs share their vertical axis unless the range of one is so many times that of another."""
-MOST_MARKS = 5.0
-"""Marks at which even a low plot has numbers."""
 ROOM = 0.15
 """Room for a number beyond its mark, as part of the distance of marks."""
-LEGEND_ROOM = 0.3
-"""Part of the time shown that is added on the right for the legend."""
 
 Range = tuple[float, float]
 
@@ -29,7 +23,7 @@ def widen_range(low: float, high: float) -> Range:
     """A range with a margin in which the viewer puts a number on at least two marks, which are at powers of ten."""
     span = high - low or abs(high) or 1.0
     low, high = low - 0.05 * span, high + 0.05 * span
-    mark = 10.0 ** np.ceil(np.log10((high - low) / MOST_MARKS))
+    mark = 10.0 ** np.ceil(np.log10((high - low) / 5.0))  # even a low plot has numbers at five marks
     first, last = np.ceil(low / mark) * mark, np.floor(high / mark) * mark
     while last - first < 0.5 * mark:  # the nearest mark outside is taken in, with room for its number
         if low - first < last - high:
@@ -55,7 +49,7 @@ def _share(ranges: Iterable[Range]) -> Range | None:
     """The range that covers all, unless one dwarfs another."""
     ranges = list(ranges)
     spans = [high - low for low, high in ranges if high > low]
-    if spans and max(spans) > ALIKE * min(spans):
+    if spans and max(spans) > 10.0 * min(spans):
         return None
     return min(low for low, _ in ranges), max(high for _, high in ranges)
 

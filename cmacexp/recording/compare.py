@@ -12,14 +12,13 @@ from cmacexp.recording.run_view import RunView
 from cmacexp.recording.write import write_views
 
 MOST_RUNS = 6
-FEW = 3
-"""Of more walks side by side each column is too narrow for a plot for each leg."""
 
 
 def _list_panels(view: RunView, runs: int) -> tuple[str, ...]:
     if not view.walks:
         return ("scene", "force", "error")
-    return ("scene", "force", "posture") if runs <= FEW else ("scene", "posture", "margins")
+    # Of more walks side by side each column is too narrow for a plot for each leg.
+    return ("scene", "force", "posture") if runs <= 3 else ("scene", "posture", "margins")
 
 
 def _layout(views: Sequence[RunView]) -> rrb.Blueprint:

@@ -11,18 +11,12 @@ from cmacexp.typing import Array, Mask
 
 FORCE_LENGTH = 0.15
 """Length of an arrow for the largest desired force, m."""
-LONGEST_ARROW = 4.0
-"""An arrow is at most so many times that length."""
 VISIBLE_DEPRESSION = 0.04
 """A smaller largest depression is drawn deeper than it is, m."""
-GROUND_LENGTH = 0.7
-"""Length of the ground that is drawn under one leg, m."""
 ABOVE_GROUND = 0.002
 """Height at which marks on the ground are drawn, m, so that they are visible."""
 DENT = 0.06
 """Half the length of the dent that a foot presses, m."""
-OVER_MESH = 1.1
-"""A foot is drawn so many times larger where its mesh would hide its colour."""
 ASIDE = 0.025
 """Distance of the arrow of the desired force from that of the actual one, m."""
 
@@ -42,7 +36,7 @@ def _log_dents(entities: Entities, view: RunView, feet: Array) -> None:
     depth = np.maximum(view.ground_height(at)[..., None] - z, 0.0) * depression_scale(view)
     along, deep = x + np.array([-DENT, 0.0, DENT]), depth * [0.0, 1.0, 0.0]
     if not view.walks:
-        end = np.full_like(x, GROUND_LENGTH / 2.0)
+        end = np.full_like(x, 0.35)  # half the length of the ground that is drawn under one leg, m
         along, deep = np.concatenate([-end, along, end], axis=2), np.pad(deep, ((0, 0), (0, 0), (1, 1)))
     surface = np.stack([along, np.broadcast_to(y, along.shape), view.surface(along) - deep], axis=3)
     strips = round_points(surface.reshape(-1, *surface.shape[2:]))
@@ -55,7 +49,7 @@ def _log_feet(entities: Entities, view: RunView, feet: Array) -> None:
     support = np.stack([leg.support for leg in view.legs], axis=1)
     changes = np.flatnonzero(np.any(np.diff(support, axis=0, prepend=~support[:1]), axis=1))
     colours = np.where(support[changes, :, None], palette.SUPPORT, palette.TRANSFER).astype(np.uint8)
-    radius = (view.foot_radius or FOOT) * (OVER_MESH if view.meshes else 1.0)
+    radius = (view.foot_radius or FOOT) * (1.1 if view.meshes else 1.0)  # else its mesh would hide its colour
     balls = rr.Ellipsoids3D.from_fields(half_sizes=[[radius] * 3] * len(view.legs), fill_mode="solid")
     entities.log("world/feet", balls)
     entities.send_columns("world/feet", rr.Ellipsoids3D.columns(centers=points(feet)))
@@ -63,7 +57,7 @@ def _log_feet(entities: Entities, view: RunView, feet: Array) -> None:
     force, desired = (np.stack([leg[name] for leg in view.legs], axis=1) for name in ("force", "force_desired"))
     scale = FORCE_LENGTH / max(1e-9, float(desired.max()))
     # Arrows stand on the foot and point the way the ground pushes it.
-    up = np.clip(np.concatenate([force, desired], axis=1) * scale, 0.0, LONGEST_ARROW * FORCE_LENGTH)
+    up = np.clip(np.concatenate([force, desired], axis=1) * scale, 0.0, 4.0 * FORCE_LENGTH)
     both = [palette.ACTUAL] * len(view.legs) + [palette.DESIRED] * len(view.legs)
     entities.log("world/forces", rr.Arrows3D.from_fields(radii=[0.006], colors=both))
     arrows = rr.Arrows3D.columns(

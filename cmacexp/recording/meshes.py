@@ -17,8 +17,6 @@ from cmacexp.recording.run_view import RunView
 from cmacexp.recording.scene import MESHES, round_angles
 from cmacexp.typing import Array, Counts, Mask
 
-HIDDEN = 3
-"""First of the groups of geoms that MuJoCo's own viewer does not show."""
 DARKEST = 0.3
 """Brightness of black: of many robots all parts are nearly black, and nothing but their outline would be seen."""
 UNSET = (0.5, 0.5, 0.5, 1.0)
@@ -28,8 +26,7 @@ UNSET = (0.5, 0.5, 0.5, 1.0)
 def read_shown_model(folder: Path, manifest: Manifest) -> Robot:
     """The model with which a robot ran, as its config names it; no file of the run's folder is read for it.
 
-    Raises:
-        BadInput: it is no run of a robot, MuJoCo or the model is missing, or the model is not that of the run.
+    Raises BadInput if it is no run of a robot, MuJoCo or the model is missing, or the model is not that of the run.
     """
     plain = manifest["config"]["machine"]
     if plain["kind"] != "robot" or "robot" not in manifest:
@@ -57,7 +54,8 @@ def _list_shown(robot: Robot, places: Array, opaque: Mask) -> dict[int, list[int
     model, from_foot = robot.model, np.linalg.norm(places[:, None] - robot.feet_at_zero, axis=2).min(axis=1)
     body = model.geom_bodyid
     drawn = opaque & (from_foot > FINENESS) & (model.body_rootid[body] == robot.legs.base)
-    seen = drawn & ((model.geom_contype | model.geom_conaffinity) == 0) & (model.geom_group < HIDDEN)
+    shown = model.geom_group < 3  # the others are those that MuJoCo's own viewer does not show
+    seen = drawn & shown & ((model.geom_contype | model.geom_conaffinity) == 0)
     best = seen | (drawn & ~np.isin(body, body[seen]))
     return {part: np.flatnonzero(best & (body == part)).tolist() for part in np.unique(body[best]).tolist()}
 

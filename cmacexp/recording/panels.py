@@ -7,7 +7,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
-from cmacexp.recording.axes import LEGEND_ROOM, Range
+from cmacexp.recording.axes import Range
 from cmacexp.recording.events import EVENTS
 from cmacexp.recording.ground import FORCE_LENGTH
 from cmacexp.recording.run_view import RunView
@@ -23,8 +23,6 @@ SHARES = {
     **{"posture": 2.2, "margins": 1.0, "error": 2.1, "torque": 4.2, "events": 1.7},
 }
 BACKGROUND = [245, 245, 245]
-PAPER_SIZE = 0.95
-"""Distance of front and rear hips and height of the hips of the paper's quadruped together, m."""
 BORDER = 60.0
 """Seen around the machine from its sides, mm."""
 
@@ -94,7 +92,7 @@ class Panels:
             start, until, end = (rrb.TimeRangeBoundary.cursor_relative(seconds=n * around) for n in (-1.6, 0.2, 1.0))
         else:
             first, last = self._times
-            times = first, last, last + LEGEND_ROOM * (last - first)
+            times = first, last, last + 0.3 * (last - first)
             start, until, end = (rrb.TimeRangeBoundary.absolute(seconds=time) for time in times)
         drawn = rrb.VisibleTimeRange("time", start=start, end=until)
         return rrb.TimeAxis(view_range=rrb.TimeRange(start, end)), [drawn]
@@ -119,7 +117,7 @@ class Panels:
         view = self._view
         if not view.is_robot:
             return 1.0
-        return float(2.0 * find_trunk(view)[1][0] + view.body["height"].mean()) / PAPER_SIZE
+        return float(2.0 * find_trunk(view)[1][0] + view.body["height"].mean()) / 0.95
 
     def sides(self) -> Panel:
         """A walk from front, side and top."""

@@ -86,7 +86,6 @@ class RunView:
     """Columns of ``body.parquet``; of a stand only its constant position and orientation."""
     manifest: Manifest
     window: Window
-    """Which of its steps these are."""
     label: str
     """The name of the run, or the settings that distinguish it from those beside it."""
     root: str

@@ -12,8 +12,6 @@ from cmacexp.typing import Array
 
 FINE_ANGLE = 2e-3
 """Drawn angles of links are multiples of this, rad: their ends move less than a pixel, and a recording is smaller."""
-PATH_POINTS = 150
-"""Points of a drawn foot path."""
 EYES = {
     "front": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0)),
     "right side": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
@@ -22,8 +20,6 @@ EYES = {
 """Of each view of the sides, what is right, down and ahead for its eye, in the frame that moves with the machine."""
 FOOT = 0.018
 """Radius of the ball that a planar leg, whose foot is a point, has as a foot, m."""
-LINK = 0.8
-"""Radius of a link over that of the foot, which is to be seen."""
 AWAY = 10.0
 """Distance of these eyes, m: so far away that parallel lines stay parallel; the viewer has no parallel projection."""
 HIGHEST_NUMBER, LOWEST_NUMBER = -0.06, -0.16
@@ -123,7 +119,7 @@ def _log_links(entities: Entities, view: RunView) -> None:
     lengths = np.linalg.norm(along[0], axis=2)
     links = rr.Capsules3D.from_fields(
         lengths=lengths.ravel(),
-        radii=[LINK * (view.foot_radius or FOOT)] * lengths.size,
+        radii=[0.8 * (view.foot_radius or FOOT)] * lengths.size,  # thinner than the foot, which is to be seen
         colors=([palette.THIGH] * (lengths.shape[1] - 1) + [palette.SHANK]) * len(view.legs),
         fill_mode="solid",
     )
@@ -146,7 +142,7 @@ def _log_paths(entities: Entities, view: RunView) -> None:
         del shown["first_cycle"]
     for name, (cycle, of, colour) in shown.items():
         rows = np.flatnonzero(view.cycle == cycle)
-        rows = rows[:: max(1, len(rows) // PATH_POINTS)]
+        rows = rows[:: max(1, len(rows) // 150)]  # so many points are smooth enough
         strips = [leg.foot(of, rows) for leg in view.legs]
         entities.log(f"world/travel/body/path/{name}", rr.LineStrips3D(strips, radii=[0.003], colors=[colour]))
 

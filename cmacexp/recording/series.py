@@ -19,8 +19,6 @@ AXES = {
     "y": ("y down", palette.FIRST_CYCLE),
     "z": ("z left", palette.LAST_CYCLE),
 }
-GAIT_BAR = 9.0
-"""Thickness of a bar of the gait diagram, in pixels."""
 
 
 def _force_lines(leg: LegView) -> list[Line]:
@@ -111,7 +109,7 @@ def _log_gait(entities: Entities, view: RunView, leg: LegView) -> None:
     bar = np.where(leg.support, float(leg.number), np.nan)
     rows = np.union1d(np.flatnonzero(np.diff(leg.support, prepend=~leg.support[:1])), [len(bar) - 1])
     style = rr.SeriesLines(
-        names=f"{leg.number} {leg.name}", colors=palette.SUPPORT, widths=GAIT_BAR, interpolation_mode="StepAfter"
+        names=f"{leg.number} {leg.name}", colors=palette.SUPPORT, widths=9.0, interpolation_mode="StepAfter"
     )
     entities.log(gait_path(leg), style)
     entities.send_columns(gait_path(leg), rr.Scalars.columns(scalars=bar[rows]), rows=rows)

@@ -17,7 +17,6 @@ class Window(NamedTuple):
     first: int
     """First cycle shown, from 1."""
     last: int
-    """Last cycle shown."""
     every: int
     """One step in so many is shown."""
     steps: int
@@ -46,8 +45,7 @@ def choose_every(steps: int, sharing: int = 1) -> int:
 def read_cycles(text: str, cycles: int, who: str = "the run") -> tuple[int, int]:
     """First and last cycle that ``3-5``, ``7``, ``last`` or ``last5`` mean, of so many that ``who`` completed.
 
-    Raises:
-        BadInput: the text cannot be read, or the run does not have these cycles.
+    Raises BadInput if the text cannot be read, or the run does not have these cycles.
     """
     found = CYCLES.fullmatch(text)
     if not found:

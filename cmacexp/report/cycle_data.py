@@ -40,7 +40,6 @@ class CycleData:
     period: float
     """Between two samples, s."""
     legs: Sequence[int]
-    """Their numbers."""
     has_joints: bool
     axes: str
     """Those in which a foot moves: x and y and, of a robot, z; there are as many joints."""

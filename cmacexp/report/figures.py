@@ -15,12 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_MARKED = 30
-"""Points up to which a line has a marker at each."""
-MOST_VECTOR = 1000
-"""Points from which on a band is a bitmap in SVG: unlike a line, it is never simplified."""
-MOST_CHARACTERS = 50
-"""Characters up to which the names of all ticks stand level."""
 KINDS, LOG = ("lines", "scatter", "bars"), ("", "x", "y", "xy")
 Values = Sequence[float] | NDArray[Any]
 LIMIT: dict[str, Any] = {"color": "#555555", "linestyle": ":", "linewidth": 1.0, "zorder": 0}
@@ -178,7 +172,7 @@ def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
         axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))  # no tick between two cycles
     _set_ranges(axes, panel)
     if panel.ticks:
-        level = sum(map(len, panel.ticks)) <= MOST_CHARACTERS
+        level = sum(map(len, panel.ticks)) <= 50  # characters
         turned: dict[str, Any] = {} if level else {"rotation": 30, "ha": "right"}
         axes.set_xticks(range(len(panel.ticks)), panel.ticks, **turned)
 
@@ -198,12 +192,13 @@ def _set_ranges(axes: "Axes", panel: Panel) -> None:
 
 
 def _line(axes: "Axes", series: Series, style: dict[str, Any]) -> None:
-    if len(series.x) > MOST_MARKED and style["linestyle"] != "none":
+    if len(series.x) > 30 and style["linestyle"] != "none":
         style["marker"] = None
     axes.plot(series.x, series.y, **{"ms": 3, **style})
     if series.low is not None and series.high is not None:
         band: dict[str, Any] = {"alpha": 0.15, "color": style["color"], "lw": 0}
-        axes.fill_between(series.x, series.low, series.high, rasterized=len(series.x) > MOST_VECTOR, **band)
+        bitmap = len(series.x) > 1000  # a band of so many points, unlike a line, is never simplified in SVG
+        axes.fill_between(series.x, series.low, series.high, rasterized=bitmap, **band)
 
 
 def _bars(axes: "Axes", series: Series, style: dict[str, Any], place: int, count: int) -> None:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 NUMBER = re.compile(r"([-+]?(\d[\d.]*(e[-+]?\d+|-\d+)?|infinite)( .*)?|-|undefined)?")
 """A cell that is a number or a range, with its unit or a remark, or says that there is none."""
 SVG = "svg"
-COLOUR_BAR = "<colorbar>"
-"""Label that matplotlib gives to the axes of a colour bar."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +119,7 @@ def describe(figure: "Figure") -> str:
     >>> describe(draw([Panel("foot", "time, s", "depth, mm", [Series("a", [0], [1]), Series("b", [0], [2])])]))
     'foot: depth, mm over time, s. Legend: a; b.'
     """
-    panels = [_describe_axes(axes) for axes in figure.axes if axes.get_label() != COLOUR_BAR and axes.axison]
+    panels = [_describe_axes(axes) for axes in figure.axes if axes.get_label() != "<colorbar>" and axes.axison]
     legends = [*figure.legends, *(own for axes in figure.axes if (own := axes.get_legend()))]
     names = dict.fromkeys(text.get_text() for legend in legends for text in legend.get_texts())
     count = f"{len(panels)} panels. " if len(panels) > 1 else ""

@@ -40,7 +40,6 @@ class RunSummary:
     config: dict[str, Any] = field(default_factory=dict)
     """Flat; empty if the run is broken."""
     cycles: int = 0
-    """Number of whole cycles."""
     metrics: dict[str, Array] = field(default_factory=dict)
     """All metrics by name, a value for each whole cycle."""
     legs: int = 1

@@ -18,9 +18,6 @@ from cmacexp.models.mechanism import PLANE, SPACE
 from cmacexp.report.parts import Folded, Part, Section, Table
 from cmacexp.report.run_figures import KEY
 
-EXACT = 4
-"""Digits of numbers in the units of the files."""
-NOT_DECLARED = Described("", "")
 KEY_OF_FORCE = ("force_overshoot", "force_settling_time")
 """Of one leg or point mass alone."""
 
@@ -71,7 +68,7 @@ def list_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
         if not np.isnan(values).all():
             meaning = [name, metric.meaning, metric.pooling.name] if run.walks else [name, metric.meaning]
             shown = [values[cycle - 1] for cycle in cycles]
-            numbers = ["-" if np.isnan(value) else format_number(value, digits=EXACT) for value in shown]
+            numbers = ["-" if np.isnan(value) else format_number(value, digits=4) for value in shown]
             rows.append([*meaning, metric.unit or "1", *numbers])
     titles = ["metric", "meaning", *(["over the legs"] if run.walks else []), "unit"]
     titles += [f"cycle {cycle}" for cycle in cycles]
@@ -109,7 +106,7 @@ def list_settings(run: StoredRun) -> Section:
     changed = [key for key, value in settings.items() if value != defaults.get(key)] if defaults else []
 
     def row(key: str, *more: str) -> list[str]:
-        field = described.get(key, NOT_DECLARED)
+        field = described.get(key, Described("", ""))
         return [key, format_setting(settings[key]), *more, field.unit, field.meaning]
 
     parts: list[Part] = []

@@ -16,8 +16,6 @@ from cmacexp.typing import Array
 
 MOST_LINES = 12
 """Lines of learning curves: more runs are grouped by a swept value, of which as many are shown, evenly spaced."""
-MOST_FAMILY = 7
-"""Values of a second key that have a line each."""
 
 
 def make_file_name(key: str) -> str:
@@ -84,7 +82,7 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
     ended = [run for run in runs if run.status == "completed"]
     values = list(group_by(runs, key))
     others = [other for other in keys if other != key]
-    second = others[0] if len(others) == 1 and len(group_by(ended, others[0])) <= MOST_FAMILY else ""
+    second = others[0] if len(others) == 1 and len(group_by(ended, others[0])) <= 7 else ""
     lines = group_by(ended, second) if second else {"last cycle": ended}
     stopped: list[Any] = [run.config.get(key) for run in runs if run.status != "completed"]
     panels = []

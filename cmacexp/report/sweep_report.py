@@ -16,8 +16,6 @@ from cmacexp.report.sweep_figures import draw_learning_curves, draw_over_key
 
 Partition = tuple[int, ...]
 """For each run the first run that has the same value: values a, b, a give (0, 1, 0)."""
-MOST_KEYS = 4
-"""Swept keys that metrics are drawn over."""
 
 
 class Swept(NamedTuple):
@@ -104,7 +102,7 @@ def make_sweep_report(runs: Sequence[RunSummary], title: str) -> Report:
     keys = [*swept.keys, *swept.seeds]
     names = _make_line_names(results, keys)
     curves = draw_learning_curves(results, names, keys or ["scenario"])
-    over = [drawing for key in swept.keys[:MOST_KEYS] for drawing in draw_over_key(results, key, swept.keys)]
+    over = [drawing for key in swept.keys[:4] for drawing in draw_over_key(results, key, swept.keys)]
     final = Table(*format_runs(runs, keys), "Metrics of the last whole cycle, pooled over the legs")
     place = os.path.commonpath([run.folder.resolve().parent for run in runs])
     pages = f"Runs are folders below {place}. {HOW_TO_REPORT}"

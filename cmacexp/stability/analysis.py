@@ -46,8 +46,7 @@ def read_learning(run: StoredRun) -> Config:
 def analyse(config: Config, verdict: Verdict) -> Analysis:
     """Judge other leads of a run, of whose config :func:`read_learning` there is a verdict, and linearise its loop.
 
-    Raises:
-        NotPredictable: it does not learn, ends before that shows, or its loop cannot be linearised.
+    Raises NotPredictable if it does not learn, ends before that shows, or its loop cannot be linearised.
     """
     scenario = make_scenario(config)
     growth = predicted_growth(config, prepared=scenario)

@@ -26,10 +26,6 @@ if TYPE_CHECKING:
 
 TITLES = ("lead", "learning", "growth per cycle", "least Re T", "ends in cycle")
 VERDICT = "stability.json"
-DECIMALS = 4
-"""Of factors of growth."""
-MIN_SHOWN_REAL = -0.6
-"""Real parts below this are cut off."""
 
 
 def rows(analysis: Analysis) -> list[list[str]]:
@@ -38,7 +34,7 @@ def rows(analysis: Analysis) -> list[list[str]]:
         [
             f"{lead} (this run)" if lead == analysis.lead else str(lead),
             each.verdict,
-            format_cell(each.growth, DECIMALS),
+            format_cell(each.growth, decimals=4),
             format_cell(float(analysis.least_real(lead).min())),
             str(each.ends or "-"),
         ]
@@ -68,7 +64,7 @@ def _draw_growth(analysis: Analysis) -> "Figure":
 
 def _draw_real_parts(analysis: Analysis) -> "Figure":
     """Re T over frequency for each lead, the least of all places of the cycle."""
-    hertz, shown = analysis.spectra[0].frequencies, (MIN_SHOWN_REAL, 1.3)
+    hertz, shown = analysis.spectra[0].frequencies, (-0.6, 1.3)
     series = [Series(f"lead {lead}", hertz, analysis.least_real(lead)) for lead in analysis.verdicts]
     return draw([Panel("T", "frequency, Hz", "Re T, least eigenvalue", series, y_limits=[0.0], y_range=shown)])
 

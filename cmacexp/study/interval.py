@@ -24,7 +24,6 @@ class Interval:
     low: float
     high: float
     count: int
-    """Size of the sample."""
     method: str
     """How the interval was computed."""
 
@@ -94,11 +93,10 @@ def find_ends(resampled: Array) -> tuple[Array, Array]:
 
 
 def bootstrap(values: Array, statistic: Callable[[Array], Array] = compute_centre) -> Interval:
-    """Percentiles of a statistic; not scipy's, which cannot rank the infinite value of a run that diverged.
+    """Percentiles of a statistic, over the last axis of ``values`` (..., count).
 
-    Args:
-        values: (..., count): the sample is along the last axis.
-        statistic: of arrays (..., count), with any number of axes before them.
+    Not scipy's, which cannot rank the infinite value of a run that diverged. ``statistic`` takes (..., count), with
+    any number of axes before the last.
     """
     low, high = find_ends(statistic(resample(values)))
     return Interval(float(statistic(values)), float(low), float(high), values.shape[-1], "bootstrap")

@@ -190,11 +190,7 @@ class Results:
 
 
 def worst_value(name: str) -> float:
-    """What a metric of a run that ended before counts as; NaN if neither direction is better.
-
-    Raises:
-        BadInput: there is no such metric.
-    """
+    """What a metric of a run that ended before counts as; NaN if neither direction is better; raises BadInput."""
     _require("metric", name, ALL_METRICS)
     better = ALL_METRICS[name].better
     return float("nan") if better == NEITHER else 0.0 if better == LARGE else float("inf")

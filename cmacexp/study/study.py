@@ -136,8 +136,7 @@ class StudyFile:
 def load_study(path: Path) -> StudyFile:
     """Import the study of a file.
 
-    Raises:
-        BadInput: the file, its page or the study in it is missing, or the file cannot be imported by its name.
+    Raises BadInput if it, its page or the study in it is missing, or it cannot be imported by its name.
     """
     path = path.resolve()
     if not path.is_file():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.rollout import roll_out
 
 from benchmarks.__main__ import BEGIN, END, replace_results
 from benchmarks.c_loop import COLUMNS, build, compiler, run_in_c
@@ -9,7 +10,6 @@ from benchmarks.peers import NumpyCmac
 from benchmarks.timing import format_time, in_turn, ratio
 from cmacexp.cmac.addressing import InputRange
 from cmacexp.cmac.network import Cmac
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 

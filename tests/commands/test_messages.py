@@ -18,6 +18,7 @@ import pytest
 from support.command import python
 from support.controllers import CONTROLLERS
 from support.robots import OWN
+from support.rollout import roll_out
 
 import cmacexp
 from cmacexp.config.compose import compose_config
@@ -25,7 +26,7 @@ from cmacexp.config.fields import listed
 from cmacexp.config.gait import PATTERNS
 from cmacexp.errors import CmacexpError
 from cmacexp.experiment.objective import check_metric, list_metrics
-from cmacexp.loop import roll_out, stop
+from cmacexp.loop import stop
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import Drift, format_drift
 from cmacexp.plants.protocol import new_measurement

@@ -121,9 +121,3 @@ def test_a_sample_is_that_of_its_seed_and_has_mutants_of_every_file(mutants):
 def test_a_reason_is_of_a_mutant_that_still_exists(mutants):
     exist = {(m.path, m.context, m.old, m.new) for own in mutants.values() for m in own}
     assert set(read_reasons()) <= exist
-
-
-def test_the_page_has_its_tables():
-    page = (ROOT / "docs" / "mutants.md").read_text()
-    assert "| survived |" in page
-    assert "| why it survives |" in page

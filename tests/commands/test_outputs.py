@@ -95,3 +95,22 @@ def test_a_message_quotes_the_ends_of_a_long_value_and_no_line_break():
     error = BadInput("a\nb", 10**400, "must be\x1b[2J less")
     assert str(error) == rf"a\nb=1{'0' * 119}...{'0' * 60} (401 characters): must be\x1b[2J less"
     assert format_value("x" * 240) == "x" * 240
+
+
+WRONG = """
+import argparse, sys
+from cmacexp.commands.main import main
+before = argparse.ArgumentParser.error
+sys.argv = ["cmacexp", "--unheard-of"]
+try:
+    main()
+except SystemExit as end:
+    print(end.code, argparse.ArgumentParser.error is before)
+"""
+
+
+def test_a_wrong_option_is_one_line_and_the_parsers_of_others_stay_as_they_are(tmp_path):
+    done = python("-c", WRONG, folder=tmp_path)
+    assert done.stdout == "2 True\n"
+    assert done.stderr.startswith("error: unrecognized arguments: --unheard-of; ")
+    assert done.stderr.count("\n") == 1

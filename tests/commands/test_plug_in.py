@@ -8,6 +8,7 @@ import pytest
 from support.command import cmacexp
 from support.controllers import CONTROLLERS
 from support.manifests import change_manifest
+from support.rollout import roll_out
 
 import cmacexp as package
 from cmacexp.commands.score import score
@@ -17,7 +18,6 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
 from cmacexp.experiment.run import run_scenario
 from cmacexp.feedforward import CmacFeedforward
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
 from cmacexp.report.run_tables import list_settings

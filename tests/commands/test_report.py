@@ -13,13 +13,12 @@ from support.manifests import change_manifest
 
 from cmacexp.config.difference import flat
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.data.version import __version__
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.parts import Drawing, Folded, Table
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import RunSummary, make_rows, read_summary, sort_folders
 from cmacexp.report.run_tables import list_settings
-from cmacexp.report.style import include_zero, logarithmic, mark, new_figure, spans_decades
+from cmacexp.report.style import include_zero, logarithmic, new_figure, spans_decades
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
 
 
@@ -102,10 +101,6 @@ def test_a_run_gets_a_page_that_needs_nothing_else(leg):
     assert not list((leg / "report").rglob(".*.part"))
     assert "Memory of the feedforward" in text_of(leg)
     assert "How it ended" not in text_of(leg)
-
-
-def test_a_page_says_when_and_by_what_it_was_written(leg):
-    assert re.search(rf"Written on \d{{4}}-\d\d-\d\d by cmacexp {re.escape(__version__)}", text_of(leg))
 
 
 def test_figures_are_described_by_what_they_show(leg):
@@ -305,11 +300,6 @@ def test_axes_are_logarithmic_only_where_values_allow_it():
     assert not spans_decades([1.0, 15.0])
     assert not spans_decades([-1.0, 100.0])
     assert not spans_decades([math.nan])
-
-
-def test_lines_of_one_figure_differ_in_colour_or_dash():
-    marks = {tuple(map(str, mark(index).values())) for index in range(12)}
-    assert len(marks) == 12
 
 
 def test_axes_do_not_exaggerate_differences():

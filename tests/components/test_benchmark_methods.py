@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from support.rollout import roll_out
 
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.ilc import gaussian_taps
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.feedforward.network import resample
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.leg import Leg, inverse_dynamics, trigonometry
 from cmacexp.models.robot_file import package_models

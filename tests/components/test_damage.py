@@ -350,15 +350,3 @@ def test_links_to_folders_are_not_followed(leg, tmp_path):
     assert runs_below(tmp_path) == everything_below(tmp_path) == [leg]
     (tmp_path / "given").symlink_to(leg)
     assert runs_below(tmp_path / "given") == [tmp_path / "given"], "but the folder itself may be a link"
-
-
-def test_tables_are_read_through_one_function():
-    package = Path(cmacexp.__file__).parent
-    read = {path for path in package.rglob("*.py") if {"ParquetFile(", "read_table("} & set_of(path)}
-    assert read == {package / "data" / "parquet.py"}
-
-
-def set_of(path: Path) -> set[str]:
-    """Which functions of pyarrow that read tables a file uses."""
-    text = path.read_text()
-    return {name for name in ("ParquetFile(", "read_table(") if f"pq.{name}" in text}

@@ -7,11 +7,13 @@ import pyarrow as pa
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support.command import cmacexp
-from support.made_traces import measure
+from support.made_traces import make_trace, measure
 from support.manifests import change_manifest
 
 from cmacexp.commands.score import score
+from cmacexp.metrics import compute
 from cmacexp.metrics.drift import DRIFT_RATIO, Drift, DriftDetector, make_drift_entry
+from cmacexp.metrics.registry import METRICS
 from cmacexp.models.trend import WINDOW
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -165,3 +167,23 @@ def test_a_run_that_lasts_is_not_named(tmp_path, overrides):
     done = cmacexp("cycles=300", *thin, *overrides, folder=tmp_path)
     assert json.loads((tmp_path / "manifest.json").read_text())["drift"] is None
     assert "drift" not in done.stdout + done.stderr
+
+
+def learning(cycles, legs=1):
+    """A trace of ``cycles`` cycles of four steps whose errors change from cycle to cycle and leg to leg."""
+    rng = np.random.default_rng(7)
+    size = (4 * cycles, legs)
+    decay = np.repeat(np.exp(-0.4 * np.arange(cycles)), 4)[:, None]
+    columns = {name: decay * rng.uniform(0.5, 1.5, size) for name in ("x", "y", "tau_feedback_1")}
+    return {"rows": 4 * cycles, "legs": legs, "force": 1.0 + decay * rng.uniform(0.5, 1.5, size), **columns}
+
+
+def test_a_row_knows_nothing_of_later_cycles():
+    trace = make_trace("TSSS", **learning(8, legs=2), force_desired=1.0)
+    whole = compute(trace, 4)
+    for cycles in range(1, 8):
+        begun = compute(trace.slice(0, 8 * cycles), 4)
+        for name in METRICS:
+            assert_array_equal(
+                begun.column(name).to_numpy(), whole.column(name).to_numpy()[: 2 * cycles], err_msg=name
+            )

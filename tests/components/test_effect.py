@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 
 import pytest
-from support.command import cmacexp as command
 from support.fields import leaves
 
 import cmacexp
@@ -94,41 +93,6 @@ def test_warnings(overrides, expected):
     if any("Mine" in text for text in overrides):
         overrides = ["feedforward._target_=support.fields.Mine", *overrides[1:]]
     assert warned(overrides) == expected
-
-
-@pytest.mark.parametrize(
-    ("typed", "group", "but", "needs"),
-    [
-        ((), "posture", (), "machine.kind in ('quadruped', 'robot')"),
-        ((), "plausibility", ("enabled",), "plausibility.enabled"),
-        ((), "payload", ("weight",), "payload.weight > 0"),
-        (("sensors=real",), "sensors.force.fault", ("kind",), "sensors.force.fault.kind != 'none'"),
-        (("feedforward=none",), "cmac", (), "feedforward in ('cmac', 'cmac_on_model')"),
-        (("feedforward=none",), "learning", (), "feedforward != 'none'"),
-        (("learning.start_cycle=9",), "cmac", (), "learning.start_cycle <= cycles"),
-        (("learning.start_cycle=9",), "learning", ("start_cycle",), "learning.start_cycle <= cycles"),
-    ],
-)
-def test_each_field_of_a_group_is_warned_of_in_one_line(typed, group, but, needs):
-    config = compose_config(typed)
-    keys = [key for key, *_ in leaves(config) if key.startswith(f"{group}.")]
-    keys = [key for key in keys if key.removeprefix(f"{group}.") not in but]
-    composed, _ = compose_untyped(typed)
-    assert len(keys) >= 2
-    for key in keys:
-        (line,) = warnings_of(config, [f"{key}=0"], composed)
-        assert line.startswith(f"{key}=0 has no effect: needs ")
-        assert needs in line
-
-
-def test_a_sweep_warns_once_of_what_has_no_effect_in_any_job(tmp_path):
-    swept = ("plausibility.enabled=false,true", "plausibility.patience=1,2", "posture.gain=1,2", "seed=1")
-    done = command("-m", *DROP, *swept, "hydra.sweep.dir=sweep", folder=tmp_path)
-    warnings = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
-    assert warnings == [
-        "warning: posture.gain has no effect in any job: needs machine.kind in ('quadruped', 'robot')",
-        f"warning: seed has no effect in any job: needs {DRAWS}",
-    ]
 
 
 def test_a_run_from_python_warns_as_python_does(tmp_path):

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from support.rollout import roll_out
 from support.walks import PERIOD
 
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stop import (
     DIVERGED,

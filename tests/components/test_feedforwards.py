@@ -5,12 +5,12 @@ import sys
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from support.rollout import roll_out
 
 from cmacexp.errors import BadInput
 from cmacexp.feedforward.ilc import WIDEST, gaussian_taps
 from cmacexp.feedforward.kernels import Smoothing, smooth
 from cmacexp.feedforward.rbf import activations, spacing, spread_out
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 FUSED = ["ilc", "rbf"]

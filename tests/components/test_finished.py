@@ -10,7 +10,6 @@ from support.robots import change
 from cmacexp.config.compose import compose_config
 from cmacexp.data import manifest as manifests
 from cmacexp.data.integrity import faults, is_finished
-from cmacexp.data.stored_run import StoredRun
 from cmacexp.experiment.collect import collect
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.workers import workers
@@ -67,10 +66,6 @@ def test_a_run_that_fell_or_diverged_has_a_result(finished, status):
     assert is_finished(folder, config)
 
 
-def test_no_run_at_all_is_not_finished(tmp_path):
-    assert not is_finished(tmp_path / "none", compose_config(JOB))
-
-
 def test_runs_are_reused_and_equal_ones_run_once(tmp_path, capfd):
     one, same, other = (
         Request((*JOB,), {"name": "a"}),
@@ -86,15 +81,6 @@ def test_runs_are_reused_and_equal_ones_run_once(tmp_path, capfd):
         again = collect(each, [one, other], tmp_path)
     assert "2 runs, 0 of them to be run" in capfd.readouterr().err
     assert {folder: (folder / "trace.parquet").stat().st_mtime_ns for folder, _ in again.values()} == times
-
-
-def test_a_stored_run_gives_its_tables(finished):
-    run = StoredRun(finished[0])
-    assert run.status == "completed"
-    assert not run.walks
-    assert len(run.trace) == 200 == len(run.cycle(1))
-    assert run.cycle(2).empty
-    assert run.metrics["cycle"].tolist() == [1]
 
 
 def test_a_report_notices_a_config_that_was_changed_by_hand(finished, tmp_path):

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from support.grounds import NO_PAYLOAD, still_ground
+from support.rollout import roll_out
 
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import depth, make_pose
 from cmacexp.models.ground import contact_force, damped_force, damped_spring

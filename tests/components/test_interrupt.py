@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import cmacexp, started
+from support.rollout import roll_out
 
 from cmacexp.commands.command import run_command
 from cmacexp.experiment import run as experiment
 from cmacexp.experiment.run import run_scenario
 from cmacexp.jit.interrupt import handled, interrupt_held_back, interrupted_exit_code, raise_if_interrupted
-from cmacexp.loop import compiled, roll_out
+from cmacexp.loop import compiled
 from cmacexp.loop import run as loop
 from cmacexp.loop.scenario import make_scenario
 

@@ -10,10 +10,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support.grounds import still_ground
 from support.robots import OWN
+from support.rollout import roll_out
 
 from cmacexp.control import HybridController
 from cmacexp.errors import BadInput, Diverged
-from cmacexp.loop import roll_out
 from cmacexp.loop.builtin import find_external
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.leg import Leg, foot_position, foot_velocity, forward_dynamics, trigonometry

@@ -8,10 +8,10 @@ import pytest
 from support.pages import blocks
 from support.robot_walks import EXACT, RIGID, ROBOT, TWO
 from support.robots import JOINTS, OWN, read
+from support.rollout import roll_out
 
 from cmacexp.config.compose import compose_config
 from cmacexp.errors import BadInput
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.robot_search import find_names
 

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from support.rollout import roll_out
 
 from cmacexp.control.fault_detection import expected_force
 from cmacexp.errors import BadInput
 from cmacexp.experiment.run import run_scenario
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import make_pose
 

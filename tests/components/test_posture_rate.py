@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from support.rollout import roll_out
 
 from cmacexp.control.hybrid_kernels import METHODS, hybrid_feedback, new_hybrid_state, posture_rate_term, posture_term
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import LEVEL, make_pose
 from cmacexp.models.leg import trigonometry

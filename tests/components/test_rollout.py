@@ -6,10 +6,10 @@ import re
 import numpy as np
 import pytest
 from support.loops import run_elsewhere, same_bits
+from support.rollout import roll_out
 
 from cmacexp.config import config_hash, to_plain
 from cmacexp.data.parquet import write_table
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stop import FASTEST_JOINT
 from cmacexp.loop.trace import assemble

@@ -8,14 +8,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from support.command import ROOT
+from support.rollout import roll_out
 
 from cmacexp.commands.score import score
 from cmacexp.data.signals import BODY_SIGNALS, select_signals
 from cmacexp.experiment.run import run_scenario
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
-from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE
-from cmacexp.sensors.noise import normal, uniform
+from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE, normal, uniform
 from cmacexp.sensors.protocol import SIGNALS, PerfectSensors
 
 REAL = "sensors=real"

@@ -8,8 +8,8 @@ from support.loops import require_same_bits, run_both, run_elsewhere
 from support.robot_walks import RIGID, ROBOT
 from support.robot_walks import SHORT as SHORT_ROBOT
 from support.robots import OWN
+from support.rollout import roll_out
 
-from cmacexp.loop import roll_out
 from cmacexp.loop.compiled import fused_loop
 from cmacexp.loop.external import coroutine_loop
 from cmacexp.loop.scenario import make_scenario

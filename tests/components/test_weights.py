@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from support.rollout import roll_out
 
 from cmacexp.data import manifest as manifests
 from cmacexp.data.files import sha256
@@ -10,7 +11,6 @@ from cmacexp.data.integrity import is_finished
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput
 from cmacexp.experiment.run import run_scenario
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 COMMON = ("scenario=one_leg", "reference=aware", "record=trace", "learning.lead=1")

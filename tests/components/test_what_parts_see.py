@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.rollout import roll_out
 
 import cmacexp
 from cmacexp.control import HybridController
 from cmacexp.errors import WithoutEffect
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import ROOT, python
+from support.rollout import roll_out
 
 import cmacexp
 from cmacexp.config.compose import compose_config
 from cmacexp.jit.sources import KERNEL_ROOMS
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 VARYING = {

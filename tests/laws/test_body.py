@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import minimize
 from support.grounds import still_ground
+from support.rollout import roll_out
 
 from cmacexp.control.hybrid_kernels import posture_term
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.body import Load, balance, depth, energy, make_pose, slope
 from cmacexp.models.ground import stiffness_at

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from support.rollout import roll_out
 
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.step import ACT, MEASURE, NO_METHOD, NOT_FINITE, PREDICT, STEP, STOP, TAKEN
 

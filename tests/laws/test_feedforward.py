@@ -1,6 +1,6 @@
 """Laws of feedforwards: which torque is given when, what feedback teaches, and from which step on."""
 
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +20,6 @@ from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.ground import NEVER
 from cmacexp.models.leg import Leg, jacobian, trigonometry
 from cmacexp.planning.columns import JOINT_COLUMNS
-from cmacexp.planning.setup import Setup
 
 SHORT = ("scenario=quadruped", "gait.cycle_time=0.2", "gait.lift=0.005")
 SAMPLES, LEGS, ROWS = 40, 4, 25
@@ -49,13 +48,6 @@ def taught(params, step, error):
     before = params.weights.copy()
     feedforward_step(params, step, step % SAMPLES, error, np.zeros((LEGS, 2)))
     return params.weights - before
-
-
-def test_a_setup_without_more_has_learnt_nothing_and_no_lead_and_stays_as_it_is(setup):
-    plain = Setup(setup.config, setup.mechanism, setup.plan, setup.start)
-    assert (plain.learnt, plain.lead) == (None, 0)
-    with pytest.raises(FrozenInstanceError):
-        plain.lead = 1  # type: ignore[misc]
 
 
 # What is given

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.rollout import roll_out
 
 from cmacexp.config.compose import compose_config
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.trace import assemble
 from cmacexp.metrics import compute

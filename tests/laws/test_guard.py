@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from support.loops import run_both
+from support.rollout import roll_out
 
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput
 from cmacexp.experiment.run import run_scenario
 from cmacexp.feedforward.kernels import correct
 from cmacexp.feedforward.network import kernel_norm
-from cmacexp.loop import roll_out
 from cmacexp.loop.guard import CAUSES, CHATTER, DRIFT, PEAK, WORSE
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.trend import WINDOW, count_rises

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from support.rollout import roll_out
 
 from cmacexp.feedforward.kernels import feedforward_step
 from cmacexp.feedforward.none import NoFeedforward
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.step import copy_measurement
 from cmacexp.models.body import Load, Slope, newton_step

@@ -3,12 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
+from support.rollout import roll_out
 
 from cmacexp.data.signals import LEARNS, REPEATED
 from cmacexp.data.tables import MEMORY
 from cmacexp.errors import BadInput
 from cmacexp.experiment.run import run_scenario
-from cmacexp.loop import roll_out
 from cmacexp.loop.probe import CYCLES, FIRST_LEARNING, SHARE, estimate_lead, new_probe
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.drift import describe_guard

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
 
 from cmacexp.cmac import network, spread
 from cmacexp.cmac.addressing import DISPLACEMENTS, InputRange, displacement
+from cmacexp.cmac.memory import find_entered
 from cmacexp.cmac.network import Cmac, memory_use
 from cmacexp.cmac.spread import spread_shares
 from cmacexp.config.cmac import CmacConfig
@@ -80,3 +82,13 @@ def test_the_window_named_as_too_wide_is_refused_and_the_one_below_is_not(sample
             else:
                 with pytest.raises(BadInput, match=r"learning\.window=\d+: must be below"):
                     spread_shares(cells, np.ones(cells.shape), window)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.integers(1, 5), st.integers(1, 6))
+def test_every_cell_is_entered_where_it_first_occurs(seed, samples, layers, kinds):
+    cells = np.random.default_rng(seed).integers(0, kinds, (samples, layers))
+    entered = find_entered(cells)
+    values, first = np.unique(cells, return_index=True)
+    found, place = np.unique(cells[entered], return_index=True)
+    assert_array_equal(found, values)
+    assert_array_equal(np.flatnonzero(entered)[place], first)

@@ -7,11 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 from support.robot_walks import EXACT, ROBOT, TWO, walk_robot
 from support.robots import OWN
+from support.rollout import roll_out
 
 from cmacexp.config.compose import compose_config
 from cmacexp.control.steering import AHEAD, ASIDE, MOST, TURN, Steering, scale_ahead, scale_aside, steer
 from cmacexp.errors import BadInput
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.lateness import Lateness
 from cmacexp.models.leg import GRAVITY

@@ -3,8 +3,8 @@
 import pytest
 from numpy.testing import assert_allclose
 from support.oracle import simulate
+from support.rollout import roll_out
 
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 COLUMNS = (

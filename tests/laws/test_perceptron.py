@@ -79,12 +79,6 @@ def test_torques_are_in_proportion_to_the_feedback(setup):
     assert_allclose(one.learnt()["scale"], np.sqrt((first**2).mean(axis=(0, 2))))
 
 
-def test_without_feedback_its_unit_is_1_n_m(setup):
-    network = make(setup)
-    torques(network, np.zeros_like(random_errors(2, setup)))
-    assert_array_equal(network.learnt()["scale"], np.ones(4))
-
-
 def test_each_leg_learns_from_its_own_feedback(setup):
     errors = random_errors(2, setup)
     for leg in range(4):
@@ -133,8 +127,3 @@ def test_seeds_and_legs_begin_with_networks_of_their_own(setup):
     assert len({network.tobytes() for network in begins}) == len(seeds)
     for leg in range(1, 4):
         assert not np.array_equal(begins[0][leg], begins[0][0])
-
-
-def test_more_samples_at_a_time_than_a_cycle_has_are_all_of_them(setup):
-    errors = random_errors(2, setup)
-    assert_array_equal(torques(make(setup, batch=40), errors), torques(make(setup, batch=10**6), errors))

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from support.command import cmacexp
+from support.rollout import roll_out
 from test_cmac import make_cmac, random_inputs
 
 from cmacexp.cmac.network import memory_use
 from cmacexp.cmac.receptive_field import RECEPTIVE_FIELDS, spline
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 SMOOTH = ["linear", "cubic"]

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from support.command import ROOT
 from support.loops import run_both
+from support.rollout import roll_out
 
 from cmacexp.cmac.memory import read_weighted, train
 from cmacexp.cmac.rules import (
@@ -28,7 +29,6 @@ from cmacexp.cmac.rules import (
 from cmacexp.cmac.spread import binomial, spread_shares, train_spread
 from cmacexp.config.schema import LearningConfig
 from cmacexp.feedforward.network import BuiltInFeedforward, network
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 CELLS = np.array([4, 0, 7, 2], dtype=np.uint32)

@@ -2,8 +2,8 @@
 
 import pytest
 from numpy.testing import assert_allclose
+from support.rollout import roll_out
 
-from cmacexp.loop import roll_out
 from cmacexp.loop.samples import BODY_SAMPLES
 from cmacexp.loop.scenario import make_scenario
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from support.rollout import roll_out
 
 from cmacexp.config.schema import ActuatorConfig
 from cmacexp.control.actuator import actuate, new_actuator
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 PERIOD, LEGS, STEPS = 0.5, 3, 12

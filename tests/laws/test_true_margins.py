@@ -1,4 +1,4 @@
-"""The true stability margin: of the centre of gravity of all masses among the feet that carry load."""
+"""Stability margins: of a polygon of support; the true one of all masses among the feet that carry load."""
 
 import numpy as np
 import pytest
@@ -81,3 +81,10 @@ def test_the_centre_of_gravity_is_that_of_mujoco(make_config):
     centre = centre_of_gravity(of, now.q[:, :1], feet)[:, 0]
     turn = plant.data.xmat[1].reshape(3, 3)
     assert_allclose(centre, turn.T @ (plant.data.subtree_com[1] - plant.data.xpos[1]), atol=1e-12)
+
+
+@pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+def test_a_foot_on_an_edge_or_within_changes_no_margin(scale):
+    corners = scale * np.array([[0.3, 0.2], [0.25, -0.2], [-0.3, 0.1], [-0.2, -0.3]])
+    for more in ((corners[0] + corners[1]) / 2.0, 0.25 * corners[2] + 0.75 * corners[3], np.zeros(2)):
+        assert_allclose(margins(np.vstack([corners, more])), margins(corners), rtol=1e-9)

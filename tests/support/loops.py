@@ -6,8 +6,8 @@ import sys
 from types import SimpleNamespace
 
 import numpy as np
+from support.rollout import roll_out
 
-from cmacexp.loop import roll_out
 from cmacexp.loop.samples import name_samples
 from cmacexp.loop.scenario import make_scenario
 
@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from cmacexp.config.compose import compose_config
 from cmacexp.data.parquet import write_table
-from cmacexp.loop import roll_out
+from support.rollout import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.trace import assemble
 

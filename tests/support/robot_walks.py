@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.spatial.transform import Rotation
 from support.robots import OWN
+from support.rollout import roll_out
 
 from cmacexp.config.compose import compose_config
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.ground import height_at
 from cmacexp.planning.columns import X, Y, Z

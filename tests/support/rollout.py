@@ -1,0 +1,33 @@
+"""A scenario run with all its samples in memory."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cmacexp.loop import End, stream
+from cmacexp.loop.samples import WIDE_BODY_SAMPLES, name_samples
+from cmacexp.planning import Plan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rollout(End):
+    """How it ended, and its samples: of legs (steps, L, columns), of the body (steps, columns)."""
+
+    plan: Plan
+    samples: np.ndarray
+    body_samples: np.ndarray
+
+    def columns(self):
+        """Samples (steps, L) by column name."""
+        return name_samples(self.samples)
+
+    def body_columns(self):
+        """Samples of the body (steps,) by column name."""
+        return name_samples(self.body_samples, WIDE_BODY_SAMPLES)
+
+
+def roll_out(scenario, watch=lambda cycles: None, *, fused=True) -> Rollout:
+    kept = []
+    end = stream(scenario, lambda new: kept.append((new.legs.copy(), new.body.copy())), watch, fused=fused)
+    samples, body = (np.concatenate(arrays) for arrays in zip(*kept, strict=True))
+    return Rollout(**vars(end), plan=scenario.setup.plan, samples=samples, body_samples=body)
