@@ -163,8 +163,6 @@ class SweepConfig:
 
     resume: bool
     """Do not run jobs again whose results are in the folder of the sweep."""
-    max_jobs: int = number("", at_least=1)
-    """Jobs above which a sweep is refused."""
     chunk: int | None = number("jobs", at_least=1)
     """Jobs in each task of a launcher such as ``submitit_slurm``; null: one."""
 
