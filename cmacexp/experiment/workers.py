@@ -2,6 +2,7 @@
 
 import gc
 import os
+import select
 import signal
 import socket
 import struct
@@ -71,14 +72,12 @@ def share_progress(number: int) -> Callable[[float], None]:
 
 @cache
 def _end_with(process: int) -> None:
-    """End with this process, and leave Ctrl-C to it."""
+    """End with this process, also if nobody has asked how it ended, and leave Ctrl-C to it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
         with suppress(ProcessLookupError):
-            while True:
-                os.kill(process, 0)
-                time.sleep(1.0)
+            select.select([os.pidfd_open(process)], [], [])
         os._exit(1)
 
     Thread(target=watch, daemon=True).start()
@@ -93,8 +92,9 @@ def work_on(shared: str, number: int, work: Callable[..., Any], item: tuple[Any,
     return result
 
 
-def _start(environment: Mapping[str, str]) -> None:
-    """Begin as a process that this one has started would."""
+def _start(environment: Mapping[str, str], parent: int) -> None:
+    """Begin as a process that ``parent`` has started would; it may end before there is work."""
+    _end_with(parent)
     os.environ.update(environment)
     gc.freeze()  # what has been imported is no garbage
 
@@ -113,7 +113,7 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
     processes at once: their files are whole or absent.
     """
     count = processes or count_cores()
-    pool = ProcessPoolExecutor(count, make_context(), _start, (dict(os.environ),))
+    pool = ProcessPoolExecutor(count, make_context(), _start, (dict(os.environ), os.getpid()))
 
     def submit(*call: Any) -> Future[Any]:
         # Processes start here. They inherit that Ctrl-C is ignored, which reaches them too; and they do not import
