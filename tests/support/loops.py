@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,9 +18,10 @@ from pathlib import Path
 import numpy as np
 from cmacexp.config.compose import compose_config
 from cmacexp.data.parquet import write_table
-from support.rollout import roll_out
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.trace import assemble
+sys.path.append({tests!r})
+from support.rollout import roll_out
 
 folder, config = Path(sys.argv[1]), compose_config(sys.argv[2:])
 run = roll_out(make_scenario(config))
@@ -30,7 +32,7 @@ write_table(assemble(run.plan, run.columns(), config.sampling_period), folder / 
 
 def run_elsewhere(folder, overrides, **environment):
     """A run in another process, whose trace it leaves in ``folder``."""
-    command = [sys.executable, "-c", ELSEWHERE, str(folder), *overrides]
+    command = [sys.executable, "-c", ELSEWHERE.format(tests=str(Path(__file__).parents[1])), str(folder), *overrides]
     subprocess.run(command, env={**os.environ, **environment}, check=True)
     with np.load(folder / "run.npz") as run:
         return SimpleNamespace(**{name: run[name] if run[name].ndim else str(run[name]) for name in run})
