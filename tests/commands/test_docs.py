@@ -164,7 +164,7 @@ def test_the_plant_of_the_page_is_learned(folder):
 
 
 def test_every_block_says_what_it_is():
-    assert {block.language for block in ALL} <= {"bash", "sh", "python", "yaml", "markdown", "text"}
+    assert {block.language for block in ALL} <= {"bash", "c", "sh", "python", "yaml", "markdown", "text"}
     assert {note for block in ALL for note in block.notes} <= {"tests", "exit code", "run by"}
     for block in (block for block in ALL if block.language == "sh"):
         assert all(line.startswith(SET_UP) for line in block.code.splitlines()), block.code
