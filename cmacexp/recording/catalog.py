@@ -38,7 +38,7 @@ def find_shared(recordings: Sequence[Path]) -> list[Path]:
 
 
 def _list_columns(present: Sequence[str], keys: Sequence[str]) -> list[rrt.Column]:
-    """The columns of the table: first what tells the runs apart, then the main metrics; the others can be shown."""
+    """The columns of the table: first what distinguishes the runs, then the main metrics; the others can be shown."""
     sources = {NAME: "run", **{f"property:config:{re.sub(r'[^A-Za-z0-9_]', '_', key)}": key for key in keys}}
     sources["property:run:status"] = "status"
     sources |= {f"property:metrics:{name}": f"{name} {ALL_METRICS[name].unit}".rstrip() for name in MAIN}

@@ -109,7 +109,9 @@ def test_what_cannot_be_exported_is_refused_by_name(override, run_of, tmp_path):
 
 
 def test_the_command_writes_every_format_and_into_no_run(tmp_path):
-    folder = cmacexp.run([*DENSE, "record=trace", "record.weights=true", "cycles=1"], tmp_path / "run").folder
+    folder = cmacexp.run(
+        [*DENSE, "record=trace", "record.weights=true", "cycles=1", "warn=false"], tmp_path / "run"
+    ).folder
     for words in (["--out", "x"], ["--single"], ["--c", "--out", str(folder)]):
         done = python("-m", "cmacexp.export", str(folder), *words, folder=tmp_path)
         assert (done.returncode, done.stderr.count("error: ")) == (2, 1), done.stderr

@@ -76,9 +76,9 @@ def test_masses_of_the_plant_alone_are_others(make_config):
     np.testing.assert_array_equal(built, believed * [1.0, 1.0, 2.0, 2.0, 1.0])
 
 
-def test_torques_act_later_than_anybody_was_told(make_config):
-    told, untold = (make_config("learning=lasting", f"{who}.delay=2", "cycles=2") for who in ("actuator", "plant"))
-    rolled = [make_scenario(config) for config in (told, untold)]
+def test_torques_act_later_than_assumed(make_config):
+    known, unknown = (make_config("learning=lasting", f"{who}.delay=2", "cycles=2") for who in ("actuator", "plant"))
+    rolled = [make_scenario(config) for config in (known, unknown)]
     assert [scenario.setup.lead for scenario in rolled] == [3, 1]
     first, second = (roll_out(scenario).samples[:600] for scenario in rolled)
     np.testing.assert_array_equal(first, second)
