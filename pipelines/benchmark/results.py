@@ -59,6 +59,8 @@ class Bench:
             for key, tasks in dict(wanted).items()
         }
         trials = [(key, trial) for key, tasks in missing.items() if tasks for trial in self._split(key, tasks)]
+        if not trials:
+            return
         done = self.each(what, run_trial, [(trial, self.folder) for _, trial in trials], long=True)
         for (key, trial), (rows, seconds) in zip(trials, done, strict=True):
             self.seconds[key] = min(seconds, self.seconds.get(key, np.inf))
