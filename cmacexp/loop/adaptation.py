@@ -5,7 +5,7 @@ import math
 
 from cmacexp.control.load_meter import LoadMeter, read_meter
 from cmacexp.errors import BadInput
-from cmacexp.planning.plan import NOTHING, Met, adapt_plan
+from cmacexp.planning.plan import NOTHING, Met, Plan, adapt_plan
 from cmacexp.planning.setup import Setup
 
 LEAST = Met(weight=0.002, x=0.0002, y=0.0002, slope_x=0.0005, slope_y=0.0005)
@@ -39,6 +39,18 @@ class Adaptation:
         self.carried: list[tuple[int, Met]] = []
         """First cycles, from 1, of what the plan knows; the weight is all that the feet carry, N."""
 
+    def reset(self) -> None:
+        """Return to the start of the run, of which nothing is known."""
+        if self.known != NOTHING:
+            self._follow(self.nominal)
+        self.known, self.new, self.begun = NOTHING, NOTHING, False
+        self.carried.clear()
+
+    def _follow(self, plan: Plan) -> None:
+        """Let the arrays of the plan of the run be those of another."""
+        for name in ("desired", "joints", "force_desired", "reference"):
+            getattr(self.setup.plan, name)[...] = getattr(plan, name)
+
     def end_cycle(self) -> bool:
         """Whether what was met in the cycle that has ended asks for another plan; :meth:`take` makes it.
 
@@ -58,14 +70,11 @@ class Adaptation:
         """Let the plan follow what was met before ``cycle``, unless the legs cannot reach there."""
         if self.new == self.known:
             return
-        plan = self.setup.plan
         try:
-            adapted = adapt_plan(self.setup.config, self.setup.mechanism, self.nominal, self.new)
+            self._follow(adapt_plan(self.setup.config, self.setup.mechanism, self.nominal, self.new))
         except BadInput:
             self.new = self.known
             return
-        for name in ("desired", "joints", "force_desired", "reference"):
-            getattr(plan, name)[...] = getattr(adapted, name)
         self.known = self.new
         weight = float(self.nominal.load.force.mean()) + self.new.weight
         self.carried.append((cycle, self.new._replace(weight=weight)))

@@ -182,7 +182,7 @@ class MujocoPlant:
         kind = self.mujoco.mjtState.mjSTATE_INTEGRATION
         whole = np.empty(self.mujoco.mj_stateSize(self.model, kind))
         self.mujoco.mj_getState(self.model, self.data, whole, kind)
-        self._held = whole, self.state.force.copy(), self.state.clock.copy()
+        self._held = whole, self.state.force.copy(), self.state.clock.copy(), self.engine.anchor.copy()
         return self.pack_state()
 
     def pack_state(self) -> Array:
@@ -191,15 +191,17 @@ class MujocoPlant:
         anchor = self.engine.anchor - (place if self._floats else 0.0)
         return np.concatenate([self.data.qpos[2 * self._floats :], self.data.qvel, anchor.ravel()])
 
-    def put(self, state: Array) -> Measurement:
-        """Return to the step of :meth:`hold`, with this state (n,)."""
-        data, anchor, whole = self.data, self.engine.anchor, self._held[0]
+    def put(self, state: Array | None = None) -> Measurement:
+        """Return to the step of :meth:`hold`, with this state (n,); None: with that of then, to the last bit."""
+        data, anchor = self.data, self.engine.anchor
+        whole, self.state.force[...], self.state.clock[...], anchor[...] = self._held
         self.mujoco.mj_setState(self.model, data, whole, self.mujoco.mjtState.mjSTATE_INTEGRATION)
-        self.state.force[...], self.state.clock[...] = self._held[1:]
-        positions = len(data.qpos) - 2 * self._floats
-        data.qpos[2 * self._floats :], data.qvel[:] = state[:positions], state[positions : positions + len(data.qvel)]
-        anchor[...] = state[positions + len(data.qvel) :].reshape(anchor.shape)
-        anchor += data.qpos[:2] if self._floats else 0.0
+        self.engine.warned[...] = 0
+        if state is not None:
+            after = len(data.qpos) - 2 * self._floats, len(data.qpos) - 2 * self._floats + len(data.qvel)
+            data.qpos[2 * self._floats :], data.qvel[:] = state[: after[0]], state[after[0] : after[1]]
+            anchor[...] = state[after[1] :].reshape(anchor.shape)
+            anchor += data.qpos[:2] if self._floats else 0.0
         self.mujoco.mj_step1(self.model, data)
         apply_forces(self.engine.floor, self.engine, self.state, False)
         return self.measure()

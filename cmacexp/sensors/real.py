@@ -47,7 +47,7 @@ def _layout(legs: int, joints: int) -> list[tuple[str, int]]:
     return [(name, leg + 1) for leg in range(legs) for name in of_a_leg] + [(name, 0) for name in of_the_body]
 
 
-def _keys(channels: int, seed: int) -> Counts:
+def make_keys(channels: int, seed: int) -> Counts:
     """(C, 3): a seed for each source of randomness of each channel."""
     start = mix(SENSOR_SEED, seed)
     return np.array([[mix(mix(start, c), use) for use in range(3)] for c in range(channels)], dtype=np.int64)
@@ -94,7 +94,7 @@ class RealSensors:
         self.sensing = Sensing(
             ("position" in self.alters, "velocity" in self.alters),
             channels,
-            _keys(len(channels), setup.config.seed),
+            make_keys(len(channels), setup.config.seed),
             np.zeros((len(channels), int(channels["delay"].max()) + 1)),
             np.zeros((len(channels), 3)),
         ) if self.alters else None  # fmt: skip

@@ -6,8 +6,7 @@ return with the state, but are not part of it.
 
 import copy
 import math
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple, get_type_hints
+from collections.abc import Callable
 
 import numpy as np
 
@@ -20,9 +19,10 @@ from cmacexp.loop.builtin import find_external, make_loop
 from cmacexp.loop.compiled import CompiledDriver
 from cmacexp.loop.samples import ALL_SAMPLES, make_samples
 from cmacexp.loop.scenario import Scenario, make_scenario
+from cmacexp.loop.state import Declared, Held, list_arrays
 from cmacexp.loop.stop import RUNNING, new_limits
 from cmacexp.plants.mujoco_plant import MujocoPlant
-from cmacexp.typing import CLOCK, STATE, Array, Role
+from cmacexp.typing import CLOCK, STATE, Array
 
 NUDGE = 1e-6
 """Length of the steps of finite differences; the loop is smooth except where feet touch and leave the ground."""
@@ -30,34 +30,6 @@ NUDGE = 1e-6
 
 class NotPredictable(CmacexpError):
     """The loop cannot be linearised: external components, no learning, or a run that ends at once."""
-
-
-class Declared(NamedTuple):
-    """An array of the loop as its component declares it."""
-
-    name: str
-    """Fields on the path to it."""
-    array: Any
-    role: Role | None
-    """None: the loop does not change it."""
-
-
-def _arrays_below(node: Any, path: str, role: Role | None) -> Iterator[Declared]:
-    if isinstance(node, np.ndarray):
-        yield Declared(path, node, role)
-    elif hasattr(node, "_fields"):
-        hints = get_type_hints(type(node), include_extras=True)
-        for name, inner in zip(node._fields, node, strict=True):
-            declared = getattr(hints[name], "__metadata__", (None,))[0]
-            yield from _arrays_below(inner, f"{path}.{name}" if path else name, declared)
-
-
-def list_arrays(loop: Any) -> list[Declared]:
-    """All arrays of a loop, each once: components may share them, and the first one declares the role."""
-    arrays: dict[int, Declared] = {}
-    for each in _arrays_below(loop, "", None):
-        arrays.setdefault(id(each.array), each)
-    return list(arrays.values())
 
 
 def _read(part: Declared, step: int) -> Array:
@@ -101,7 +73,7 @@ class RestorableLoop:
             states = [each for each in states if not each.name.startswith("plant_state.")]
         self._parts = [each for each in states if each.array is not self._weights]
         self._in_use = [rows[:used] for rows, used in zip(log.rows, log.used, strict=True)] if learns else []
-        self._clocks = [(each.array, each.array.copy()) for each in arrays if each.role == CLOCK]
+        self._clocks = Held(each.array for each in arrays if each.role == CLOCK)
         self._held = self.run.taken
 
     @property
@@ -128,7 +100,7 @@ class RestorableLoop:
 
     def hold(self) -> Array:
         """Remember this step as the one that :meth:`put` returns to; its state, (n,)."""
-        self._clocks = [(array, array.copy()) for array, _ in self._clocks]
+        self._clocks = Held(self._clocks.arrays)
         self._held = self.run.taken
         if self.plant is not None:
             self.plant.hold()
@@ -150,8 +122,7 @@ class RestorableLoop:
             size = self.joints * len(rows)
             self._weights[i, rows] = state[done : done + size].reshape(-1, self.joints)
             done += size
-        for array, held in self._clocks:
-            array[...] = held
+        self._clocks.restore()
         self.run.taken = self._held
         if self.plant is not None:
             self.plant.put(state[done:])

@@ -36,6 +36,7 @@ LAYERS = (
     {"study"},
     {"export"},
     {"experiment"},
+    {"gym"},
     {"commands", "__main__"},
 )
 """Rooms of the package; each imports only from its own layer and those above it in this list."""

@@ -1,0 +1,168 @@
+"""A loop that is stepped from outside: whoever steps it gives the feedforward torque of every step.
+
+The steps run in the same compiled generator as those between external components, which pauses where a feedforward
+predicts. Returning to the start restores the state and makes nothing anew.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cmacexp.errors import BadOutput, CmacexpError
+from cmacexp.jit.interrupt import interrupt_held_back
+from cmacexp.loop.adaptation import Adaptation
+from cmacexp.loop.builtin import find_external, make_loop
+from cmacexp.loop.external import External, coroutine_loop
+from cmacexp.loop.samples import make_samples
+from cmacexp.loop.scenario import Scenario
+from cmacexp.loop.state import Held, list_arrays
+from cmacexp.loop.step import STOP, TAKEN, Inputs
+from cmacexp.loop.stop import RUNNING, STATUSES, describe_stop, new_limits
+from cmacexp.planning.columns import BEFORE
+from cmacexp.planning.stability import STABILITY
+from cmacexp.plants.mujoco_plant import MujocoPlant
+from cmacexp.plants.protocol import Measurement
+from cmacexp.sensors.real import make_keys
+from cmacexp.typing import Array, Mask
+
+OUTSIDE = External(plant=False, sensors=False, controller=False, feedforward=True)
+
+
+class Moment(NamedTuple):
+    """What is known at the start of a step. The arrays are those of the loop, which the next step overwrites."""
+
+    step: int
+    """Counts from 0 over the run."""
+    sample: int
+    """Counts from 0 within the cycle; 0 to N - 1."""
+    status: str
+    """``running``, ``completed``, ``fell`` or ``diverged``; steps follow only while it runs."""
+    cause: str
+    """Why it fell or diverged, with step and time; else empty."""
+    state: Measurement
+    """The machine as it is."""
+    observed: Measurement
+    """What the controller sees of it; after the last step still what it saw before."""
+    support: Mask
+    """(L,): planned phase, true in support."""
+    reference: Array
+    """(L, 7 or 9): what the controller follows, as of :class:`cmacexp.planning.plan.Plan`."""
+    desired: Array
+    """(L, 6 or 9): where the feet should be, with velocities and accelerations."""
+    force_desired: Array
+    """(L,): N."""
+    learning_error: Array
+    """(L, J): what a feedforward would learn from, J^T U of the last step, N m."""
+    feedback: Array
+    """(L, J): torque of the controller in the last step, as it acted, N m."""
+
+
+class OpenLoop:
+    """A scenario without feedforward, at its start; :func:`cmacexp.open_loop` makes one of built-in components.
+
+    Attributes:
+        setup: config, machine and plan.
+        shape: (L, J), legs and joints of each, the shape of a torque.
+        moment: the present one.
+        sampling_period: s.
+        period: steps of a cycle, N.
+        steps: of the whole run.
+        torque_limits: (J,): largest torque of the joints of a leg, N m; infinite where nothing limits it.
+    """
+
+    def __init__(self, scenario: Scenario):
+        if scenario.fault is not None:
+            raise scenario.fault
+        if any(find_external(scenario)):
+            raise CmacexpError("only built-in plants, sensors and controllers can be stepped from outside")
+        scenario.begin()
+        self.setup = setup = scenario.setup
+        plan, config, self.shape = setup.plan, setup.config, setup.mechanism.shape
+        self.sampling_period, self.period = config.sampling_period, config.steps_per_cycle
+        self.steps = config.cycles * self.period
+        self._limits = new_limits(setup.mechanism, plan.margins[:, STABILITY], config.sampling_period)
+        self._loop = make_loop(scenario, OUTSIDE, self._limits)
+        self.torque_limits = self._loop.actuator.limit
+        self._plant = scenario.plant if isinstance(scenario.plant, MujocoPlant) else None
+        self._adaptation = None if self._loop.meter is None else Adaptation(setup, self._loop.meter)
+        self._state = Measurement(*self._loop.plant_state[:7], travel=self._loop.travel)
+        self._observed = Measurement(*self._loop.observation[:7], travel=self._loop.travel)
+        self._samples = make_samples(self.period, self.shape[0], False, self.shape[1])
+        self._inputs = Inputs(None, None, np.empty((self.period, *self.shape)), None, True)
+        self._progress = np.zeros(3, dtype=np.int64)
+        self._start = Held(each.array for each in list_arrays(self._loop) if each.role is not None)
+        if self._plant is not None:
+            self._plant.hold()
+        self.moment = self.reset()
+
+    _steps: Iterator[tuple[int, int]]
+    """Of the present cycle, which pauses before each."""
+
+    def reset(self, seed: int | None = None) -> Moment:
+        """Return to the start of the run; ``seed`` of the noise of the sensors, None: as before."""
+        with interrupt_held_back(self._plant is not None):
+            if self._plant is not None:
+                self._plant.put()
+            self._start.restore()
+            if self._adaptation is not None:
+                self._adaptation.reset()
+            sensing = self._loop.sensing
+            if seed is not None and sensing is not None:
+                sensing.keys[...] = make_keys(len(sensing.keys), seed)
+            self._cycle, self._steps, self._progress[STOP] = -1, iter(()), RUNNING
+            return self._pause()
+
+    def step(self, torque: ArrayLike) -> Moment:
+        """Take a step with a feedforward ``torque`` (L, J), N m; raises BadOutput, or CmacexpError after the end."""
+        if self.moment.status != "running":
+            raise CmacexpError(f"the run has {self.moment.status}: reset() starts it again")
+        given = np.asarray(torque, dtype=float)
+        if given.shape != self.shape or not np.isfinite(given).all():
+            raise BadOutput(f"torque {given}: must be finite numbers of shape {self.shape}")
+        self._loop.torques.feedforward[...] = given
+        if self._plant is None:
+            return self._pause()
+        with interrupt_held_back():  # MuJoCo would drop an interrupt in a function that it calls
+            return self._pause()
+
+    def _pause(self) -> Moment:
+        """Run to the start of the next step, or to the end."""
+        while (pause := next(self._steps, None)) is None:
+            if (stop := int(self._progress[STOP])) != RUNNING:
+                step = self._cycle * self.period + int(self._progress[TAKEN])
+                reported = "" if self._plant is None else self._plant.divergence
+                cause = describe_stop(self._limits, stop, step, self.sampling_period, self._state, reported)
+                return self._note(step, STATUSES[stop], cause)
+            self._cycle += 1
+            if self._cycle * self.period == self.steps:
+                return self._note(self.steps, "completed")
+            self._begin_cycle()
+        return self._note(self._cycle * self.period + pause[1], "running")
+
+    def _begin_cycle(self) -> None:
+        if self._adaptation is not None:
+            if self._cycle > 0:
+                self._adaptation.end_cycle()
+            self._adaptation.take(self._cycle + 1)
+        start = self._cycle * self.period
+        self._steps = coroutine_loop(self._loop, self._inputs, self._progress, start, *self._samples)
+
+    def _note(self, step: int, status: str, cause: str = "") -> Moment:
+        plan, sample, control = self.setup.plan, step % self.period, self._loop.control_state
+        self.moment = Moment(
+            step,
+            sample,
+            status,
+            cause,
+            self._state,
+            self._observed,
+            plan.support[sample],
+            plan.reference[BEFORE, sample],
+            plan.desired[sample],
+            plan.force_desired[sample],
+            control.learning_error,
+            control.feedback,
+        )
+        return self.moment

