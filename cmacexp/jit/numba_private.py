@@ -5,13 +5,12 @@
 """
 
 import contextlib
-import fcntl
 import hashlib
 import os
 import pickle
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -29,7 +28,6 @@ njit: Any = numba.njit
 typeof: Any = numba.typeof
 config: Any = numba.config
 install_listener: Any = event.install_listener
-register: Any = event.register
 dumps: Any = serialize.dumps
 
 BLAS = ("scipy.linalg", "scipy.linalg.cython_blas")
@@ -78,12 +76,7 @@ def compiled_program(function: Callable[..., object], folder: Path) -> Callable[
         config.CACHE_DIR = before
     if compiled is not function:
         compiled._cache._cache_file = CheckedFiles(compiled._cache._cache_file)
-    _quick_compilation.programs.add(compiled)
     return compiled  # type: ignore[no-any-return]
-
-
-_locks: list[ExitStack] = []
-"""What holds the locks of forms that are being made; empty if nobody is to wait for them."""
 
 
 class CheckedFiles:
@@ -103,10 +96,6 @@ class CheckedFiles:
     def load(self, key: object) -> object:
         """The form for a key, which names types and processor; None if there is none that can be used."""
         path = self._path(key)
-        if not path.exists() and _locks:
-            with contextlib.suppress(OSError):  # of a file system without locks
-                lock = _locks[-1].enter_context(path.with_suffix(".lock").open("w"))
-                fcntl.flock(lock, fcntl.LOCK_EX)  # another process that makes this form now has it for us then
         try:
             content = path.read_bytes()
         except OSError:
@@ -145,39 +134,17 @@ class _Listener(event.Listener):
         """A function has been compiled."""
 
 
-class _QuickCompilation(event.Listener):
-    """Lets LLVM optimise programs little; "Compiling": a quarter less, and the loop runs as fast."""
-
-    def __init__(self) -> None:
-        self.programs = set[object]()
-        self.before = config.OPT
-
-    def on_start(self, event: event.Event) -> None:
-        """A program, a kernel in it, or a function of somebody else is about to be compiled."""
-        if event.data["dispatcher"] in self.programs:
-            self.before = config.OPT
-            config.OPT = type(self.before)(1)
-
-    def on_end(self, event: event.Event) -> None:
-        """It has been compiled, or has failed."""
-        if event.data["dispatcher"] in self.programs:
-            config.OPT = self.before
-
-
-_quick_compilation = _QuickCompilation()
-register("numba:compile", _quick_compilation)
-
-
 @contextmanager
-def before_compiling(call: Callable[[], None], again: Callable[[], None], waits: bool) -> Iterator[None]:
+def before_compiling(call: Callable[[], None], again: Callable[[], None]) -> Iterator[None]:
     """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that.
 
-    ``again`` is called many times meanwhile, and may end that likewise. With ``waits`` another process that compiles
-    the same is waited for; else both do.
+    ``again`` is called many times meanwhile, and may end that likewise. LLVM optimises little; "Compiling": a quarter
+    less, and the loop runs as fast.
     """
-    with ExitStack() as locks:
-        locks.enter_context(install_listener("numba:compile", _Listener(call)))
-        locks.enter_context(install_listener("numba:run_pass", _Listener(again)))
-        locks.callback(_locks.clear)
-        _locks[:] = [locks] if waits else []
-        yield
+    before = config.OPT
+    config.OPT = type(before)(1)
+    try:
+        with install_listener("numba:compile", _Listener(call)), install_listener("numba:run_pass", _Listener(again)):
+            yield
+    finally:
+        config.OPT = before

@@ -14,7 +14,7 @@ from support.command import ROOT, cmacexp, python
 
 from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, expect_steps, program
 from cmacexp.jit.numba_private import CheckedFiles, compiled_program
-from cmacexp.jit.sources import cache_folder, find_other_writers
+from cmacexp.jit.sources import cache_folder, is_private
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.mix import mix
 from cmacexp.report.terminal import COMPILING
@@ -57,7 +57,7 @@ def test_a_read_only_install_compiles_into_the_users_cache_even_if_two_begin_at_
     before, cache = files(install), str(tmp_path / "cache")
     with ThreadPoolExecutor() as pool:
         found = list(pool.map(lambda _: stiffness(install, XDG_CACHE_HOME=cache), range(2)))
-    assert sorted(compiled for _, compiled in found) == [False, True]
+    assert any(compiled for _, compiled in found)
     assert len({value for value, _ in found}) == 1
     assert stiffness(install, XDG_CACHE_HOME=cache) == (found[0][0], False)
     assert files(install) == before
@@ -215,32 +215,26 @@ def test_a_damaged_program_is_compiled_again(tmp_path, capsys):
 # Folders that others can write to
 
 
-def test_a_private_folder_may_lie_where_everybody_can_add_folders(tmp_path):
-    (tmp_path / "shared" / "own").mkdir(parents=True)
-    (tmp_path / "shared").chmod(0o1777)
-    assert find_other_writers(tmp_path / "shared" / "own") == ""
-
-
-@pytest.mark.parametrize("mode", [0o777, 0o722, 0o1777])
-@pytest.mark.parametrize("place", ["shared", "shared/cmacexp"])
-def test_a_folder_that_others_can_write_to_or_replace_is_not_used(tmp_path, mode, place, monkeypatch, capsys):
-    (tmp_path / place).mkdir(parents=True)
-    (tmp_path / place).chmod(mode)
+@pytest.mark.parametrize(
+    ("mode", "used"), [(0o700, True), (0o755, True), (0o775, False), (0o702, False), (0o1777, False)]
+)
+def test_a_folder_that_others_can_write_to_is_not_used(tmp_path, mode, used, monkeypatch, capsys):
+    own = tmp_path / "shared" / "cmacexp"
+    own.mkdir(parents=True)
+    own.chmod(mode)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "shared"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     folder = cache_folder.__wrapped__()
-    if mode & 0o1000:  # what is in it belongs to its owner
-        assert folder.is_relative_to(tmp_path / "shared" / "cmacexp")
-        assert folder.stat().st_mode & 0o077 == 0
-    else:
-        assert folder.is_relative_to(tmp_path / f"cmacexp-{os.getuid()}")
-        reason = f": others can write to {tmp_path / place}; chmod go-w prevents that\n"
-        assert capsys.readouterr().err.endswith(reason)
+    assert folder.parent == (own if used else tmp_path / f"cmacexp-{os.getuid()}")
+    assert capsys.readouterr().err == (
+        "" if used else f"{own} is not used for compiled code: it must be your own, and others must not write to it\n"
+    )
 
 
-def test_the_folder_itself_is_not_shared_even_where_nobody_can_delete(tmp_path):
-    tmp_path.chmod(0o1777)
-    assert find_other_writers(tmp_path) == f"others can write to {tmp_path}; chmod go-w prevents that"
+def test_a_new_folder_is_private(tmp_path):
+    (tmp_path / "shared").mkdir(mode=0o777)
+    assert is_private(tmp_path / "shared" / "own")
+    assert (tmp_path / "shared" / "own").stat().st_mode & 0o777 == 0o700
 
 
 def test_a_folder_of_another_user_is_not_used(tmp_path, monkeypatch):
@@ -248,4 +242,4 @@ def test_a_folder_of_another_user_is_not_used(tmp_path, monkeypatch):
         os.chown(tmp_path, 12345, -1)
     else:
         monkeypatch.setattr(os, "getuid", lambda: 12345)
-    assert f"{tmp_path} belongs to another user" in find_other_writers(tmp_path)
+    assert not is_private(tmp_path)
