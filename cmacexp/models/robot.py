@@ -1,7 +1,7 @@
 """A quadruped with three hinges a leg, as its MJCF or URDF model describes it: geometry, masses, limits, losses."""
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -45,35 +45,33 @@ def load_mujoco() -> Any:
 
 
 @contextmanager
-def warnings_dropped(mujoco: Any) -> Iterator[None]:
-    """Keep MuJoCo from writing its warnings to ``MUJOCO_LOG.TXT`` in the current folder; counters hold them too."""
+def refusals_named(key: str, value: object) -> Iterator[Any]:
+    """Within the block, which gets the module ``mujoco``, a model that it refuses is BadInput with this key.
+
+    Its warnings do not go to ``MUJOCO_LOG.TXT`` in the current folder; counters hold them too.
+    """
+    mujoco = load_mujoco()
     handler = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda message: None)
     try:
-        yield
+        yield mujoco
+    except ValueError as error:
+        raise BadInput(key, value, f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
     finally:
         mujoco.set_mju_user_warning(handler)
 
 
-def load_model(load: Callable[[str], Any], source: str, key: str, value: object) -> Any:
-    """What ``load``, a function of MuJoCo, makes of a ``source``; raises BadInput with ``key`` if it refuses."""
-    try:
-        with warnings_dropped(load_mujoco()):
-            return load(source)
-    except ValueError as error:
-        raise BadInput(key, value, f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
-
-
 def load_spec(path: Path) -> Any:
     """The MjSpec of an MJCF or URDF file, see :func:`cmacexp.models.robot_spec.read_spec`; raises BadInput."""
-    mujoco = load_mujoco()
-    return load_model(lambda _: read_spec(mujoco, path), "", "machine.path", path)
+    with refusals_named("machine.path", path) as mujoco:
+        return read_spec(mujoco, path)
 
 
 def compile_spec(path: Path, spec: Any) -> Any:
     """The MjModel of a specification, of the file at ``path``, with the options of a run; raises BadInput."""
-    model = load_model(lambda _: spec.compile(), "", "machine.path", path)
-    settle(load_mujoco(), model)
+    with refusals_named("machine.path", path) as mujoco:
+        model = spec.compile()
+        settle(mujoco, model)
     return model
 
 
