@@ -13,6 +13,8 @@ from cmacexp.errors import BadInput, BadRun
 from cmacexp.typing import Weights
 
 WEIGHTS = "weights.npz"
+MAX_COMPRESSION = 1100
+"""Deflate makes nothing smaller than by a factor of 1032."""
 
 
 def write_weights(folder: Path, weights: Weights) -> None:
@@ -53,6 +55,8 @@ def read_weights(config: Config) -> Weights | None:
 def load_weights(folder: Path) -> Weights:
     """The weights that the run in a folder stored; raises BadRun, and whatever zipfile, zlib and numpy raise."""
     with open_file(require_intact(folder / WEIGHTS)) as file, np.load(file, allow_pickle=False) as arrays:
+        if sum(array.file_size for array in arrays.zip.infolist()) > MAX_COMPRESSION * file.seek(0, 2):
+            raise ValueError("its arrays are larger than what such a file can hold")
         weights = dict(arrays)
     if other := [name for name, array in weights.items() if array.dtype.kind not in "fiu"]:
         raise ValueError(f"{other[0]} holds no numbers")

@@ -6,6 +6,7 @@ would push or hold the robot is refused.
 
 import re
 import xml.etree.ElementTree as ElementTree
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,11 @@ def is_urdf(path: Path) -> bool:
 
 def read_spec(mujoco: Any, path: Path) -> Any:
     """The MjSpec of a model file; raises BadInput, and ValueError as MuJoCo does."""
-    spec = _read_urdf(mujoco, path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
+    if is_urdf(path):
+        spec = _read_urdf(mujoco, path)
+    else:
+        _require_regular_files(path, path.parent, {path})
+        spec = mujoco.MjSpec.from_file(str(path))
     if spec.plugins:
         raise BadInput("machine.path", path, "uses a plugin of MuJoCo, which a run does not have; remove it")
     spec.compiler.discardvisual = False  # a foot may be drawn only
@@ -98,6 +103,22 @@ def _make_possible(link: ElementTree.Element, inertial: ElementTree.Element) -> 
         least = POINT_INERTIA * mass
         inertia.attrib.update(dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
         inertia.attrib.update(ixx=str(max(xx, least)), iyy=str(max(yy, least)), izz=str(max(zz, least)))
+
+
+def _require_regular_files(path: Path, folder: Path, known: set[Path]) -> None:
+    """Check all files that a model names: MuJoCo would wait for a FIFO, or read a device for ever.
+
+    ``path`` is that of one of its files, ``folder`` its own; ``known`` are those that have been checked, and grows.
+    """
+    text = unescape(path.read_text(errors="replace"))
+    folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
+    for name in re.findall(r"""\bfile\s*=\s*["']([^"']+)""", text):
+        for file in {folder / inner / name for inner in folders} - known:
+            known.add(file)
+            if file.exists() and not file.is_file():
+                raise BadInput("machine.path", path, f"names {name}, which is not a regular file")
+            if file.suffix.lower() in ("", ".xml", ".mjcf") and file.is_file():
+                _require_regular_files(file, folder, known)
 
 
 def settle(mujoco: Any, model: Any) -> None:

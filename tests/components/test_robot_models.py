@@ -1,5 +1,6 @@
 """Models that are no quadruped of three hinges a leg are refused in one line; packages are found, never imported."""
 
+import os
 import sys
 
 import pytest
@@ -128,3 +129,14 @@ def test_a_package_is_found_and_not_imported(tmp_path, monkeypatch):
     with pytest.raises(BadInput, match=r"^machine\.model=go3: is not installed; installed are own; or"):
         find.find_model("go3", None)
     assert "robots_of_a_test" not in sys.modules
+
+
+@pytest.mark.parametrize(
+    "names", ['<include file="f"/>', '<include file="other.xml"/>', '<asset><mesh file="&#102;"/></asset>']
+)
+def test_a_file_of_a_model_that_is_no_regular_one_is_not_opened(tmp_path, names):
+    os.mkfifo(tmp_path / "f")
+    (tmp_path / "other.xml").write_text("<mujoco><include file='f'/></mujoco>")
+    path = change(tmp_path, "<worldbody>", f"{names}<worldbody>")
+    with pytest.raises(BadInput, match=r"machine\.path=.*: names f, which is not a regular file"):
+        read(path)
