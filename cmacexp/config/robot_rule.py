@@ -151,8 +151,3 @@ def find_mistake(error: BaseException | None) -> BadInput | None:
     while error is not None and not isinstance(error, BadInput):
         error = error.__cause__ or error.__context__
     return error
-
-
-def register_rule() -> None:
-    """Make ``${rule:NAME}`` known to OmegaConf."""
-    OmegaConf.register_new_resolver("rule", rule_value, replace=True)

@@ -17,11 +17,6 @@ MAX_COMPRESSION = 1100
 """Deflate makes nothing smaller than by a factor of 1032."""
 
 
-def write_weights(folder: Path, weights: Weights) -> None:
-    """Write ``weights`` to the folder of a run; equal arrays give equal bytes."""
-    np.savez_compressed(folder / WEIGHTS, allow_pickle=False, **weights)
-
-
 def read_weights(config: Config) -> Weights | None:
     """The weights that a feedforward starts from, None without ``learning.start_from``; raises BadInput."""
     if config.learning.start_from is None:

@@ -6,6 +6,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from cmacexp.config import Config, to_plain
@@ -31,7 +32,7 @@ from cmacexp.data.tables import (
     trace_writer,
     write_scores,
 )
-from cmacexp.data.weights import WEIGHTS, start_hash, write_weights
+from cmacexp.data.weights import WEIGHTS, start_hash
 from cmacexp.errors import BadInput, BadOutput, format_user_traceback
 from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
@@ -135,7 +136,7 @@ def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest
     if record.weights and isinstance(scenario.feedforward, Learns):
         restored = [event["restored"] for event in manifest["guard"]]
         best = scenario.kept.get(restored[-1]) if restored else None
-        write_weights(folder, best or scenario.feedforward.learnt())
+        np.savez_compressed(folder / WEIGHTS, allow_pickle=False, **(best or scenario.feedforward.learnt()))
         names.append(WEIGHTS)
     if record.recording and (kept := steps_by_cycle(folder)):
         from cmacexp.recording.window import make_window

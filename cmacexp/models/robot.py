@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmacexp.errors import BadInput, format_install_command
-from cmacexp.models.robot_checks import require_frame, require_sizes
 from cmacexp.models.robot_feet import place_feet
 from cmacexp.models.robot_legs import (
     JOINTS,
@@ -21,6 +20,7 @@ from cmacexp.models.robot_legs import (
     find_free,
     find_joints,
     find_legs,
+    require_frame,
     require_names,
     torque_limits,
 )
@@ -31,6 +31,8 @@ Names = tuple[tuple[str, ...], ...]
 """Names of joints, leg by leg."""
 Angles = tuple[tuple[float, ...], ...]
 """Angles of joints, leg by leg, rad."""
+SHORTEST_LEG, LONGEST_LEG = 0.05, 3.0
+"""Lengths of stretched legs, m: those of toys and of the largest machines that walked, with a margin."""
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """Place and quaternion of a trunk that is upright at the origin."""
 
@@ -170,7 +172,11 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
     require_frame(data.xanchor[joint[:, 1]], feet)
     points = np.concatenate([data.xanchor[joint[0]], data.geom_xpos[foot[:1]]])
     _, length_1, length_2 = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    require_sizes(path, model, legs, length_1 + length_2)
+    if not SHORTEST_LEG <= length_1 + length_2 <= LONGEST_LEG:
+        reason = (
+            f"the length of a stretched leg is {length_1 + length_2:.3g} m, of robots {SHORTEST_LEG} to {LONGEST_LEG}"
+        )
+        raise BadInput("machine.path", path, f"{reason}: use m, kg and rad in the model")
     limits = torque_limits(mujoco, model, joint, needs_motor=not is_urdf(path))
     place(model, data, legs, np.zeros(3))
     limited = model.jnt_limited[joint].astype(bool)[..., None]

@@ -13,6 +13,8 @@ from cmacexp.typing import Array, Counts
 LEGS, JOINTS = 4, 3
 MOST_NAMES = 16
 """Names that a message lists."""
+LEAST_COSINE = 0.96
+"""Of the angle between axes of the frame of the trunk and of the robot; 15 degrees are about the most."""
 HINT = "python -m cmacexp.robots FILE finds its legs"
 
 
@@ -88,6 +90,18 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
         foot_body=model.geom_bodyid[foot].astype(np.int64),
         foot_radius=model.geom_size[foot, 0].copy(),
     )
+
+
+def require_frame(hips: Array, feet: Sequence[str]) -> None:
+    """Require legs in order in the frame of the trunk, x forward, y left, z up; raises BadInput.
+
+    ``hips`` (4, 3) are the thigh joints in that frame, m; ``feet`` their names for the message.
+    """
+    forward, left = hips[:2] - hips[2:], hips[::2] - hips[1::2]
+    cosines = [each[axis] / np.linalg.norm(each) for axis, pair in enumerate((forward, left)) for each in pair]
+    if not min(cosines) >= LEAST_COSINE:
+        order = "front left, front right, rear left, rear right in the frame of the trunk, x forward, y left, z up"
+        raise BadInput("machine.feet", ", ".join(feet), f"must be {order}: change the order, or turn the frame")
 
 
 def torque_limits(mujoco: Any, model: Any, joints: Counts, needs_motor: bool) -> Array:

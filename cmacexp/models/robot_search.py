@@ -10,9 +10,8 @@ import numpy as np
 from cmacexp.errors import BadInput
 from cmacexp.models.chain import chain_angles, chain_points
 from cmacexp.models.robot import UPRIGHT, compile_spec, load_mujoco, load_spec
-from cmacexp.models.robot_checks import require_frame
 from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
-from cmacexp.models.robot_legs import JOINTS, LEGS, find_chain, list_names
+from cmacexp.models.robot_legs import JOINTS, LEGS, find_chain, list_names, require_frame
 from cmacexp.typing import Array
 
 STARTS = tuple(itertools.product((0.0,), (0.9, -0.9, 0.0), (-1.8, 1.8, -0.9, 0.9)))

@@ -1,7 +1,7 @@
 """The machine that a config describes."""
 
 from cmacexp.config import Config
-from cmacexp.config.check_gait import TOLERANCE
+from cmacexp.config.check import TOLERANCE
 from cmacexp.config.machine import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine, RobotMachine
 from cmacexp.errors import BadInput
 from cmacexp.models.leg import GRAVITY, Leg
