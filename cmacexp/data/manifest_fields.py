@@ -141,10 +141,8 @@ def find_wrong(manifest: Any) -> str | None:
         path = PurePosixPath(name)  # of a run in its folder itself; a report may depend on others
         if not path.parts or path.is_absolute() or "\0" in name or (is_run and path.name != name):
             return f"files must be names of files in its folder, not {name[:40]!r}"
-    return _find_wrong_in_run(manifest) if is_run else None
-
-
-def _find_wrong_in_run(manifest: Mapping[str, Any]) -> str | None:
+    if not is_run:
+        return None
     if wrong := find_misfit(manifest, RUN_FIELDS, "manifest"):
         return wrong
     config = manifest["config"]

@@ -90,8 +90,8 @@ def score_scenario(
     keep: Callable[[Traces], None] = lambda traces: None,
     watch: Callable[[float], None] = lambda cycles: None,
     warn: Callable[[Drift], None] = lambda drift: None,
-) -> tuple[End, Scores]:
-    """Run a new scenario and write nothing; how it ended, and its metrics.
+) -> tuple[End, RunScorer]:
+    """Run a new scenario and write nothing; how it ended, and what has its metrics.
 
     ``keep`` is called with the traces of some cycles at a time; ``watch`` and ``warn`` as by :func:`run_scenario`.
     """
@@ -104,30 +104,24 @@ def score_scenario(
         if known is None and scorer.drift is not None:
             warn(scorer.drift)
 
-    return stream(scenario, take, watch), scorer.scores
+    return stream(scenario, take, watch), scorer
 
 
 def _roll_out(
     scenario: Scenario, folder: Path, watch: Callable[[float], None], warn: Callable[[Drift], None]
 ) -> tuple[End, Scores, list[str]]:
     """Run, and write traces and memory; how the run ended, its metrics, and the names of the files."""
-    columns, record, memory = _columns(scenario), scenario.setup.config.record, list[pa.Table]()
+    columns, record = _columns(scenario), scenario.setup.config.record
     with trace_writer(folder, record, *columns) as writer:
-
-        def keep(traces: Traces) -> None:
-            writer.write(traces)
-            if traces.memory is not None:
-                memory.append(traces.memory)
-
-        end, scores = score_scenario(scenario, keep, watch, warn)
+        end, scorer = score_scenario(scenario, writer.write, watch, warn)
         writer.finish(end.status == "completed")
     if not record.trace:
-        return end, scores, []
+        return end, scorer.scores, []
     names = [TRACE, BODY] if columns[1] else [TRACE]
-    if memory:
-        write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
+    if scorer.memory:
+        write_table(pa.concat_tables(scorer.memory).combine_chunks(), folder / MEMORY)
         names.append(MEMORY)
-    return end, scores, names
+    return end, scorer.scores, names
 
 
 def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest, names: list[str]) -> None:

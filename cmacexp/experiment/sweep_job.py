@@ -1,5 +1,6 @@
 """One job of a sweep, in whatever process: it prints a line, and leaves on disk how it ended."""
 
+import math
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +15,7 @@ from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.folder import RUN_KEY, replacing
 from cmacexp.errors import BadInput
 from cmacexp.experiment.failure import describe_failure, make_failure
-from cmacexp.experiment.sweep import count_jobs, select_run_overrides
+from cmacexp.experiment.sweep import Sweep, select_run_overrides
 from cmacexp.experiment.workers import FAILED_SHARE, share_progress
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
@@ -34,7 +35,9 @@ def run_hydra_job(composed: DictConfig, jobs: float | None = None) -> float | No
     """:func:`run_job` for a job that Hydra has composed and begun; None: it is one of as many as the sweep has."""
     hydra: Any = HydraConfig.get()
     plain: Any = OmegaConf.to_container(hydra, enum_to_str=True)  # overrides as typed: some name other values
-    return run_job(Job(hydra.job.num, Path(hydra.runtime.output_dir), composed, plain), jobs or count_jobs())
+    if jobs is None:  # a process of another launcher cannot know
+        jobs = math.inf if Sweep.current is None else Sweep.current.planned.total()
+    return run_job(Job(hydra.job.num, Path(hydra.runtime.output_dir), composed, plain), jobs)
 
 
 def run_job(job: Job, jobs: float) -> float | None:

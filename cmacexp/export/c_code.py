@@ -26,7 +26,7 @@ from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput
 from cmacexp.export.network import Network, read_network
 from cmacexp.export.operations import count_operations
-from cmacexp.export.vectors import Vectors, make_vectors, measure_single
+from cmacexp.export.vectors import make_vectors, measure_single
 from cmacexp.models.mix import MULTIPLIER
 
 HEADER, SOURCE, CHECK = FILES = ("cmac_leg.h", "cmac_leg.c", "main.c")
@@ -56,9 +56,12 @@ def write_c(run: StoredRun, folder: Path, single: bool = False, one_path: bool =
             raise BadInput("cmac.memory_bytes", run.config["cmac"].get("memory_bytes"), reason)
     vectors = make_vectors(network, np.float32 if single else np.float64)
     if single:
-        off, largest, steps = measure_single(network, vectors)
-        context |= {"error": f"{1.1 * off:.1e}", "largest": f"{largest:.2g}", "error_steps": steps}
-    context |= _list_tables(network) | _list_vectors(vectors)
+        off, largest, measured = measure_single(network, vectors)
+        context |= {"error": f"{1.1 * off:.1e}", "largest": f"{largest:.2g}", "error_steps": measured}
+    context |= _list_tables(network) | {"loaded": vectors.loaded, "learnt_sum": vectors.learnt}
+    context["steps"] = steps = len(vectors.errors)
+    for name in ("inputs", "errors", "torque"):
+        context[f"vector_{name}"] = getattr(vectors, name).reshape(steps, -1)
     texts = [_render(name, context, single) for name in FILES]
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in zip(FILES, texts, strict=True):
@@ -192,14 +195,4 @@ def _list_tables(network: Network) -> dict[str, Any]:
         "high": [each.ranges.high for each in addresses],
         "displacement": addresses[0].displacement,
         "places": [[*own.tolist(), *[most] * (rows - len(own))] for own in network.places],
-    }
-
-
-def _list_vectors(vectors: Vectors) -> dict[str, Any]:
-    steps = len(vectors.errors)
-    flat = {f"vector_{name}": getattr(vectors, name).reshape(steps, -1) for name in ("inputs", "errors", "torque")}
-    return flat | {
-        "steps": steps,
-        "loaded": vectors.loaded,
-        "learnt_sum": vectors.learnt,
     }

@@ -57,18 +57,16 @@ def _find_cells(network: Network, inputs: Array, real: Any) -> tuple[Any, Array]
         params = params._replace(ranges=ranges, displacement=params.displacement.astype(np.int16))
         found = np.empty((shape[2], len(inputs)), dtype=np.uint64)
         address(params, inputs[:, i].T, found)  # type: ignore[arg-type]  # of 64 bits: positions
-        cells[:, i] = found.T if not network.places else _find_rows(network.places[i], found.T, network)
+        cells[:, i] = found.T
+        if network.places:  # the row beyond the last of a cell that has none
+            places = network.places[i]
+            place = np.searchsorted(places, found.T)
+            has_row = places[np.minimum(place, len(places) - 1)] == found.T
+            cells[:, i] = np.where(has_row, place, network.params.weights.shape[1])
         if network.is_weighted:
             for k in range(len(inputs)):
                 activate(params, network.field, inputs[k, i], activation[k, i])
     return cells, activation
-
-
-def _find_rows(places: Any, positions: Any, network: Network) -> Any:
-    """Rows of cells at ``positions``; the one beyond the last of a cell that has none."""
-    place = np.searchsorted(places, positions)
-    found = places[np.minimum(place, len(places) - 1)] == positions
-    return np.where(found, place, network.params.weights.shape[1])
 
 
 def run_steps(network: Network, inputs: Array, errors: Array, real: Any) -> tuple[Array, Array]:

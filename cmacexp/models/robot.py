@@ -18,7 +18,7 @@ from cmacexp.models.robot_legs import (
     LEGS,
     Legs,
     find_free,
-    find_joints,
+    find_joint,
     find_legs,
     require_frame,
     require_names,
@@ -156,7 +156,7 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
     mujoco, home = load_mujoco(), np.array(angles)
     spec = load_spec(path)
     model = compile_spec(path, spec)
-    joint = find_joints(mujoco, model, joints)
+    joint = np.array([[find_joint(mujoco, model, name) for name in leg] for leg in joints])
     free = find_free(mujoco, model, path, joint)
     data = mujoco.MjData(model)
     data.qpos[model.jnt_qposadr[free] + np.arange(7)] = UPRIGHT
