@@ -18,6 +18,20 @@ RESULTS = ("completed", "fell", "diverged")
 """Status values of a run that has a result."""
 
 
+def compute_hashes(config: Config, *components: object) -> dict[str, str | None]:
+    """Entries of the manifest: hashes of what a result depends on besides its config.
+
+    They are of the code, that of custom components, whether made or named by the config, the weights that the run
+    starts from, and the model of a robot.
+    """
+    return {
+        "code_hash": code_hash(),
+        "custom_code": custom_code_hash(config, *components),
+        "start_weights": start_hash(config),
+        "model_hash": model_hash(config.machine),
+    }
+
+
 def is_finished(folder: Path, config: Config) -> bool:
     """Whether ``folder`` holds the whole result of ``config``, made by the code as it is now.
 
@@ -30,10 +44,8 @@ def is_finished(folder: Path, config: Config) -> bool:
     except BadRun:
         return False
     plain, kept = to_plain(config), manifest["config"].get("record", {})
-    same = manifest.get("config_hash") == config_hash(plain) and manifest.get("code_hash") == code_hash()
-    same = same and manifest.get("start_weights") == start_hash(config)
-    same = same and manifest.get("model_hash") == model_hash(config.machine)
-    same = same and manifest.get("custom_code") == custom_code_hash(config)
+    same = manifest.get("config_hash") == config_hash(plain)
+    same = same and all(manifest.get(name) == value for name, value in compute_hashes(config).items())
     as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
     has_trace = (TRACE in manifest["files"] and as_thin) or not config.record.trace
     has_weights = WEIGHTS in manifest["files"] or not config.record.weights

@@ -11,13 +11,13 @@ import pyarrow as pa
 
 from cmacexp.config import Config, to_plain
 from cmacexp.config.component import COMPONENTS
-from cmacexp.config.custom_code import custom_code_hash
-from cmacexp.config.machine import RobotMachine, model_hash, read_model
+from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.control import HybridController
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import RUN_KEY, Place, replacing
+from cmacexp.data.integrity import compute_hashes
 from cmacexp.data.parquet import write_table
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MODEL_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
 from cmacexp.data.stored_run import StoredRun
@@ -32,12 +32,11 @@ from cmacexp.data.tables import (
     trace_writer,
     write_scores,
 )
-from cmacexp.data.weights import WEIGHTS, start_hash
+from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput, BadOutput, format_user_traceback
 from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import interrupt_held_back
-from cmacexp.jit.sources import code_hash
 from cmacexp.loop import End, Samples, stream
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import assemble, assemble_body, assemble_memory
@@ -219,10 +218,7 @@ def _write(
         manifest |= {"status": "failed", "cause": f"after step {end.steps}: {error}"}
     entries = {
         **_component_entries(scenario),
-        "code_hash": code_hash(),
-        "custom_code": custom_code_hash(config, *(getattr(scenario, group) for group in COMPONENTS)),
-        "start_weights": start_hash(config),
-        "model_hash": model_hash(config.machine),
+        **compute_hashes(config, *(getattr(scenario, group) for group in COMPONENTS)),
         "learning_lead": end.estimates[-1].lead if end.estimates else scenario.setup.lead,
         "learning_rate": end.rate,
         "lead_estimates": [estimate._asdict() for estimate in end.estimates],

@@ -17,11 +17,6 @@ def compute_weight_of_masses(machine: QuadrupedMachine) -> float:
     return GRAVITY * (machine.body_mass + legs)
 
 
-def compute_total_weight(machine: QuadrupedMachine) -> float:
-    """What the feet carry together, N."""
-    return compute_weight_of_masses(machine) if machine.weight is None else machine.weight
-
-
 def make_leg(config: LegConfig) -> Leg:
     """The leg that a config describes."""
     knee = -1.0 if config.knee == "back" else 1.0
@@ -36,7 +31,8 @@ def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine | R
         return point_mass(machine.mass, machine.hip_height)
     if isinstance(machine, QuadrupedMachine):
         legs = [make_leg(leg) for leg in machine.legs.in_order]
-        return legs_under_body(legs, machine.hip_height, machine.hips, compute_total_weight(machine))
+        weight = compute_weight_of_masses(machine) if machine.weight is None else machine.weight
+        return legs_under_body(legs, machine.hip_height, machine.hips, weight)
     return legs_on_stand([make_leg(machine.leg)], machine.hip_height)
 
 
@@ -49,7 +45,7 @@ def check_load_sharing(config: Config) -> None:
         allowed = f"must be static with machine.kind={machine.kind}, whose force is force_control.desired_force"
         raise BadInput("force_control.load_sharing", config.force_control.load_sharing, allowed)
     of_masses = compute_weight_of_masses(machine)
-    if abs(compute_total_weight(machine) - of_masses) > TOLERANCE * of_masses:
+    if machine.weight is not None and abs(machine.weight - of_masses) > TOLERANCE * of_masses:
         raise BadInput(
             "machine.weight",
             machine.weight,
