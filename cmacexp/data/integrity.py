@@ -6,11 +6,11 @@ from typing import get_args
 
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.custom_code import custom_code_hash
-from cmacexp.config.machine import MACHINES, BodyMachine, model_hash
+from cmacexp.config.machine import MACHINES, BodyMachine, RobotMachine, read_model
 from cmacexp.data import manifest as manifests
-from cmacexp.data.hashes import find_fault
+from cmacexp.data.hashes import current_hash, find_fault
 from cmacexp.data.tables import BODY, BODY_METRICS, METRICS, METRICS_CSV, TRACE
-from cmacexp.data.weights import WEIGHTS, start_hash
+from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadRun
 from cmacexp.jit.sources import code_hash
 
@@ -22,13 +22,15 @@ def compute_hashes(config: Config, *components: object) -> dict[str, str | None]
     """Entries of the manifest: hashes of what a result depends on besides its config.
 
     They are of the code, that of custom components, whether made or named by the config, the weights that the run
-    starts from, and the model of a robot.
+    starts from, unless they are gone, and the model of a robot.
     """
+    machine, start = config.machine, config.learning.start_from
+    weights = Path(start) / WEIGHTS if start is not None else None
     return {
         "code_hash": code_hash(),
         "custom_code": custom_code_hash(config, *components),
-        "start_weights": start_hash(config),
-        "model_hash": model_hash(config.machine),
+        "start_weights": current_hash(weights) if weights and weights.is_file() else None,
+        "model_hash": read_model(machine).model_hash if isinstance(machine, RobotMachine) else None,
     }
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from cmacexp.config import Config, to_plain
 from cmacexp.config.difference import differences
 from cmacexp.data.files import open_file
-from cmacexp.data.hashes import current_hash, require_intact
+from cmacexp.data.hashes import require_intact
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.typing import Weights
@@ -56,11 +56,3 @@ def load_weights(folder: Path) -> Weights:
     if other := [name for name, array in weights.items() if array.dtype.kind not in "fiu"]:
         raise ValueError(f"{other[0]} holds no numbers")
     return weights
-
-
-def start_hash(config: Config) -> str | None:
-    """SHA-256 of the weights that a run starts from; None if from nothing, or if they are gone."""
-    if config.learning.start_from is None:
-        return None
-    path = Path(config.learning.start_from) / WEIGHTS
-    return current_hash(path) if path.is_file() else None

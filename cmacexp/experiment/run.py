@@ -140,17 +140,6 @@ def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest
         names.append(RECORDING)
 
 
-def _component_entries(scenario: Scenario) -> dict[str, Any]:
-    """Excluded force sensors and use of memory; external components may use these names for something else."""
-    controller, feedforward = scenario.controller, scenario.feedforward
-    dropped = controller.dropped if isinstance(controller, HybridController) else {}
-    memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
-    return {
-        "dropped": [{"leg": leg, "step": step} for leg, step in dropped.items()],
-        "memory": [use._asdict() for use in memory],
-    }
-
-
 def _robot_entry(scenario: Scenario) -> dict[str, Any]:
     """How a robot is built, for views of its trace; nothing of other machines."""
     machine, mechanism = scenario.setup.config.machine, scenario.setup.mechanism
@@ -216,8 +205,13 @@ def _write(
         _write_extras(scenario, place, manifest, names)
     except OSError as error:  # of a disk that is full: what is listed is whole
         manifest |= {"status": "failed", "cause": f"after step {end.steps}: {error}"}
+    controller, feedforward = scenario.controller, scenario.feedforward
+    # External components may use these names for something else.
+    dropped = controller.dropped if isinstance(controller, HybridController) else {}
+    memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
     entries = {
-        **_component_entries(scenario),
+        "dropped": [{"leg": leg, "step": step} for leg, step in dropped.items()],
+        "memory": [use._asdict() for use in memory],
         **compute_hashes(config, *(getattr(scenario, group) for group in COMPONENTS)),
         "learning_lead": end.estimates[-1].lead if end.estimates else scenario.setup.lead,
         "learning_rate": end.rate,

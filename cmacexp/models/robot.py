@@ -25,7 +25,7 @@ from cmacexp.models.robot_legs import (
     torque_limits,
 )
 from cmacexp.models.robot_spec import is_urdf, read_spec, require_own_forces, settle
-from cmacexp.typing import Array, Counts
+from cmacexp.typing import Array
 
 Names = tuple[tuple[str, ...], ...]
 """Names of joints, leg by leg."""
@@ -192,12 +192,7 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
         links=(float(length_1), float(length_2)),
         torque_limits=limits,
         ranges=np.where(limited, model.jnt_range[joint], [-np.inf, np.inf]),
-        friction=_most(model.dof_frictionloss, legs.dof),
-        damping=_most(model.dof_damping, legs.dof),
-        armature=_most(model.dof_armature, legs.dof),
+        friction=model.dof_frictionloss[legs.dof].max(axis=0),
+        damping=model.dof_damping[legs.dof].max(axis=0),
+        armature=model.dof_armature[legs.dof].max(axis=0),
     )
-
-
-def _most(values: Array, dof: Counts) -> Array:
-    """The largest value of all legs at each of the three joints."""
-    return values[dof].max(axis=0)

@@ -20,8 +20,6 @@ from cmacexp.typing import Array
 class Local(NamedTuple):
     """The loop without learning, linearised at one step: x+ = A x + B (C x + u); n numbers of state."""
 
-    sample: int
-    """Of the cycle."""
     a: Array
     """A, (n, n): without feedback."""
     b: Array
@@ -59,7 +57,7 @@ def _local(loop: RestorableLoop, table: Array) -> Local:
     loop.put(now)
     closed = np.stack([state for state, _ in columns], axis=1)
     c = np.stack([torque for _, torque in columns], axis=1)
-    return Local(sample, closed - b @ c, b, c)
+    return Local(closed - b @ c, b, c)
 
 
 def _find_commanded(config: Config, acting: Array) -> Array:
