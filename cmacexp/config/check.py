@@ -134,14 +134,6 @@ def check_payload(config: Config) -> Mistakes:
             yield f"payload.{axis}", f"must be from {min(hips):g} to {max(hips):g} m, between the hips"
 
 
-def check_robot(config: Config) -> None:
-    """Check that a robot has four legs, and a model that can be found: a quadruped with three hinges a leg."""
-    if isinstance(config.machine, RobotMachine):
-        if config.legs == 1 and config.scenario != "robot":
-            raise ask_for_robot(config.machine)
-        read_model(config.machine)
-
-
 def check_run(config: Config) -> Mistakes:
     """The cycles fit into memory, trace and run; delays and gains fit the cycle and the method of force control."""
     steps = config.steps_per_cycle
@@ -178,7 +170,10 @@ def _mistake(config: Config, key: str, allowed: str) -> BadInput:
 def check(config: Config) -> None:
     """Check every field, and every combination that can be judged before planning; raises BadInput."""
     check_fields(config)
-    check_robot(config)
+    if isinstance(config.machine, RobotMachine):  # it must have four legs, and a model that can be found
+        if config.legs == 1 and config.scenario != "robot":
+            raise ask_for_robot(config.machine)
+        read_model(config.machine)
     for find_mistakes in CHECKS:
         for key, allowed in find_mistakes(config):
             raise _mistake(config, key, allowed)

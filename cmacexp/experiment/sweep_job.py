@@ -12,7 +12,8 @@ from cmacexp.config import to_config
 from cmacexp.config.compose import make_record
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
-from cmacexp.data.folder import RUN_KEY, replacing
+from cmacexp.data.files import FAILED
+from cmacexp.data.folder import RUN_KEY, replacing, write_atomically
 from cmacexp.errors import BadInput
 from cmacexp.experiment.failure import describe_failure, make_failure
 from cmacexp.experiment.sweep import Sweep, select_run_overrides
@@ -101,6 +102,7 @@ def _write_failure(job: Job, overrides: list[str], error: Exception) -> None:
         for name, text in make_record(job.config, job.hydra).items():
             place.write_text(f"{HYDRA_FOLDER}/{name}", text)
         if place.earlier:
-            place.leave_failure(manifest)
+            with write_atomically(job.folder / FAILED) as temporary:
+                temporary.write_text(manifests.dump(manifest), encoding="utf-8")
         else:
             place.commit(manifest)

@@ -26,10 +26,6 @@ class BodyBlock(NamedTuple):
         return np.asarray(by.reduceat(as_array(self.table, column), self.starts))
 
 
-def _mean_height(block: BodyBlock) -> Array:
-    return block.reduce(np.add, "height") / np.diff([*block.starts, block.table.num_rows])
-
-
 def _largest_tilt(block: BodyBlock) -> Array:
     ends = [np.abs(block.reduce(by, name)) for by in (np.minimum, np.maximum) for name in ("pitch", "roll")]
     return np.asarray(np.maximum.reduce(ends))
@@ -51,7 +47,11 @@ def _margin(column: str, to: str, of: str, source: str, shown: Shown | None = No
 _TILT = "largest of abs(pitch) and abs(roll)"
 
 BODY_METRICS: dict[str, Metric[BodyBlock]] = {
-    "height_mean": _height("mean", _mean_height, Shown("height", "mm", 1e3, from_zero=False)),
+    "height_mean": _height(
+        "mean",
+        lambda b: b.reduce(np.add, "height") / np.diff([*b.starts, b.table.num_rows]),
+        Shown("height", "mm", 1e3, from_zero=False),
+    ),
     "height_min": _height(
         "least", lambda b: b.reduce(np.minimum, "height"), Shown("least height", "mm", 1e3, False, from_zero=False)
     ),
