@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.commands.study import main
+from cmacexp.control.hybrid_kernels import METHODS as FORCE_METHODS
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.planning.reference import SUPPORT_REFERENCES, Gains
+from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
 from cmacexp.study.curves import over_setting
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-METHODS = {name: [f"force_control={name}"] for name in SUPPORT_REFERENCES}
+METHODS = {name: [f"force_control={name}"] for name in FORCE_METHODS}
 EQUATIONS = dict(zip(METHODS, ("eq. 9", "eq. 11", "eq. 13", "eq. 15"), strict=True))
 ASSUMED, STIFFER = 10.0, 1.1
 """Ground stiffness of section 5, N/m, which the references are made for; the factor of a stiffer ground, from both of
@@ -103,7 +104,7 @@ def predicted_force(config: dict[str, Any]) -> float:
             controller["position_gain"], controller["velocity_gain"], control["force_gain"], control["elasticity"],
             control["admittance"], stiffness,
         )  # fmt: skip
-        return SUPPORT_REFERENCES[control["method"]](gains, True).depression
+        return compute_support_reference(control["method"], gains, True).depression
 
     ratio = depression(ground["assumed_stiffness"]) / depression(ground["stiffness"])
     return 1.0 if math.isnan(ratio) else ratio

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.models.leg import Leg, bias_torque, jacobian, trigonometry
-from cmacexp.planning.reference import Gains, combined_reference
+from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.typing import Array
 
@@ -33,10 +33,15 @@ BAND = 0.05
 POINT, FORWARD, HEIGHT = "data point", "x forward, mm", "height, mm"
 
 
+def rows_of(run: StoredRun, cycle: int) -> pd.DataFrame:
+    """Rows of a cycle; none if the run did not reach it."""
+    return run.trace[run.trace["cycle"] == cycle]
+
+
 def in_cycle(number: int, measure: Measure) -> Callable[[StoredRun], float]:
     """The measure of a cycle's rows as one of a run; NaN for a run that recorded no such cycle."""
 
-    return lambda run: measure(rows, run.config) if len(rows := run.cycle(number)) else float("nan")
+    return lambda run: measure(rows, run.config) if len(rows := rows_of(run, number)) else float("nan")
 
 
 def in_last_recorded(measure: Measure) -> Callable[[StoredRun], float]:
@@ -128,7 +133,7 @@ def _depression(config: Config, static_load: bool) -> float:
         **{name: force[name] for name in ("force_gain", "elasticity", "admittance")},
         stiffness=config["terrain"]["stiffness"],
     )
-    return combined_reference(gains, static_load).depression
+    return compute_support_reference("combined", gains, static_load).depression
 
 
 def reference_depth(config: Config) -> float:
@@ -175,19 +180,19 @@ def _height(run: StoredRun, values: Any) -> Array:
 
 
 def _path(run: StoredRun, cycle: int, end: str = "") -> tuple[Array, Array]:
-    rows = run.cycle(cycle)
+    rows = rows_of(run, cycle)
     return 1e3 * rows[f"x{end}"].to_numpy(), _height(run, rows[f"y{end}"])
 
 
 def glance(run: StoredRun) -> Figure:
     """Foot path and force in the paper's cycles, and torques in the last."""
-    first, last = run.cycle(FIRST), run.cycle(FIFTH)
+    first, last = rows_of(run, FIRST), rows_of(run, FIFTH)
     since = first["time"].to_numpy() - first["time"].iloc[0]
     paths = [Series("desired", *_path(run, FIRST, "_desired"))]
     forces = [Series("desired", since, first["force_desired"].to_numpy())]
     for cycle in CYCLES:
         paths.append(Series(f"cycle {cycle}", *_path(run, cycle)))
-        forces.append(Series(f"cycle {cycle}", since, run.cycle(cycle)["force"].to_numpy()))
+        forces.append(Series(f"cycle {cycle}", since, rows_of(run, cycle)["force"].to_numpy()))
     torques = [Series(f"from {who}", since, last[f"tau_{who}_1"].to_numpy()) for who in ("feedforward", "feedback")]
     panels = [
         Panel("foot", FORWARD, HEIGHT, paths, y_limits=[0.0]),
@@ -199,7 +204,7 @@ def glance(run: StoredRun) -> Figure:
 
 def trajectory(run: StoredRun) -> Figure:
     """Fig. 7: desired path in transfer and reference positions in support, in the plane and over a cycle."""
-    rows, links = run.cycle(FIRST), run.config["machine"]["leg"]
+    rows, links = rows_of(run, FIRST), run.config["machine"]["leg"]
     swing, stance = phases(rows)
     point, (x, desired) = _points(rows, FIRST), _path(run, FIRST, "_desired")
     reference = _height(run, rows["y_reference"])
@@ -222,7 +227,7 @@ def trajectory(run: StoredRun) -> Figure:
 
 def motion(run: StoredRun, order: int, name: str, unit: str) -> Figure:
     """Fig. 8, 9: a derivative of the desired path within each phase, from shortly before lift-off on."""
-    rows = run.cycle(FIRST)
+    rows = rows_of(run, FIRST)
     point = np.arange(-BEFORE, len(rows))
     panels = []
     for axis, direction in (("x", "forward"), ("y", "down")):
@@ -236,7 +241,7 @@ def motion(run: StoredRun, order: int, name: str, unit: str) -> Figure:
 
 def tracking(run: StoredRun, cycle: int) -> Figure:
     """Fig. 10, 11: desired and actual foot position over the paper's data points, and as a path."""
-    rows = run.cycle(cycle)
+    rows = rows_of(run, cycle)
     point, landing = _points(rows, cycle), touch_down(rows)
     both = {"desired": _path(run, cycle, "_desired"), "actual": _path(run, cycle)}
     panels = [
@@ -251,7 +256,7 @@ def tracking(run: StoredRun, cycle: int) -> Figure:
 
 def forces(run: StoredRun) -> Figure:
     """Fig. 12: desired and actual force in the paper's cycles, one after the other."""
-    rows = pd.concat([run.cycle(cycle) for cycle in CYCLES])
+    rows = pd.concat([rows_of(run, cycle) for cycle in CYCLES])
     desired, actual = rows["force_desired"].to_numpy(), rows["force"].to_numpy()
     point, count = np.arange(len(rows)), len(rows) // len(CYCLES)
     series = [
@@ -264,7 +269,7 @@ def forces(run: StoredRun) -> Figure:
 
 def torques(run: StoredRun) -> Figure:
     """Fig. 13: torque of joint 1 by who gives it, over the last of the paper's cycles and around touch-down."""
-    rows = run.cycle(FIFTH)
+    rows = rows_of(run, FIFTH)
     point, landing = _points(rows, FIFTH), touch_down(rows)
     parts = {name: rows[f"tau_{name}_1"].to_numpy() for name in ("feedforward", "feedback")}
     parts = {"total": parts["feedforward"] + parts["feedback"], **parts}

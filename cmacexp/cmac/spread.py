@@ -22,16 +22,6 @@ def binomial(window: int) -> Array:
     return taps
 
 
-def _check_window(cells: Cells, window: int) -> None:
-    """Check that a window is shorter than the cycle, and gives no more weights than memory and time allow."""
-    samples = len(cells)
-    if 2 * window + 1 > samples:
-        raise BadInput("learning.window", window, f"must be below {(samples + 1) // 2}, half the samples of a cycle")
-    if cells.size * (2 * window + 1) > MOST_ENTRIES:
-        allowed = f"must be below {MOST_ENTRIES // (2 * cells.size)} with this network"
-        raise BadInput("learning.window", window, allowed)
-
-
 def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, Array]:
     """Weights that learn from the error of each sample, and their shares, (N, L, K) each.
 
@@ -41,7 +31,11 @@ def spread_shares(cells: Cells, activation: Array, window: int) -> tuple[Cells, 
     or gives too many weights.
     """
     samples, legs, active = cells.shape
-    _check_window(cells, window)
+    if 2 * window + 1 > samples:
+        raise BadInput("learning.window", window, f"must be below {(samples + 1) // 2}, half the samples of a cycle")
+    if cells.size * (2 * window + 1) > MOST_ENTRIES:
+        allowed = f"must be below {MOST_ENTRIES // (2 * cells.size)} with this network"
+        raise BadInput("learning.window", window, allowed)
     power = (activation**2).sum(axis=2, keepdims=True)
     share = np.divide(activation, power, out=np.zeros_like(activation), where=power > 0.0)
     taps = np.repeat(binomial(window), active)

@@ -1,19 +1,103 @@
 """Check a config before anything is planned or simulated."""
 
+from collections.abc import Iterator
 from typing import Any
 
-from cmacexp.config.check_gait import Mistakes, check_legs, check_pattern, check_timing
 from cmacexp.config.cmac import PHASE, check_size
 from cmacexp.config.component import COMPONENTS, ComponentConfig
-from cmacexp.config.fields import check_fields
+from cmacexp.config.fields import check_fields, listed
+from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import BodyMachine, RobotMachine, ask_for_robot, read_model
 from cmacexp.config.schema import Config
 from cmacexp.errors import BadInput
 
+Mistakes = Iterator[tuple[str, str]]
+"""The keys that are wrong, with what is allowed of each; computed one by one, since the first ends the check."""
+SHORTEST_RAMP = 10
+"""Samples of the shortest ramp of the load: a shorter one is a jump that no sampled motion follows."""
+TOLERANCE = 1e-9
+"""Largest relative distance of an event from its sample."""
 MOST_ROWS = 2**24
 """Steps times legs of the longest cycle, which is held in memory as a whole."""
 MOST_STEPS = 2**31 - 1
 """Steps of the longest run: the trace counts them in 32 bits."""
+
+
+def _is_whole(ratio: float) -> bool:
+    return abs(ratio - round(ratio)) <= TOLERANCE * max(1.0, abs(ratio))
+
+
+def _near_period(config: Config, divisor: int) -> float:
+    """A short number near the sampling period that divides the cycle into a multiple of ``divisor``."""
+    ratio = config.gait.cycle_time / config.sampling_period
+    counts = [n for n in range(int(0.8 * ratio), int(1.25 * ratio) + 3) if n > 1 and n % divisor == 0]
+    return min((config.gait.cycle_time / n for n in counts), key=lambda period: len(f"{period:.12g}"))
+
+
+def check_timing(config: Config) -> Mistakes:
+    """Every lift-off and touch-down falls on a sample of the cycle."""
+    gait, divisor = config.gait, PATTERNS[config.gait.pattern].divisor
+    ratio = gait.cycle_time / config.sampling_period
+    steps, support = round(ratio), ratio * gait.duty_factor
+    if not _is_whole(ratio) or steps < 2:
+        near = f"{_near_period(config, divisor):.12g} does"
+        yield (
+            "sampling_period",
+            f"must divide gait.cycle_time={gait.cycle_time:g} s into at least 2 whole steps; {near}",
+        )
+    for i, phase in enumerate(gait.touch_down or []):
+        if not _is_whole(phase * ratio):
+            near = f"{round(phase * ratio) / steps:.12g} does"
+            yield f"gait.touch_down.{i}", f"must fall on one of the {steps} samples of the cycle; {near}"
+    if steps % divisor:
+        needs = f"gives {steps} steps a cycle, a {gait.pattern} gait needs a multiple of {divisor}"
+        yield "sampling_period", f"{needs}: try {_near_period(config, divisor):.12g}"
+    if not _is_whole(support) or round(support) < 1:
+        near = f"{max(1, round(support)) / steps:.12g} does"
+        yield "gait.duty_factor", f"touch-down must fall on one of the {steps} samples of the cycle; {near}"
+
+
+def check_legs(config: Config) -> Mistakes:
+    """Gait and desired force fit the number of legs of the machine."""
+    gait, kind, legs = config.gait, config.machine.kind, 4 if config.has_body else 1
+    if config.legs != legs:
+        fitting = listed([name for name, pattern in PATTERNS.items() if pattern.legs == legs])
+        yield "gait.pattern", f"with machine.kind={kind} choose from {fitting}"
+    elif PATTERNS[gait.pattern].is_dynamic and kind != "robot":
+        yield "gait.pattern", f"needs a body that moves: with machine.kind={kind} choose wave, or scenario=robot"
+    if gait.touch_down is not None and len(gait.touch_down) != legs:
+        yield "gait.touch_down", f"must have one value for each of the {legs} legs, or be null"
+    if (config.force_control.desired_force is None) != config.has_body:
+        null, reason = ("null", ": the feet share the weight") if config.has_body else ("a number above 0 (N)", "")
+        yield "force_control.desired_force", f"must be {null} with machine.kind={kind}{reason}"
+
+
+def check_pattern(config: Config) -> Mistakes:
+    """Duty factor, stroke and load ramp are what the pattern of the gait allows."""
+    gait, pattern, period = config.gait, PATTERNS[config.gait.pattern], config.sampling_period
+    least, duty, given = pattern.least_duty_factor, gait.duty_factor, f"with gait.pattern={gait.pattern}"
+    if least and not (least <= duty < 1 or gait.allow_unstable):
+        stable = f"for a statically stable {gait.pattern} gait; or gait.allow_unstable=true"
+        yield "gait.duty_factor", f"must be at least {least:g} and below 1 {stable}"
+    if pattern.lifts and duty == 1:
+        yield "gait.duty_factor", f"must be below 1 {given}; or use gait=standing"
+    if not pattern.lifts and duty != 1:
+        yield "gait.duty_factor", f"must be 1 {given}"
+    if not pattern.lifts and gait.stroke != 0:
+        yield "gait.stroke", f"must be 0 {given}, which never lifts a foot"
+    if gait.speed is not None:
+        travel = gait.speed * duty * gait.cycle_time
+        if abs(gait.stroke - travel) > 1e-4 * max(travel, gait.stroke):
+            yield "gait.stroke", f"must be {travel:.6g} m with gait.speed={gait.speed:g}; or set gait.speed=null"
+    shortest = SHORTEST_RAMP * period
+    for key, ramp, other in (
+        ("load", gait.load_ramp, gait.unload_ramp),
+        ("unload", gait.unload_ramp, gait.load_ramp),
+    ):
+        longest = duty * gait.cycle_time - other
+        if ramp and not shortest <= ramp <= longest - period:
+            bounds = f"at least {shortest:g} s ({SHORTEST_RAMP} samples) and below {longest:g} s (support)"
+            yield f"gait.{key}_ramp", f"must be 0, or {bounds}"
 
 
 def check_stiffness_step(config: Config) -> Mistakes:
@@ -48,14 +132,6 @@ def check_payload(config: Config) -> Mistakes:
     for axis, hips in zip("xy", zip(*machine.hips, strict=True), strict=True):
         if not min(hips) <= getattr(payload, axis) <= max(hips):
             yield f"payload.{axis}", f"must be from {min(hips):g} to {max(hips):g} m, between the hips"
-
-
-def check_robot(config: Config) -> None:
-    """Check that a robot has four legs, and a model that can be found: a quadruped with three hinges a leg."""
-    if isinstance(config.machine, RobotMachine):
-        if config.legs == 1 and config.scenario != "robot":
-            raise ask_for_robot(config.machine)
-        read_model(config.machine)
 
 
 def check_run(config: Config) -> Mistakes:
@@ -94,7 +170,10 @@ def _mistake(config: Config, key: str, allowed: str) -> BadInput:
 def check(config: Config) -> None:
     """Check every field, and every combination that can be judged before planning; raises BadInput."""
     check_fields(config)
-    check_robot(config)
+    if isinstance(config.machine, RobotMachine):  # it must have four legs, and a model that can be found
+        if config.legs == 1 and config.scenario != "robot":
+            raise ask_for_robot(config.machine)
+        read_model(config.machine)
     for find_mistakes in CHECKS:
         for key, allowed in find_mistakes(config):
             raise _mistake(config, key, allowed)

@@ -1,7 +1,7 @@
 """From overrides, as typed on the command line, to a checked config; and Hydra's record of it, as texts."""
 
 import pickle
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -109,10 +109,10 @@ _Dumper.add_representer(str, _Dumper.represent_text)
 
 def make_record(composed: Node, hydra: Node) -> dict[str, str]:
     """The files, by name, that Hydra writes unless ``hydra.output_subdir`` is null."""
-    config, own = map(_make_plain, (composed, hydra))
+    plain: Iterator[Any] = (
+        OmegaConf.to_container(node, enum_to_str=True) if isinstance(node, DictConfig) else node
+        for node in (composed, hydra)
+    )
+    config, own = plain
     nodes: dict[str, Any] = {"config": config, "hydra": {"hydra": own}, "overrides": own["overrides"]["task"]}
     return {f"{name}.yaml": yaml.dump(node, Dumper=_Dumper, sort_keys=False) for name, node in nodes.items()}
-
-
-def _make_plain(node: Node) -> Any:
-    return OmegaConf.to_container(node, enum_to_str=True) if isinstance(node, DictConfig) else node

@@ -6,7 +6,6 @@ import sysconfig
 from functools import cache
 from modulefinder import ModuleFinder
 from pathlib import Path
-from typing import Any
 
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.schema import Config
@@ -20,15 +19,14 @@ def custom_code_hash(config: Config, *components: object) -> str | None:
 
     Without ``components`` that were made or given, it is that of those that the config names; raises BadInput.
     """
-    classes = [type(component) for component in components] or [_find(config, group) for group in COMPONENTS]
+    classes = [type(component) for component in components]
+    for group in () if components else COMPONENTS:
+        node = getattr(config, group)
+        with current_folder_importable():
+            target = node["_target_"] if isinstance(node, dict) else node._target_
+            classes.append(find_class(f"{group}._target_", target))
     hashes = [_hash(each.__module__) for each in classes if each.__module__.partition(".")[0] != PACKAGE]
     return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else None
-
-
-def _find(config: Config, group: str) -> type[Any]:
-    node = getattr(config, group)
-    with current_folder_importable():
-        return find_class(f"{group}._target_", node["_target_"] if isinstance(node, dict) else node._target_)
 
 
 @cache

@@ -52,8 +52,12 @@ def _explain_option(path: str, options: Sequence[str]) -> str:
 
 
 def _explain_key(key: str, overrides: Sequence[str]) -> str:
-    """Which keys exist where ``key`` does not."""
-    node, parent, wrong = _compose_choices(overrides), "", key
+    """Which keys exist where ``key`` does not, with the valid choices of options among ``overrides``."""
+    GlobalHydra.instance().clear()
+    valid = [text for text in overrides if (config_folder() / f"{text.replace('=', '/', 1)}.yaml").is_file()]
+    with initialize_config_dir(str(config_folder()), version_base="1.3"):
+        node = compose("config", valid)
+    parent, wrong = "", key
     while isinstance(node, DictConfig):
         name, _, rest = wrong.partition(".")
         if name not in node:
@@ -67,11 +71,3 @@ def _explain_key(key: str, overrides: Sequence[str]) -> str:
     prefix = f"{parent}." if parent else ""
     suggestion = suggest(wrong.split(".")[0], names, prefix)
     return f"{key}: no such key; {parent or 'the config'} has {listed(names)}{suggestion}"
-
-
-def _compose_choices(overrides: Sequence[str]) -> DictConfig:
-    """The config with the valid choices of options among ``overrides``, and nothing else changed."""
-    GlobalHydra.instance().clear()
-    valid = [text for text in overrides if (config_folder() / f"{text.replace('=', '/', 1)}.yaml").is_file()]
-    with initialize_config_dir(str(config_folder()), version_base="1.3"):
-        return compose("config", valid)

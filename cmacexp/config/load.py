@@ -14,7 +14,7 @@ from cmacexp.config.check import check
 from cmacexp.config.component import COMPONENTS, config_class, config_folder, find_option, fit_fields
 from cmacexp.config.fields import make_config
 from cmacexp.config.machine import MACHINES
-from cmacexp.config.robot_rule import find_mistake, register_rule
+from cmacexp.config.robot_rule import find_mistake, rule_value
 from cmacexp.config.schema import Config
 from cmacexp.config.targets import current_folder_importable, find_class, find_new_name
 from cmacexp.errors import BadInput
@@ -22,7 +22,7 @@ from cmacexp.errors import BadInput
 WITHOUT_EFFECT = ("record", "sweep", "optimize", "warn", "hydra")
 """Root keys that do not change the results of a run, and so stay out of its hash."""
 
-register_rule()
+OmegaConf.register_new_resolver("rule", rule_value, replace=True)
 
 
 def _make_component(group: str, node: Mapping[str, Any]) -> Any:

@@ -158,11 +158,6 @@ class RobotMachine(RobotModel):
         return [(float(x), float(y)) for x, y in read_model(self).hinges[:, 1, :2]]
 
 
-def model_hash(machine: object) -> str | None:
-    """SHA-256 of the model of a robot, as MuJoCo compiles it; None for other machines."""
-    return read_model(machine).model_hash if isinstance(machine, RobotMachine) else None
-
-
 BodyMachine = QuadrupedMachine | RobotMachine
 """Machines with a body."""
 MACHINES = {"leg": LegMachine, "point_mass": PointMassMachine, "quadruped": QuadrupedMachine, "robot": RobotMachine}

@@ -18,7 +18,14 @@ from cmacexp.config.machine import RobotModel, ask_for_robot, read_model
 from cmacexp.errors import BadInput
 from cmacexp.models.lateness import Lateness, add_up
 from cmacexp.models.lead import discretise
-from cmacexp.models.robot_gains import Basis, Gains, choose_period, derive_basis, derive_gains
+from cmacexp.models.robot_gains import (
+    PERIOD_WITHOUT_ROTORS,
+    Basis,
+    Gains,
+    derive_basis,
+    derive_gains,
+    recommend_period,
+)
 
 PERIOD = "sampling_period"
 PERIODS = {PERIOD: math.inf, "rigid_sampling_period": 0.001}
@@ -50,7 +57,8 @@ def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
     robot = read_model(_read_machine(_root_))
     basis = derive_basis(robot)
     if name in PERIODS:
-        value = min(choose_period(robot, _read_lateness(_root_), _find_pattern(_root_).gain), PERIODS[name])
+        value = recommend_period(basis.ratio, _read_lateness(_root_), _find_pattern(_root_).gain)
+        value = min(value, PERIODS[name], math.inf if robot.armature.any() else PERIOD_WITHOUT_ROTORS)
     else:
         value = getattr(basis if name in Basis._fields else _derive_gains(basis, _root_), name)
     return float(f"{value:.{DIGITS}g}")
@@ -151,8 +159,3 @@ def find_mistake(error: BaseException | None) -> BadInput | None:
     while error is not None and not isinstance(error, BadInput):
         error = error.__cause__ or error.__context__
     return error
-
-
-def register_rule() -> None:
-    """Make ``${rule:NAME}`` known to OmegaConf."""
-    OmegaConf.register_new_resolver("rule", rule_value, replace=True)

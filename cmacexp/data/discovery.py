@@ -22,10 +22,6 @@ def is_run(folder: Path) -> bool:
     return any(os.path.lexists(folder / name) for name in names)
 
 
-def _is_result(folder: Path) -> bool:
-    return any(os.path.lexists(folder / name) for name in (manifests.NAME, NEW)) or is_run(folder)
-
-
 def walk(folder: Path, skipped: Callable[[OSError], None] | None = None) -> Iterator[Path]:
     """``folder`` and all folders below it, but for hidden ones; links are not followed.
 
@@ -61,7 +57,11 @@ def everything_below(folder: Path) -> list[Path]:
     A folder that cannot be read is one of them. Raises BadRun if there is nothing.
     """
     unreadable: list[OSError] = []
-    results = {*filter(_is_result, walk(folder, unreadable.append))}
+    results = {
+        place
+        for place in walk(folder, unreadable.append)
+        if any(os.path.lexists(place / name) for name in (manifests.NAME, NEW)) or is_run(place)
+    }
     return _require_some(folder, results.union(Path(error.filename) for error in unreadable))
 
 

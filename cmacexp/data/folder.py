@@ -176,11 +176,6 @@ class Place:
         _sync(self.new / manifests.NAME)
         _replace(self, manifest)
 
-    def leave_failure(self, manifest: dict[str, Any]) -> None:
-        """Leave the record of an attempt that failed beside the earlier result."""
-        with write_atomically(self.folder / FAILED) as temporary:
-            temporary.write_text(manifests.dump(manifest), encoding="utf-8")
-
 
 def _list_files(new: Path) -> list[str]:
     files = (path for path in new.rglob("*") if stat.S_ISREG(path.lstat().st_mode))

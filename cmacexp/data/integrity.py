@@ -6,16 +6,32 @@ from typing import get_args
 
 from cmacexp.config import Config, config_hash, to_plain
 from cmacexp.config.custom_code import custom_code_hash
-from cmacexp.config.machine import MACHINES, BodyMachine, model_hash
+from cmacexp.config.machine import MACHINES, BodyMachine, RobotMachine, read_model
 from cmacexp.data import manifest as manifests
-from cmacexp.data.hashes import find_fault
+from cmacexp.data.hashes import current_hash, find_fault
 from cmacexp.data.tables import BODY, BODY_METRICS, METRICS, METRICS_CSV, TRACE
-from cmacexp.data.weights import WEIGHTS, start_hash
+from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadRun
 from cmacexp.jit.sources import code_hash
 
 RESULTS = ("completed", "fell", "diverged")
 """Status values of a run that has a result."""
+
+
+def compute_hashes(config: Config, *components: object) -> dict[str, str | None]:
+    """Entries of the manifest: hashes of what a result depends on besides its config.
+
+    They are of the code, that of custom components, whether made or named by the config, the weights that the run
+    starts from, unless they are gone, and the model of a robot.
+    """
+    machine, start = config.machine, config.learning.start_from
+    weights = Path(start) / WEIGHTS if start is not None else None
+    return {
+        "code_hash": code_hash(),
+        "custom_code": custom_code_hash(config, *components),
+        "start_weights": current_hash(weights) if weights and weights.is_file() else None,
+        "model_hash": read_model(machine).model_hash if isinstance(machine, RobotMachine) else None,
+    }
 
 
 def is_finished(folder: Path, config: Config) -> bool:
@@ -30,10 +46,8 @@ def is_finished(folder: Path, config: Config) -> bool:
     except BadRun:
         return False
     plain, kept = to_plain(config), manifest["config"].get("record", {})
-    same = manifest.get("config_hash") == config_hash(plain) and manifest.get("code_hash") == code_hash()
-    same = same and manifest.get("start_weights") == start_hash(config)
-    same = same and manifest.get("model_hash") == model_hash(config.machine)
-    same = same and manifest.get("custom_code") == custom_code_hash(config)
+    same = manifest.get("config_hash") == config_hash(plain)
+    same = same and all(manifest.get(name) == value for name, value in compute_hashes(config).items())
     as_thin = all(kept.get(key) == plain["record"][key] for key in ("every_nth_step", "cycles"))
     has_trace = (TRACE in manifest["files"] and as_thin) or not config.record.trace
     has_weights = WEIGHTS in manifest["files"] or not config.record.weights

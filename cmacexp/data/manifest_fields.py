@@ -12,8 +12,6 @@ from cmacexp.config.component import COMPONENTS
 REPORT, SWEEP = "report", "sweep"
 """Kinds of manifests that list a report and the runs of its numbers, or the tables of a sweep; a run has no kind."""
 MAX_STEPS_PER_CYCLE = 1 << 32
-MAX_DEPTH = 16
-"""Objects and lists within each other; a config has some five."""
 
 
 class Kind(NamedTuple):
@@ -134,15 +132,8 @@ def find_misfit(value: Any, shape: Shape, name: str) -> str | None:
     return next(filter(None, (find_misfit(*each) for each in inner)), None)
 
 
-def _is_deep(value: Any, depth: int = 0) -> bool:
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return depth > MAX_DEPTH or any(_is_deep(each, depth + 1) for each in inner)
-
-
 def find_wrong(manifest: Any) -> str | None:
     """What is wrong with the content of a manifest, as read from its file without its checksum; None: nothing."""
-    if _is_deep(manifest):
-        return f"it nests more than {MAX_DEPTH} levels"
     if wrong := find_misfit(manifest, FIELDS, "manifest"):
         return wrong
     is_run = "kind" not in manifest
@@ -150,10 +141,8 @@ def find_wrong(manifest: Any) -> str | None:
         path = PurePosixPath(name)  # of a run in its folder itself; a report may depend on others
         if not path.parts or path.is_absolute() or "\0" in name or (is_run and path.name != name):
             return f"files must be names of files in its folder, not {name[:40]!r}"
-    return _find_wrong_in_run(manifest) if is_run else None
-
-
-def _find_wrong_in_run(manifest: Mapping[str, Any]) -> str | None:
+    if not is_run:
+        return None
     if wrong := find_misfit(manifest, RUN_FIELDS, "manifest"):
         return wrong
     config = manifest["config"]

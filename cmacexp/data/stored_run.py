@@ -124,11 +124,6 @@ class StoredRun:
         """Rows of some cycles of the trace, or of another table, without holding all of a long run in memory."""
         return self._table(name, partial(read_cycles, numbers=numbers))
 
-    def cycle(self, number: int, leg: int = 1) -> "pd.DataFrame":
-        """Rows of one leg in one cycle; none if the run did not reach it."""
-        trace = self.trace
-        return trace[(trace["cycle"] == number) & (trace["leg"] == leg)]
-
 
 def read_config(run: StoredRun) -> Config:
     """The typed config of a stored run; raises BadRun if another version with other fields wrote it."""

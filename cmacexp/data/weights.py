@@ -1,17 +1,13 @@
 """Learnt weights of a feedforward, as a file from which another run can start."""
 
-from math import prod
 from pathlib import Path
-from typing import BinaryIO
-from zipfile import ZipFile
 
 import numpy as np
-from numpy.lib import format as npy
 
 from cmacexp.config import Config, to_plain
 from cmacexp.config.difference import differences
 from cmacexp.data.files import open_file
-from cmacexp.data.hashes import current_hash, require_intact
+from cmacexp.data.hashes import require_intact
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.typing import Weights
@@ -19,11 +15,6 @@ from cmacexp.typing import Weights
 WEIGHTS = "weights.npz"
 MAX_COMPRESSION = 1100
 """Deflate makes nothing smaller than by a factor of 1032."""
-
-
-def write_weights(folder: Path, weights: Weights) -> None:
-    """Write ``weights`` to the folder of a run; equal arrays give equal bytes."""
-    np.savez_compressed(folder / WEIGHTS, allow_pickle=False, **weights)
 
 
 def read_weights(config: Config) -> Weights | None:
@@ -58,35 +49,10 @@ def read_weights(config: Config) -> Weights | None:
 
 def load_weights(folder: Path) -> Weights:
     """The weights that the run in a folder stored; raises BadRun, and whatever zipfile, zlib and numpy raise."""
-    with open_file(require_intact(folder / WEIGHTS)) as file:
-        _check_sizes(file)
-        with np.load(file, allow_pickle=False) as arrays:
-            return dict(arrays)
-
-
-def _check_sizes(file: BinaryIO) -> None:
-    """Compare the arrays of a file with its size, before memory is taken for them.
-
-    Raises:
-        ValueError: an array has another size than its header says, or holds no numbers.
-    """
-    size = file.seek(0, 2)
-    with ZipFile(file) as archive:
-        for member in archive.infolist():
-            with archive.open(member) as array:
-                read_header = (
-                    npy.read_array_header_1_0 if npy.read_magic(array)[0] == 1 else npy.read_array_header_2_0
-                )
-                shape, _, dtype = read_header(array)
-                needed = array.tell() + prod(shape) * dtype.itemsize
-            if dtype.kind not in "fiu" or needed != member.file_size or needed > MAX_COMPRESSION * size:
-                raise ValueError(f"{member.filename} is not what its header says")
-    file.seek(0)
-
-
-def start_hash(config: Config) -> str | None:
-    """SHA-256 of the weights that a run starts from; None if from nothing, or if they are gone."""
-    if config.learning.start_from is None:
-        return None
-    path = Path(config.learning.start_from) / WEIGHTS
-    return current_hash(path) if path.is_file() else None
+    with open_file(require_intact(folder / WEIGHTS)) as file, np.load(file, allow_pickle=False) as arrays:
+        if sum(array.file_size for array in arrays.zip.infolist()) > MAX_COMPRESSION * file.seek(0, 2):
+            raise ValueError("its arrays are larger than what such a file can hold")
+        weights = dict(arrays)
+    if other := [name for name, array in weights.items() if array.dtype.kind not in "fiu"]:
+        raise ValueError(f"{other[0]} holds no numbers")
+    return weights

@@ -108,5 +108,5 @@ def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table]:
     expect_runs(runs)
     traces = list[pa.Table]()
     scenario = make_scenario(to_config(compose_untyped(overrides)[0]))
-    end, scores = score_scenario(scenario, lambda new: traces.append(new.legs) if keep == TRACE else None)
-    return end.status, pa.concat_tables(traces) if traces else join_scores(scores)
+    end, scorer = score_scenario(scenario, lambda new: traces.append(new.legs) if keep == TRACE else None)
+    return end.status, pa.concat_tables(traces) if traces else join_scores(scorer.scores)

@@ -22,13 +22,6 @@ Collected = Mapping[Request, tuple[Path, Mapping[str, str]]]
 """Folder of the run of each request, and the option that was chosen in each group."""
 
 
-def _describe_files(config: Config) -> str:
-    """What a run stores, which its config hash leaves out: studies that thin traces differently share no folder."""
-    rows = repr((config.record.every_nth_step, config.record.cycles))
-    thin = f"-thin-{hashlib.sha256(rows.encode()).hexdigest()[:THIN_DIGITS]}" if config.record.thins else ""
-    return thin + ("-weights" if config.record.weights else "")
-
-
 def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str, Mapping[str, str], bool]:
     """Folder of the run of ``overrides``, its config or why it is refused, its options, whether it is complete."""
     composed, choices = compose_untyped([*overrides, "record=trace"])
@@ -39,7 +32,11 @@ def _look_up(overrides: Sequence[str], store: Path) -> tuple[Path, Config | str,
         with replacing(folder, RUN_KEY, wait=True) as place:
             place.commit(make_failure(composed, error))
         return folder, str(error), choices, False
-    folder = store / f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}{_describe_files(config)}"
+    name, record = f"{config.scenario}-{config_hash(to_plain(config))[:HASH_DIGITS]}", config.record
+    if record.thins:  # the hash leaves out what a run stores: studies that differ in it share no folder
+        rows = repr((record.every_nth_step, record.cycles))
+        name += f"-thin-{hashlib.sha256(rows.encode()).hexdigest()[:THIN_DIGITS]}"
+    folder = store / (f"{name}-weights" if record.weights else name)
     return folder, config, choices, is_finished(folder, config)
 
 

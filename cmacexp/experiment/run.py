@@ -6,17 +6,18 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from cmacexp.config import Config, to_plain
 from cmacexp.config.component import COMPONENTS
-from cmacexp.config.custom_code import custom_code_hash
-from cmacexp.config.machine import RobotMachine, model_hash, read_model
+from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.control import HybridController
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import RUN_KEY, Place, replacing
+from cmacexp.data.integrity import compute_hashes
 from cmacexp.data.parquet import write_table
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MODEL_SIGNALS, SPATIAL_SIGNALS, Signal, select_signals
 from cmacexp.data.stored_run import StoredRun
@@ -31,12 +32,11 @@ from cmacexp.data.tables import (
     trace_writer,
     write_scores,
 )
-from cmacexp.data.weights import WEIGHTS, start_hash, write_weights
+from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput, BadOutput, format_user_traceback
 from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import interrupt_held_back
-from cmacexp.jit.sources import code_hash
 from cmacexp.loop import End, Samples, stream
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import assemble, assemble_body, assemble_memory
@@ -89,8 +89,8 @@ def score_scenario(
     keep: Callable[[Traces], None] = lambda traces: None,
     watch: Callable[[float], None] = lambda cycles: None,
     warn: Callable[[Drift], None] = lambda drift: None,
-) -> tuple[End, Scores]:
-    """Run a new scenario and write nothing; how it ended, and its metrics.
+) -> tuple[End, RunScorer]:
+    """Run a new scenario and write nothing; how it ended, and what has its metrics.
 
     ``keep`` is called with the traces of some cycles at a time; ``watch`` and ``warn`` as by :func:`run_scenario`.
     """
@@ -103,30 +103,24 @@ def score_scenario(
         if known is None and scorer.drift is not None:
             warn(scorer.drift)
 
-    return stream(scenario, take, watch), scorer.scores
+    return stream(scenario, take, watch), scorer
 
 
 def _roll_out(
     scenario: Scenario, folder: Path, watch: Callable[[float], None], warn: Callable[[Drift], None]
 ) -> tuple[End, Scores, list[str]]:
     """Run, and write traces and memory; how the run ended, its metrics, and the names of the files."""
-    columns, record, memory = _columns(scenario), scenario.setup.config.record, list[pa.Table]()
+    columns, record = _columns(scenario), scenario.setup.config.record
     with trace_writer(folder, record, *columns) as writer:
-
-        def keep(traces: Traces) -> None:
-            writer.write(traces)
-            if traces.memory is not None:
-                memory.append(traces.memory)
-
-        end, scores = score_scenario(scenario, keep, watch, warn)
+        end, scorer = score_scenario(scenario, writer.write, watch, warn)
         writer.finish(end.status == "completed")
     if not record.trace:
-        return end, scores, []
+        return end, scorer.scores, []
     names = [TRACE, BODY] if columns[1] else [TRACE]
-    if memory:
-        write_table(pa.concat_tables(memory).combine_chunks(), folder / MEMORY)
+    if scorer.memory:
+        write_table(pa.concat_tables(scorer.memory).combine_chunks(), folder / MEMORY)
         names.append(MEMORY)
-    return end, scores, names
+    return end, scorer.scores, names
 
 
 def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest, names: list[str]) -> None:
@@ -135,7 +129,7 @@ def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest
     if record.weights and isinstance(scenario.feedforward, Learns):
         restored = [event["restored"] for event in manifest["guard"]]
         best = scenario.kept.get(restored[-1]) if restored else None
-        write_weights(folder, best or scenario.feedforward.learnt())
+        np.savez_compressed(folder / WEIGHTS, allow_pickle=False, **(best or scenario.feedforward.learnt()))
         names.append(WEIGHTS)
     if record.recording and (kept := steps_by_cycle(folder)):
         from cmacexp.recording.window import make_window
@@ -144,17 +138,6 @@ def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest
         label, window = place.folder.name, make_window(kept)
         write_recording(folder, manifest, folder / RECORDING, label=label, window=window)
         names.append(RECORDING)
-
-
-def _component_entries(scenario: Scenario) -> dict[str, Any]:
-    """Excluded force sensors and use of memory; external components may use these names for something else."""
-    controller, feedforward = scenario.controller, scenario.feedforward
-    dropped = controller.dropped if isinstance(controller, HybridController) else {}
-    memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
-    return {
-        "dropped": [{"leg": leg, "step": step} for leg, step in dropped.items()],
-        "memory": [use._asdict() for use in memory],
-    }
 
 
 def _robot_entry(scenario: Scenario) -> dict[str, Any]:
@@ -222,12 +205,14 @@ def _write(
         _write_extras(scenario, place, manifest, names)
     except OSError as error:  # of a disk that is full: what is listed is whole
         manifest |= {"status": "failed", "cause": f"after step {end.steps}: {error}"}
+    controller, feedforward = scenario.controller, scenario.feedforward
+    # External components may use these names for something else.
+    dropped = controller.dropped if isinstance(controller, HybridController) else {}
+    memory = feedforward.memory if isinstance(feedforward, BuiltInFeedforward) else ()
     entries = {
-        **_component_entries(scenario),
-        "code_hash": code_hash(),
-        "custom_code": custom_code_hash(config, *(getattr(scenario, group) for group in COMPONENTS)),
-        "start_weights": start_hash(config),
-        "model_hash": model_hash(config.machine),
+        "dropped": [{"leg": leg, "step": step} for leg, step in dropped.items()],
+        "memory": [use._asdict() for use in memory],
+        **compute_hashes(config, *(getattr(scenario, group) for group in COMPONENTS)),
         "learning_lead": end.estimates[-1].lead if end.estimates else scenario.setup.lead,
         "learning_rate": end.rate,
         "lead_estimates": [estimate._asdict() for estimate in end.estimates],

@@ -1,6 +1,5 @@
 """A sweep: its folder, the kinds of its jobs, and the processes that run them."""
 
-import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -101,11 +100,6 @@ def get_sweep() -> Sweep:
     if Sweep.current is None:
         raise RuntimeError("hydra/launcher=cores is for python -m cmacexp -m; choose hydra/launcher=basic")
     return Sweep.current
-
-
-def count_jobs() -> float:
-    """Jobs of the sweep that this process started; infinite in a process of another launcher, which cannot know."""
-    return Sweep.current.planned.total() if Sweep.current is not None else math.inf
 
 
 def select_run_overrides(overrides: Sequence[str]) -> list[str]:

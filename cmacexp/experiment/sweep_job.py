@@ -1,5 +1,6 @@
 """One job of a sweep, in whatever process: it prints a line, and leaves on disk how it ended."""
 
+import math
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,10 +12,11 @@ from cmacexp.config import to_config
 from cmacexp.config.compose import make_record
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import HYDRA_FOLDER
-from cmacexp.data.folder import RUN_KEY, replacing
+from cmacexp.data.files import FAILED
+from cmacexp.data.folder import RUN_KEY, replacing, write_atomically
 from cmacexp.errors import BadInput
 from cmacexp.experiment.failure import describe_failure, make_failure
-from cmacexp.experiment.sweep import count_jobs, select_run_overrides
+from cmacexp.experiment.sweep import Sweep, select_run_overrides
 from cmacexp.experiment.workers import FAILED_SHARE, share_progress
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
@@ -34,7 +36,9 @@ def run_hydra_job(composed: DictConfig, jobs: float | None = None) -> float | No
     """:func:`run_job` for a job that Hydra has composed and begun; None: it is one of as many as the sweep has."""
     hydra: Any = HydraConfig.get()
     plain: Any = OmegaConf.to_container(hydra, enum_to_str=True)  # overrides as typed: some name other values
-    return run_job(Job(hydra.job.num, Path(hydra.runtime.output_dir), composed, plain), jobs or count_jobs())
+    if jobs is None:  # a process of another launcher cannot know
+        jobs = math.inf if Sweep.current is None else Sweep.current.planned.total()
+    return run_job(Job(hydra.job.num, Path(hydra.runtime.output_dir), composed, plain), jobs)
 
 
 def run_job(job: Job, jobs: float) -> float | None:
@@ -98,6 +102,7 @@ def _write_failure(job: Job, overrides: list[str], error: Exception) -> None:
         for name, text in make_record(job.config, job.hydra).items():
             place.write_text(f"{HYDRA_FOLDER}/{name}", text)
         if place.earlier:
-            place.leave_failure(manifest)
+            with write_atomically(job.folder / FAILED) as temporary:
+                temporary.write_text(manifests.dump(manifest), encoding="utf-8")
         else:
             place.commit(manifest)

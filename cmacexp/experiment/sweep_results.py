@@ -14,7 +14,7 @@ import pyarrow.csv as pa_csv
 from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import walk
 from cmacexp.data.files import FAILED, sha256
-from cmacexp.data.folder import TABLE, TABLE_CSV, Place
+from cmacexp.data.folder import TABLE, TABLE_CSV
 from cmacexp.data.parquet import arrow, arrow_strings, write_table
 from cmacexp.errors import BadRun
 from cmacexp.experiment.sweep import Sweep
@@ -77,12 +77,6 @@ def parse_value(text: str) -> Any:
     return None if text == "null" else text.strip("'\"")
 
 
-def make_table(rows: Sequence[Row]) -> pa.Table:
-    """Rows as a table; a number that a row lacks is NaN."""
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    return pa.table({name: make_column([row.get(name, math.nan) for row in rows]) for name in names})
-
-
 def make_column(values: Sequence[Any]) -> pa.Array:
     """Values as an Arrow column: of integers, floats or booleans if all are, else of text."""
     kinds = {type(value) for value in values}
@@ -108,7 +102,13 @@ def finish_sweep(sweep: Sweep) -> str:
     failed = [job for job in jobs if not job.is_result]
     ended = "failed" if missing or failed else "completed"
     ended = "bad input" if all(job.bad_input for job in jobs) else ended
-    _write_tables(sweep.place, make_table(rows), ended)
+    names = dict.fromkeys(name for row in rows for name in row)
+    table = pa.table({name: make_column([row.get(name, math.nan) for row in rows]) for name in names})
+    write_table(table, sweep.place.new / TABLE)
+    pa_csv.write_csv(table, sweep.place.new / TABLE_CSV)
+    files = {name: sha256(sweep.place.new / name) for name in (TABLE, TABLE_CSV)}
+    entries = {"config": {}, "versions": manifests.versions(), "files": files}
+    sweep.place.commit({"kind": manifests.SWEEP, "status": ended, **entries})
     swept = [key for key in jobs[0].config if len({str(job.config[key]) for job in jobs}) > 1]
     print_runs(jobs, swept, sweep.folder / TABLE_CSV)
     counts = Counter(job.status for job in jobs) + Counter({"not completed": missing})
@@ -121,11 +121,3 @@ def finish_sweep(sweep: Sweep) -> str:
         print_next(sweep.folder, {"report": "report"})
     say(str(sweep.folder / TABLE))
     return ended
-
-
-def _write_tables(place: Place, table: pa.Table, ended: str) -> None:
-    write_table(table, place.new / TABLE)
-    pa_csv.write_csv(table, place.new / TABLE_CSV)
-    files = {name: sha256(place.new / name) for name in (TABLE, TABLE_CSV)}
-    entries = {"config": {}, "versions": manifests.versions(), "files": files}
-    place.commit({"kind": manifests.SWEEP, "status": ended, **entries})

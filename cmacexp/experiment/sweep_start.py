@@ -44,18 +44,13 @@ class SweepStart(Callback):
 
         def check(sweeper: Sweeper, batch: Sequence[Sequence[str]]) -> None:
             sweep.check(sweeper, batch)
-            sweeper.launcher = _wrap(sweep, sweeper.launcher)
+            if sweep.chunk:
+                from cmacexp.experiment.tasks import Chunked
+
+                if not isinstance(sweeper.launcher, Chunked):  # else it is that of the last batch
+                    sweeper.launcher = Chunked(sweeper.launcher, sweep.chunk)  # type: ignore[assignment]
 
         Sweeper.validate_batch_is_legal = check  # type: ignore[method-assign, assignment]  # called by all sweepers
-
-
-def _wrap(sweep: Sweep, launcher: Any) -> Any:
-    """The launcher of the jobs: ``launcher``, or one of this project that uses it."""
-    from cmacexp.experiment.tasks import Chunked
-
-    if isinstance(launcher, Chunked):  # of the last batch of jobs
-        return launcher
-    return Chunked(launcher, sweep.chunk) if sweep.chunk else launcher
 
 
 def _read_options(config: DictConfig) -> tuple[int | None, int | None]:

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import DictConfig, OmegaConf
@@ -56,35 +56,21 @@ def _holds(need: str, names: dict[str, Any]) -> bool:
         return True
 
 
-class Typed(NamedTuple):
-    """A value that was typed for a key."""
-
-    key: str
-    value: Any
-    text: str
-    """The whole override."""
-
-
-def read_typed(overrides: Sequence[str]) -> list[Typed]:
-    """The values that overrides set, in their order; a dictionary sets each of its fields."""
-    parsed = OverridesParser.create().parse_overrides(list(overrides))
-    found = []
-    for override in parsed:
-        key = override.key_or_group
-        own = re.split(r"[./@]", key)[0] != "hydra"
+def read_keys(overrides: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """The keys that overrides set, in their order, each with its override; a dictionary sets each of its fields."""
+    for override in OverridesParser.create().parse_overrides(list(overrides)):
+        own = re.split(r"[./@]", override.key_or_group)[0] != "hydra"
         if own and not override.is_delete() and not override.is_sweep_override():
-            found += [
-                Typed(place, value, str(override.input_line)) for place, value in _leaves(key, override.value())
-            ]
-    return found
+            for key in _leaves(override.key_or_group, override.value()):
+                yield key, str(override.input_line)
 
 
-def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
+def _leaves(key: str, value: Any) -> Iterator[str]:
     if isinstance(value, dict) and value:
         for name, inner in value.items():
             yield from _leaves(f"{key}.{name}", inner)
     else:
-        yield key, value
+        yield key
 
 
 def _reason(config: Config, key: str, composed: DictConfig) -> str:
@@ -96,10 +82,10 @@ def _reason(config: Config, key: str, composed: DictConfig) -> str:
 
 def warnings_of(config: Config, overrides: Sequence[str], composed: DictConfig) -> list[str]:
     """A line for each override of a single run that has no effect; none if the config has ``warn: false``."""
-    typed = read_typed(overrides) if config.warn else []
+    typed = list(read_keys(overrides)) if config.warn else []
     found: dict[str, str] = {}
-    for i, (key, _, text) in enumerate(typed):
-        later = next((each.text for each in typed[i + 1 :] if each.key == key), None)
+    for i, (key, text) in enumerate(typed):
+        later = next((other for again, other in typed[i + 1 :] if again == key), None)
         if reason := f"{later} comes after it" if later else _reason(config, key, composed):
             found[text] = reason
     return [f"{format_value(text)} has no effect: {reason}" for text, reason in found.items()]

@@ -99,11 +99,6 @@ def _start(environment: Mapping[str, str], parent: int) -> None:
     gc.freeze()  # what has been imported is no garbage
 
 
-def count_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0))
-
-
 @contextmanager
 def start_pool(processes: int | None = None) -> Iterator[RunAll]:
     """Start processes, one for each core unless so many are asked for; gives ``run_all(work, items, first)``.
@@ -112,7 +107,7 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
     What ``work`` raises is raised, once all work that has begun is done; the rest is dropped. An interrupt ends the
     processes at once: their files are whole or absent.
     """
-    count = processes or count_cores()
+    count = processes or len(os.sched_getaffinity(0))
     pool = ProcessPoolExecutor(count, make_context(), _start, (dict(os.environ), os.getpid()))
 
     def submit(*call: Any) -> Future[Any]:

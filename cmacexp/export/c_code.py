@@ -25,8 +25,7 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadInput
 from cmacexp.export.network import Network, read_network
-from cmacexp.export.operations import count_operations
-from cmacexp.export.vectors import Vectors, make_vectors, measure_single
+from cmacexp.export.vectors import make_vectors, measure_single
 from cmacexp.models.mix import MULTIPLIER
 
 HEADER, SOURCE, CHECK = FILES = ("cmac_leg.h", "cmac_leg.c", "main.c")
@@ -39,6 +38,8 @@ TITLES = {
 }
 GOAL_NAMES = {NO_GOAL: "", ZERO_BY_ERROR: "zero_by_error", MEAN: "mean"}
 """In the template; any other goal is ``zero``."""
+SPLINE = {"linear": (2, 1), "cubic": (3, 7)}
+"""Additions and multiplications of a B-spline, at most."""
 QUANTITIES = {"angle": ("rad", "m"), "velocity": ("rad/s", "m/s"), "acceleration": ("rad/s^2", "m/s^2")}
 """Units of planned inputs: of joints, and of a point mass, whose joints are its axes."""
 
@@ -56,9 +57,12 @@ def write_c(run: StoredRun, folder: Path, single: bool = False, one_path: bool =
             raise BadInput("cmac.memory_bytes", run.config["cmac"].get("memory_bytes"), reason)
     vectors = make_vectors(network, np.float32 if single else np.float64)
     if single:
-        off, largest, steps = measure_single(network, vectors)
-        context |= {"error": f"{1.1 * off:.1e}", "largest": f"{largest:.2g}", "error_steps": steps}
-    context |= _list_tables(network) | _list_vectors(vectors)
+        off, largest, measured = measure_single(network, vectors)
+        context |= {"error": f"{1.1 * off:.1e}", "largest": f"{largest:.2g}", "error_steps": measured}
+    context |= _list_tables(network) | {"loaded": vectors.loaded, "learnt_sum": vectors.learnt}
+    context["steps"] = steps = len(vectors.errors)
+    for name in ("inputs", "errors", "torque"):
+        context[f"vector_{name}"] = getattr(vectors, name).reshape(steps, -1)
     texts = [_render(name, context, single) for name in FILES]
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in zip(FILES, texts, strict=True):
@@ -165,6 +169,46 @@ def describe(network: Network, single: bool) -> dict[str, Any]:
     }
 
 
+def count_operations(network: Network) -> dict[str, int]:
+    """Operations of one step, at most, all legs: of numbers, of integers (about), and words of memory."""
+    params, rule = network.params, network.params.learning.rule
+    (legs, _, joints), layers, inputs = params.weights.shape, params.cells.shape[2], network.inputs.shape[2]
+    weighted, goal = int(network.is_weighted), rule.goal != NO_GOAL
+    add, multiply = layers * joints, weighted * layers * joints  # to predict
+    add += joints * (network.known is not None)
+    add, multiply = add + weighted * layers, multiply + weighted * layers  # the power
+    per_joint = [
+        1 + (rule.divisor == REGULARISED),
+        1 + goal * (1 + (rule.goal == ZERO_BY_ERROR)),
+        1 + goal * weighted,
+    ]
+    per_joint[0] += layers * (1 + 2 * goal)
+    per_joint[1] += layers * (weighted + goal * (1 + weighted))
+    if rule.goal == MEAN:
+        per_joint = [per_joint[0] + layers, per_joint[1] + 2 * weighted * layers, per_joint[2] + 1]
+    add, multiply, divide = add + joints * per_joint[0], multiply + joints * per_joint[1], joints * per_joint[2]
+    integer = 2 * layers * joints
+    if network.addresses:
+        add, multiply, divide = add + 2 * inputs, multiply + inputs, divide + inputs
+        integer += layers * inputs * (8 if network.addresses[0].hashed else 5) + 12 * layers
+        integer += layers * 5 * params.weights.shape[1].bit_length() * bool(network.places)
+        if weighted:
+            name = next(key for key, value in RECEPTIVE_FIELDS.items() if value == network.field)
+            added, multiplied = SPLINE[name]
+            add += layers * (inputs * (2 + added) + 1)
+            multiply += layers * (inputs * (1 + multiplied) + 1)
+            divide += layers * (inputs + 1)
+    decays = rule.rate == DECAYING
+    return {
+        "add": legs * add + decays,
+        "multiply": legs * multiply,
+        "divide": legs * divide + 2 * decays,
+        "integer": legs * integer,
+        "weights": legs * layers * joints,
+        "trained": legs * layers * joints,
+    }
+
+
 def _list_inputs(network: Network, columns: list[str], on_axes: bool) -> Iterable[str]:
     for name in network.input_names:
         if name != PHASE:
@@ -192,14 +236,4 @@ def _list_tables(network: Network) -> dict[str, Any]:
         "high": [each.ranges.high for each in addresses],
         "displacement": addresses[0].displacement,
         "places": [[*own.tolist(), *[most] * (rows - len(own))] for own in network.places],
-    }
-
-
-def _list_vectors(vectors: Vectors) -> dict[str, Any]:
-    steps = len(vectors.errors)
-    flat = {f"vector_{name}": getattr(vectors, name).reshape(steps, -1) for name in ("inputs", "errors", "torque")}
-    return flat | {
-        "steps": steps,
-        "loaded": vectors.loaded,
-        "learnt_sum": vectors.learnt,
     }

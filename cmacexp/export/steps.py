@@ -72,11 +72,6 @@ def _list_tables(run: StoredRun) -> list[tuple[str, bool]]:
     return [(TRACE, True), *([(BODY, False)] if BODY in run.manifest["files"] else [])]
 
 
-def _read_columns(table: pa.Table, legs: bool) -> dict[str, Array]:
-    columns = {name: as_array(table, name) for name in table.column_names if name not in ("leg", "phase")}
-    return {**columns, SUPPORT: is_support(table).astype(np.int32)} if legs else columns
-
-
 def read_steps(run: StoredRun) -> Iterator[Part]:
     """All steps that the trace kept, only a part of them in memory at a time; raises BadRun."""
     tables = _list_tables(run)
@@ -86,7 +81,9 @@ def read_steps(run: StoredRun) -> Iterator[Part]:
         groups: dict[str, dict[str, Array]] = {}
         for table, (_, legs) in zip(parts, tables, strict=True):
             for group, rows in _split(table, legs) if table is not None else ():
-                columns = _read_columns(rows, legs)
+                columns = {key: as_array(rows, key) for key in rows.column_names if key not in ("leg", "phase")}
+                if legs:
+                    columns[SUPPORT] = is_support(rows).astype(np.int32)
                 own = {key: columns.pop(key) for key in SHARED}
                 shared = shared or own
                 groups[group] = columns if np.array_equal(own["step"], shared["step"]) else {}

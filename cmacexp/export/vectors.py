@@ -57,18 +57,16 @@ def _find_cells(network: Network, inputs: Array, real: Any) -> tuple[Any, Array]
         params = params._replace(ranges=ranges, displacement=params.displacement.astype(np.int16))
         found = np.empty((shape[2], len(inputs)), dtype=np.uint64)
         address(params, inputs[:, i].T, found)  # type: ignore[arg-type]  # of 64 bits: positions
-        cells[:, i] = found.T if not network.places else _find_rows(network.places[i], found.T, network)
+        cells[:, i] = found.T
+        if network.places:  # the row beyond the last of a cell that has none
+            places = network.places[i]
+            place = np.searchsorted(places, found.T)
+            has_row = places[np.minimum(place, len(places) - 1)] == found.T
+            cells[:, i] = np.where(has_row, place, network.params.weights.shape[1])
         if network.is_weighted:
             for k in range(len(inputs)):
                 activate(params, network.field, inputs[k, i], activation[k, i])
     return cells, activation
-
-
-def _find_rows(places: Any, positions: Any, network: Network) -> Any:
-    """Rows of cells at ``positions``; the one beyond the last of a cell that has none."""
-    place = np.searchsorted(places, positions)
-    found = places[np.minimum(place, len(places) - 1)] == positions
-    return np.where(found, place, network.params.weights.shape[1])
 
 
 def run_steps(network: Network, inputs: Array, errors: Array, real: Any) -> tuple[Array, Array]:
@@ -98,23 +96,19 @@ def run_steps(network: Network, inputs: Array, errors: Array, real: Any) -> tupl
     return torque, weights[:, :rows]
 
 
-def _make_inputs(network: Network, steps: int, rng: np.random.Generator) -> Array:
-    """Planned inputs, then some in their ranges and beyond, but where unvisited cells would learn in Python alone."""
+def make_vectors(network: Network, real: Any) -> Vectors:
+    """Vectors of a network: torques in double precision, checksums in precision ``real``.
+
+    Inputs are planned ones, then some in their ranges and beyond.
+    """
+    rng, joints = np.random.default_rng(1997), network.params.weights.shape[2]
+    steps = max(MIN_STEPS, network.params.learning.lead + LEARNING_STEPS)
     inputs = network.inputs[np.arange(steps) % len(network.inputs)].copy()
-    if network.addresses and not network.places:
+    if network.addresses and not network.places:  # else cells without a row would learn in Python alone
         elsewhere = steps // 3
         for i, params in enumerate(network.addresses):
             low, high = params.ranges
-            share = rng.uniform(-0.1, 1.1, (elsewhere, len(low)))
-            inputs[-elsewhere:, i] = low + (high - low) * share
-    return inputs
-
-
-def make_vectors(network: Network, real: Any) -> Vectors:
-    """Vectors of a network: torques in double precision, checksums in precision ``real``."""
-    rng, joints = np.random.default_rng(1997), network.params.weights.shape[2]
-    steps = max(MIN_STEPS, network.params.learning.lead + LEARNING_STEPS)
-    inputs = _make_inputs(network, steps, rng)
+            inputs[-elsewhere:, i] = low + (high - low) * rng.uniform(-0.1, 1.1, (elsewhere, len(low)))
     errors = rng.uniform(-1.0, 1.0, (steps, inputs.shape[1], joints))
     torque, weights = run_steps(network, inputs, errors, np.float64)
     if real != np.float64:

@@ -9,17 +9,9 @@ import pyarrow.parquet as pq
 from cmacexp.data.folder import write_atomically
 from cmacexp.data.parquet import arrow
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.export.steps import Field, describe_fields, read_steps
+from cmacexp.export.steps import describe_fields, read_steps
 
 WIDE = "wide.parquet"
-
-
-def _make_schema(fields: dict[str, Field]) -> pa.Schema:
-    """Plain types alone, without dictionaries and nested types; unit and meaning beside each column."""
-    return pa.schema(
-        pa.field(name, field.type, nullable=False, metadata={"unit": field.unit, "meaning": field.meaning})
-        for name, field in fields.items()
-    )
 
 
 def write_wide(run: StoredRun, folder: Path) -> Path:
@@ -30,7 +22,11 @@ def write_wide(run: StoredRun, folder: Path) -> Path:
     """
     shared, groups = describe_fields(run)
     fields = shared | {f"{group}.{name}": field for group, own in groups.items() for name, field in own.items()}
-    schema, path = _make_schema(fields), folder / WIDE
+    schema = pa.schema(  # plain types alone, without dictionaries and nested types
+        pa.field(name, field.type, nullable=False, metadata={"unit": field.unit, "meaning": field.meaning})
+        for name, field in fields.items()
+    )
+    path = folder / WIDE
     folder.mkdir(parents=True, exist_ok=True)
     with (
         write_atomically(path) as temporary,

@@ -1,7 +1,5 @@
 """One CMAC per leg as a feedforward."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from cmacexp.cmac.addressing import InputRange, spanning
@@ -9,7 +7,7 @@ from cmacexp.cmac.network import Cmac, memory_use
 from cmacexp.cmac.receptive_field import RECTANGULAR
 from cmacexp.feedforward.network import BuiltInFeedforward, network, planned_inputs
 from cmacexp.planning.setup import Setup
-from cmacexp.typing import Array, Weights
+from cmacexp.typing import Weights
 
 
 class CmacFeedforward(BuiltInFeedforward):
@@ -27,24 +25,14 @@ class CmacFeedforward(BuiltInFeedforward):
         for i, cmac in enumerate(self.cmacs):
             if learnt is not None and cmac.visited is not None:
                 cmac.visited.positions = learnt[f"visited_{i + 1}"]
-        cells = np.empty((len(inputs[0]), len(inputs), config.cmac.layers), dtype=np.uint32)
-        for i, (cmac, own) in enumerate(zip(self.cmacs, inputs, strict=True)):
-            cells[:, i] = cmac.cells(own)
-        self.params = network(setup, cells, self.cmacs[0].address.rows, self._activations(inputs))
+        of_legs = list(zip(self.cmacs, inputs, strict=True))
+        cells, activation = np.stack([cmac.cells(own) for cmac, own in of_legs], axis=1), None
+        if self.cmacs[0].receptive_field != RECTANGULAR:
+            activation = np.stack([cmac.activation(own) for cmac, own in of_legs], axis=1)
+        self.params = network(setup, cells, self.cmacs[0].address.rows, activation)
         for cmac, own in zip(self.cmacs, self.params.weights, strict=True):
             cmac.weights = own
-        self.memory = [
-            memory_use(cmac, own, cells[:, i]) for i, (cmac, own) in enumerate(zip(self.cmacs, inputs, strict=True))
-        ]
-
-    def _activations(self, inputs: Sequence[Array]) -> Array | None:
-        """Of the cells of all legs, (N, L, C); None: all are 1."""
-        if self.cmacs[0].receptive_field == RECTANGULAR:
-            return None
-        activations = np.empty((len(inputs[0]), len(inputs), self.cmacs[0].layers))
-        for i, (cmac, own) in enumerate(zip(self.cmacs, inputs, strict=True)):
-            activations[:, i] = cmac.activation(own)
-        return activations
+        self.memory = [memory_use(cmac, own, cells[:, i]) for i, (cmac, own) in enumerate(of_legs)]
 
     def learnt(self) -> Weights:
         """``weights`` (L, rows, J), N m; ``ranges`` (L, 2, n) of the inputs, low and high; ``seed`` of the hash.

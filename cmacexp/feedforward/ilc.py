@@ -13,8 +13,6 @@ from cmacexp.typing import Array, Weights
 
 REACH = 4.0
 """Standard deviations of the Gaussian that its taps cover."""
-
-
 WIDEST = 2.0
 """Cycles of standard deviation above which a Gaussian over a ring is a mean: 1e-34 is left of the first harmonic."""
 

@@ -8,9 +8,6 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from cmacexp.data.parquet import as_array
-from cmacexp.data.signals import TRUE_MARGINS
-from cmacexp.data.tables import BODY as BODY_FILE
-from cmacexp.errors import BadRun
 from cmacexp.metrics.metric import BODY, CONTRACT, CYCLE, LARGE, MCGHEE_FRANK, NEITHER, SMALL, Metric, Shown, to_table
 from cmacexp.typing import Array
 
@@ -24,10 +21,6 @@ class BodyBlock(NamedTuple):
     def reduce(self, by: np.ufunc, column: str) -> Array:
         """One value per cycle."""
         return np.asarray(by.reduceat(as_array(self.table, column), self.starts))
-
-
-def _mean_height(block: BodyBlock) -> Array:
-    return block.reduce(np.add, "height") / np.diff([*block.starts, block.table.num_rows])
 
 
 def _largest_tilt(block: BodyBlock) -> Array:
@@ -51,7 +44,11 @@ def _margin(column: str, to: str, of: str, source: str, shown: Shown | None = No
 _TILT = "largest of abs(pitch) and abs(roll)"
 
 BODY_METRICS: dict[str, Metric[BodyBlock]] = {
-    "height_mean": _height("mean", _mean_height, Shown("height", "mm", 1e3, from_zero=False)),
+    "height_mean": _height(
+        "mean",
+        lambda b: b.reduce(np.add, "height") / np.diff([*b.starts, b.table.num_rows]),
+        Shown("height", "mm", 1e3, from_zero=False),
+    ),
     "height_min": _height(
         "least", lambda b: b.reduce(np.minimum, "height"), Shown("least height", "mm", 1e3, False, from_zero=False)
     ),
@@ -82,12 +79,7 @@ BODY_METRICS: dict[str, Metric[BodyBlock]] = {
 
 
 def compute_body(body: pa.Table, steps_per_cycle: int, first_cycle: int = 1) -> pa.Table:
-    """One row per cycle: mean, least and largest height, largest tilt, least of each margin; the last may be short.
-
-    Raises BadRun of a trace without true margins, as those of version 0.1.
-    """
-    if missing := sorted(set(TRUE_MARGINS) - set(body.column_names)):
-        raise BadRun(f"{BODY_FILE}: has no {', '.join(missing)}, as of version 0.1; run it again with this version")
+    """One row per cycle, the columns of :data:`BODY_METRICS`; the last cycle may be short."""
     block = BodyBlock(body, np.arange(0, body.num_rows, steps_per_cycle))
     values = {name: metric.compute(block) for name, metric in BODY_METRICS.items()}
     cycles = np.arange(first_cycle, first_cycle + len(block.starts))

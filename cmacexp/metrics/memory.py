@@ -19,10 +19,7 @@ def split_columns(memory: pa.Table | None, cycles: int, legs: int) -> dict[str, 
     """The columns of ``memory.parquet``, (cycles, legs) by name; NaN throughout without memory."""
     if memory is None:
         return {name: np.full((cycles, legs), np.nan) for name in COLUMNS}
-    written = [name for name in COLUMNS if name in memory.column_names]  # a run of version 0.2 has no guard
-    return split_columns(None, cycles, legs) | {
-        name: as_array(memory, name).reshape(cycles, legs) for name in written
-    }
+    return {name: as_array(memory, name).reshape(cycles, legs) for name in COLUMNS}
 
 
 _NO_WEIGHTS = "no weights that a built-in feedforward keeps"

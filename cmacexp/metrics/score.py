@@ -75,13 +75,6 @@ class RunScorer:
         return Scores(to_table(index, values, columns), body)
 
 
-def compute(trace: pa.Table, steps_per_cycle: int) -> pa.Table:
-    """Metrics of a trace, one row per cycle and leg; undefined is NaN. The last cycle may be short."""
-    scorer = RunScorer(steps_per_cycle)
-    scorer.add_legs(trace)
-    return scorer.scores.legs
-
-
 def score_traces(run: StoredRun) -> Scores:
     """The metrics of a run from its traces, which must hold every step; raises BadRun."""
     scorer, folder = RunScorer(run.steps_per_cycle), run.folder

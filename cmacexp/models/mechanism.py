@@ -61,14 +61,6 @@ class Mechanism(NamedTuple):
         return len(self.legs), len(self.axes)
 
 
-def scale_masses(mechanism: Mechanism, factor: float) -> Mechanism:
-    """The mechanism with other masses; chains of a robot have none."""
-    legs = mechanism.legs.copy()
-    if mechanism.chains is None:
-        legs[:, 2:4] *= factor
-    return mechanism._replace(legs=legs, weight=mechanism.weight * factor)
-
-
 @kernel
 def has_body(mechanism: Mechanism) -> bool:
     """Whether the legs carry a body."""

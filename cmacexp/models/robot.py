@@ -1,7 +1,7 @@
 """A quadruped with three hinges a leg, as its MJCF or URDF model describes it: geometry, masses, limits, losses."""
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -12,25 +12,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmacexp.errors import BadInput, format_install_command
-from cmacexp.models.robot_checks import require_frame, require_sizes
 from cmacexp.models.robot_feet import place_feet
 from cmacexp.models.robot_legs import (
     JOINTS,
     LEGS,
     Legs,
     find_free,
-    find_joints,
+    find_joint,
     find_legs,
+    require_frame,
     require_names,
     torque_limits,
 )
 from cmacexp.models.robot_spec import is_urdf, read_spec, require_own_forces, settle
-from cmacexp.typing import Array, Counts
+from cmacexp.typing import Array
 
 Names = tuple[tuple[str, ...], ...]
 """Names of joints, leg by leg."""
 Angles = tuple[tuple[float, ...], ...]
 """Angles of joints, leg by leg, rad."""
+SHORTEST_LEG, LONGEST_LEG = 0.05, 3.0
+"""Lengths of stretched legs, m: those of toys and of the largest machines that walked, with a margin."""
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """Place and quaternion of a trunk that is upright at the origin."""
 
@@ -45,35 +47,33 @@ def load_mujoco() -> Any:
 
 
 @contextmanager
-def warnings_dropped(mujoco: Any) -> Iterator[None]:
-    """Keep MuJoCo from writing its warnings to ``MUJOCO_LOG.TXT`` in the current folder; counters hold them too."""
+def refusals_named(key: str, value: object) -> Iterator[Any]:
+    """Within the block, which gets the module ``mujoco``, a model that it refuses is BadInput with this key.
+
+    Its warnings do not go to ``MUJOCO_LOG.TXT`` in the current folder; counters hold them too.
+    """
+    mujoco = load_mujoco()
     handler = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda message: None)
     try:
-        yield
+        yield mujoco
+    except ValueError as error:
+        raise BadInput(key, value, f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
     finally:
         mujoco.set_mju_user_warning(handler)
 
 
-def load_model(load: Callable[[str], Any], source: str, key: str, value: object) -> Any:
-    """What ``load``, a function of MuJoCo, makes of a ``source``; raises BadInput with ``key`` if it refuses."""
-    try:
-        with warnings_dropped(load_mujoco()):
-            return load(source)
-    except ValueError as error:
-        raise BadInput(key, value, f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
-
-
 def load_spec(path: Path) -> Any:
     """The MjSpec of an MJCF or URDF file, see :func:`cmacexp.models.robot_spec.read_spec`; raises BadInput."""
-    mujoco = load_mujoco()
-    return load_model(lambda _: read_spec(mujoco, path), "", "machine.path", path)
+    with refusals_named("machine.path", path) as mujoco:
+        return read_spec(mujoco, path)
 
 
 def compile_spec(path: Path, spec: Any) -> Any:
     """The MjModel of a specification, of the file at ``path``, with the options of a run; raises BadInput."""
-    model = load_model(lambda _: spec.compile(), "", "machine.path", path)
-    settle(load_mujoco(), model)
+    with refusals_named("machine.path", path) as mujoco:
+        model = spec.compile()
+        settle(mujoco, model)
     return model
 
 
@@ -156,7 +156,7 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
     mujoco, home = load_mujoco(), np.array(angles)
     spec = load_spec(path)
     model = compile_spec(path, spec)
-    joint = find_joints(mujoco, model, joints)
+    joint = np.array([[find_joint(mujoco, model, name) for name in leg] for leg in joints])
     free = find_free(mujoco, model, path, joint)
     data = mujoco.MjData(model)
     data.qpos[model.jnt_qposadr[free] + np.arange(7)] = UPRIGHT
@@ -172,7 +172,11 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
     require_frame(data.xanchor[joint[:, 1]], feet)
     points = np.concatenate([data.xanchor[joint[0]], data.geom_xpos[foot[:1]]])
     _, length_1, length_2 = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    require_sizes(path, model, legs, length_1 + length_2)
+    if not SHORTEST_LEG <= length_1 + length_2 <= LONGEST_LEG:
+        reason = (
+            f"the length of a stretched leg is {length_1 + length_2:.3g} m, of robots {SHORTEST_LEG} to {LONGEST_LEG}"
+        )
+        raise BadInput("machine.path", path, f"{reason}: use m, kg and rad in the model")
     limits = torque_limits(mujoco, model, joint, needs_motor=not is_urdf(path))
     place(model, data, legs, np.zeros(3))
     limited = model.jnt_limited[joint].astype(bool)[..., None]
@@ -188,12 +192,7 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
         links=(float(length_1), float(length_2)),
         torque_limits=limits,
         ranges=np.where(limited, model.jnt_range[joint], [-np.inf, np.inf]),
-        friction=_most(model.dof_frictionloss, legs.dof),
-        damping=_most(model.dof_damping, legs.dof),
-        armature=_most(model.dof_armature, legs.dof),
+        friction=model.dof_frictionloss[legs.dof].max(axis=0),
+        damping=model.dof_damping[legs.dof].max(axis=0),
+        armature=model.dof_armature[legs.dof].max(axis=0),
     )
-
-
-def _most(values: Array, dof: Counts) -> Array:
-    """The largest value of all legs at each of the three joints."""
-    return values[dof].max(axis=0)

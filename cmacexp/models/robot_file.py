@@ -27,13 +27,6 @@ def package_models() -> dict[str, Path]:
     return {path.stem: path for folder in folders for path in folder.glob("*/*.xml") if path.stem == path.parent.name}
 
 
-def checkout_models() -> dict[str, Path]:
-    """The models of the checkout by their names; empty if the environment variable is not set."""
-    root = os.environ.get(CHECKOUT, "")
-    paths = {name: Path(root, folder, f"{name}.xml") for name, folder in CHECKOUT_FOLDERS.items()} if root else {}
-    return {name: path for name, path in paths.items() if path.is_file()}
-
-
 def find_model(name: str | None, path: str | None) -> Path:
     """The MJCF file of a robot: ``path``, else that of the model ``name`` in the package, then in the checkout.
 
@@ -45,7 +38,9 @@ def find_model(name: str | None, path: str | None) -> Path:
         return Path(path).resolve()
     if name is None:
         raise BadInput("machine.path", None, "must name the MJCF file of the robot: machine.path=FILE")
-    models = checkout_models() | package_models()
+    root = os.environ.get(CHECKOUT, "")
+    checkout = {own: Path(root, folder, f"{own}.xml") for own, folder in CHECKOUT_FOLDERS.items() if root}
+    models = {own: file for own, file in checkout.items() if file.is_file()} | package_models()
     if name in models:
         return models[name]
     installed = ", ".join(sorted(models)) or f"none: {format_install_command(PACKAGE)} with Python below 3.13"

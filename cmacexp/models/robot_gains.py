@@ -34,7 +34,8 @@ HEIGHT_OF_LINKS = 0.7
 PERIODS = ((0.001, 0.004), (0.002, 0.017), (0.004, 0.02))
 """Sampling periods, s, each with the least m_f/m of the robots that walked with it."""
 PERIOD_WITHOUT_ROTORS = 0.00025
-"""The longest, s, for joints without inertia of rotors; with 0.5 ms one of 16 such robots falls, with 1 ms half."""
+"""The longest, s, for joints without inertia of rotors, as in models made for ROS; with 0.5 ms one of 16 such robots
+falls, with 1 ms half."""
 RECOMMENDED = PERIODS[:2]
 """Those at which robots walk as well as with a shorter one."""
 NONE = Lateness()
@@ -124,15 +125,6 @@ def recommend_period(ratio: float, lateness: Lateness = NONE, gain: float = 0.0)
             return period
     allowed = "none suits feet so light with these lags: set sampling_period and the gains, or reduce the lags"
     raise BadInput("sampling_period", "by rule", allowed)
-
-
-def choose_period(robot: Robot, lateness: Lateness = NONE, gain: float = 0.0) -> float:
-    """The sampling period, s, of a robot: as recommended, and shorter where its joints have no inertia of rotors.
-
-    Models made for ROS have none, and often no losses either. Raises BadInput as :func:`recommend_period`.
-    """
-    period = recommend_period(derive_basis(robot).ratio, lateness, gain)
-    return period if robot.armature.any() else min(period, PERIOD_WITHOUT_ROTORS)
 
 
 def require_period(ratio: float, period: float, lateness: Lateness = NONE) -> None:

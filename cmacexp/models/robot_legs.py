@@ -13,6 +13,8 @@ from cmacexp.typing import Array, Counts
 LEGS, JOINTS = 4, 3
 MOST_NAMES = 16
 """Names that a message lists."""
+LEAST_COSINE = 0.96
+"""Of the angle between axes of the frame of the trunk and of the robot; 15 degrees are about the most."""
 HINT = "python -m cmacexp.robots FILE finds its legs"
 
 
@@ -52,11 +54,6 @@ def require_names(joints: Sequence[Sequence[str]], feet: Sequence[str], angles: 
         raise BadInput("machine.feet", ", ".join(feet), allowed)
 
 
-def find_joints(mujoco: Any, model: Any, joints: Sequence[Sequence[str]]) -> Counts:
-    """The joints (4, 3) of the legs in a model, which must be hinges; raises BadInput."""
-    return np.array([[_find_joint(mujoco, model, name) for name in leg] for leg in joints])
-
-
 def find_free(mujoco: Any, model: Any, path: Path, joint: Counts) -> int:
     """The free joint on which the joints (4, 3) hang; raises BadInput if there is none, or more moves."""
     trunk = int(model.body_rootid[model.jnt_bodyid[joint[0, 0]]])
@@ -76,7 +73,11 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
     Raises BadInput if one of ``feet`` does not hang on the trunk by the joints of its leg.
     """
     for leg, geom, name in zip(joint, foot, feet, strict=True):
-        _require_chain(model, free, leg, geom, name)
+        chain = find_chain(model, int(model.geom_bodyid[geom]))
+        if chain != [free, *leg]:
+            expected, actual = (list_names(_name(model.joint(int(k))) for k in own) for own in (leg, chain[1:]))
+            reason = f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}"
+            raise BadInput("machine.feet", name, reason)
     return Legs(
         base=int(model.jnt_bodyid[free]),
         base_qpos=int(model.jnt_qposadr[free]),
@@ -88,6 +89,18 @@ def find_legs(model: Any, free: int, joint: Counts, foot: Counts, feet: Sequence
         foot_body=model.geom_bodyid[foot].astype(np.int64),
         foot_radius=model.geom_size[foot, 0].copy(),
     )
+
+
+def require_frame(hips: Array, feet: Sequence[str]) -> None:
+    """Require legs in order in the frame of the trunk, x forward, y left, z up; raises BadInput.
+
+    ``hips`` (4, 3) are the thigh joints in that frame, m; ``feet`` their names for the message.
+    """
+    forward, left = hips[:2] - hips[2:], hips[::2] - hips[1::2]
+    cosines = [each[axis] / np.linalg.norm(each) for axis, pair in enumerate((forward, left)) for each in pair]
+    if not min(cosines) >= LEAST_COSINE:
+        order = "front left, front right, rear left, rear right in the frame of the trunk, x forward, y left, z up"
+        raise BadInput("machine.feet", ", ".join(feet), f"must be {order}: change the order, or turn the frame")
 
 
 def torque_limits(mujoco: Any, model: Any, joints: Counts, needs_motor: bool) -> Array:
@@ -128,7 +141,8 @@ def _to_both_sides(limits: Array) -> float:
     return min(-least, largest) if least < 0.0 < largest else max(abs(least), abs(largest))
 
 
-def _find_joint(mujoco: Any, model: Any, name: str) -> int:
+def find_joint(mujoco: Any, model: Any, name: str) -> int:
+    """The number of a joint in a model, which must be a hinge; raises BadInput."""
     names = [_name(model.joint(k)) for k in range(model.njnt)]
     if name not in names:
         raise BadInput("machine.joints", name, f"is no joint of the model, which has {list_names(names)}; {HINT}")
@@ -146,14 +160,6 @@ def find_chain(model: Any, body: int) -> list[int]:
         chain = [*range(first, first + int(model.body_jntnum[body])), *chain]
         body = int(model.body_parentid[body])
     return chain
-
-
-def _require_chain(model: Any, free: int, leg: Counts, foot: int, name: str) -> None:
-    """Require that a foot hangs on the trunk by the three joints of its leg, in their order."""
-    chain = find_chain(model, int(model.geom_bodyid[foot]))
-    if chain != [free, *leg]:
-        expected, actual = (list_names(_name(model.joint(int(k))) for k in joints) for joints in (leg, chain[1:]))
-        raise BadInput("machine.feet", name, f"must hang on {expected}, but hangs on {actual or 'the trunk alone'}")
 
 
 def _name(joint: Any) -> str:

@@ -1,7 +1,6 @@
 """The legs of a model by how its bodies hang together: names of joints and feet, a home in which its knees bend."""
 
 import itertools
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,9 +9,8 @@ import numpy as np
 from cmacexp.errors import BadInput
 from cmacexp.models.chain import chain_angles, chain_points
 from cmacexp.models.robot import UPRIGHT, compile_spec, load_mujoco, load_spec
-from cmacexp.models.robot_checks import require_frame
 from cmacexp.models.robot_gains import HEIGHT_OF_LINKS
-from cmacexp.models.robot_legs import JOINTS, LEGS, find_chain, list_names
+from cmacexp.models.robot_legs import JOINTS, LEGS, find_chain, list_names, require_frame
 from cmacexp.typing import Array
 
 STARTS = tuple(itertools.product((0.0,), (0.9, -0.9, 0.0), (-1.8, 1.8, -0.9, 0.9)))
@@ -41,10 +39,13 @@ def find_names(path: Path) -> Names:
     mujoco, spec = load_mujoco(), load_spec(path)
     model = compile_spec(path, spec)
     data = mujoco.MjData(model)
-    chains = list(_find_chains(mujoco, model))
+    found = [find_chain(model, body) for body in sorted(set(model.jnt_bodyid.tolist()))]
+    inner = {k for chain in found for k in chain[:-1]}
+    types = [int(mujoco.mjtJoint.mjJNT_FREE), *[int(mujoco.mjtJoint.mjJNT_HINGE)] * JOINTS]
+    chains = [each[1:] for each in found if each[-1] not in inner and model.jnt_type[each].tolist() == types]
     if len(chains) != LEGS:
-        found = list_names(model.joint(chain[-1]).name for chain in chains) or "none"
-        reason = f"has {len(chains)} chains of three hinges on a trunk that floats, not four; they end at {found}"
+        ends = list_names(model.joint(chain[-1]).name for chain in chains) or "none"
+        reason = f"has {len(chains)} chains of three hinges on a trunk that floats, not four; they end at {ends}"
         raise BadInput("machine.path", path, reason)
     free = int(model.body_jntadr[model.body_rootid[model.jnt_bodyid[chains[0][0]]]])
     data.qpos[model.jnt_qposadr[free] + np.arange(7)] = UPRIGHT
@@ -66,16 +67,6 @@ def find_names(path: Path) -> Names:
     if not all((*itertools.chain(*joints), *feet)):
         raise BadInput("machine.path", path, "has joints or feet without a name: name them in the model")
     return Names(joints, feet, homes[0] if homes.count(homes[0]) == LEGS else homes)
-
-
-def _find_chains(mujoco: Any, model: Any) -> Iterator[list[int]]:
-    """Joints of each chain of three hinges on a trunk that floats, and with nothing that moves at its end."""
-    chains = [find_chain(model, body) for body in sorted(set(model.jnt_bodyid.tolist()))]
-    inner = {k for chain in chains for k in chain[:-1]}
-    free, hinge = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE)
-    for chain in chains:
-        if chain[-1] not in inner and model.jnt_type[chain].tolist() == [free, *[hinge] * JOINTS]:
-            yield chain[1:]
 
 
 def _find_foot(mujoco: Any, model: Any, data: Any, leg: list[int]) -> tuple[str, Array]:

@@ -1,7 +1,7 @@
 """The machine that a config describes."""
 
 from cmacexp.config import Config
-from cmacexp.config.check_gait import TOLERANCE
+from cmacexp.config.check import TOLERANCE
 from cmacexp.config.machine import LegConfig, LegMachine, PointMassMachine, QuadrupedMachine, RobotMachine
 from cmacexp.errors import BadInput
 from cmacexp.models.leg import GRAVITY, Leg
@@ -15,11 +15,6 @@ def compute_weight_of_masses(machine: QuadrupedMachine) -> float:
     for leg in machine.legs.in_order:  # sum() rounds differently from Python 3.12 on
         legs += leg.mass_1 + leg.mass_2
     return GRAVITY * (machine.body_mass + legs)
-
-
-def compute_total_weight(machine: QuadrupedMachine) -> float:
-    """What the feet carry together, N."""
-    return compute_weight_of_masses(machine) if machine.weight is None else machine.weight
 
 
 def make_leg(config: LegConfig) -> Leg:
@@ -36,7 +31,8 @@ def make_mechanism(machine: LegMachine | PointMassMachine | QuadrupedMachine | R
         return point_mass(machine.mass, machine.hip_height)
     if isinstance(machine, QuadrupedMachine):
         legs = [make_leg(leg) for leg in machine.legs.in_order]
-        return legs_under_body(legs, machine.hip_height, machine.hips, compute_total_weight(machine))
+        weight = compute_weight_of_masses(machine) if machine.weight is None else machine.weight
+        return legs_under_body(legs, machine.hip_height, machine.hips, weight)
     return legs_on_stand([make_leg(machine.leg)], machine.hip_height)
 
 
@@ -49,7 +45,7 @@ def check_load_sharing(config: Config) -> None:
         allowed = f"must be static with machine.kind={machine.kind}, whose force is force_control.desired_force"
         raise BadInput("force_control.load_sharing", config.force_control.load_sharing, allowed)
     of_masses = compute_weight_of_masses(machine)
-    if abs(compute_total_weight(machine) - of_masses) > TOLERANCE * of_masses:
+    if machine.weight is not None and abs(machine.weight - of_masses) > TOLERANCE * of_masses:
         raise BadInput(
             "machine.weight",
             machine.weight,

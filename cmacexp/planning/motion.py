@@ -8,12 +8,11 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.config.gait import COSINE
 from cmacexp.errors import BadInput
-from cmacexp.models.chain import chain_angles, chain_motion
 from cmacexp.models.ground import depression_for
 from cmacexp.models.leg import Leg, inverse_kinematics, joint_acceleration, joint_velocity, trigonometry
 from cmacexp.models.mechanism import POINT_MASS, Mechanism
 from cmacexp.planning.body_load import BodyLoad
-from cmacexp.planning.columns import AX, AY, AZ, JOINT_COLUMNS, MOTION_COLUMNS, VX, VY, VZ, X, Y, Z
+from cmacexp.planning.columns import AX, AY, MOTION_COLUMNS, VX, VY, X, Y
 from cmacexp.planning.foot_path import VERTICAL, line, quintic
 from cmacexp.planning.gait import Timing
 from cmacexp.planning.load_sharing import remove_pull, share_load
@@ -127,13 +126,3 @@ def _plan_leg(leg: Leg, desired: tuple[tuple[float, ...], ...]) -> Array:
         dq1, dq2 = joint_velocity(leg, trig, vx, vy)
         rows.append((q1, q2, dq1, dq2, *joint_acceleration(leg, trig, dq1, dq2, ax, ay)))
     return np.array(rows)
-
-
-def plan_chains(chains: Array, home: Array, desired: Array, joints: Array) -> None:
-    """:func:`plan_joints` for legs of three hinges, bent as at ``home`` (4, 3), rad; NaN beyond their reach."""
-    for i, chain in enumerate(chains):
-        path = desired[:, i]
-        q = chain_angles(chain, path[:, [X, Y, Z]], home[i])
-        dq, ddq = chain_motion(chain, q, path[:, [VX, VY, VZ]], path[:, [AX, AY, AZ]])
-        for name, values in (("angle", q), ("velocity", dq), ("acceleration", ddq)):
-            joints[:, i, JOINT_COLUMNS[name]] = values

@@ -6,7 +6,7 @@ import numpy as np
 
 from cmacexp.config import Config
 from cmacexp.config.gait import PATTERNS
-from cmacexp.config.machine import QuadrupedMachine, RobotMachine
+from cmacexp.config.machine import RobotMachine
 from cmacexp.errors import BadInput
 from cmacexp.models.ground import NEVER
 from cmacexp.models.mechanism import POINT_MASS, SPACE, Mechanism, has_body
@@ -104,13 +104,6 @@ def _sway(walk: _Walk, load: BodyLoad) -> _Walk:
     return walk._replace(feet=walk.feet - more.place[:, None], sway=swaying)
 
 
-def _require_pressure(config: Config, load: BodyLoad) -> None:
-    """Require that the feet press throughout; legs that swing fast may lift the body by their inertia."""
-    if not load.force.min() > 0.0:
-        reason = "swings the legs so fast that they would lift the body; use a longer one, or a lower gait.lift"
-        raise BadInput("gait.cycle_time", config.gait.cycle_time, reason)
-
-
 def _require_balance(walk: _Walk, load: BodyLoad, force: Array) -> None:
     """Require that the forces (N, L) of the feet have the centre of pressure that the ``load`` needs."""
     centre = (force[..., None] * walk.feet).sum(axis=1) / force.sum(axis=1)[:, None]
@@ -143,12 +136,19 @@ def _plan_under_load(walk: _Walk, load: BodyLoad, met: Met = NOTHING) -> tuple[A
 
 
 def _moving_load(walk: _Walk, desired: Array, joints: Array) -> BodyLoad:
-    """Gravity and inertia of all masses of a machine with a body along its planned motion."""
-    machine = walk.config.machine
+    """Gravity and inertia of all masses of a machine with a body along its planned motion.
+
+    Raises BadInput if legs that swing fast would lift it by their inertia.
+    """
+    config, machine = walk.config, walk.config.machine
     if isinstance(machine, RobotMachine):
-        return compute_load(walk.config, joints, walk.sway)
-    assert isinstance(machine, QuadrupedMachine)
-    return dynamic_load(walk.mechanism, machine.body_mass, desired, joints)
+        load = compute_load(config, joints, walk.sway)
+    else:
+        load = dynamic_load(walk.mechanism, machine.body_mass, desired, joints)
+    if not load.force.min() > 0.0:
+        reason = "swings the legs so fast that they would lift the body; use a longer one, or a lower gait.lift"
+        raise BadInput("gait.cycle_time", config.gait.cycle_time, reason)
+    return load
 
 
 def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> Plan:
@@ -168,7 +168,6 @@ def make_plan(config: Config, mechanism: Mechanism, feedforward_acts: bool) -> P
         dynamic = PATTERNS[config.gait.pattern].is_dynamic
         for _ in range(SWAY_PASSES if dynamic else LOAD_PASSES):
             load = _moving_load(walk, desired, joints)
-            _require_pressure(config, load)
             if dynamic:
                 walk = _sway(walk, load)
             desired, joints, force = _plan_under_load(walk, load)

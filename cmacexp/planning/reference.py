@@ -70,37 +70,21 @@ class SupportReference(NamedTuple):
 NOT_USED = float("nan")
 
 
-def stiffness_reference(gains: Gains, static_load: bool) -> SupportReference:
-    """Stiffness control (Lin & Song 1997, eq. 9, which solves eq. 8 for the desired force)."""
+def compute_support_reference(method: str, gains: Gains, static_load: bool) -> SupportReference:
+    """Reference of a method of force control, with or without its term in 1/K_a.
+
+    Stiffness, damping, combined and explicit control have Lin & Song 1997, eq. 9, 11, 13, 15: in this order each
+    solves eq. 8, 10, 12, 14 for the desired force. Eq. 24 is eq. 13 for each leg.
+    """
+    if method == "damping":
+        load = 1.0 / gains.velocity_gain if static_load else 0.0
+        return SupportReference(NOT_USED, gains.admittance + load, NOT_USED)
+    if method == "explicit":
+        load = 1.0 / gains.force_gain if static_load else 0.0
+        return SupportReference(NOT_USED, 0.0, 1.0 + load)
     load = 1.0 / gains.position_gain if static_load else 0.0
-    return SupportReference(1.0 / gains.stiffness + load + gains.elasticity, 0.0, NOT_USED)
-
-
-def damping_reference(gains: Gains, static_load: bool) -> SupportReference:
-    """Damping control (Lin & Song 1997, eq. 11, which solves eq. 10 for the desired force)."""
-    load = 1.0 / gains.velocity_gain if static_load else 0.0
-    return SupportReference(NOT_USED, gains.admittance + load, NOT_USED)
-
-
-def combined_reference(gains: Gains, static_load: bool) -> SupportReference:
-    """Combined stiffness and damping control (Lin & Song 1997, eq. 13, which solves eq. 12; eq. 24 per leg)."""
-    load = 1.0 / gains.position_gain if static_load else 0.0
-    damping = gains.velocity_gain / gains.position_gain * gains.admittance
+    damping = gains.velocity_gain / gains.position_gain * gains.admittance if method == "combined" else 0.0
     return SupportReference(1.0 / gains.stiffness + load + gains.elasticity + damping, 0.0, NOT_USED)
-
-
-def explicit_reference(gains: Gains, static_load: bool) -> SupportReference:
-    """Explicit force control (Lin & Song 1997, eq. 15, which solves eq. 14 for the desired force)."""
-    load = 1.0 / gains.force_gain if static_load else 0.0
-    return SupportReference(NOT_USED, 0.0, 1.0 + load)
-
-
-SUPPORT_REFERENCES = {
-    "stiffness": stiffness_reference,
-    "damping": damping_reference,
-    "combined": combined_reference,
-    "explicit": explicit_reference,
-}
 
 
 def keeps_static_load(reference: str, feedforward_acts: bool) -> bool:
@@ -124,7 +108,7 @@ def plan_reference(config: Config, support: Mask, hip_height: float, desired: Ar
         reference[..., [REFERENCE_Z, REFERENCE_VZ]] = desired[..., [Z, VZ]]
     for stage in (BEFORE, ACTING):
         keeps = config.gains is not None and keeps_static_load(config.reference, stage == ACTING)
-        per_newton = SUPPORT_REFERENCES[method.method](gains, keeps)
+        per_newton = compute_support_reference(method.method, gains, keeps)
         reference[stage, support, Y] = hip_height + per_newton.depression * force[support]
         reference[stage, support, VY] = per_newton.velocity * force[support]
         reference[stage, support, FORCE_REFERENCE] = per_newton.force * force[support]

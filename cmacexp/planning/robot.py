@@ -13,12 +13,11 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.config.machine import LEG_NAMES, RobotMachine, read_model
 from cmacexp.errors import BadInput
-from cmacexp.models.chain import chain_angles
+from cmacexp.models.chain import chain_angles, chain_motion
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism, chains_under_body
 from cmacexp.models.robot import Robot, load_mujoco
-from cmacexp.planning.columns import JOINT_COLUMNS
-from cmacexp.planning.motion import plan_chains
+from cmacexp.planning.columns import AX, AY, AZ, JOINT_COLUMNS, VX, VY, VZ, X, Y, Z
 from cmacexp.typing import Array
 
 PASSES = 5
@@ -97,7 +96,12 @@ def make_robot_mechanism(machine: RobotMachine) -> Mechanism:
 def plan_robot(config: Config, machine: RobotMachine, mechanism: Mechanism, desired: Array, joints: Array) -> None:
     """Fill ``joints`` (N, 4, 9), angles with their rates, along ``desired`` (N, 4, 9); raises BadInput."""
     assert mechanism.chains is not None
-    plan_chains(mechanism.chains, read_model(machine).home, desired, joints)
+    home = read_model(machine).home  # which says how legs are bent
+    for i, chain in enumerate(mechanism.chains):
+        q = chain_angles(chain, desired[:, i, [X, Y, Z]], home[i])
+        rates = chain_motion(chain, q, desired[:, i, [VX, VY, VZ]], desired[:, i, [AX, AY, AZ]])
+        for name, values in zip(JOINT_COLUMNS, (q, *rates), strict=True):
+            joints[:, i, JOINT_COLUMNS[name]] = values
     angles = joints[..., JOINT_COLUMNS["angle"]]
     if len(lost := np.argwhere(np.isnan(angles))):
         k, i, _ = lost[0]

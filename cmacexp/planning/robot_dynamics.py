@@ -5,7 +5,7 @@ friction, damping and armature of the joints; the ground's share of them is what
 """
 
 import copy
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +21,6 @@ from cmacexp.planning.robot import find_stance
 from cmacexp.typing import Array
 
 
-class Needs(NamedTuple):
-    """Generalised forces over a cycle of N samples."""
-
-    trunk: Array
-    """(N, 6): force on the body (N) in the world, and moment about its origin (N m)."""
-    joints: Array
-    """(N, 4, 3): torques without contact forces, N m."""
-
-
 def make_model(robot_model: Any, mass_factor: float = 1.0) -> Any:
     """A copy of a model without contacts, its masses and inertias times ``mass_factor``."""
     mujoco = load_mujoco()
@@ -41,8 +32,12 @@ def make_model(robot_model: Any, mass_factor: float = 1.0) -> Any:
     return model
 
 
-def compute_needs(config: Config, joints: Array, sway: Sway, mass_factor: float = 1.0) -> Needs:
-    """What the planned motion of the ``joints`` (N, 4, 9) and of the body needs, with masses that may be wrong."""
+def compute_needs(config: Config, joints: Array, sway: Sway, mass_factor: float = 1.0) -> tuple[Array, Array]:
+    """What the planned motion of the ``joints`` (N, 4, 9) and of the body needs, with masses that may be wrong.
+
+    Of the body (N, 6): force (N) in the world, and moment about its origin (N m); of the joints (N, 4, 3): torques
+    without contact forces, N m.
+    """
     mujoco, robot = load_mujoco(), read_model(config.machine)
     origin, legs = find_stance(robot, config.machine.hip_height).origin, robot.legs
     model = make_model(robot.model, mass_factor)
@@ -57,7 +52,7 @@ def compute_needs(config: Config, joints: Array, sway: Sway, mass_factor: float 
         mujoco.mj_inverse(model, data)
         needs[k] = data.qfrc_inverse
     force, moment = needs[:, legs.base_dof : legs.base_dof + 3], needs[:, legs.base_dof + 3 : legs.base_dof + 6]
-    return Needs(np.concatenate([force, moment - np.cross(origin, force)], axis=1), needs[:, legs.dof])
+    return np.concatenate([force, moment - np.cross(origin, force)], axis=1), needs[:, legs.dof]
 
 
 def compute_load(config: Config, joints: Array, sway: Sway) -> BodyLoad:
@@ -65,7 +60,7 @@ def compute_load(config: Config, joints: Array, sway: Sway) -> BodyLoad:
 
     The horizontal force acts at the ground, ``hip_height`` below the body: it moves the centre of pressure.
     """
-    force, moment = np.split(compute_needs(config, joints, sway).trunk, 2, axis=1)
+    force, moment = np.split(compute_needs(config, joints, sway)[0], 2, axis=1)
     ahead, aside, up = force.T
     height = config.machine.hip_height
     centre = np.stack([-moment[:, 1] - height * ahead, moment[:, 0] - height * aside], axis=1) / up[:, None]
@@ -87,10 +82,9 @@ def planned_torques(
     alike; ``pressed`` (N, 4) are those that these torques have to give.
     """
     assert mechanism.chains is not None
-    needs = compute_needs(config, joints, sway, mass_factor)
+    trunk, torque = compute_needs(config, joints, sway, mass_factor)
     share = load / load.sum(axis=1, keepdims=True)
-    ground = np.stack([needs.trunk[:, :1] * share, -pressed, needs.trunk[:, 1:2] * share], axis=-1)
-    torque = needs.joints.copy()
+    ground = np.stack([trunk[:, :1] * share, -pressed, trunk[:, 1:2] * share], axis=-1)
     for i, chain in enumerate(mechanism.chains):
         _, jacobian = batch_kinematics(chain, joints[:, i][:, [Q1, Q2, Q3]])
         torque[:, i] -= np.einsum("kjn,kj->kn", jacobian, ground[:, i])

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cmacexp.config import ComponentConfig, number
-from cmacexp.models.mechanism import scale_masses
 from cmacexp.planning.setup import Setup
 
 
@@ -27,4 +26,8 @@ class AsBuiltConfig(ComponentConfig):
         spread = self.start_spread if setup.mechanism.kind else 0.0
         random = np.random.default_rng(self.start_seed)
         start = setup.start + random.uniform(-spread, spread, setup.start.shape)
-        return replace(setup, mechanism=scale_masses(setup.mechanism, self.mass_factor), start=start)
+        mechanism, legs = setup.mechanism, setup.mechanism.legs.copy()
+        if mechanism.chains is None:  # chains of a robot have no masses
+            legs[:, 2:4] *= self.mass_factor
+        mechanism = mechanism._replace(legs=legs, weight=mechanism.weight * self.mass_factor)
+        return replace(setup, mechanism=mechanism, start=start)

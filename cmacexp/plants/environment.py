@@ -1,6 +1,6 @@
 """Ground and payload, made from their config."""
 
-from cmacexp.config.environment import PayloadConfig, TerrainConfig
+from cmacexp.config.schema import PayloadConfig, TerrainConfig
 from cmacexp.models.body import Load
 from cmacexp.models.ground import ALL_LEGS, NEVER, Ground, first_sample
 from cmacexp.plants.kernels import Payload

@@ -9,7 +9,7 @@ import numpy as np
 
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.mechanism import Mechanism
-from cmacexp.models.robot import load_model, load_mujoco
+from cmacexp.models.robot import refusals_named
 from cmacexp.plants.mujoco_plant import Model
 from cmacexp.typing import Array
 
@@ -48,10 +48,11 @@ def make_planar(mechanism: Mechanism, body_mass: float | None = None, inertia: S
             '<body><freejoint name="the body"/>'
             f'<inertial pos="0 0 0" mass="{float(body_mass)!r}" diaginertia="{moments}"/>{machine}</body>'
         )
-    mujoco, floats, legs = load_mujoco(), int(body_mass is not None), len(mechanism.legs)
+    floats, legs = int(body_mass is not None), len(mechanism.legs)
     xml = (
         f'<mujoco><compiler angle="radian"/><option integrator="RK4" gravity="0 0 {-GRAVITY!r}">'
         f'<flag constraint="disable" autoreset="disable"/></option><worldbody>{machine}</worldbody></mujoco>'
     )
-    model = load_model(mujoco.MjModel.from_xml_string, xml, "plant", "mujoco")
+    with refusals_named("plant", "mujoco") as mujoco:
+        model = mujoco.MjModel.from_xml_string(xml)
     return Model(model, floats, floats + np.arange(2 * legs).reshape(legs, 2), np.arange(legs), origin)

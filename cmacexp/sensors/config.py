@@ -1,6 +1,5 @@
 """The config of real sensors: the imperfections and faults of each signal, with their checks."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 from cmacexp.config import ComponentConfig, Config, choice, number
@@ -95,19 +94,12 @@ class LegSignalConfig(SignalConfig):
 
     def check(self, key: str, config: Config) -> None:
         """Check the legs too."""
-        for place, chosen in ((key, self.legs), (f"{key}.fault", self.fault.legs)):
-            _check_legs(place, chosen, config.legs)
+        for place, chosen in ((f"{key}.legs", self.legs), (f"{key}.fault.legs", self.fault.legs)):
+            if chosen and max(chosen) > config.legs:
+                raise BadInput(place, max(chosen), f"must be at most {config.legs}, the legs of the machine")
+            if chosen is not None and not 0 < len(chosen) == len(set(chosen)):
+                raise BadInput(place, chosen, "must name at least one leg, each once; or null for all")
         super().check(key, config)
-
-
-def _check_legs(key: str, chosen: Sequence[int] | None, legs: int) -> None:
-    if chosen is None:
-        return
-    for leg in chosen:
-        if leg > legs:
-            raise BadInput(f"{key}.legs", leg, f"must be at most {legs}, the legs of the machine")
-    if not chosen or len(set(chosen)) != len(chosen):
-        raise BadInput(f"{key}.legs", list(chosen), "must name at least one leg, each once; or null for all")
 
 
 @dataclass

@@ -40,12 +40,6 @@ def new_observation(legs: int, axes: tuple[int, ...] = PLANE) -> Observation:
 
 
 @kernel
-def channels_of_a_leg(joints: int) -> int:
-    """Channels of each leg: contact force, joint angles, joint velocities."""
-    return 1 + 2 * joints
-
-
-@kernel
 def compute_feet(
     sensing: Sensing, mechanism: Mechanism, true: Measurement | PlantState, observation: Observation
 ) -> None:
@@ -70,13 +64,14 @@ def read_sensors(
 ) -> None:
     """Fill ``observation`` with the readings for the state ``true``; steps must follow each other from 0."""
     legs, joints = observation.force.shape[0], len(mechanism.axes)
+    of_a_leg = 1 + 2 * joints  # channels: contact force, joint angles, joint velocities
     for i in range(legs):
-        c = channels_of_a_leg(joints) * i
+        c = of_a_leg * i
         observation.force[i] = read_channel(sensing, c, step, true.force[i])
         for j in range(joints):
             observation.q[i, j] = read_channel(sensing, c + 1 + j, step, true.q[i, j])
             observation.dq[i, j] = read_channel(sensing, c + 1 + joints + j, step, true.dq[i, j])
-    c = channels_of_a_leg(joints) * legs
+    c = of_a_leg * legs
     for j in range(3):
         observation.body[j] = read_channel(sensing, c + j, step, true.body[j])
         observation.body_rate[j] = read_channel(sensing, c + 3 + j, step, true.body_rate[j])

@@ -67,21 +67,17 @@ class RealSensors:
         self.config = config
         self.alters: tuple[str, ...] = ()
 
-    def _dominant(self, uses_velocity: bool) -> SignalConfig:
-        """The joint signals that dominate the feedback.
+    def feedback_delay(self, uses_velocity: bool) -> int:
+        """Samples by which the feedback is delayed.
 
         With velocity feedback the delay of positions does not count: velocities outweigh them at the frequencies that
         a wrong lead amplifies.
         """
-        return self.config.velocity if uses_velocity else self.config.position
-
-    def feedback_delay(self, uses_velocity: bool) -> int:
-        """Samples by which the feedback is delayed."""
-        return self._dominant(uses_velocity).delay
+        return (self.config.velocity if uses_velocity else self.config.position).delay
 
     def feedback_lag(self, uses_velocity: bool) -> float:
-        """Time constant by which the feedback lags, s."""
-        return self._dominant(uses_velocity).lag
+        """Time constant by which the feedback lags, s, likewise."""
+        return (self.config.velocity if uses_velocity else self.config.position).lag
 
     def reset(self, setup: Setup) -> None:
         """Prepare every channel; forget earlier readings."""

@@ -28,19 +28,13 @@ class Krylov(NamedTuple):
         values = np.linalg.eigvals(self.hessenberg).astype(np.complex128)
         return values[np.argsort(-np.abs(values))]
 
-    def _weights(self, times: int) -> Array:
-        """The vector and its first images in the basis, (times, m)."""
-        weights = np.zeros((times, len(self.hessenberg)))
-        weights[0, 0] = self.start
+    def lengths(self, times: int) -> Array:
+        """Lengths of the observations at the vector and its first images, (times,); exact for the first m of them."""
+        each, weights = self.observations, np.zeros((times, len(self.hessenberg)))
+        weights[0, 0] = self.start  # the vector and its images in the basis
         with np.errstate(over="ignore", invalid="ignore"):  # what grows without end is not finite
             for k in range(1, times):
                 weights[k] = np.einsum("ij,j", self.hessenberg, weights[k - 1])
-        return weights
-
-    def lengths(self, times: int) -> Array:
-        """Lengths of the observations at the vector and its first images, (times,); exact for the first m of them."""
-        each, weights = self.observations, self._weights(times)
-        with np.errstate(over="ignore", invalid="ignore"):
             squares = np.einsum("ti,ij,tj->t", weights, np.einsum("ip,jp", each, each), weights, optimize=True)
         return np.sqrt(np.where(np.isnan(squares), np.inf, np.maximum(squares, 0.0)))
 

@@ -20,8 +20,6 @@ from cmacexp.typing import Array
 class Local(NamedTuple):
     """The loop without learning, linearised at one step: x+ = A x + B (C x + u); n numbers of state."""
 
-    sample: int
-    """Of the cycle."""
     a: Array
     """A, (n, n): without feedback."""
     b: Array
@@ -46,16 +44,6 @@ def _from_torque(loop: RestorableLoop, now: Array, torque: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-def _drop_unused(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
-    """Drop the state that nothing depends on: the loop computes it anew in every step."""
-    kept = np.ones(len(a), dtype=bool)
-    while True:
-        matters = kept & ((a[kept] != 0.0).any(axis=0) | (c != 0.0).any(axis=0))
-        if (matters == kept).all():
-            return a[np.ix_(kept, kept)], b[kept], c[:, kept]
-        kept = matters
-
-
 def _local(loop: RestorableLoop, table: Array) -> Local:
     """Linearise at the step that comes next; ``table`` (N, L, J) holds the torques of the loop."""
     sample = loop.run.taken % loop.period
@@ -69,8 +57,7 @@ def _local(loop: RestorableLoop, table: Array) -> Local:
     loop.put(now)
     closed = np.stack([state for state, _ in columns], axis=1)
     c = np.stack([torque for _, torque in columns], axis=1)
-    a, b, c = _drop_unused(closed, b, c)
-    return Local(sample, a - b @ c, b, c)
+    return Local(closed - b @ c, b, c)
 
 
 def _find_commanded(config: Config, acting: Array) -> Array:

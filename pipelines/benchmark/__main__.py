@@ -5,6 +5,7 @@
 
 import argparse
 import json
+import os
 import platform
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,6 @@ from cmacexp.config.custom_code import custom_code_hash
 from cmacexp.data.folder import HTML, replacing
 from cmacexp.data.manifest import REPORT, git_commit, versions
 from cmacexp.errors import BadInput
-from cmacexp.experiment.workers import count_cores
 from cmacexp.jit.sources import code_hash
 from cmacexp.report.terminal import say
 from cmacexp.report.terminal_tables import print_table
@@ -77,7 +77,11 @@ def _describe(done: dict[str, Any], machines: dict[str, Machine], methods: list[
         "methods": {m.name: {"overrides": list(m.overrides), "custom_code": sources[m.name]} for m in methods},
         "settings": chosen,
         "seconds_per_step": seconds,
-        "machine": {"system": platform.platform(), "python": platform.python_version(), "cores": count_cores()},
+        "machine": {
+            "system": platform.platform(),
+            "python": platform.python_version(),
+            "cores": len(os.sched_getaffinity(0)),
+        },
     }
     return json.dumps(entry, indent=1, ensure_ascii=False) + "\n"
 

@@ -82,7 +82,7 @@ def run_stage(overrides: Sequence[str], learnt: Weights | None = None) -> Stage:
     """Run a method from what it has learnt; a method that refuses, raises or gives NaN has failed, and says why."""
     try:
         scenario = make_scenario(compose_config(overrides), learnt)
-        end, scores = score_scenario(scenario)
+        end, scorer = score_scenario(scenario)
         entered = [scenario.controller, scenario.feedforward]
         keep = next((part.learnt for part in entered if hasattr(part, "learnt")), None)
         kept = None if keep is None or end.status != COMPLETED else keep()
@@ -90,7 +90,7 @@ def run_stage(overrides: Sequence[str], learnt: Weights | None = None) -> Stage:
         return Stage(REFUSED if isinstance(error, BadInput) else FAILED, describe_failure(error), {}, None, 0.0)
     if end.status == "interrupted":
         raise KeyboardInterrupt
-    return Stage(end.status, end.cause, pool_legs(scores), kept, end.processor_seconds / max(1, end.steps))
+    return Stage(end.status, end.cause, pool_legs(scorer.scores), kept, end.processor_seconds / max(1, end.steps))
 
 
 def _summarise(trial: Trial, task: str, world: int, stage: Stage) -> dict[str, Any]:

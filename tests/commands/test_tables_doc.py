@@ -17,7 +17,6 @@ from cmacexp.data.signals import (
     SPATIAL_SIGNALS,
     list_units,
 )
-from cmacexp.metrics import compute
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import CONTRACT, CYCLE, LEG, Metric, describe
 from cmacexp.metrics.registry import METRICS
@@ -112,7 +111,7 @@ def test_a_page_has_every_column_as_it_is_declared(page, heading):
 
 @pytest.mark.parametrize("headings", [[LEGS], [LEGS, ROBOT]], ids=["plane", "space"])
 def test_the_page_speaks_of_the_columns_that_are_written(headings):
-    from support.made_traces import make_trace  # not where this file runs as a script
+    from support.made_traces import compute, make_trace  # not where this file runs as a script
 
     table = compute(make_trace("TTSS", in_space=ROBOT in headings), 4)
     columns = {name: column for heading in headings for name, column in COLUMNS[heading].items()}

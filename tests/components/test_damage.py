@@ -272,8 +272,8 @@ def test_only_regular_files_are_opened(name, make, leg, capsys):
 @pytest.mark.parametrize(
     ("shape", "kind", "said"),
     [
-        ((10**11,), "<f8", "is not what its header says"),
-        ((10,), "|O", "is not what its header says"),
+        ((10**11,), "<f8", "weights.npz cannot be read"),
+        ((10,), "|O", "weights.npz cannot be read"),
         ((10,), "<f8", r"do not fit this feedforward \(KeyError: 'ranges'\)"),
     ],
 )

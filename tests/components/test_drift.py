@@ -7,11 +7,10 @@ import pyarrow as pa
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support.command import cmacexp
-from support.made_traces import make_trace, measure
+from support.made_traces import compute, make_trace, measure
 from support.manifests import change_manifest
 
 from cmacexp.commands.score import score
-from cmacexp.metrics import compute
 from cmacexp.metrics.drift import DRIFT_RATIO, Drift, DriftDetector, make_drift_entry
 from cmacexp.metrics.registry import METRICS
 from cmacexp.models.trend import WINDOW

@@ -8,8 +8,8 @@ from support.fields import leaves
 import cmacexp
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.compose import compose_config, compose_untyped
-from cmacexp.config.environment import MOVES
 from cmacexp.config.schema import DRAWS as NEEDS_OF_SEED
+from cmacexp.config.schema import MOVES
 from cmacexp.errors import WithoutEffect
 from cmacexp.experiment.without_effect import _needs as needs_of
 from cmacexp.experiment.without_effect import warnings_of

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.made_traces import NOTHING, PERIOD, make_trace, measure
+from support.made_traces import NOTHING, PERIOD, compute, make_trace, measure
 
-from cmacexp.metrics import compute
 from cmacexp.metrics.registry import METRICS
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cmacexp.data.signals import TRUE_MARGINS
-from cmacexp.metrics import compute_body
+from cmacexp.metrics.body import compute_body
 
 COLUMNS = ("height", "pitch", "roll", "stability_margin", "margin_front", "margin_rear", *TRUE_MARGINS)
 

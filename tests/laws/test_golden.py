@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.made_traces import compute
 from support.rollout import roll_out
 
 from cmacexp.config.compose import compose_config
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.trace import assemble
-from cmacexp.metrics import compute
 
 GOLDEN = Path(__file__).parent / "golden" / "one_leg_metrics.csv"
 

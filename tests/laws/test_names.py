@@ -17,13 +17,11 @@ from cmacexp.feedforward import RadialBasis
 from cmacexp.planning import columns
 from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.gait import compute_touch_downs
-from cmacexp.planning.reference import SUPPORT_REFERENCES
 from cmacexp.sensors.channel import FAULTS
 from cmacexp.sensors.config import FaultConfig
 
 CHOICES = [
     (ForceControlConfig, "method", METHODS),
-    (ForceControlConfig, "method", SUPPORT_REFERENCES),
     (CmacConfig, "displacement", DISPLACEMENTS),
     (CmacConfig, "receptive_field", RECEPTIVE_FIELDS),
     (CmacConfig, "inputs", (*JOINT_COLUMNS, PHASE)),

@@ -19,7 +19,7 @@ def places(make_config):
 def test_transfer_of_an_integrator_under_proportional_feedback():
     # x+ = x + f + u with f = -0.5 x, so -f/u = 0.5 z^-1/(1 - 0.5 z^-1).
     one = np.ones((1, 1))
-    local = Local(0, one, one, -0.5 * one)
+    local = Local(one, one, -0.5 * one)
     z = np.exp(2j * np.pi * FREQUENCIES * PERIOD)
     path = 0.5 / (z - 1.0)
     np.testing.assert_allclose(transfer(local, FREQUENCIES, PERIOD)[:, 0, 0], path / (1.0 + path))
