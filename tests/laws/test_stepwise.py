@@ -6,11 +6,11 @@ import sys
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from support.rollout import roll_out
 
 import cmacexp
 from cmacexp.config.compose import compose_config
 from cmacexp.errors import BadInput, BadOutput, CmacexpError, WithoutEffect
-from cmacexp.loop import roll_out
 from cmacexp.loop.scenario import make_scenario
 
 NOISY = ("sensors=real", "sensors.force.noise=0.1", "sensors.position.delay=1")
