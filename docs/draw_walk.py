@@ -1,4 +1,4 @@
-"""``python -m docs.draw_walk DIR``: cycles of a run side by side as a moving picture, for the README."""
+"""``python -m docs.draw_walk DIR...``: cycles of one run, or several runs, side by side as a moving picture."""
 
 import argparse
 import sys
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
 MOST_CYCLES = 3
 """More side by side are too narrow."""
-WIDTH, HEIGHT, DPI = 8.0, 4.8, 100
+WIDTH, HEIGHT, DPI = 8.0, 4.5, 100
 """Of a frame, inches and pixels per inch."""
 FRAMES_PER_SECOND = 12.5
 """Frames of GIF last whole hundredths of a second."""
 COLOURS = 128
 """Of the palette that all frames share."""
 PATHS = (colour(palette.FIRST_CYCLE), colour(palette.LAST_CYCLE))
-"""Of the foot's path, in the first of the cycles and in the others."""
+"""Of the foot's path: in the last of the cycles the second, in the others the first."""
 HATCHED = {"fc": "white", "ec": DESIRED, "hatch": "////"}
 SOLID = {"linestyle": "-", "linewidth": 1.4, "marker": None}
 BORDER = 60.0
@@ -55,16 +55,18 @@ class Cycle(NamedTuple):
     desired: Array
     """Where the feet should be, (steps, legs, 3), mm."""
     ink: str
+    title: str
 
     @property
-    def tilt(self) -> dict[str, Array]:
-        """Pitch and roll of the body, mrad."""
-        return {name: 1e3 * self.view.body[name] for name in ("pitch", "roll")}
+    def error(self) -> Array:
+        """Distance of the feet from where they should be, of the farthest one, (steps,), mm."""
+        distances: Array = np.linalg.norm(self.places[:, :, -1] - self.desired, axis=2)
+        return distances.max(axis=1)
 
 
-def _make_cycle(view: RunView, ink: str) -> Cycle:
+def _make_cycle(view: RunView, ink: str, title: str) -> Cycle:
     desired = np.stack([in_travel(view, leg.foot("_desired")) for leg in view.legs], axis=1)
-    return Cycle(view, joints(view), desired, ink)
+    return Cycle(view, joints(view), desired, ink, title)
 
 
 def _draw_machine(axes: "Axes", cycle: Cycle, k: int) -> None:
@@ -87,34 +89,34 @@ def _draw_machine(axes: "Axes", cycle: Cycle, k: int) -> None:
     axes.axhline(surface, color=GROUND, lw=1.2, zorder=1)
     axes.set(aspect="equal", xticks=[], yticks=[])
     axes.axis("off")
-    axes.text(0.02, 0.0, "grey: desired foot paths", color=DESIRED, transform=axes.transAxes)
-    axes.set_title(f"cycle {view.cycle[0]}", color=cycle.ink, fontsize=13.0, loc="center")
+    axes.text(0.0, -0.1, "grey: desired foot paths", color=DESIRED, transform=axes.transAxes)
+    axes.set_title(cycle.title, color=cycle.ink, fontsize=12.0, loc="center")
 
 
 def _panels(cycle: Cycle, k: int) -> list[Panel]:
-    """The paper's foot force display, actual beside desired; tilt of a body in this cycle, up to now."""
+    """The paper's foot force display, actual beside desired; the path error of a walk in this cycle, up to now."""
     view, places = cycle.view, np.arange(len(cycle.view.legs))
     forces = [
         Series("actual", places, [leg["force"][k] for leg in view.legs], style={"color": cycle.ink}),
         Series("desired", places, [leg["force_desired"][k] for leg in view.legs], style=HATCHED),
     ]
-    names = [f"{leg.number} {leg.name}" if view.walks else leg.name for leg in view.legs]
+    names = ["".join(word[0].upper() for word in leg.name.split()) if view.walks else leg.name for leg in view.legs]
     panels = [Panel("", "", "force, N", forces, "bars", ticks=names)]
     if view.walks:
         time = view.time - view.time[0]
-        tilt = [Series(name, time[: k + 1], line[: k + 1], style=SOLID) for name, line in cycle.tilt.items()]
+        error = [Series("", time[: k + 1], cycle.error[: k + 1], style=SOLID | {"color": cycle.ink})]
         x_range = (0.0, float(time[-1]))
-        panels.append(Panel("", "time in the cycle, s", "tilt, mrad", tilt, x_limits=[time[k]], x_range=x_range))
+        panels.append(Panel("", "time in the cycle, s", "foot error, mm", error, x_limits=[time[k]], x_range=x_range))
     return panels
 
 
 def _set_limits(axes: "NDArray[Any]", cycles: Sequence[Cycle]) -> None:
-    """Give the axes of all cycles, a row each of machines, forces and tilt, ranges that hold every frame."""
+    """Give the axes of all cycles, a row each of machines, forces and path errors, ranges that hold every frame."""
     drawn = np.concatenate([points.reshape(-1, 3) for c in cycles for points in (c.places, c.desired)])
     low, high = drawn.min(axis=0) - BORDER, drawn.max(axis=0) + BORDER
     force = max(float(np.max([leg["force"], leg["force_desired"]])) for c in cycles for leg in c.view.legs)
-    tilt = max(float(np.abs(line).max()) for c in cycles for line in c.tilt.values())
-    y = ((min(low[2], -40.0 - BORDER), high[2]), (0.0, 1.1 * force), (-1.1 * tilt or -1.0, 1.1 * tilt or 1.0))
+    error = max(float(cycle.error.max()) for cycle in cycles)
+    y = ((min(low[2], -40.0 - BORDER), high[2]), (0.0, 1.5 * force), (0.0, 1.1 * error or 1.0))
     for row, y_range in zip(axes, y, strict=False):
         for ax in row:
             ax.set_ylim(y_range)
@@ -134,7 +136,7 @@ def draw_frame(cycles: Sequence[Cycle], part: float) -> "Image":
     from PIL import Image
 
     matplotlib.rcParams.update(STYLE)
-    heights = [2.7, 1.0, 0.9] if cycles[0].view.walks else [2.7, 1.0]
+    heights = [2.2, 1.0, 1.0] if cycles[0].view.walks else [2.7, 1.0]
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI)
     place = {"left": 0.075, "right": 0.985, "top": 0.94, "bottom": 0.1, "hspace": 0.3, "wspace": 0.1}
     grid: dict[str, Any] = place | {"height_ratios": heights}
@@ -147,8 +149,8 @@ def draw_frame(cycles: Sequence[Cycle], part: float) -> "Image":
             draw_panel(ax, panel)
             ax.set(xlabel=panel.x, ylabel="" if column else panel.y)
             ax.tick_params(labelleft=column == 0)
-            if column == len(cycles) - 1:
-                ax.legend(loc="upper right", ncols=2, borderaxespad=0.0)
+        if column == len(cycles) - 1:
+            axes[1, column].legend(loc="upper right", ncols=2, borderaxespad=0.0)
     _set_limits(axes, cycles)
     memory = BytesIO()
     figure.savefig(memory, format="png", dpi=DPI)
@@ -162,28 +164,40 @@ def view_cycles(run: StoredRun, asked: Sequence[int]) -> list[RunView]:
         BadInput: the trace does not have them whole, or they are too many.
         BadRun: the trace has no whole cycle.
     """
-    whole = run.select_whole(sorted(steps_by_cycle(run.folder)))
-    if not whole:
-        raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
+    whole = _whole_cycles(run)
     cycles = sorted(set(asked) or {whole[0], whole[-1]})
     if len(cycles) > MOST_CYCLES or not set(cycles) <= set(whole):
         raise BadInput("--cycles", ",".join(map(str, asked)), f"write up to {MOST_CYCLES} whole cycles")
-    return [make_view(read_traces(run.folder, (cycle, cycle)), run.manifest) for cycle in cycles]
+    return [_view(run, cycle) for cycle in cycles]
 
 
-def write_animation(views: Sequence[RunView], path: Path) -> int:
-    """Write cycles of a run side by side as a GIF that plays one cycle in its own time, again and again.
+def _whole_cycles(run: StoredRun) -> list[int]:
+    whole = run.select_whole(sorted(steps_by_cycle(run.folder)))
+    if not whole:
+        raise BadRun(f"{run.folder}: its trace has no whole cycle, there is nothing to show")
+    return whole
+
+
+def _view(run: StoredRun, cycle: int) -> RunView:
+    return make_view(read_traces(run.folder, (cycle, cycle)), run.manifest)
+
+
+def write_animation(views: Sequence[RunView], path: Path, titles: Sequence[str] = ()) -> int:
+    """Write cycles side by side as a GIF that plays one cycle in its own time, again and again.
 
     Args:
         views: one cycle each.
         path: of the ``.gif`` file.
+        titles: one above each cycle; empty: the numbers of the cycles.
 
     Returns:
         The number of frames.
     """
     from PIL.Image import Dither
 
-    cycles = [_make_cycle(view, PATHS[min(place, 1)]) for place, view in enumerate(views)]
+    shown = titles or [f"cycle {view.cycle[0]}" for view in views]
+    inks = [PATHS[0]] * (len(views) - 1) + [PATHS[1]]
+    cycles = [_make_cycle(*each) for each in zip(views, inks, shown, strict=True)]
     seconds = max(float(view.time[-1] - view.time[0]) for view in views)
     count = max(2, round(seconds * FRAMES_PER_SECOND))
     frames = [draw_frame(cycles, number / (count - 1)) for number in range(count)]
@@ -202,17 +216,28 @@ def write_animation(views: Sequence[RunView], path: Path) -> int:
 
 
 def _draw(arguments: argparse.Namespace) -> int:
-    asked = [int(number) for number in arguments.cycles.split(",")] if arguments.cycles else []
-    write_animation(view_cycles(StoredRun(arguments.folder), asked), arguments.out)
+    runs = [StoredRun(folder) for folder in arguments.folders]
+    titles = arguments.titles.split(",") if arguments.titles else []
+    if len(runs) == 1:
+        asked = [int(number) for number in arguments.cycles.split(",")] if arguments.cycles else []
+        views = view_cycles(runs[0], asked)
+    else:
+        views = [_view(run, _whole_cycles(run)[-1]) for run in runs[:MOST_CYCLES]]
+    if titles and len(titles) != len(views):
+        raise BadInput("--titles", arguments.titles, f"write {len(views)}, separated by commas")
+    write_animation(views, arguments.out, titles)
     say(str(arguments.out))
     return 0
 
 
 def main() -> int:
-    """Draw a run."""
-    parser = Parser("docs.draw_walk", "Cycles of a run side by side as a moving picture.")
-    parser.add_argument("folder", type=Path, metavar="DIR", help="a run")
-    parser.add_argument("--cycles", metavar="1,10", help=f"up to {MOST_CYCLES} (default: the first and the last)")
+    """Draw one run or several."""
+    parser = Parser(
+        "docs.draw_walk", "Cycles of a run, or the last cycles of runs, side by side as a moving picture."
+    )
+    parser.add_argument("folders", type=Path, metavar="DIR", nargs="+", help=f"a run, or up to {MOST_CYCLES}")
+    parser.add_argument("--cycles", metavar="1,10", help="of one run (default: the first and the last)")
+    parser.add_argument("--titles", metavar="A,B", help="above the cycles (default: their numbers)")
     parser.add_argument("--out", type=Path, default=Path("walk.gif"), metavar="FILE.gif")
     return run_command(lambda: _draw(parser.parse_args()))
 

