@@ -1,7 +1,6 @@
 """The page of a study: its Markdown with values, figures, tables, findings and claims; and its files beside it."""
 
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -19,19 +18,18 @@ from cmacexp.errors import BadInput
 from cmacexp.report.markdown import find_insertions, render_markdown
 from cmacexp.report.page import HOW_TO_REPORT, Report, find_page, relative, write_report
 from cmacexp.report.parts import Renderer, Section
+from cmacexp.study.evidence import count_verdicts, evidence_of, format_html, templates
 from cmacexp.study.interval import TRIMMED_FROM
 from cmacexp.study.results import LAST_CYCLES, Results
-from cmacexp.study.statements import VERDICTS, Found, Judged, Measured
+from cmacexp.study.statements import Found, Judged, Measured
 from cmacexp.study.study import StudyFile
 
 QUICK_NOTICE = (
     "Quick run: this page checks the machinery and concludes nothing. It shows no verdicts and no findings."
 )
 RESULTS = "results.parquet"
-MOST_RUNS = 5
-"""Runs that the table names for a claim."""
-READING = """<p>Square brackets, and the table of claims if there is one, give what was measured: the value,
-its 95 % interval, the size n of the sample, and the limits that decide the statement. The
+READING = """<p>The table below a statement gives what was measured: the value, its 95 % interval, the size n of the
+sample, and the limits that decide: where the statement holds, and where its opposite does. The
 interval of a proportion is Wilson's. That of values that differ between seeds or cases is a percentile bootstrap of
 their mean, or of their interquartile mean if there are at least {trimmed}. A value that no
 seed and no case changes is exact and has no interval.</p>"""
@@ -100,8 +98,7 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
 
 
 def _format_finding(found: Found) -> str:
-    evidence = "; ".join(f"{each.criterion.quantity}: {each.evidence}" for each in found.measured)
-    return f'{found.sentence} <span class="evidence">[{evidence}]</span>'
+    return f"{found.sentence}\n\n{format_html(evidence_of(found))}\n\n"
 
 
 def _format_claim(judged: Judged) -> str:
@@ -110,21 +107,21 @@ def _format_claim(judged: Judged) -> str:
 
 def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
     """The section of a report in ``folder`` with all claims, and what their verdicts mean."""
-    from jinja2 import Environment, FileSystemLoader
-
-    environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True)
     runs = [sorted({Path(run) for each in judged.measured for run in each.runs}) for judged in claims]
-    pages = [[(run.name, find_page(run, folder)) for run in own] for own in runs]
-    counts = Counter(judged.verdict for judged in claims)
-    table = environment.get_template("claims.html").render(
-        claims=list(zip(claims, pages, strict=True)),
-        verdicts=VERDICTS,
-        counts=counts,
-        most=MOST_RUNS,
-        place=", ".join(sorted({str(run.parent) for own in runs for run in own})),
-        how_to_report=HOW_TO_REPORT,
+    page = (
+        templates()
+        .get_template("claims.html")
+        .render(
+            claims=[
+                (judged, evidence_of(judged), [(run.name, find_page(run, folder)) for run in own])
+                for judged, own in zip(claims, runs, strict=True)
+            ],
+            summary=count_verdicts([judged.verdict for judged in claims]),
+            place=", ".join(sorted({str(run.parent) for own in runs for run in own})),
+            how_to_report=HOW_TO_REPORT,
+        )
     )
-    return Section("The claims", [Markup(table)])
+    return Section("The claims", [Markup(page)])
 
 
 def _entry(measured: Measured, folder: Path) -> dict[str, Any]:
@@ -135,9 +132,10 @@ def _entry(measured: Measured, folder: Path) -> dict[str, Any]:
         if limit
     }
     return {
-        "quantity": criterion.quantity, "value": interval.value, "low": interval.low, "high": interval.high,
-        "count": interval.count, "method": interval.method, **limits, "shown": measured.value,
-        "spread": measured.spread, "runs": [relative(Path(run), folder) for run in measured.runs],
+        "quantity": criterion.quantity, "case": criterion.case, "value": interval.value, "low": interval.low,
+        "high": interval.high, "count": interval.count, "method": interval.method, **limits,
+        "verdict": measured.verdict, "shown": measured.value, "spread": measured.spread,
+        "runs": [relative(Path(run), folder) for run in measured.runs],
     }  # fmt: skip
 
 

@@ -22,6 +22,9 @@ VERDICTS = {
 }
 """What each verdict means."""
 YES, NO, UNCLEAR = "yes", "no", "unclear"
+OUTCOMES = {REPRODUCED: YES, NOT_REPRODUCED: NO, CONTRADICTED: NO, INCONCLUSIVE: UNCLEAR}
+"""What the verdict on a criterion means for a finding."""
+INFINITE = format_number(math.inf)
 UNDECIDED = "The runs do not decide this: an interval contains the limit."
 
 
@@ -68,7 +71,7 @@ class Criterion:
     """A measured quantity and the limits that decide what it says."""
 
     quantity: str
-    """What is measured, as readers see it."""
+    """What is measured, as readers see it; criteria that differ in their case alone share it."""
     sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask]
     """A value for each run, pair or case; truth values for a proportion. What a failed run counts as is said here."""
     holds: Limit
@@ -80,6 +83,18 @@ class Criterion:
     """From the sample's unit to ``unit``; limits are in the sample's."""
     of: Mapping[str, Any] = field(default_factory=dict)
     """The settings of the runs that the sample is taken from; all runs if empty."""
+    case: str = ""
+    """Where it is measured, e.g. the machine."""
+    infinite: str = "a run ended early"
+    """What an infinite value means."""
+
+    def format_limit(self, limit: Limit) -> str:
+        """E.g. ``at most 5 %``."""
+        return limit.describe(self.scale, self.unit)
+
+    def explain(self, shown: str) -> str:
+        """A value as it is shown; of an infinite one, why."""
+        return f"{shown} ({self.infinite})" if shown == INFINITE else shown
 
     def __getstate__(self) -> dict[str, Any]:
         """Judged statements travel between processes; a function without a name, as samples often are, cannot."""
@@ -92,10 +107,11 @@ def percent(
     holds: Limit,
     fails: Limit | None = None,
     of: Mapping[str, Any] | None = None,
+    case: str = "",
     **more: Any,
 ) -> Criterion:
     """A criterion of a share, shown in per cent; ``of`` and ``more`` are settings of its runs."""
-    return Criterion(quantity, sample, holds, fails, "%", 100.0, {**(of or {}), **more})
+    return Criterion(quantity, sample, holds, fails, "%", 100.0, {**(of or {}), **more}, case)
 
 
 @dataclass(frozen=True)
@@ -133,15 +149,6 @@ class Measured:
         if self.interval.method in (EXACT, UNDEFINED):
             return self.interval.method
         return f"{self._format(self.interval.low)} to {self._format(self.interval.high)}"
-
-    @property
-    def evidence(self) -> str:
-        """The estimate, its interval, the size of the sample, and the limits."""
-        criterion, interval = self.criterion, self.interval
-        limits = [f"holds: {criterion.holds.describe(criterion.scale, criterion.unit)}"]
-        if criterion.fails is not None:
-            limits.append(f"opposite: {criterion.fails.describe(criterion.scale, criterion.unit)}")
-        return f"{self.value} ({self.spread}, n = {interval.count}; {'; '.join(limits)})"
 
 
 def _measure(criterion: Criterion, results: Results) -> Measured:
@@ -236,6 +243,11 @@ class Finding:
         """Measure every criterion."""
         return Found(self, [_measure(criterion, results) for criterion in self.criteria])
 
+    def sentence(self, outcome: str, values: Sequence[str]) -> str:
+        """The sentence of an outcome, with the value of each criterion."""
+        wording = {YES: self.yes, NO: self.no, UNCLEAR: self.unclear}[outcome]
+        return _fill(wording, [each.explain(value) for each, value in zip(self.criteria, values, strict=True)])
+
 
 @dataclass(frozen=True)
 class Found:
@@ -247,14 +259,10 @@ class Found:
     @property
     def outcome(self) -> str:
         """``yes``, ``no`` or ``unclear``."""
-        verdicts = {each.verdict for each in self.measured}
-        if verdicts == {REPRODUCED}:
-            return YES
-        return NO if verdicts - {REPRODUCED, INCONCLUSIVE} else UNCLEAR
+        found = {OUTCOMES[each.verdict] for each in self.measured}
+        return NO if NO in found else UNCLEAR if UNCLEAR in found else YES
 
     @property
     def sentence(self) -> str:
         """The sentence of the outcome."""
-        values = [each.value for each in self.measured]
-        wording = {YES: self.finding.yes, NO: self.finding.no, UNCLEAR: self.finding.unclear}[self.outcome]
-        return _fill(wording, values)
+        return self.finding.sentence(self.outcome, [each.value for each in self.measured])
