@@ -59,10 +59,10 @@ NEAR, FAR = at_most(0.05), at_least(0.1)
 """Departures from the gait as parts of a cycle: a quarter and half of a transfer."""
 LATE_CYCLES = f"median of the last {LATE} cycles"
 ERRORS = {
-    "transfer_rmse_x": "transfer error in x",
-    "transfer_rmse_y": "transfer error in y",
-    "force_rmse_three_feet": "force error with three feet down",
-    "force_rmse_cycle": "force error over the whole cycle",
+    "transfer_rmse_x": "transfer, in x",
+    "transfer_rmse_y": "transfer, in y",
+    "force_rmse_three_feet": "force, three feet down",
+    "force_rmse_cycle": "force, whole cycle",
 }
 
 

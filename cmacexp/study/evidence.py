@@ -1,6 +1,5 @@
 """Evidence: what was measured for a statement, as a small table; and counts of verdicts."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -8,18 +7,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cmacexp.report.terminal_tables import GAP, TEXT_WIDTH
-from cmacexp.study.statements import (
-    CONTRADICTED,
-    IN_PART,
-    INCONCLUSIVE,
-    NOT_REPRODUCED,
-    OUTCOMES,
-    REPRODUCED,
-    VERDICTS,
-    Criterion,
-    Found,
-    Judged,
-)
+from cmacexp.study.statements import INFINITE, OUTCOMES, REPRODUCED, VERDICTS, Criterion, Found, Judged
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -30,6 +18,8 @@ class Row(NamedTuple):
 
     case: str
     value: str
+    reason: str
+    """Of an infinite value."""
     interval: str
     size: str
     limit: str
@@ -53,7 +43,8 @@ def gather(criteria: Sequence[Criterion], measured: Mapping[str, Sequence[Any]])
         known = {name: column[index] for name, column in measured.items() if column[index] is not None}
         row = Row(
             criterion.case,
-            criterion.explain(known["values"]),
+            known["values"],
+            criterion.infinite if known["values"] == INFINITE else "",
             known.get("intervals", ""),
             str(known.get("counts", "")),
             criterion.format_limit(criterion.holds),
@@ -78,12 +69,9 @@ def evidence_of(judged: Judged | Found) -> Evidence:
 
 def count_verdicts(verdicts: Sequence[str]) -> str:
     """How many claims have each verdict, as a sentence."""
-    count = Counter(verdicts)
-    return (
-        f"{count[REPRODUCED]} of {len(verdicts)} claims are reproduced and {count[IN_PART]} are reproduced in part; "
-        f"{count[NOT_REPRODUCED]} are not reproduced, {count[CONTRADICTED]} are contradicted and "
-        f"{count[INCONCLUSIVE]} are inconclusive."
-    )
+    counts = {verdict: verdicts.count(verdict) for verdict in VERDICTS}
+    others = [f"{count} {verdict}" for verdict, count in counts.items() if count and verdict != REPRODUCED]
+    return ", ".join([f"{counts[REPRODUCED]} of {len(verdicts)} claims are reproduced", *others]) + "."
 
 
 @cache
@@ -106,15 +94,13 @@ def format_html(evidence: Evidence) -> str:
 
 def format_text(statement: str, evidence: Evidence | None = None) -> str:
     """A statement and its evidence in lines of ``TEXT_WIDTH``; limits of the opposite are left out."""
-    evidence = evidence or {}
-    cells = [
-        [row.case, row.value, row.interval, row.limit, row.verdict] for rows in evidence.values() for row in rows
-    ]
+    lines, table = wrap(statement, TEXT_WIDTH, subsequent_indent="  "), evidence or {}
+    cells = [(row.case, row.value, row.interval, row.limit, row.verdict) for rows in table.values() for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    lines = wrap(statement, TEXT_WIDTH, subsequent_indent="  ")
-    for quantity, rows in evidence.items():
+    for quantity, rows in table.items():
         lines += wrap(quantity, TEXT_WIDTH, initial_indent="  ", subsequent_indent="  ")
-        for _ in rows:
+        for row in rows:
             padded = [cell.ljust(width) for cell, width in zip(cells.pop(0), widths, strict=True) if width]
             lines += wrap((" " * GAP).join(padded), TEXT_WIDTH, initial_indent="    ", subsequent_indent="      ")
+            lines += [f"      {row.value}: {row.reason}"] if row.reason else []
     return "\n".join(lines)

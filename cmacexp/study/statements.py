@@ -28,6 +28,11 @@ INFINITE = format_number(math.inf)
 UNDECIDED = "The runs do not decide this: an interval contains the limit."
 
 
+def _format_range(low: float, high: float, unit: str) -> str:
+    """Both ends, and their unit once."""
+    return f"{format_number(low)} to {format_number(high, unit)}"
+
+
 @dataclass(frozen=True)
 class Limit:
     """The values from ``low`` to ``high``."""
@@ -45,10 +50,10 @@ class Limit:
 
     def describe(self, scale: float, unit: str) -> str:
         """E.g. ``at most 5 %``."""
-        low, high = (format_number(scale * bound, unit) for bound in (self.low, self.high))
-        if math.isinf(self.low):
-            return f"at most {high}"
-        return f"at least {low}" if math.isinf(self.high) else f"{low} to {high}"
+        low, high = scale * self.low, scale * self.high
+        if math.isinf(low):
+            return f"at most {format_number(high, unit)}"
+        return f"at least {format_number(low, unit)}" if math.isinf(high) else _format_range(low, high, unit)
 
 
 def at_most(value: float) -> Limit:
@@ -148,7 +153,8 @@ class Measured:
         """The ends of the interval with their unit; of a value without one, what it is."""
         if self.interval.method in (EXACT, UNDEFINED):
             return self.interval.method
-        return f"{self._format(self.interval.low)} to {self._format(self.interval.high)}"
+        scale, unit = self.criterion.scale, self.criterion.unit
+        return _format_range(scale * self.interval.low, scale * self.interval.high, unit)
 
 
 def _measure(criterion: Criterion, results: Results) -> Measured:
