@@ -106,7 +106,7 @@ def _slowest_step(results: Results) -> list[float]:
 
 
 TENTH = "cycles to a tenth of the error of feedback alone"
-LEFT = "error of {} in the first cycle after learning another stroke, over that of feedback alone"
+LEFT = "error of {} in its first cycle with a stroke that it has not learnt, over that of feedback alone"
 PERCENT: dict[str, Any] = {"unit": "%", "scale": 100.0}
 
 
