@@ -12,7 +12,7 @@ from typing import Any
 from cmacexp.commands.study import FOLDER
 from cmacexp.data.folder import FIGURES, HTML
 from cmacexp.study.study import StudyFile
-from pipelines.quotes import DOCS, QUOTED, Quotable, all_studies, claims_table, count_claims, evidence_table
+from pipelines.quotes import DOCS, QUOTED, Quotable, all_studies, claims_of, format_statement
 
 PLACE = re.compile("<!-- studies: begin -->.*<!-- studies: end -->", flags=re.DOTALL)
 """Where the list stands in the page studies.md."""
@@ -28,8 +28,8 @@ def findings_of(file: StudyFile, results: Quotable) -> str:
     text = ""
     for name, finding in file.study.findings.items():
         entry = results.get(file.name, {}).get(name)
-        sentence = entry["sentence"] if entry else f"Not measured yet: “{finding.yes}” or “{finding.no}”"
-        text += f"\n{sentence}\n\n{evidence_table(finding.criteria, entry) if entry else ''}"
+        text += "" if entry else f"\n*Not measured yet*: “{finding.yes}” or “{finding.no}”\n"
+        text += format_statement(entry["sentence"], finding.criteria, entry) if entry else ""
     return text
 
 
@@ -52,7 +52,7 @@ def page_of(file: StudyFile, results: Quotable) -> str:
     study, figures = file.study, [text for _, text in figures_of(file.name)]
     text = f"# {study.title}\n\n{study.question}\n\n`python -m pipelines.{file.name}` answers it again.\n"
     if study.claims:
-        text += f"\n## Claims of the paper\n\n{claims_table(file, results)}"
+        text += f"\n## Claims of the paper\n{claims_of(file, results)}"
     if study.findings:
         text += f"\n## Findings\n{findings_of(file, results)}"
     return text + (f"\n## Figures\n{''.join(figures)}" if figures else "")
@@ -67,11 +67,11 @@ def describe_outcomes(file: StudyFile, results: Quotable) -> str:
 
 def list_of(results: Quotable) -> str:
     """A line for each study."""
-    lines = [
-        f"| [{file.study.title}](studies/{file.name}.md) | {file.study.question} | {describe_outcomes(file, results)} |"
+    cells = [
+        (f"[{file.study.title}](studies/{file.name}.md)", file.study.question, describe_outcomes(file, results))
         for file in all_studies()
     ]
-    return "\n".join(["| study | question | statements |", "|---|---|---|", *lines])
+    return "\n".join(["| study | question | statements |", "|---|---|---|", *(f"| {' | '.join(c)} |" for c in cells)])
 
 
 def read_results() -> Quotable:

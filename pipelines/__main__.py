@@ -39,7 +39,7 @@ def write_docs() -> None:
     for page in PAGES:
         text = renew(page.read_text(encoding="utf-8"), before, after)
         text = fill(text, "claims", lambda: all_claims(after))
-        text = fill(text, "count", lambda: f"{count_claims(after)}\n")
+        text = fill(text, "count", lambda: f"\n**{count_claims(after)}**\n\n")
         if scored.is_file():
             text = fill(text, "benchmark", lambda: f"{write_scores(read_table(scored).to_pandas())}\n")
         page.write_text(text, encoding="utf-8")

@@ -106,7 +106,7 @@ def _slowest_step(results: Results) -> list[float]:
 
 
 TENTH = "cycles to a tenth of the error of feedback alone"
-LEFT = "error of {} in its first cycle with a stroke that it has not learnt, over that of feedback alone"
+LEFT = "error of {} in its first cycle with a new stroke, over that of feedback alone"
 PERCENT: dict[str, Any] = {"unit": "%", "scale": 100.0}
 
 
@@ -114,7 +114,13 @@ def _criterion(
     group: str | list[str], quantity: str, sample: Any, holds: Limit, fails: Limit | None = None, **unit: Any
 ) -> Criterion:
     return Criterion(
-        quantity, sample, holds, fails, **unit, of={"group": group}, case=group if isinstance(group, str) else LEG
+        quantity,
+        sample,
+        holds,
+        fails,
+        **unit,
+        of={"group": group},
+        case=group.removeprefix("another ") if isinstance(group, str) else LEG,
     )
 
 

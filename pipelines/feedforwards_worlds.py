@@ -262,7 +262,7 @@ FINDINGS = {
         [
             _criterion(
                 stroke,
-                f"error of {RBF} in its first cycle with a stroke that it has not learnt, over that of feedback alone",
+                f"error of {RBF} in its first cycle with a new stroke, over that of feedback alone",
                 compare({"kind": RBF, "start": CARRIED}, {"kind": ALONE}, partial(error_at, cycle=1)),
                 at_most(LITTLE),
                 stroke,
@@ -278,7 +278,7 @@ FINDINGS = {
         [
             _criterion(
                 stroke,
-                f"error of {RBF} in its first cycle with a stroke that it has not learnt, over that of {CMAC}",
+                f"error of {RBF} in its first cycle with a new stroke, over that of {CMAC}",
                 compare(
                     {"kind": RBF, "start": CARRIED}, {"kind": CMAC, "start": CARRIED}, partial(error_at, cycle=1)
                 ),

@@ -20,10 +20,11 @@ PAGES = (PIPELINES.parent / "README.md", *sorted(DOCS.glob("*.md")))
 QUOTED = DOCS / "results.json"
 """Of the last full studies, by study and statement."""
 MARK = re.compile(r"<!--(\w+)\.([^>]+?) (\d+|interval \d+|verdict|sentence|is [a-z ]+)-->")
-"""``4.87 %<!--one_leg_learning.bias 0-->`` quotes a first value, ``... interval 0`` its interval, ``... verdict`` what came
-out, ``... sentence`` the sentence of a finding; ``... is no`` says what came out where the words before it were written."""
+"""``4.87 %<!--one_leg_learning.bias 0-->`` quotes a first value, ``... interval 0`` its interval, ``... verdict`` the
+verdict, ``... sentence`` the sentence of a finding; ``... is no`` says for which verdict the words were written."""
 MEASURED = ("values", "intervals", "counts", "verdicts")
-COLUMNS = ("measured", "value", "95 % interval", "n", "limit", "verdict")
+COLUMNS = {"measured": "---", "value": "--:", "95 % interval": "--:", "n": "--:", "limit": "---", "verdict": "---"}
+"""Of a table of evidence, and how they are aligned."""
 Quotable = Mapping[str, Mapping[str, Any]]
 
 
@@ -80,8 +81,10 @@ def quoted(match: re.Match[str], results: Quotable) -> str:
         return str(entry[which])
     if which.startswith("is "):
         return ""
-    kind = "intervals" if which.startswith("interval") else "values"
-    return str(entry[kind][int(which.split()[-1])])
+    index = int(which.split()[-1])
+    if which.startswith("interval"):
+        return str((entry.get("intervals") or {index: None})[index] or "interval not kept")
+    return str(entry["values"][index])
 
 
 def find_outdated(text: str, results: Quotable) -> list[str]:
@@ -112,7 +115,7 @@ def fill(text: str, name: str, make: Callable[[], str]) -> str:
     return place.sub(lambda _: make(), text)
 
 
-def _rows(criteria: Sequence[Criterion], entry: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+def _rows(criteria: Sequence[Criterion], entry: Mapping[str, Any]) -> Iterator[Sequence[str]]:
     """Cells of ``COLUMNS``: each quantity once, its cases below it."""
     for quantity, rows in gather(criteria, {name: entry[name] for name in MEASURED if name in entry}).items():
         for index, row in enumerate(rows):
@@ -122,30 +125,22 @@ def _rows(criteria: Sequence[Criterion], entry: Mapping[str, Any]) -> Iterator[t
             yield what, value, row.interval, row.size, limit, row.verdict
 
 
-def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown, without columns that are empty; numbers are aligned to the right."""
-    kept = [i for i in range(len(columns)) if any(row[i] for row in rows)]
-    lines = [[columns[i] for i in kept], ["--:" if columns[i] in COLUMNS[1:4] else "---" for i in kept]]
-    lines += [[row[i].replace("|", "\\|") for i in kept] for row in rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+def format_statement(sentence: str, criteria: Sequence[Criterion], entry: Mapping[str, Any]) -> str:
+    """A statement in Markdown, then what was measured as a table without columns that are empty."""
+    rows = [list(COLUMNS), list(COLUMNS.values()), *_rows(criteria, entry)]
+    kept = [column for column in zip(*rows, strict=True) if any(column[2:])]
+    lines = (" | ".join(cell.replace("|", "\\|") for cell in row) for row in zip(*kept, strict=True))
+    return "".join([f"\n{sentence}\n\n", *(f"| {line} |\n" for line in lines)])
 
 
-def evidence_table(criteria: Sequence[Criterion], entry: Mapping[str, Any]) -> str:
-    """What was measured for a statement, as a table in Markdown."""
-    return _table(COLUMNS, list(_rows(criteria, entry)))
-
-
-def claims_table(file: StudyFile, results: Quotable) -> str:
-    """The claims of a study with what was measured; each claim stands in its first row."""
-    rows = []
+def claims_of(file: StudyFile, results: Quotable) -> str:
+    """The claims of a study, each with its verdict and what was measured."""
+    text = ""
     for name, claim in file.study.claims.items():
-        entry = results.get(file.name, {}).get(name)
-        if entry is None:
-            rows.append((f"{claim.words} ({claim.where})", "not measured yet", "", "", "", "", ""))
-            continue
-        words = f"**{entry['verdict']}**: {claim.words} ({claim.where})"
-        rows += [("" if index else words, *cells) for index, cells in enumerate(_rows(claim.criteria, entry))]
-    return _table(("the paper says", *COLUMNS), rows)
+        entry, words = results.get(file.name, {}).get(name), f"{claim.words} ({claim.where})"
+        text += f"\n*Not measured yet*: {words}\n" if entry is None else ""
+        text += format_statement(f"**{entry['verdict']}**: {words}", claim.criteria, entry) if entry else ""
+    return text
 
 
 def count_claims(results: Quotable) -> str:
@@ -157,8 +152,8 @@ def count_claims(results: Quotable) -> str:
 
 
 def all_claims(results: Quotable) -> str:
-    """The count of verdicts, then the claims of every study, in the order of the paper."""
+    """The claims of every study, in the order of the paper."""
     order = {name: place for place, name in enumerate(STUDIES)}
     studies = sorted((f for f in all_studies() if f.study.claims), key=lambda f: order.get(f.name, len(order)))
-    tables = [f"### {each.study.title} (`{each.name}`)\n\n{claims_table(each, results)}\n" for each in studies]
-    return f"\n**{count_claims(results)}**\n\n{''.join(tables)}"
+    own = [f"\n### {each.study.title} (`{each.name}`)\n{claims_of(each, results)}" for each in studies]
+    return f"{''.join(own)}\n"

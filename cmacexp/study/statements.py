@@ -25,7 +25,7 @@ YES, NO, UNCLEAR = "yes", "no", "unclear"
 OUTCOMES = {REPRODUCED: YES, NOT_REPRODUCED: NO, CONTRADICTED: NO, INCONCLUSIVE: UNCLEAR}
 """What the verdict on a criterion means for a finding."""
 INFINITE = format_number(math.inf)
-UNDECIDED = "The runs do not decide this: an interval contains the limit."
+UNDECIDED = "An interval contains the limit, so the runs do not decide whether this holds: “{}”"
 
 
 def _format_range(low: float, high: float, unit: str) -> str:
@@ -231,8 +231,8 @@ class Finding:
     """If every interval lies within its limit."""
     no: str
     """If some interval lies outside."""
-    unclear: str = UNDECIDED
-    """Otherwise."""
+    unclear: str = ""
+    """Otherwise; if empty, that ``yes`` is undecided."""
 
     def __post_init__(self) -> None:
         for wording in (self.yes, self.no, self.unclear):  # also those of outcomes that rarely occur
@@ -251,7 +251,8 @@ class Finding:
 
     def sentence(self, outcome: str, values: Sequence[str]) -> str:
         """The sentence of an outcome, with the value of each criterion."""
-        wording = {YES: self.yes, NO: self.no, UNCLEAR: self.unclear}[outcome]
+        unclear = self.unclear or UNDECIDED.format(self.yes)
+        wording = {YES: self.yes, NO: self.no, UNCLEAR: unclear}[outcome]
         return _fill(wording, [each.explain(value) for each, value in zip(self.criteria, values, strict=True)])
 
 

@@ -5,7 +5,7 @@ import json
 import pytest
 from support.command import ROOT, python
 
-from pipelines.__main__ import MARK, PAGES, QUOTED, quoted, read_quotable, renew
+from pipelines.quotes import MARK, PAGES, QUOTED, quoted, read_quotable, renew
 
 RESULTS = json.loads(QUOTED.read_text())
 QUOTING = [page for page in PAGES if MARK.search(page.read_text())]
@@ -32,9 +32,11 @@ def test_a_study_is_quoted_from_its_own_folder(tmp_path):
         ("paper", "1 N"),
     ):  # the study has been run again since the page over several
         (tmp_path / folder).mkdir()
-        statement = {"name": "a", "verdict": "yes", "criteria": [{"shown": value, "spread": "exact"}]}
+        criteria = [{"shown": value, "spread": "exact", "count": 3, "verdict": "reproduced"}]
+        statement = {"name": "a", "kind": "finding", "verdict": "yes", "criteria": criteria}
         (tmp_path / folder / "claims.json").write_text(json.dumps({"leg": [statement]}))
-    assert read_quotable(tmp_path) == {"leg": {"a": {"verdict": "yes", "values": ["2 N"], "intervals": ["exact"]}}}
+    entry = {"verdict": "yes", "values": ["2 N"], "intervals": ["exact"], "counts": [3], "verdicts": ["yes"]}
+    assert read_quotable(tmp_path) == {"leg": {"a": entry}}
 
 
 def test_quotes_are_renewed_in_place():
