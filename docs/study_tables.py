@@ -11,9 +11,11 @@ from typing import Any
 
 from cmacexp.commands.study import FOLDER
 from cmacexp.data.folder import FIGURES, HTML
+from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES
 from cmacexp.study.study import StudyFile
 from pipelines.quotes import DOCS, QUOTED, Quotable, all_studies, claims_of, format_statement
 
+ORDER = (*VERDICTS, YES, NO, UNCLEAR, "not measured yet")
 PLACE = re.compile("<!-- studies: begin -->.*<!-- studies: end -->", flags=re.DOTALL)
 """Where the list stands in the page studies.md."""
 OUTPUTS = DOCS.parent / FOLDER
@@ -62,7 +64,7 @@ def describe_outcomes(file: StudyFile, results: Quotable) -> str:
     """How many statements of a study have each verdict."""
     names = [*file.study.claims, *file.study.findings]
     verdicts = [results.get(file.name, {}).get(name, {"verdict": "not measured yet"})["verdict"] for name in names]
-    return ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in sorted({*verdicts}, key=verdicts.index))
+    return ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in sorted({*verdicts}, key=ORDER.index))
 
 
 def list_of(results: Quotable) -> str:

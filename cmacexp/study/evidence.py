@@ -4,22 +4,18 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from cmacexp.report.terminal_tables import GAP, TEXT_WIDTH
 from cmacexp.study.statements import INFINITE, OUTCOMES, REPRODUCED, VERDICTS, Criterion, Found, Judged
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
 
 class Row(NamedTuple):
-    """What was measured for one criterion, as readers see it; empty: not known."""
+    """What was measured for one criterion, as readers see it; ``reason`` of an infinite value; empty: not known."""
 
     case: str
     value: str
     reason: str
-    """Of an infinite value."""
     interval: str
     size: str
     limit: str
@@ -32,25 +28,16 @@ Evidence = Mapping[str, Sequence[Row]]
 
 
 def gather(criteria: Sequence[Criterion], measured: Mapping[str, Sequence[Any]]) -> Evidence:
-    """The evidence of a statement.
-
-    Args:
-        criteria: of the statement.
-        measured: ``values``, and if known ``intervals``, ``counts`` and ``verdicts``, of each criterion.
-    """
+    """The evidence of a statement; of each criterion ``values``, and if known ``intervals, counts, verdicts``."""
     found: dict[str, list[Row]] = {}
     for index, criterion in enumerate(criteria):
-        known = {name: column[index] for name, column in measured.items() if column[index] is not None}
-        row = Row(
-            criterion.case,
-            known["values"],
-            criterion.infinite if known["values"] == INFINITE else "",
-            known.get("intervals", ""),
-            str(known.get("counts", "")),
-            criterion.format_limit(criterion.holds),
-            criterion.format_limit(criterion.fails) if criterion.fails else "",
-            known.get("verdicts", ""),
+        known = {name: str(column[index]) for name, column in measured.items() if column[index] is not None}
+        value, interval, size, verdict = (
+            known.get(name, "") for name in ("values", "intervals", "counts", "verdicts")
         )
+        reason = criterion.infinite if value == INFINITE else ""
+        holds, fails = (criterion.format_limit(each) if each else "" for each in (criterion.holds, criterion.fails))
+        row = Row(criterion.case, value, reason, interval, size, holds, fails, verdict)
         found.setdefault(criterion.quantity, []).append(row)
     return found
 
@@ -69,27 +56,22 @@ def evidence_of(judged: Judged | Found) -> Evidence:
 
 def count_verdicts(verdicts: Sequence[str]) -> str:
     """How many claims have each verdict, as a sentence."""
-    counts = {verdict: verdicts.count(verdict) for verdict in VERDICTS}
-    others = [f"{count} {verdict}" for verdict, count in counts.items() if count and verdict != REPRODUCED]
-    return ", ".join([f"{counts[REPRODUCED]} of {len(verdicts)} claims are reproduced", *others]) + "."
+    others = [f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in {*verdicts} - {REPRODUCED}]
+    return ", ".join([f"{verdicts.count(REPRODUCED)} of {len(verdicts)} claims are reproduced", *others]) + "."
 
 
 @cache
-def templates() -> "Environment":
-    """Those of statements."""
+def template(name: str) -> Any:
+    """A template beside this file."""
     from jinja2 import Environment, FileSystemLoader
 
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.globals.update(verdicts=VERDICTS)
-    return environment
+    loader = FileSystemLoader(Path(__file__).parent)
+    return Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True).get_template(name)
 
 
 def format_html(evidence: Evidence) -> str:
     """The table as HTML without an empty line, which would end it in Markdown."""
-    module: Any = templates().get_template("statements.html").module
-    return "\n".join(line for line in module.evidence(evidence).splitlines() if line.strip())
+    return str(template("statements.html").module.evidence(evidence))
 
 
 def format_text(statement: str, evidence: Evidence | None = None) -> str:

@@ -97,10 +97,6 @@ class Criterion:
         """E.g. ``at most 5 %``."""
         return limit.describe(self.scale, self.unit)
 
-    def explain(self, shown: str) -> str:
-        """A value as it is shown; of an infinite one, why."""
-        return f"{shown} ({self.infinite})" if shown == INFINITE else shown
-
     def __getstate__(self) -> dict[str, Any]:
         """Judged statements travel between processes; a function without a name, as samples often are, cannot."""
         return {**self.__dict__, "sample": None}
@@ -140,13 +136,10 @@ class Measured:
             return CONTRADICTED
         return INCONCLUSIVE if holds.touches(self.interval) else NOT_REPRODUCED
 
-    def _format(self, value: float) -> str:
-        return format_number(self.criterion.scale * value, self.criterion.unit)
-
     @property
     def value(self) -> str:
         """The estimate with its unit."""
-        return self._format(self.interval.value)
+        return format_number(self.criterion.scale * self.interval.value, self.criterion.unit)
 
     @property
     def spread(self) -> str:
@@ -250,10 +243,10 @@ class Finding:
         return Found(self, [_measure(criterion, results) for criterion in self.criteria])
 
     def sentence(self, outcome: str, values: Sequence[str]) -> str:
-        """The sentence of an outcome, with the value of each criterion."""
-        unclear = self.unclear or UNDECIDED.format(self.yes)
-        wording = {YES: self.yes, NO: self.no, UNCLEAR: unclear}[outcome]
-        return _fill(wording, [each.explain(value) for each, value in zip(self.criteria, values, strict=True)])
+        """The sentence of an outcome, with the value of each criterion; of an infinite one, why."""
+        wording = {YES: self.yes, NO: self.no, UNCLEAR: self.unclear or UNDECIDED.format(self.yes)}[outcome]
+        pairs = zip(self.criteria, values, strict=True)
+        return _fill(wording, [f"{value} ({each.infinite})" if value == INFINITE else value for each, value in pairs])
 
 
 @dataclass(frozen=True)
