@@ -38,13 +38,11 @@ def test_a_statement_that_has_not_been_measured_says_so():
 def test_what_stands_in_files_is_what_the_studies_found():
     """``python -m pipelines --write-docs`` renews it."""
     assert with_sentences(RESULTS) == RESULTS
-    for page, name, part in (
-        ("the-paper.md", "claims", all_claims(RESULTS)),
-        *((page, "count", f"\n**{count_claims(RESULTS)}**\n\n") for page in ("the-paper.md", "README.md")),
-    ):
-        text = PAGES[page].read_text()
-        assert part in text
-        assert fill(text, name, lambda part=part: part) == text
+    paper, readme = (PAGES[name].read_text() for name in ("the-paper.md", "README.md"))
+    count = f"\n**{count_claims(RESULTS)}**\n\n"
+    assert fill(fill(paper, "claims", lambda: all_claims(RESULTS)), "count", lambda: count) == paper
+    assert fill(readme, "count", lambda: count) == readme
+    assert paper.count(count) == readme.count(count) == 1
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -53,7 +51,5 @@ def test_words_stand_for_the_verdicts_for_which_they_were_written(page):
 
 
 def test_words_for_another_verdict_are_found():
-    results = {"s": {"a": {"verdict": "no"}}}
-    assert find_outdated("It holds.<!--s.a is yes--> It fails.<!--s.a is no-->", results) == [
-        "<!--s.a is yes-->: it is no"
-    ]
+    found = find_outdated("It holds.<!--s.a is yes--> It fails.<!--s.a is no-->", {"s": {"a": {"verdict": "no"}}})
+    assert found == ["<!--s.a is yes-->: it is no"]
