@@ -171,12 +171,15 @@ FINDINGS = {
     **{
         f"rules_{machine}": Finding(
             [_others(f"{what} error", "auto", name, machine, 0.9)],
-            yes=f"{UNKNOWN} with lead `auto`, the best other rule leaves {machine} {{value}} times the {what} error "
+            yes=f"{UNKNOWN} with lead `auto`, the best other rule leaves {who} {{value}} times the {what} error "
             "that the paper's rule leaves.",
-            no=f"{UNKNOWN} with lead `auto`, the best other rule leaves {machine} about the {what} error that the "
+            no=f"{UNKNOWN} with lead `auto`, the best other rule leaves {who} about the {what} error that the "
             "paper's rule leaves, or more: {value} times.",
         )
-        for machine, what, name in ((LEG, "transfer", TRANSFER), (WALK, "force", FORCE))
+        for machine, who, what, name in (
+            (LEG, "one leg", "transfer", TRANSFER),
+            (WALK, "the quadruped", "force", FORCE),
+        )
     },
     "substitute": Finding(
         [_others("error", 0, TRANSFER, LEG, 1.1)],

@@ -25,7 +25,7 @@ YES, NO, UNCLEAR = "yes", "no", "unclear"
 OUTCOMES = {REPRODUCED: YES, NOT_REPRODUCED: NO, CONTRADICTED: NO, INCONCLUSIVE: UNCLEAR}
 """What the verdict on a criterion means for a finding."""
 INFINITE = format_number(math.inf)
-UNDECIDED = "An interval contains the limit, so the runs do not decide whether this holds: “{}”"
+UNDECIDED = "Undecided, since an interval contains the limit: {}"
 
 
 def _format_range(low: float, high: float, unit: str) -> str:
