@@ -3,7 +3,6 @@
 A new study needs no edit of it. Figures are those of a full run below outputs/studies, if there is one.
 """
 
-import html
 import json
 import re
 from pathlib import Path
@@ -43,9 +42,9 @@ def figures_of(name: str) -> list[tuple[Path, str]]:
     return [
         (
             OUTPUTS / name / FIGURES / f"{figure}.svg",
-            text.format(f"**{title}**\n\n" if title else "", html.unescape(shown), name, figure, caption.strip()),
+            text.format(f"**{title}**\n\n" if title else "", figure.replace("_", " "), name, figure, caption.strip()),
         )
-        for figure, title, shown, caption in found
+        for figure, title, caption in found
     ]
 
 
