@@ -18,10 +18,8 @@ ORDER = (*VERDICTS, YES, NO, UNCLEAR, "not measured yet")
 PLACE = re.compile("<!-- studies: begin -->.*<!-- studies: end -->", flags=re.DOTALL)
 """Where the list stands in the page studies.md."""
 OUTPUTS = DOCS.parent / FOLDER
-FIGURE = re.compile(
-    r'<figure id="(\w+)">(?:<h3>(.*?)</h3>)?.*?alt="(.*?)".*?<figcaption>(.*?)</figcaption>', re.DOTALL
-)
-"""In a report: name, title, description and caption."""
+FIGURE = re.compile(r'<figure id="(\w+)">(?:<h3>(.*?)</h3>)?.*?<figcaption>(.*?)</figcaption>', re.DOTALL)
+"""In a report: name, title and caption."""
 
 
 def findings_of(file: StudyFile, results: Quotable) -> str:
