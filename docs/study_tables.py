@@ -1,51 +1,106 @@
-"""The lists of the page studies.md: every study with its claims and findings, as they came out last.
+"""Pages of the studies, made when mkdocs builds the site: their statements as they came out last, and their figures.
 
-mkdocs fills the page when it builds the site, so a new study needs no edit of it.
+A new study needs no edit of it. Figures are those of a full run below outputs/studies, if there is one.
 """
 
 import json
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cmacexp.study import Criterion
-from cmacexp.study.study import StudyFile, load_study
+from cmacexp.commands.study import FOLDER
+from cmacexp.data.folder import FIGURES, HTML
+from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES
+from cmacexp.study.study import StudyFile
+from pipelines.quotes import DOCS, QUOTED, Quotable, all_studies, claims_of, format_statement
 
+ORDER = (*VERDICTS, YES, NO, UNCLEAR, "not measured yet")
 PLACE = re.compile("<!-- studies: begin -->.*<!-- studies: end -->", flags=re.DOTALL)
-"""Where they stand in the page."""
-DOCS = Path(__file__).parent
-STUDIES = [page.with_suffix(".py") for page in sorted((DOCS.parent / "pipelines").glob("*.md"))]
+"""Where the list stands in the page studies.md."""
+OUTPUTS = DOCS.parent / FOLDER
+FIGURE = re.compile(r'<figure id="(\w+)">(?:<h3>(.*?)</h3>)?.*?<figcaption>(.*?)</figcaption>', re.DOTALL)
+"""In a report: name, title and caption."""
 
 
-def measured(entry: dict[str, Any] | None, criteria: Sequence[Criterion]) -> str:
-    """The quantities behind a statement with their values, and its verdict, as cells of a table."""
-    if entry is None:
-        return "; ".join(each.quantity for each in criteria) + " | not measured yet |\n"
-    values = zip(criteria, entry["values"], strict=True)
-    return "; ".join(f"{each.quantity}: {value}" for each, value in values) + f" | {entry['verdict']} |\n"
-
-
-def section_of(file: StudyFile, results: dict[str, Any]) -> str:
-    """The question of a study, how to run it, and its statements with what ``results`` has by their names."""
-    study, text = file.study, f"## {file.study.title}\n\n{file.study.question} `python -m pipelines.{file.name}`\n"
-    if study.claims:
-        text += "\n| the paper says | measured | verdict |\n|---|---|---|\n"
-    for name, claim in study.claims.items():
-        text += f"| {claim.words} ({claim.where}) | {measured(results.get(name), claim.criteria)}"
-    if study.findings:
-        text += "\n| finding | measured | holds |\n|---|---|---|\n"
-    for name, finding in study.findings.items():
-        text += f"| `{name}` | {measured(results.get(name), finding.criteria)}"
+def findings_of(file: StudyFile, results: Quotable) -> str:
+    """Each finding of a study: its sentence, then what was measured."""
+    text = ""
+    for name, finding in file.study.findings.items():
+        entry = results.get(file.name, {}).get(name)
+        text += "" if entry else f"\n*Not measured yet*: “{finding.yes}” or “{finding.no}”\n"
+        text += format_statement(entry["sentence"], finding.criteria, entry) if entry else ""
     return text
 
 
-def all_studies() -> str:
-    """A section for each study."""
-    results = json.loads((DOCS / "results.json").read_text())
-    return "\n".join(section_of(load_study(path), results.get(path.stem, {})) for path in STUDIES)
+def figures_of(name: str) -> list[tuple[Path, str]]:
+    """The figures of the last full run of a study, each with its part of the page."""
+    report = OUTPUTS / name / HTML
+    found = FIGURE.findall(report.read_text(encoding="utf-8")) if report.is_file() else []
+    text = "\n{}![{}](figures/{}-{}.svg)\n\n{}\n"
+    return [
+        (
+            OUTPUTS / name / FIGURES / f"{figure}.svg",
+            text.format(f"**{title}**\n\n" if title else "", figure.replace("_", " "), name, figure, caption.strip()),
+        )
+        for figure, title, caption in found
+    ]
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Fill the page; mkdocs calls this for every page."""
-    return PLACE.sub(lambda _: all_studies(), markdown)
+def page_of(file: StudyFile, results: Quotable) -> str:
+    """The page of a study."""
+    study, figures = file.study, [text for _, text in figures_of(file.name)]
+    text = f"# {study.title}\n\n{study.question}\n\n`python -m pipelines.{file.name}` answers it again.\n"
+    if study.claims:
+        text += f"\n## Claims of the paper\n{claims_of(file, results)}"
+    if study.findings:
+        text += f"\n## Findings\n{findings_of(file, results)}"
+    return text + (f"\n## Figures\n{''.join(figures)}" if figures else "")
+
+
+def describe_outcomes(file: StudyFile, results: Quotable) -> str:
+    """How many statements of a study have each verdict."""
+    names = [*file.study.claims, *file.study.findings]
+    verdicts = [results.get(file.name, {}).get(name, {"verdict": "not measured yet"})["verdict"] for name in names]
+    return ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in sorted({*verdicts}, key=ORDER.index))
+
+
+def list_of(results: Quotable) -> str:
+    """A line for each study."""
+    cells = [
+        (f"[{file.study.title}](studies/{file.name}.md)", file.study.question, describe_outcomes(file, results))
+        for file in all_studies()
+    ]
+    return "\n".join(["| study | question | statements |", "|---|---|---|", *(f"| {' | '.join(c)} |" for c in cells)])
+
+
+def read_results() -> Quotable:
+    """What the last full studies gave."""
+    return dict(json.loads(QUOTED.read_text(encoding="utf-8")))
+
+
+def on_config(config: Any) -> Any:
+    """Add the pages below that of the studies; mkdocs calls this once."""
+    pages = ["studies.md", *(f"studies/{file.name}.md" for file in all_studies())]
+    for section in (part for group in config.nav for part in group.values() if isinstance(part, list)):
+        section[:] = [{"Studies": pages} if entry == {"Studies": "studies.md"} else entry for entry in section]
+    return config
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Make the pages; mkdocs calls this once."""
+    from mkdocs.structure.files import File
+
+    results = read_results()
+    for study in all_studies():
+        files.append(File.generated(config, f"studies/{study.name}.md", content=page_of(study, results)))
+        for path, _ in figures_of(study.name):
+            name = f"studies/figures/{study.name}-{path.name}"
+            files.append(File.generated(config, name, abs_src_path=str(path)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any = None, **_: Any) -> str:
+    """Fill the list, and link the names of studies in brackets; mkdocs calls this for every page."""
+    names = "|".join(file.name for file in all_studies())
+    text = PLACE.sub(lambda _: list_of(read_results()), markdown)
+    return re.sub(rf"\(`({names})`\)", r"([`\1`](studies/\1.md))", text)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LEG, WALK, MASS = "leg", "walk", "mass"
+NAMES = {LEG: "One leg", WALK: "Quadruped", MASS: "Point mass"}
 CYCLES, QUICK_CYCLES = 20, 5
 CYCLE = 5
 """Cycle in which the paper shows one leg."""
@@ -252,22 +253,23 @@ CONCLUSIONS: Mapping[str, Mapping[str, Conclusion]] = {
 
 def _finding(machine: str, name: str, conclusion: Conclusion) -> Finding:
     where, mean = (" with which runs complete", " (mean over seeds)") if machine != MASS else ("", "")
-    what, limit = f"The conclusion on the {name}", conclusion.limit.describe(1.0, "")
-    quantity = f"number of values tried{where} that change whether the {conclusion.quantity} is {limit}"
+    own, limit = f"{NAMES[machine]}: ", conclusion.limit.describe(1.0, "")
+    what = f"the conclusion on the {name}"
+    case, counted = f"{conclusion.quantity}: {limit}", partial(count_changes, conclusion)
     return Finding(
-        [Criterion(quantity, partial(count_changes, conclusion), at_most(0.0), of={"machine": machine})],
-        yes=f"{what} is the same with every value tried{where}.",
-        no=f"{what} depends on what is assumed: {{value}} of the values tried{where} change it{mean}.",
-        unclear=f"{what} changes with some values tried{where}, but not with every seed.",
+        [Criterion(f"values tried{where} that change", counted, at_most(0.0), of={"machine": machine}, case=case)],
+        yes=f"{own}{what} is the same with every value tried{where}.",
+        no=f"{own}{what} depends on what is assumed: {{value}} of the values tried{where} change it{mean}.",
+        unclear=f"{own}{what} changes with some values tried{where}, but not with every seed.",
     )
 
 
-ENDS_EARLY = "number of values tried with which a run ends early"
+ENDS_EARLY = "values tried with which a run ends early"
 FINDINGS = {
     "walks": Finding(
         [Criterion(ENDS_EARLY, ended_early, at_most(0.0), of={"machine": WALK})],
         yes="The quadruped walks to the end with every value tried.",
-        no="The quadruped does not walk to the end with every value tried: with {value} of them its runs end early.",
+        no="With {value} of the values tried the quadruped's runs end early.",
         unclear="With some values tried the quadruped's runs end early, but not with every seed.",
     ),
     **{

@@ -96,10 +96,11 @@ def _compared(machine: str, key: str, value: Any, cycle: int | None, holds: Limi
     """Errors in worlds with one value over those with the paper's."""
     paper, when = PAPER[machine][key], "at the end" if cycle is None else f"in cycle {cycle}"
     return Criterion(
-        f"{IN_WORLDS[machine]}: errors {when} with {key}={value}, over those with {paper}",
+        f"error with {key}={value} over that with {paper}",
         lambda results: worsening_in_worlds(results.select({key: value}), results.select({key: paper}), cycle),
         holds,
         of={"machine": IN_WORLDS[machine], "varied": key},
+        case=f"{machine}, {when}",
     )
 
 
@@ -107,11 +108,12 @@ def _sixteenth(machine: str) -> Criterion:
     """Errors in the paper's world with a sixteenth of the paper's memory over those with all of it."""
     paper = PAPER[machine][MEMORY]
     return Criterion(
-        f"{machine}: errors at the end with {MEMORY}={paper // 16}, over those with {paper}",
+        "error at the end with a sixteenth of the paper's memory, over that with all of it",
         lambda results: worsening(results.select({MEMORY: paper // 16}), results.select({MEMORY: paper})),
         at_most(AS_GOOD),
         at_least(MUCH_WORSE),
         of={"machine": machine, "varied": MEMORY},
+        case=f"{machine}, {paper // 16} bytes",
     )
 
 
@@ -139,7 +141,7 @@ def _paper_size(machine: str) -> dict[str, Any]:
     return {"machine": machine, "varied": MEMORY, MEMORY: PAPER[machine][MEMORY]}
 
 
-WORLDS = "In worlds unknown to the loop"
+WORLDS = "In worlds unknown to the loop,"
 WIDER = f"cells {(PAPER[LEG][ELEMENTS] - 1) / (WIDE - 1):g} times as wide as the paper's"
 CLAIMS = {
     "rate": Claim(
@@ -147,11 +149,12 @@ CLAIMS = {
         "section 4",
         [
             percent(
-                f"visited cells that collide, {machine}, the paper's size",
+                "visited cells that collide, with the paper's size",
                 lambda results: results.measure("colliding"),
                 at_most(0.05),
                 at_least(CROWDED),
                 of=_paper_size(machine),
+                case=machine,
             )
             for machine in SCENARIOS
         ],
@@ -161,11 +164,12 @@ CLAIMS = {
         "section 4",
         [
             Criterion(
-                f"{machine}: errors at the end where at least half of the visited cells collide, over those without",
+                "error at the end where at least half of the visited cells collide, over that without collisions",
                 where_hashed("colliding", CROWDED),
                 at_most(AS_GOOD),
                 at_least(MUCH_WORSE),
                 of={"machine": machine, "varied": [MEMORY, FREE]},
+                case=machine,
             )
             for machine in SCENARIOS
         ],
@@ -181,47 +185,49 @@ FINDINGS = {
         [_compared(machine, ELEMENTS, WIDE, EARLY, at_most(FASTER)) for machine in SCENARIOS],
         yes=f"{WORLDS} {WIDER} learn faster on one leg and on four: in cycle {EARLY} errors are {{value}} and "
         "{values[1]} times as large.",
-        no=f"{WORLDS} {WIDER} do not learn faster on both machines: in cycle {EARLY} errors are {{value}} times as "
+        no=f"{WORLDS} {WIDER} learn faster on one machine at most: in cycle {EARLY} errors are {{value}} times as "
         "large on one leg and {values[1]} on four.",
     ),
     "width_end": Finding(
         [_compared(machine, ELEMENTS, WIDE, None, at_most(AS_GOOD)) for machine in SCENARIOS],
-        yes=f"{WORLDS} CMACs with such cells are at the end about as accurate as the paper's, or more.",
-        no=f"{WORLDS} CMACs with such cells are at the end not as accurate as the paper's on both machines: errors "
-        "are {value} times as large on one leg and {values[1]} on four.",
+        yes=f"{WORLDS} CMACs with {WIDER} end about as accurate as the paper's, or more accurate.",
+        no=f"{WORLDS} CMACs with {WIDER} end less accurate than the paper's: errors are {{value}} times as large on "
+        "one leg and {values[1]} on four.",
     ),
     "layers": Finding(
         [_compared(LEG, LAYERS, n, cycle, at_most(AS_GOOD)) for n in (FEW, MANY) for cycle in (EARLY, None)],
-        yes=f"{WORLDS} {FEW} and {MANY} layers are on one leg about as accurate as the paper's number, or more.",
-        no=f"{WORLDS} {FEW} or {MANY} layers are on one leg clearly less accurate than the paper's number: errors in "
-        f"cycle {EARLY} and at the end are with {FEW} {{value}} and {{values[1]}} times as large, with {MANY} "
-        "{values[2]} and {values[3]}.",
+        yes=f"{WORLDS} {FEW} and {MANY} layers are about as accurate on one leg as the paper's {PAPER[LEG][LAYERS]}, "
+        "or more accurate.",
+        no=f"{WORLDS} {FEW} or {MANY} layers are less accurate on one leg than the paper's {PAPER[LEG][LAYERS]}: "
+        f"with {FEW}, errors are {{value}} times as large in cycle {EARLY} and {{values[1]}} times at the end; with "
+        f"{MANY}, {{values[2]}} and {{values[3]}} times.",
     ),
     "inputs": Finding(
         [_compared(LEG, INPUTS, "[angle]", EARLY, at_most(FASTER))],
-        yes=f"{WORLDS}, on this one path of one leg, a CMAC of the angles alone learns faster than one of all "
-        "inputs.",
-        no=f"{WORLDS}, on this one path of one leg, a CMAC of the angles alone does not learn faster than one of all "
-        f"inputs: in cycle {EARLY} errors are {{value}} times as large.",
+        yes=f"{WORLDS} on this one path of one leg, a CMAC of the angles alone learns faster than one of all "
+        f"inputs: in cycle {EARLY} its error is {{value}} times as large.",
+        no=f"{WORLDS} on this one path of one leg, a CMAC of the angles alone learns no faster than one of all "
+        f"inputs: in cycle {EARLY} its error is {{value}} times as large.",
     ),
     "inputs_end": Finding(
         [_compared(LEG, INPUTS, "[angle]", None, at_most(AS_GOOD))],
-        yes=f"{WORLDS} a CMAC of the angles alone is on this path at the end about as accurate, or more: errors are "
-        "{value} times as large.",
-        no=f"{WORLDS} a CMAC of the angles alone is on this path less accurate at the end: errors are {{value}} "
-        "times as large.",
+        yes=f"{WORLDS} a CMAC of the angles alone ends about as accurate on this path as one of all inputs, or more "
+        "accurate: its error is {value} times as large.",
+        no=f"{WORLDS} a CMAC of the angles alone ends less accurate on this path than one of all inputs: its error "
+        "is {value} times as large.",
     ),
     "room": Finding(
         [
             Criterion(
-                f"one leg in worlds, any layers: largest error at the end with at least {ROOMY:g} rows for each "
-                "visited cell, over that without collisions",
+                f"largest error at the end with at least {ROOMY:g} rows for each visited cell, over that without "
+                "collisions",
                 cost_with_room,
                 at_most(AS_GOOD),
                 of={"machine": IN_WORLDS[LEG], "varied": [MEMORY, SIZE, FREE]},
+                case="one leg, any number of layers",
             )
         ],
-        yes=f"{WORLDS}, with {ROOMY:g} rows of memory for each visited cell or more, collisions cost one leg little "
+        yes=f"{WORLDS} with {ROOMY:g} rows of memory for each visited cell or more, collisions cost one leg little "
         "accuracy.",
         no=f"{WORLDS} collisions cost one leg accuracy even with {ROOMY:g} rows of memory for each visited cell or "
         "more: errors are up to {value} times as large.",
@@ -229,15 +235,15 @@ FINDINGS = {
     "weight": Finding(
         [
             Criterion(
-                "one leg in worlds, crowded memory with as many rows for each visited cell: errors at the end over "
-                f"those without collisions, with {FEW} layers over with {MANY}",
+                f"what collisions cost {FEW} layers in crowded memory, over what they cost {MANY} (error at the end "
+                "over that without collisions)",
                 weigh,
                 at_least(AS_GOOD),
                 of={"machine": IN_WORLDS[LEG], "varied": [SIZE, FREE]},
             )
         ],
-        yes=f"{WORLDS}, in equally crowded memory, collisions cost {FEW} layers more than {MANY}.",
-        no=f"{WORLDS}, in equally crowded memory, collisions do not cost {FEW} layers clearly more than {MANY}.",
+        yes=f"{WORLDS} in equally crowded memory, collisions cost {FEW} layers more than {MANY}.",
+        no=f"{WORLDS} in equally crowded memory, collisions cost {FEW} layers about as much as {MANY}, or less.",
     ),
 }
 

@@ -194,7 +194,7 @@ def _walks(words: str, **of: Any) -> Finding:
     return Finding(
         [percent("planned time walked", lambda r: r.measure("walked"), at_least(0.9), of=of)],
         yes=f"The machine walks to the end {words}.",
-        no=f"The machine does not walk to the end {words}: it lasts {{value}} of the planned time.",
+        no=f"The machine falls before the end {words}: it walks for {{value}} of the planned time.",
     )
 
 
@@ -216,7 +216,7 @@ def _felt(name: str) -> Finding:
     return Finding(
         [Criterion(words, sample, at_least(FELT), of={"part": "left out", "feedforward": CMAC})],
         yes=f"The change “{name}” lowers the force error of cycle {COMPARED}.",
-        no=f"The change “{name}” does not clearly lower the force error of cycle {COMPARED}.",
+        no=f"The change “{name}” hardly changes the force error of cycle {COMPARED}, or raises it.",
     )
 
 
@@ -249,7 +249,7 @@ FINDINGS = {
     "none_path": Finding(
         [_over_feedback(f"transfer_rmse_{axis}", at_most(1.0), **WITHOUT_CHANGES) for axis in "xy"],
         yes="Without the changes learning improves foot positions.",
-        no="Without the changes learning does not improve foot positions.",
+        no="Without the changes learning makes foot positions worse or ends the walk.",
     ),
     "none_force": Finding(
         [_over_feedback(FORCE, at_most(1.0), **WITHOUT_CHANGES)],
@@ -260,7 +260,7 @@ FINDINGS = {
     "all_force": Finding(
         [_over_feedback(FORCE, at_most(0.45), **WITH_ALL), _over_feedback("slow_force", at_most(0.35), **WITH_ALL)],
         yes="With all changes learning makes contact forces much better.",
-        no="Even with all changes learning does not make contact forces much better.",
+        no="Even with all changes learning leaves much of the force error.",
     ),
     "all_path": Finding(
         [
@@ -269,8 +269,8 @@ FINDINGS = {
                 "transfer_rmse_x": 3e-3, "transfer_rmse_y": 1.5e-3, "tilt_max": 0.01, "off_course": OFF_COURSE
             }.items()
         ],
-        yes="With all changes foot positions, tilt and course are good.",
-        no="Even with all changes foot positions, tilt and course are not all good.",
+        yes="With all changes foot positions, tilt and course are all good.",
+        no="Even with all changes, one of foot positions, tilt and course is poor.",
     ),
     **{f"felt_{name}": _felt(name) for name in NAMES},
     "starts_last": Finding(
@@ -279,8 +279,8 @@ FINDINGS = {
             Criterion(f"force error at the end over that of cycle {COMPARED}", _growth, at_most(FELT), of=STARTS),
             _limited("off_course", OFF_COURSE, **STARTS),
         ],
-        yes="What is learnt lasts.",
-        no="What is learnt does not last in every respect.",
+        yes="From disturbed starts, walks complete, and what is learnt lasts.",
+        no="From disturbed starts, walks end early, or what is learnt is lost.",
     ),
     "starts_alike": Finding(
         [percent("largest difference of force errors over their median", _difference, at_most(0.1), of=STARTS)],
@@ -294,7 +294,7 @@ FINDINGS = {
                       of={"part": "starts", "start": LEADLESS})
         ],
         yes="Lead lowers the force error of a long walk.",
-        no="Lead does not lower the force error of a long walk.",
+        no="Lead hardly changes the force error of a long walk, or raises it.",
     ),
 }  # fmt: skip
 

@@ -106,15 +106,22 @@ def _slowest_step(results: Results) -> list[float]:
 
 
 TENTH = "cycles to a tenth of the error of feedback alone"
-LEFT = "learnt with the default stroke, error of {} in the first cycle over that of feedback alone"
+LEFT = "error of {} in its first cycle with a new stroke, over that of feedback alone"
 PERCENT: dict[str, Any] = {"unit": "%", "scale": 100.0}
 
 
 def _criterion(
     group: str | list[str], quantity: str, sample: Any, holds: Limit, fails: Limit | None = None, **unit: Any
 ) -> Criterion:
-    where = group if isinstance(group, str) else LEG
-    return Criterion(f"{where}: {quantity}", sample, holds, fails, **unit, of={"group": group})
+    return Criterion(
+        quantity,
+        sample,
+        holds,
+        fails,
+        **unit,
+        of={"group": group},
+        case=group.removeprefix("another ") if isinstance(group, str) else LEG,
+    )
 
 
 CLAIMS = {

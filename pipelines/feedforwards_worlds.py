@@ -134,151 +134,162 @@ def at_best_rate(results: Results, cycle: int) -> Array:
     return np.max([relative(tested(CMAC), tested(kind), error) for kind in OTHERS], axis=0)
 
 
-def _criterion(group: Any, quantity: str, sample: Sample, holds: Limit, **unit: Any) -> Criterion:
-    return Criterion(quantity, sample, holds, None, **unit, of={"group": group})
+def _criterion(group: Any, quantity: str, sample: Sample, holds: Limit, case: str = "", **unit: Any) -> Criterion:
+    return Criterion(quantity, sample, holds, None, **unit, of={"group": group}, case=case)
 
 
 def _over(group: str, own: str, other: str, cycle: int, most: float) -> Criterion:
-    return _criterion(
-        group, f"{group}: error in cycle {cycle}, {own} over {other}", _kinds(own, other, cycle), at_most(most)
-    )
+    quantity = f"error in cycle {cycle}: {own} over {other}"
+    return _criterion(group, quantity, _kinds(own, other, cycle), at_most(most), case=NAMES[group])
 
 
 PERCENT: dict[str, Any] = {"unit": "%", "scale": 100.0}
-WORLDS = "In worlds unknown to the loop"
+NAMES = {LEG: "one leg", WALK: "quadruped"}
+WORLDS = "In worlds unknown to the loop,"
 FINDINGS = {
     "models": Finding(
         [_over(group, CMAC, MODEL, LATE, HALF) for group in MACHINES],
-        yes=f"{WORLDS} the error of CMAC is in cycle {LATE} far below that of inverse dynamics with the planned "
+        yes=f"{WORLDS} the error of CMAC in cycle {LATE} is far below that of inverse dynamics with the planned "
         "masses: {value} times as large on one leg and {values[1]} on four.",
-        no=f"{WORLDS} the error of CMAC is in cycle {LATE} not far below that of inverse dynamics with the planned "
-        "masses on both machines: {value} times as large on one leg, {values[1]} on four.",
+        no=f"{WORLDS} the error of CMAC in cycle {LATE} is close to that of inverse dynamics with the planned "
+        "masses, or above it: {value} times as large on one leg, {values[1]} on four.",
     ),
     "on_model": Finding(
         [_over(group, ON_MODEL, CMAC, EARLY, CLEARLY) for group in MACHINES]
         + [_over(group, ON_MODEL, CMAC, LATE, AS_GOOD) for group in MACHINES],
-        yes=f"{WORLDS} a CMAC on such a model has a smaller error than CMAC alone in cycle {EARLY}, {{value}} times "
-        f"on one leg and {{values[1]}} on four, and is as accurate in cycle {LATE}.",
-        no=f"{WORLDS} a CMAC on such a model does not have a smaller error than CMAC alone in cycle {EARLY} and as "
-        f"small a one in cycle {LATE} on both machines: in cycle {EARLY} {{value}} times on one leg, {{values[1]}} "
-        f"on four, in cycle {LATE} {{values[2]}} and {{values[3]}} times.",
+        yes=f"{WORLDS} a CMAC on a model with the planned masses starts better than CMAC alone and ends as well: in "
+        f"cycle {EARLY} its error is {{value}} times as large on one leg and {{values[1]}} on four, in cycle {LATE} "
+        "{values[2]} and {values[3]} times.",
+        no=f"{WORLDS} a CMAC on a model with the planned masses starts no better than CMAC alone, or ends worse: in "
+        f"cycle {EARLY} its error is {{value}} times as large on one leg and {{values[1]}} on four, in cycle {LATE} "
+        "{values[2]} and {values[3]} times.",
     ),
     **{
         f"learners_{name}": Finding(
             [_over(group, CMAC, other, LATE, 1.0) for other in OTHERS],
-            yes=f"{WORLDS}, at rate `auto` and unguarded, the error of CMAC ({name}) is in cycle {LATE} below those "
-            "of RBF ({value} times), MLP ({values[1]}) and ILC ({values[2]}).",
-            no=f"{WORLDS}, at rate `auto` and unguarded, the error of CMAC ({name}) is in cycle {LATE} not below "
-            "those of RBF ({value} times), MLP ({values[1]}) and ILC ({values[2]}) alike.",
+            yes=f"{WORLDS} at rate `auto` and unguarded, CMAC ({name}) is more accurate in cycle {LATE} than RBF, "
+            "MLP and ILC: its error is {value}, {values[1]} and {values[2]} times theirs.",
+            no=f"{WORLDS} at rate `auto` and unguarded, one of RBF, MLP and ILC is at least as accurate in cycle "
+            f"{LATE} as CMAC ({name}), whose error is {{value}}, {{values[1]}} and {{values[2]}} times theirs.",
         )
-        for name, group in (("one leg", LEG), ("quadruped", WALK))
+        for group, name in NAMES.items()
     },
     "jumps": Finding(
         [
             _criterion(
                 [LEG, SMOOTH],
-                f"error of {kind} in cycle {LATE} without jumps of the planned speed, over that with them",
+                f"error in cycle {LATE} without jumps of the planned speed, over that with them",
                 partial(without_jumps, kind=kind),
                 at_most(HALF),
+                kind,
             )
             for kind in (MODEL, CMAC)
         ],
         yes=f"{WORLDS} inverse dynamics with the planned masses and CMAC are both far more accurate on a path "
         "without jumps: plan such paths first.",
-        no=f"{WORLDS} inverse dynamics with the planned masses and CMAC are not both far more accurate on a path "
-        f"without jumps: their errors in cycle {LATE} are {{value}} and {{values[1]}} times those with jumps.",
+        no=f"{WORLDS} a path without jumps does not help both inverse dynamics with the planned masses and CMAC: "
+        f"their errors in cycle {LATE} are {{value}} and {{values[1]}} times those with jumps.",
     ),
     **{
         name: Finding(
             [
                 _criterion(
                     RATE,
-                    f"error in cycle {cycle}, CMAC over the least of RBF, MLP, ILC, each at the rate that is best in "
+                    f"error in cycle {cycle}: CMAC over the least of RBF, MLP, ILC, each at the rate that is best in "
                     "other worlds",
                     partial(at_best_rate, cycle=cycle),
                     at_most(AS_GOOD),
                 )
             ],
-            yes=f"{WORLDS}, each at the rate that is best in other worlds, CMAC is in cycle {cycle} about as "
-            "accurate as RBF, MLP and ILC, or more: {value} times the least of their errors.",
-            no=f"{WORLDS}, each at the rate that is best in other worlds, CMAC is in cycle {cycle} less accurate "
-            "than one of RBF, MLP and ILC: {value} times the least of their errors.",
+            yes=f"{WORLDS} with each learner at the rate that is best in other worlds, CMAC is about as accurate in "
+            f"cycle {cycle} as the best of RBF, MLP and ILC, or more accurate: its error is {{value}} times as "
+            "large.",
+            no=f"{WORLDS} with each learner at the rate that is best in other worlds, CMAC is less accurate in cycle "
+            f"{cycle} than the best of RBF, MLP and ILC: its error is {{value}} times as large.",
         )
         for name, cycle in (("best_rate", EARLY), ("best_rate_late", LATE))
     },
     "guard": Finding(
         [
             percent(
-                f"worlds in which the guard does not end learning, {kind}",
+                "worlds in which the guard lets learning go on",
                 lambda own: own.measure("ended_by_guard") == 0.0,
                 at_least(LET),
+                case=kind,
                 group=GUARDED,
                 kind=kind,
             )
             for kind in LEARN
         ],
-        yes=f"{WORLDS} the guard lets each of these learners learn.",
-        no=f"{WORLDS} the guard does not let each of these learners learn: CMAC learns on in {{value}} of the "
-        "worlds, CMAC on model in {values[1]}, RBF in {values[2]}, MLP in {values[3]}, ILC in {values[4]}.",
+        yes=f"{WORLDS} the guard lets each of these learners learn at rate `auto`.",
+        no=f"{WORLDS} the guard ends the learning of some of these learners at rate `auto`: CMAC learns on in "
+        "{value} of the worlds, CMAC on model in {values[1]}, RBF in {values[2]}, MLP in {values[3]}, ILC in "
+        "{values[4]}.",
     ),
     "keep": Finding(
         [
             _criterion(
                 change,
-                f"{change}: mean error of the first {EARLY} cycles, CMAC with its weights over CMAC from nothing",
+                f"mean error of the first {EARLY} cycles: CMAC with its weights over CMAC from nothing",
                 _kept(mean_early),
                 at_most(1.0),
+                change,
             )
             for change in CHANGES
         ],
-        yes=f"{WORLDS} CMAC with its weights has a smaller error than from nothing over the first {EARLY} cycles "
-        "after each of these changes: keep them.",
-        no=f"{WORLDS} CMAC with its weights does not have a smaller error than from nothing over the first {EARLY} "
-        "cycles after each of these changes.",
+        yes=f"{WORLDS} a CMAC that keeps its weights after a change of stroke or ground has a smaller error over the "
+        f"first {EARLY} cycles than one that starts from nothing: keep them.",
+        no=f"{WORLDS} after some changes of stroke or ground, a CMAC that keeps its weights has no smaller error "
+        f"over the first {EARLY} cycles than one that starts from nothing.",
     ),
     "keep_late": Finding(
         [
             _criterion(
                 change,
-                f"{change}: error in cycle {LATE}, CMAC with its weights over CMAC from nothing",
+                f"error in cycle {LATE}: CMAC with its weights over CMAC from nothing",
                 _kept(partial(error_at, cycle=LATE)),
                 at_most(AS_GOOD),
+                change,
             )
             for change in CHANGES
         ],
-        yes=f"Its kept weights do no harm later: in cycle {LATE} CMAC is about as accurate as from nothing, or more.",
-        no=f"After some of these changes CMAC is in cycle {LATE} less accurate with its weights than from nothing.",
+        yes=f"Kept weights do no harm later: in cycle {LATE} CMAC is about as accurate as from nothing, or more "
+        "accurate.",
+        no=f"Kept weights do harm later: after some of these changes CMAC is less accurate in cycle {LATE} than from "
+        "nothing.",
     ),
     "carries_most": Finding(
         [
             _criterion(
                 stroke,
-                f"{stroke}, learnt with the default one: first error of {RBF} over that of feedback alone",
+                f"error of {RBF} in its first cycle with a new stroke, over that of feedback alone",
                 compare({"kind": RBF, "start": CARRIED}, {"kind": ALONE}, partial(error_at, cycle=1)),
                 at_most(LITTLE),
+                stroke,
                 **PERCENT,
             )
             for stroke in STROKES
         ],
         yes=f"{WORLDS} RBF carries most of what it has learnt over to another stroke.",
-        no=f"{WORLDS} RBF does not carry most of what it has learnt over to both other strokes: {{value}} and "
-        "{values[1]} of the error of feedback alone are left in the first cycle.",
+        no=f"{WORLDS} RBF loses much of what it has learnt when the stroke changes: {{value}} and {{values[1]}} of "
+        "the error of feedback alone are left in the first cycle.",
     ),
     "carries_more": Finding(
         [
             _criterion(
                 stroke,
-                f"{stroke}, learnt with the default one: first error of {RBF} over that of {CMAC}",
+                f"error of {RBF} in its first cycle with a new stroke, over that of {CMAC}",
                 compare(
                     {"kind": RBF, "start": CARRIED}, {"kind": CMAC, "start": CARRIED}, partial(error_at, cycle=1)
                 ),
                 at_most(CLEARLY),
+                stroke,
             )
             for stroke in STROKES
         ],
         yes=f"{WORLDS} RBF carries more over to another stroke than CMAC: its first error is {{value}} and "
         "{values[1]} times as large.",
-        no=f"{WORLDS} RBF does not carry clearly more over to both other strokes than CMAC: its first error is "
+        no=f"{WORLDS} RBF carries about as much over to another stroke as CMAC, or less: its first error is "
         "{value} and {values[1]} times as large.",
     ),
 }

@@ -77,12 +77,14 @@ FINDINGS = {
         [
             percent("long runs that complete", lambda results: find_long(results).completed, at_least(ENOUGH)),
             percent(
-                f"long runs whose level is at most {STEADY:g} of that of the best cycle",
+                f"long runs whose feedback ends at most {STEADY:g} times as high as in the best cycle",
                 lambda results: find_long(results).measure(LEVEL) <= STEADY, at_least(ENOUGH),
             ),
         ],
-        yes="One leg learns on for long with random settings: {value} complete, {values[1]} keep their level.",
-        no="One leg does not learn on for long with all settings: {value} complete, {values[1]} keep their level.",
+        yes="Guarded learning of one leg lasts with random settings: {value} of the long runs complete, and "
+        "{values[1]} keep their feedback low.",
+        no="With some random settings guarded learning of one leg is lost: {value} of the long runs complete, and "
+        "{values[1]} keep their feedback low.",
     ),
 }  # fmt: skip
 

@@ -101,19 +101,19 @@ def completes(results: Results, kind: str) -> Array:
 
 def never_worse(machine: str) -> Finding:
     """Whether guarded learning is ever worse than feedback alone."""
-    of = {"part": WORLDS, "machine": machine}
+    of, name = {"part": WORLDS, "machine": machine}, machine[0].upper() + machine[1:]
     return Finding(
         [
             percent("guarded runs that complete", partial(completes, kind=GUARDED), at_least(ENOUGH), of=of),
             percent(
-                f"guarded runs whose error is at most {WORSE:g} of feedback alone's",
+                f"guarded runs whose error is at most {WORSE:g} times that of feedback alone",
                 partial(no_worse, kind=GUARDED), at_least(ENOUGH), of=of,
             ),
         ],
-        yes=f"{machine}: guarded learning is no worse than feedback alone: {{value}} of the runs complete, "
-        "{values[1]} end no worse.",
-        no=f"{machine}: guarded learning can be worse than feedback alone: {{value}} of the runs complete, "
-        "{values[1]} end no worse.",
+        yes=f"{name}: guarded learning ends no worse than feedback alone. {{value}} of the runs complete, and "
+        "{values[1]} have no larger error.",
+        no=f"{name}: guarded learning can end worse than feedback alone. {{value}} of the runs complete, and "
+        "{values[1]} have no larger error.",
     )  # fmt: skip
 
 

@@ -68,38 +68,39 @@ def _costs(what: str, measure: str, least: float, machine: str) -> Criterion:
     )
 
 
-WORLDS = "In worlds unknown to the loop"
+WORLDS = "In worlds unknown to the loop,"
 
 
 def _find(machine: str) -> dict[str, Finding]:
     """The findings of one machine."""
-    run, end = f"learning that lasts ({machine})", "errors end at up to {value} times those without"
+    who, end = machine if machine == LEG else f"the {machine}", "errors end at up to {value} times those without"
     rows = f"{ROOMY:g} rows of memory for each visited cell or more"
     complete = [
         percent(
-            f"runs that complete where at least half of the visited cells collide, {rule}",
+            "runs that complete where at least half of the visited cells collide",
             where_hashed("colliding", CROWDED, lambda results: hashed(results).completed),
             at_least(0.8),
             of={"machine": machine, "rule": rule},
+            case=rule,
         )
         for rule in CYCLES
     ]
-    shares = "{value} with the paper's rule in its own world, {values[1]} with learning that lasts, in worlds"
+    shares = "{value} with the paper's rule in its own world, {values[1]} with `learning=lasting` in unknown worlds"
     return {
         f"accurate_{machine}": Finding(
             [_costs("where at least half of the visited cells collide", "colliding", CROWDED, machine)],
-            yes=f"{WORLDS} crowded memory costs {run} little accuracy: {end} collisions.",
-            no=f"{WORLDS} crowded memory costs {run} accuracy: {end} collisions.",
+            yes=f"{WORLDS} crowded memory costs {who} little accuracy: {end} collisions.",
+            no=f"{WORLDS} crowded memory costs {who} accuracy: {end} collisions.",
         ),
         f"room_{machine}": Finding(
             [_costs(f"with at least {ROOMY:g} rows for each visited cell", "rows_per_cell", ROOMY, machine)],
-            yes=f"{WORLDS} collisions cost {run} little accuracy with {rows}: {end}.",
-            no=f"{WORLDS} collisions cost {run} accuracy even with {rows}: {end}.",
+            yes=f"{WORLDS} collisions cost {who} little accuracy with {rows}: {end}.",
+            no=f"{WORLDS} collisions cost {who} accuracy even with {rows}: {end}.",
         ),
         f"stable_{machine}": Finding(
             complete,
-            yes=f"Runs with crowded memory complete ({machine}): {shares}.",
-            no=f"Many runs with crowded memory end early ({machine}); those complete are {shares}.",
+            yes=f"Runs of {who} with crowded memory complete: {shares}.",
+            no=f"Many runs of {who} with crowded memory end early. The share that completes is {shares}.",
         ),
     }
 

@@ -111,12 +111,12 @@ def _least_rule(results: Results) -> Array:
 
 def _by_world(quantity: str, sample: Sample, limit: Limit, **of: Any) -> list[Criterion]:
     """A criterion for each world, in their order."""
-    return [Criterion(f"{quantity}, {world}", sample, limit, of={**of, "world": world}) for world in WORLDS]
+    return [Criterion(quantity, sample, limit, of={**of, "world": world}, case=world) for world in WORLDS]
 
 
 def _done(what: str, **of: Any) -> list[Criterion]:
     return [
-        percent(f"cycles done of those asked for, {what}, {world}", share_done, at_least(0.9), world=world, **of)
+        percent(f"cycles done of those asked for, {what}", share_done, at_least(0.9), case=world, world=world, **of)
         for world in WORLDS
     ]
 
@@ -125,10 +125,15 @@ def _compare_choice(choice: str) -> Finding:
     sample = partial(_over, chosen={"choice": choice}, other={"choice": DEFAULT})
     return Finding(
         _by_world(f"final error with {choice} over that with the defaults", sample, at_most(AS_GOOD), part=CHOICE),
-        yes=f"One leg, {choice}: after so many cycles as good as the defaults, in every world.",
-        no=f"One leg, {choice}: after so many cycles not as good as the defaults in every world; on time {{value}} "
-        "times their error.",
+        yes=f"One leg with {choice} ends as accurate as with the defaults in every world.",
+        no=f"One leg with {choice} ends less accurate than with the defaults in some worlds. Where feedback is on "
+        "time, its error is {value} times as large.",
     )
+
+
+def name_of(machine: str) -> str:
+    """A machine at the beginning of a sentence."""
+    return machine[0].upper() + machine[1:]
 
 
 AUTO = {"learning.rate": "auto"}
@@ -136,8 +141,8 @@ FINDINGS = {
     **{
         f"{name}_{machine}": Finding(
             _by_world("final error over the least", over_least, at_most(HELD), machine=machine, **of),
-            yes=f"{machine}: learning holds with {what} in every world.",
-            no=f"{machine}: learning does not hold with {what} in every world.",
+            yes=f"{name_of(machine)}: learning holds with {what} in every world.",
+            no=f"{name_of(machine)}: learning grows again with {what} in some worlds.",
         )
         for machine in MACHINES
         for name, what, of in (
@@ -148,8 +153,8 @@ FINDINGS = {
     **{
         f"{name}_{machine}": Finding(
             _done(what, machine=machine, **of),
-            yes=f"{machine}: runs complete with {what} in every world.",
-            no=f"{machine}: runs with {what} do not complete in every world; with encoders {{values[1]}}.",
+            yes=f"{name_of(machine)}: runs complete with {what} in every world.",
+            no=f"{name_of(machine)}: runs end early with {what} in some worlds.",
         )
         for machine in MACHINES
         for name, what, of in (
@@ -160,36 +165,36 @@ FINDINGS = {
     },
     "paper_rate": Finding(
         _by_world(
-            "final error with the paper's rate over that with `auto`",
+            "final error with the paper's rate over that with rate auto",
             partial(_over, chosen={"learning.rate": PAPER_RATE}, other=AUTO), at_most(AS_GOOD),
             part=RATE, machine=LEG,
         ),
-        yes="With the right lead the paper's rate leaves one leg no larger error than `auto` in any world.",
+        yes="With the right lead the paper's rate leaves one leg as small an error as `auto` in every world.",
         no="The paper's rate leaves one leg a larger error than `auto` in some worlds.",
     ),
     **{
         f"wrong_{machine}": Finding(
             _by_world("final error over feedback alone", over_alone, at_most(HARMLESS), part=WRONG, machine=machine),
-            yes=f"{machine}: guarded, it ends no worse than feedback alone with lead 1 in every world.",
-            no=f"{machine}: guarded, it ends worse than feedback alone with lead 1 in some world.",
+            yes=f"{name_of(machine)}: guarded learning with lead 1 ends no worse than feedback alone in every world.",
+            no=f"{name_of(machine)}: guarded learning with lead 1 ends worse than feedback alone in some worlds.",
         )
         for machine in MACHINES
     },
     "rules": Finding(
         _done("every rule", part=CHOICE, choice=[DEFAULT, *OTHER_RULES]),
         yes="One leg completes with every rule in every world.",
-        no="One leg does not complete with every rule in every world.",
+        no="One leg ends early with some rules in some worlds.",
     ),
     "rule": Finding(
         _by_world("least error of another rule over that of the paper's", _least_rule, at_most(0.9), part=CHOICE),
-        yes="In every world another rule leaves one leg an error at least a tenth smaller.",
-        no="There are worlds in which no rule leaves one leg an error at least a tenth smaller than the paper's.",
+        yes="In every world another rule leaves one leg an error at least a tenth smaller than the paper's.",
+        no="In some worlds the paper's rule leaves one leg about as small an error as any other rule.",
     ),
     **{
         choice: Finding(
             _by_world("final error over the least", over_least, at_most(HELD), part=CHOICE, choice=choice),
             yes=f"One leg: learning holds with {choice} in every world.",
-            no=f"One leg: learning does not hold with {choice} in every world.",
+            no=f"One leg: learning grows again with {choice} in some worlds.",
         )
         for choice in LEADS
     },

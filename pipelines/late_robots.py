@@ -65,13 +65,13 @@ def _errors(world: str, kind: str, words: str, limit: float) -> Finding:
     return Finding(
         [
             Criterion(
-                f"{shown.title} error with {words}, {robot}", partial(last, name=POSITION), at_most(limit),
-                unit=shown.unit, scale=shown.factor, of={"part": ALL, "world": world, "kind": kind, "robot": robot},
+                f"{shown.title} error with {words}", partial(last, name=POSITION), at_most(limit), unit=shown.unit,
+                scale=shown.factor, of={"part": ALL, "world": world, "kind": kind, "robot": robot}, case=robot,
             )
             for robot in ROBOTS
         ],
-        yes=f"“{world}”, {words}: the feet of every robot follow their paths within {1e3 * limit:g} mm.",
-        no=f"“{world}”, {words}: the feet of some robots do not follow their paths within {1e3 * limit:g} mm.",
+        yes=f"With {world} and {words}, the feet of every robot follow their paths within {1e3 * limit:g} mm.",
+        no=f"With {world} and {words}, the feet of some robots leave their paths by more than {1e3 * limit:g} mm.",
     )  # fmt: skip
 
 
@@ -79,13 +79,13 @@ def _forces(world: str) -> Finding:
     return Finding(
         [
             percent(
-                f"force error over that of feedback alone, {robot}", partial(_over_alone, name=FORCE), at_most(1.0),
+                "force error over that of feedback alone", partial(_over_alone, name=FORCE), at_most(1.0), case=robot,
                 part=ALL, world=world, robot=robot,
             )
             for robot in ROBOTS
         ],
-        yes=f"“{world}”: learning lowers the force error of every robot.",
-        no=f"“{world}”: learning does not lower the force error of every robot.",
+        yes=f"With {world}, learning lowers the force error of every robot.",
+        no=f"With {world}, learning leaves the force error of some robots as it is, or raises it.",
     )  # fmt: skip
 
 
@@ -96,27 +96,28 @@ def _completed(results: Results) -> list[bool]:
 FINDINGS = {
     "walks": Finding(
         [percent("walks completed", _completed, at_least(0.9), part=ALL)],
-        yes="Robots whose feedback is late walk to the end, with a CMAC as by feedback alone: {value}.",
-        no="Some robots whose feedback is late do not walk to the end: {value} do.",
+        yes="Robots whose feedback is late walk to the end, with a CMAC and with feedback alone: {value} of the "
+        "walks complete.",
+        no="Some robots whose feedback is late fall before the end: {value} of the walks complete.",
     ),
     "lasts": Finding(
         [
-            percent(f"walks completed, {robot}", _completed, at_least(0.5), part=LONG, robot=robot)
+            percent("walks completed", _completed, at_least(0.5), case=robot, part=LONG, robot=robot)
             for robot in LASTING
         ],
-        yes="With encoders they walk on to the end: {values[0]} and {values[1]} of the walks complete.",
-        no="With encoders some do not walk on to the end: {values[0]} and {values[1]} of the walks complete.",
+        yes="With encoders Go1 and Aliengo complete long walks: {values[0]} and {values[1]} of them.",
+        no="With encoders Go1 or Aliengo falls in long walks: they complete {values[0]} and {values[1]} of them.",
     ),
     "accurate": Finding(
         [
             Criterion(
-                f"transfer error, {robot}", partial(last, name=POSITION), at_most(ACCURATE), unit="mm", scale=1e3,
-                of={"part": LONG, "robot": robot},
+                "transfer error at the end", partial(last, name=POSITION), at_most(ACCURATE), unit="mm", scale=1e3,
+                of={"part": LONG, "robot": robot}, case=robot,
             )
             for robot in LASTING
         ],
-        yes="They stay accurate: {values[0]} and {values[1]}.",
-        no="They do not stay accurate: {values[0]} and {values[1]}.",
+        yes="Go1 and Aliengo stay accurate in long walks: their transfer errors end at {values[0]} and {values[1]}.",
+        no="Go1 or Aliengo loses accuracy in long walks: the transfer errors end at {values[0]} and {values[1]}.",
     ),
     **{f"alone_{world}": _errors(world, ALONE, "feedback alone", 0.03) for world in WORLDS},
     **{f"position_{world}": _errors(world, CMAC, "a CMAC", ACCURATE) for world in WORLDS},

@@ -7,6 +7,7 @@ L(s) = (K_ap + K_av s) LEAD(s) / (M s^2). The bandwidth of the open loop is read
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+UNMET = "the loop is unstable, or no pair meets (a)"
 SCENARIOS = {"one leg": "one_leg", "the quadruped": "quadruped"}
 OMEGAS, ALPHAS, POINTS = (0.2, 200.0), (1.0, 100.0), 30
 """Range of omega (rad/s) and of alpha in a scan, and points of each."""
@@ -114,7 +116,7 @@ def _claim(
         def sample(results: Results) -> Array:
             return measure(_loops(results, name, default))
 
-        return percent(f"{quantity}, gains of {name}", sample, at_most(most))
+        return replace(percent(quantity, sample, at_most(most), case=f"gains of {name}"), infinite=UNMET)
 
     return Claim(words, where, [criterion(name) for name in SCENARIOS])
 

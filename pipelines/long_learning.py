@@ -107,6 +107,7 @@ def _with_feedback(results: Results) -> Array:
     return relative(felt, ramped, partial(final, name=FORCE))
 
 
+DONE = "cycles done of those asked for"
 WARNED = {"part": [WORLD, LATE, RATE]}
 
 
@@ -114,17 +115,17 @@ def _paper(machine: str, lead: int | str, part: str) -> dict[str, Any]:
     return {"part": part, "machine": machine, "learning.lead": lead, **PAPER}
 
 
-def _ends(what: str, of: Mapping[str, Any], sample: Any = share_done) -> Criterion:
-    return percent(f"cycles done of those asked for, {what}", sample, at_most(0.9), of=of)
+def _ends(case: str, of: Mapping[str, Any], sample: Any = share_done) -> Criterion:
+    return percent(DONE, sample, at_most(0.9), None, of, case)
 
 
-def _complete(what: str, of: Mapping[str, Any], least: float) -> Criterion:
-    return percent(f"runs that complete, {what}", lambda results: results.completed, at_least(least), of=of)
+def _complete(case: str, of: Mapping[str, Any], least: float) -> Criterion:
+    return percent("runs that complete", lambda results: results.completed, at_least(least), None, of, case)
 
 
-def _steady(what: str, of: Mapping[str, Any], name: str = TRANSFER) -> Criterion:
-    quantity = f"largest error over the least in the second half of the run, {what}"
-    return Criterion(quantity, partial(measures.variation, name=name), at_most(1.25), of=of)
+def _steady(case: str, of: Mapping[str, Any], name: str = TRANSFER) -> Criterion:
+    quantity = f"largest {'force ' * (name == FORCE)}error over the least in the second half of the run"
+    return Criterion(quantity, partial(measures.variation, name=name), at_most(1.25), of=of, case=case)
 
 
 def _others(what: str, lead: int | str, name: str, machine: str, limit: float) -> Criterion:
@@ -136,18 +137,18 @@ def _others(what: str, lead: int | str, name: str, machine: str, limit: float) -
     )
 
 
-KNOWN, UNKNOWN = "In the paper's own world", "In worlds unknown to the loop"
+KNOWN, UNKNOWN = "In the paper's own world,", "In worlds unknown to the loop,"
 FINDINGS = {
     "lead": Finding(
         [
             *(_ends(f"{machine}, lead 0", _paper(machine, 0, GRID)) for machine in (LEG, WALK)),
             _steady("one leg, lead 1", _paper(LEG, 1, GRID)),
         ],
-        yes=f"{KNOWN} the paper's rule does not last with lead 0, as published: one leg ends after {{value}} of its "
-        "cycles, the quadruped after {values[1]}. With lead 1 it lasts on one leg.",
+        yes=f"{KNOWN} learning with lead 0, as published, ends early: one leg ends after {{value}} of its cycles, "
+        "the quadruped after {values[1]}. With lead 1 learning lasts on one leg.",
         no=f"{KNOWN} the lead alone does not decide whether the paper's rule lasts: with lead 0 one leg completes "
-        "{value} of its cycles and the quadruped {values[1]}; with lead 1 errors of one leg vary {values[2]}-fold in "
-        "the second half.",
+        "{value} of its cycles and the quadruped {values[1]}; with lead 1 the largest error of one leg in the second "
+        "half of the run is {values[2]} times the least.",
     ),
     "lasts": Finding(
         [
@@ -156,52 +157,59 @@ FINDINGS = {
         ],
         yes=f"{UNKNOWN} the paper's rule lasts on one leg with lead and rate `auto`; with lead 0 one leg ends after "
         "{values[1]} of its cycles, the quadruped after {values[2]}.",
-        no=f"{UNKNOWN} the lead does not decide whether the paper's rule lasts: with lead and rate `auto` errors of "
-        "one leg vary {value}-fold in the second half; with lead 0 it completes {values[1]} of its cycles, the "
-        "quadruped {values[2]}.",
+        no=f"{UNKNOWN} the lead does not decide whether the paper's rule lasts: with lead and rate `auto` the "
+        "largest error of one leg in the second half of the run is {value} times the least; with lead 0 one leg "
+        "completes {values[1]} of its cycles, the quadruped {values[2]}.",
     ),
     "body": Finding(
-        [_steady("force", _paper(WALK, "auto", WORLD), FORCE)],
-        yes=f"{UNKNOWN} lead `auto` is enough under a body too: force errors vary by a factor of {{value}} in the "
-        "second half.",
-        no=f"{UNKNOWN} lead `auto` alone is not enough under a body: force errors vary by a factor of {{value}} in "
-        "the second half.",
+        [_steady("quadruped, lead auto", _paper(WALK, "auto", WORLD), FORCE)],
+        yes=f"{UNKNOWN} lead `auto` is enough under a body too: the largest force error in the second half of the "
+        "run is {value} times the least.",
+        no=f"{UNKNOWN} lead `auto` alone is too little under a body: the largest force error in the second half of "
+        "the run is {value} times the least.",
     ),
     **{
         f"rules_{machine}": Finding(
             [_others(f"{what} error", "auto", name, machine, 0.9)],
-            yes=f"{UNKNOWN} another rule ({machine}) leaves {{value}} times the {what} error of the paper's.",
-            no=f"{UNKNOWN} no other rule ({machine}) leaves a {what} error smaller by a tenth than the paper's.",
+            yes=f"{UNKNOWN} with lead `auto`, the best other rule leaves {who} {{value}} times the {what} error "
+            "that the paper's rule leaves.",
+            no=f"{UNKNOWN} with lead `auto`, the best other rule leaves {who} about the {what} error that the "
+            "paper's rule leaves, or more: {value} times.",
         )
-        for machine, what, name in ((LEG, "transfer", TRANSFER), (WALK, "force", FORCE))
+        for machine, who, what, name in (
+            (LEG, "one leg", "transfer", TRANSFER),
+            (WALK, "the quadruped", "force", FORCE),
+        )
     },
     "substitute": Finding(
         [_others("error", 0, TRANSFER, LEG, 1.1)],
-        yes=f"{UNKNOWN} a rule can replace the right lead on one leg: with lead 0 one leaves {{value}} times the "
-        "error of the paper's rule with lead `auto`.",
-        no=f"{UNKNOWN} no rule replaces the right lead on one leg: with lead 0 the least error of any other is "
-        "{value} times that of the paper's rule with lead `auto`.",
+        yes=f"{UNKNOWN} a rule can replace the right lead on one leg: with lead 0 the best rule leaves {{value}} "
+        "times the error of the paper's rule with lead `auto`.",
+        no=f"{UNKNOWN} no rule replaces the right lead on one leg: with lead 0 the best rule leaves {{value}} times "
+        "the error of the paper's rule with lead `auto`.",
     ),
     "late": Finding(
         [
             _complete("lead auto", {"part": LATE, "learning.lead": "auto"}, 0.8),
             _ends("lead one less", {"part": LATE}, measures.one_too_short),
         ],
-        yes=f"{UNKNOWN} the lead must not be less than the number of samples from torque to feedback, which "
-        "`learning.lead=auto` counts: with it {value} of the runs complete, with one less they end after "
+        yes=f"{UNKNOWN} the lead must be at least the number of samples from torque to feedback, which "
+        "`learning.lead=auto` counts: with it {value} of the runs complete; with one sample less they end after "
         "{values[1]} of their cycles.",
         no=f"{UNKNOWN} the number of samples from torque to feedback does not decide: with `learning.lead=auto` "
-        "{value} of the runs complete; with one less, they do {values[1]} of their cycles.",
+        "{value} of the runs complete; with one sample less they complete {values[1]} of their cycles.",
     ),
     "latest": Finding(
         [
             _complete(
-                f"lead auto, delay {delay}", {"part": LATE, "learning.lead": "auto", "actuator.delay": delay}, 0.75
+                f"lead auto, torque {delay} samples late",
+                {"part": LATE, "learning.lead": "auto", "actuator.delay": delay},
+                0.75,
             )
             for delay in DELAYS
         ],
         yes=f"{UNKNOWN} one leg needs no guard with lead and rate `auto` and torques up to {DELAYS[-1]} samples "
-        "late: {value}, {values[1]} and {values[2]} of the runs complete.",
+        "late: {value}, {values[1]} and {values[2]} of the runs complete with torques 0, 1 and 2 samples late.",
         no=f"{UNKNOWN} one leg needs a guard with lead and rate `auto` where torques are late: {{value}} of the runs "
         "complete with torques on time, {values[1]} and {values[2]} with later ones.",
     ),
@@ -214,22 +222,24 @@ FINDINGS = {
                 of={"part": RATE},
             )
         ],
-        yes=f"{UNKNOWN} rate `auto` leaves one leg about as small an error as the best of the rates tried: {{value}} "
-        "times.",
-        no=f"{UNKNOWN} rate `auto` leaves one leg a larger error than the best of the rates tried: {{value}} times.",
+        yes=f"{UNKNOWN} rate `auto` leaves one leg about as small an error as the best of the rates tried, {{value}} "
+        "times as large.",
+        no=f"{UNKNOWN} rate `auto` leaves one leg a larger error than the best of the rates tried, {{value}} times "
+        "as large.",
     ),
     "fast": Finding(
         [
             percent(
-                f"cycles done of those asked for, rate {rate}, lead auto",
+                DONE,
                 share_done,
                 at_least(0.9),
                 of={"part": RATE, "learning.rate": rate},
+                case=f"lead auto, rate {rate}",
             )
             for rate in FAST
         ],
-        yes=f"{UNKNOWN} one leg completes with lead `auto` at rates of {FAST[0]} and {FAST[1]}.",
-        no=f"{UNKNOWN} one leg does not complete with lead `auto` at rates of {FAST[0]} and {FAST[1]} alike: it does "
+        yes=f"{UNKNOWN} one leg with lead `auto` completes its cycles at rates of {FAST[0]} and {FAST[1]}.",
+        no=f"{UNKNOWN} one leg with lead `auto` ends early at a rate of {FAST[0]} or {FAST[1]}: it completes "
         "{value} and {values[1]} of its cycles.",
     ),
     "settings": Finding(
@@ -240,12 +250,12 @@ FINDINGS = {
                 at_most(0.5),
                 of={"part": SETTING},
             ),
-            _steady("force, with both", {"part": SETTING, "settings": FELT}, FORCE),
+            _steady("ramp and stronger force feedback", {"part": SETTING, "settings": FELT}, FORCE),
         ],
-        yes=f"{UNKNOWN} stronger force feedback keeps the quadruped's force error small: {{value}} times that "
-        "without it. `scenario=quadruped_lasting` has these settings.",
-        no=f"{UNKNOWN} stronger force feedback does not keep the quadruped's force error small: it is {{value}} "
-        "times that without, and varies {values[1]}-fold.",
+        yes=f"{UNKNOWN} stronger force feedback at least halves the quadruped's force error, to {{value}} times that "
+        "with the ramp alone, and keeps it steady. `scenario=quadruped_lasting` has these settings.",
+        no=f"{UNKNOWN} stronger force feedback leaves more than half of the quadruped's force error, {{value}} times "
+        "that with the ramp alone, or an error that varies.",
     ),
     "drift": Finding(
         [
@@ -264,16 +274,17 @@ FINDINGS = {
         ],
         yes="Drift is detected in {value} of the runs that diverge or fall, when errors are {values[1]} times their "
         "least: learning can be stopped in time.",
-        no="Drift is no sufficient warning: it is detected in {value} of the runs that diverge or fall, when errors "
-        "are {values[1]} times their least.",
+        no="Detection of drift is too late or too rare to rely on alone: it comes in {value} of the runs that "
+        "diverge or fall, when errors are {values[1]} times their least.",
     ),
     **{
         f"growth_{machine}": Finding(
             [
                 Criterion(
-                    f"largest distance of predicted from measured growth per cycle, paper's rule, {machine}",
+                    "largest difference between predicted and measured growth per cycle, paper's rule",
                     partial(measures.growth_miss, machine=machine),
                     at_most(NEAR),
+                    case=machine,
                 )
             ],
             yes=f"{KNOWN} the linearised loop predicts the growth per cycle of the paper's rule ({machine}) to "

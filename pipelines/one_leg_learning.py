@@ -40,11 +40,11 @@ LAWS = {NO_LEAD: ("learning.lead=0",), LEAD: ("learning.lead=1",)}
 CMAC, EXACT = {"feedforward": "cmac"}, {"feedforward": "inverse_dynamics"}
 PAPER = {"variant": PUBLISHED, **CMAC}
 ERRORS = {
-    "transfer_rmse_x": "RMS error in x in transfer",
-    "transfer_rmse_y": "RMS error in y in transfer",
-    "support_rmse_x": "RMS error in x in support",
-    "force_rmse": "RMS force error",
-    "force_steady_state_error": "steady-state error of the force",
+    "transfer_rmse_x": "in x in transfer",
+    "transfer_rmse_y": "in y in transfer",
+    "support_rmse_x": "in x in support",
+    "force_rmse": "force, RMS",
+    "force_steady_state_error": "force, steady state",
 }
 LESS, MORE = at_most(1.0), at_least(1.0)
 ELIMINATED = at_most(0.10)
@@ -134,14 +134,14 @@ of_paper = partial(percent, of=PAPER)
 
 def _compare(name: str, cycle: int, before: int, holds: Limit, fails: Limit) -> Criterion:
     """An error in one cycle over that in another."""
-    words = f"{ERRORS[name]}, cycle {cycle} over cycle {before}"
-    return of_paper(words, _over(_at(cycle, name), _at(before, name)), holds, fails)
+    words, sample = f"error in cycle {cycle} over that in cycle {before}", _over(_at(cycle, name), _at(before, name))
+    return of_paper(words, sample, holds, fails, case=ERRORS[name])
 
 
 def _ramp_over_step(quantity: str, sample: Sample) -> Criterion:
     """What the runs with a force ramp give over those with a step."""
-    words, of = f"{quantity}, cycle {FIFTH}, ramp over step", {"variant": [PUBLISHED, RAMPED]}
-    return percent(words, ratio(sample, {"variant": RAMPED}, PAPER), LESS, MORE, of)
+    words, of = f"with a force ramp over that with a step, cycle {FIFTH}", {"variant": [PUBLISHED, RAMPED]}
+    return percent(words, ratio(sample, {"variant": RAMPED}, PAPER), LESS, MORE, of, quantity)
 
 
 CLAIMS = {
@@ -149,8 +149,8 @@ CLAIMS = {
         "with feedback alone there are fairly large position control errors in both the X and Y directions",
         "section 5, Fig. 10",
         [
-            of_paper(f"largest error in {axis} in transfer, cycle {FIRST}, over the {extent}",
-                     _measure(f"peak_{axis}"), at_least(0.05), at_most(0.01))
+            of_paper(f"largest error in transfer, cycle {FIRST}", _measure(f"peak_{axis}"), at_least(0.05),
+                     at_most(0.01), case=f"in {axis}, over the {extent}")
             for axis, extent in (("x", "stroke"), ("y", "lift"))
         ],
     ),
@@ -164,10 +164,10 @@ CLAIMS = {
         "with feedback alone the foot force goes to 1.1 N, then decreases to approximately 0.9 N",
         "section 5, Fig. 12",
         [
-            Criterion(f"largest force in support, cycle {FIRST}", _measure("force_peak"), between(1.05, 1.15),
-                      unit="N", of=PAPER),
-            Criterion(f"mean force in the second half of support, cycle {FIRST}", _at(FIRST, "force_settled"),
-                      between(0.85, 0.95), unit="N", of=PAPER),
+            Criterion(f"force in support, cycle {FIRST}", _measure("force_peak"), between(1.05, 1.15),
+                      unit="N", of=PAPER, case="largest"),
+            Criterion(f"force in support, cycle {FIRST}", _at(FIRST, "force_settled"),
+                      between(0.85, 0.95), unit="N", of=PAPER, case="mean of the second half"),
         ],
     ),
     "some_improvement": Claim(
@@ -251,13 +251,13 @@ CLAIMS = {
 
 
 def _versus_exact(variant: str, when: str, sample: Sample) -> Finding:
-    words = f"error in y with the CMAC {when} is {{value}} times that with exact inverse dynamics: learning has"
+    words = f"the error in y {when} is {{value}} times as large with the CMAC as with exact inverse dynamics"
     path = "path as published" if variant == PUBLISHED else "smooth path"
     return Finding(
-        [Criterion(f"RMS error in y in transfer, CMAC over exact inverse dynamics, {when}",
+        [Criterion(f"RMS error in y in transfer {when}: CMAC over exact inverse dynamics",
                    ratio(sample, CMAC, EXACT), LESS, of={"variant": variant})],
-        yes=f"On the {path} the {words} passed the model.",
-        no=f"On the {path} the {words} not passed the model.",
+        yes=f"On the {path}, {words}: the CMAC has overtaken the model.",
+        no=f"On the {path}, {words}: the model is still ahead.",
     )  # fmt: skip
 
 
@@ -265,25 +265,27 @@ IN_FIFTH = (f"in cycle {FIFTH}", _at(FIFTH, "transfer_rmse_y"))
 AT_END = ("over the last cycles", _end("transfer_rmse_y"))
 FINDINGS = {
     "eliminated_later": Finding(
-        [of_paper(f"{ERRORS[name]}, last cycles over cycle {FIRST}", _over(_end(name), _at(FIRST, name)), ELIMINATED)
+        [of_paper(f"RMS error in the last cycles over that in cycle {FIRST}", _over(_end(name), _at(FIRST, name)),
+                  ELIMINATED, case=ERRORS[name])
          for name in ("transfer_rmse_x", "transfer_rmse_y")],
-        yes="By the end of the run both errors are virtually eliminated: {values[0]} in x and {values[1]} in y.",
-        no="By the end of the run the errors are not both virtually eliminated: {values[0]} in x, {values[1]} in y.",
+        yes="By the end of the run both position errors are virtually eliminated: {values[0]} of the first error is "
+        "left in x and {values[1]} in y.",
+        no="By the end of the run at least one error remains: {values[0]} in x and {values[1]} in y.",
     ),
     "statics": Finding(
-        [of_paper("deviation of the settled force from statics", _statics_deviation, at_most(0.02))],
+        [of_paper("difference of the settled force from statics", _statics_deviation, at_most(0.02))],
         yes="Statics with the weight of the leg give the force at which feedback alone settles.",
-        no="Statics with the weight of the leg do not give the force at which feedback alone settles.",
+        no="Statics with the weight of the leg miss the force at which feedback alone settles by {value}.",
     ),
     "bias": Finding(
         [
-            of_paper("deviation of the final force error from the bias of eq. 13", _bias_deviation, at_most(0.05)),
+            of_paper("difference of the final force error from the bias of eq. 13", _bias_deviation, at_most(0.05)),
             percent("size of the final force error without the term", _end("force_steady_state_error"),
                     at_most(0.005), of=CMAC, variant=AWARE),
         ],
-        yes="The force error that learning leaves is this bias: it has the predicted size, and without the term the "
-        "error is {values[1]}. Use `reference=aware` where the force is to be exact.",
-        no="The force error that learning leaves is not this bias, or not this bias alone.",
+        yes="The force error that learning leaves is the bias of eq. 13: it has the predicted size, and without the "
+        "term the error is {values[1]}. Use `reference=aware` where the force is to be exact.",
+        no="The bias of eq. 13 does not explain the force error that learning leaves.",
     ),
     "lead": Finding(
         [Criterion("RMS feedback torque over the last cycles over its least", final_feedback, AT_ITS_LEAST,
@@ -295,7 +297,8 @@ FINDINGS = {
         [percent(f"share of the squared feedback torque in the {trace.SWING_START:g} s after lift-off, in the last "
                  "cycle that was recorded", _measure("lift_off_late"), at_least(0.5), law=NO_LEAD)],
         yes="Late in the run as published most of the squared feedback torque falls just after lift-off.",
-        no="Late in the run as published most of the squared feedback torque does not fall just after lift-off.",
+        no="Late in the run as published most of the squared feedback torque falls elsewhere than just after "
+        "lift-off.",
     ),
     "published_early": _versus_exact(PUBLISHED, *IN_FIFTH),
     "published_late": _versus_exact(PUBLISHED, *AT_END),

@@ -59,10 +59,10 @@ NEAR, FAR = at_most(0.05), at_least(0.1)
 """Departures from the gait as parts of a cycle: a quarter and half of a transfer."""
 LATE_CYCLES = f"median of the last {LATE} cycles"
 ERRORS = {
-    "transfer_rmse_x": "transfer error in x",
-    "transfer_rmse_y": "transfer error in y",
-    "force_rmse_three_feet": "force error with three feet down",
-    "force_rmse_cycle": "force error over the whole cycle",
+    "transfer_rmse_x": "transfer, in x",
+    "transfer_rmse_y": "transfer, in y",
+    "force_rmse_three_feet": "force, three feet down",
+    "force_rmse_cycle": "force, whole cycle",
 }
 
 
@@ -133,9 +133,9 @@ def _end(metric: str) -> Sample:
 of_ladder = partial(percent, of={"part": LADDER})
 
 
-def _tilt(name: str, holds: Limit, fails: Limit | None = None, **of: Any) -> Criterion:
-    quantity = f"largest tilt in a cycle, {LATE_CYCLES}{name}"
-    return Criterion(quantity, _end("tilt_max"), holds, fails, "mrad", 1e3, {"part": LADDER} | of)
+def _tilt(case: str, holds: Limit, fails: Limit | None = None, **of: Any) -> Criterion:
+    quantity = f"largest tilt in a cycle, {LATE_CYCLES}"
+    return Criterion(quantity, _end("tilt_max"), holds, fails, "mrad", 1e3, {"part": LADDER} | of, case)
 
 
 def _claims(controller: str, how: str) -> dict[str, Claim]:
@@ -149,7 +149,7 @@ def _claims(controller: str, how: str) -> dict[str, Claim]:
             [
                 of_walk("part of the cycles that are walked", share_done, WALKS, FALLS),
                 _tilt("", STEADY, LEANS, controller=controller),
-                of_walk(f"largest departure from the planned height in the last {LATE} cycles", measured.height_off,
+                of_walk(f"largest difference from the planned height in the last {LATE} cycles", measured.height_off,
                         at_most(0.01), at_least(0.05)),
             ],
         ),
@@ -195,9 +195,9 @@ def _claims(controller: str, how: str) -> dict[str, Claim]:
         f"improves_{how}": Claim(
             f"Learning improves the accuracy of position and force control, also of the quadruped ({how})",
             "abstract, section 7",
-            [Criterion(f"{name} at the end over that without CMAC",
+            [Criterion("error at the end over that without CMAC",
                        ratio(_end(metric), {"controller": controller}, {"controller": NO_CMAC}), IMPROVED,
-                       NOT_IMPROVED, of={"part": LADDER, "controller": [controller, NO_CMAC]})
+                       NOT_IMPROVED, of={"part": LADDER, "controller": [controller, NO_CMAC]}, case=name)
              for metric, name in ERRORS.items()],
         ),
     }  # fmt: skip
@@ -209,9 +209,9 @@ CLAIMS = {
         "half a cycle out of phase, at least three feet are on the ground",
         "sections 6, 6.1, Fig. 14",
         [
-            of_ladder(f"largest departure of a leg's contact from the duty factor, {LATE_CYCLES}",
+            of_ladder(f"largest difference of a leg's contact from the duty factor, {LATE_CYCLES}",
                       late("duty_factor_off", np.inf), NEAR, FAR, controller=ALL),
-            of_ladder(f"largest departure of a leg's lifting from the wave, of a cycle, {LATE_CYCLES}",
+            of_ladder(f"largest difference of a leg's lifting from the wave, of a cycle, {LATE_CYCLES}",
                       late("wave_off", np.inf), NEAR, FAR, controller=ALL),
             of_ladder("part of the time in which fewer than three feet carry", event("two_feet", np.mean),
                       at_most(0.0), at_least(0.01), controller=ALL),
@@ -221,7 +221,7 @@ CLAIMS = {
         "The foot contact forces depend on the posture of the machine, and posture control obtains the desired one",
         "sections 6, 6.2",
         [
-            of_ladder(f"part of the cycles that are walked, {name}", share_done, *limits, controller=name)
+            of_ladder("part of the cycles that are walked", share_done, *limits, case=name, controller=name)
             for name, limits in (
                 (FEEDBACK, (FALLS, WALKS)), (NO_POSTURE, (FALLS, WALKS)),
                 (NO_CMAC, (WALKS, FALLS)), (ALL, (WALKS, FALLS)),
@@ -245,8 +245,8 @@ CLAIMS = {
         "planning, not from measurement",
         "section 6.3",
         [
-            Criterion(f"what noise changes in {what}, last {LATE} cycles, with CMAC over without",
-                      _noise_ratio(column), IMPROVED, NOT_IMPROVED, of={"controller": [ALL, NO_CMAC]})
+            Criterion(f"change by noise with CMAC over that without, last {LATE} cycles",
+                      _noise_ratio(column), IMPROVED, NOT_IMPROVED, of={"controller": [ALL, NO_CMAC]}, case=what)
             for what, column in (("the feet's positions", "feet"), ("the contact forces", "force"))
         ],
     ),
@@ -255,13 +255,13 @@ CLAIMS = {
 FINDINGS = {
     "lean": Finding(
         [
-            _tilt(", eq. 24 as printed", LEANS, controller=PRINTED),
-            _tilt(", aware reference", STEADY, controller=ALL),
+            _tilt("eq. 24 as printed", LEANS, controller=PRINTED),
+            _tilt("aware reference", STEADY, controller=ALL),
         ],
         yes="Once the CMAC has learnt, the body leans by {value} under eq. 24 as printed, and by {values[1]} with "
         "the aware reference: use `reference=aware` under a body.",
         no="Once the CMAC has learnt, the body leans by {value} under eq. 24 as printed and by {values[1]} with the "
-        "aware reference: this does not single out the aware reference.",
+        "aware reference: the reference does not decide.",
     ),
     "rocking": Finding(
         [
@@ -274,33 +274,37 @@ FINDINGS = {
         ],
         yes="Most of the force error that is left ({value} of its square) falls where four feet are planned to be "
         "down, and {values[1]} of that moves load from one diagonal pair of feet to the other.",
-        no="The force error that is left is not mainly load that moves between the diagonal pairs of four feet.",
+        no="Most of the force error that is left is something else than load that moves between the diagonal pairs "
+        "of feet.",
     ),
     "noise_cost": Finding(
         [
-            Criterion(f"transfer error in {side} at the end, all sensors noisy over perfect ones",
+            Criterion("transfer error at the end, all sensors noisy over perfect ones",
                       ratio(_end(f"transfer_rmse_{side}"), {"part": NOISE}, {"part": LADDER}), at_most(1.25),
-                      of={"controller": ALL})
+                      of={"controller": ALL}, case=f"in {side}")
             for side in "xy"
         ],
-        yes="With CMAC all noises together cost little accuracy.",
-        no="With CMAC all noises together cost accuracy.",
+        yes="With CMAC, noise on all sensors costs little accuracy: transfer errors are {value} times as large in x "
+        "and {values[1]} in y.",
+        no="With CMAC, noise on all sensors costs accuracy: transfer errors are {value} times as large in x and "
+        "{values[1]} in y.",
     ),
     "lasting": Finding(
         [
-            percent(f"part of the cycles that are walked, {law}", share_done, limit, part=LONG, law=law)
+            percent("part of the cycles that are walked", share_done, limit, case=law, part=LONG, law=law)
             for law, limit in ((PUBLISHED, at_most(0.9)), (LEAD, at_least(0.9)))
         ],
-        yes="The law as published does not last: it ends after {value} of the cycles, and with a lead of one sample "
-        "the machine completes {values[1]} of them. Set `learning.lead=1`.",
+        yes="With the law as published the walk ends after {value} of the cycles; with a lead of one sample the "
+        "machine completes {values[1]} of them. Set `learning.lead=1`.",
         no="A lead of one sample does not decide whether learning lasts: with the law as published the machine "
         "completes {value} of the cycles, with the lead {values[1]}.",
     ),
     "bursts": Finding(
         [Criterion("largest transfer error in x in the last fifth of the cycles over the median of the second fifth",
                    measured.bursts, at_least(2.0), of={"part": LONG, "law": LEAD})],
-        yes="Even with the lead errors do not stay small.",
-        no="With the lead errors stay small.",
+        yes="Even with the lead, errors grow again: the transfer error in x rises to {value} times its earlier "
+        "median.",
+        no="With the lead, errors stay small.",
     ),
 }  # fmt: skip
 

@@ -84,7 +84,7 @@ def _each(
 ) -> list[Criterion]:
     """A criterion for each robot that has a limit."""
     return [
-        criterion(f"{robot}: {words}", sample, limit, of={"part": FEEDFORWARDS, "robot": robot} | of)
+        criterion(words, sample, limit, of={"part": FEEDFORWARDS, "robot": robot} | of, case=robot)
         for robot, limit in limits.items()
     ]
 
@@ -107,8 +107,8 @@ def _at_end(name: str, limit: Limit, kind: str = CMAC) -> list[Criterion]:
 def _position(kind: str) -> Finding:
     return Finding(
         _at_end(POSITION, at_most(0.5e-3), kind),
-        yes=f"With “{kind}” the feet of every robot follow their paths closely.",
-        no=f"With “{kind}” the feet of some robots do not follow their paths closely.",
+        yes=f"With “{kind}” the feet of every robot follow their paths within 0.5 mm.",
+        no=f"With “{kind}” the feet of some robots leave their paths by more than 0.5 mm.",
     )
 
 
@@ -118,15 +118,18 @@ def _force(kind: str) -> Finding:
     return Finding(
         _each(percent, words, sample, _up_to(FORCE_LEFT), kind=[kind, alone]),
         yes=f"With “{kind}” the force error of every robot is far below that of feedback alone.",
-        no=f"With “{kind}” the force error of some robots is not far below that of feedback alone.",
+        no=f"With “{kind}” much of the force error of feedback alone is left on some robots.",
     )
 
 
 def _beats_model(name: str, robots: Mapping[str, Limit], what: str) -> Finding:
+    where = (
+        " and ".join(robots) if len(robots) == 1 else "every robot" if len(robots) == len(ROBOTS) else "light robots"
+    )
     return Finding(
         _each(percent, f"{what} error over that of the exact model", compared(name, CMAC, EXACT), robots),
-        yes=f"The {what} error of CMAC is below that of the exact model.",
-        no=f"The {what} error of CMAC is not below that of the exact model on each of these robots.",
+        yes=f"On {where}, the {what} error of CMAC is below that of the exact model.",
+        no=f"On {where}, the {what} error of CMAC can be above that of the exact model.",
     )
 
 
@@ -135,7 +138,7 @@ def _on_rigid(name: str, what: str) -> Finding:
     return Finding(
         _each(percent, words, sample, _up_to(LEFT_ON_RIGID[name]), part=GROUND),
         yes=f"On the rigid floor learning lowers the {what} error of every robot.",
-        no=f"On the rigid floor learning does not lower the {what} error of every robot as far as asked.",
+        no=f"On the rigid floor learning leaves some robots a {what} error above its limit.",
     )
 
 
@@ -149,8 +152,8 @@ def _felt(name: str) -> Finding:
     words = f"force error of cycle {TRIED_FOR} without it, over that with every part"
     return Finding(
         [Criterion(words, sample, at_least(FELT), of={"part": [STARTS, LEFT_OUT], "robot": TRIED})],
-        yes=f"“{name}” lowers the force error.",
-        no=f"“{name}” does not clearly lower the force error.",
+        yes=f"The part “{name}” of the method lowers the force error.",
+        no=f"The part “{name}” of the method hardly changes the force error, or raises it.",
     )
 
 
@@ -180,17 +183,17 @@ FINDINGS = {
     "position_left": Finding(
         _each(percent, OVER_ALONE.format("transfer error"), compared(POSITION, CMAC, ALONE), _every(at_most(0.05))),
         yes="CMAC leaves little of the transfer error of feedback alone.",
-        no="CMAC does not leave little of the transfer error of feedback alone on every robot.",
+        no="CMAC leaves much of the transfer error of feedback alone on some robots.",
     ),
     "posture": Finding(
         [*_at_end(JOINTS, at_most(1e-3)), *_at_end(TILT, at_most(1e-3))],
         yes="Errors of joints and tilt of the trunk are small on every robot with CMAC.",
-        no="Errors of joints and tilt of the trunk are not small on every robot with CMAC.",
+        no="Errors of joints or tilt of the trunk are large on some robots with CMAC.",
     ),
     "share": Finding(
         _each(percent, "share of the feedforward", partial(judged, name=SHARE, kind=CMAC), _every(at_least(0.95))),
         yes="CMAC takes over nearly all of the torque on every robot.",
-        no="CMAC does not take over nearly all of the torque on every robot.",
+        no="On some robots feedback still gives much of the torque beside CMAC.",
     ),
     "better_position": _beats_model(POSITION, _every(at_most(1.0)), "transfer"),
     "better_force": _beats_model(FORCE, {r: at_most(1.0) for r in ROBOTS if r != "HyQReal1"}, "force"),
@@ -204,23 +207,23 @@ FINDINGS = {
                 compared(name, ON_MODEL, CMAC_LIGHT, EARLY), _every(at_most(FELT)),
             )
         ],
-        yes=f"On the wrong model CMAC is as accurate as alone by cycle {EARLY}, on every robot.",
-        no=f"On the wrong model CMAC is not as accurate as alone by cycle {EARLY} on every robot.",
+        yes=f"By cycle {EARLY}, CMAC on the wrong model is as accurate as CMAC alone on every robot.",
+        no=f"By cycle {EARLY}, CMAC on the wrong model is less accurate than CMAC alone on some robots.",
     ),
     "lasts": Finding(
         _completed(part=STARTS, period=SHORT),
         yes=f"Sampled every millisecond, walks from disturbed starts last {LONG} cycles.",
-        no=f"Sampled every millisecond, some walks from disturbed starts do not last {LONG} cycles.",
+        no=f"Sampled every millisecond, some walks from disturbed starts end before {LONG} cycles.",
     ),
     "lasts_by_rule": Finding(
         _completed(part=STARTS, period=BY_RULE),
-        yes=f"With the period by rule, walks from disturbed starts last {LONG} cycles, too.",
-        no=f"With the period by rule, some walks from disturbed starts do not last {LONG} cycles.",
+        yes=f"With the sampling period by rule, walks from disturbed starts last {LONG} cycles, too.",
+        no=f"With the sampling period by rule, some walks from disturbed starts end before {LONG} cycles.",
     ),
     "further": Finding(
         _completed(part=OTHERS),
         yes="The other robots walk with the same rule, alone and with CMAC.",
-        no="Some of the other robots do not walk with the same rule.",
+        no="Some of the other robots fall with the same rule.",
     ),
     "rigid_position": _on_rigid(POSITION, "transfer"),
     "rigid_force": _on_rigid(FORCE, "force"),
@@ -231,22 +234,22 @@ FINDINGS = {
                     without=POSTURE_RATE)
         ],
         yes="Without the posture rate the robot falls while it learns.",
-        no="Without the posture rate the robot does not fall while it learns.",
+        no="Without the posture rate the robot keeps walking while it learns.",
     ),
     "grows": Finding(
         _grows(WITHOUT_LEAD, at_least(FELT)),
         yes="Without lead the feedback torque grows again.",
-        no="Without lead the feedback torque does not grow again.",
+        no="Without lead the feedback torque stays low.",
     ),
     "holds": Finding(
         _grows(WITH_LEAD, at_most(FELT)),
-        yes="With a lead of one sample it does not grow.",
-        no="With a lead of one sample it grows, too.",
+        yes="With a lead of one sample the feedback torque stays low.",
+        no="With a lead of one sample the feedback torque grows again, too.",
     ),
     "planar": Finding(
-        [Criterion("planar quadruped: force error with the rate of the load over that without", _planar, at_most(1.0),
-                   of={"part": PLANAR})],
+        [Criterion("force error with the rate of the load over that without", _planar, at_most(1.0),
+                   of={"part": PLANAR}, case="planar quadruped")],
         yes="The rate of the load lowers the force error of the paper's planar quadruped as well.",
-        no="The rate of the load does not lower the force error of the paper's planar quadruped.",
+        no="The rate of the load raises the force error of the paper's planar quadruped.",
     ),
 }  # fmt: skip

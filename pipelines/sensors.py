@@ -192,30 +192,30 @@ WEAK = f"gains up to {GAINS[-2]:g}"
 LEG_NOISE = f"noise of {100 * FORCE_NOISE:g} % on the force"
 
 
-def _survive(what: str, check: str, gains: Sequence[float], limit: Limit) -> Criterion:
-    quantity = f"failures after which the machine walks on, {what}"
-    return percent(quantity, lambda r: where_sound_walks(r, check, gains).completed, limit, part=FAILURES)
+def _survive(case: str, check: str, gains: Sequence[float], limit: Limit) -> Criterion:
+    quantity = "failures after which the machine walks on"
+    return percent(quantity, lambda r: where_sound_walks(r, check, gains).completed, limit, case=case, part=FAILURES)
 
 
-def _rejected(what: str, **of: Any) -> Criterion:
-    quantity = f"sound sensors that the check rejects in all runs {what}"
-    return Criterion(quantity, lambda results: [results.measure("rejected_sound").sum()], at_most(0.0), of=of)
+def _rejected(case: str, **of: Any) -> Criterion:
+    quantity = "sound sensors that the check rejects in all runs"
+    return Criterion(quantity, lambda r: [r.measure("rejected_sound").sum()], at_most(0.0), of=of, case=case)
 
 
 def _grows(what: str, gains: Sequence[float], limit: Limit) -> Criterion:
-    quantity = f"feedback torque over that without noise, gains {what} {NOISY_GAIN:g}, the largest"
     return Criterion(
-        quantity,
+        "largest feedback torque over that without noise",
         lambda results: np.max([worsening(own, TORQUE) for own in results.by("gain").values()], axis=0),
         limit,
         of={"part": GAIN, GAIN_KEY: list(gains)},
+        case=f"gains {what} {NOISY_GAIN:g}",
     )
 
 
 def _done(late: Any, lead: Any, limit: Limit) -> Criterion:
-    name = lead if lead == "auto" else f"lead {lead}"
+    name = f"lead {lead}"
     of = {"part": LATE, "late": late, "learning.lead": lead}
-    return percent(f"cycles done of those asked for, {name}", share_done, limit, of=of)
+    return percent("cycles done of those asked for", share_done, limit, None, of, name)
 
 
 FINDINGS = {
@@ -226,8 +226,8 @@ FINDINGS = {
         ],
         yes=f"Without the check the machine walks on after {{value}} of the failures with {WEAK}, and after "
         f"{{values[1]}} with {GAINS[-1]:g}: strong force feedback needs the check.",
-        no=f"The gain does not decide which failures are survived without the check: {{value}} with {WEAK}, "
-        f"{{values[1]}} with {GAINS[-1]:g}.",
+        no=f"Without the check the gain does not decide after which failures the machine walks on: {{value}} of them "
+        f"with {WEAK}, {{values[1]}} with {GAINS[-1]:g}.",
     ),
     "checked": Finding(
         [
@@ -245,7 +245,7 @@ FINDINGS = {
             _rejected("with noisy forces", part=WATCH, signal="force"),
             _rejected("in which another one fails", part=BREAK, check=CHECK),
         ],
-        yes="The check rejects no sound sensor.",
+        yes="The check never rejects a sound sensor.",
         no="The check rejects sound sensors: {value} without noise, {values[1]} with noisy forces, and {values[2]} "
         "beside a broken sensor.",
     ),
@@ -266,8 +266,8 @@ FINDINGS = {
         ],
         yes=f"With {LEG_NOISE} one leg still learns: its transfer error in y ends at {{value}} of that of the first "
         "cycle; its feedback torque is {values[1]} times that without noise.",
-        no=f"With {LEG_NOISE} either one leg does not learn ({{value}} of its first error is left) or noise is not "
-        "felt in the torque ({values[1]} times that without).",
+        no=f"With {LEG_NOISE}, {{value}} of the first transfer error in y of one leg is left, and its feedback "
+        "torque is {values[1]} times that without noise.",
     ),
     "torque_first": Finding(
         [
@@ -278,9 +278,8 @@ FINDINGS = {
                 of={"part": NOISE},
             )
         ],
-        yes="Where noise is felt, the feedback torque grows by more than the errors: in {value} of the runs.",
-        no="Where noise is felt, the feedback torque does not in general grow by more than the errors: it does in "
-        "{value} of the runs.",
+        yes="Where noise is felt, it raises the feedback torque more than the errors, in {value} of the runs.",
+        no="Where noise is felt, it raises the feedback torque more than the errors in only {value} of the runs.",
     ),
     "noise_gain": Finding(
         [_grows("up to", GAINS[:3], at_most(FELT)), _grows("above", GAINS[3:], at_least(FELT))],
@@ -293,7 +292,7 @@ FINDINGS = {
         [_done(["velocity", "torque"], "auto", MOST), _done(["velocity", "torque"], 1, at_most(0.9))],
         yes="A late velocity and a late torque need one more sample of lead, which `learning.lead=auto` counts: with "
         "lead 1 runs end after {values[1]} of their cycles.",
-        no="A late velocity or torque does not need just one more sample of lead: with `learning.lead=auto` runs "
+        no="One more sample of lead does not decide where velocity or torque is late: with `learning.lead=auto` runs "
         "complete {value} of their cycles, with lead 1 {values[1]}.",
     ),
     "late_position": Finding(

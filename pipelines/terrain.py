@@ -46,6 +46,12 @@ class Change(NamedTuple):
     force: str = "force_rmse_cycle"
     """The force error: of one leg that in support."""
 
+    @property
+    def title(self) -> str:
+        """At the beginning of a sentence."""
+        words = self.words if self.machine == LEG else f"quadruped, {self.words}"
+        return words[0].upper() + words[1:]
+
 
 STIFFER = f"ground {FACTOR} times as stiff"
 CHANGES: Mapping[str, Change] = {
@@ -97,14 +103,16 @@ def _metric(change: str, error: str) -> str:
 def _over(change: str, error: str, walk: str, holds: Limit) -> Criterion:
     """An error at the end of the walk with a CMAC over that of another walk."""
     sample = ratio(partial(Results.end, name=_metric(change, error)), {"walk": CMAC}, {"walk": walk})
-    return Criterion(f"{CHANGES[change].words}: {error} over that of “{walk}”", sample, holds, of={"change": change})
+    words = f"{error} at the end over that of “{walk}”"
+    return Criterion(words, sample, holds, of={"change": change}, case=CHANGES[change].words)
 
 
 def _comes_back(change: str, error: str) -> Finding:
+    end = f"the {error} ends at {{value}} times that without the change"
     return Finding(
         [_over(change, error, UNCHANGED, at_most(WITHIN))],
-        yes=f"Learning brings the {error} back: at the end it is {{value}} times that without the change.",
-        no=f"Learning does not bring the {error} back: at the end it is {{value}} times that without the change.",
+        yes=f"{CHANGES[change].title}: learning brings the {error} back; {end}.",
+        no=f"{CHANGES[change].title}: {end}; learning does not bring it back.",
     )
 
 
@@ -113,20 +121,20 @@ def _level(slope: float, where: str) -> Finding:
     return Finding(
         [Criterion(f"tilt, {where}", lambda r: r.end("tilt_max"), at_most(TILT), unit="mrad", scale=1e3, of=of)],
         yes=f"With a CMAC and a plan for flat ground the body stays level at {where}: it tilts by {{value}}.",
-        no=f"With a CMAC and a plan for flat ground the body does not stay level at {where}: it tilts by {{value}}.",
+        no=f"With a CMAC and a plan for flat ground the body leans at {where}: it tilts by {{value}}.",
     )
 
 
 def _ends_early(slope: float, where: str) -> Finding:
     shares = [
-        percent(f"planned time walked, {walk}", lambda r: r.measure("walked"), holds,
+        percent("planned time walked", lambda r: r.measure("walked"), holds, case=walk,
                 of={"ground": "slopes", "terrain.slope": slope, "walk": walk})
         for walk, holds in ((CMAC, at_most(WHOLE)), (FEEDBACK, at_least(WHOLE)))
     ]  # fmt: skip
     return Finding(
         shares,
         yes=f"At {where} learning ends a walk that feedback alone completes.",
-        no=f"At {where} learning does not end a walk that feedback alone completes.",
+        no=f"At {where} either learning completes the walk, or feedback alone does not.",
     )
 
 
@@ -143,21 +151,23 @@ FINDINGS = {
     **{
         f"{name}_informed": Finding(
             [_over(name, FORCE, INFORMED, at_least(WITHIN))],
-            yes="Give the plan the new value: if it does not know it, the force error is {value} times as large.",
-            no="The plan need not know the new value: if it does not, the force error is {value} times as large.",
+            yes=f"{change.title}: the plan needs the new value; without it the force error is {{value}} times as "
+            "large.",
+            no=f"{change.title}: the plan can do without the new value; the force error is then {{value}} times as "
+            "large.",
         )
         for name, change in CHANGES.items()
         if change.known
     },
     "feedback": Finding(
         [_over(change, FORCE, FEEDBACK, at_most(1.0)) for change in CHANGES],
-        yes="After each of these changes learning leaves a smaller force error than feedback alone.",
-        no="Learning does not leave a smaller force error than feedback alone after each of these changes.",
+        yes="After each of the changes learning leaves a smaller force error than feedback alone.",
+        no="After some of the changes learning leaves no smaller a force error than feedback alone.",
     ),
     "patches_feedback": Finding(
         [_on_widest("force error over that of feedback alone", {**WIDEST, "walk": FEEDBACK}, at_most(1.0))],
         yes=f"On {WIDE}, which the plan does not know, learning lowers the force error.",
-        no=f"On {WIDE}, which the plan does not know, learning does not lower the force error.",
+        no=f"On {WIDE}, which the plan does not know, learning leaves the force error as it is, or raises it.",
     ),
     "patches_even": Finding(
         [

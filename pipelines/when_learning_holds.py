@@ -104,43 +104,48 @@ def _precise(results: Results) -> Mask:
 
 def _right_share(criterion: str) -> Criterion:
     return percent(
-        f"right where it decides: {CRITERIA[criterion]}", partial(_right, criterion=criterion), at_least(0.9),
+        "right where it decides", partial(_right, criterion=criterion), at_least(0.9), case=CRITERIA[criterion],
         machine=LEG,
     )  # fmt: skip
 
 
+SPARED = "settings without a false “holds”"
 FINDINGS = {
     "spared": Finding(
-        [percent(f"not said to hold although they grow, {LEG}", _spared, at_least(0.99), machine=LEG)],
-        yes="{value} of the settings of one leg are not said to hold although learning grows.",
-        no="Too many settings of one leg are said to hold although learning grows: only {value} are not.",
+        [percent(SPARED, _spared, at_least(0.99), case=LEG, machine=LEG)],
+        yes="A false “holds” is rare on one leg: {value} of the settings have none.",
+        no="A false “holds” is too frequent on one leg: only {value} of the settings have none.",
     ),
     "spared_walk": Finding(
-        [percent(f"the same, {WALK}", _spared, at_least(0.95), machine=WALK)],
-        yes="Of the quadruped these are {value}.",
-        no="Of the quadruped these are only {value}.",
+        [percent(SPARED, _spared, at_least(0.95), case=WALK, machine=WALK)],
+        yes="A false “holds” is rare on the quadruped: {value} of the settings have none.",
+        no="A false “holds” is too frequent on the quadruped: only {value} of the settings have none.",
     ),
     "decides": Finding(
-        [percent(f"undecided, {machine}", _undecided, at_most(0.2), machine=machine) for machine in (LEG, WALK)],
-        yes="Few settings are undecided: {values[0]} of one leg, {values[1]} of the quadruped.",
-        no="Many settings are undecided: {values[0]} of one leg, {values[1]} of the quadruped.",
+        [
+            percent("undecided", _undecided, at_most(0.2), case=machine, machine=machine) for machine in (LEG, WALK)
+        ],
+        yes="The verdict leaves few settings undecided: {values[0]} of one leg, {values[1]} of the quadruped.",
+        no="The verdict leaves many settings undecided: {values[0]} of one leg, {values[1]} of the quadruped.",
     ),
     "precise": Finding(
         [percent(f"growth within {WITHIN:g} of the measured one", _precise, at_least(0.95), machine=LEG)],
-        yes=f"Where changes stay small, growth per cycle is predicted within {WITHIN:g}: {{value}}.",
-        no=f"Where changes stay small, growth per cycle is not always predicted within {WITHIN:g}: {{value}}.",
+        yes=f"Where changes stay small, growth per cycle is predicted within {WITHIN:g} in {{value}} of the runs.",
+        no=f"Where changes stay small, growth per cycle is predicted within {WITHIN:g} in only {{value}} of the "
+        "runs.",
     ),
     "condition": Finding(
         [percent("held where the condition says so", partial(_held_if_said, criterion="condition"), at_least(0.95),
                  machine=LEG)],
-        yes="Where the condition is met, learning holds: {value}.",
-        no="Where the condition is met at the places that were computed, learning may grow: {value} hold.",
+        yes="Where the condition is met, learning holds in {value} of the settings.",
+        no="Where the condition is met at the places that were computed, learning holds in only {value} of the "
+        "settings.",
     ),
     **{
         criterion: Finding(
             [_right_share(criterion)],
-            yes=f"“{CRITERIA[criterion]}” is right in {{value}}.",
-            no=f"“{CRITERIA[criterion]}” is right in only {{value}}.",
+            yes=f"Where it decides, “{CRITERIA[criterion]}” is right in {{value}} of the settings.",
+            no=f"Where it decides, “{CRITERIA[criterion]}” is right in only {{value}} of the settings.",
         )
         for criterion in ("frequency", "cycle_map", "simulation", "verdict")
     },

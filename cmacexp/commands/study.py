@@ -19,7 +19,7 @@ from cmacexp.errors import BadInput
 from cmacexp.experiment.collect import Collected, collect
 from cmacexp.experiment.workers import Each, workers
 from cmacexp.report.terminal import say
-from cmacexp.report.terminal_tables import print_table
+from cmacexp.study.evidence import count_verdicts, evidence_of, format_text
 from cmacexp.study.page import Evaluated, check_page, evaluate, write_page
 from cmacexp.study.results import Results, read_row
 from cmacexp.study.study import Request, StudyFile, load_study
@@ -122,23 +122,20 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluate
 
 def write_study(file: StudyFile, options: Options) -> Path:
     """Run one study and write its report; returns the page."""
-    print_claims(write_studies([file], options))
+    print_statements(write_studies([file], options))
     return options.place(file.name) / HTML
 
 
-def print_claims(studies: Sequence[Evaluated]) -> None:
-    """Print the verdicts of studies as a table."""
-    rows = [
-        [
-            judged.verdict,
-            f"{judged.claim.words} ({judged.claim.where})",
-            "; ".join(f"{measured.criterion.quantity}: {measured.evidence}" for measured in judged.measured),
-        ]
-        for study in studies
-        for judged in study.claims.values()
-    ]
-    if rows:
-        print_table(["verdict", "the paper says", "measured here"], rows)
+def print_statements(studies: Sequence[Evaluated]) -> None:
+    """Print the claims of studies with their evidence and the count of verdicts, then the sentences of findings."""
+    claims = [judged for study in studies for judged in study.claims.values()]
+    for judged in claims:
+        statement = f"{judged.verdict}: {judged.claim.words} ({judged.claim.where})"
+        print(format_text(statement, evidence_of(judged)), end="\n\n")
+    if claims:
+        print(format_text(count_verdicts([judged.verdict for judged in claims])), end="\n\n")
+    for found in (found for study in studies for found in study.findings.values()):
+        print(format_text(f"- {found.sentence}"))
 
 
 def study_parser(name: str, description: str, seeded: bool = True) -> Parser:

@@ -1,7 +1,6 @@
 """The page of a study: its Markdown with values, figures, tables, findings and claims; and its files beside it."""
 
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -19,6 +18,7 @@ from cmacexp.errors import BadInput
 from cmacexp.report.markdown import find_insertions, render_markdown
 from cmacexp.report.page import HOW_TO_REPORT, Report, find_page, relative, write_report
 from cmacexp.report.parts import Renderer, Section
+from cmacexp.study.evidence import count_verdicts, evidence_of, format_html, template
 from cmacexp.study.interval import TRIMMED_FROM
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import VERDICTS, Found, Judged, Measured
@@ -28,10 +28,8 @@ QUICK_NOTICE = (
     "Quick run: this page checks the machinery and concludes nothing. It shows no verdicts and no findings."
 )
 RESULTS = "results.parquet"
-MOST_RUNS = 5
-"""Runs that the table names for a claim."""
-READING = """<p>Square brackets, and the table of claims if there is one, give what was measured: the value,
-its 95 % interval, the size n of the sample, and the limits that decide the statement. The
+READING = """<p>The table below a statement gives what was measured: the value, its 95 % interval, the size n of the
+sample, and the limits that decide: where the statement holds, and where its opposite does. The
 interval of a proportion is Wilson's. That of values that differ between seeds or cases is a percentile bootstrap of
 their mean, or of their interquartile mean if there are at least {trimmed}. A value that no
 seed and no case changes is exact and has no interval.</p>"""
@@ -50,6 +48,11 @@ class Evaluated:
     """Figures and tables that were written for the page."""
     runs: Mapping[Path, Manifest]
     """The manifest of each run, by folder."""
+
+    @property
+    def statements(self) -> Mapping[str, Judged | Found]:
+        """Claims and findings."""
+        return {**self.claims, **self.findings}
 
 
 def check_page(file: StudyFile) -> None:
@@ -100,8 +103,7 @@ def evaluate(file: StudyFile, results: Results, folder: Path, quick: bool) -> Ev
 
 
 def _format_finding(found: Found) -> str:
-    evidence = "; ".join(f"{each.criterion.quantity}: {each.evidence}" for each in found.measured)
-    return f'{found.sentence} <span class="evidence">[{evidence}]</span>'
+    return f"{found.sentence}\n\n{format_html(evidence_of(found))}\n\n"
 
 
 def _format_claim(judged: Judged) -> str:
@@ -110,49 +112,41 @@ def _format_claim(judged: Judged) -> str:
 
 def make_claims_section(claims: Sequence[Judged], folder: Path) -> Section:
     """The section of a report in ``folder`` with all claims, and what their verdicts mean."""
-    from jinja2 import Environment, FileSystemLoader
-
-    environment = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True)
     runs = [sorted({Path(run) for each in judged.measured for run in each.runs}) for judged in claims]
     pages = [[(run.name, find_page(run, folder)) for run in own] for own in runs]
-    counts = Counter(judged.verdict for judged in claims)
-    table = environment.get_template("claims.html").render(
-        claims=list(zip(claims, pages, strict=True)),
+    page = template("claims.html").render(
+        claims=list(zip(claims, map(evidence_of, claims), pages, strict=True)),
         verdicts=VERDICTS,
-        counts=counts,
-        most=MOST_RUNS,
+        summary=count_verdicts([judged.verdict for judged in claims]),
         place=", ".join(sorted({str(run.parent) for own in runs for run in own})),
         how_to_report=HOW_TO_REPORT,
     )
-    return Section("The claims", [Markup(table)])
+    return Section("The claims", [Markup(page)])
 
 
 def _entry(measured: Measured, folder: Path) -> dict[str, Any]:
     criterion, interval = measured.criterion, measured.interval
-    limits = {
-        name: [limit.low, limit.high]
-        for name, limit in (("holds", criterion.holds), ("fails", criterion.fails))
-        if limit
-    }
+    limits = {"holds": criterion.holds, "fails": criterion.fails}
     return {
-        "quantity": criterion.quantity, "value": interval.value, "low": interval.low, "high": interval.high,
-        "count": interval.count, "method": interval.method, **limits, "shown": measured.value,
-        "spread": measured.spread, "runs": [relative(Path(run), folder) for run in measured.runs],
+        "quantity": criterion.quantity, "case": criterion.case, "value": interval.value, "low": interval.low,
+        "high": interval.high, "count": interval.count, "method": interval.method,
+        **{name: [limit.low, limit.high] for name, limit in limits.items() if limit},
+        "verdict": measured.verdict, "shown": measured.value, "spread": measured.spread,
+        "runs": [relative(Path(run), folder) for run in measured.runs],
     }  # fmt: skip
 
 
-def _statements(claims: Mapping[str, Judged], findings: Mapping[str, Found], folder: Path) -> list[dict[str, Any]]:
-    judged = [
-        {"name": name, "kind": "claim", "statement": each.claim.words, "where": each.claim.where,
-         "verdict": each.verdict, "criteria": [_entry(m, folder) for m in each.measured]}
-        for name, each in claims.items()
-    ]  # fmt: skip
-    found = [
-        {"name": name, "kind": "finding", "statement": each.sentence, "verdict": each.outcome,
-         "criteria": [_entry(m, folder) for m in each.measured]}
-        for name, each in findings.items()
-    ]  # fmt: skip
-    return judged + found
+def _statement(name: str, judged: Judged | Found, folder: Path) -> dict[str, Any]:
+    if isinstance(judged, Judged):
+        own = {
+            "kind": "claim",
+            "statement": judged.claim.words,
+            "where": judged.claim.where,
+            "verdict": judged.verdict,
+        }
+    else:
+        own = {"kind": "finding", "statement": judged.sentence, "verdict": judged.outcome}
+    return {"name": name, **own, "criteria": [_entry(each, folder) for each in judged.measured]}
 
 
 def write_page(title: str, question: str, studies: Sequence[Evaluated], place: Place, quick: bool) -> Path:
@@ -169,7 +163,7 @@ def write_page(title: str, question: str, studies: Sequence[Evaluated], place: P
         if any(study.claims or study.findings for study in studies):
             reading = Markup(READING.format(trimmed=TRIMMED_FROM))
             sections.append(Section("How to read the values", [reading]))
-        statements = {study.name: _statements(study.claims, study.findings, folder) for study in studies}
+        statements = {s.name: [_statement(*each, folder) for each in s.statements.items()] for s in studies}
         place.write_text(CLAIMS, json.dumps(statements, indent=1, ensure_ascii=False) + "\n")
         files.append(place.new / CLAIMS)
     config = {"studies": [study.name for study in studies], "quick": quick}

@@ -22,7 +22,15 @@ VERDICTS = {
 }
 """What each verdict means."""
 YES, NO, UNCLEAR = "yes", "no", "unclear"
-UNDECIDED = "The runs do not decide this: an interval contains the limit."
+OUTCOMES = {REPRODUCED: YES, NOT_REPRODUCED: NO, CONTRADICTED: NO, INCONCLUSIVE: UNCLEAR}
+"""What the verdict on a criterion means for a finding."""
+INFINITE = format_number(math.inf)
+UNDECIDED = "Undecided, since an interval contains the limit: {}"
+
+
+def _format_range(low: float, high: float, unit: str) -> str:
+    """Both ends, and their unit once."""
+    return f"{format_number(low)} to {format_number(high, unit)}"
 
 
 @dataclass(frozen=True)
@@ -42,10 +50,10 @@ class Limit:
 
     def describe(self, scale: float, unit: str) -> str:
         """E.g. ``at most 5 %``."""
-        low, high = (format_number(scale * bound, unit) for bound in (self.low, self.high))
-        if math.isinf(self.low):
-            return f"at most {high}"
-        return f"at least {low}" if math.isinf(self.high) else f"{low} to {high}"
+        low, high = scale * self.low, scale * self.high
+        if math.isinf(low):
+            return f"at most {format_number(high, unit)}"
+        return f"at least {format_number(low, unit)}" if math.isinf(high) else _format_range(low, high, unit)
 
 
 def at_most(value: float) -> Limit:
@@ -68,7 +76,7 @@ class Criterion:
     """A measured quantity and the limits that decide what it says."""
 
     quantity: str
-    """What is measured, as readers see it."""
+    """What is measured, as readers see it; criteria that differ in their case alone share it."""
     sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask]
     """A value for each run, pair or case; truth values for a proportion. What a failed run counts as is said here."""
     holds: Limit
@@ -80,6 +88,14 @@ class Criterion:
     """From the sample's unit to ``unit``; limits are in the sample's."""
     of: Mapping[str, Any] = field(default_factory=dict)
     """The settings of the runs that the sample is taken from; all runs if empty."""
+    case: str = ""
+    """Where it is measured, e.g. the machine."""
+    infinite: str = "a run ended early"
+    """What an infinite value means."""
+
+    def format_limit(self, limit: Limit) -> str:
+        """E.g. ``at most 5 %``."""
+        return limit.describe(self.scale, self.unit)
 
     def __getstate__(self) -> dict[str, Any]:
         """Judged statements travel between processes; a function without a name, as samples often are, cannot."""
@@ -92,10 +108,11 @@ def percent(
     holds: Limit,
     fails: Limit | None = None,
     of: Mapping[str, Any] | None = None,
+    case: str = "",
     **more: Any,
 ) -> Criterion:
     """A criterion of a share, shown in per cent; ``of`` and ``more`` are settings of its runs."""
-    return Criterion(quantity, sample, holds, fails, "%", 100.0, {**(of or {}), **more})
+    return Criterion(quantity, sample, holds, fails, "%", 100.0, {**(of or {}), **more}, case)
 
 
 @dataclass(frozen=True)
@@ -119,29 +136,18 @@ class Measured:
             return CONTRADICTED
         return INCONCLUSIVE if holds.touches(self.interval) else NOT_REPRODUCED
 
-    def _format(self, value: float) -> str:
-        return format_number(self.criterion.scale * value, self.criterion.unit)
-
     @property
     def value(self) -> str:
         """The estimate with its unit."""
-        return self._format(self.interval.value)
+        return format_number(self.criterion.scale * self.interval.value, self.criterion.unit)
 
     @property
     def spread(self) -> str:
         """The ends of the interval with their unit; of a value without one, what it is."""
         if self.interval.method in (EXACT, UNDEFINED):
             return self.interval.method
-        return f"{self._format(self.interval.low)} to {self._format(self.interval.high)}"
-
-    @property
-    def evidence(self) -> str:
-        """The estimate, its interval, the size of the sample, and the limits."""
-        criterion, interval = self.criterion, self.interval
-        limits = [f"holds: {criterion.holds.describe(criterion.scale, criterion.unit)}"]
-        if criterion.fails is not None:
-            limits.append(f"opposite: {criterion.fails.describe(criterion.scale, criterion.unit)}")
-        return f"{self.value} ({self.spread}, n = {interval.count}; {'; '.join(limits)})"
+        scale, unit = self.criterion.scale, self.criterion.unit
+        return _format_range(scale * self.interval.low, scale * self.interval.high, unit)
 
 
 def _measure(criterion: Criterion, results: Results) -> Measured:
@@ -218,8 +224,8 @@ class Finding:
     """If every interval lies within its limit."""
     no: str
     """If some interval lies outside."""
-    unclear: str = UNDECIDED
-    """Otherwise."""
+    unclear: str = ""
+    """Otherwise; if empty, that ``yes`` is undecided."""
 
     def __post_init__(self) -> None:
         for wording in (self.yes, self.no, self.unclear):  # also those of outcomes that rarely occur
@@ -236,6 +242,12 @@ class Finding:
         """Measure every criterion."""
         return Found(self, [_measure(criterion, results) for criterion in self.criteria])
 
+    def sentence(self, outcome: str, values: Sequence[str]) -> str:
+        """The sentence of an outcome, with the value of each criterion; of an infinite one, why."""
+        wording = {YES: self.yes, NO: self.no, UNCLEAR: self.unclear or UNDECIDED.format(self.yes)}[outcome]
+        pairs = zip(self.criteria, values, strict=True)
+        return _fill(wording, [f"{value} ({each.infinite})" if value == INFINITE else value for each, value in pairs])
+
 
 @dataclass(frozen=True)
 class Found:
@@ -247,14 +259,10 @@ class Found:
     @property
     def outcome(self) -> str:
         """``yes``, ``no`` or ``unclear``."""
-        verdicts = {each.verdict for each in self.measured}
-        if verdicts == {REPRODUCED}:
-            return YES
-        return NO if verdicts - {REPRODUCED, INCONCLUSIVE} else UNCLEAR
+        found = {OUTCOMES[each.verdict] for each in self.measured}
+        return NO if NO in found else UNCLEAR if UNCLEAR in found else YES
 
     @property
     def sentence(self) -> str:
         """The sentence of the outcome."""
-        values = [each.value for each in self.measured]
-        wording = {YES: self.finding.yes, NO: self.finding.no, UNCLEAR: self.finding.unclear}[self.outcome]
-        return _fill(wording, values)
+        return self.finding.sentence(self.outcome, [each.value for each in self.measured])

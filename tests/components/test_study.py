@@ -2,6 +2,7 @@
 
 import math
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from cmacexp.errors import BadInput
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, at_most, between, grid, starting_from
 from cmacexp.study.curves import draw_cycles, over_setting
+from cmacexp.study.evidence import evidence_of, format_html, format_text
 from cmacexp.study.interval import EXACT, Interval, estimate
 from cmacexp.study.page import make_claims_section
 from cmacexp.study.results import NoSuchRuns, Row
@@ -193,7 +195,7 @@ def test_a_wrong_name_in_braces_is_an_error_before_the_outcome_that_shows_it(wro
 def test_a_finding_without_a_sentence_for_it_says_that_it_is_undecided():
     samples = [0.5], [1.5], [0.9, 1.1]
     sentences = {Finding([criterion(*sample)], "Yes.", "No.").judge(made(0.1)).sentence for sample in samples}
-    assert sentences == {"Yes.", "No.", UNDECIDED}
+    assert sentences == {"Yes.", "No.", UNDECIDED.format("Yes.")}
 
 
 def test_a_statement_without_criteria_is_an_error():
@@ -203,11 +205,22 @@ def test_a_statement_without_criteria_is_an_error():
         Claim("it is small", "section 1", [])
 
 
-def test_evidence_shows_value_interval_size_and_limits():
-    measured = Criterion("error", last_error, between(0.05, 0.2), at_least(0.5), unit="%", scale=100.0)
-    for results, spread in ((made(0.1, 0.1), "exact"), (made(0.08, 0.12), "8 % to 12 %")):
-        found = Claim("it is small", "section 1", [measured]).judge(results).measured[0]
-        assert found.evidence == f"10 % ({spread}, n = 2; holds: 5 % to 20 %; opposite: at least 50 %)"
+def test_evidence_names_a_quantity_once_with_its_cases_below():
+    own = partial(Criterion, "error", holds=between(0.05, 0.2), fails=at_least(0.5), unit="%", scale=100.0)
+    wide, infinite = own(lambda results: [0.08, 0.12], case="leg"), own(lambda results: [math.inf], case="walk")
+    judged = Claim("it is small", "section 1", [wide, infinite]).judge(made(0.1))
+    (rows,) = evidence_of(judged).values()
+    assert rows[0] == ("leg", "10 %", "", "8 to 12 %", "2", "5 to 20 %", "at least 50 %", "reproduced")
+    assert format_text("It is small.", evidence_of(judged)).splitlines() == [
+        "It is small.",
+        "  error",
+        "    leg   10 %      8 to 12 %  5 to 20 %  reproduced",
+        "    walk  infinite  exact      5 to 20 %  contradicted",
+        "      infinite: a run ended early",
+    ]
+    page = format_html(evidence_of(judged))
+    assert (page.count("error"), page.count("<tr>"), page.count("\n\n")) == (1, 4, 0)
+    assert "infinite (a run ended early)" in page
 
 
 def test_the_table_has_a_row_a_run():
@@ -298,11 +311,10 @@ def test_the_claims_begin_with_the_count_and_the_meaning_of_each_verdict(tmp_pat
         Claim(f"it is {i}", "section 1", [criterion(value)]).judge(made(0.1)) for i, value in enumerate((0.5, 0.5, 3))
     ]
     (part,) = make_claims_section(claims, tmp_path).parts
-    summary, _, table = part.partition("<table")
-    counts = dict(re.findall(r">([a-z ]+)</span></dt><dd class=\"count\">(\d)", summary))
-    assert counts == dict.fromkeys(VERDICTS, "0") | {"reproduced": "2", "contradicted": "1"}
+    summary, _, table = part.partition('<div class="claim"')
+    assert "2 of 3 claims are reproduced, 1 contradicted." in summary
     assert all(part.count(meaning) == 1 and meaning in summary for meaning in VERDICTS.values())
-    assert table.count("verdict reproduced") == 2
+    assert table.count("verdict reproduced") == 2 * 2  # of the claim and of its criterion
 
 
 def test_a_claim_links_to_the_pages_of_its_runs_and_says_how_to_make_them(tmp_path):

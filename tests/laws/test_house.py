@@ -40,7 +40,7 @@ LAYERS = (
     {"commands", "__main__"},
 )
 """Rooms of the package; each imports only from its own layer and those above it in this list."""
-OVER_STUDIES = {"pipelines", "pipelines.__main__", "pipelines.paper"}
+OVER_STUDIES = {"pipelines", "pipelines.__main__", "pipelines.paper", "pipelines.quotes"}
 """What is about several studies."""
 READERS = {"metrics", "recording", "report", "study", "export"}
 """Rooms that read what is on disk and never reach the loop."""

@@ -1,19 +1,14 @@
 """The documentation quotes figures and verdicts of the studies as they came out."""
 
 import json
-import re
-from collections import Counter
 
 import pytest
 from support.command import ROOT, python
 
-from cmacexp.study.statements import CONTRADICTED, IN_PART, INCONCLUSIVE, NOT_REPRODUCED, REPRODUCED
-from pipelines.__main__ import MARK, PAGES, QUOTED, quoted, read_quotable, renew
+from pipelines.quotes import MARK, PAGES, QUOTED, quoted, read_quotable, renew
 
 RESULTS = json.loads(QUOTED.read_text())
-SAID = re.compile(r"<!--(\w+)\.([^>]+?) is ([a-z ]+)-->")
-"""Behind a sentence: the verdict that it says in words."""
-QUOTING = [page for page in PAGES if MARK.search(page.read_text()) or SAID.search(page.read_text())]
+QUOTING = [page for page in PAGES if MARK.search(page.read_text())]
 QUICKEST = "lead_design"
 
 
@@ -22,15 +17,6 @@ def test_every_quote_is_what_the_study_found(page):
     text = page.read_text()
     wrong = [match[0] for match in MARK.finditer(text) if not text[: match.start()].endswith(quoted(match, RESULTS))]
     assert not wrong
-    said = SAID.findall(text)
-    assert [(study, name, RESULTS[study][name]["verdict"]) for study, name, _ in said] == said
-
-
-def test_the_readme_counts_the_claims_by_their_verdicts():
-    counted = Counter(entry["verdict"] for study in RESULTS.values() for entry in study.values())
-    first, *rest = (counted[each] for each in (REPRODUCED, IN_PART, NOT_REPRODUCED, CONTRADICTED, INCONCLUSIVE))
-    (text,) = re.findall(r"^\*\*(.* claims are .*)\*\*$", PAGES[0].read_text(), flags=re.MULTILINE)
-    assert [int(count) for count in re.findall(r"\d+", text)] == [first, first + sum(rest), *rest]
 
 
 def test_the_results_are_those_of_the_study_today(tmp_path):
@@ -46,9 +32,11 @@ def test_a_study_is_quoted_from_its_own_folder(tmp_path):
         ("paper", "1 N"),
     ):  # the study has been run again since the page over several
         (tmp_path / folder).mkdir()
-        statement = {"name": "a", "verdict": "yes", "criteria": [{"shown": value, "spread": "exact"}]}
+        criteria = [{"shown": value, "spread": "exact", "count": 3, "verdict": "reproduced"}]
+        statement = {"name": "a", "kind": "finding", "verdict": "yes", "criteria": criteria}
         (tmp_path / folder / "claims.json").write_text(json.dumps({"leg": [statement]}))
-    assert read_quotable(tmp_path) == {"leg": {"a": {"verdict": "yes", "values": ["2 N"], "intervals": ["exact"]}}}
+    entry = {"verdict": "yes", "values": ["2 N"], "intervals": ["exact"], "counts": [3], "verdicts": ["yes"]}
+    assert read_quotable(tmp_path) == {"leg": {"a": entry}}
 
 
 def test_quotes_are_renewed_in_place():
