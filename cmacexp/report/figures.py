@@ -110,8 +110,8 @@ def draw(
 ) -> "Figure":
     """A figure of panels, in rows of so many ``columns``, each so many inches high.
 
-    Axes that all have in common, ``x`` or ``xy``, are not named inside. The legend is that of the whole ``figure``,
-    below it, or of each ``panel``, above it.
+    All share the axes ``x`` or ``xy`` of ``share``. The legend is that of the whole ``figure``, below it, or of each
+    ``panel``, above it.
     """
     columns = min(columns, len(panels))
     shared = {f"share{axis}": True for axis in share}
@@ -120,16 +120,13 @@ def draw(
         unused.remove()
     drawn = [panel for panel in panels if isinstance(panel, Panel)]
     names = list(dict.fromkeys(series.name for panel in drawn for series in panel.series))
-    for place, (ax, panel) in enumerate(zip(axes, panels, strict=False)):
+    for ax, panel in zip(axes, panels, strict=False):
         if isinstance(panel, HeatMap):
             _heat_map(figure, ax, panel)
             continue
         draw_panel(ax, panel, () if legend == "panel" else names)
-        bottom = place + columns >= len(panels)
-        if share:
-            ax.tick_params(labelbottom=bottom)
-        first = "y" not in share or place % columns == 0
-        label(ax, panel.title, panel.x if bottom or not share else "", panel.y if first else "")
+        ax.tick_params(labelbottom=True, labelleft=True)  # each panel can stand alone
+        label(ax, panel.title, panel.x, panel.y)
         if legend == "panel":
             add_legend(ax, [ax])
     if legend == "figure":

@@ -1,6 +1,5 @@
 """What a page consists of, as HTML: sections of text, tables and figures, which are saved beside it."""
 
-import base64
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,8 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cmacexp.data.folder import FIGURES, write_atomically
+from cmacexp.report.tiles import cut
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -98,8 +99,10 @@ class Renderer:
         """A whole page, from the values that its template names."""
         return self.environment.get_template("page.html").render(values)
 
-    def _save(self, drawing: Drawing) -> str:
-        """Save a figure; its address for the page."""
+    def _save(self, drawing: Drawing) -> "Markup":
+        """Save a figure; its panels for the page."""
+        from markupsafe import Markup
+
         self.say(f"drawing {drawing.name}")
         (self.folder / FIGURES).mkdir(parents=True, exist_ok=True)
         if engine := drawing.figure.get_layout_engine():
@@ -109,7 +112,7 @@ class Renderer:
         with write_atomically(path) as temporary:
             drawing.figure.savefig(temporary, format=SVG, metadata={"Date": None})
         self.files.append(path)
-        return "data:image/svg+xml;base64," + base64.b64encode(path.read_bytes()).decode()
+        return Markup(cut(drawing.figure, path.read_text(encoding="utf-8")))
 
 
 def describe(figure: "Figure") -> str:

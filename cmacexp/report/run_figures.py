@@ -1,5 +1,6 @@
 """Figures of one run: its metrics cycle by cycle, some of its cycles over their time, and its last steps."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,10 +12,12 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import LAST_STEPS
 from cmacexp.metrics.pooling import count_legs, describe_pooling, is_shown, pool_legs
 from cmacexp.metrics.registry import SHOWN
+from cmacexp.metrics.text import format_number
 from cmacexp.report.curves import find_log, over_cycles
 from cmacexp.report.cycle_data import CycleData, Rows, keep_rows
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
 from cmacexp.report.parts import Drawing
+from cmacexp.report.remarks import describe_change, join
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark
 from cmacexp.typing import Array
 
@@ -62,20 +65,26 @@ def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
             Panel(title, "cycle", f"{axis}, {unit}", series, log=find_log(series), from_zero=shown.from_zero)
         )
         drawn += known
-    pooling = f" Over the legs: {describe_pooling({name: name for name in drawn})}." if run.walks else ""
-    return Drawing("metrics", draw(panels, legend="panel"), f"Metrics of each cycle.{pooling}")
+    pooling = f" Over the legs: {describe_pooling({name: SHOWN[name].title for name in drawn})}." if run.walks else ""
+    changes = describe_change({name: pooled[name] for name in drawn if SHOWN[name].main})
+    return Drawing("metrics", draw(panels, legend="panel"), f"Metrics of each cycle.{changes}{pooling}")
 
 
 def draw_legs(run: StoredRun) -> Drawing:
     """Errors and share of the feedforward of each leg, per cycle."""
     table = run.scores.legs
     known = set(table.column_names)
-    panels = []
+    panels, seen = [], []
     for name in KEY:
         if name in known and is_shown(name, known, len(LEG_NAMES)):
             histories = as_array(table, name).reshape(-1, len(LEG_NAMES)).T
             panels.append(over_cycles(name, {leg: [own] for leg, own in zip(LEG_NAMES, histories, strict=True)}))
-    return Drawing("legs", draw(panels), "Errors of each leg and the share of its feedforward, cycle by cycle.")
+            last, shown = SHOWN[name].factor * histories[:, run.last_cycle - 1], SHOWN[name]
+            if np.isfinite(last).any():
+                largest = format_number(float(np.nanmax(last)), shown.unit)
+                seen.append(f"{shown.title} {largest}, {LEG_NAMES[np.nanargmax(last)]}")
+    caption = f"Each leg, cycle by cycle. Largest in the last cycle:{join(seen)}"
+    return Drawing("legs", draw(panels), caption)
 
 
 class Quantity(NamedTuple):
@@ -145,18 +154,34 @@ def over_cycle(data: CycleData, name: str, leg: int) -> Panel:
     return replace(panel, x_range=(0.0, data.duration), shaded=data.support(leg))
 
 
+def describe_peaks(data: CycleData, names: Iterable[str], legs: Sequence[int]) -> str:
+    """The largest sizes of some of :data:`QUANTITIES` in the first and in the last cycle that is shown."""
+    parts = []
+    for name in names:
+        unit, sizes = QUANTITIES[name].y.rpartition(", ")[2], []
+        for cycle in dict.fromkeys((data.cycles[0], data.cycles[-1])):
+            size = max(np.nanmax(np.abs(read_quantity(data.select(cycle, leg), name))) for leg in legs)
+            sizes.append(f"{format_number(float(size), unit)} in cycle {cycle}")
+        parts.append(f"{QUANTITIES[name].title} {', '.join(sizes)}")
+    return f" Largest:{join(parts)}"
+
+
 def draw_tracking(data: CycleData) -> list[Drawing]:
     """Foot path, force and errors over the chosen cycles: one figure for one leg, else one for each."""
     names = ["foot", "force", *data.axes] if data.moves_along_x else ["force", "y"]
     panels = {name: [over_cycle(data, name, leg) for leg in data.legs] for name in names}
     if len(data.legs) == 1:
         figure = draw([panel for (panel,) in panels.values()], height=2.7)
-        return [Drawing("tracking", figure, f"Force and errors over the chosen cycles.{_describe_shade(data)}")]
+        peaks = describe_peaks(data, [name for name in names if name != "foot"], data.legs)
+        return [
+            Drawing("tracking", figure, f"Force and errors over the chosen cycles.{peaks}{_describe_shade(data)}")
+        ]
     return [
         Drawing(
             name if name in ("foot", "force") else f"error_{name}",
-            draw(panels[name], height=1.8 if name == "foot" else 2.3, share="xy"),
-            QUANTITIES[name].caption + ("" if name == "foot" else _describe_shade(data)),
+            draw(panels[name], height=2.0 if name == "foot" else 2.4, share="xy"),
+            QUANTITIES[name].caption
+            + ("" if name == "foot" else describe_peaks(data, [name], data.legs) + _describe_shade(data)),
         )
         for name in names
     ]
@@ -165,6 +190,7 @@ def draw_tracking(data: CycleData) -> list[Drawing]:
 def draw_body(data: CycleData) -> Drawing:
     """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
     caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
+    caption += describe_peaks(data, ("pitch", "roll"), [0])
     return Drawing("body", draw([over_cycle(data, name, 0) for name in BODY], height=2.3, share="x"), caption)
 
 
@@ -178,7 +204,7 @@ def draw_torques(data: CycleData) -> Drawing:
     names = JOINTS[count] if data.has_joints else ("along x", "along y")
     unit = "torque, N m" if data.has_joints else "force, N"
     learns = any(data.trace[f"tau_feedforward_{joint + 1}"].any() for joint in range(count))
-    panels = []
+    panels, amounts = [], np.zeros(2)
     for leg in data.legs:
         rows = data.select(cycle, leg)
         time, leg_name = data.time_in_cycle(rows), data.leg_name(leg)
@@ -191,6 +217,7 @@ def draw_torques(data: CycleData) -> Drawing:
                 feedback = feedback - known
                 lines.append(Series("for the desired force", time, known, style=DESIRED_LINE))
             lines.append(Series("feedback", time, feedback, style={"color": FEEDBACK, "linestyle": "-"}))
+            amounts += [np.nansum(np.abs(feedback)), np.nansum(np.abs(rows[f"tau_feedforward_{joint}"]))]
             if learns:
                 style = {"color": FEEDFORWARD, "linestyle": "--"}
                 lines.append(Series("feedforward", time, rows[f"tau_feedforward_{joint}"], style=style))
@@ -198,8 +225,13 @@ def draw_torques(data: CycleData) -> Drawing:
             panels.append(replace(panel, x_range=(0.0, data.duration)))
     torques = "Feedback and feedforward" if learns else "Feedback"
     also = " and the torque of the desired force, which the plan knows," if data.is_robot else ""
-    caption = f"{torques}{also} in cycle {cycle}; the plant receives their sum.{_describe_shade(data)}"
-    figure = draw(panels, count, 2.6 if len(data.legs) == 1 else 1.7, share="x")
+    caption = f"{torques}{also} in cycle {cycle}; the plant receives their sum."
+    if learns:
+        caption += (
+            f" The feedforward has {100.0 * amounts[1] / (amounts.sum() or 1.0):.0f} % of both, by absolute values."
+        )
+    caption += _describe_shade(data)
+    figure = draw(panels, count, 2.6 if len(data.legs) == 1 else 2.0, share="x")
     return Drawing("torques", figure, caption)
 
 

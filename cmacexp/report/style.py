@@ -48,8 +48,8 @@ DECADES = 20.0
 """Positive values that span more than this factor are drawn on a logarithmic axis."""
 LEAST_RATIO = 5.0
 """A logarithmic axis over less than this factor has evenly spaced numbers: 1, 2 and 5 would be too few."""
-FIGURE_CHARACTERS, PANEL_CHARACTERS = 112, 72
-"""Characters of a line of the legend below a figure, and above a panel of half its width."""
+LINE_CHARACTERS = 76
+"""Characters of a line of a legend, which is about as wide as a panel of half the width."""
 
 
 def colour(rgb: tuple[int, ...]) -> str:
@@ -75,6 +75,11 @@ def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: 
 def mark(index: int) -> dict[str, Any]:
     """Colour and dash of line number ``index``; no two of the first 49 are the same."""
     return {"color": SERIES[index % 7], "linestyle": DASHES[(index + index // 7) % 7]}
+
+
+def nested(index: int, count: int) -> dict[str, Any]:
+    """Widths of lines that may lie on each other: the first is the widest, and is seen behind the others."""
+    return {"linewidth": 1.2 + 2.0 * (count - 1 - index) / max(count - 1, 1)}
 
 
 def label(axes: "Axes", title: str, x: str, y: str) -> None:
@@ -135,8 +140,7 @@ def add_legend(place: Any, axes: "Sequence[Axes]", title: str = "") -> None:
             if name:
                 handles.setdefault(name, handle)
     above = place in axes
-    width = PANEL_CHARACTERS if above else FIGURE_CHARACTERS
-    columns = max(1, min(7, len(handles), width // (8 + max(map(len, handles), default=1))))
+    columns = max(1, min(7, len(handles), LINE_CHARACTERS // (8 + max(map(len, handles), default=1))))
     if above:
         lines = -(-len(handles) // columns)
         place.set_title(axes[0].get_title(loc="left"), pad=5 + 13 * max(lines, 1))  # of one name its place is free

@@ -1,0 +1,60 @@
+"""What figures show, in words and numbers, from the data that they draw."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from cmacexp.metrics.registry import SHOWN
+from cmacexp.metrics.text import format_number
+from cmacexp.typing import Array
+
+STEADY = 0.02
+"""A smaller change, as part of the larger value, is called none."""
+MOST = 4
+"""Metrics that a sentence names at most."""
+
+
+def join(parts: Sequence[str]) -> str:
+    """Parts of a sentence, after a space; empty without any."""
+    return f" {'; '.join(parts)}." if parts else ""
+
+
+def _describe_range(name: str, first: float, last: float) -> str:
+    """A metric with two values in its unit, e.g. ``x error 9.54 to 1.47 mm``."""
+    shown = SHOWN[name]
+    ends = [format_number(shown.factor * value) for value in (first, last)]
+    return f"{shown.title} {' to '.join(ends)} {shown.unit}"
+
+
+def describe_change(histories: Mapping[str, Array]) -> str:
+    """How metrics, a value for each cycle, in SI units, changed from the first cycle to the last that define it."""
+    parts: dict[str, list[str]] = {"Falls": [], "Rises": [], "Hardly changes": []}
+    for name, values in histories.items():
+        known = values[np.isfinite(values)]
+        if len(known) > 1:
+            change, size = abs(known[-1]) - abs(known[0]), np.abs(known[[0, -1]]).max()
+            word = "Hardly changes" if abs(change) <= STEADY * size else "Falls" if change < 0 else "Rises"
+            parts[word].append(_describe_range(name, known[0], known[-1]))
+    return "".join(f" {word} from the first cycle to the last:{join(own)}" for word, own in parts.items() if own)
+
+
+def describe_effect(groups: Mapping[str, Sequence[Array]]) -> str:
+    """Which metrics a setting changes most, from their values for each value of the setting, in SI units."""
+    effects = {}
+    for name, samples in groups.items():
+        means = np.array([sample.mean() for sample in samples])
+        size = np.abs(means).max()
+        effects[name] = (np.ptp(means) / size if size else 0.0, means)
+    order = sorted(effects, key=lambda name: -effects[name][0])
+    most = [name for name in order if effects[name][0] > STEADY][:MOST]
+    parts = [
+        f"{_describe_range(name, effects[name][1].min(), effects[name][1].max())} ({100.0 * effects[name][0]:.0f} %)"
+        for name in most
+    ]
+    rest = [name for name in order if name not in most]
+    if rest:
+        largest = 100.0 * effects[rest[0]][0]
+        parts.append(
+            f"{'all others' if most else 'no metric'} by {'at most' if most else 'more than'} {largest:.1f} %"
+        )
+    return f" It changes{join(parts)}" if parts else ""
