@@ -40,21 +40,11 @@ def describe_change(histories: Mapping[str, Array]) -> str:
 
 def describe_effect(groups: Mapping[str, Sequence[Array]]) -> str:
     """Which metrics a setting changes most, from their values for each value of the setting, in SI units."""
-    effects = {}
-    for name, samples in groups.items():
-        means = np.array([sample.mean() for sample in samples])
-        size = np.abs(means).max()
-        effects[name] = (np.ptp(means) / size if size else 0.0, means)
-    order = sorted(effects, key=lambda name: -effects[name][0])
-    most = [name for name in order if effects[name][0] > STEADY][:MOST]
+    means = {name: np.array([sample.mean() for sample in samples]) for name, samples in groups.items()}
+    effects = {name: float(np.ptp(own) / (np.abs(own).max() or 1.0)) for name, own in means.items()}
+    most = sorted((name for name in effects if effects[name] > STEADY), key=lambda name: -effects[name])[:MOST]
     parts = [
-        f"{_describe_range(name, effects[name][1].min(), effects[name][1].max())} ({100.0 * effects[name][0]:.0f} %)"
+        f"{_describe_range(name, means[name].min(), means[name].max())} ({100.0 * effects[name]:.0f} %)"
         for name in most
     ]
-    rest = [name for name in order if name not in most]
-    if rest:
-        largest = 100.0 * effects[rest[0]][0]
-        parts.append(
-            f"{'all others' if most else 'no metric'} by {'at most' if most else 'more than'} {largest:.1f} %"
-        )
-    return f" It changes{join(parts)}" if parts else ""
+    return f" It changes most:{join(parts)}" if most else f" It changes none by more than {100.0 * STEADY:.0f} %."

@@ -10,10 +10,9 @@ from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import LAST_STEPS
-from cmacexp.metrics.pooling import count_legs, describe_pooling, is_shown, pool_legs
-from cmacexp.metrics.registry import SHOWN
+from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.text import format_number
-from cmacexp.report.curves import find_log, over_cycles
+from cmacexp.report.curves import over_cycles
 from cmacexp.report.cycle_data import CycleData, Rows, keep_rows
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
 from cmacexp.report.parts import Drawing
@@ -21,70 +20,22 @@ from cmacexp.report.remarks import describe_change, join
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark
 from cmacexp.typing import Array
 
-KEY = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse", "joint_rmse", "force_rmse", "feedforward_share")
-"""The metrics that say most of each leg; tables show those that the run has."""
-POSITIONS = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse", "support_rmse_x", "support_rmse_z")
-PANELS = {
-    "tracking error": ("RMS", POSITIONS),
-    "error of the joints": ("RMS", ("joint_rmse",)),
-    "force error": ("RMS", ("force_rmse", "force_rmse_three_feet", "force_ripple")),
-    "force relative to its desired value": ("deviation", ("force_overshoot", "force_steady_state_error")),
-    "settling of the force": ("settling time", ("force_settling_time",)),
-    "torque": ("RMS and peak", ("feedback_rms", "feedforward_rms", "torque_peak")),
-    "share of the feedforward": ("share", ("feedforward_share",)),
-    "largest tilt of the body": ("angle", ("tilt_max",)),
-    "height of the body": ("height", ("height_min", "height_mean", "height_max")),
-    "least stability margin": ("margin", ("true_stability_margin_min", "stability_margin_min")),
-}
-"""What the y axis shows, and metrics of one unit that share it, by the title of the panel."""
 JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
 """Names of joints, by their number."""
 CLOCK = "time in the cycle, s"
 
 
-def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
-    """The main metrics per cycle, pooled over the legs."""
-    pooled = pool_legs(run.scores)
-    values = {
-        name: SHOWN[name].factor * history
-        for name, history in pooled.items()
-        if name in SHOWN
-        and is_shown(name, pooled, count_legs(run.scores))
-        and np.isfinite(history).any()
-        and history.any()
-    }
-    panels, drawn = [], []
-    for title, (axis, names) in PANELS.items():
-        if not (known := [name for name in names if name in values]):
-            continue
-        cycles = np.arange(1, len(values[known[0]]) + 1)
-        series = [Series(SHOWN[name].title, cycles, values[name]) for name in known]
-        shown = SHOWN[known[0]]
-        unit = torque_unit if shown.unit == "N m" else shown.unit
-        panels.append(
-            Panel(title, "cycle", f"{axis}, {unit}", series, log=find_log(series), from_zero=shown.from_zero)
-        )
-        drawn += known
-    pooling = f" Over the legs: {describe_pooling({name: SHOWN[name].title for name in drawn})}." if run.walks else ""
-    changes = describe_change({name: pooled[name] for name in drawn if SHOWN[name].main})
-    return Drawing("metrics", draw(panels, legend="panel"), f"Metrics of each cycle.{changes}{pooling}")
-
-
-def draw_legs(run: StoredRun) -> Drawing:
-    """Errors and share of the feedforward of each leg, per cycle."""
-    table = run.scores.legs
-    known = set(table.column_names)
-    panels, seen = [], []
-    for name in KEY:
-        if name in known and is_shown(name, known, len(LEG_NAMES)):
-            histories = as_array(table, name).reshape(-1, len(LEG_NAMES)).T
-            panels.append(over_cycles(name, {leg: [own] for leg, own in zip(LEG_NAMES, histories, strict=True)}))
-            last, shown = SHOWN[name].factor * histories[:, run.last_cycle - 1], SHOWN[name]
-            if np.isfinite(last).any():
-                largest = format_number(float(np.nanmax(last)), shown.unit)
-                seen.append(f"{shown.title} {largest}, {LEG_NAMES[np.nanargmax(last)]}")
-    caption = f"Each leg, cycle by cycle. Largest in the last cycle:{join(seen)}"
-    return Drawing("legs", draw(panels), caption)
+def draw_metrics(run: StoredRun) -> Drawing:
+    """The main metrics per cycle, pooled over the legs and, of several, of each."""
+    pooled, count, table = pool_legs(run.scores), count_legs(run.scores), run.scores.legs
+    main, panels = select_main(pooled, count), []
+    for name, shown in main.items():
+        lines = {"all legs": [pooled[name]]}
+        if count > 1 and name in table.column_names:
+            lines |= {LEG_NAMES[leg]: [as_array(table, name)[leg::count]] for leg in range(count)}
+        panels.append(replace(over_cycles(name, lines), title=f"{shown.title} {shown.symbol}"))
+    changes = describe_change({name: pooled[name] for name in main})
+    return Drawing("metrics", draw(panels, height=2.1), f"Metrics of each cycle.{changes}")
 
 
 class Quantity(NamedTuple):
@@ -204,7 +155,7 @@ def draw_torques(data: CycleData) -> Drawing:
     names = JOINTS[count] if data.has_joints else ("along x", "along y")
     unit = "torque, N m" if data.has_joints else "force, N"
     learns = any(data.trace[f"tau_feedforward_{joint + 1}"].any() for joint in range(count))
-    panels, amounts = [], np.zeros(2)
+    panels = []
     for leg in data.legs:
         rows = data.select(cycle, leg)
         time, leg_name = data.time_in_cycle(rows), data.leg_name(leg)
@@ -217,7 +168,6 @@ def draw_torques(data: CycleData) -> Drawing:
                 feedback = feedback - known
                 lines.append(Series("for the desired force", time, known, style=DESIRED_LINE))
             lines.append(Series("feedback", time, feedback, style={"color": FEEDBACK, "linestyle": "-"}))
-            amounts += [np.nansum(np.abs(feedback)), np.nansum(np.abs(rows[f"tau_feedforward_{joint}"]))]
             if learns:
                 style = {"color": FEEDFORWARD, "linestyle": "--"}
                 lines.append(Series("feedforward", time, rows[f"tau_feedforward_{joint}"], style=style))
@@ -225,12 +175,7 @@ def draw_torques(data: CycleData) -> Drawing:
             panels.append(replace(panel, x_range=(0.0, data.duration)))
     torques = "Feedback and feedforward" if learns else "Feedback"
     also = " and the torque of the desired force, which the plan knows," if data.is_robot else ""
-    caption = f"{torques}{also} in cycle {cycle}; the plant receives their sum."
-    if learns:
-        caption += (
-            f" The feedforward has {100.0 * amounts[1] / (amounts.sum() or 1.0):.0f} % of both, by absolute values."
-        )
-    caption += _describe_shade(data)
+    caption = f"{torques}{also} in cycle {cycle}; the plant receives their sum.{_describe_shade(data)}"
     figure = draw(panels, count, 2.6 if len(data.legs) == 1 else 2.0, share="x")
     return Drawing("torques", figure, caption)
 

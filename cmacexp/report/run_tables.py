@@ -9,17 +9,13 @@ from cmacexp.config.describe import Described, describe_fields, read_defaults
 from cmacexp.config.difference import flat
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.metrics.body import BODY_METRICS, describe_load
+from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_cell, format_number, format_setting
 from cmacexp.models.mechanism import PLANE, SPACE
 from cmacexp.report.parts import Folded, Part, Section, Table
-from cmacexp.report.run_figures import KEY
-
-KEY_OF_FORCE = ("force_overshoot", "force_settling_time")
-"""Of one leg or point mass alone."""
 
 
 def list_facts(run: StoredRun) -> Table:
@@ -47,14 +43,12 @@ def list_facts(run: StoredRun) -> Table:
 
 
 def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
-    """The few metrics that say most of a run, in the cycles that are shown."""
+    """The main metrics in the cycles that are shown."""
     pooled = pool_legs(run.scores)
-    main = select_main(pooled, count_legs(run.scores))
     rows = []
-    for name in (*KEY, *KEY_OF_FORCE, *BODY_METRICS):
-        if shown := main.get(name):
-            numbers = [format_cell(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
-            rows.append([shown.title, ALL_METRICS[name].meaning, shown.unit, *numbers])
+    for name, shown in select_main(pooled, count_legs(run.scores)).items():
+        numbers = [format_cell(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
+        rows.append([f"{shown.title} {shown.symbol}", ALL_METRICS[name].meaning, shown.unit, *numbers])
     caption = "Key metrics" + (", pooled over the legs" if run.walks else "")
     titles = ["metric", "meaning", "unit", *(f"cycle {cycle}" for cycle in cycles)]
     return Table(titles, rows, caption, cards=True)
