@@ -11,7 +11,6 @@ from cmacexp.report.tiles import cut
 
 if TYPE_CHECKING:
     from markupsafe import Markup
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -88,7 +87,7 @@ class Renderer:
         self.files: list[Path] = []
         loader = FileSystemLoader(Path(__file__).parent)
         self.environment = Environment(loader=loader, autoescape=True, trim_blocks=True)
-        self.environment.globals.update(save=self._save, describe=describe)
+        self.environment.globals.update(save=self._save)
 
     def render_part(self, part: Part) -> str:
         """A part as HTML."""
@@ -113,24 +112,3 @@ class Renderer:
             drawing.figure.savefig(temporary, format=SVG, metadata={"Date": None})
         self.files.append(path)
         return Markup(cut(drawing.figure, path.read_text(encoding="utf-8")))
-
-
-def describe(figure: "Figure") -> str:
-    """What a figure shows, in words, for readers who do not see it: panels with their axes, names in legends.
-
-    >>> from cmacexp.report.figures import Panel, Series, draw
-    >>> describe(draw([Panel("foot", "time, s", "depth, mm", [Series("a", [0], [1]), Series("b", [0], [2])])]))
-    'foot: depth, mm over time, s. Legend: a; b.'
-    """
-    panels = [_describe_axes(axes) for axes in figure.axes if axes.get_label() != "<colorbar>" and axes.axison]
-    legends = [*figure.legends, *(own for axes in figure.axes if (own := axes.get_legend()))]
-    names = dict.fromkeys(text.get_text() for legend in legends for text in legend.get_texts())
-    count = f"{len(panels)} panels. " if len(panels) > 1 else ""
-    return count + "; ".join(filter(None, panels)) + "." + (f" Legend: {'; '.join(names)}." if names else "")
-
-
-def _describe_axes(axes: "Axes") -> str:
-    title = axes.get_title(loc="left") or axes.get_title()
-    x, y = axes.get_xlabel(), axes.get_ylabel()
-    plane = f"{y} over {x}" if x and y else x or y
-    return ": ".join(filter(None, (title, plane))).replace("\n", " ")

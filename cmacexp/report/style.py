@@ -34,6 +34,7 @@ STYLE: dict[Any, Any] = {
     "figure.dpi": 160,
     "savefig.dpi": 160,
     "svg.hashsalt": "cmacexp",
+    "svg.fonttype": "none",  # text stays text: it can be searched, read aloud and edited
     "path.simplify": True,
     "path.simplify_threshold": 0.2,
 }
@@ -141,8 +142,9 @@ def add_legend(place: Any, axes: "Sequence[Axes]", title: str = "") -> None:
                 handles.setdefault(name, handle)
     above = place in axes
     columns = max(1, min(7, len(handles), LINE_CHARACTERS // (8 + max(map(len, handles), default=1))))
+    lines = -(-len(handles) // columns)
+    columns = -(-len(handles) // max(lines, 1))  # rows of equal length
     if above:
-        lines = -(-len(handles) // columns)
         place.set_title(axes[0].get_title(loc="left"), pad=5 + 13 * max(lines, 1))  # of one name its place is free
     if len(handles) < 2 and not title:
         return

@@ -72,13 +72,11 @@ def _describe_best(named: Mapping[str, Sequence[RunSummary]]) -> str:
     """Which run ends best, by each metric."""
     parts = []
     for name, shown in JUDGED.items():
-        ends = {line: run.final(name) for line, (run,) in named.items() if run.shows(name)}
-        best = ALL_METRICS[name].find_best(np.array(list(ends.values())))
+        ends = {run.final(name): line for line, (run,) in named.items() if run.shows(name)}
+        best = ALL_METRICS[name].find_best(np.array(list(ends)))
         if len(ends) > 1 and np.isfinite(best):
-            lines = [line for line, value in ends.items() if abs(value) == abs(best)]
-            value = format_number(shown.factor * best, shown.unit)
-            parts.append(f"{shown.title} {value}" + (f" ({lines[0]})" if len(lines) == 1 else ""))
-    return f" Best in the last cycle:{join(parts)}" if parts else ""
+            parts.append(f"{shown.title} {format_number(shown.factor * best, shown.unit)} ({ends[best]})")
+    return f" Best in the last cycle:{join(parts)}"
 
 
 def _draw_grouped(runs: Sequence[RunSummary], key: str) -> Drawing:

@@ -21,46 +21,40 @@ PAD = 3.0
 """Around a piece, points."""
 
 
-def _cells(figure: "Figure") -> list[tuple[Array, list[int]]]:
-    """Extent (2, 2) of each panel of a grid, display units, and the numbers of its axes; one for what is no grid."""
+def _find_panels(figure: "Figure") -> list[tuple[Array, list[int]]]:
+    """Extent (2, 2) of each panel, display units, as wide as its column and as high as its row; and its axes."""
     boxes = [np.asarray(axes.get_tightbbox()) for axes in figure.axes]
-    places: dict[int, tuple[int, int]] = {}
-    for number, axes in enumerate(figure.axes):
-        if (spec := axes.get_subplotspec()) is not None:
-            if len(spec.rowspan) > 1 or len(spec.colspan) > 1:
-                return [(np.array([[0.0, 0.0], figure.bbox.max]), list(range(len(boxes))))]
-            places[number] = spec.rowspan.start, spec.colspan.start
-    own = {number: [number] for number in places}
-    for number in set(range(len(boxes))) - set(places):  # a bar of colours, beside its map
-        own[min(places, key=lambda main: abs(boxes[main] - boxes[number])[1].sum())].append(number)
+    specs = {n: spec for n, axes in enumerate(figure.axes) if (spec := axes.get_subplotspec()) is not None}
+    if not specs:
+        return [(np.array([[0.0, 0.0], figure.bbox.max]), list(range(len(boxes))))]
+    own = {n: [n] for n in specs}
+    for n in set(range(len(boxes))) - set(specs):  # a bar of colours, beside its map
+        own[min(specs, key=lambda main: abs(boxes[main] - boxes[n])[1].sum())].append(n)
+    extents = {main: np.array([boxes[n] for n in numbers]) for main, numbers in own.items()}
     found = []
-    for main, (row, column) in places.items():
-        low, high = np.empty(2), np.empty(2)
-        for axis, same in ((0, column), (1, row)):
-            line = [n for other, place in places.items() if place[1 - axis] == same for n in own[other]]
-            low[axis] = min(boxes[n][0, axis] for n in line)
-            high[axis] = max(boxes[n][1, axis] for n in line)
-        found.append((np.array([low, high]), own[main]))
+    for main, spec in specs.items():
+        column = np.concatenate([extents[n] for n in specs if specs[n].colspan.start == spec.colspan.start])[..., 0]
+        row = np.concatenate([extents[n] for n in specs if specs[n].rowspan.start == spec.rowspan.start])[..., 1]
+        found.append((np.array([[column.min(), row.min()], [column.max(), row.max()]]), own[main]))
     return found
 
 
 def cut(figure: "Figure", drawn: str) -> str:
     """The pieces of a drawn figure as HTML; ``drawn`` is its SVG. Names of groups, which a page repeats, go."""
     plain = re.sub(r"<!--.*?-->", "", drawn, flags=re.DOTALL)
-    groups = [(each["kind"], re.sub(r'<g id="[^"]*"', "<g", each[0])) for each in GROUPS.finditer(plain)]
-    axes = [text for kind, text in groups if kind == "axes"]
-    pieces = [
-        (legend.get_window_extent().get_points(), "legend", text)
-        for legend, text in zip(figure.legends, [t for kind, t in groups if kind == "legend"], strict=True)
-    ]
-    pieces += [(box, "panel", "".join(axes[number] for number in own)) for box, own in _cells(figure)]
+    texts: dict[str, list[str]] = {"axes": [], "legend": []}
+    for found in GROUPS.finditer(plain):
+        texts[found["kind"]].append(re.sub(r'<g id="[^"]*"', "<g", found[0]))
+    boxes = [legend.get_window_extent().get_points() for legend in figure.legends]
+    pieces = [(box, "legend", text) for box, text in zip(boxes, texts["legend"], strict=True)]
+    pieces += [(box, "panel", "".join(texts["axes"][n] for n in own)) for box, own in _find_panels(figure)]
     definitions = "".join(DEFINITIONS.findall(plain))
     width, height = figure.get_size_inches() * POINTS
-    found = []
+    drawings = []
     for box, kind, text in pieces:
         (left, bottom), (right, top) = box * POINTS / figure.dpi + [[-PAD], [PAD]]
         view = f"{left:.1f} {height - top:.1f} {right - left:.1f} {top - bottom:.1f}"
         share = 100.0 * min((right - left) / width, 1.0)
-        found.append(f'<svg class="{kind}" style="--width:{share:.1f}" viewBox="{view}">{definitions}{text}</svg>')
+        drawings.append(f'<svg class="{kind}" style="--width:{share:.1f}" viewBox="{view}">{definitions}{text}</svg>')
         definitions = ""
-    return "\n".join(found)
+    return "\n".join(drawings)
