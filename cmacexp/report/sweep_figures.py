@@ -8,12 +8,12 @@ import numpy as np
 
 from cmacexp.config.describe import describe_fields
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN
-from cmacexp.metrics.text import format_number, format_setting
+from cmacexp.metrics.registry import JUDGED, MAIN
+from cmacexp.metrics.text import format_setting
 from cmacexp.report.curves import is_numeric, over_cycles, over_setting
 from cmacexp.report.figures import draw
 from cmacexp.report.parts import Drawing
-from cmacexp.report.remarks import describe_effect, join
+from cmacexp.report.remarks import describe_change, describe_effect
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.report.style import DASHES, MARKERS, SERIES
 from cmacexp.typing import Array
@@ -53,9 +53,8 @@ def draw_learning_curves(runs: Sequence[RunSummary], names: Sequence[str], keys:
         return []
     if len(shown) > MOST_LINES:
         return [_draw_grouped(shown, key) for key in keys[:2]]
-    figure = _draw_learning(begun, styles=_style_lines(begun, keys) if len(keys) == 2 else None)
-    caption = f"Metrics of each whole cycle, one line for each run.{_describe_best(begun)}"
-    return [Drawing("learning", figure, caption)]
+    styles = _style_lines(begun, keys) if len(keys) == 2 else {}
+    return [_draw_learning("learning", "one line for each run", begun, "", styles)]
 
 
 def _style_lines(named: Mapping[str, Sequence[RunSummary]], keys: Sequence[str]) -> dict[Any, dict[str, Any]]:
@@ -68,42 +67,32 @@ def _style_lines(named: Mapping[str, Sequence[RunSummary]], keys: Sequence[str])
     return styles
 
 
-def _describe_best(named: Mapping[str, Sequence[RunSummary]]) -> str:
-    """Which run ends best, by each metric."""
-    parts = []
-    for name, shown in JUDGED.items():
-        ends = {run.final(name): line for line, (run,) in named.items() if run.shows(name)}
-        best = ALL_METRICS[name].find_best(np.array(list(ends)))
-        if len(ends) > 1 and np.isfinite(best):
-            parts.append(f"{shown.title} {format_number(shown.factor * best, shown.unit)} ({ends[best]})")
-    return f" Best in the last cycle:{join(parts)}"
-
-
 def _draw_grouped(runs: Sequence[RunSummary], key: str) -> Drawing:
     groups = group_by(runs, key)
     values = list(groups)
     chosen = sorted({round(place) for place in np.linspace(0, len(values) - 1, MOST_LINES)})
-    figure = _draw_learning(
-        {values[index]: groups[values[index]] for index in chosen}, read_names(runs[0], [key])[key]
-    )
-    some = f" {len(chosen)} of {len(values)} values are shown." if len(chosen) < len(values) else ""
-    caption = f"Metrics of each whole cycle: median and range of the runs with the same {key}.{some}"
-    return Drawing(f"learning-{make_file_name(key)}", figure, caption)
+    some = f"; {len(chosen)} of {len(values)} values are shown" if len(chosen) < len(values) else ""
+    lines = {values[index]: groups[values[index]] for index in chosen}
+    what = f"median and range of the runs with the same {key}{some}"
+    return _draw_learning(f"learning-{make_file_name(key)}", what, lines, read_names(runs[0], [key])[key], {})
 
 
 def _draw_learning(
-    groups: Mapping[Any, Sequence[RunSummary]], title: str = "", styles: Mapping[Any, Any] | None = None
-) -> Any:
+    file: str, what: str, groups: Mapping[Any, Sequence[RunSummary]], title: str, styles: Mapping[Any, dict[str, Any]]
+) -> Drawing:
     runs = [run for group in groups.values() for run in group]
-    panels = []
+    panels, ends = [], {}
     for name in JUDGED:
         if not any(run.shows(name) and np.isfinite(run.final(name)) for run in runs):
             continue
         histories = {value: [_history(run, name) for run in group] for value, group in groups.items()}
         panel = over_cycles(name, histories)
-        series = [replace(line, style={**line.style, **(styles or {}).get(line.name, {})}) for line in panel.series]
+        series = [replace(line, style={**line.style, **styles.get(line.name, {})}) for line in panel.series]
         panels.append(replace(panel, series=series, title=f"{MAIN[name].title} ({name})"))
-    return draw(panels, legend_title=title)
+        both = np.array([own[[0, -1]] for group in histories.values() for own in group]).T
+        ends[name] = np.array([np.median(known) for own in both if (known := own[np.isfinite(own)]).size])
+    caption = f"Metrics of each whole cycle: {what}.{describe_change(ends)}"
+    return Drawing(file, draw(panels, legend_title=title), f"{caption} Numbers are medians of the runs.")
 
 
 def _history(run: RunSummary, name: str) -> Array:
@@ -130,7 +119,7 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
             continue
         groups = {line: _over(group, key, name) for line, group in lines.items()}
         shown, numeric = MAIN[name], is_numeric(values)
-        changed[name] = [np.array([run.final(name) for run in group]) for group in group_by(ended, key).values()]
+        changed[name] = list(_over(ended, key, name).values())
         labels = f"{shown.title} ({name})", f"{shown.title}, {shown.unit}"
         panel = over_setting(
             {line: samples for line, samples in groups.items() if samples}, names[key], labels[1],
@@ -140,17 +129,11 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
         panels.append(replace(panel, from_zero=shown.from_zero, crosses=crosses))
     if not panels:
         return []
-    effect = describe_effect({name: [s[np.isfinite(s)] for s in own] for name, own in changed.items()})
     caption = f"Metrics of the last cycle over {key}" + (f", a line for each {second}" if second else "")
     rest = [other for other in others if other != second]
     also = f"; {', '.join(rest)} also varies: values are means, bands are the range" if rest else ""
-    return [
-        Drawing(
-            f"over-{make_file_name(key)}",
-            draw(panels, legend_title=names.get(second, "")),
-            f"{caption}{also}.{effect}",
-        )
-    ]
+    figure = draw(panels, legend_title=names.get(second, ""))
+    return [Drawing(f"over-{make_file_name(key)}", figure, f"{caption}{also}.{describe_effect(changed)}")]
 
 
 def _over(runs: Sequence[RunSummary], key: str, name: str) -> dict[Any, Array]:
