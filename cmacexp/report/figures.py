@@ -105,13 +105,11 @@ def draw(
     height: float = 2.4,
     *,
     share: str = "",
-    legend: str = "figure",
     legend_title: str = "",
 ) -> "Figure":
     """A figure of panels, in rows of so many ``columns``, each so many inches high.
 
-    All share the axes ``x`` or ``xy`` of ``share``. The legend is that of the whole ``figure``, below it, or of each
-    ``panel``, above it.
+    All share the axes ``x`` or ``xy`` of ``share``; the legend below the figure is that of all.
     """
     columns = min(columns, len(panels))
     shared = {f"share{axis}": True for axis in share}
@@ -124,24 +122,16 @@ def draw(
         if isinstance(panel, HeatMap):
             _heat_map(figure, ax, panel)
             continue
-        draw_panel(ax, panel, () if legend == "panel" else names)
+        _draw_panel(ax, panel, names)
         ax.tick_params(labelbottom=True, labelleft=True)  # each panel can stand alone
         label(ax, panel.title, panel.x, panel.y)
-        if legend == "panel":
-            add_legend(ax, [ax])
-    if legend == "figure":
-        add_legend(figure, axes[: len(panels)], legend_title)
+    add_legend(figure, axes[: len(panels)], legend_title)
     return figure
 
 
-def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
-    """Draw a panel on empty axes, but for its title and the names of its axes.
-
-    ``names`` are those of all series that share a legend; empty: those of the panel.
-    """
+def _draw_panel(axes: "Axes", panel: Panel, names: Sequence[str]) -> None:
+    """Draw a panel, but for its title and the names of its axes; ``names`` are those of all series of the figure."""
     from matplotlib.ticker import MaxNLocator
-
-    names = names or [series.name for series in panel.series]
 
     for place, series in enumerate(panel.series):
         index = names.index(series.name)

@@ -203,4 +203,4 @@ def draw_end(data: CycleData, status: str) -> Drawing:
     else:
         panels.append(Panel("speed", "time, s", "joint speed, rad/s" if data.has_joints else "speed, m/s", speeds))
     steps = min(LAST_STEPS, len(data.trace["leg"]) // len(data.legs))
-    return Drawing("end", draw(panels, legend="panel"), f"The last {steps} recorded steps before the run stopped.")
+    return Drawing("end", draw(panels), f"The last {steps} recorded steps before the run stopped.")

@@ -31,11 +31,13 @@ def _find_panels(figure: "Figure") -> list[tuple[Array, list[int]]]:
     for n in set(range(len(boxes))) - set(specs):  # a bar of colours, beside its map
         own[min(specs, key=lambda main: abs(boxes[main] - boxes[n])[1].sum())].append(n)
     extents = {main: np.array([boxes[n] for n in numbers]) for main, numbers in own.items()}
-    found = []
+    found, least = [], 0.96 * figure.bbox.width / (1 + max(spec.colspan.start for spec in specs.values()))
     for main, spec in specs.items():
         column = np.concatenate([extents[n] for n in specs if specs[n].colspan.start == spec.colspan.start])[..., 0]
         row = np.concatenate([extents[n] for n in specs if specs[n].rowspan.start == spec.rowspan.start])[..., 1]
-        found.append((np.array([[column.min(), row.min()], [column.max(), row.max()]]), own[main]))
+        found.append(
+            (np.array([[column.min(), row.min()], [max(column.max(), column.min() + least), row.max()]]), own[main])
+        )
     return found
 
 
