@@ -52,23 +52,18 @@ def with_key(content: Panel) -> Panel:
     )
 
 
-def _first_beside_last(panels: Panels, view: RunView) -> list[Panel]:
+def _first_beside_last(view: RunView) -> list[Panel]:
     """What learning changed: plots of the first cycle beside those of the last whole one; none if it is the same."""
     first, last = view.whole_cycles()
     if first == last:
         return []
-    names = {f"leg_{leg.number}/force": f"{leg.number} {leg.name}: force, N" for leg in view.legs}
-    if not view.walks:
-        names = {f"leg_1/{name}": title for name, title in panels.titles_of_leg().items()}
-    rows = [
-        rrb.Horizontal(*(panels.plot(path, f"{name}, cycle {cycle}", cycle=cycle) for cycle in (first, last)))
-        for path, name in names.items()
-    ]
-    return [rrb.Vertical(*rows, name=f"cycles {first} and {last}")]
+    ranges, times, names = value_ranges([view])[0], find_times([view]), ("force", "error", "torque")
+    both = [stack(Panels(view, ranges, times, cycle), names[: 1 if view.walks else 3]) for cycle in (first, last)]
+    return [rrb.Horizontal(*both, name=f"cycles {first} and {last}")]
 
 
 def _plots(panels: Panels, view: RunView) -> Panel:
-    compared, moments = _first_beside_last(panels, view), stack(panels, ("events",), "moments")
+    compared, moments = _first_beside_last(view), stack(panels, ("events",), "moments")
     if not view.walks:
         return rrb.Tabs(*compared, stack(panels, ("force", "error", "torque"), "whole run"), moments)
     walk = stack(panels, ("gait", "posture", "margins"), "walk")

@@ -28,14 +28,18 @@ BORDER = 60.0
 
 
 class Panels:
-    """Makes the panels of one run; ``ranges`` are those of vertical axes by plot, ``times`` first and last, s."""
+    """Makes the panels of one run; ``ranges`` are those of vertical axes by plot, ``times`` first and last, s.
 
-    def __init__(self, view: RunView, ranges: Mapping[str, Range], times: Range):
+    Of one ``cycle`` the plots are of its times, and so named.
+    """
+
+    def __init__(self, view: RunView, ranges: Mapping[str, Range], times: Range, cycle: int | None = None):
         self._view = view
         self._lines = collect_series(view)
         self._ranges = ranges
-        self._times = times
-        self._now = float(view.config["gait"]["cycle_time"]) if view.walks else None
+        self._times = times if cycle is None else view.time[view.cycle == cycle][[0, -1]]
+        self._cycle = "" if cycle is None else f", cycle {cycle}"
+        self._now = float(view.config["gait"]["cycle_time"]) if view.walks and cycle is None else None
 
     def make(self, name: str) -> Panel:
         """The panel of that name."""
@@ -66,19 +70,19 @@ class Panels:
         lowest = points.min(axis=0) - [0.0, 0.0, -LOWEST_NUMBER if view.walks else 0.0]
         return np.array([lowest, np.maximum(points.max(axis=0), [0.0, 0.0, FORCE_LENGTH])])
 
-    def plot(self, path: str, name: str, around: float | None = None, cycle: int | None = None) -> rrb.TimeSeriesView:
-        """A plot of all times, of one cycle, or of those from 1.6 to 0.2 times ``around`` seconds about now."""
+    def plot(self, path: str, name: str, around: float | None = None) -> rrb.TimeSeriesView:
+        """A plot of all times, or of those from 1.6 to 0.2 times ``around`` seconds about now."""
         entity = f"/{self._view.root}{SERIES}"
         names, _, colours = zip(*self._lines[path], strict=True)
         style = rr.SeriesLines(names=list(names), colors=list(colours), widths=[1.5] * len(names))
         drawn = VisualizerComponentMapping(
             "Scalars:scalars", ComponentSourceKind.SourceComponent, source_component=component(path)
         )
-        shown, drawn_times = self._time_axis(around, cycle)
+        shown, drawn_times = self._time_axis(around)
         return rrb.TimeSeriesView(
             origin=entity,
             contents=[f"+ {entity}"],
-            name=name,
+            name=name + self._cycle,
             overrides={entity: style.visualizer(mappings=[drawn])},
             axis_y=rrb.ScalarAxis(range=self._ranges.get(path)),
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=path.startswith(("leg_1/", "body/"))),
@@ -86,14 +90,12 @@ class Panels:
             time_ranges=drawn_times,
         )
 
-    def _time_axis(
-        self, around: float | None, cycle: int | None = None
-    ) -> tuple[rrb.TimeAxis, list[rrb.VisibleTimeRange]]:
+    def _time_axis(self, around: float | None) -> tuple[rrb.TimeAxis, list[rrb.VisibleTimeRange]]:
         """The time axis of a plot, and which times it draws: lines end before the right edge, where the legend is."""
         if around:
             start, until, end = (rrb.TimeRangeBoundary.cursor_relative(seconds=n * around) for n in (-1.6, 0.2, 1.0))
         else:
-            first, last = self._times if cycle is None else self._view.time[self._view.cycle == cycle][[0, -1]]
+            first, last = self._times
             times = first, last, last + 0.3 * (last - first)
             start, until, end = (rrb.TimeRangeBoundary.absolute(seconds=time) for time in times)
         drawn = rrb.VisibleTimeRange("time", start=start, end=until)
@@ -144,12 +146,12 @@ class Panels:
     def force(self) -> Panel:
         """Contact forces."""
         if not self._view.walks:
-            return self.plot("leg_1/force", self.titles_of_leg()["force"])
+            return self.plot("leg_1/force", "contact force, N")
         plots = [
             self.plot(f"leg_{leg.number}/force", f"{leg.number} {leg.name}: force, N", self._now)
             for leg in self._view.legs
         ]
-        return rrb.Grid(*plots, grid_columns=2)
+        return rrb.Grid(*plots, grid_columns=1 if self._cycle else 2)
 
     def posture(self) -> Panel:
         """Tilt and height of the body."""
@@ -160,22 +162,16 @@ class Panels:
         """Stability margins: the planned one, and those of the feet that carry load."""
         return self.plot("body/margins", "stability margins, planned and true, mm", self._now)
 
-    def titles_of_leg(self) -> dict[str, str]:
-        """The titles of the plots of one leg: force, tracking error, feedback and feedforward of each joint."""
-        names = [f"torque of joint {n}, N m" for n in range(1, len(self._view.legs[0].axes) + 1)]
-        if not self._view.legs[0].has_joints:
-            names = ["Cartesian force along x, N", "Cartesian force along y, N"]
-        titles = {"force": "contact force, N", "error": "foot, actual minus desired, mm"}
-        return titles | {f"torque_{i}": name for i, name in enumerate(names, start=1)}
-
     def error(self) -> Panel:
         """Tracking error of the only foot."""
-        return self.plot("leg_1/error", self.titles_of_leg()["error"])
+        return self.plot("leg_1/error", "foot, actual minus desired, mm")
 
     def torques(self, number: int, before: str = "") -> list[rrb.TimeSeriesView]:
         """Feedback and feedforward of all joints of one leg."""
-        titles = {name: title for name, title in self.titles_of_leg().items() if name.startswith("torque")}
-        return [self.plot(f"leg_{number}/{name}", before + title) for name, title in titles.items()]
+        names = [f"torque of joint {n}, N m" for n in range(1, len(self._view.legs[0].axes) + 1)]
+        if not self._view.legs[0].has_joints:
+            names = ["Cartesian force along x, N", "Cartesian force along y, N"]
+        return [self.plot(f"leg_{number}/torque_{i}", before + name) for i, name in enumerate(names, start=1)]
 
     def torque(self) -> Panel:
         """Feedback and feedforward torques of the only leg."""
