@@ -122,14 +122,14 @@ def draw(
         if isinstance(panel, HeatMap):
             _heat_map(figure, ax, panel)
             continue
-        _draw_panel(ax, panel, names)
+        draw_panel(ax, panel, names)
         ax.tick_params(labelbottom=True, labelleft=True)  # each panel can stand alone
         label(ax, panel.title, panel.x, panel.y)
     add_legend(figure, axes[: len(panels)], legend_title)
     return figure
 
 
-def _draw_panel(axes: "Axes", panel: Panel, names: Sequence[str]) -> None:
+def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str]) -> None:
     """Draw a panel, but for its title and the names of its axes; ``names`` are those of all series of the figure."""
     from matplotlib.ticker import MaxNLocator
 
