@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from shutil import get_terminal_size
 
 from cmacexp.data.tables import METRICS_CSV, Scores
 from cmacexp.errors import in_one_line
@@ -23,9 +24,7 @@ GAP = 2
 
 
 def _terminal_width() -> int:
-    from rich.console import Console
-
-    return Console().width if sys.stdout.isatty() else WIDTH
+    return get_terminal_size().columns if sys.stdout.isatty() else WIDTH
 
 
 def _split(widths: Sequence[int], line: int, repeated: int) -> Iterator[list[int]]:
@@ -44,22 +43,17 @@ def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
     Titles may have line breaks; the unit is the last line.
     """
-    from rich.console import Console
-    from rich.table import Table as Grid
-    from rich.text import Text
-
-    titles = ["\n".join(map(in_one_line, title.split("\n"))) for title in titles]
-    rows = [[in_one_line(cell) for cell in row] for row in rows]
-    cells = [titles, *rows]
-    widths = [max(len(line) for row in cells for line in row[i].split("\n")) for i in range(len(titles))]
-    width, numeric = _terminal_width(), Table(titles, rows).numeric
-    for group in _split(widths, width, repeated=1):
-        grid = Grid(box=None, pad_edge=False, padding=(0, GAP, 0, 0), header_style="bold")
-        for i in group:
-            grid.add_column(Text(titles[i]), justify="right" if i in numeric else "left", overflow="fold")
-        for row in rows:
-            grid.add_row(*(Text(row[i]) for i in group))
-        Console(highlight=False, width=width).print(grid)
+    heads, rows = [title.split("\n") for title in titles], [list(map(in_one_line, row)) for row in rows]
+    height, numeric, columns = max(map(len, heads)), Table(titles, rows).numeric, []
+    for i, head in enumerate(heads):
+        lines = [*[""] * (height - len(head)), *map(in_one_line, head), *(row[i] for row in rows)]
+        width = max(map(len, lines))
+        columns.append([line.rjust(width) if i in numeric else line.ljust(width) for line in lines])
+    bold = ("\x1b[1m", "\x1b[0m") if sys.stdout.isatty() else ("", "")
+    for group in _split([len(column[0]) for column in columns], _terminal_width(), repeated=1):
+        for number, cells in enumerate(zip(*(columns[i] for i in group), strict=True)):
+            line = (" " * GAP).join(cells).rstrip()
+            print(line.join(bold) if number < height else line)
 
 
 def head(shown: Shown) -> str:
