@@ -89,6 +89,7 @@ def test_a_run_gets_a_page_that_needs_nothing_else(leg):
 
 def test_the_text_of_figures_is_text_and_captions_say_what_is_seen(leg):
     tracking = re.search(r'<figure id="tracking">.*?</figure>', text_of(leg), re.DOTALL)[0]
+    assert not re.search(r"\n\s*\n|<!--", tracking), "a blank line ends HTML in Markdown"
     words = re.findall(r">([^<>]+)</text>", tracking)
     assert {"contact force", "force, N", "time in the cycle, s", "desired", "cycle 1", "cycle 2", "cycle 3"} <= set(
         words
