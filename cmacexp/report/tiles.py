@@ -31,8 +31,10 @@ def _find_panels(figure: "Figure") -> list[tuple[Array, list[int]]]:
     for n in set(range(len(boxes))) - set(specs):  # a bar of colours, beside its map
         own[min(specs, key=lambda main: abs(boxes[main] - boxes[n])[1].sum())].append(n)
     extents = {main: np.array([boxes[n] for n in numbers]) for main, numbers in own.items()}
-    found, least = [], 0.96 * figure.bbox.width / (1 + max(spec.colspan.start for spec in specs.values()))
+    found = []
     for main, spec in specs.items():
+        ratios = np.asarray(spec.get_gridspec().get_width_ratios(), dtype=float)
+        least = 0.96 * figure.bbox.width * ratios[spec.colspan.start] / ratios.sum()
         column = np.concatenate([extents[n] for n in specs if specs[n].colspan.start == spec.colspan.start])[..., 0]
         row = np.concatenate([extents[n] for n in specs if specs[n].rowspan.start == spec.rowspan.start])[..., 1]
         found.append(
@@ -49,14 +51,17 @@ def cut(figure: "Figure", drawn: str) -> str:
         texts[found["kind"]].append(re.sub(r'<g id="[^"]*"', "<g", found[0]))
     boxes = [legend.get_window_extent().get_points() for legend in figure.legends]
     pieces = [(box, "legend", text) for box, text in zip(boxes, texts["legend"], strict=True)]
-    pieces += [(box, "panel", "".join(texts["axes"][n] for n in own)) for box, own in _find_panels(figure)]
+    panels = _find_panels(figure)
+    pieces += [(box, "panel", "".join(texts["axes"][n] for n in own)) for box, own in panels]
     definitions = "".join(DEFINITIONS.findall(plain))
     width, height = figure.get_size_inches() * POINTS
+    columns = {round(box[0, 0]): np.ptp(box[:, 0]) * POINTS / figure.dpi + 2.0 * PAD for box, _ in panels}
+    percent = 100.0 / max(width, 1.01 * sum(columns.values()))  # all columns fit into a row
     drawings = []
     for box, kind, text in pieces:
         (left, bottom), (right, top) = box * POINTS / figure.dpi + [[-PAD], [PAD]]
         view = f"{left:.1f} {height - top:.1f} {right - left:.1f} {top - bottom:.1f}"
-        share = 100.0 * min((right - left) / width, 1.0)
+        share = min(percent * (right - left), 100.0)
         drawings.append(f'<svg class="{kind}" style="--width:{share:.1f}" viewBox="{view}">{definitions}{text}</svg>')
         definitions = ""
     return "\n".join(drawings)
