@@ -146,7 +146,7 @@ def draw_frame(cycles: Sequence[Cycle], part: float) -> "Image":
         k = int(np.abs(since - part * since[-1]).argmin())  # rows of a thinned trace need not be evenly spaced
         _draw_machine(axes[0, column], cycle, k)
         for ax, panel in zip(axes[1:, column], _panels(cycle, k), strict=True):
-            draw_panel(ax, panel)
+            draw_panel(ax, panel, [series.name for series in panel.series])
             ax.set(xlabel=panel.x, ylabel="" if column else panel.y)
             ax.tick_params(labelleft=column == 0)
         if column == len(cycles) - 1:

@@ -65,7 +65,7 @@ def _errors(world: str, kind: str, words: str, limit: float) -> Finding:
     return Finding(
         [
             Criterion(
-                f"{shown.title} error with {words}", partial(last, name=POSITION), at_most(limit), unit=shown.unit,
+                f"{shown.title} with {words}", partial(last, name=POSITION), at_most(limit), unit=shown.unit,
                 scale=shown.factor, of={"part": ALL, "world": world, "kind": kind, "robot": robot}, case=robot,
             )
             for robot in ROBOTS

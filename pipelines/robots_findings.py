@@ -101,7 +101,7 @@ def _at_end(name: str, limit: Limit, kind: str = CMAC) -> list[Criterion]:
     """A criterion of a metric of every robot when learners are compared."""
     shown = SHOWN[name]
     criterion = partial(Criterion, unit=shown.unit, scale=shown.factor)
-    return _each(criterion, f"{shown.title} error", partial(judged, name=name, kind=kind), _every(limit), kind=kind)
+    return _each(criterion, shown.title, partial(judged, name=name, kind=kind), _every(limit), kind=kind)
 
 
 def _position(kind: str) -> Finding:

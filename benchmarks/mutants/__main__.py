@@ -31,7 +31,7 @@ FILES = ("plants/kernels.py", "sensors/kernels.py", "loop/step.py", "loop/stop.p
 """The mathematics: rooms and files of the package."""
 WARM = (
     "numpy", "numpy.polynomial", "scipy.linalg", "scipy.signal", "scipy.optimize", "scipy.spatial", "scipy.stats",
-    "pandas", "pyarrow.parquet", "numba", "hydra", "hypothesis", "yaml", "rich", "sklearn.neural_network",
+    "pandas", "pyarrow.parquet", "numba", "hydra", "hypothesis", "yaml", "sklearn.neural_network",
 )  # fmt: skip
 """Libraries that are imported once for all mutants."""
 OPTIONAL = ("mujoco",)

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.data.discovery import require_place, runs_below
@@ -14,6 +15,7 @@ from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import print_runs, read_summary, sort_folders
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
 from cmacexp.report.terminal import activity, say
+from cmacexp.report.terminal_tables import print_key
 
 REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
@@ -59,10 +61,20 @@ def _report(arguments: argparse.Namespace) -> int:
     return 0
 
 
+class _Key(argparse.Action):
+    """Prints what the columns of metrics mean."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        print_key()
+        parser.exit()
+
+
 def main() -> int:
     """Run the command."""
     description = "Figures and tables of a run, or a comparison of several runs or a sweep, as one HTML page."
     parser = Parser("cmacexp.report", description, folders=True)
     text = f"folder of the page (default: DIR/report, or {REPORTS}/NAMES for several)"
     parser.add_argument("--out", metavar="FOLDER", help=text)
+    text = "print what each column of the tables means: name, symbol, definition; needs no DIR"
+    parser.add_argument("--key", nargs=0, action=_Key, help=text)
     return run_command(lambda: _report(parser.parse_args()))

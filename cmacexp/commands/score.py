@@ -13,10 +13,9 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import TRACE, Scores, write_scores
 from cmacexp.errors import BadRun
 from cmacexp.metrics.drift import make_drift_entry
-from cmacexp.metrics.pooling import count_legs
 from cmacexp.metrics.score import score_traces
 from cmacexp.report.terminal import activity, say
-from cmacexp.report.terminal_tables import print_key, print_scores
+from cmacexp.report.terminal_tables import KEY, print_scores
 
 
 def score(folder: Path) -> Scores:
@@ -36,14 +35,12 @@ def score(folder: Path) -> Scores:
 
 
 def _score(arguments: argparse.Namespace) -> int:
-    shown, legs = dict[str, None](), 1
     for folder in [run for given in arguments.folders for run in runs_below(given)]:
         with activity(f"scoring {folder}"):
             scores = score(folder)
         say(str(folder))
-        shown |= dict.fromkeys(print_scores(scores, folder))
-        legs = max(legs, count_legs(scores))
-    print_key(shown, legs)
+        print_scores(scores, folder)
+    say(KEY)
     return 0
 
 

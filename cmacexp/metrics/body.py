@@ -1,6 +1,7 @@
 """Metrics of a body per cycle: pure functions of its trace."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,36 +42,37 @@ def _margin(column: str, to: str, of: str, source: str, shown: Shown | None = No
     return Metric("m", meaning, undefined, lambda b: b.reduce(np.fmin, column), BODY, LARGE, shown, source=source)
 
 
+_shown = partial(Shown, unit="mm", factor=1e3, main=False)
 _TILT = "largest of abs(pitch) and abs(roll)"
 
 BODY_METRICS: dict[str, Metric[BodyBlock]] = {
     "height_mean": _height(
         "mean",
         lambda b: b.reduce(np.add, "height") / np.diff([*b.starts, b.table.num_rows]),
-        Shown("height", "mm", 1e3, from_zero=False),
+        _shown("height", symbol="h", main=True, from_zero=False),
     ),
     "height_min": _height(
-        "least", lambda b: b.reduce(np.minimum, "height"), Shown("least height", "mm", 1e3, False, from_zero=False)
+        "least", lambda b: b.reduce(np.minimum, "height"), _shown("least height", symbol="h_min", from_zero=False)
     ),
     "height_max": _height(
         "largest",
         lambda b: b.reduce(np.maximum, "height"),
-        Shown("largest height", "mm", 1e3, False, from_zero=False),
+        _shown("largest height", symbol="h_max", from_zero=False),
     ),
     "tilt_max": Metric("rad", _TILT, "never", _largest_tilt, BODY, SMALL, Shown("tilt", "mrad", 1e3)),
     "stability_margin_min": _margin(
-        "stability_margin", "nearest edge", PLANNED, MCGHEE_FRANK, Shown("planned margin", "mm", 1e3, main=False)
+        "stability_margin", "nearest edge", PLANNED, MCGHEE_FRANK, _shown("planned margin", symbol="S_p")
     ),
     "margin_front_min": _margin("margin_front", "front", PLANNED, CONTRACT),
     "margin_rear_min": _margin(
-        "margin_rear", "rear", PLANNED, CONTRACT, Shown("planned rear margin", "mm", 1e3, main=False)
+        "margin_rear", "rear", PLANNED, CONTRACT, _shown("planned rear margin", symbol="S_pr")
     ),
     "true_stability_margin_min": _margin(
         "true_stability_margin",
         "nearest edge",
         TRUE,
         MCGHEE_FRANK,
-        Shown("true margin", "mm", 1e3, head="true\nmargin"),
+        _shown("true margin", symbol="S", main=True),
     ),
     "true_margin_front_min": _margin("true_margin_front", "front", TRUE, CONTRACT),
     "true_margin_rear_min": _margin("true_margin_rear", "rear", TRUE, CONTRACT),

@@ -60,7 +60,7 @@ FORCE: dict[str, Metric[Block]] = {
         "RMS force error in support",
         _NO_SUPPORT,
         lambda b: rms(b.force_error, b.support),
-        shown=Shown("force rmse", "N", head="force\nerror"),
+        shown=Shown("force error", "N", symbol="e_F"),
     ),
     "force_rmse_cycle": rms_error(
         "N", "RMS force error, all samples", "never", lambda b: rms(b.force_error, b.valid)
@@ -70,7 +70,7 @@ FORCE: dict[str, Metric[Block]] = {
         "RMS force error over the middle half of each planned three-foot interval",
         "never three feet down (one leg)",
         lambda b: rms(b.force_error, three_feet(b)),
-        shown=Shown("three feet", "N", head="on three\nfeet"),
+        shown=Shown("error on three feet", "N", symbol="e_F3"),
         source=CONTRACT,
     ),
     "force_settled": Metric(
@@ -80,7 +80,7 @@ FORCE: dict[str, Metric[Block]] = {
         force_settled,
         MEAN,
         NEITHER,
-        Shown("settled force", "N", over_legs=False, head="settled\nforce"),
+        Shown("settled force", "N", over_legs=False, symbol="F_s"),
     ),
     "force_steady_state_error": Metric(
         "",
@@ -89,14 +89,14 @@ FORCE: dict[str, Metric[Block]] = {
         force_steady_state_error,
         MEAN,
         NEAR_ZERO,
-        Shown("error", "%", 100.0, over_legs=False, head="steady\nerror"),
+        Shown("steady error", "%", 100.0, over_legs=False, symbol="e_ss"),
     ),
     "force_overshoot": worst(
         "",
         "max force/desired - 1 over support",
         "desired force not constant over the second half of support, or 0",
         force_overshoot,
-        shown=Shown("overshoot", "%", 100.0, over_legs=False, head="over-\nshoot"),
+        shown=Shown("overshoot", "%", 100.0, over_legs=False, symbol="M_p"),
         source=f"{OGATA}, of the desired force",
     ),
     "force_ripple": rms_error(
@@ -104,7 +104,7 @@ FORCE: dict[str, Metric[Block]] = {
         "standard deviation of force over the second half of support",
         _NO_SECOND_HALF,
         lambda b: measures.ripple(b.force, b.second_half),
-        shown=Shown("ripple", "N", main=False),
+        shown=Shown("force ripple", "N", main=False, symbol="s_F"),
         source=CONTRACT,
     ),
     "force_settling_time": worst(
@@ -112,7 +112,7 @@ FORCE: dict[str, Metric[Block]] = {
         "from touch-down to within 2 % of force_settled",
         f"never settles, settles at 0, or {_NOT_WHOLE}",
         force_settling_time,
-        shown=Shown("settling", "s", over_legs=False, head="settling\ntime"),
+        shown=Shown("settling time", "s", over_legs=False, symbol="t_s"),
         source=OGATA,
     ),
     "force_iae": integral(

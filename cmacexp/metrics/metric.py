@@ -50,9 +50,10 @@ SMALL, NEAR_ZERO, LARGE, NEITHER = "small", "near 0", "large", ""
 
 
 class Shown(NamedTuple):
-    """How a metric appears in tables and figures."""
+    """How a metric appears wherever it is shown: in the terminal, in reports, in printed runs and in the docs."""
 
     title: str
+    """Its name in words."""
     unit: str
     factor: float = 1.0
     """From the unit of the file to ``unit``."""
@@ -62,8 +63,7 @@ class Shown(NamedTuple):
     """Whether these tables show it for several legs as well; not where legs are to press differently."""
     from_zero: bool = True
     """Whether its axes begin at zero; not for a height, of which only changes matter."""
-    head: str = ""
-    """A shorter title for the terminal, in lines; none where ``title`` is short."""
+    symbol: str = ""
     instead: str = ""
     """The metric that is shown instead where a run has it: of a robot the distance, not each axis."""
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from cmacexp.data.parquet import as_array
 from cmacexp.data.tables import Scores
-from cmacexp.metrics.metric import BODY, Shown
+from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.registry import ALL_METRICS, MAIN, SHOWN
 from cmacexp.metrics.text import format_cell
 from cmacexp.typing import Array
@@ -32,18 +32,6 @@ def pool_legs(scores: Scores) -> dict[str, Array]:
             if name in ALL_METRICS:
                 pooled[name] = ALL_METRICS[name].pooling.pool(as_array(table, name).reshape(-1, columns))
     return pooled
-
-
-def describe_pooling(titles: Mapping[str, str]) -> str:
-    """How metrics of several legs become one, e.g. ``RMS of x error, y error; mean of feedforward``.
-
-    Those of the body are left out.
-    """
-    poolings: dict[str, list[str]] = {}
-    for name, title in titles.items():
-        poolings.setdefault(ALL_METRICS[name].pooling.name, []).append(title)
-    poolings.pop(BODY.name, None)
-    return "; ".join(f"{pooling} of {', '.join(pooled)}" for pooling, pooled in poolings.items())
 
 
 def is_shown(name: str, values: Container[str], legs: int) -> bool:

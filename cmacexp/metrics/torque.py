@@ -44,7 +44,7 @@ TORQUE: dict[str, Metric[Block]] = {
         "RMS feedback torque, all joints",
         "never",
         lambda b: _torque_rms(b.feedback, b.valid),
-        shown=Shown("feedback", "N m", main=False),
+        shown=Shown("feedback torque", "N m", main=False, symbol="T_fb"),
         source=CONTRACT,
     ),
     "feedback_change": rms_error(
@@ -60,10 +60,14 @@ TORQUE: dict[str, Metric[Block]] = {
         lambda b: _torque_rms(b.feedforward, b.valid),
         RMS,
         NEITHER,
-        Shown("feedforward", "N m", main=False),
+        Shown("feedforward torque", "N m", main=False, symbol="T_ff"),
     ),
     "torque_peak": worst(
-        "N m", "largest absolute joint torque", "never", torque_peak, shown=Shown("peak", "N m", main=False)
+        "N m",
+        "largest absolute joint torque",
+        "never",
+        torque_peak,
+        shown=Shown("peak torque", "N m", main=False, symbol="T_max"),
     ),
     "energy": integral("J", "absolute work of all joints over the cycle", "never", energy, source=CONTRACT),
     "feedforward_share": Metric(
@@ -73,6 +77,6 @@ TORQUE: dict[str, Metric[Block]] = {
         feedforward_share,
         MEAN,
         LARGE,
-        Shown("feedforward", "%", 100.0, head="feed-\nforward"),
+        Shown("feedforward share", "%", 100.0, symbol="r_ff"),
     ),
 }

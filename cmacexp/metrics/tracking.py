@@ -13,13 +13,14 @@ NO_TRANSFER, NO_SUPPORT = "no sample of transfer", "no sample of support"
 def transfer_rmse(axis: str) -> Metric[Block]:
     """The column ``transfer_rmse_*`` of an axis."""
     meaning = f"RMS of {axis} - {axis}_desired in transfer"
-    shown = Shown(f"transfer {axis}", "mm", 1e3, head=f"{axis}\nerror", instead="transfer_rmse")
+    shown = Shown(f"{axis} error", "mm", 1e3, symbol=f"e_{axis}", instead="transfer_rmse")
     return rms_error("m", meaning, NO_TRANSFER, lambda b: rms(b.error[axis], b.transfer), shown=shown)
 
 
 def support_rmse(axis: str) -> Metric[Block]:
     """The column ``support_rmse_*`` of an axis."""
-    meaning, shown = f"RMS of {axis} - {axis}_desired in support", Shown(f"support {axis}", "mm", 1e3, main=False)
+    meaning = f"RMS of {axis} - {axis}_desired in support"
+    shown = Shown(f"{axis} error in support", "mm", 1e3, main=False, symbol=f"e_{axis}s")
     return rms_error("m", meaning, NO_SUPPORT, lambda b: rms(b.error[axis], b.support), shown=shown)
 
 
@@ -49,7 +50,7 @@ SPATIAL: dict[str, Metric[Block]] = {
         "RMS distance of the foot from where it should be in transfer",
         NO_TRANSFER,
         foot_rmse,
-        shown=Shown("transfer", "mm", 1e3, head="foot\nerror"),
+        shown=Shown("foot error", "mm", 1e3, symbol="e_foot"),
     ),
     "support_rmse_z": support_rmse("z"),
     "joint_rmse": rms_error(
@@ -57,6 +58,6 @@ SPATIAL: dict[str, Metric[Block]] = {
         "RMS of q - q_desired, all joints",
         "never",
         joint_rmse,
-        shown=Shown("joints", "mrad", 1e3, head="joint\nerror"),
+        shown=Shown("joint error", "mrad", 1e3, symbol="e_q"),
     ),
 }

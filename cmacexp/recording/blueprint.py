@@ -10,7 +10,7 @@ from cmacexp.recording.panels import SHARES, SPACE, Panel, Panels
 from cmacexp.recording.run_view import RunView
 
 KEY = "key"
-KEY_SHARE = 0.07
+KEY_SHARE = 0.1
 """Height of the key as part of that of the scenes."""
 
 
@@ -29,9 +29,14 @@ def describe_key(views: Sequence[RunView]) -> str:
     ]
     if any(view.walks for view in views):
         parts.append("**feet that support** joined by a green line; **centre of gravity** and its plumb line pink")
+        parts.append(
+            "**stability margin** of the centre of gravity to the edges of the polygon of the feet planned to be "
+            "down (planned) or that carry load (true): below 0 the machine tips"
+        )
     scales = sorted({depression_scale(view) for view in views})
     if scales != [1]:
         parts.append(f"ground pressed down {' or '.join(map(str, scales))} times deeper")
+    parts.append("**moments** a foot lifts or touches down, a cycle begins: a click on a time goes there")
     return " · ".join(parts)
 
 
@@ -47,10 +52,21 @@ def with_key(content: Panel) -> Panel:
     )
 
 
+def _first_beside_last(view: RunView) -> list[Panel]:
+    """What learning changed: plots of the first cycle beside those of the last whole one; none if it is the same."""
+    first, last = view.whole_cycles()
+    if first == last:
+        return []
+    ranges, times, names = value_ranges([view])[0], find_times([view]), ("force", "error", "torque")
+    both = [stack(Panels(view, ranges, times, cycle), names[: 1 if view.walks else 3]) for cycle in (first, last)]
+    return [rrb.Horizontal(*both, name=f"cycles {first} and {last}")]
+
+
 def _plots(panels: Panels, view: RunView) -> Panel:
+    compared, moments = _first_beside_last(view), stack(panels, ("events",), "moments")
     if not view.walks:
-        return rrb.Tabs(stack(panels, ("force", "error", "torque"), "plots"), stack(panels, ("events",), "moments"))
-    walk = stack(panels, ("gait", "force", "posture", "margins"), "walk")
+        return rrb.Tabs(*compared, stack(panels, ("force", "error", "torque"), "whole run"), moments)
+    walk = stack(panels, ("gait", "posture", "margins"), "walk")
     rows = [
         rrb.Horizontal(
             panels.plot(f"leg_{leg.number}/error", f"{leg.number} {leg.name}: actual minus desired, mm"),
@@ -58,7 +74,7 @@ def _plots(panels: Panels, view: RunView) -> Panel:
         )
         for leg in view.legs
     ]
-    return rrb.Tabs(walk, rrb.Vertical(*rows, name="learning"), stack(panels, ("events",), "moments"))
+    return rrb.Tabs(*compared, walk, rrb.Vertical(*rows, name="whole run"), moments)
 
 
 def make_blueprint(content: Panel) -> rrb.Blueprint:

@@ -28,14 +28,18 @@ BORDER = 60.0
 
 
 class Panels:
-    """Makes the panels of one run; ``ranges`` are those of vertical axes by plot, ``times`` first and last, s."""
+    """Makes the panels of one run; ``ranges`` are those of vertical axes by plot, ``times`` first and last, s.
 
-    def __init__(self, view: RunView, ranges: Mapping[str, Range], times: Range):
+    Of one ``cycle`` the plots are of its times, and so named.
+    """
+
+    def __init__(self, view: RunView, ranges: Mapping[str, Range], times: Range, cycle: int | None = None):
         self._view = view
         self._lines = collect_series(view)
         self._ranges = ranges
-        self._times = times
-        self._now = float(view.config["gait"]["cycle_time"]) if view.walks else None
+        self._times = times if cycle is None else view.time[view.cycle == cycle][[0, -1]]
+        self._cycle = "" if cycle is None else f", cycle {cycle}"
+        self._now = float(view.config["gait"]["cycle_time"]) if view.walks and cycle is None else None
 
     def make(self, name: str) -> Panel:
         """The panel of that name."""
@@ -78,7 +82,7 @@ class Panels:
         return rrb.TimeSeriesView(
             origin=entity,
             contents=[f"+ {entity}"],
-            name=name,
+            name=name + self._cycle,
             overrides={entity: style.visualizer(mappings=[drawn])},
             axis_y=rrb.ScalarAxis(range=self._ranges.get(path)),
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=path.startswith(("leg_1/", "body/"))),
@@ -147,7 +151,7 @@ class Panels:
             self.plot(f"leg_{leg.number}/force", f"{leg.number} {leg.name}: force, N", self._now)
             for leg in self._view.legs
         ]
-        return rrb.Grid(*plots, grid_columns=2)
+        return rrb.Grid(*plots, grid_columns=1 if self._cycle else 2)
 
     def posture(self) -> Panel:
         """Tilt and height of the body."""

@@ -10,7 +10,7 @@ from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.registry import ALL_METRICS, SHOWN
 from cmacexp.metrics.text import format_setting
 from cmacexp.report.figures import Panel, Series
-from cmacexp.report.style import spans_decades
+from cmacexp.report.style import nested, spans_decades
 from cmacexp.typing import Array
 
 Reduce = Callable[[Array], tuple[float, float, float]]
@@ -40,13 +40,15 @@ def over_cycles(name: str, groups: Mapping[Any, Sequence[Array]], log: str | Non
     """
     shown = appearance(name)
     title, series = title or shown.title, []
-    for value, histories in groups.items():
+    for index, (value, histories) in enumerate(groups.items()):
         length = max(map(len, histories))
         padded = np.array([np.pad(h, (0, length - len(h)), constant_values=np.nan) for h in histories]) * shown.factor
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # a cycle in which no run defines the metric
             middle, low, high = np.nanmedian(padded, 0), np.nanmin(padded, 0), np.nanmax(padded, 0)
-        series.append(Series(format_setting(value), np.arange(1, length + 1), middle, low, high))
+        series.append(
+            Series(format_setting(value), np.arange(1, length + 1), middle, low, high, nested(index, len(groups)))
+        )
     log = find_log(series) if log is None else log
     return Panel(title, "cycle", f"{title}, {shown.unit}".rstrip(", "), series, log=log, from_zero=shown.from_zero)
 
@@ -75,7 +77,7 @@ def over_setting(
     """
     values = order or [value for by_value in groups.values() for value in by_value]
     series, ticks = [], list(dict.fromkeys(map(format_setting, values)))
-    for name, by_value in groups.items():
+    for index, (name, by_value) in enumerate(groups.items()):
         if kind == "lines":
             samples = {float(value): by_value[value] for value in sorted(by_value)}
         else:
@@ -84,6 +86,8 @@ def over_setting(
         middle, low, high = np.where(np.isfinite(found), found, np.nan)
         spread = found[2] > found[1]
         band = (np.where(spread, low, middle), np.where(spread, high, middle)) if spread.any() else (None, None)
-        series.append(Series(format_setting(name), list(samples), middle, *band))
+        series.append(
+            Series(format_setting(name), list(samples), middle, band[0], band[1], nested(index, len(groups)))
+        )
     log = find_log(series) if log is None else log
     return Panel(title, x, y, series, kind=kind, log=log, ticks=() if kind == "lines" else ticks)

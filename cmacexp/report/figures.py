@@ -105,13 +105,11 @@ def draw(
     height: float = 2.4,
     *,
     share: str = "",
-    legend: str = "figure",
     legend_title: str = "",
 ) -> "Figure":
     """A figure of panels, in rows of so many ``columns``, each so many inches high.
 
-    Axes that all have in common, ``x`` or ``xy``, are not named inside. The legend is that of the whole ``figure``,
-    below it, or of each ``panel``, above it.
+    All share the axes ``x`` or ``xy`` of ``share``; the legend below the figure is that of all.
     """
     columns = min(columns, len(panels))
     shared = {f"share{axis}": True for axis in share}
@@ -120,31 +118,20 @@ def draw(
         unused.remove()
     drawn = [panel for panel in panels if isinstance(panel, Panel)]
     names = list(dict.fromkeys(series.name for panel in drawn for series in panel.series))
-    for place, (ax, panel) in enumerate(zip(axes, panels, strict=False)):
+    for ax, panel in zip(axes, panels, strict=False):
         if isinstance(panel, HeatMap):
             _heat_map(figure, ax, panel)
             continue
-        draw_panel(ax, panel, () if legend == "panel" else names)
-        bottom = place + columns >= len(panels)
-        if share:
-            ax.tick_params(labelbottom=bottom)
-        first = "y" not in share or place % columns == 0
-        label(ax, panel.title, panel.x if bottom or not share else "", panel.y if first else "")
-        if legend == "panel":
-            add_legend(ax, [ax])
-    if legend == "figure":
-        add_legend(figure, axes[: len(panels)], legend_title)
+        draw_panel(ax, panel, names)
+        ax.tick_params(labelbottom=True, labelleft=True)  # each panel can stand alone
+        label(ax, panel.title, panel.x, panel.y)
+    add_legend(figure, axes[: len(panels)], legend_title)
     return figure
 
 
-def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str] = ()) -> None:
-    """Draw a panel on empty axes, but for its title and the names of its axes.
-
-    ``names`` are those of all series that share a legend; empty: those of the panel.
-    """
+def draw_panel(axes: "Axes", panel: Panel, names: Sequence[str]) -> None:
+    """Draw a panel, but for its title and the names of its axes; ``names`` are those of all series of the figure."""
     from matplotlib.ticker import MaxNLocator
-
-    names = names or [series.name for series in panel.series]
 
     for place, series in enumerate(panel.series):
         index = names.index(series.name)

@@ -1,6 +1,5 @@
 """What a page consists of, as HTML: sections of text, tables and figures, which are saved beside it."""
 
-import base64
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cmacexp.data.folder import FIGURES, write_atomically
+from cmacexp.report.tiles import cut
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from markupsafe import Markup
     from matplotlib.figure import Figure
 
 
@@ -87,7 +87,7 @@ class Renderer:
         self.files: list[Path] = []
         loader = FileSystemLoader(Path(__file__).parent)
         self.environment = Environment(loader=loader, autoescape=True, trim_blocks=True)
-        self.environment.globals.update(save=self._save, describe=describe)
+        self.environment.globals.update(save=self._save)
 
     def render_part(self, part: Part) -> str:
         """A part as HTML."""
@@ -98,8 +98,10 @@ class Renderer:
         """A whole page, from the values that its template names."""
         return self.environment.get_template("page.html").render(values)
 
-    def _save(self, drawing: Drawing) -> str:
-        """Save a figure; its address for the page."""
+    def _save(self, drawing: Drawing) -> "Markup":
+        """Save a figure; its panels for the page."""
+        from markupsafe import Markup
+
         self.say(f"drawing {drawing.name}")
         (self.folder / FIGURES).mkdir(parents=True, exist_ok=True)
         if engine := drawing.figure.get_layout_engine():
@@ -109,25 +111,4 @@ class Renderer:
         with write_atomically(path) as temporary:
             drawing.figure.savefig(temporary, format=SVG, metadata={"Date": None})
         self.files.append(path)
-        return "data:image/svg+xml;base64," + base64.b64encode(path.read_bytes()).decode()
-
-
-def describe(figure: "Figure") -> str:
-    """What a figure shows, in words, for readers who do not see it: panels with their axes, names in legends.
-
-    >>> from cmacexp.report.figures import Panel, Series, draw
-    >>> describe(draw([Panel("foot", "time, s", "depth, mm", [Series("a", [0], [1]), Series("b", [0], [2])])]))
-    'foot: depth, mm over time, s. Legend: a; b.'
-    """
-    panels = [_describe_axes(axes) for axes in figure.axes if axes.get_label() != "<colorbar>" and axes.axison]
-    legends = [*figure.legends, *(own for axes in figure.axes if (own := axes.get_legend()))]
-    names = dict.fromkeys(text.get_text() for legend in legends for text in legend.get_texts())
-    count = f"{len(panels)} panels. " if len(panels) > 1 else ""
-    return count + "; ".join(filter(None, panels)) + "." + (f" Legend: {'; '.join(names)}." if names else "")
-
-
-def _describe_axes(axes: "Axes") -> str:
-    title = axes.get_title(loc="left") or axes.get_title()
-    x, y = axes.get_xlabel(), axes.get_ylabel()
-    plane = f"{y} over {x}" if x and y else x or y
-    return ": ".join(filter(None, (title, plane))).replace("\n", " ")
+        return Markup(cut(drawing.figure, path.read_text(encoding="utf-8")))

@@ -1,5 +1,6 @@
 """Figures of one run: its metrics cycle by cycle, some of its cycles over their time, and its last steps."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -9,73 +10,32 @@ from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import LAST_STEPS
-from cmacexp.metrics.pooling import count_legs, describe_pooling, is_shown, pool_legs
-from cmacexp.metrics.registry import SHOWN
-from cmacexp.report.curves import find_log, over_cycles
+from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
+from cmacexp.metrics.text import format_number
+from cmacexp.report.curves import over_cycles
 from cmacexp.report.cycle_data import CycleData, Rows, keep_rows
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
 from cmacexp.report.parts import Drawing
+from cmacexp.report.remarks import describe_change, join
 from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark
 from cmacexp.typing import Array
 
-KEY = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse", "joint_rmse", "force_rmse", "feedforward_share")
-"""The metrics that say most of each leg; tables show those that the run has."""
-POSITIONS = ("transfer_rmse_x", "transfer_rmse_y", "transfer_rmse", "support_rmse_x", "support_rmse_z")
-PANELS = {
-    "tracking error": ("RMS", POSITIONS),
-    "error of the joints": ("RMS", ("joint_rmse",)),
-    "force error": ("RMS", ("force_rmse", "force_rmse_three_feet", "force_ripple")),
-    "force relative to its desired value": ("deviation", ("force_overshoot", "force_steady_state_error")),
-    "settling of the force": ("settling time", ("force_settling_time",)),
-    "torque": ("RMS and peak", ("feedback_rms", "feedforward_rms", "torque_peak")),
-    "share of the feedforward": ("share", ("feedforward_share",)),
-    "largest tilt of the body": ("angle", ("tilt_max",)),
-    "height of the body": ("height", ("height_min", "height_mean", "height_max")),
-    "least stability margin": ("margin", ("true_stability_margin_min", "stability_margin_min")),
-}
-"""What the y axis shows, and metrics of one unit that share it, by the title of the panel."""
 JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
 """Names of joints, by their number."""
 CLOCK = "time in the cycle, s"
 
 
-def draw_metrics(run: StoredRun, torque_unit: str) -> Drawing:
-    """The main metrics per cycle, pooled over the legs."""
-    pooled = pool_legs(run.scores)
-    values = {
-        name: SHOWN[name].factor * history
-        for name, history in pooled.items()
-        if name in SHOWN
-        and is_shown(name, pooled, count_legs(run.scores))
-        and np.isfinite(history).any()
-        and history.any()
-    }
-    panels, drawn = [], []
-    for title, (axis, names) in PANELS.items():
-        if not (known := [name for name in names if name in values]):
-            continue
-        cycles = np.arange(1, len(values[known[0]]) + 1)
-        series = [Series(SHOWN[name].title, cycles, values[name]) for name in known]
-        shown = SHOWN[known[0]]
-        unit = torque_unit if shown.unit == "N m" else shown.unit
-        panels.append(
-            Panel(title, "cycle", f"{axis}, {unit}", series, log=find_log(series), from_zero=shown.from_zero)
-        )
-        drawn += known
-    pooling = f" Over the legs: {describe_pooling({name: name for name in drawn})}." if run.walks else ""
-    return Drawing("metrics", draw(panels, legend="panel"), f"Metrics of each cycle.{pooling}")
-
-
-def draw_legs(run: StoredRun) -> Drawing:
-    """Errors and share of the feedforward of each leg, per cycle."""
-    table = run.scores.legs
-    known = set(table.column_names)
-    panels = []
-    for name in KEY:
-        if name in known and is_shown(name, known, len(LEG_NAMES)):
-            histories = as_array(table, name).reshape(-1, len(LEG_NAMES)).T
-            panels.append(over_cycles(name, {leg: [own] for leg, own in zip(LEG_NAMES, histories, strict=True)}))
-    return Drawing("legs", draw(panels), "Errors of each leg and the share of its feedforward, cycle by cycle.")
+def draw_metrics(run: StoredRun) -> Drawing:
+    """The main metrics per cycle, pooled over the legs and, of several, of each."""
+    pooled, count, table = pool_legs(run.scores), count_legs(run.scores), run.scores.legs
+    main, panels = select_main(pooled, count), []
+    for name, shown in main.items():
+        lines = {"all legs": [pooled[name]]}
+        if count > 1 and name in table.column_names:
+            lines |= {LEG_NAMES[leg]: [as_array(table, name)[leg::count]] for leg in range(count)}
+        panels.append(replace(over_cycles(name, lines), title=f"{shown.title} {shown.symbol}"))
+    changes = describe_change({name: pooled[name] for name in main})
+    return Drawing("metrics", draw(panels, height=2.1), f"Metrics of each cycle.{changes}")
 
 
 class Quantity(NamedTuple):
@@ -145,18 +105,34 @@ def over_cycle(data: CycleData, name: str, leg: int) -> Panel:
     return replace(panel, x_range=(0.0, data.duration), shaded=data.support(leg))
 
 
+def describe_peaks(data: CycleData, names: Iterable[str], legs: Sequence[int]) -> str:
+    """The largest sizes of some of :data:`QUANTITIES` in the first and in the last cycle that is shown."""
+    parts = []
+    for name in names:
+        unit, sizes = QUANTITIES[name].y.rpartition(", ")[2], []
+        for cycle in dict.fromkeys((data.cycles[0], data.cycles[-1])):
+            size = max(np.nanmax(np.abs(read_quantity(data.select(cycle, leg), name))) for leg in legs)
+            sizes.append(f"{format_number(float(size), unit)} in cycle {cycle}")
+        parts.append(f"{QUANTITIES[name].title} {', '.join(sizes)}")
+    return f" Largest:{join(parts)}"
+
+
 def draw_tracking(data: CycleData) -> list[Drawing]:
     """Foot path, force and errors over the chosen cycles: one figure for one leg, else one for each."""
     names = ["foot", "force", *data.axes] if data.moves_along_x else ["force", "y"]
     panels = {name: [over_cycle(data, name, leg) for leg in data.legs] for name in names}
     if len(data.legs) == 1:
         figure = draw([panel for (panel,) in panels.values()], height=2.7)
-        return [Drawing("tracking", figure, f"Force and errors over the chosen cycles.{_describe_shade(data)}")]
+        peaks = describe_peaks(data, [name for name in names if name != "foot"], data.legs)
+        return [
+            Drawing("tracking", figure, f"Force and errors over the chosen cycles.{peaks}{_describe_shade(data)}")
+        ]
     return [
         Drawing(
             name if name in ("foot", "force") else f"error_{name}",
-            draw(panels[name], height=1.8 if name == "foot" else 2.3, share="xy"),
-            QUANTITIES[name].caption + ("" if name == "foot" else _describe_shade(data)),
+            draw(panels[name], height=2.0 if name == "foot" else 2.4, share="xy"),
+            QUANTITIES[name].caption
+            + ("" if name == "foot" else describe_peaks(data, [name], data.legs) + _describe_shade(data)),
         )
         for name in names
     ]
@@ -165,6 +141,7 @@ def draw_tracking(data: CycleData) -> list[Drawing]:
 def draw_body(data: CycleData) -> Drawing:
     """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
     caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
+    caption += describe_peaks(data, ("pitch", "roll"), [0])
     return Drawing("body", draw([over_cycle(data, name, 0) for name in BODY], height=2.3, share="x"), caption)
 
 
@@ -199,7 +176,7 @@ def draw_torques(data: CycleData) -> Drawing:
     torques = "Feedback and feedforward" if learns else "Feedback"
     also = " and the torque of the desired force, which the plan knows," if data.is_robot else ""
     caption = f"{torques}{also} in cycle {cycle}; the plant receives their sum.{_describe_shade(data)}"
-    figure = draw(panels, count, 2.6 if len(data.legs) == 1 else 1.7, share="x")
+    figure = draw(panels, count, 2.6 if len(data.legs) == 1 else 2.0, share="x")
     return Drawing("torques", figure, caption)
 
 
@@ -226,4 +203,4 @@ def draw_end(data: CycleData, status: str) -> Drawing:
     else:
         panels.append(Panel("speed", "time, s", "joint speed, rad/s" if data.has_joints else "speed, m/s", speeds))
     steps = min(LAST_STEPS, len(data.trace["leg"]) // len(data.legs))
-    return Drawing("end", draw(panels, legend="panel"), f"The last {steps} recorded steps before the run stopped.")
+    return Drawing("end", draw(panels), f"The last {steps} recorded steps before the run stopped.")

@@ -6,10 +6,10 @@ from cmacexp.data.integrity import faults
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import steps_by_cycle
 from cmacexp.errors import BadRun
-from cmacexp.report.cycle_data import CycleData, read_cycle_data
+from cmacexp.report.cycle_data import read_cycle_data
 from cmacexp.report.page import Report
 from cmacexp.report.parts import Folded, Section
-from cmacexp.report.run_figures import draw_body, draw_end, draw_legs, draw_metrics, draw_torques, draw_tracking
+from cmacexp.report.run_figures import draw_body, draw_end, draw_metrics, draw_torques, draw_tracking
 from cmacexp.report.run_summary import TABLES
 from cmacexp.report.run_tables import list_facts, list_key_metrics, list_memory, list_metrics, list_settings
 
@@ -40,14 +40,6 @@ def choose_cycles(run: StoredRun) -> list[int]:
     return sorted(candidates)
 
 
-def _learning(run: StoredRun, data: CycleData) -> list[Section]:
-    """Figures over the cycles; none for a run of one cycle."""
-    if run.last_cycle < 2:
-        return []
-    legs = [draw_legs(run)] if run.walks else []
-    return [Section("Over the cycles", [draw_metrics(run, "N m" if data.has_joints else "N"), *legs])]
-
-
 def _metrics(run: StoredRun, cycles: Sequence[int]) -> Section:
     """All metrics, folded."""
     metrics = list_metrics(run, cycles)
@@ -74,7 +66,7 @@ def make_run_report(run: StoredRun) -> Report:
     sections = [
         Section("In short", [list_key_metrics(run, cycles)]),
         *_end(run),
-        *_learning(run, data),
+        *([Section("Over the cycles", [draw_metrics(run)])] if run.last_cycle > 1 else []),
         Section("Over a cycle", draw_tracking(data)),
         *body,
         Section("Feedback and feedforward", [draw_torques(data)]),

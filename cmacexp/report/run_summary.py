@@ -20,7 +20,7 @@ from cmacexp.metrics.pooling import count_legs, is_shown, pool_legs, shorten
 from cmacexp.metrics.registry import ALL_METRICS, MAIN, RANKED
 from cmacexp.metrics.text import format_cell, format_setting
 from cmacexp.metrics.tracking import SPATIAL
-from cmacexp.report.terminal_tables import head, print_key, print_table
+from cmacexp.report.terminal_tables import KEY, head, print_table
 from cmacexp.typing import Array
 
 TABLES = (TRACE, BODY, MEMORY, METRICS, BODY_METRICS)
@@ -145,7 +145,7 @@ def format_runs(runs: Sequence[RunSummary], keys: Sequence[str]) -> tuple[list[s
 
 
 def print_runs(runs: Sequence[RunSummary], keys: Sequence[str], all_in: Path) -> None:
-    """Print a table of runs and its key; of many runs some, and where all are."""
+    """Print a table of runs; of many runs some, and where all are."""
     main, rows = tabulate_runs(runs, keys)
     shown = shorten(rows)
     heads = [key.replace(".", ".\n") + "\n" for key in keys]
@@ -154,5 +154,4 @@ def print_runs(runs: Sequence[RunSummary], keys: Sequence[str], all_in: Path) ->
         print(in_one_line(f"{len(shown)} of {len(rows)} runs; all are in {all_in}"))
     if main:
         print("metrics are those of the last whole cycle")
-        print_key(main, max(run.legs for run in runs))
-        print()
+        print(KEY)

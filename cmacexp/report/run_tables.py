@@ -9,17 +9,13 @@ from cmacexp.config.describe import Described, describe_fields, read_defaults
 from cmacexp.config.difference import flat
 from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.metrics.body import BODY_METRICS, describe_load
+from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_cell, format_number, format_setting
 from cmacexp.models.mechanism import PLANE, SPACE
 from cmacexp.report.parts import Folded, Part, Section, Table
-from cmacexp.report.run_figures import KEY
-
-KEY_OF_FORCE = ("force_overshoot", "force_settling_time")
-"""Of one leg or point mass alone."""
 
 
 def list_facts(run: StoredRun) -> Table:
@@ -34,12 +30,8 @@ def list_facts(run: StoredRun) -> Table:
         "load of the feet": describe_load(manifest) or "as planned",
         "cycles": f"{run.whole_cycles} of {config['cycles']} requested, {config['gait']['cycle_time']:g} s each",
         "steps": f"{manifest['steps']} of {1e3 * config['sampling_period']:g} ms",
-        "machine": " ".join(str(config["machine"][key]) for key in ("kind", "model") if config["machine"].get(key)),
-        "feedforward": str(config["feedforward"]["_target_"]).rpartition(".")[2],
-        "force control": f"{config['force_control']['method']}, reference {config['reference']}",
         "closed loop": f"{per_step:.2f} us a step, the whole run {manifest['wall_seconds']:.2f} s",
         "seed": str(manifest["seed"]),
-        "config hash": str(manifest["config_hash"])[:16],
         "commit": str(manifest["git_commit"] or "unknown")[:16],
         "versions": ", ".join(f"{name} {version}" for name, version in manifest["versions"].items()),
     }
@@ -47,14 +39,12 @@ def list_facts(run: StoredRun) -> Table:
 
 
 def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
-    """The few metrics that say most of a run, in the cycles that are shown."""
+    """The main metrics in the cycles that are shown."""
     pooled = pool_legs(run.scores)
-    main = select_main(pooled, count_legs(run.scores))
     rows = []
-    for name in (*KEY, *KEY_OF_FORCE, *BODY_METRICS):
-        if shown := main.get(name):
-            numbers = [format_cell(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
-            rows.append([shown.title, ALL_METRICS[name].meaning, shown.unit, *numbers])
+    for name, shown in select_main(pooled, count_legs(run.scores)).items():
+        numbers = [format_cell(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
+        rows.append([f"{shown.title} {shown.symbol}", ALL_METRICS[name].meaning, shown.unit, *numbers])
     caption = "Key metrics" + (", pooled over the legs" if run.walks else "")
     titles = ["metric", "meaning", "unit", *(f"cycle {cycle}" for cycle in cycles)]
     return Table(titles, rows, caption, cards=True)

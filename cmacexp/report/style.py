@@ -34,6 +34,7 @@ STYLE: dict[Any, Any] = {
     "figure.dpi": 160,
     "savefig.dpi": 160,
     "svg.hashsalt": "cmacexp",
+    "svg.fonttype": "none",  # text stays text: it can be searched, read aloud and edited
     "path.simplify": True,
     "path.simplify_threshold": 0.2,
 }
@@ -48,8 +49,8 @@ DECADES = 20.0
 """Positive values that span more than this factor are drawn on a logarithmic axis."""
 LEAST_RATIO = 5.0
 """A logarithmic axis over less than this factor has evenly spaced numbers: 1, 2 and 5 would be too few."""
-FIGURE_CHARACTERS, PANEL_CHARACTERS = 112, 72
-"""Characters of a line of the legend below a figure, and above a panel of half its width."""
+LINE_CHARACTERS = 76
+"""Characters of a line of a legend, which is about as wide as a panel of half the width, on a phone as the page."""
 
 
 def colour(rgb: tuple[int, ...]) -> str:
@@ -75,6 +76,11 @@ def new_figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: 
 def mark(index: int) -> dict[str, Any]:
     """Colour and dash of line number ``index``; no two of the first 49 are the same."""
     return {"color": SERIES[index % 7], "linestyle": DASHES[(index + index // 7) % 7]}
+
+
+def nested(index: int, count: int) -> dict[str, Any]:
+    """Widths of lines that may lie on each other: the first is the widest, and is seen behind the others."""
+    return {"linewidth": 1.2 + 2.0 * (count - 1 - index) / max(count - 1, 1)}
 
 
 def label(axes: "Axes", title: str, x: str, y: str) -> None:
@@ -124,28 +130,16 @@ def logarithmic(axes: "Axes", which: str, values: Sequence[float] | Array) -> No
     axis.set_minor_formatter(NullFormatter())
 
 
-def add_legend(place: Any, axes: "Sequence[Axes]", title: str = "") -> None:
-    """A legend of all names in ``axes``, each once; a single name without a title has none.
-
-    It stands below a figure, or between title and data of axes.
-    """
+def add_legend(figure: "Figure", axes: "Sequence[Axes]", title: str = "") -> None:
+    """A legend of all names in ``axes``, each once, below the figure; a single name without a title has none."""
     handles: dict[str, Any] = {}
     for ax in axes:
         for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):
             if name:
                 handles.setdefault(name, handle)
-    above = place in axes
-    width = PANEL_CHARACTERS if above else FIGURE_CHARACTERS
-    columns = max(1, min(7, len(handles), width // (8 + max(map(len, handles), default=1))))
-    if above:
-        lines = -(-len(handles) // columns)
-        place.set_title(axes[0].get_title(loc="left"), pad=5 + 13 * max(lines, 1))  # of one name its place is free
     if len(handles) < 2 and not title:
         return
-    if above:
-        where: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (-0.02, 0.99), "borderaxespad": 0.1}
-        style = {"handlelength": 2.2, "columnspacing": 1.0}
-    else:
-        where, style = {"loc": "outside lower center"}, {"handlelength": 3}
-    legend = place.legend(list(handles.values()), list(handles), title=title or None, ncols=columns, **where, **style)
-    legend.set_in_layout(not above)
+    most = max(1, min(7, LINE_CHARACTERS // (8 + max(map(len, handles), default=1))))
+    columns = -(-len(handles) // max(-(-len(handles) // most), 1))  # rows of equal length
+    place: dict[str, Any] = {"loc": "outside lower center", "ncols": max(columns, 1), "handlelength": 3}
+    figure.legend(list(handles.values()), list(handles), title=title or None, **place)

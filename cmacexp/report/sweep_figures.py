@@ -6,12 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from cmacexp.config.describe import describe_fields
+from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.registry import JUDGED, MAIN
 from cmacexp.metrics.text import format_setting
 from cmacexp.report.curves import is_numeric, over_cycles, over_setting
 from cmacexp.report.figures import draw
 from cmacexp.report.parts import Drawing
+from cmacexp.report.remarks import describe_change, describe_effect
 from cmacexp.report.run_summary import RunSummary
+from cmacexp.report.style import DASHES, MARKERS, SERIES
 from cmacexp.typing import Array
 
 MOST_LINES = 12
@@ -31,6 +35,12 @@ def group_by(runs: Sequence[RunSummary], key: str) -> dict[Any, list[RunSummary]
     return {value: groups[value] for value in sorted(groups)} if is_numeric(list(groups)) else groups
 
 
+def read_names(run: RunSummary, keys: Sequence[str]) -> dict[str, str]:
+    """Config keys as names of axes, with their units."""
+    fields = describe_fields(StoredRun(run.folder).config)
+    return {key: f"{key}, {fields[key].unit}".rstrip(", ") if key in fields else key for key in keys}
+
+
 def draw_learning_curves(runs: Sequence[RunSummary], names: Sequence[str], keys: Sequence[str]) -> list[Drawing]:
     """The main metrics per cycle, a line for each run that has a whole one; none if no run has two.
 
@@ -43,28 +53,46 @@ def draw_learning_curves(runs: Sequence[RunSummary], names: Sequence[str], keys:
         return []
     if len(shown) > MOST_LINES:
         return [_draw_grouped(shown, key) for key in keys[:2]]
-    return [Drawing("learning", _draw_learning(begun), "Metrics of each whole cycle, one line for each run.")]
+    styles = _style_lines(begun, keys) if len(keys) == 2 else {}
+    return [_draw_learning("learning", "one line for each run", begun, "", styles)]
+
+
+def _style_lines(named: Mapping[str, Sequence[RunSummary]], keys: Sequence[str]) -> dict[Any, dict[str, Any]]:
+    """Of two swept keys the first has a colour for each value, the second a dash and a mark."""
+    places = [list(group_by([run for (run,) in named.values()], key)) for key in keys]
+    styles = {}
+    for name, (run,) in named.items():
+        colour, dash = (values.index(run.config.get(key)) % 7 for values, key in zip(places, keys, strict=True))
+        styles[name] = {"color": SERIES[colour], "linestyle": DASHES[dash], "marker": MARKERS[dash]}
+    return styles
 
 
 def _draw_grouped(runs: Sequence[RunSummary], key: str) -> Drawing:
     groups = group_by(runs, key)
     values = list(groups)
     chosen = sorted({round(place) for place in np.linspace(0, len(values) - 1, MOST_LINES)})
-    figure = _draw_learning({values[index]: groups[values[index]] for index in chosen}, key)
-    some = f" {len(chosen)} of {len(values)} values are shown." if len(chosen) < len(values) else ""
-    caption = f"Metrics of each whole cycle: median and range of the runs with the same {key}.{some}"
-    return Drawing(f"learning-{make_file_name(key)}", figure, caption)
+    some = f"; {len(chosen)} of {len(values)} values are shown" if len(chosen) < len(values) else ""
+    lines = {values[index]: groups[values[index]] for index in chosen}
+    what = f"median and range of the runs with the same {key}{some}"
+    return _draw_learning(f"learning-{make_file_name(key)}", what, lines, read_names(runs[0], [key])[key], {})
 
 
-def _draw_learning(groups: Mapping[Any, Sequence[RunSummary]], title: str = "") -> Any:
+def _draw_learning(
+    file: str, what: str, groups: Mapping[Any, Sequence[RunSummary]], title: str, styles: Mapping[Any, dict[str, Any]]
+) -> Drawing:
     runs = [run for group in groups.values() for run in group]
-    panels = []
+    panels, ends = [], {}
     for name in JUDGED:
         if not any(run.shows(name) and np.isfinite(run.final(name)) for run in runs):
             continue
         histories = {value: [_history(run, name) for run in group] for value, group in groups.items()}
-        panels.append(replace(over_cycles(name, histories), title=f"{MAIN[name].title} ({name})"))
-    return draw(panels, legend_title=title)
+        panel = over_cycles(name, histories)
+        series = [replace(line, style={**line.style, **styles.get(line.name, {})}) for line in panel.series]
+        panels.append(replace(panel, series=series, title=f"{MAIN[name].title} ({name})"))
+        both = np.array([own[[0, -1]] for group in histories.values() for own in group]).T
+        ends[name] = np.array([np.median(known) for own in both if (known := own[np.isfinite(own)]).size])
+    caption = f"Metrics of each whole cycle: {what}.{describe_change(ends)}"
+    return Drawing(file, draw(panels, legend_title=title), f"{caption} Numbers are medians of the runs.")
 
 
 def _history(run: RunSummary, name: str) -> Array:
@@ -85,15 +113,16 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
     second = others[0] if len(others) == 1 and len(group_by(ended, others[0])) <= 7 else ""
     lines = group_by(ended, second) if second else {"last cycle": ended}
     stopped: list[Any] = [run.config.get(key) for run in runs if run.status != "completed"]
-    panels = []
+    panels, changed, names = [], {}, read_names(runs[0], keys)
     for name in JUDGED:
         if not all(run.shows(name) for run in ended) or not _varies(np.array([run.final(name) for run in ended])):
             continue
         groups = {line: _over(group, key, name) for line, group in lines.items()}
         shown, numeric = MAIN[name], is_numeric(values)
+        changed[name] = list(_over(ended, key, name).values())
         labels = f"{shown.title} ({name})", f"{shown.title}, {shown.unit}"
         panel = over_setting(
-            {line: samples for line, samples in groups.items() if samples}, key, labels[1],
+            {line: samples for line, samples in groups.items() if samples}, names[key], labels[1],
             kind="lines" if numeric else "scatter", log=None, title=labels[0], order=values,
         )  # fmt: skip
         crosses = stopped if numeric else [panel.ticks.index(format_setting(value)) for value in stopped]
@@ -103,7 +132,8 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
     caption = f"Metrics of the last cycle over {key}" + (f", a line for each {second}" if second else "")
     rest = [other for other in others if other != second]
     also = f"; {', '.join(rest)} also varies: values are means, bands are the range" if rest else ""
-    return [Drawing(f"over-{make_file_name(key)}", draw(panels, legend_title=second), f"{caption}{also}.")]
+    figure = draw(panels, legend_title=names.get(second, ""))
+    return [Drawing(f"over-{make_file_name(key)}", figure, f"{caption}{also}.{describe_effect(changed)}")]
 
 
 def _over(runs: Sequence[RunSummary], key: str, name: str) -> dict[Any, Array]:

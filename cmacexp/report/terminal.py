@@ -17,9 +17,8 @@ from cmacexp.errors import in_one_line
 from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
-from cmacexp.metrics.pooling import count_legs
 from cmacexp.report.outputs import keep_outputs
-from cmacexp.report.terminal_tables import print_key, print_scores
+from cmacexp.report.terminal_tables import KEY, print_scores
 
 NEXT = {"report": "report", "replay": "replay"}
 """Commands that show more of a run, with their purpose."""
@@ -177,15 +176,16 @@ def _print_notes(result: StoredRun) -> None:
 
 
 def print_summary(result: StoredRun) -> None:
-    """Print the metrics of a run and their key, how it ended, the commands that show more, and its folder."""
+    """Print the metrics of a run, how it ended, the commands that show more, and its folder."""
     scores = result.scores
     if scores.legs.num_rows:
-        print_key(print_scores(scores, Path(format_folder(result.folder))), count_legs(scores))
+        print_scores(scores, Path(format_folder(result.folder)))
         print()
     for line in format_outcome(result, "\n" if result.manifest["cause"] else ": ").split("\n"):
         say(line)
     _print_notes(result)
     if scores.legs.num_rows:
+        say(KEY)
         drifts = {"stability": "explain"} if result.manifest["drift"] else {}
         print_next(result.folder, drifts | NEXT if result.config["record"]["trace"] else {})
     say(str(result.folder))

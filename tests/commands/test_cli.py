@@ -10,6 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 from support.command import cmacexp, python, started
 
+from cmacexp.config import config_folder
+
 TRACE = [
     *["step", "time", "cycle", "leg", "phase", "progress", "x_desired", "y_desired", "x_reference", "y_reference"],
     *["x", "y", "vx", "vy", "q1", "q2", "dq1", "dq2", "force", "force_desired", "force_measured"],
@@ -66,6 +68,15 @@ def test_manifest(run):
 def test_summary_names_the_folder(run):
     folder, done = run
     assert done.stdout.splitlines()[-1] == str(folder)
+
+
+def test_help_fits_a_screen_and_lists_every_option_of_a_group_that_it_names(tmp_path):
+    lines = cmacexp("--help", folder=tmp_path).stdout.splitlines()
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+    for group in ("scenario", "force_control", "feedforward"):
+        (listed,) = [line.split("=")[1].split(" | ") for line in lines if line.startswith(f"  {group}=")]
+        assert set(listed) == {path.stem for path in (config_folder() / group).glob("*.yaml")}
 
 
 def test_config_hash_follows_what_changes_the_results(tmp_path):

@@ -27,7 +27,7 @@ from cmacexp.commands.verify import NOT_INTACT
 
 OWN_TEST = {"add-a-study.md": "tests/commands/test_add_a_study.py"}
 """Pages that a file of their own tests."""
-SET_UP = ("python3 -m venv ", "pip install ", "python -m benchmarks")
+SET_UP = ("python3 -m venv ", "pip install ", "python -m benchmarks", 'eval "$(cmacexp -sc install=bash)"')
 """Commands of ``sh`` blocks, which are not run here: they install, or measure for minutes."""
 ALL = [block for page in PAGES for block in blocks(page)]
 HERE = [block for block in ALL if block.page not in OWN_TEST]

@@ -48,11 +48,17 @@ def judgement(column):
     return (column.pooling.name or "-", column.better or "-") if isinstance(column, Metric) else ("-", "-")
 
 
+def appearance(column):
+    """Name, symbol and unit of a column in tables and figures."""
+    shown = column.shown if isinstance(column, Metric) else None
+    return f"{shown.title} {shown.symbol}".rstrip() + f", {shown.unit}" if shown else "-"
+
+
 def metrics_table(columns):
     return table_of(
-        ["column", "unit", "definition", "over legs", "better", "NaN where", "source"],
+        ["column", "unit", "definition", "shown as", "over legs", "better", "NaN where", "source"],
         [
-            [f"`{name}`", c.unit or "1", c.meaning, *judgement(c), c.undefined, c.source]
+            [f"`{name}`", c.unit or "1", c.meaning, appearance(c), *judgement(c), c.undefined, c.source]
             for name, c in columns.items()
         ],
     )

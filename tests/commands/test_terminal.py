@@ -6,7 +6,8 @@ import pytest
 from cmacexp.data.tables import Scores
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import CYCLE, LEG, to_table
-from cmacexp.metrics.registry import MAIN, METRICS
+from cmacexp.metrics.pooling import is_shown
+from cmacexp.metrics.registry import MAIN, METRICS, SHOWN
 from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.report import terminal_tables
 from cmacexp.report.run_summary import RunSummary, print_runs
@@ -37,12 +38,23 @@ def numbers_in(text):
 @pytest.mark.parametrize(("legs", "metrics"), [(1, METRICS), (4, METRICS), (4, {**METRICS, **SPATIAL})])
 def test_the_table_of_a_run_fits_80_columns_in_one_piece(legs, metrics, narrow, capsys, tmp_path):
     narrow(80)
-    names = print_scores(make_scores(legs, 5, metrics), tmp_path)
-    print_key(names, legs)
+    print_scores(make_scores(legs, 5, metrics), tmp_path)
     printed = capsys.readouterr().out
     assert max(map(len, printed.splitlines())) <= 80
-    assert [len(row) for row in numbers_in(printed)] == [1 + len(names)] * 5
-    assert all(f"({name})" in printed for name in names)
+    shown = sum(is_shown(name, metrics, legs) for name in metrics if name in MAIN) + (3 if legs > 1 else -1)
+    assert [len(row) for row in numbers_in(printed)] == [1 + shown] * 5
+
+
+def test_the_key_has_the_name_symbol_and_column_of_all_metrics_in_tables(capsys):
+    print_key()
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    for name, shown in MAIN.items():
+        assert any(line.startswith(f"{shown.title:<21}{shown.symbol} ") for line in lines)
+        assert f"({name}" in " ".join(map(str.strip, lines))
+    symbols = [shown.symbol for shown in SHOWN.values() if shown.symbol]
+    assert len(set(symbols)) == len(symbols)
+    assert len({shown.title for shown in SHOWN.values()}) == len(SHOWN)
 
 
 def test_columns_that_do_not_fit_follow_below(narrow, capsys):

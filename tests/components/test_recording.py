@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from support.views import make_walk
 
 from cmacexp.recording.axes import value_ranges, widen_range
-from cmacexp.recording.blueprint import describe_key
+from cmacexp.recording.blueprint import describe_key, layout
 from cmacexp.recording.events import find_events
 
 
@@ -49,3 +49,12 @@ def test_moments_are_the_planned_ones_until_the_contact_follows():
 def test_the_key_names_cycles_where_all_runs_show_the_same():
     assert "cycle 3 green" in describe_key([make_walk(3)])
     assert "first cycle orange, last green" in describe_key([make_walk(3), make_walk(4)])
+
+
+def test_the_first_cycle_stands_beside_the_last_unless_there_is_only_one():
+    view = make_walk()
+    halves = replace(view, cycle=np.repeat([1, 2], len(view.cycle) // 2), manifest={**view.manifest, "steps": 40})
+    tabs = [each.name for each in layout(halves).root_container.contents[1].contents]
+    assert tabs[0] == "cycles 1 and 2"
+    assert tabs[1:] == ["walk", "whole run", "moments"]
+    assert [each.name for each in layout(view).root_container.contents[1].contents] == tabs[1:]

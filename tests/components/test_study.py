@@ -253,7 +253,7 @@ def end(results: Results) -> np.ndarray:
 def test_a_table_has_a_row_for_each_combination_that_occurs():
     columns = {"completed": completed, **ends(["transfer_rmse_x"], 1)}
     table = tabulate(GROUPS, {"walk": "ground", "law": "law"}, columns)
-    assert list(table.columns) == ["ground", "law", "completed", "transfer x, mm"]
+    assert list(table.columns) == ["ground", "law", "completed", "x error, mm"]
     assert table.to_numpy().tolist() == [
         ["soft", "a", "1 of 1", pytest.approx(1.0)],
         ["soft", "b", "1 of 1", pytest.approx(9.0)],

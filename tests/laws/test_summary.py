@@ -17,11 +17,10 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import Traces
 from cmacexp.experiment.run import run_scenario
 from cmacexp.metrics.metric import NEITHER
-from cmacexp.metrics.pooling import BETWEEN, ENDS, MOST_ROWS, describe_pooling, select_main, shorten
-from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, METRICS, RANKED, SHOWN
+from cmacexp.metrics.pooling import BETWEEN, ENDS, MOST_ROWS, select_main, shorten
+from cmacexp.metrics.registry import ALL_METRICS, JUDGED, MAIN, RANKED, SHOWN
 from cmacexp.metrics.score import RunScorer, score_traces
 from cmacexp.metrics.text import format_cell
-from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.typing import Array
 
 BODY_COLUMNS = ("height", "pitch", "roll", "stability_margin", "margin_front", "margin_rear", *TRUE_MARGINS)
@@ -121,16 +120,6 @@ def test_a_metric_is_judged_and_ranked_if_one_of_two_values_is_the_better_one():
         assert math.isnan(best) == (metric.better == NEITHER)
         assert (name in JUDGED) == (name in MAIN and not math.isnan(best))
         assert (name in RANKED) == (name in SHOWN and not math.isnan(best))
-
-
-def test_every_title_is_named_once_with_its_pooling_and_those_of_a_body_not_at_all():
-    titles = {name: name.upper() for name in ALL_METRICS}
-    parts = dict(part.split(" of ") for part in describe_pooling(titles).split("; "))
-    named = [title for part in parts.values() for title in part.split(", ")]
-    of_legs = {**METRICS, **SPATIAL}
-    assert sorted(named) == sorted(titles[name] for name in of_legs)
-    for name in of_legs:
-        assert titles[name] in parts[ALL_METRICS[name].pooling.name].split(", ")
 
 
 @given(st.floats(-1e9, 1e9))
