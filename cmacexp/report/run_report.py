@@ -1,17 +1,15 @@
 """The report of one run."""
 
-from collections.abc import Sequence
-
 from cmacexp.data.integrity import faults
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import steps_by_cycle
 from cmacexp.errors import BadRun
 from cmacexp.report.cycle_data import read_cycle_data
 from cmacexp.report.page import Report
-from cmacexp.report.parts import Folded, Section
+from cmacexp.report.parts import Section
 from cmacexp.report.run_figures import draw_body, draw_end, draw_metrics, draw_torques, draw_tracking
 from cmacexp.report.run_summary import TABLES
-from cmacexp.report.run_tables import list_facts, list_key_metrics, list_memory, list_metrics, list_settings
+from cmacexp.report.run_tables import list_facts, list_key_metrics, list_settings
 
 
 def require_whole(run: StoredRun) -> None:
@@ -40,12 +38,6 @@ def choose_cycles(run: StoredRun) -> list[int]:
     return sorted(candidates)
 
 
-def _metrics(run: StoredRun, cycles: Sequence[int]) -> Section:
-    """All metrics, folded."""
-    metrics = list_metrics(run, cycles)
-    return Section("All metrics", [Folded(f"All {len(metrics.rows)} metrics of the cycles shown", [metrics])])
-
-
 def _end(run: StoredRun) -> list[Section]:
     if run.status not in ("fell", "diverged"):
         return []
@@ -70,9 +62,7 @@ def make_run_report(run: StoredRun) -> Report:
         Section("Over a cycle", draw_tracking(data)),
         *body,
         Section("Feedback and feedforward", [draw_torques(data)]),
-        *list_memory(run),
         list_settings(run),
-        _metrics(run, cycles),
         Section("The run", [list_facts(run)]),
     ]
     shown = ", ".join(map(str, cycles))

@@ -1,20 +1,15 @@
-"""Tables of the report of one run: its properties, metrics, memory and settings."""
+"""Tables of the report of one run: its properties, metrics and settings."""
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from cmacexp.config.cmac import WORD_BYTES
 from cmacexp.config.describe import Described, describe_fields, read_defaults
 from cmacexp.config.difference import flat
-from cmacexp.config.machine import LEG_NAMES
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
-from cmacexp.metrics.text import format_cell, format_number, format_setting
-from cmacexp.models.mechanism import PLANE, SPACE
+from cmacexp.metrics.text import format_cell, format_setting
 from cmacexp.report.parts import Folded, Part, Section, Table
 
 
@@ -48,44 +43,6 @@ def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     caption = "Key metrics" + (", pooled over the legs" if run.walks else "")
     titles = ["metric", "meaning", "unit", *(f"cycle {cycle}" for cycle in cycles)]
     return Table(titles, rows, caption, cards=True)
-
-
-def list_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
-    """Every metric of the chosen cycles, in the units of the files, with its meaning."""
-    rows = []
-    for name, values in pool_legs(run.scores).items():
-        metric = ALL_METRICS[name]
-        if not np.isnan(values).all():
-            meaning = [name, metric.meaning, metric.pooling.name] if run.walks else [name, metric.meaning]
-            shown = [values[cycle - 1] for cycle in cycles]
-            numbers = ["-" if np.isnan(value) else format_number(value, digits=4) for value in shown]
-            rows.append([*meaning, metric.unit or "1", *numbers])
-    titles = ["metric", "meaning", *(["over the legs"] if run.walks else []), "unit"]
-    titles += [f"cycle {cycle}" for cycle in cycles]
-    return Table(titles, rows, "All metrics that are defined in some cycle of the run.")
-
-
-def list_memory(run: StoredRun) -> list[Section]:
-    """How the networks use their memory; nothing for a run without them."""
-    uses = run.manifest["memory"]
-    if not uses:
-        return []
-    rows, outputs = [], len(SPACE if "robot" in run.manifest else PLANE)
-    for leg, use in enumerate(uses, 1):
-        cells, shared = use["cells_visited"], use["cells_colliding"]
-        colliding = "not counted" if cells is None else f"{shared} ({shared / cells:.1%})" if cells else "0"
-        used = f"{use['rows_used']} ({use['rows_used'] / use['rows']:.1%})"
-        visited = "not counted" if cells is None else cells
-        size = use["rows"] * outputs * WORD_BYTES
-        name = f"{leg}, {LEG_NAMES[leg - 1]}" if len(uses) > 1 else leg
-        row = (name, size, use["rows"], used, visited, colliding, use["clipped"])
-        rows.append([str(cell) for cell in row])
-    titles = ["network of leg", "memory, B", "rows", "rows used", "cells visited", "cells that share a row"]
-    text = (
-        "Along the planned path of one cycle. Cells are those of a CMAC before hashing; cells that share a row of "
-        "memory by hashing train each other. Clipped inputs lie outside the range of the CMAC."
-    )
-    return [Section("Memory of the feedforward", [text, Table([*titles, "clipped inputs"], rows)])]
 
 
 def list_settings(run: StoredRun) -> Section:
