@@ -149,10 +149,10 @@ def start_pool(processes: int | None = None) -> Iterator[RunAll]:
         is_idle = False  # what it holds is not collected before the end of the program
         raise
     finally:
-        pool.shutdown(wait=not is_idle, cancel_futures=True)
         if is_idle:  # it may still be starting
             for process in active_children():
                 process.terminate()
+        pool.shutdown(cancel_futures=True)
 
 
 @contextmanager
