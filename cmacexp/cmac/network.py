@@ -148,7 +148,8 @@ class Cmac:
             single = self._single = Single(self.address, self.receptive_field, self._weights)
         request = single.request
         if inputs.shape != single.shape or (error is not None and error.shape != single.error_shape):
-            raise ValueError(f"an input has the shape {single.shape}, its error {single.error_shape}")
+            given = f"{inputs.shape}" if error is None else f"{inputs.shape} and {error.shape}"
+            raise ValueError(f"{given}: an input has the shape {single.shape}, its error {single.error_shape}")
         request.inputs[:], request.rate[0] = inputs, rate
         if error is not None:
             request.error[:] = error

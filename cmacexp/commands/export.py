@@ -4,9 +4,10 @@ import argparse
 from pathlib import Path
 
 from cmacexp.commands.command import Parser, run_command
-from cmacexp.data.discovery import is_run, require_place
+from cmacexp.data.discovery import is_run, name_of, require_place
 from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput
 from cmacexp.report.terminal import activity, say
 
@@ -16,7 +17,7 @@ FORMATS = ("c", "wide", "mcap")
 def _find_place(arguments: argparse.Namespace) -> Path:
     """The folder to write to; never that of a run, which stays as its run wrote it."""
     if arguments.out is None:
-        return require_no_link(Path(f"export-{arguments.folder.resolve().name}"))
+        return require_no_link(Path(f"export-{name_of(arguments.folder)}"))
     folder = require_place(OUT_KEY, Path(arguments.out))
     if is_run(folder):
         raise BadInput(OUT_KEY, folder, "is the folder of a run, which stays as it is; choose another")
@@ -26,6 +27,7 @@ def _find_place(arguments: argparse.Namespace) -> Path:
 def _export(arguments: argparse.Namespace) -> int:
     run, out = StoredRun(arguments.folder), _find_place(arguments)
     _ = run.manifest
+    earlier = set(out.glob("*"))
     with activity(f"exporting {run.folder}"):
         written = []
         if arguments.c:
@@ -40,8 +42,10 @@ def _export(arguments: argparse.Namespace) -> int:
             from cmacexp.export.mcap import write_mcap
 
             written.append(write_mcap(run, out))
+    if arguments.c and WEIGHTS not in run.manifest["files"]:
+        say("warning: the run stored no weights (record.weights=true): the network starts from zero", error=True)
     for path in written:
-        say(str(path))
+        say(f"{path}: it replaces the one that was there" if path in earlier else str(path))
     return 0
 
 

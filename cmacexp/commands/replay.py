@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from cmacexp.commands.command import Parser, run_command
 from cmacexp.commands.viewer import HOST, open_window, require_display, serve_web
 from cmacexp.data import manifest as manifests
-from cmacexp.data.discovery import is_run, require_place, runs_below
+from cmacexp.data.discovery import is_run, name_of, require_place, runs_below
 from cmacexp.data.files import sha256
 from cmacexp.data.folder import updating
 from cmacexp.data.hashes import find_fault
@@ -97,10 +97,8 @@ def compare(folders: Sequence[Path], path: Path, options: Options) -> str:
 
 
 def _comparison_path(folders: Sequence[Path]) -> Path:
-    """Default path of a comparison; the name of a job of a sweep includes that of the sweep."""
-    full = [folder.resolve() for folder in folders]
-    names = "-".join(f"{path.parent.name}_{path.name}" if path.name.isdecimal() else path.name for path in full)
-    return COMPARISONS / f"{names[:LONGEST_NAME]}.rrd"
+    """Default path of a comparison."""
+    return COMPARISONS / f"{'-'.join(map(name_of, folders))[:LONGEST_NAME]}.rrd"
 
 
 def _out(given: str) -> Path:

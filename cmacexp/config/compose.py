@@ -93,7 +93,7 @@ def compose_untyped(
             return _compose_cached(overrides)
         return _compose([*overrides, f"hydra.searchpath=[file://{Path(config_dir).resolve()}]"])
     except Exception as error:  # Hydra expects no null among options, for example, and says so by a TypeError
-        raise find_mistake(error) or CmacexpError(explain_composition(error, overrides)) from error
+        raise find_mistake(error) or CmacexpError(explain_composition(error, overrides)) from None
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]  # the former is six times as fast

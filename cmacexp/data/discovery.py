@@ -32,6 +32,12 @@ def walk(folder: Path, skipped: Callable[[OSError], None] | None = None) -> Iter
         yield Path(place)
 
 
+def name_of(folder: Path) -> str:
+    """The name of the folder of a run; that of a job of a sweep includes the name of the sweep."""
+    path = folder.resolve()
+    return f"{path.parent.name}_{path.name}" if path.name.isdecimal() else path.name
+
+
 def _require_some(folder: Path, paths: Iterable[Path]) -> list[Path]:
     if not folder.is_dir():
         raise BadRun(f"{folder}: no such folder")

@@ -69,10 +69,15 @@ def _read_options(config: DictConfig) -> tuple[int | None, int | None]:
 
 
 def _check_values(config: DictConfig) -> None:
-    """Raises BadInput if a key is swept over no value, before Hydra makes a list of the jobs."""
+    """Raises BadInput if a key is swept over no value, or no metric is to be optimised, before jobs are made."""
     searched = [f"{key}={value}" for key, value in (OmegaConf.select(config, "hydra.sweeper.params") or {}).items()]
     parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
     for override in parser.parse_overrides([*searched, *config.hydra.overrides.task]):
+        if override.key_or_group == "optimize" and not override.is_sweep_override():
+            from cmacexp.experiment.objective import check_metric
+
+            name = override.value()
+            check_metric(name if name is None else str(name), "robot")  # which has all; a job knows its own machine
         if override.is_discrete_sweep() and next(iter(override.sweep_iterator()), None) is None:
             key, _, value = str(override.input_line).partition("=")
             raise BadInput(key, value, "matches no option; glob is for groups, a field takes values: 8,16")

@@ -34,10 +34,10 @@ def find_model(name: str | None, path: str | None) -> Path:
     """
     if path is not None:
         if not Path(path).is_file():
-            raise BadInput("machine.path", path, "there is no such file; give the path of an MJCF file")
+            raise BadInput("machine.path", path, "there is no such file; give the path of an MJCF or URDF file")
         return Path(path).resolve()
     if name is None:
-        raise BadInput("machine.path", None, "must name the MJCF file of the robot: machine.path=FILE")
+        raise BadInput("machine.path", None, "must name the MJCF or URDF file of the robot: machine.path=FILE")
     root = os.environ.get(CHECKOUT, "")
     checkout = {own: Path(root, folder, f"{own}.xml") for own, folder in CHECKOUT_FOLDERS.items() if root}
     models = {own: file for own, file in checkout.items() if file.is_file()} | package_models()
