@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.errors import format_install_command
+from cmacexp.errors import BadOutput, format_install_command
 from cmacexp.experiment.api import open_loop
 from cmacexp.feedforward.inverse_dynamics import InverseDynamics
 from cmacexp.loop.stepwise import Moment, OpenLoop
@@ -53,7 +53,7 @@ def find_largest_torque(loop: OpenLoop) -> Array:
         return limits.copy()
     model = InverseDynamics(InverseDynamics.Config(mass_factor=1.0, length_factor=1.0))
     needed = BOUND * np.abs(model.compute_torque(loop.setup)).max(axis=(0, 1))
-    return np.minimum(limits, needed)
+    return np.where(np.isfinite(limits), limits, needed)
 
 
 class LoopEnv(Env[Array, Array]):
@@ -102,6 +102,8 @@ class LoopEnv(Env[Array, Array]):
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Take a step with a torque (L J,), N m, which is clipped to the action space."""
         space = self.action_space
+        if np.shape(action) != space.shape:
+            raise BadOutput(f"action of shape {np.shape(action)}: must have the shape {space.shape}")
         torque = np.minimum(np.maximum(action, space.low), space.high)  # type: ignore[attr-defined]
         moment = self.loop.step(torque.reshape(self.loop.shape))
         fails = moment.status not in ("running", "completed")
@@ -115,7 +117,7 @@ class LoopEnv(Env[Array, Array]):
         counted = np.where(moment.support[:, None], self._counted, True)
         force = (moment.state.force - moment.force_desired) / self._force_scale
         cost = (off * off * counted).sum(axis=1) + np.where(moment.support, force * force, 0.0)
-        return float(np.minimum(cost, LARGEST_COST).mean())
+        return float(np.fmin(cost, LARGEST_COST).mean())  # NaN after a divergence costs as much
 
     def _observe(self, moment: Moment) -> Array:
         seen, angle = moment.observed, 2.0 * math.pi * moment.sample / self.loop.period

@@ -13,8 +13,8 @@ from cmacexp.loop import stream
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.mechanism import PLANE
 from cmacexp.study import Results
-from cmacexp.study.samples import plane_error
 from cmacexp.typing import Array
+from pipelines.common_results import plane_error
 
 if TYPE_CHECKING:
     import pandas as pd

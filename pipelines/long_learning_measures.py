@@ -18,8 +18,8 @@ from cmacexp.stability.growth import (
 )
 from cmacexp.study import Results
 from cmacexp.study.results import Row
-from cmacexp.study.samples import plane_error, share_done
 from cmacexp.typing import Array
+from pipelines.common_results import plane_error, share_done
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,7 +9,7 @@ from typing import Any
 
 from cmacexp.commands.study import main
 from cmacexp.study import Results, Study
-from cmacexp.study.samples import share_of_time
+from pipelines.common_results import share_of_time
 from pipelines.robots_findings import FINDINGS
 from pipelines.robots_runs import CMAC, FEEDFORWARDS, LEAD, LEARNERS, LEFT_OUT, PLANAR, STARTS, TRIED, runs
 from pipelines.robots_tables import FIGURES, TABLES

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from cmacexp.commands.study import main
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_cycles, over_setting
-from cmacexp.study.samples import ratio, share_of_time
+from cmacexp.study.samples import ratio
 from cmacexp.study.statements import Limit, percent
+from pipelines.common_results import share_of_time
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

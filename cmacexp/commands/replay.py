@@ -132,15 +132,12 @@ def _is_kept(folder: Path) -> bool:
 
 
 def build_missing(folders: Sequence[Path], anew: bool) -> list[Path]:
-    """Build recordings that are missing or doubtful, or all ``anew``; the runs that can be shown. Raises BadRun."""
-    from cmacexp.recording.catalog import find_shared
-
+    """Build recordings that are missing, or all ``anew``; the runs that can be shown. Raises BadRun."""
     kept = set()
     for folder in folders:
         with suppress(BadRun):  # reported when its recording is built
             if not anew and _is_kept(folder):
                 kept.add(folder)
-    kept -= {path.parent for path in find_shared([folder / RECORDING for folder in sorted(kept)])}
     ready, faults = [], []
     with activity(f"building {len(folders) - len(kept)} recordings"):
         for folder in folders:

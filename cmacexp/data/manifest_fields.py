@@ -12,6 +12,8 @@ from cmacexp.config.component import COMPONENTS
 REPORT, SWEEP = "report", "sweep"
 """Kinds of manifests that list a report and the runs of its numbers, or the tables of a sweep; a run has no kind."""
 MAX_STEPS_PER_CYCLE = 1 << 32
+MAX_DEPTH = 16
+"""Objects and lists within each other; a config has some five."""
 
 
 class Kind(NamedTuple):
@@ -132,8 +134,15 @@ def find_misfit(value: Any, shape: Shape, name: str) -> str | None:
     return next(filter(None, (find_misfit(*each) for each in inner)), None)
 
 
+def _is_deep(value: Any, depth: int = 0) -> bool:
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return depth > MAX_DEPTH or any(_is_deep(each, depth + 1) for each in inner)
+
+
 def find_wrong(manifest: Any) -> str | None:
     """What is wrong with the content of a manifest, as read from its file without its checksum; None: nothing."""
+    if _is_deep(manifest):
+        return f"it nests more than {MAX_DEPTH} levels"
     if wrong := find_misfit(manifest, FIELDS, "manifest"):
         return wrong
     is_run = "kind" not in manifest

@@ -90,6 +90,8 @@ def read_cycles(path: Path, numbers: Sequence[int]) -> pa.Table:
 
 
 def _contiguous(table: pa.Table, name: str) -> pa.Array:
+    if name not in table.column_names:
+        raise BadRun(f"{name}: the table lacks this column, as those of other versions do; run it again")
     column = table.column(name)
     return column.chunk(0) if column.num_chunks == 1 else column.combine_chunks()
 

@@ -57,10 +57,11 @@ def is_private(folder: Path) -> bool:
         folder.mkdir(PRIVATE, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             status = folder.lstat()
+        if status.st_uid == os.getuid() and stat.S_ISDIR(status.st_mode) and not status.st_mode & OTHERS_WRITE:
+            folder.chmod(PRIVATE)  # numba makes folders in it that anybody may write to if the umask says so
+            return True
     except OSError:
         return False
-    if status.st_uid == os.getuid() and stat.S_ISDIR(status.st_mode) and not status.st_mode & OTHERS_WRITE:
-        return True
     print(
         f"{folder} is not used for compiled code: it must be your own, and others must not write to it",
         file=sys.stderr,

@@ -47,7 +47,8 @@ class External(NamedTuple):
     """Of a built-in controller; an external controller calls its feedforward itself."""
 
 
-def _read_only(values: NDArray[Any]) -> NDArray[Any]:
+def read_only(values: NDArray[Any]) -> NDArray[Any]:
+    """A view of an array that cannot be written to."""
     view = values.view()
     view.flags.writeable = False
     return view
@@ -74,7 +75,7 @@ class ExternalDriver:
         self.plan_rows = [
             list(
                 zip(
-                    *map(_read_only, (plan.support, values, plan.desired, plan.joints, plan.force_desired)),
+                    *map(read_only, (plan.support, values, plan.desired, plan.joints, plan.force_desired)),
                     strict=True,
                 )
             )
@@ -98,10 +99,6 @@ class ExternalDriver:
     def taken(self) -> int:
         """Steps whose torque the plant has taken, also when a component raised."""
         return self.start + int(self.progress[TAKEN])
-
-    @taken.setter
-    def taken(self, steps: int) -> None:
-        self.start, self.progress[TAKEN] = steps, 0
 
     def run(self, samples: Array, body_samples: Array) -> int:
         """Take as many steps as ``samples`` (K, L, columns) and ``body_samples`` (K, columns) have rows.

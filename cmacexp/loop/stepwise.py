@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cmacexp.errors import BadOutput, CmacexpError
+from cmacexp.errors import BadInput, BadOutput, CmacexpError
 from cmacexp.jit.interrupt import interrupt_held_back
 from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import find_external, make_loop
-from cmacexp.loop.external import External, coroutine_loop
+from cmacexp.loop.external import External, coroutine_loop, read_only
 from cmacexp.loop.samples import make_samples
 from cmacexp.loop.scenario import Scenario
 from cmacexp.loop.state import Held, list_arrays
@@ -87,6 +87,8 @@ class OpenLoop:
         self.torque_limits = self._loop.actuator.limit
         self._plant = scenario.plant if isinstance(scenario.plant, MujocoPlant) else None
         self._adaptation = None if self._loop.meter is None else Adaptation(setup, self._loop.meter)
+        planned = plan.support, plan.reference[BEFORE], plan.desired, plan.force_desired
+        self._planned = [read_only(rows) for rows in planned]
         self._state = Measurement(*self._loop.plant_state[:7], travel=self._loop.travel)
         self._observed = Measurement(*self._loop.observation[:7], travel=self._loop.travel)
         self._samples = make_samples(self.period, self.shape[0], False, self.shape[1])
@@ -101,7 +103,9 @@ class OpenLoop:
     """Of the present cycle, which pauses before each."""
 
     def reset(self, seed: int | None = None) -> Moment:
-        """Return to the start of the run; ``seed`` of the noise of the sensors, None: as before."""
+        """Return to the start of the run; ``seed`` of the noise of the sensors, None: as before; raises BadInput."""
+        if seed is not None and not 0 <= seed < 2**32:
+            raise BadInput("seed", seed, "must be at least 0 and below 2^32")
         with interrupt_held_back(self._plant is not None):
             if self._plant is not None:
                 self._plant.put()
@@ -150,7 +154,8 @@ class OpenLoop:
         self._steps = coroutine_loop(self._loop, self._inputs, self._progress, start, *self._samples)
 
     def _note(self, step: int, status: str, cause: str = "") -> Moment:
-        plan, sample, control = self.setup.plan, step % self.period, self._loop.control_state
+        sample, control = step % self.period, self._loop.control_state
+        support, reference, desired, force_desired = (rows[sample] for rows in self._planned)
         self.moment = Moment(
             step,
             sample,
@@ -158,10 +163,10 @@ class OpenLoop:
             cause,
             self._state,
             self._observed,
-            plan.support[sample],
-            plan.reference[BEFORE, sample],
-            plan.desired[sample],
-            plan.force_desired[sample],
+            support,
+            reference,
+            desired,
+            force_desired,
             control.learning_error,
             control.feedback,
         )

@@ -1,7 +1,6 @@
 """A catalogue of recordings: Rerun's server, and its table of runs, a column for each setting and metric."""
 
 import re
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,7 +8,6 @@ from tempfile import TemporaryDirectory
 
 import rerun.blueprint.table as rrt
 from rerun.catalog import DatasetEntry
-from rerun.chunk import RrdReader
 from rerun.server import Server
 
 from cmacexp.errors import BadRun
@@ -17,24 +15,6 @@ from cmacexp.metrics.registry import ALL_METRICS, MAIN
 
 DATASET = "runs"
 NAME = "property:RecordingInfo:name"
-
-
-def _read_id(path: Path) -> str:
-    """The id of a recording; empty if it cannot be read."""
-    try:
-        return str(RrdReader(path).recordings()[0].recording_id)
-    except (OSError, ValueError, RuntimeError, IndexError):
-        return ""
-
-
-def find_shared(recordings: Sequence[Path]) -> list[Path]:
-    """Recordings whose id others have, too, of which the server would keep one; those that cannot be read.
-
-    A copy has the id of its original; earlier versions gave all jobs of a number the same.
-    """
-    ids = {path: _read_id(path) for path in recordings}
-    count = Counter(ids.values())
-    return [path for path, name in ids.items() if not name or count[name] > 1]
 
 
 def _list_columns(present: Sequence[str], keys: Sequence[str]) -> list[rrt.Column]:
@@ -64,7 +44,7 @@ def serve_catalog(recordings: Sequence[Path], keys: Sequence[str], host: str) ->
     with Server(host=host, datasets={DATASET: recordings}) as server:
         runs = server.client().get_dataset(DATASET)
         if (taken := len(runs.segment_ids())) < len(recordings):
-            reason = f"the server takes {taken} of {len(recordings)} recordings; --rebuild builds them anew"
-            raise BadRun(f"{recordings[0]}: {reason}")
+            reason = f"of {len(recordings)} recordings the server takes {taken}, since copies share an id"
+            raise BadRun(f"{recordings[0]}: {reason}; --rebuild builds them anew")
         _set_columns(runs, keys)
         yield f"{server.url()}/entry/{runs.id}", runs

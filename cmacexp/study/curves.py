@@ -1,18 +1,16 @@
 """Panels of results: a metric over cycles or over a setting, a series for each value of another setting."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from cmacexp.report import curves
-from cmacexp.report.curves import find_log
-from cmacexp.report.figures import Panel, draw
+from cmacexp.report.figures import Panel
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import Results
 from cmacexp.typing import Array
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 
 def over_cycles(results: Results, name: str, by: str, log: str = "", title: str = "") -> Panel:
@@ -23,12 +21,6 @@ def over_cycles(results: Results, name: str, by: str, log: str = "", title: str 
     return curves.over_cycles(
         name, {value: group.history(name) for value, group in results.by(by).items()}, log, title
     )
-
-
-def draw_cycles(results: Results, names: Sequence[str], by: str, columns: int = 2) -> "Figure":
-    """A figure of :func:`over_cycles` for each metric, logarithmic where its values span decades."""
-    panels = [over_cycles(results, name, by) for name in names]
-    return draw([replace(panel, log=find_log(panel.series, "y")) for panel in panels], columns)
 
 
 def _interval(sample: Array) -> tuple[float, float, float]:

@@ -5,16 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from cmacexp.data.stored_run import StoredRun
-from cmacexp.study.results import Results, Row
+from cmacexp.study.results import Results
 from cmacexp.typing import Array
 
 Sample = Callable[[Results], Array]
-
-
-def share_of_time(run: StoredRun) -> float:
-    """Share of the planned time that a run lasted: a measure for studies of machines that may fall."""
-    return float(run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]))
 
 
 def ratio(sample: Sample, chosen: Mapping[str, Any], reference: Mapping[str, Any]) -> Sample:
@@ -22,21 +16,9 @@ def ratio(sample: Sample, chosen: Mapping[str, Any], reference: Mapping[str, Any
     return lambda results: sample(results.select(chosen)) / sample(results.select(reference))
 
 
-def plane_error(row: Row) -> Array:
-    """(cycles,): transfer error in the plane in the whole cycles of a run, m."""
-    x, y = (row.summary.metrics.get(f"transfer_rmse_{side}", np.empty(0)) for side in "xy")
-    error: Array = np.hypot(x, y)
-    return error
-
-
 def ended_in(results: Results) -> Array:
     """(runs,): cycle in which each ended before its time; infinite if it completed."""
     return np.where(results.completed, np.inf, np.array(results.cycles) + 1.0)
-
-
-def share_done(results: Results) -> Array:
-    """(runs,): whole cycles over those asked for."""
-    return np.array([row.summary.cycles / row.settings["cycles"] for row in results.rows])
 
 
 def relative(results: Results, other: Results, measure: Callable[[Results], Sequence[float] | Array]) -> Array:

@@ -5,12 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cmacexp.metrics.text import format_number
 from cmacexp.report.curves import appearance
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import LAST_CYCLES, Results
-from cmacexp.study.samples import ended_in
-from cmacexp.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,26 +35,6 @@ def tabulate(
 
 def _show(value: Any) -> Any:
     return estimate(value).value if isinstance(value, np.ndarray) else value
-
-
-def cross_tabulate(
-    results: Results, rows: tuple[str, str], columns: tuple[str, str], cell: Callable[[Results], Any]
-) -> "pd.DataFrame":
-    """A row for each value of one setting, a column for each value of another; ``cell`` shows the runs with both.
-
-    ``rows`` are the first setting and the title of its column, ``columns`` the second and what its titles begin with.
-    """
-    values = {f"{columns[1]} {value}": {columns[0]: value} for value in results.values(columns[0])}
-    found = {title: (lambda own, chosen=chosen: cell(own.select(chosen))) for title, chosen in values.items()}
-    return tabulate(results, {rows[0]: rows[1]}, found)
-
-
-def describe_end(results: Results, values: Array) -> str:
-    """The estimate from one value a run, or the cycle in which the runs ended."""
-    ends, completed = ended_in(results), sum(results.completed)
-    if completed == len(results):
-        return format_number(estimate(values).value)
-    return f"ends in {np.median(ends[np.isfinite(ends)]):.0f}" + (f" ({completed} complete)" if completed else "")
 
 
 def completed(results: Results) -> str:

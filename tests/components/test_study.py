@@ -11,14 +11,15 @@ import pytest
 from cmacexp.errors import BadInput
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, at_most, between, grid, starting_from
-from cmacexp.study.curves import draw_cycles, over_setting
+from cmacexp.study.curves import over_setting
 from cmacexp.study.evidence import evidence_of, format_html, format_text
 from cmacexp.study.interval import EXACT, Interval, estimate
 from cmacexp.study.page import make_claims_section
 from cmacexp.study.results import NoSuchRuns, Row
 from cmacexp.study.samples import per_seed, ratio, relative
 from cmacexp.study.statements import UNDECIDED, VERDICTS, Judged, Measured, percent
-from cmacexp.study.tables import completed, cross_tabulate, describe_end, ends, tabulate
+from cmacexp.study.tables import completed, ends, tabulate
+from pipelines.common_results import cross_tabulate, describe_end, draw_cycles
 
 
 def made(*errors: float, asked: int = 5, **settings) -> Results:

@@ -1,0 +1,65 @@
+"""Samples, tables and figures that several studies share."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.metrics.text import format_number
+from cmacexp.report.curves import find_log
+from cmacexp.report.figures import draw
+from cmacexp.study.curves import over_cycles
+from cmacexp.study.interval import estimate
+from cmacexp.study.results import Results, Row
+from cmacexp.study.samples import ended_in
+from cmacexp.study.tables import tabulate
+from cmacexp.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+def share_of_time(run: StoredRun) -> float:
+    """Share of the planned time that a run lasted: a measure for studies of machines that may fall."""
+    return float(run.manifest["steps"] / (run.steps_per_cycle * run.config["cycles"]))
+
+
+def plane_error(row: Row) -> Array:
+    """(cycles,): transfer error in the plane in the whole cycles of a run, m."""
+    x, y = (row.summary.metrics.get(f"transfer_rmse_{side}", np.empty(0)) for side in "xy")
+    error: Array = np.hypot(x, y)
+    return error
+
+
+def share_done(results: Results) -> Array:
+    """(runs,): whole cycles over those asked for."""
+    return np.array([row.summary.cycles / row.settings["cycles"] for row in results.rows])
+
+
+def cross_tabulate(
+    results: Results, rows: tuple[str, str], columns: tuple[str, str], cell: Callable[[Results], Any]
+) -> "pd.DataFrame":
+    """A row for each value of one setting, a column for each value of another; ``cell`` shows the runs with both.
+
+    ``rows`` are the first setting and the title of its column, ``columns`` the second and what its titles begin with.
+    """
+    values = {f"{columns[1]} {value}": {columns[0]: value} for value in results.values(columns[0])}
+    found = {title: (lambda own, chosen=chosen: cell(own.select(chosen))) for title, chosen in values.items()}
+    return tabulate(results, {rows[0]: rows[1]}, found)
+
+
+def describe_end(results: Results, values: Array) -> str:
+    """The estimate from one value a run, or the cycle in which the runs ended."""
+    ends, completed = ended_in(results), sum(results.completed)
+    if completed == len(results):
+        return format_number(estimate(values).value)
+    return f"ends in {np.median(ends[np.isfinite(ends)]):.0f}" + (f" ({completed} complete)" if completed else "")
+
+
+def draw_cycles(results: Results, names: Sequence[str], by: str, columns: int = 2) -> "Figure":
+    """A figure of :func:`over_cycles` for each metric, logarithmic where its values span decades."""
+    panels = [over_cycles(results, name, by) for name in names]
+    return draw([replace(panel, log=find_log(panel.series, "y")) for panel in panels], columns)
