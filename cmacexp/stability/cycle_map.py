@@ -140,7 +140,7 @@ class RestorableLoop:
         return (state - other) / (2.0 * size), (observed - observed_other) / (2.0 * size)
 
 
-def open_loop(config: Config, prepared: Scenario | None = None) -> RestorableLoop:
+def make_restorable_loop(config: Config, prepared: Scenario | None = None) -> RestorableLoop:
     """The loop of a config, at its start; a prepared scenario that has not run stays unchanged."""
     if prepared is None or isinstance(prepared.plant, MujocoPlant):  # which cannot be copied
         scenario = make_scenario(config)

@@ -14,7 +14,7 @@ import numpy as np
 from cmacexp.config import Config
 from cmacexp.feedforward.kernels import TABLE
 from cmacexp.loop.scenario import Scenario, make_scenario
-from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, open_loop
+from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, make_restorable_loop
 from cmacexp.stability.krylov import Krylov, krylov
 from cmacexp.typing import Array
 
@@ -97,7 +97,7 @@ def watch(loop: RestorableLoop, cycles: int) -> History:
 
 def change_sizes(config: Config, cycles: int, prepared: Scenario | None = None) -> list[float]:
     """Changes of the feedback torque from cycle to cycle of a run in memory, N m; see :class:`History`."""
-    return watch(open_loop(config, prepared), cycles).sizes
+    return watch(make_restorable_loop(config, prepared), cycles).sizes
 
 
 def calmest(sizes: Sequence[float] | Array, first: int) -> int:
@@ -154,7 +154,7 @@ def predicted_growth(config: Config, cycle: int | None = None, prepared: Scenari
         if len(sizes) <= first:
             raise NotPredictable(f"the run ends in cycle {len(sizes) + 2}, before learning shows")
         cycle = calmest(sizes, first)
-    loop = open_loop(config, scenario)
+    loop = make_restorable_loop(config, scenario)
     if len(watch(loop, cycle).levels) < cycle:
         raise NotPredictable(f"the run ends in cycle {loop.cycles + 1}, before cycle {cycle} is done")
     require_learning(loop)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cmacexp.config import Config
 from cmacexp.models.lateness import first_order_share
-from cmacexp.stability.cycle_map import NUDGE, NotPredictable, RestorableLoop, open_loop
+from cmacexp.stability.cycle_map import NUDGE, NotPredictable, RestorableLoop, make_restorable_loop
 from cmacexp.typing import Array
 
 
@@ -72,7 +72,7 @@ def _replay(config: Config, cycle: int) -> tuple[RestorableLoop, Array]:
 
     The torque (N, L, J), N m, is the loop's own and may change in place.
     """
-    loop = open_loop(config)
+    loop = make_restorable_loop(config)
     if loop.run.loop.feedforward is None:
         raise NotPredictable("nothing learns from cycle to cycle")
     torque = np.empty(0)

@@ -14,7 +14,7 @@ from cmacexp.config import Config
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.metrics.drift import DRIFT_RATIO, LEAST
 from cmacexp.models.trend import WINDOW
-from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, open_loop
+from cmacexp.stability.cycle_map import NotPredictable, RestorableLoop, make_restorable_loop
 from cmacexp.stability.growth import (
     MAX_CYCLES_BEFORE,
     History,
@@ -103,7 +103,7 @@ def assess(config: Config, prepared: Scenario | None = None, simulate: bool = Tr
 
 
 def _assess(config: Config, scenario: Scenario, simulate: bool) -> Verdict:
-    loop, lead, first = open_loop(config, scenario), scenario.setup.lead, config.learning.start_cycle
+    loop, lead, first = make_restorable_loop(config, scenario), scenario.setup.lead, config.learning.start_cycle
     steps = loop.period * loop.samples.shape[1] * getattr(config.plant, "substeps", 1)
     compiled = loop.plant is None  # MuJoCo takes a hundred times as long
     cycles = max(MAX_CYCLES_BEFORE, min(MAX_CYCLES, AFFORDABLE // steps) if simulate and compiled else 0)
