@@ -7,13 +7,19 @@ from typing import Any
 TABLE = re.compile(r"<table>.*?</table>", flags=re.DOTALL)
 ROW = re.compile(r"<tr>.*?</tr>", flags=re.DOTALL)
 HEAD = re.compile(r"<th\b[^>]*>(.*?)</th>", flags=re.DOTALL)
+EMPTY = re.compile(r"<td\b[^>]*></td>")
 FEWEST_COLUMNS = 3
 """Tables with fewer columns fit a narrow screen."""
 
 
 def label_row(row: str, names: Sequence[str]) -> str:
-    """A row whose cells carry the names of their columns, all but the first, which heads the card."""
+    """A row whose cells carry the names of their columns, all but the first, which heads the card.
+
+    A first cell alone stands for the rows below it, and is as wide as the table.
+    """
     first, *cells = row.split("<td")
+    if all(EMPTY.match(f"<td{cell}") for cell in cells[1:]):
+        return f'{first}<td colspan="{len(names)}"{cells[0]}</tr>'
     labels = ("" if not index or not name else f' data-label="{name}"' for index, name in enumerate(names))
     return first + "".join(f"<td{label}{cell}" for label, cell in zip(labels, cells, strict=True))
 
