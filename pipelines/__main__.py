@@ -8,6 +8,7 @@ from cmacexp.commands.command import COMPLETED, Parser, run_command
 from cmacexp.commands.study import FOLDER
 from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
+from pipelines import paper
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.benchmark import QUESTION, TITLE
 from pipelines.benchmark.summary import write_scores
@@ -57,6 +58,7 @@ def _run() -> int:
         write_docs()
         return COMPLETED
     files = all_studies()
+    print(f"python -m {paper.__name__}\n    {paper.TITLE}: {paper.QUESTION}")
     for file in files:
         print(f"python -m pipelines.{file.name}\n    {file.study.title}: {file.study.question}")
     print(f"python -m pipelines.{BENCHMARK}\n    {TITLE}: {QUESTION}")

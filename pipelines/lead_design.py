@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 UNMET = "the loop is unstable, or no pair meets (a)"
-SCENARIOS = {"one leg": "one_leg", "the quadruped": "quadruped"}
+SCENARIOS = {"one leg": "one_leg", "quadruped": "quadruped"}
 OMEGAS, ALPHAS, POINTS = (0.2, 200.0), (1.0, 100.0), 30
 """Range of omega (rad/s) and of alpha in a scan, and points of each."""
 EFFECTIVE_MASS = 0.75
@@ -31,14 +31,14 @@ EFFECTIVE_MASS = 0.75
 FREQUENCIES = np.logspace(-1.0, 4.0, 8_001)
 """rad/s; neighbours are 0.14 % apart."""
 MOST_RESONANCE, SAME = 0.10, 0.10
-"""Of the closed loop's magnitude above 1, for M_p below 110 %; relative distance of bandwidths that are the same."""
+"""Of the closed loop's magnitude above 1, for M_r below 110 %; relative distance of bandwidths that are the same."""
 
 
 class ClosedLoop(NamedTuple):
     """A closed loop and how it meets the objectives."""
 
     resonance: float
-    """M_p, largest magnitude of the closed loop."""
+    """M_r, largest magnitude of the closed loop."""
     bandwidth: float
     """Frequency at which the closed loop falls below -3 dB for good, rad/s."""
     stable: bool
@@ -116,16 +116,16 @@ def _claim(
         def sample(results: Results) -> Array:
             return measure(_loops(results, name, default))
 
-        return replace(percent(quantity, sample, at_most(most), case=f"gains of {name}"), infinite=UNMET)
+        return replace(percent(quantity, sample, at_most(most), case=name), infinite=UNMET)
 
     return Claim(words, where, [criterion(name) for name in SCENARIOS])
 
 
 CLAIMS = {
     "resonance": _claim(
-        "(a) the resonant magnitude M_p of the closed loop is less than 110 %",
+        "(a) the resonant magnitude M_r of the closed loop is less than 110 %",
         "section 2",
-        "excess of M_p over 100 % with the corner frequencies used here",
+        "excess of M_r over 100 % with the gains and corner frequencies used here",
         resonance,
         MOST_RESONANCE,
         default=True,
@@ -133,7 +133,7 @@ CLAIMS = {
     "bandwidth": _claim(
         "(b) the bandwidth of the closed loop remains the same as the open loop",
         "section 2",
-        "relative difference of the bandwidths with the corner frequencies used here",
+        "relative difference of the bandwidths with the gains and corner frequencies used here",
         distance,
         SAME,
         default=True,
@@ -170,7 +170,7 @@ def draw_maps(results: Results) -> "Figure":
         axes.grid(visible=False)
         label(axes, f"gains of {name}", "omega, rad/s", "alpha" if axes is panels[0] else "")
     handles = [Patch(color="#BFDDF0"), *lines.legend_elements("")[0][:1], *panels[0].get_legend_handles_labels()[0]]
-    names = ["M_p below 110 %", "closed over open bandwidth", "used here (assumed)"]
+    names = ["M_r below 110 %", "closed over open bandwidth", "used here (assumed)"]
     figure.legend(handles, names, loc="outside lower center", ncols=3)
     return figure
 

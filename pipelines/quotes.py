@@ -118,8 +118,10 @@ def fill(text: str, name: str, make: Callable[[], str]) -> str:
 def _rows(criteria: Sequence[Criterion], entry: Mapping[str, Any]) -> Iterator[Sequence[str]]:
     """Cells of ``COLUMNS``: each quantity once, its cases below it."""
     for quantity, rows in gather(criteria, {name: entry[name] for name in MEASURED if name in entry}).items():
-        for index, row in enumerate(rows):
-            what = row.case if index else f"{quantity}: {row.case}" if row.case else quantity
+        if rows[0].case:
+            yield f"*{quantity}*:", *[""] * (len(COLUMNS) - 1)
+        for row in rows:
+            what = row.case or quantity
             value = f"{row.value} ({row.reason})" if row.reason else row.value
             limit = f"{row.limit} (opposite: {row.opposite})" if row.opposite else row.limit
             yield what, value, row.interval, row.size, limit, row.verdict
