@@ -14,7 +14,7 @@ from cmacexp.commands.study import main
 from cmacexp.report.figures import Panel, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
 from cmacexp.study.curves import over_setting
-from cmacexp.study.statements import Limit, percent
+from cmacexp.study.statements import Limit
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
 from pipelines.common_memory import (
@@ -27,6 +27,7 @@ from pipelines.common_memory import (
     worsening_in_worlds,
     worst_in_worlds,
 )
+from pipelines.common_results import percent
 from pipelines.common_worlds import TESTED, in_worlds
 
 if TYPE_CHECKING:

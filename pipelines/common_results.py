@@ -1,6 +1,6 @@
 """Samples, tables and figures that several studies share."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +14,9 @@ from cmacexp.study.curves import over_cycles
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import Results, Row
 from cmacexp.study.samples import ended_in
+from cmacexp.study.statements import Criterion, Limit
 from cmacexp.study.tables import tabulate
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,3 +64,16 @@ def draw_cycles(results: Results, names: Sequence[str], by: str, columns: int = 
     """A figure of :func:`over_cycles` for each metric, logarithmic where its values span decades."""
     panels = [over_cycles(results, name, by) for name in names]
     return draw([replace(panel, log=find_log(panel.series, "y")) for panel in panels], columns)
+
+
+def percent(
+    quantity: str,
+    sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask],
+    holds: Limit,
+    fails: Limit | None = None,
+    of: Mapping[str, Any] | None = None,
+    case: str = "",
+    **more: Any,
+) -> Criterion:
+    """A criterion of a share, shown in per cent; ``of`` and ``more`` are settings of its runs."""
+    return Criterion(quantity, sample, holds, fails, "%", 100.0, {**(of or {}), **more}, case)

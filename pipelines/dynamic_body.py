@@ -21,11 +21,11 @@ from cmacexp.models.robot import load_mujoco
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_setting
 from cmacexp.study.samples import ratio
-from cmacexp.study.statements import Limit, percent
+from cmacexp.study.statements import Limit
 from cmacexp.study.study import Values
 from cmacexp.study.tables import completed, tabulate
 from cmacexp.typing import Array
-from pipelines.common_results import draw_cycles, share_of_time
+from pipelines.common_results import draw_cycles, percent, share_of_time
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,10 +11,11 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Criterion, Finding, Request, Results, at_least, at_most
 from cmacexp.study.samples import Sample, relative
-from cmacexp.study.statements import Limit, percent
+from cmacexp.study.statements import Limit
 from cmacexp.study.study import starting_from
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
+from pipelines.common_results import percent
 from pipelines.common_worlds import TESTED, TUNED, in_worlds
 from pipelines.feedforwards_measures import ALONE, CMAC, ILC, LEARNERS, MLP, MODELS, RBF, error_at, errors
 

@@ -17,9 +17,10 @@ from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
 from cmacexp.study.curves import over_setting
-from cmacexp.study.statements import Limit, percent
+from cmacexp.study.statements import Limit
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
+from pipelines.common_results import percent
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,7 +10,7 @@ from typing import Any
 from cmacexp.commands.study import main
 from cmacexp.models.robot_file import package_models
 from cmacexp.study import Finding, Request, Results, Study, at_least, grid
-from cmacexp.study.statements import percent
+from pipelines.common_results import percent
 from pipelines.guard_measures import (
     ALONE,
     ENOUGH,

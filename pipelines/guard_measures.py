@@ -10,8 +10,8 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.report.figures import Panel, Series
 from cmacexp.study import Finding, Request, Results, at_least, draw, grid
 from cmacexp.study.results import LAST_CYCLES, Row
-from cmacexp.study.statements import percent
 from cmacexp.typing import Array
+from pipelines.common_results import percent
 from pipelines.guard_worlds import SCENARIOS, draw_world
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from cmacexp.commands.study import main
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_setting
-from cmacexp.study.statements import percent
 from cmacexp.study.tables import completed, tabulate
 from cmacexp.typing import Array
 from pipelines.common_memory import (
@@ -22,6 +21,7 @@ from pipelines.common_memory import (
     worsening_in_worlds,
     worst_in_worlds,
 )
+from pipelines.common_results import percent
 from pipelines.common_worlds import FEWER, in_worlds
 
 if TYPE_CHECKING:

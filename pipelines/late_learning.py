@@ -14,9 +14,9 @@ from cmacexp.commands.study import main
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.samples import Sample, per_seed, relative
-from cmacexp.study.statements import Limit, percent
+from cmacexp.study.statements import Limit
 from cmacexp.typing import Array
-from pipelines.common_results import cross_tabulate, describe_end, plane_error, share_done
+from pipelines.common_results import cross_tabulate, describe_end, percent, plane_error, share_done
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,10 +12,9 @@ from cmacexp.commands.study import main
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_cycles
-from cmacexp.study.statements import percent
 from cmacexp.study.tables import ends, tabulate
 from cmacexp.typing import Array
-from pipelines.common_results import cross_tabulate
+from pipelines.common_results import cross_tabulate, percent
 from pipelines.robots_findings import FORCE, POSITION, last
 from pipelines.robots_runs import ALONE, BOTH, CMAC, FURTHER, require_robots
 from pipelines.robots_runs import ROBOTS as FIRST

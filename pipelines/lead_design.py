@@ -15,8 +15,8 @@ import numpy as np
 from cmacexp.commands.study import main
 from cmacexp.config.compose import compose_config
 from cmacexp.study import Claim, Criterion, Results, Study, at_most
-from cmacexp.study.statements import percent
 from cmacexp.typing import Array
+from pipelines.common_results import percent
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -23,9 +23,10 @@ from cmacexp.study import (
     draw,
 )
 from cmacexp.study.curves import over_cycles
-from cmacexp.study.statements import Limit, percent
+from cmacexp.study.statements import Limit
 from cmacexp.study.tables import completed, ends, tabulate
 from cmacexp.typing import Array
+from pipelines.common_results import percent
 from pipelines.dynamic_body import if_completed, off_course
 from pipelines.moving_robots_runs import (
     ANEW,

@@ -12,12 +12,12 @@ import numpy as np
 from cmacexp.commands.study import main
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, grid
 from cmacexp.study.samples import Sample, ratio
-from cmacexp.study.statements import Limit, percent
+from cmacexp.study.statements import Limit
 from cmacexp.study.tables import completed, ends, tabulate
 from cmacexp.typing import Array
 from pipelines import quadruped_walking_events as measured
 from pipelines import quadruped_walking_figures as figures
-from pipelines.common_results import draw_cycles, share_done
+from pipelines.common_results import draw_cycles, percent, share_done
 from pipelines.quadruped_walking_events import LATE, Walk, event, instants, late
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ import numpy as np
 
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.study import Criterion, Finding, Results, at_least, at_most
-from cmacexp.study.statements import Limit, percent
+from cmacexp.study.statements import Limit
 from cmacexp.typing import Array
+from pipelines.common_results import percent
 from pipelines.robots_runs import (
     ALONE,
     ALONE_LIGHT,

@@ -13,8 +13,8 @@ from cmacexp.commands.study import main
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
 from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.samples import ratio
-from cmacexp.study.statements import Limit, percent
-from pipelines.common_results import share_of_time
+from cmacexp.study.statements import Limit
+from pipelines.common_results import percent, share_of_time
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,8 +16,8 @@ from cmacexp.report.figures import Panel, Series
 from cmacexp.stability.growth import MAX_CYCLES_BEFORE
 from cmacexp.stability.verdict import HOLDS, MAX_CYCLES, PLACES, UNDECIDED
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw
-from cmacexp.study.statements import percent
 from cmacexp.typing import Array, Mask
+from pipelines.common_results import percent
 from pipelines.when_learning_holds_draws import FIRST, LEG, ROBOT, WALK, Draws
 from pipelines.when_learning_holds_measures import LINEAR, MEASURES, REALS, SAID
 

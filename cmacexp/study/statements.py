@@ -102,19 +102,6 @@ class Criterion:
         return {**self.__dict__, "sample": None}
 
 
-def percent(
-    quantity: str,
-    sample: Callable[[Results], Sequence[float] | Sequence[bool] | Array | Mask],
-    holds: Limit,
-    fails: Limit | None = None,
-    of: Mapping[str, Any] | None = None,
-    case: str = "",
-    **more: Any,
-) -> Criterion:
-    """A criterion of a share, shown in per cent; ``of`` and ``more`` are settings of its runs."""
-    return Criterion(quantity, sample, holds, fails, "%", 100.0, {**(of or {}), **more}, case)
-
-
 @dataclass(frozen=True)
 class Measured:
     """A criterion, and what the runs gave."""

@@ -8,12 +8,13 @@ import numpy as np
 
 from cmacexp.study import Finding, Results, Study, at_least, at_most
 from cmacexp.study.comparison import Comparison
-from cmacexp.study.statements import Criterion, percent
+from cmacexp.study.statements import Criterion
 from cmacexp.typing import Array
 from pipelines.benchmark import summary
 from pipelines.benchmark.entrants import ALONE, CMAC
 from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, FOR_EACH
 from pipelines.benchmark.tasks import LEG, MACHINES, QUADRUPED, SPEED, STROKE, TASKS, VERSION
+from pipelines.common_results import percent
 
 NAME = "benchmark"
 TITLE = "Learned feedforward under contact"

@@ -17,9 +17,9 @@ from cmacexp.study.interval import EXACT, Interval, estimate
 from cmacexp.study.page import make_claims_section
 from cmacexp.study.results import NoSuchRuns, Row
 from cmacexp.study.samples import per_seed, ratio, relative
-from cmacexp.study.statements import UNDECIDED, VERDICTS, Judged, Measured, percent
+from cmacexp.study.statements import UNDECIDED, VERDICTS, Judged, Measured
 from cmacexp.study.tables import completed, ends, tabulate
-from pipelines.common_results import cross_tabulate, describe_end, draw_cycles
+from pipelines.common_results import cross_tabulate, describe_end, draw_cycles, percent
 
 
 def made(*errors: float, asked: int = 5, **settings) -> Results:
