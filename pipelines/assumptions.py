@@ -13,7 +13,7 @@ import numpy as np
 
 from cmacexp.commands.study import main
 from cmacexp.metrics.text import format_number
-from cmacexp.report.figures import HeatMap, draw
+from cmacexp.report.style import logarithmic, new_figure
 from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, between, grid
 from cmacexp.study.statements import Limit
 from cmacexp.study.tables import tabulate
@@ -297,6 +297,8 @@ def number_table(results: Results, conclusions: Mapping[str, Conclusion]) -> "pd
 
 def draw_changes(results: Results, conclusions: Mapping[str, Conclusion]) -> "Figure":
     """Every number over that with the values taken; a dot where the conclusion changes with every seed."""
+    from matplotlib.colors import LogNorm
+
     names = [*_tried(results)][::-1]  # the first row is the lowest
 
     def numbers(variant: str) -> list[float]:
@@ -305,15 +307,18 @@ def draw_changes(results: Results, conclusions: Mapping[str, Conclusion]) -> "Fi
 
     ratios = np.abs(np.array([numbers(name) for name in names]) / numbers(TAKEN))
     ratios[~np.isfinite(ratios) | (ratios <= 0.0)] = np.nan
-    marks = [
-        (row, column)
-        for row, name in enumerate(names)
-        for column, one in enumerate(conclusions.values())
-        if differs(one, results, name).all()
-    ]
-    unit = "over that with the assumed values"
-    panel = HeatMap("", "", "", [*conclusions], names, ratios, unit, log=True, marks=marks)
-    return draw([panel], height=1.2 + 0.17 * len(names))
+    changed = [[differs(one, results, name).all() for one in conclusions.values()] for name in names]
+    figure, (axes,) = new_figure(height=1.2 + 0.17 * len(names))
+    norm = LogNorm(np.nanmin(ratios), np.nanmax(ratios))
+    image = axes.imshow(ratios, cmap="cividis", norm=norm, aspect="auto", origin="lower")
+    axes.set_xticks(range(len(conclusions)), [*conclusions])
+    axes.set_yticks(range(len(names)), names)
+    axes.grid(visible=False)
+    rows, columns = np.nonzero(changed)
+    axes.plot(columns, rows, "o", color="#FFFFFF", markeredgecolor="#000000", ms=5)
+    bar = figure.colorbar(image, ax=axes, label="over that with the assumed values")
+    logarithmic(bar.ax, "y", ratios[np.isfinite(ratios)])
+    return figure
 
 
 def values(results: Results) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The vocabulary of all figures: panels of lines, points and bars, and heat maps, in one style."""
+"""The vocabulary of all figures: panels of lines, points and bars, in one style."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -82,25 +82,8 @@ class Panel:
                 raise BadInput(name, value, f"choose from {', '.join(map(repr, allowed))}")
 
 
-@dataclass(frozen=True)
-class HeatMap:
-    """Axes with a value for every pair."""
-
-    title: str
-    x: str
-    y: str
-    columns: Sequence[str]
-    rows: Sequence[str]
-    values: Array
-    """(rows, columns); NaN stays empty."""
-    unit: str = ""
-    log: bool = False
-    marks: Sequence[tuple[int, int]] = field(default=())
-    """Row and column of fields that are marked with a dot."""
-
-
 def draw(
-    panels: Sequence[Panel | HeatMap],
+    panels: Sequence[Panel],
     columns: int = 2,
     height: float = 2.4,
     *,
@@ -116,12 +99,8 @@ def draw(
     figure, axes = new_figure(-(-len(panels) // columns), columns, height, **shared)
     for unused in axes[len(panels) :]:
         unused.remove()
-    drawn = [panel for panel in panels if isinstance(panel, Panel)]
-    names = list(dict.fromkeys(series.name for panel in drawn for series in panel.series))
+    names = list(dict.fromkeys(series.name for panel in panels for series in panel.series))
     for ax, panel in zip(axes, panels, strict=False):
-        if isinstance(panel, HeatMap):
-            _heat_map(figure, ax, panel)
-            continue
         draw_panel(ax, panel, names)
         ax.tick_params(labelbottom=True, labelleft=True)  # each panel can stand alone
         label(ax, panel.title, panel.x, panel.y)
@@ -200,21 +179,3 @@ def _error_bars(axes: "Axes", x: Array, series: Series) -> None:
         y = np.asarray(series.y, dtype=float)
         reach = [y - np.asarray(series.low), np.asarray(series.high) - y]
         axes.errorbar(x, y, reach, fmt="none", ecolor="#333333", elinewidth=0.8, capsize=2)
-
-
-def _heat_map(figure: "Figure", axes: "Axes", panel: HeatMap) -> None:
-    from matplotlib.colors import LogNorm, Normalize
-
-    known = panel.values[np.isfinite(panel.values)]
-    norm = (LogNorm if panel.log else Normalize)(known.min(), known.max()) if known.size else None
-    image = axes.imshow(panel.values, cmap="cividis", norm=norm, aspect="auto", origin="lower")
-    axes.set_xticks(range(len(panel.columns)), panel.columns)
-    axes.set_yticks(range(len(panel.rows)), panel.rows)
-    axes.grid(visible=False)
-    if panel.marks:
-        rows, columns = zip(*panel.marks, strict=True)
-        axes.plot(columns, rows, "o", color="#FFFFFF", markeredgecolor="#000000", ms=5)
-    bar = figure.colorbar(image, ax=axes, label=panel.unit)
-    if panel.log and known.size:
-        logarithmic(bar.ax, "y", known)
-    label(axes, panel.title, panel.x, panel.y)

@@ -1,6 +1,6 @@
 """Studies: runs, measures, claims, findings and figures, declared in one file, and a page that shows them."""
 
-from cmacexp.report.figures import HeatMap, Panel, Series, draw
+from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study.comparison import Comparison, compare
 from cmacexp.study.curves import over_cycles, over_setting
 from cmacexp.study.results import Results
@@ -12,7 +12,6 @@ __all__ = [
     "Comparison",
     "Criterion",
     "Finding",
-    "HeatMap",
     "Panel",
     "Request",
     "Results",
