@@ -6,17 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from cmacexp.commands.command import Parser, run_command
+from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadRun
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.run_summary import print_runs, read_summary, sort_folders
+from cmacexp.report.run_summary import UNFINISHED, RunSummary, print_runs, read_summary, sort_folders
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
-from cmacexp.report.terminal import activity, say
+from cmacexp.report.terminal import activity, describe_resume, say
 from cmacexp.report.terminal_tables import print_key
 
+SWEEP_RECORD = "multirun.yaml"
+"""The file that Hydra writes into the folder of a sweep when it begins."""
 REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
 
@@ -31,6 +34,12 @@ def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     )
 
 
+def _is_unfinished(folder: Path, runs: Sequence[RunSummary]) -> bool:
+    """Whether a folder holds a sweep that was killed or interrupted."""
+    ended = (folder / manifests.NAME).exists() and all(run.status not in (UNFINISHED, "interrupted") for run in runs)
+    return (folder / SWEEP_RECORD).exists() and not ended
+
+
 def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path) -> Path:
     with activity("reading runs") as show:
         runs = []
@@ -42,9 +51,12 @@ def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path
         raise BadRun(f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
     swept = find_swept(runs)
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
+    resume = describe_resume(given[0]) if len(given) == 1 and _is_unfinished(given[0], runs) else ""
     with activity("comparing the runs") as show:
-        path = write_report(make_sweep_report(runs, title), out, say=show)
+        path = write_report(make_sweep_report(runs, title, resume), out, say=show)
     print_runs(runs, [*swept.keys, *swept.seeds], path)
+    if resume:
+        say(f"continue:  {resume}")
     return path
 
 

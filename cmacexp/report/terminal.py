@@ -149,6 +149,11 @@ def print_next(folder: Path, commands: Mapping[str, str]) -> None:
         say(f"{purpose + ':':<10} python -m cmacexp.{name} {format_folder(folder)}")
 
 
+def describe_resume(folder: Path) -> str:
+    """How a sweep is continued, after a killed or an interrupted one."""
+    return f"the same command with sweep.resume=true hydra.sweep.dir={format_folder(folder)}"
+
+
 def _print_notes(result: StoredRun) -> None:
     """Print what is special about a run."""
     manifest = result.manifest
