@@ -112,9 +112,8 @@ def finish_sweep(sweep: Sweep) -> str:
     swept = [key for key in jobs[0].config if len({str(job.config[key]) for job in jobs}) > 1]
     print_runs(jobs, swept, sweep.folder / TABLE_CSV)
     counts = Counter(job.status for job in jobs) + Counter({UNFINISHED: missing})
-    print(
-        f"{counts.total()} job{'s' * (counts.total() > 1)}: {', '.join(f'{count} {status}' for status, count in counts.items())}"
-    )
+    ends = ", ".join(f"{count} {status}" for status, count in counts.items())
+    print(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
     for job in failed[:MAX_LISTED_FAILURES]:
         say(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
     if len(failed) > MAX_LISTED_FAILURES:

@@ -38,7 +38,7 @@ PLANNED, TRUE = "planned support polygon", "polygon of the feet that carry load"
 
 def _margin(column: str, to: str, of: str, source: str, shown: Shown | None = None) -> Metric[BodyBlock]:
     undefined = "never three feet down" if of == PLANNED else "never three feet carry"
-    meaning = f"least margin to the {to} of the {of}"
+    meaning = f"least margin to the {to} of the {of}; negative: the centre of gravity is outside it"
     return Metric("m", meaning, undefined, lambda b: b.reduce(np.fmin, column), BODY, LARGE, shown, source=source)
 
 

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cmacexp.metrics.registry import SHOWN
+from cmacexp.metrics.metric import NEAR_ZERO
+from cmacexp.metrics.registry import ALL_METRICS, SHOWN
 from cmacexp.metrics.text import format_number
 from cmacexp.typing import Array
 
@@ -19,22 +20,33 @@ def join(parts: Sequence[str]) -> str:
     return f" {'; '.join(parts)}." if parts else ""
 
 
-def _describe_range(name: str, first: float, last: float) -> str:
+def _describe_range(title: str, name: str, first: float, last: float) -> str:
     """A metric with two values in the unit that is shown, e.g. ``x error 9.54 to 1.47 mm``."""
-    return f"{SHOWN[name].title} {format_number(first)} to {format_number(last)} {SHOWN[name].unit}"
+    return f"{title} {format_number(first)} to {format_number(last)} {SHOWN[name].unit}"
 
 
 def describe_change(histories: Mapping[str, Array]) -> str:
-    """How metrics, a value for each cycle, in SI units, changed from the first cycle to the last that define it."""
-    parts: dict[str, list[str]] = {"Falls": [], "Rises": [], "Hardly changes": []}
+    """How metrics, a value for each cycle, in SI units, changed from the first cycle to the last that define it.
+
+    Errors that are best near 0 are compared in size if they are negative, other metrics as they are.
+    """
+    parts: dict[str, list[str]] = {"fall": [], "rise": [], "hardly change": []}
     for name, values in histories.items():
-        known = SHOWN[name].factor * values[np.isfinite(values)]
-        if len(known) > 1:
-            first, last = abs(known[0]), abs(known[-1])
-            hardly = abs(last - first) <= STEADY * max(first, last)
-            word = "Hardly changes" if hardly else "Falls" if last < first else "Rises"
-            parts[word].append(_describe_range(name, known[0], known[-1]))
-    return "".join(f" {word} from the first cycle to the last:{join(own)}" for word, own in parts.items() if own)
+        known, title = SHOWN[name].factor * values[np.isfinite(values)], SHOWN[name].title
+        if len(known) < 2:
+            continue
+        first, last = known[[0, -1]]
+        if ALL_METRICS[name].better == NEAR_ZERO and min(first, last) < 0.0:
+            first, last, title = abs(first), abs(last), f"size of {title}"
+        verb = "fall" if last < first else "rise"
+        verb = "hardly change" if abs(last - first) <= STEADY * max(abs(first), abs(last)) else verb
+        parts[verb].append(_describe_range(title, name, first, last))
+    groups = [
+        f"{f'these {verb}' if len(own) > 1 else f'this {verb}s'}: {', '.join(own)}"
+        for verb, own in parts.items()
+        if own
+    ]
+    return f" From the first cycle to the last {'; '.join(groups)}." if groups else ""
 
 
 def describe_effect(groups: Mapping[str, Sequence[Array]]) -> str:
@@ -43,7 +55,10 @@ def describe_effect(groups: Mapping[str, Sequence[Array]]) -> str:
     effects = {name: float(np.ptp(own) / (np.abs(own).max() or 1.0)) for name, own in means.items()}
     most = sorted((name for name in effects if effects[name] > STEADY), key=lambda name: -effects[name])[:MOST]
     parts = [
-        f"{_describe_range(name, *np.sort(means[name])[[0, -1]])} ({100 * effects[name]:.0f} %)" for name in most
+        f"{_describe_range(SHOWN[name].title, name, *np.sort(means[name])[[0, -1]])} ({100 * effects[name]:.0f} %)"
+        for name in most
     ]
     none = f" It changes none by more than {100 * STEADY:.0f} %." if effects else ""
-    return f" It changes most:{join(parts)}" if most else none
+    repeated = any(len(own) > 1 for samples in groups.values() for own in samples)
+    means_of = " (means over the runs with the same value)" if repeated else ""
+    return f" It changes most{means_of}:{join(parts)}" if most else none

@@ -27,7 +27,7 @@ from cmacexp.typing import Array
 TABLES = (TRACE, BODY, MEMORY, METRICS, BODY_METRICS)
 """Files of a run that a report can be computed from."""
 BROKEN, UNFINISHED = "not intact", "unfinished"
-"""Status of a run whose manifest or tables are damaged or changed; of one without a manifest, killed before its end."""
+"""Status of a run whose manifest or tables are missing or changed; of one that was killed before it had any."""
 Row = dict[str, Any]
 
 

@@ -7,6 +7,7 @@ from cmacexp.config.difference import flat
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
+from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_cell, format_setting
@@ -20,7 +21,7 @@ def list_facts(run: StoredRun) -> Table:
     facts = {
         "folder": str(run.folder),
         "ended": run.ending,
-        "drift": format_drift(drift) if drift else "not detected",
+        "drift": format_drift(drift, at_end=True) if drift else "not detected",
         "guard of learning": describe_guard(manifest) or f"{config['learning'].get('guard', 'none')}, did not act",
         "load of the feet": describe_load(manifest) or "as planned",
         "cycles": f"{run.whole_cycles} of {config['cycles']} requested, {config['gait']['cycle_time']:g} s each",
@@ -33,13 +34,21 @@ def list_facts(run: StoredRun) -> Table:
     return Table(["property", "value"], [[key, value] for key, value in facts.items()])
 
 
+def _format_name(shown: Shown) -> str:
+    """Name in words and symbol of a metric, as HTML."""
+    from markupsafe import Markup
+
+    base, _, below = shown.symbol.partition("_")
+    return Markup("{} <i>{}</i><sub>{}</sub>").format(shown.title, base, below) if base else shown.title
+
+
 def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     """The main metrics in the cycles that are shown."""
     pooled = pool_legs(run.scores)
     rows = []
     for name, shown in select_main(pooled, count_legs(run.scores)).items():
         numbers = [format_cell(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
-        rows.append([f"{shown.title} {shown.symbol}", ALL_METRICS[name].meaning, shown.unit, *numbers])
+        rows.append([_format_name(shown), ALL_METRICS[name].meaning, shown.unit, *numbers])
     caption = "Key metrics" + (", pooled over the legs" if run.walks else "")
     titles = ["metric", "meaning", "unit", *(f"cycle {cycle}" for cycle in cycles)]
     return Table(titles, rows, caption, cards=True)

@@ -122,8 +122,7 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
         changed[name] = list(_over(ended, key, name).values())
         labels = f"{shown.title} ({name})", f"{shown.title}, {shown.unit}"
         panel = over_setting(
-            {line: samples for line, samples in groups.items() if samples}, names[key], labels[1],
-            kind="lines" if numeric else "scatter", log=None, title=labels[0], order=values,
+            groups, names[key], labels[1], kind="lines" if numeric else "scatter", log=None, title=labels[0], order=values,
         )  # fmt: skip
         crosses = stopped if numeric else [panel.ticks.index(format_setting(value)) for value in stopped]
         panels.append(replace(panel, from_zero=shown.from_zero, crosses=crosses))

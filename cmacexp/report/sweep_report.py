@@ -82,12 +82,8 @@ def _list_differences(runs: Sequence[RunSummary], swept: Swept) -> list[Any]:
         listed = ", ".join(values[:12]) + (f", ... ({len(values)} values)" if len(values) > 12 else "")
         rows.append([key, listed, *([", ".join(swept.linked.get(key, []))] if swept.linked else [])])
     if not rows:
-        known = all(run.config for run in runs)
-        return (
-            []
-            if not known
-            else ["These runs have the same config, apart from settings that do not change the results."]
-        )
+        same = "These runs have the same config, apart from settings that do not change the results."
+        return [same] if all(run.config for run in runs) else []
     titles = ["key", "values", *(["keys that vary with it"] if swept.linked else [])]
     return [Table(titles, rows, "What differs between the runs")]
 

@@ -124,7 +124,7 @@ def format_outcome(result: StoredRun, separator: str = ": ") -> str:
 def describe_drift(result: StoredRun) -> str:
     """The drift of the learning of a run, in one line; empty if there is none."""
     drift = read_drift_entry(result.manifest["drift"])
-    return format_drift(drift, " at the end") if drift else ""
+    return format_drift(drift, at_end=True) if drift else ""
 
 
 def describe_idle(result: StoredRun) -> str:

@@ -73,6 +73,7 @@ def print_key() -> None:
         over_legs = f"; {metric.pooling.name} over legs" if metric.pooling.name and shown.over_legs else ""
         text = f"{shown.title:<21}{shown.symbol:<8}{metric.meaning} ({name}{over_legs})"
         print("\n".join(wrap(text, TEXT_WIDTH, subsequent_indent=" " * 29)))
+    print(f"{'-':<29}undefined, e.g. where the force never settles")
 
 
 def print_scores(scores: Scores, folder: Path) -> None:
