@@ -120,10 +120,10 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
         groups = {line: _over(group, key, name) for line, group in lines.items()}
         shown, numeric = MAIN[name], is_numeric(values)
         changed[name] = list(_over(ended, key, name).values())
-        labels = f"{shown.title} ({name})", f"{shown.title}, {shown.unit}"
+        kind, title = "lines" if numeric else "scatter", f"{shown.title} ({name})"
         panel = over_setting(
-            groups, names[key], labels[1], kind="lines" if numeric else "scatter", log=None, title=labels[0], order=values,
-        )  # fmt: skip
+            groups, names[key], f"{shown.title}, {shown.unit}", kind=kind, log=None, title=title, order=values
+        )
         crosses = stopped if numeric else [panel.ticks.index(format_setting(value)) for value in stopped]
         panels.append(replace(panel, from_zero=shown.from_zero, crosses=crosses))
     if not panels:
