@@ -1,6 +1,7 @@
 """``python -m cmacexp.report DIR...``: figures and tables of a run, or a comparison of several."""
 
 import argparse
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.errors import BadRun
+from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
 from cmacexp.report.run_summary import UNFINISHED, RunSummary, print_runs, read_summary, sort_folders
@@ -26,7 +27,11 @@ REPORTS = Path("outputs/reports")
 
 def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     if out is not None:
-        return require_place(OUT_KEY, Path(out))
+        folder = require_place(OUT_KEY, Path(out))
+        inside = os.listdir(folder) if folder.is_dir() else []
+        if manifests.NAME not in inside and any(not name.startswith(".cmacexp") for name in inside):
+            raise BadInput(OUT_KEY, folder, "holds files, but no report to replace; choose an empty or a new folder")
+        return folder
     return (
         require_no_link(given[0] / REPORT)
         if len(given) == 1

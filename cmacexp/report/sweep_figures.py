@@ -124,6 +124,9 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
         panel = over_setting(
             groups, names[key], f"{shown.title}, {shown.unit}", kind=kind, log=None, title=title, order=values
         )
+        if numeric and "x" not in panel.log:  # the same for all, also where few values have a metric
+            margin = 0.05 * (values[-1] - values[0] or 1.0)
+            panel = replace(panel, x_range=(values[0] - margin, values[-1] + margin))
         crosses = stopped if numeric else [panel.ticks.index(format_setting(value)) for value in stopped]
         panels.append(replace(panel, from_zero=shown.from_zero, crosses=crosses))
     if not panels:
