@@ -14,13 +14,11 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.run_summary import UNFINISHED, RunSummary, print_runs, read_summary, sort_folders
+from cmacexp.report.run_summary import UNFINISHED, print_runs, read_summary, sort_folders
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
 from cmacexp.report.terminal import activity, describe_resume, say
 from cmacexp.report.terminal_tables import print_key
 
-SWEEP_RECORD = "multirun.yaml"
-"""The file that Hydra writes into the folder of a sweep when it begins."""
 REPORTS = Path("outputs/reports")
 """Reports over several folders are written to a folder in here."""
 
@@ -32,17 +30,9 @@ def _find_destination(given: Sequence[Path], out: str | None) -> Path:
         if manifests.NAME not in inside and any(not name.startswith(".cmacexp") for name in inside):
             raise BadInput(OUT_KEY, folder, "holds files, but no report to replace; choose an empty or a new folder")
         return folder
-    return (
-        require_no_link(given[0] / REPORT)
-        if len(given) == 1
-        else REPORTS / "-".join(path.resolve().name for path in given[:4])
-    )
-
-
-def _is_unfinished(folder: Path, runs: Sequence[RunSummary]) -> bool:
-    """Whether a folder holds a sweep that was killed or interrupted."""
-    ended = (folder / manifests.NAME).exists() and all(run.status not in (UNFINISHED, "interrupted") for run in runs)
-    return (folder / SWEEP_RECORD).exists() and not ended
+    if len(given) == 1:
+        return require_no_link(given[0] / REPORT)
+    return REPORTS / "-".join(path.resolve().name for path in given[:4])
 
 
 def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path) -> Path:
@@ -56,7 +46,11 @@ def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path
         raise BadRun(f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
     swept = find_swept(runs)
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
-    resume = describe_resume(given[0]) if len(given) == 1 and _is_unfinished(given[0], runs) else ""
+    whole = (given[0] / manifests.NAME).exists() and all(
+        run.status not in (UNFINISHED, "interrupted") for run in runs
+    )
+    is_sweep = len(given) == 1 and (given[0] / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
+    resume = describe_resume(given[0]) if is_sweep and not whole else ""
     with activity("comparing the runs") as show:
         path = write_report(make_sweep_report(runs, title, resume), out, say=show)
     print_runs(runs, [*swept.keys, *swept.seeds], path)

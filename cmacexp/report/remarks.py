@@ -20,33 +20,28 @@ def join(parts: Sequence[str]) -> str:
     return f" {'; '.join(parts)}." if parts else ""
 
 
-def _describe_range(title: str, name: str, first: float, last: float) -> str:
+def _describe_range(name: str, first: float, last: float) -> str:
     """A metric with two values in the unit that is shown, e.g. ``x error 9.54 to 1.47 mm``."""
-    return f"{title} {format_number(first)} to {format_number(last)} {SHOWN[name].unit}"
+    return f"{SHOWN[name].title} {format_number(first)} to {format_number(last)} {SHOWN[name].unit}"
 
 
 def describe_change(histories: Mapping[str, Array]) -> str:
     """How metrics, a value for each cycle, in SI units, changed from the first cycle to the last that define it.
 
-    Errors that are best near 0 are compared in size if they are negative, other metrics as they are.
+    Of those that are best near 0 the sizes are compared.
     """
     parts: dict[str, list[str]] = {"fall": [], "rise": [], "hardly change": []}
     for name, values in histories.items():
-        known, title = SHOWN[name].factor * values[np.isfinite(values)], SHOWN[name].title
-        if len(known) < 2:
-            continue
-        first, last = known[[0, -1]]
-        if ALL_METRICS[name].better == NEAR_ZERO and min(first, last) < 0.0:
-            first, last, title = abs(first), abs(last), f"size of {title}"
-        verb = "fall" if last < first else "rise"
-        verb = "hardly change" if abs(last - first) <= STEADY * max(abs(first), abs(last)) else verb
-        parts[verb].append(_describe_range(title, name, first, last))
-    groups = [
-        f"{f'these {verb}' if len(own) > 1 else f'this {verb}s'}: {', '.join(own)}"
-        for verb, own in parts.items()
-        if own
-    ]
-    return f" From the first cycle to the last {'; '.join(groups)}." if groups else ""
+        known = SHOWN[name].factor * values[np.isfinite(values)]
+        if len(known) > 1:
+            signed = ALL_METRICS[name].better == NEAR_ZERO
+            first, last = np.abs(known[[0, -1]]) if signed else known[[0, -1]]
+            hardly = abs(last - first) <= STEADY * max(abs(first), abs(last))
+            verb = "hardly change" if hardly else "fall" if last < first else "rise"
+            parts[verb].append("size of " * signed + _describe_range(name, first, last))
+    said = {f"these {verb}" if len(own) > 1 else f"this {verb}s": own for verb, own in parts.items() if own}
+    changes = "; ".join(f"{verb}: {', '.join(own)}" for verb, own in said.items())
+    return f" From the first cycle to the last {changes}." if said else ""
 
 
 def describe_effect(groups: Mapping[str, Sequence[Array]]) -> str:
@@ -55,8 +50,7 @@ def describe_effect(groups: Mapping[str, Sequence[Array]]) -> str:
     effects = {name: float(np.ptp(own) / (np.abs(own).max() or 1.0)) for name, own in means.items()}
     most = sorted((name for name in effects if effects[name] > STEADY), key=lambda name: -effects[name])[:MOST]
     parts = [
-        f"{_describe_range(SHOWN[name].title, name, *np.sort(means[name])[[0, -1]])} ({100 * effects[name]:.0f} %)"
-        for name in most
+        f"{_describe_range(name, *np.sort(means[name])[[0, -1]])} ({100 * effects[name]:.0f} %)" for name in most
     ]
     none = f" It changes none by more than {100 * STEADY:.0f} %." if effects else ""
     repeated = any(len(own) > 1 for samples in groups.values() for own in samples)

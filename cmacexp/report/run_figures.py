@@ -90,9 +90,8 @@ def over_cycle(data: CycleData, name: str, leg: int) -> Panel:
     lines, last = read_desired(first, data.time_in_cycle(first), name), len(data.cycles) - 1
     for index, cycle in enumerate(data.cycles):
         rows = data.select(cycle, leg)
-        style = (
-            {**mark(0), "linewidth": 2.0, "zorder": 2.5} if index == last else {**mark(index + 1), "linewidth": 1.1}
-        )
+        strong = {**mark(0), "linewidth": 2.0, "zorder": 2.5}
+        style = strong if index == last else {**mark(index + 1), "linewidth": 1.1}
         if name == "foot":
             clock, values = 1e3 * rows["x"], 1e3 * rows["y"]
         else:
@@ -124,18 +123,15 @@ def draw_tracking(data: CycleData) -> list[Drawing]:
     if len(data.legs) == 1:
         figure = draw([panel for (panel,) in panels.values()], height=2.7)
         peaks = describe_peaks(data, [name for name in names if name != "foot"], data.legs)
-        return [
-            Drawing("tracking", figure, f"Force and errors over the chosen cycles.{peaks}{_describe_shade(data)}")
-        ]
-    return [
-        Drawing(
-            name if name in ("foot", "force") else f"error_{name}",
-            draw(panels[name], height=2.0 if name == "foot" else 2.4, share="xy"),
-            QUANTITIES[name].caption
-            + ("" if name == "foot" else describe_peaks(data, [name], data.legs) + _describe_shade(data)),
-        )
-        for name in names
-    ]
+        caption = f"Force and errors over the chosen cycles.{peaks}{_describe_shade(data)}"
+        return [Drawing("tracking", figure, caption)]
+    drawings = []
+    for name in names:
+        seen = "" if name == "foot" else describe_peaks(data, [name], data.legs) + _describe_shade(data)
+        figure = draw(panels[name], height=2.0 if name == "foot" else 2.4, share="xy")
+        file = f"error_{name}" if name in data.axes else name
+        drawings.append(Drawing(file, figure, QUANTITIES[name].caption + seen))
+    return drawings
 
 
 def draw_body(data: CycleData) -> Drawing:

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 
+from markupsafe import Markup
+
 from cmacexp.config.describe import Described, describe_fields, read_defaults
 from cmacexp.config.difference import flat
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
-from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.pooling import count_legs, pool_legs, select_main
 from cmacexp.metrics.registry import ALL_METRICS
 from cmacexp.metrics.text import format_cell, format_setting
@@ -34,21 +35,15 @@ def list_facts(run: StoredRun) -> Table:
     return Table(["property", "value"], [[key, value] for key, value in facts.items()])
 
 
-def _format_name(shown: Shown) -> str:
-    """Name in words and symbol of a metric, as HTML."""
-    from markupsafe import Markup
-
-    base, _, below = shown.symbol.partition("_")
-    return Markup("{} <i>{}</i><sub>{}</sub>").format(shown.title, base, below) if base else shown.title
-
-
 def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     """The main metrics in the cycles that are shown."""
     pooled = pool_legs(run.scores)
     rows = []
     for name, shown in select_main(pooled, count_legs(run.scores)).items():
         numbers = [format_cell(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
-        rows.append([_format_name(shown), ALL_METRICS[name].meaning, shown.unit, *numbers])
+        symbol, _, below = shown.symbol.partition("_")
+        title = Markup("{} <i>{}</i><sub>{}</sub>").format(shown.title, symbol, below)
+        rows.append([title, ALL_METRICS[name].meaning, shown.unit, *numbers])
     caption = "Key metrics" + (", pooled over the legs" if run.walks else "")
     titles = ["metric", "meaning", "unit", *(f"cycle {cycle}" for cycle in cycles)]
     return Table(titles, rows, caption, cards=True)

@@ -100,11 +100,6 @@ def _history(run: RunSummary, name: str) -> Array:
     return run.metrics.get(name, undefined) if run.shows(name) else undefined
 
 
-def _varies(values: Array) -> bool:
-    known = values[np.isfinite(values)]
-    return bool(known.size and np.ptp(known) > 1e-9 * np.abs(known).max())
-
-
 def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> list[Drawing]:
     """The main metrics of the last cycle over a swept key; with a second key a line for each of its values."""
     ended = [run for run in runs if run.status == "completed"]
@@ -115,7 +110,8 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
     stopped: list[Any] = [run.config.get(key) for run in runs if run.status != "completed"]
     panels, changed, names = [], {}, read_names(runs[0], keys)
     for name in JUDGED:
-        if not all(run.shows(name) for run in ended) or not _varies(np.array([run.final(name) for run in ended])):
+        known = np.array([value for run in ended if np.isfinite(value := run.final(name))])
+        if not all(run.shows(name) for run in ended) or not known.size or np.ptp(known) <= 1e-9 * np.abs(known).max():
             continue
         groups = {line: _over(group, key, name) for line, group in lines.items()}
         shown, numeric = MAIN[name], is_numeric(values)

@@ -110,7 +110,7 @@ def test_the_report_of_a_run_shows_the_pooled_values(walk):
     for title, meaning, unit, *numbers in key.rows:
         name, main = shown[meaning]
         name_and_symbol = re.sub("</?(i|sub)>", "", title.replace("<sub>", "_").replace("_</sub>", ""))
-        assert (name_and_symbol, unit) == (f"{main.title} {main.symbol}".rstrip(), main.unit)
+        assert (name_and_symbol, unit) == (f"{main.title} {main.symbol}", main.unit)
         assert numbers == [format_cell(main.factor * value) for value in values[name]]
 
 
