@@ -46,11 +46,9 @@ def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path
         raise BadRun(f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
     swept = find_swept(runs)
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
-    whole = (given[0] / manifests.NAME).exists() and all(
-        run.status not in (UNFINISHED, "interrupted") for run in runs
-    )
+    stopped = not (given[0] / manifests.NAME).exists() or {UNFINISHED, "interrupted"} & {run.status for run in runs}
     is_sweep = len(given) == 1 and (given[0] / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
-    resume = describe_resume(given[0]) if is_sweep and not whole else ""
+    resume = describe_resume(given[0]) if is_sweep and stopped else ""
     with activity("comparing the runs") as show:
         path = write_report(make_sweep_report(runs, title, resume), out, say=show)
     print_runs(runs, [*swept.keys, *swept.seeds], path)
