@@ -1,20 +1,22 @@
 """``python -m cmacexp.report DIR...``: figures and tables of a run, or a comparison of several."""
 
 import argparse
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from cmacexp.commands.command import Parser, run_command
+from cmacexp.data import manifest as manifests
 from cmacexp.data.discovery import require_place, runs_below
 from cmacexp.data.folder import OUT_KEY, require_no_link
 from cmacexp.data.stored_run import StoredRun
-from cmacexp.errors import BadRun
+from cmacexp.errors import BadInput, BadRun
 from cmacexp.report.page import REPORT, write_report
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.run_summary import print_runs, read_summary, sort_folders
+from cmacexp.report.run_summary import UNFINISHED, print_runs, read_summary, sort_folders
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
-from cmacexp.report.terminal import activity, say
+from cmacexp.report.terminal import activity, describe_resume, say
 from cmacexp.report.terminal_tables import print_key
 
 REPORTS = Path("outputs/reports")
@@ -23,12 +25,14 @@ REPORTS = Path("outputs/reports")
 
 def _find_destination(given: Sequence[Path], out: str | None) -> Path:
     if out is not None:
-        return require_place(OUT_KEY, Path(out))
-    return (
-        require_no_link(given[0] / REPORT)
-        if len(given) == 1
-        else REPORTS / "-".join(path.resolve().name for path in given[:4])
-    )
+        folder = require_place(OUT_KEY, Path(out))
+        inside = os.listdir(folder) if folder.is_dir() else []
+        if manifests.NAME not in inside and any(not name.startswith(".cmacexp") for name in inside):
+            raise BadInput(OUT_KEY, folder, "holds files, but no report to replace; choose an empty or a new folder")
+        return folder
+    if len(given) == 1:
+        return require_no_link(given[0] / REPORT)
+    return REPORTS / "-".join(path.resolve().name for path in given[:4])
 
 
 def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path) -> Path:
@@ -42,9 +46,14 @@ def _report_of_several(folders: Sequence[Path], given: Sequence[Path], out: Path
         raise BadRun(f"{where}: none of its {len(runs)} runs can be read ({runs[0].folder.name}: {runs[0].cause})")
     swept = find_swept(runs)
     title = f"Comparison of runs: {' and '.join(path.resolve().name for path in given)}"
+    stopped = not (given[0] / manifests.NAME).exists() or {UNFINISHED, "interrupted"} & {run.status for run in runs}
+    is_sweep = len(given) == 1 and (given[0] / "multirun.yaml").exists()  # Hydra writes it when a sweep begins
+    resume = describe_resume(given[0]) if is_sweep and stopped else ""
     with activity("comparing the runs") as show:
-        path = write_report(make_sweep_report(runs, title), out, say=show)
+        path = write_report(make_sweep_report(runs, title, resume), out, say=show)
     print_runs(runs, [*swept.keys, *swept.seeds], path)
+    if resume:
+        say(f"continue:  {resume}")
     return path
 
 

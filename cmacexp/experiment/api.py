@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cmacexp.config import to_config
 from cmacexp.config.component import COMPONENTS
@@ -20,11 +20,10 @@ from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.jit.compiler import expect_steps
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stepwise import OpenLoop
+from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.pooling import shorten, tabulate_cycles
 from cmacexp.report.terminal import describe_idle
-
-if TYPE_CHECKING:
-    import pandas as pd
+from cmacexp.report.terminal_tables import format_table, head
 
 RUN_FOLDER = "hydra.run.dir="
 
@@ -33,27 +32,27 @@ RUN_FOLDER = "hydra.run.dir="
 class Run(StoredRun):
     """A completed or stopped run, which prints its main metrics per cycle; tables are read on first use."""
 
-    def _printed(self) -> "tuple[str, pd.DataFrame]":
+    def _printed(self) -> tuple[str, dict[str, Shown], list[list[str]]]:
         """How it ended, in one line, and its main metrics; of a damaged run the reason alone, without an error."""
-        import pandas as pd
-
         try:
             main, rows = tabulate_cycles(self.scores) if METRICS in self.manifest["files"] else ({}, [])
-            titles = ["cycle", *(f"{shown.title} {shown.unit}".rstrip() for shown in main.values())]
             line = f"{self.folder}: {self.config.get('scenario')}, {self.ending}, {self.manifest['steps']} steps"
-            return in_one_line(line), pd.DataFrame(shorten(rows), columns=titles if rows else None)
+            return in_one_line(line), main, shorten(rows)
         except Exception as error:
-            return f"{type(self).__name__}({str(self.folder)!r}: {' '.join(str(error).split())})", pd.DataFrame()
+            return f"{type(self).__name__}({str(self.folder)!r}: {' '.join(str(error).split())})", {}, []
 
     def __repr__(self) -> str:
         """How it ended, and its main metrics per cycle."""
-        line, metrics = self._printed()
-        return line if metrics.empty else f"{line}\n{metrics.to_string(index=False)}"
+        line, main, rows = self._printed()
+        return "\n".join([line, *(format_table(["cycle\n", *map(head, main.values())], rows) if rows else [])])
 
     def _repr_html_(self) -> str:
         """The same for a notebook."""
-        line, metrics = self._printed()
-        return f"<p>{escape(line)}</p>" + ("" if metrics.empty else metrics.to_html(index=False, border=0))
+        import pandas as pd
+
+        line, main, rows = self._printed()
+        titles = ["cycle", *(f"{shown.title} {shown.unit}" for shown in main.values())]
+        return f"<p>{escape(line)}</p>" + (pd.DataFrame(rows, columns=titles).to_html(index=False) if rows else "")
 
 
 def _split(overrides: str | Sequence[str]) -> tuple[list[str], Path | None]:

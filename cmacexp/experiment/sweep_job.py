@@ -98,7 +98,7 @@ def _write_failure(job: Job, overrides: list[str], error: Exception) -> None:
     """Leave a manifest that names why there is no result; an earlier run in the folder stays, with it beside."""
     manifest = make_failure(job.config, error, overrides=overrides)
     with suppress(OSError, BadInput), replacing(job.folder, RUN_KEY) as place:
-        # where this fails, the job counts as not completed, and the terminal shows its cause
+        # where this fails, the job counts as unfinished, and the terminal shows its cause
         for name, text in make_record(job.config, job.hydra).items():
             place.write_text(f"{HYDRA_FOLDER}/{name}", text)
         if place.earlier:

@@ -18,8 +18,8 @@ from cmacexp.data.folder import TABLE, TABLE_CSV
 from cmacexp.data.parquet import arrow, arrow_strings, write_table
 from cmacexp.errors import BadRun
 from cmacexp.experiment.sweep import Sweep
-from cmacexp.report.run_summary import Row, RunSummary, make_rows, print_runs, read_summary, sort_folders
-from cmacexp.report.terminal import activity, print_next, say
+from cmacexp.report.run_summary import UNFINISHED, Row, RunSummary, make_rows, print_runs, read_summary, sort_folders
+from cmacexp.report.terminal import activity, describe_resume, print_next, say
 
 MAX_LISTED_FAILURES = 20
 
@@ -111,13 +111,16 @@ def finish_sweep(sweep: Sweep) -> str:
     sweep.place.commit({"kind": manifests.SWEEP, "status": ended, **entries})
     swept = [key for key in jobs[0].config if len({str(job.config[key]) for job in jobs}) > 1]
     print_runs(jobs, swept, sweep.folder / TABLE_CSV)
-    counts = Counter(job.status for job in jobs) + Counter({"not completed": missing})
-    print(f"{counts.total()} jobs: {', '.join(f'{count} {status}' for status, count in counts.items())}")
+    counts = Counter(job.status for job in jobs) + Counter({UNFINISHED: missing})
+    ends = ", ".join(f"{count} {status}" for status, count in counts.items())
+    print(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
     for job in failed[:MAX_LISTED_FAILURES]:
         say(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
     if len(failed) > MAX_LISTED_FAILURES:
         say(f"  and {len(failed) - MAX_LISTED_FAILURES} more: see {TABLE_CSV}", error=True)
     if len(failed) < len(jobs):
         print_next(sweep.folder, {"report": "report"})
+    if missing or counts["interrupted"]:
+        say(f"continue:  {describe_resume(sweep.folder)}")
     say(str(sweep.folder / TABLE))
     return ended

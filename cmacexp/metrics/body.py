@@ -1,7 +1,6 @@
 """Metrics of a body per cycle: pure functions of its trace."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,58 +23,49 @@ class BodyBlock(NamedTuple):
         return np.asarray(by.reduceat(as_array(self.table, column), self.starts))
 
 
+BodyMetric = Metric[BodyBlock]
+
+
 def _largest_tilt(block: BodyBlock) -> Array:
     ends = [np.abs(block.reduce(by, name)) for by in (np.minimum, np.maximum) for name in ("pitch", "roll")]
     return np.asarray(np.maximum.reduce(ends))
 
 
-def _height(which: str, compute: Callable[[BodyBlock], Array], shown: Shown) -> Metric[BodyBlock]:
+def _height(which: str, symbol: str, compute: Callable[[BodyBlock], Array], main: bool = False) -> BodyMetric:
+    shown = Shown("height" if main else f"{which} height", "mm", 1e3, main, from_zero=False, symbol=symbol)
     return Metric("m", f"{which} height of the body", "never", compute, BODY, NEITHER, shown)
 
 
-PLANNED, TRUE = "planned support polygon", "polygon of the feet that carry load"
+def _margin(column: str, title: str = "", symbol: str = "", main: bool = False) -> BodyMetric:
+    """The least of a margin; shown if it has a ``title``."""
+    known, _, side = column.rpartition("margin")
+    to = side.removeprefix("_") or "nearest edge"
+    of, undefined = "planned support polygon", "never three feet down"
+    if known.startswith("true"):
+        of, undefined = "polygon of the feet that carry load", "never three feet carry"
+    meaning = f"least margin to the {to} of the {of}; negative: the centre of gravity is outside it"
+    shown = Shown(title, "mm", 1e3, main, symbol=symbol) if title else None
+    source = CONTRACT if side else MCGHEE_FRANK
+    return Metric("m", meaning, undefined, lambda b: b.reduce(np.fmin, column), BODY, LARGE, shown, source)
 
 
-def _margin(column: str, to: str, of: str, source: str, shown: Shown | None = None) -> Metric[BodyBlock]:
-    undefined = "never three feet down" if of == PLANNED else "never three feet carry"
-    meaning = f"least margin to the {to} of the {of}"
-    return Metric("m", meaning, undefined, lambda b: b.reduce(np.fmin, column), BODY, LARGE, shown, source=source)
+def _mean_height(block: BodyBlock) -> Array:
+    return block.reduce(np.add, "height") / np.diff([*block.starts, block.table.num_rows])
 
 
-_shown = partial(Shown, unit="mm", factor=1e3, main=False)
 _TILT = "largest of abs(pitch) and abs(roll)"
 
-BODY_METRICS: dict[str, Metric[BodyBlock]] = {
-    "height_mean": _height(
-        "mean",
-        lambda b: b.reduce(np.add, "height") / np.diff([*b.starts, b.table.num_rows]),
-        _shown("height", symbol="h", main=True, from_zero=False),
-    ),
-    "height_min": _height(
-        "least", lambda b: b.reduce(np.minimum, "height"), _shown("least height", symbol="h_min", from_zero=False)
-    ),
-    "height_max": _height(
-        "largest",
-        lambda b: b.reduce(np.maximum, "height"),
-        _shown("largest height", symbol="h_max", from_zero=False),
-    ),
+BODY_METRICS: dict[str, BodyMetric] = {
+    "height_mean": _height("mean", "h", _mean_height, main=True),
+    "height_min": _height("least", "h_min", lambda b: b.reduce(np.minimum, "height")),
+    "height_max": _height("largest", "h_max", lambda b: b.reduce(np.maximum, "height")),
     "tilt_max": Metric("rad", _TILT, "never", _largest_tilt, BODY, SMALL, Shown("tilt", "mrad", 1e3)),
-    "stability_margin_min": _margin(
-        "stability_margin", "nearest edge", PLANNED, MCGHEE_FRANK, _shown("planned margin", symbol="S_p")
-    ),
-    "margin_front_min": _margin("margin_front", "front", PLANNED, CONTRACT),
-    "margin_rear_min": _margin(
-        "margin_rear", "rear", PLANNED, CONTRACT, _shown("planned rear margin", symbol="S_pr")
-    ),
-    "true_stability_margin_min": _margin(
-        "true_stability_margin",
-        "nearest edge",
-        TRUE,
-        MCGHEE_FRANK,
-        _shown("true margin", symbol="S", main=True),
-    ),
-    "true_margin_front_min": _margin("true_margin_front", "front", TRUE, CONTRACT),
-    "true_margin_rear_min": _margin("true_margin_rear", "rear", TRUE, CONTRACT),
+    "stability_margin_min": _margin("stability_margin", "planned margin", "S_p"),
+    "margin_front_min": _margin("margin_front"),
+    "margin_rear_min": _margin("margin_rear", "planned rear margin", "S_pr"),
+    "true_stability_margin_min": _margin("true_stability_margin", "true margin", "S", main=True),
+    "true_margin_front_min": _margin("true_margin_front"),
+    "true_margin_rear_min": _margin("true_margin_rear"),
 }
 """All columns of ``body_metrics.parquet`` but ``cycle``, in their order."""
 

@@ -38,11 +38,13 @@ class Drift(NamedTuple):
     """Factor by which the feedback of that leg grows per cycle, at the time of the report."""
 
 
-def format_drift(drift: Drift, when: str = "") -> str:
-    """A drift in one line; ``when`` its growth was measured unless when it was detected."""
-    grows = "grows" if drift.growth >= 1.0 else "falls"
-    rate = f"feedback of leg {drift.leg} {grows} {100.0 * abs(drift.growth - 1.0):.1f} % per cycle{when}"
-    return f"drift detected in cycle {drift.named}, started in cycle {drift.cycle} ({rate})"
+def format_drift(drift: Drift, at_end: bool = False) -> str:
+    """A drift in one line; its growth is that when it was detected, or of the last cycles, ``at_end``."""
+    rate, end = f"{100.0 * abs(drift.growth - 1.0):.1f} % per cycle", " at the end" if at_end else ""
+    grows = f" grows {rate}{end}" if drift.growth >= 1.0 else f";{end} it falls again, by {rate}"
+    return (
+        f"drift detected in cycle {drift.named}, started in cycle {drift.cycle} (feedback of leg {drift.leg}{grows})"
+    )
 
 
 class DriftDetector:

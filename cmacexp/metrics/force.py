@@ -5,18 +5,7 @@ import numpy as np
 from cmacexp.metrics import measures
 from cmacexp.metrics.block import Block, three_feet
 from cmacexp.metrics.measures import divide, iae, largest, mean, rms
-from cmacexp.metrics.metric import (
-    CONTRACT,
-    MEAN,
-    NEAR_ZERO,
-    NEITHER,
-    OGATA,
-    Metric,
-    Shown,
-    integral,
-    rms_error,
-    worst,
-)
+from cmacexp.metrics.metric import CONTRACT, MEAN, NEAR_ZERO, NEITHER, OGATA, Metric, Shown, integral, rmse, worst
 from cmacexp.typing import Array
 
 
@@ -55,17 +44,15 @@ _NO_PERIOD = f"{_NO_SUPPORT}, or one sample in all"
 _NOT_WHOLE = "support does not begin and end in the cycle"
 
 FORCE: dict[str, Metric[Block]] = {
-    "force_rmse": rms_error(
+    "force_rmse": rmse(
         "N",
         "RMS force error in support",
         _NO_SUPPORT,
         lambda b: rms(b.force_error, b.support),
         shown=Shown("force error", "N", symbol="e_F"),
     ),
-    "force_rmse_cycle": rms_error(
-        "N", "RMS force error, all samples", "never", lambda b: rms(b.force_error, b.valid)
-    ),
-    "force_rmse_three_feet": rms_error(
+    "force_rmse_cycle": rmse("N", "RMS force error, all samples", "never", lambda b: rms(b.force_error, b.valid)),
+    "force_rmse_three_feet": rmse(
         "N",
         "RMS force error over the middle half of each planned three-foot interval",
         "never three feet down (one leg)",
@@ -99,7 +86,7 @@ FORCE: dict[str, Metric[Block]] = {
         shown=Shown("overshoot", "%", 100.0, over_legs=False, symbol="M_p"),
         source=f"{OGATA}, of the desired force",
     ),
-    "force_ripple": rms_error(
+    "force_ripple": rmse(
         "N",
         "standard deviation of force over the second half of support",
         _NO_SECOND_HALF,

@@ -97,7 +97,7 @@ class Metric(NamedTuple, Generic[Of]):
         return float(values.max() if self.better == LARGE else values.min())
 
 
-rms_error = partial(Metric, pooling=RMS, better=SMALL, source=BRISTOW)
+rmse = partial(Metric, pooling=RMS, better=SMALL, source=BRISTOW)
 integral = partial(Metric, pooling=MEAN, better=SMALL, source=GRAHAM_LATHROP)
 worst = partial(Metric, pooling=LARGEST, better=SMALL)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import divide, largest, mean
-from cmacexp.metrics.metric import CONTRACT, LARGE, MEAN, NEITHER, RMS, Metric, Shown, integral, rms_error, worst
+from cmacexp.metrics.metric import CONTRACT, LARGE, MEAN, NEITHER, RMS, Metric, Shown, integral, rmse, worst
 from cmacexp.typing import Array, Mask
 
 
@@ -18,11 +18,6 @@ def _joints(by: np.ufunc, torque: Array) -> Array:
 def _torque_rms(torque: Array, valid: Mask) -> Array:
     """Square root of the mean square over the joints and over the cycle, N m."""
     return np.sqrt(mean(_joints(np.add, torque**2) / torque.shape[-1], valid))
-
-
-def torque_peak(block: Block) -> Array:
-    """Largest absolute joint torque, N m."""
-    return largest(_joints(np.maximum, np.abs(block.torque)), block.valid)
 
 
 def energy(block: Block) -> Array:
@@ -39,7 +34,7 @@ def feedforward_share(block: Block) -> Array:
 
 
 TORQUE: dict[str, Metric[Block]] = {
-    "feedback_rms": rms_error(
+    "feedback_rms": rmse(
         "N m",
         "RMS feedback torque, all joints",
         "never",
@@ -47,7 +42,7 @@ TORQUE: dict[str, Metric[Block]] = {
         shown=Shown("feedback torque", "N m", main=False, symbol="T_fb"),
         source=CONTRACT,
     ),
-    "feedback_change": rms_error(
+    "feedback_change": rmse(
         "N m",
         "RMS change of the feedback torque from the cycle before, all joints",
         "the first cycle",
@@ -66,7 +61,7 @@ TORQUE: dict[str, Metric[Block]] = {
         "N m",
         "largest absolute joint torque",
         "never",
-        torque_peak,
+        lambda b: largest(_joints(np.maximum, np.abs(b.torque)), b.valid),
         shown=Shown("peak torque", "N m", main=False, symbol="T_max"),
     ),
     "energy": integral("J", "absolute work of all joints over the cycle", "never", energy, source=CONTRACT),

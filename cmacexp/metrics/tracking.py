@@ -4,7 +4,7 @@ import numpy as np
 
 from cmacexp.metrics.block import Block
 from cmacexp.metrics.measures import mean, rms
-from cmacexp.metrics.metric import Metric, Shown, rms_error
+from cmacexp.metrics.metric import Metric, Shown, rmse
 from cmacexp.typing import Array
 
 NO_TRANSFER, NO_SUPPORT = "no sample of transfer", "no sample of support"
@@ -14,14 +14,14 @@ def transfer_rmse(axis: str) -> Metric[Block]:
     """The column ``transfer_rmse_*`` of an axis."""
     meaning = f"RMS of {axis} - {axis}_desired in transfer"
     shown = Shown(f"{axis} error", "mm", 1e3, symbol=f"e_{axis}", instead="transfer_rmse")
-    return rms_error("m", meaning, NO_TRANSFER, lambda b: rms(b.error[axis], b.transfer), shown=shown)
+    return rmse("m", meaning, NO_TRANSFER, lambda b: rms(b.error[axis], b.transfer), shown=shown)
 
 
 def support_rmse(axis: str) -> Metric[Block]:
     """The column ``support_rmse_*`` of an axis."""
     meaning = f"RMS of {axis} - {axis}_desired in support"
     shown = Shown(f"{axis} error in support", "mm", 1e3, main=False, symbol=f"e_{axis}s")
-    return rms_error("m", meaning, NO_SUPPORT, lambda b: rms(b.error[axis], b.support), shown=shown)
+    return rmse("m", meaning, NO_SUPPORT, lambda b: rms(b.error[axis], b.support), shown=shown)
 
 
 TRACKING: dict[str, Metric[Block]] = {
@@ -29,12 +29,6 @@ TRACKING: dict[str, Metric[Block]] = {
     "transfer_rmse_y": transfer_rmse("y"),
     "support_rmse_x": support_rmse("x"),
 }
-
-
-def foot_rmse(block: Block) -> Array:
-    """Root mean square distance of the foot from where it should be in transfer, m."""
-    x, y, z = (block.error[axis] for axis in "xyz")
-    return np.sqrt(mean(x**2 + y**2 + z**2, block.transfer))
 
 
 def joint_rmse(block: Block) -> Array:
@@ -45,15 +39,15 @@ def joint_rmse(block: Block) -> Array:
 
 SPATIAL: dict[str, Metric[Block]] = {
     "transfer_rmse_z": transfer_rmse("z"),
-    "transfer_rmse": rms_error(
+    "transfer_rmse": rmse(
         "m",
         "RMS distance of the foot from where it should be in transfer",
         NO_TRANSFER,
-        foot_rmse,
+        lambda b: np.sqrt(mean(b.error["x"] ** 2 + b.error["y"] ** 2 + b.error["z"] ** 2, b.transfer)),
         shown=Shown("foot error", "mm", 1e3, symbol="e_foot"),
     ),
     "support_rmse_z": support_rmse("z"),
-    "joint_rmse": rms_error(
+    "joint_rmse": rmse(
         "rad",
         "RMS of q - q_desired, all joints",
         "never",

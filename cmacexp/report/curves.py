@@ -78,8 +78,10 @@ def over_setting(
     values = order or [value for by_value in groups.values() for value in by_value]
     series, ticks = [], list(dict.fromkeys(map(format_setting, values)))
     for index, (name, by_value) in enumerate(groups.items()):
+        if not by_value:  # the others keep their styles
+            continue
         if kind == "lines":
-            samples = {float(value): by_value[value] for value in sorted(by_value)}
+            samples = {value: by_value[value] for value in sorted(by_value)}
         else:
             samples = {float(ticks.index(format_setting(value))): sample for value, sample in by_value.items()}
         found = np.array([reduce(sample) for sample in samples.values()]).T

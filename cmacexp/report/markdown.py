@@ -43,7 +43,8 @@ def render_markdown(
         return renderer.render_part(Table([str(column) for column in frame], rows, caption))
 
     names = {"figure": insert_figure, "table": insert_table, "number": format_number, **values}
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_finalize)
+    finalize = lambda value: format_number(value) if isinstance(value, float) else value  # noqa: E731
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=finalize)
     try:
         text = environment.from_string(template.read_text(encoding="utf-8")).render(names)
     except UndefinedError as error:
@@ -64,10 +65,6 @@ def find_insertions(template: Path) -> list[tuple[str, str, int]]:
         for call in tree.find_all(nodes.Call)
         if isinstance(call.node, nodes.Name) and call.args and isinstance(call.args[0], nodes.Const)
     ]
-
-
-def _finalize(value: Any) -> Any:
-    return format_number(value) if isinstance(value, float) else value
 
 
 def _format_cell(value: Any) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 from cmacexp.data import manifest as manifests
 from cmacexp.data.folder import HTML, OUT_KEY, Place, replacing
 from cmacexp.data.hashes import current_hash
+from cmacexp.data.version import __version__
 from cmacexp.report.parts import Renderer, Section, ignore
 
 REPORT = "report"
@@ -49,13 +50,6 @@ def find_page(run: Path, folder: Path) -> str:
     return relative(page, folder) if page.is_file() else ""
 
 
-def _describe_origin() -> str:
-    """When and by what a page is written."""
-    commit = manifests.git_commit()
-    version = f"cmacexp {manifests.versions()['cmacexp']}" + (f", commit {commit[:10]}" if commit else "")
-    return f"Written on {date.today().isoformat()} by {version}."
-
-
 def write_report(report: Report, where: Path | Place, say: Callable[[str], None] = ignore) -> Path:
     """Write a report and its figures in place of an earlier one; the manifest has the hash of every file and input.
 
@@ -67,7 +61,9 @@ def write_report(report: Report, where: Path | Place, say: Callable[[str], None]
             return write_report(report, locked, say)
     place = where
     renderer = Renderer(place.new, say=say)
-    place.write_text(HTML, renderer.render_page(report=report, origin=_describe_origin()))
+    commit = manifests.git_commit()
+    origin = f"Written on {date.today()} by cmacexp {__version__}" + (f", commit {commit[:10]}." if commit else ".")
+    place.write_text(HTML, renderer.render_page(report=report, origin=origin))
     written = [*renderer.files, place.new / HTML]
     place.commit(
         {

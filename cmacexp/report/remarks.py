@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cmacexp.metrics.registry import SHOWN
+from cmacexp.metrics.metric import NEAR_ZERO
+from cmacexp.metrics.registry import ALL_METRICS, SHOWN
 from cmacexp.metrics.text import format_number
 from cmacexp.typing import Array
 
@@ -25,16 +26,22 @@ def _describe_range(name: str, first: float, last: float) -> str:
 
 
 def describe_change(histories: Mapping[str, Array]) -> str:
-    """How metrics, a value for each cycle, in SI units, changed from the first cycle to the last that define it."""
-    parts: dict[str, list[str]] = {"Falls": [], "Rises": [], "Hardly changes": []}
+    """How metrics, a value for each cycle, in SI units, changed from the first cycle to the last that define it.
+
+    Of those that are best near 0 the sizes are compared.
+    """
+    parts: dict[str, list[str]] = {"fall": [], "rise": [], "hardly change": []}
     for name, values in histories.items():
         known = SHOWN[name].factor * values[np.isfinite(values)]
         if len(known) > 1:
-            first, last = abs(known[0]), abs(known[-1])
-            hardly = abs(last - first) <= STEADY * max(first, last)
-            word = "Hardly changes" if hardly else "Falls" if last < first else "Rises"
-            parts[word].append(_describe_range(name, known[0], known[-1]))
-    return "".join(f" {word} from the first cycle to the last:{join(own)}" for word, own in parts.items() if own)
+            signed = ALL_METRICS[name].better == NEAR_ZERO
+            first, last = np.abs(known[[0, -1]]) if signed else known[[0, -1]]
+            hardly = abs(last - first) <= STEADY * max(abs(first), abs(last))
+            verb = "hardly change" if hardly else "fall" if last < first else "rise"
+            parts[verb].append("size of " * signed + _describe_range(name, first, last))
+    said = {f"these {verb}" if len(own) > 1 else f"this {verb}s": own for verb, own in parts.items() if own}
+    changes = "; ".join(f"{verb}: {', '.join(own)}" for verb, own in said.items())
+    return f" From the first cycle to the last {changes}." if said else ""
 
 
 def describe_effect(groups: Mapping[str, Sequence[Array]]) -> str:
@@ -46,4 +53,6 @@ def describe_effect(groups: Mapping[str, Sequence[Array]]) -> str:
         f"{_describe_range(name, *np.sort(means[name])[[0, -1]])} ({100 * effects[name]:.0f} %)" for name in most
     ]
     none = f" It changes none by more than {100 * STEADY:.0f} %." if effects else ""
-    return f" It changes most:{join(parts)}" if most else none
+    repeated = any(len(own) > 1 for samples in groups.values() for own in samples)
+    means_of = " (means over the runs with the same value)" if repeated else ""
+    return f" It changes most{means_of}:{join(parts)}" if most else none

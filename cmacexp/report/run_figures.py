@@ -29,11 +29,11 @@ def draw_metrics(run: StoredRun) -> Drawing:
     """The main metrics per cycle, pooled over the legs and, of several, of each."""
     pooled, count, table = pool_legs(run.scores), count_legs(run.scores), run.scores.legs
     main, panels = select_main(pooled, count), []
-    for name, shown in main.items():
+    for name in main:
         lines = {"all legs": [pooled[name]]}
         if count > 1 and name in table.column_names:
             lines |= {LEG_NAMES[leg]: [as_array(table, name)[leg::count]] for leg in range(count)}
-        panels.append(replace(over_cycles(name, lines), title=f"{shown.title} {shown.symbol}"))
+        panels.append(over_cycles(name, lines))
     changes = describe_change({name: pooled[name] for name in main})
     return Drawing("metrics", draw(panels, height=2.1), f"Metrics of each cycle.{changes}")
 
@@ -90,9 +90,8 @@ def over_cycle(data: CycleData, name: str, leg: int) -> Panel:
     lines, last = read_desired(first, data.time_in_cycle(first), name), len(data.cycles) - 1
     for index, cycle in enumerate(data.cycles):
         rows = data.select(cycle, leg)
-        style = (
-            {**mark(0), "linewidth": 2.0, "zorder": 2.5} if index == last else {**mark(index + 1), "linewidth": 1.1}
-        )
+        strong = {**mark(0), "linewidth": 2.0, "zorder": 2.5}
+        style = strong if index == last else {**mark(index + 1), "linewidth": 1.1}
         if name == "foot":
             clock, values = 1e3 * rows["x"], 1e3 * rows["y"]
         else:
@@ -107,14 +106,14 @@ def over_cycle(data: CycleData, name: str, leg: int) -> Panel:
 
 def describe_peaks(data: CycleData, names: Iterable[str], legs: Sequence[int]) -> str:
     """The largest sizes of some of :data:`QUANTITIES` in the first and in the last cycle that is shown."""
-    parts = []
+    parts, cycles = [], dict.fromkeys((data.cycles[0], data.cycles[-1]))
     for name in names:
-        unit, sizes = QUANTITIES[name].y.rpartition(", ")[2], []
-        for cycle in dict.fromkeys((data.cycles[0], data.cycles[-1])):
-            size = max(np.nanmax(np.abs(read_quantity(data.select(cycle, leg), name))) for leg in legs)
-            sizes.append(f"{format_number(float(size), unit)} in cycle {cycle}")
-        parts.append(f"{QUANTITIES[name].title} {', '.join(sizes)}")
-    return f" Largest:{join(parts)}"
+        sizes = [
+            format_number(max(float(np.nanmax(np.abs(read_quantity(data.select(cycle, leg), name)))) for leg in legs))
+            for cycle in cycles
+        ]
+        parts.append(f"{QUANTITIES[name].title} {' and '.join(sizes)} {QUANTITIES[name].y.rpartition(', ')[2]}")
+    return f" Largest {' and '.join(f'in cycle {cycle}' for cycle in cycles)}:{join(parts)}"
 
 
 def draw_tracking(data: CycleData) -> list[Drawing]:
@@ -124,18 +123,15 @@ def draw_tracking(data: CycleData) -> list[Drawing]:
     if len(data.legs) == 1:
         figure = draw([panel for (panel,) in panels.values()], height=2.7)
         peaks = describe_peaks(data, [name for name in names if name != "foot"], data.legs)
-        return [
-            Drawing("tracking", figure, f"Force and errors over the chosen cycles.{peaks}{_describe_shade(data)}")
-        ]
-    return [
-        Drawing(
-            name if name in ("foot", "force") else f"error_{name}",
-            draw(panels[name], height=2.0 if name == "foot" else 2.4, share="xy"),
-            QUANTITIES[name].caption
-            + ("" if name == "foot" else describe_peaks(data, [name], data.legs) + _describe_shade(data)),
-        )
-        for name in names
-    ]
+        caption = f"Force and errors over the chosen cycles.{peaks}{_describe_shade(data)}"
+        return [Drawing("tracking", figure, caption)]
+    drawings = []
+    for name in names:
+        seen = "" if name == "foot" else describe_peaks(data, [name], data.legs) + _describe_shade(data)
+        figure = draw(panels[name], height=2.0 if name == "foot" else 2.4, share="xy")
+        file = f"error_{name}" if name in data.axes else name
+        drawings.append(Drawing(file, figure, QUANTITIES[name].caption + seen))
+    return drawings
 
 
 def draw_body(data: CycleData) -> Drawing:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cmacexp.config.difference import flat
+from cmacexp.data import manifest as manifests
 from cmacexp.data.integrity import RESULTS, faults
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, TRACE
@@ -25,8 +26,8 @@ from cmacexp.typing import Array
 
 TABLES = (TRACE, BODY, MEMORY, METRICS, BODY_METRICS)
 """Files of a run that a report can be computed from."""
-BROKEN = "not intact"
-"""Status of a run whose manifest or tables are missing or changed."""
+BROKEN, UNFINISHED = "not intact", "unfinished"
+"""Status of a run whose manifest or tables are missing or changed; of one that was killed before it had any."""
 Row = dict[str, Any]
 
 
@@ -38,7 +39,7 @@ class RunSummary:
     status: str
     cause: str
     config: dict[str, Any] = field(default_factory=dict)
-    """Flat; empty if the run is broken."""
+    """Flat; empty if it cannot be read."""
     cycles: int = 0
     metrics: dict[str, Array] = field(default_factory=dict)
     """All metrics by name, a value for each whole cycle."""
@@ -81,7 +82,8 @@ def read_summary(folder: Path) -> RunSummary:
             return RunSummary(folder, run.status, cause, settings, bad_input=bool(manifest.get("bad_input")))
         scores, cycles = run.scores, run.whole_cycles
     except (BadRun, OSError, ValueError) as error:
-        return RunSummary(folder, BROKEN, str(error).splitlines()[0].removeprefix(f"{folder}: "))
+        status = BROKEN if os.path.lexists(folder / manifests.NAME) else UNFINISHED
+        return RunSummary(folder, status, str(error).splitlines()[0].removeprefix(f"{folder}: "))
     metrics = {name: values[:cycles] for name, values in pool_legs(scores).items()}
     return RunSummary(folder, run.status, cause, settings, cycles, metrics, count_legs(scores))
 

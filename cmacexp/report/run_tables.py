@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from markupsafe import Markup
+
 from cmacexp.config.describe import Described, describe_fields, read_defaults
 from cmacexp.config.difference import flat
 from cmacexp.data.stored_run import StoredRun
@@ -20,7 +22,7 @@ def list_facts(run: StoredRun) -> Table:
     facts = {
         "folder": str(run.folder),
         "ended": run.ending,
-        "drift": format_drift(drift) if drift else "not detected",
+        "drift": format_drift(drift, at_end=True) if drift else "not detected",
         "guard of learning": describe_guard(manifest) or f"{config['learning'].get('guard', 'none')}, did not act",
         "load of the feet": describe_load(manifest) or "as planned",
         "cycles": f"{run.whole_cycles} of {config['cycles']} requested, {config['gait']['cycle_time']:g} s each",
@@ -39,7 +41,9 @@ def list_key_metrics(run: StoredRun, cycles: Sequence[int]) -> Table:
     rows = []
     for name, shown in select_main(pooled, count_legs(run.scores)).items():
         numbers = [format_cell(shown.factor * pooled[name][cycle - 1]) for cycle in cycles]
-        rows.append([f"{shown.title} {shown.symbol}", ALL_METRICS[name].meaning, shown.unit, *numbers])
+        symbol, _, below = shown.symbol.partition("_")
+        title = Markup("{} <i>{}</i><sub>{}</sub>").format(shown.title, symbol, below)
+        rows.append([title, ALL_METRICS[name].meaning, shown.unit, *numbers])
     caption = "Key metrics" + (", pooled over the legs" if run.walks else "")
     titles = ["metric", "meaning", "unit", *(f"cycle {cycle}" for cycle in cycles)]
     return Table(titles, rows, caption, cards=True)

@@ -32,10 +32,8 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "legend.fontsize": 8.0,
     "figure.dpi": 160,
-    "savefig.dpi": 160,
     "svg.hashsalt": "cmacexp",
     "svg.fonttype": "none",  # text stays text: it can be searched, read aloud and edited
-    "path.simplify": True,
     "path.simplify_threshold": 0.2,
 }
 

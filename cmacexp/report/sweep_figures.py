@@ -100,11 +100,6 @@ def _history(run: RunSummary, name: str) -> Array:
     return run.metrics.get(name, undefined) if run.shows(name) else undefined
 
 
-def _varies(values: Array) -> bool:
-    known = values[np.isfinite(values)]
-    return bool(known.size and np.ptp(known) > 1e-9 * np.abs(known).max())
-
-
 def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> list[Drawing]:
     """The main metrics of the last cycle over a swept key; with a second key a line for each of its values."""
     ended = [run for run in runs if run.status == "completed"]
@@ -115,16 +110,19 @@ def draw_over_key(runs: Sequence[RunSummary], key: str, keys: Sequence[str]) -> 
     stopped: list[Any] = [run.config.get(key) for run in runs if run.status != "completed"]
     panels, changed, names = [], {}, read_names(runs[0], keys)
     for name in JUDGED:
-        if not all(run.shows(name) for run in ended) or not _varies(np.array([run.final(name) for run in ended])):
+        known = np.array([value for run in ended if np.isfinite(value := run.final(name))])
+        if not all(run.shows(name) for run in ended) or not known.size or np.ptp(known) <= 1e-9 * np.abs(known).max():
             continue
         groups = {line: _over(group, key, name) for line, group in lines.items()}
         shown, numeric = MAIN[name], is_numeric(values)
         changed[name] = list(_over(ended, key, name).values())
-        labels = f"{shown.title} ({name})", f"{shown.title}, {shown.unit}"
+        kind, title = "lines" if numeric else "scatter", f"{shown.title} ({name})"
         panel = over_setting(
-            {line: samples for line, samples in groups.items() if samples}, names[key], labels[1],
-            kind="lines" if numeric else "scatter", log=None, title=labels[0], order=values,
-        )  # fmt: skip
+            groups, names[key], f"{shown.title}, {shown.unit}", kind=kind, log=None, title=title, order=values
+        )
+        if numeric and "x" not in panel.log:  # the same for all, also where few values have a metric
+            margin = 0.05 * (values[-1] - values[0] or 1.0)
+            panel = replace(panel, x_range=(values[0] - margin, values[-1] + margin))
         crosses = stopped if numeric else [panel.ticks.index(format_setting(value)) for value in stopped]
         panels.append(replace(panel, from_zero=shown.from_zero, crosses=crosses))
     if not panels:

@@ -71,7 +71,7 @@ def _list_stopped(runs: Sequence[RunSummary]) -> list[Any]:
     """Runs that stopped or are broken, each with its reason."""
     named = zip(make_names(runs), runs, strict=True)
     rows = [[name, run.status, run.cause] for name, run in named if run.status != "completed"]
-    caption = "Runs that stopped early; those that failed or are not intact are in no figure"
+    caption = "Runs that did not complete; figures show only those that fell or diverged"
     return [Table(["run", "status", "reason"], rows, caption)] if rows else []
 
 
@@ -82,7 +82,8 @@ def _list_differences(runs: Sequence[RunSummary], swept: Swept) -> list[Any]:
         listed = ", ".join(values[:12]) + (f", ... ({len(values)} values)" if len(values) > 12 else "")
         rows.append([key, listed, *([", ".join(swept.linked.get(key, []))] if swept.linked else [])])
     if not rows:
-        return ["These runs have the same config, apart from settings that do not change the results."]
+        same = "These runs have the same config, apart from settings that do not change the results."
+        return [same] if all(run.config for run in runs) else []
     titles = ["key", "values", *(["keys that vary with it"] if swept.linked else [])]
     return [Table(titles, rows, "What differs between the runs")]
 
@@ -95,8 +96,8 @@ def _make_line_names(runs: Sequence[RunSummary], keys: Sequence[str]) -> list[st
     return named if keys and len(keys) <= 3 and len(set(named)) == len(runs) else make_names(runs)
 
 
-def make_sweep_report(runs: Sequence[RunSummary], title: str) -> Report:
-    """The report of two or more runs."""
+def make_sweep_report(runs: Sequence[RunSummary], title: str, resume: str = "") -> Report:
+    """The report of two or more runs; ``resume`` says how an unfinished sweep is continued."""
     swept = find_swept(runs)
     results = [run for run in runs if run.is_result]
     keys = [*swept.keys, *swept.seeds]
@@ -110,6 +111,9 @@ def make_sweep_report(runs: Sequence[RunSummary], title: str) -> Report:
     sections += [Section("Metrics over the swept keys", over)] if over else []
     sections += [Section("Learning curves", curves)] if curves else []
     ends = ", ".join(f"{count} {status}" for status, count in Counter(run.status for run in runs).items())
-    summary = f"{len(runs)} runs: {ends}. What differs between them: {', '.join(keys) or 'nothing'}."
+    summary = f"{len(runs)} runs: {ends}."
+    if keys or all(run.config for run in runs):
+        summary += f" What differs between them: {', '.join(keys) or 'nothing'}."
+    summary += f" To continue: {resume}." if resume else ""
     inputs = [run.folder / name for run in results for name in TABLES if (run.folder / name).exists()]
     return Report(title, summary, sections, inputs, {"runs": [str(Path(run.folder).resolve()) for run in runs]})

@@ -124,7 +124,7 @@ def format_outcome(result: StoredRun, separator: str = ": ") -> str:
 def describe_drift(result: StoredRun) -> str:
     """The drift of the learning of a run, in one line; empty if there is none."""
     drift = read_drift_entry(result.manifest["drift"])
-    return format_drift(drift, " at the end") if drift else ""
+    return format_drift(drift, at_end=True) if drift else ""
 
 
 def describe_idle(result: StoredRun) -> str:
@@ -147,6 +147,11 @@ def print_next(folder: Path, commands: Mapping[str, str]) -> None:
     """Print commands over a folder to copy, each with what it is for."""
     for name, purpose in commands.items():
         say(f"{purpose + ':':<10} python -m cmacexp.{name} {format_folder(folder)}")
+
+
+def describe_resume(folder: Path) -> str:
+    """How a sweep is continued, after a killed or an interrupted one."""
+    return f"the same command with sweep.resume=true hydra.sweep.dir={format_folder(folder)}"
 
 
 def _print_notes(result: StoredRun) -> None:

@@ -38,22 +38,29 @@ def _split(widths: Sequence[int], line: int, repeated: int) -> Iterator[list[int
     yield group
 
 
-def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print rows under their titles; columns that do not fit into a line follow below, after the first one.
+def format_table(
+    titles: Sequence[str], rows: Sequence[Sequence[str]], width: int = TEXT_WIDTH, bold: Sequence[str] = ("", "")
+) -> Iterator[str]:
+    """Lines with rows under their titles; columns that do not fit into ``width`` follow below, after the first one.
 
-    Titles may have line breaks; the unit is the last line.
+    Titles may have line breaks; the unit is the last line. ``bold`` begins and ends a line of titles.
     """
     heads, rows = [title.split("\n") for title in titles], [list(map(in_one_line, row)) for row in rows]
     height, numeric, columns = max(map(len, heads)), Table(titles, rows).numeric, []
     for i, head in enumerate(heads):
         lines = [*[""] * (height - len(head)), *map(in_one_line, head), *(row[i] for row in rows)]
-        width = max(map(len, lines))
-        columns.append([line.rjust(width) if i in numeric else line.ljust(width) for line in lines])
-    bold = ("\x1b[1m", "\x1b[0m") if sys.stdout.isatty() else ("", "")
-    for group in _split([len(column[0]) for column in columns], _terminal_width(), repeated=1):
+        widest = max(map(len, lines))
+        columns.append([line.rjust(widest) if i in numeric else line.ljust(widest) for line in lines])
+    for group in _split([len(column[0]) for column in columns], width, repeated=1):
         for number, cells in enumerate(zip(*(columns[i] for i in group), strict=True)):
             line = (" " * GAP).join(cells).rstrip()
-            print(line.join(bold) if number < height else line)
+            yield line.join(bold) if number < height else line
+
+
+def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print :func:`format_table`, as wide as the terminal."""
+    bold = ("\x1b[1m", "\x1b[0m") if sys.stdout.isatty() else ("", "")
+    print("\n".join(format_table(titles, rows, _terminal_width(), bold)))
 
 
 def head(shown: Shown) -> str:
@@ -73,6 +80,7 @@ def print_key() -> None:
         over_legs = f"; {metric.pooling.name} over legs" if metric.pooling.name and shown.over_legs else ""
         text = f"{shown.title:<21}{shown.symbol:<8}{metric.meaning} ({name}{over_legs})"
         print("\n".join(wrap(text, TEXT_WIDTH, subsequent_indent=" " * 29)))
+    print(f"{'-':<29}undefined, e.g. where the force never settles")
 
 
 def print_scores(scores: Scores, folder: Path) -> None:

@@ -286,7 +286,9 @@ def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
     assert "interrupted" in err
     assert "Traceback" not in err
     assert "500 jobs: " in out
-    assert "not completed" in out
+    assert "unfinished" in out
+    continued = f"continue:  the same command with sweep.resume=true hydra.sweep.dir={tmp_path / 's'}"
+    assert continued in out.replace("=s\n", f"={tmp_path / 's'}\n")
     table = table_of(tmp_path / "s")
     assert "2" in table["run"].tolist()
     assert set(table["status"]) == {"completed"}
