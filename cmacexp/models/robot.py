@@ -35,6 +35,10 @@ SHORTEST_LEG, LONGEST_LEG = 0.05, 3.0
 """Lengths of stretched legs, m: those of toys and of the largest machines that walked, with a margin."""
 DENSITIES = (5.0, 5000.0)
 """Mass over the cube of the length of a stretched leg, kg/m^3; 76 to 320 of the robots that were measured."""
+WIDEST = 3.0
+"""Radius of gyration of a body over the length of a stretched leg."""
+LIGHTEST = 1e-3
+"""Part of the mass of the robot from which on the inertia of a body matters."""
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """Place and quaternion of a trunk that is upright at the origin."""
 
@@ -152,19 +156,23 @@ def read_robot(path: Path, joints: Sequence[Sequence[str]], feet: Sequence[str],
     return _read(path, path.stat().st_mtime_ns, tuple(tuple(leg) for leg in joints), tuple(feet), whole)
 
 
-@lru_cache(maxsize=16)
-def require_sizes(path: Path, length: float, mass: float) -> None:
-    """Require the sizes of a quadruped: the length of a stretched leg, m, and its mass, kg; raises BadInput."""
-    least, most = (density * length**3 for density in DENSITIES)
-    for what, value, unit, low, high in (
-        ("the length of a stretched leg", length, "m", SHORTEST_LEG, LONGEST_LEG),
-        ("the mass", mass, "kg", least, most),
-    ):
-        if not low <= value <= high:
-            reason = f"{what} is {value:.3g} {unit}, of robots {low:.3g} to {high:.3g}"
+def require_sizes(path: Path, model: Any, legs: Legs, length: float) -> None:
+    """Require sizes of a quadruped in m and kg, with legs of ``length``, m; raises BadInput."""
+
+    def require(what: str, value: float, unit: str, least: float, most: float) -> None:
+        if not least <= value <= most:
+            reason = f"{what} is {value:.3g} {unit}, of robots {least:.3g} to {most:.3g}"
             raise BadInput("machine.path", path, f"{reason}: use m, kg and rad in the model")
 
+    mass = float(model.body_subtreemass[legs.base])
+    require("the length of a stretched leg", length, "m", SHORTEST_LEG, LONGEST_LEG)
+    require("the mass", mass, "kg", *(density * length**3 for density in DENSITIES))
+    for k in np.flatnonzero(model.body_mass > LIGHTEST * mass):
+        inertia, most = float(model.body_inertia[k].max()), float(model.body_mass[k]) * (WIDEST * length) ** 2
+        require(f"the moment of inertia of {model.body(k).name or f'body {k}'}", inertia, "kg m^2", 0.0, most)
 
+
+@lru_cache(maxsize=16)
 def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles: Angles) -> Robot:
     """The robot of a file that was ``changed`` at that time."""
     mujoco, home = load_mujoco(), np.array(angles)
@@ -186,7 +194,7 @@ def _read(path: Path, changed: int, joints: Names, feet: tuple[str, ...], angles
     require_frame(data.xanchor[joint[:, 1]], feet)
     points = np.concatenate([data.xanchor[joint[0]], data.geom_xpos[foot[:1]]])
     _, length_1, length_2 = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    require_sizes(path, length_1 + length_2, float(model.body_subtreemass[legs.base]))
+    require_sizes(path, model, legs, length_1 + length_2)
     limits = torque_limits(mujoco, model, joint, needs_motor=not is_urdf(path))
     place(model, data, legs, np.zeros(3))
     limited = model.jnt_limited[joint].astype(bool)[..., None]

@@ -58,6 +58,8 @@ def _torque_lines(leg: LegView, joint: int) -> list[Line]:
 
 def _margin_lines(body: dict[str, Array]) -> list[Line]:
     planned = ("planned, nearest edge", 1e3 * body["stability_margin"], palette.DESIRED)
+    if "true_stability_margin" not in body:  # of an earlier version
+        return [planned]
     return [
         planned,
         ("true, nearest edge", 1e3 * body["true_stability_margin"], palette.LAST_CYCLE),

@@ -84,7 +84,7 @@ def mirrored():
 EVERY_HOME = "machine.home=[[0,0.9,-1.8],[0,0.9,-1.8],[0,-0.9,1.8],[0,-0.9,1.8]]"
 OTHERS = r"machine\.path=.*: has {}, which would push or hold the robot: remove it"
 TURNED = r"machine\.feet=.*: must be front left, .* in the frame of the trunk, .*, or turn the frame"
-UNITS = r"machine\.path=.*: the length of a stretched leg is .*: use m, kg and rad in the model"
+UNITS = r"machine\.path=.*: the {} is .*: use m, kg and rad in the model"
 
 ODD = {
     # actuators
@@ -171,8 +171,15 @@ ODD = {
         WALKS,
     ),
     # sizes
-    "millimetres": (scaled(1000.0), (), UNITS),
-    "inches": (scaled(39.37), (), UNITS),
+    "millimetres": (scaled(1000.0), (), UNITS.format("length of a stretched leg")),
+    "inches": (scaled(39.37), (), UNITS.format("length of a stretched leg")),
+    "grams": ([('mass="6"', 'mass="6000"')], (), UNITS.format("mass")),
+    "tons": ([('mass="0.', 'mass="0.000'), ('mass="6"', 'mass="0.006"')], (), UNITS.format("mass")),
+    "inertia in g mm^2": (
+        [(FREE, f'{FREE}<inertial pos="0 0 0" mass="6.7" diaginertia="2e4 5e4 6e4"/>')],
+        (),
+        UNITS.format("moment of inertia of trunk"),
+    ),
     # frames and home
     "a frame turned by a quarter": (turned(np.pi / 2), (), TURNED),
     "a frame turned by 30 degrees": (turned(-np.pi / 6), (), TURNED),

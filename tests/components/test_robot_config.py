@@ -78,7 +78,7 @@ def test_a_mistake_is_said_where_a_config_is_only_shown():
     with pytest.raises(Exception, match="no such file") as raised:
         OmegaConf.to_yaml(composed, resolve=True)
     said = explain_composition(raised.value, [])
-    assert said == "machine.path=no.xml: there is no such file; give the path of an MJCF file"
+    assert said == "machine.path=no.xml: there is no such file; give the path of an MJCF or URDF file"
 
 
 def test_a_model_is_checked_though_nothing_follows_from_it(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from support.robot_walks import ROBOT, SHORT
 from support.robots import OWN
 
-from cmacexp.stability.cycle_map import NotPredictable, list_arrays, open_loop
+from cmacexp.stability.cycle_map import NotPredictable, list_arrays, make_restorable_loop
 from cmacexp.stability.growth import change_sizes, fitted_growth, predicted_growth
 from cmacexp.stability.krylov import krylov
 
@@ -43,7 +43,7 @@ RUNS = [
 
 @pytest.mark.parametrize("overrides", RUNS, ids=lambda run: " ".join(run))
 def test_every_array_that_the_loop_changes_is_declared(make_config, overrides):
-    loop = open_loop(make_config(*overrides, "learning.start_cycle=1"))
+    loop = make_restorable_loop(make_config(*overrides, "learning.start_cycle=1"))
     arrays = list_arrays(loop.run.loop)
     before = [each.array.tobytes() for each in arrays]
     assert loop.advance(loop.period)
@@ -63,7 +63,7 @@ IN_MUJOCO = [
 def test_a_loop_put_back_repeats_itself(make_config, overrides):
     if overrides in IN_MUJOCO:
         pytest.importorskip("mujoco")
-    loop = open_loop(make_config(*overrides, "cycles=9", "learning.start_cycle=1"))
+    loop = make_restorable_loop(make_config(*overrides, "cycles=9", "learning.start_cycle=1"))
     assert loop.advance(loop.period)
     assert loop.advance(7)  # so that ring buffers do not begin at their first sample
     held, ends = loop.hold(), []

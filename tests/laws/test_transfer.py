@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cmacexp.stability.cycle_map import open_loop
+from cmacexp.stability.cycle_map import make_restorable_loop
 from cmacexp.stability.transfer import Local, compute_spectrum, locals_along, transfer
 
 PERIOD = 0.005
@@ -26,7 +26,7 @@ def test_transfer_of_an_integrator_under_proportional_feedback():
 
 
 def test_a_torque_shows_in_the_feedback_of_the_next_step(make_config, places):
-    loop = open_loop(make_config("scenario=one_leg", "cycles=9"))
+    loop = make_restorable_loop(make_config("scenario=one_leg", "cycles=9"))
     for _ in range(5):
         loop.advance(loop.period)
     torque = loop.column("tau_feedforward")

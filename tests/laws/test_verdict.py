@@ -7,7 +7,7 @@ import pytest
 
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.trend import WINDOW
-from cmacexp.stability.cycle_map import open_loop
+from cmacexp.stability.cycle_map import make_restorable_loop
 from cmacexp.stability.growth import grow
 from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES, UNDECIDED, assess, compute_rise
 
@@ -63,7 +63,7 @@ def test_a_verdict_leaves_the_scenario_as_it_is(make_config):
 
 @pytest.mark.parametrize(("lead", "holds"), [(1, True), (2, False)])
 def test_ritz_values_of_random_starts_are_those_of_changes(make_config, lead, holds):
-    loop = open_loop(make_config("scenario=one_leg", f"learning.lead={lead}"))
+    loop = make_restorable_loop(make_config("scenario=one_leg", f"learning.lead={lead}"))
     for _ in range(20):
         assert loop.advance(loop.period)
     modes = [abs(grow(loop, 40, seed=seed).krylov.eigenvalues()[0]) for seed in (None, 0, 1)]
