@@ -83,7 +83,7 @@ class _Program:
             with contextlib.suppress(NotCompiled):
                 from cmacexp.jit.numba_private import before_compiling
 
-                with before_compiling(_announce if is_long else _refuse, raise_if_interrupted):
+                with before_compiling(_announce if is_long else _refuse, raise_if_interrupted, is_long):
                     self.chosen = self.compiled
                     return self.compiled(*arguments)
         self.chosen = self.plain

@@ -5,12 +5,13 @@
 """
 
 import contextlib
+import fcntl
 import hashlib
 import os
 import pickle
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -79,6 +80,10 @@ def compiled_program(function: Callable[..., object], folder: Path) -> Callable[
     return compiled  # type: ignore[no-any-return]
 
 
+_locks: list[ExitStack] = []
+"""What holds the locks of forms that are being made; empty if nobody is to wait for them."""
+
+
 class CheckedFiles:
     """Compiled forms of one function, a file each, instead of numba's own files, which it reads without a check.
 
@@ -96,6 +101,10 @@ class CheckedFiles:
     def load(self, key: object) -> object:
         """The form for a key, which names types and processor; None if there is none that can be used."""
         path = self._path(key)
+        if not path.exists() and _locks:
+            with contextlib.suppress(OSError):  # of a file system without locks
+                lock = _locks[-1].enter_context(path.with_suffix(".lock").open("w"))
+                fcntl.flock(lock, fcntl.LOCK_EX)  # another process that makes this form now has it for us then
         try:
             content = path.read_bytes()
         except OSError:
@@ -135,16 +144,18 @@ class _Listener(event.Listener):
 
 
 @contextmanager
-def before_compiling(call: Callable[[], None], again: Callable[[], None]) -> Iterator[None]:
+def before_compiling(call: Callable[[], None], again: Callable[[], None], waits: bool) -> Iterator[None]:
     """Have ``call`` called before anything is compiled that the cache does not hold; what it raises prevents that.
 
-    ``again`` is called many times meanwhile, and may end that likewise. LLVM optimises little; "Compiling": a quarter
-    less, and the loop runs as fast.
+    ``again`` is called many times meanwhile, and may end that likewise. With ``waits`` another process that compiles
+    the same is waited for; else both do. LLVM optimises little; "Compiling": a quarter less, the loop runs as fast.
     """
     before = config.OPT
-    config.OPT = type(before)(1)
-    try:
-        with install_listener("numba:compile", _Listener(call)), install_listener("numba:run_pass", _Listener(again)):
-            yield
-    finally:
-        config.OPT = before
+    with ExitStack() as held:
+        held.enter_context(install_listener("numba:compile", _Listener(call)))
+        held.enter_context(install_listener("numba:run_pass", _Listener(again)))
+        held.callback(_locks.clear)
+        held.callback(setattr, config, "OPT", before)
+        config.OPT = type(before)(1)
+        _locks[:] = [held] if waits else []
+        yield
