@@ -26,7 +26,7 @@ from cmacexp.study.study import Request, StudyFile, load_study
 
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"
-SEEDS = 3
+SEEDS = 5
 WORKERS = 8
 
 
@@ -47,8 +47,8 @@ class Options:
     """Of its config, ``timeout_min=600``."""
 
     def place(self, name: str) -> Path:
-        """Folder of a report."""
-        return self.folder / (f"{name}-quick" if self.quick else name)
+        """Folder of a report: one that concludes nothing does not replace one that does."""
+        return self.folder / f"{name}{'-quick' if self.quick else '-one-seed' if self.seeds == 1 else ''}"
 
     def start_workers(self) -> AbstractContextManager[Each]:
         """Processes here, and tasks of the launcher, if there is one, for long work."""
@@ -87,8 +87,10 @@ def _write(
     found = {}  # the same run with the same labels is one value of a sample, however often it was asked for
     for request in requests:
         run, choices = collected[request]
-        found[run, repr(sorted(request.labels.items()))] = (run, request.labels, choices)
-    rows = [read_row(*each, keys, measured[each[0]]) for each in found.values()]
+        found[run, repr(sorted(request.labels.items()))] = (run, request.labels, choices, request.seeded)
+    rows = [
+        read_row(run, labels, choices, keys, measured[run], seeded) for run, labels, choices, seeded in found.values()
+    ]
     results = Results(rows)
     results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
     with replacing(folder, FOLDER_KEY, REPORT) as place:

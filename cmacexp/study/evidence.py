@@ -48,7 +48,7 @@ def evidence_of(judged: Judged | Found) -> Evidence:
     columns: dict[str, list[Any]] = {
         "values": [each.value for each in judged.measured],
         "intervals": [each.spread for each in judged.measured],
-        "counts": [each.interval.count for each in judged.measured],
+        "counts": [each.interval.size for each in judged.measured],
         "verdicts": [words.get(each.verdict, each.verdict) for each in judged.measured],
     }
     return gather([each.criterion for each in judged.measured], columns)

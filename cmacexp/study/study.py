@@ -31,7 +31,7 @@ class Request:
     labels: Mapping[str, Any] = field(default_factory=dict, compare=False)
     """Names that the study gives to bundles of overrides: columns of the table of results."""
     seeded: bool = False
-    """Whether it is repeated for each seed of the study."""
+    """Whether it is, or is to be, repeated for each seed of the study."""
     starts_from: "Request | None" = None
     """Another request, whose final weights this one starts from; it is run first, with the same seed."""
 
@@ -39,7 +39,7 @@ class Request:
         """The run of one seed."""
         before = self.starts_from.with_seed(seed) if self.starts_from else None
         overrides = (*self.overrides, f"seed={seed}") if self.seeded else self.overrides
-        return replace(self, overrides=overrides, seeded=False, starts_from=before)
+        return replace(self, overrides=overrides, starts_from=before)
 
 
 def _choices(
