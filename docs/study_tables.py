@@ -55,7 +55,8 @@ def describe_run(name: str) -> str:
     if name not in results.studies:
         return "It has never been run in full.\n"
     study = results.studies[name]
-    return f"Last run in full on {state.date}: {study['runs']} runs, {study['seeds']} seeds. Its code is {state.state}.\n"
+    extent = f"{study['runs']} runs, {study['seeds']} seeds"
+    return f"Last run in full on {state.date} ({extent}). Its code is {state.state}.\n"
 
 
 def page_of(file: StudyFile, results: Quotable) -> str:

@@ -1,6 +1,5 @@
-"""``python -m pipelines``: lists the studies. ``status`` says which are current, ``--write-docs`` renews the pages."""
+"""``python -m pipelines``: lists the studies; ``status`` says which are current, ``--write-docs`` renews pages."""
 
-import argparse
 import sys
 
 from cmacexp.commands.command import COMPLETED, Parser, run_command

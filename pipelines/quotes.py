@@ -1,8 +1,8 @@
-"""What pages quote of the last full studies: values by name on pages of the site, generated blocks in files.
+"""What pages quote of the last full studies: values by name, which the site fills in, and generated blocks.
 
-``{{ quote("one_leg_learning.bias") }}`` on a page stands for the first value of a statement, ``{{ quote("...", 1) }}`` for
-the second, ``interval`` for its interval, ``size`` for its n, ``verdict`` for the verdict, ``sentence`` for the sentence
-of a finding. The site fills them in. A block between ``<!-- NAME: begin -->`` and ``<!-- NAME: end -->`` is written by
+``{{ quote("one_leg_learning.bias") }}`` on a page stands for the first value of a statement, ``quote("...", 1)`` for
+the second, ``interval`` for its interval, ``size`` for its n, ``verdict`` for the verdict, ``sentence`` for the
+sentence of a finding. A block between ``<!-- NAME: begin -->`` and ``<!-- NAME: end -->`` is written by
 ``python -m pipelines --write-docs``.
 """
 

@@ -90,7 +90,7 @@ def choose_witnesses(results: Results, overrides: Mapping[Path, Sequence[str]]) 
     """
     rows = [row for row in results.rows if row.summary.folder in overrides and row.summary.status == "completed"]
     rows.sort(key=_hardly_costs)
-    kinds = [row.summary.config["feedforward._target_"] for row in rows]
+    kinds = [row.settings.get("feedforward") for row in rows]
     others = [index for index, kind in enumerate(kinds) if kind != kinds[0]] or [1]
     chosen = rows[:1] + rows[others[0] : others[0] + 1]
     return [make_witness(overrides[row.summary.folder], row.summary) for row in chosen]

@@ -27,7 +27,7 @@ def test_every_quote_is_filled_in(page):
 def test_a_quote_gives_value_interval_size_and_verdict():
     text = """{{ quote("s.a", 1) }} {{ interval("s.a") }} {{ size("s.a") }} {{ verdict("s.a") }}"""
     assert fill_quotes(text, {"s": {"a": ENTRY}}) == "3 N 1 to 2 N 18 of 20 yes"
-    with pytest.raises(LookupError, match="s.b"):
+    with pytest.raises(LookupError, match=r"s\.b"):
         fill_quotes("""{{ quote("s.b") }}""", {"s": {"a": ENTRY}})
 
 
