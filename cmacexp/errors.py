@@ -118,6 +118,10 @@ class WithoutEffect(UserWarning):
     """An override has no effect; the message says what it needs. Issued by :func:`cmacexp.run`."""
 
 
+class OtherModel(UserWarning):
+    """The model of a robot is not the one that results were measured with. Issued by :func:`cmacexp.run`."""
+
+
 class BadOutput(CmacexpError):
     """A component returned what the loop cannot use; the message names class, method, and what was expected."""
 

@@ -6,7 +6,7 @@ from typing import Any
 from cmacexp.study import Request, grid, starting_from
 from pipelines.robots_runs import ALONE, BOTH, CMAC, START, require_robots
 
-MODEL, FIXED = "maker's model", "CMAC, load as modelled"
+MODEL, FIXED = "nominal model", "CMAC, load as modelled"
 KINDS = {
     **BOTH,
     MODEL: ("feedforward=inverse_dynamics",),

@@ -216,7 +216,9 @@ def _write(
         "learning_lead": end.estimates[-1].lead if end.estimates else scenario.setup.lead,
         "learning_rate": end.rate,
         "lead_estimates": [estimate._asdict() for estimate in end.estimates],
-        "carried": [{"cycle": cycle, **load._asdict()} for cycle, load in end.carried],
+        "carried": [
+            {"cycle": cycle, "measured_weight": weight, **load._asdict()} for cycle, load, weight in end.carried
+        ],
         "drift": make_drift_entry(scores.legs),
         "rollout_seconds": end.seconds,
         "processor_seconds": end.processor_seconds,

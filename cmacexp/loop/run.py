@@ -86,8 +86,9 @@ class End:
     """What the guard of learning did."""
     estimates: Sequence[LeadEstimate] = ()
     """Of the lead, by ``learning.lead=estimate``."""
-    carried: Sequence[tuple[int, Met]] = ()
-    """What the plan knows of the load from a cycle on, by ``force_control.load_sharing=adaptive``."""
+    carried: Sequence[tuple[int, Met, float]] = ()
+    """What the plan uses of the load from a cycle on, and what the feet carried in the one before, N, by
+    ``force_control.load_sharing=adaptive``."""
 
 
 def _format_error(raised: Exception) -> str:
