@@ -15,6 +15,7 @@ from cmacexp.data.weights import read_weights
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.feedforward import Feedforward, Learns
 from cmacexp.jit.compiler import expect_steps
+from cmacexp.jit.interrupt import exits_caught
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
 from cmacexp.loop.validation import require_finite, take_measurement
 from cmacexp.models.lateness import Lateness, add_up
@@ -110,6 +111,7 @@ def _own(setup: Setup, component: object) -> Setup:
     return setup if type(component).__module__.startswith("cmacexp.") else copy.deepcopy(setup)
 
 
+@exits_caught()
 def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     """Reset all components, the plant at the start; raises BadInput, BadOutput, and whatever a component raises."""
     plant, sensors, controller, feedforward = (components[group] for group in PROTOCOLS)
@@ -132,6 +134,7 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     return first._replace(travel=measured.travel)
 
 
+@exits_caught()  # of what is asked of components besides
 def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -> Scenario:
     """Plan the run, make its components, but for those that are ``given`` by the key of their group, and reset them.
 
