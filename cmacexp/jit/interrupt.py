@@ -41,7 +41,7 @@ def is_interrupt(error: BaseException) -> bool:
 
 
 def _comes_from_handler(error: SystemExit) -> bool:
-    """Whether a signal handler of the caller's program raised it, as ``signal.signal(SIGTERM, lambda *_: sys.exit())``."""
+    """Whether a signal handler of the caller's program raised it, as one that calls ``sys.exit`` at SIGTERM."""
     handlers = {getattr(signal.getsignal(number), "__code__", None) for number in signal.valid_signals()}
     return any(frame.f_code in handlers for frame, _ in walk_tb(error.__traceback__))
 

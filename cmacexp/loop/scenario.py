@@ -8,6 +8,7 @@ import numpy as np
 
 from cmacexp.cmac.rules import derive_rate, find_rule
 from cmacexp.config import Config
+from cmacexp.config.check import check_memory
 from cmacexp.config.machine import PointMassMachine, RobotMachine, read_model
 from cmacexp.config.schema import AUTO, NONE
 from cmacexp.control import Controller, HybridController
@@ -143,6 +144,7 @@ def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -
     """
     find_rule(config.learning.rule)  # also if no feedforward uses it
     check_load_sharing(config)
+    check_memory(config)
     mechanism = make_mechanism(config.machine)
     expect_steps(config.cycles * config.steps_per_cycle * config.legs)
     for group, component in given.items():
