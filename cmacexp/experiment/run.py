@@ -1,8 +1,10 @@
 """One run from its config to its folder: closed loop, traces, metrics, recording, manifest."""
 
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,7 @@ from cmacexp.data.tables import (
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput, BadOutput, format_user_traceback
 from cmacexp.experiment.failure import describe_failure
+from cmacexp.experiment.stop_cause import explain_stop
 from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
@@ -113,9 +116,16 @@ def _roll_out(
 ) -> tuple[End, Scores, list[str]]:
     """Run, and write traces and memory; how the run ended, its metrics, and the names of the files."""
     columns, record = _columns(scenario), scenario.setup.config.record
+    last = deque[pa.Table](maxlen=2)  # the last one may be short
     with trace_writer(folder, record, *columns) as writer:
-        end, scorer = score_scenario(scenario, writer.write, watch, warn)
+
+        def keep(traces: Traces) -> None:
+            writer.write(traces)
+            last.append(traces.legs)
+
+        end, scorer = score_scenario(scenario, keep, watch, warn)
         writer.finish(end.status == "completed")
+    end = replace(end, cause=end.cause + explain_stop(scenario, end, last, scorer.drift))
     if not record.trace:
         return end, scorer.scores, []
     names = [TRACE, BODY] if columns[1] else [TRACE]
