@@ -78,10 +78,12 @@ def _end_sweep() -> str | None:
     """Write and print the table of the sweep of this process; how it ended, None without a sweep."""
     if Sweep.current is None:
         return None
+    from cmacexp.data.folder import full_disk_named
     from cmacexp.experiment.sweep_results import finish_sweep
 
     Sweep.current.progress.close()
-    return finish_sweep(Sweep.current)
+    with full_disk_named(Sweep.current.folder):
+        return finish_sweep(Sweep.current)
 
 
 class _Task:

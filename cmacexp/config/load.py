@@ -18,6 +18,7 @@ from cmacexp.config.robot_rule import find_mistake, rule_value
 from cmacexp.config.schema import Config
 from cmacexp.config.targets import current_folder_importable, find_class, find_new_name
 from cmacexp.errors import BadInput
+from cmacexp.jit.interrupt import exits_caught
 
 WITHOUT_EFFECT = ("record", "sweep", "optimize", "warn", "hydra")
 """Root keys that do not change the results of a run, and so stay out of its hash."""
@@ -60,6 +61,7 @@ def _list_groups() -> list[str]:
     return [field.name for field in fields(Config)[1:] if (config_folder() / field.name).is_dir()]
 
 
+@exits_caught()  # of the config class of a component
 def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     """Type and check what Hydra composed, or plain values, as the ``config`` of a manifest.
 

@@ -16,7 +16,7 @@ from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
 from cmacexp.jit.compiler import expect_steps
-from cmacexp.jit.interrupt import interrupt_held_back, raise_if_interrupted
+from cmacexp.jit.interrupt import exits_caught, interrupt_held_back, raise_if_interrupted
 from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_guard, make_loop
 from cmacexp.loop.compiled import CompiledDriver
@@ -168,6 +168,7 @@ class _Stream:
         self.processor_seconds += time.process_time() - worked
         return start
 
+    @exits_caught()
     def _drive(self, samples: Array, body: Array) -> int:
         """Fill the arrays, by calls of the driver that take a moment each; returns how the last one ended."""
         done, stop = 0, RUNNING
