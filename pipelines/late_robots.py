@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from cmacexp.commands.study import main
 from cmacexp.metrics.registry import SHOWN
-from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw, grid
+from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw
 from cmacexp.study.curves import over_cycles
 from cmacexp.study.tables import ends, tabulate
 from cmacexp.typing import Array
 from pipelines.common_results import cross_tabulate, percent
 from pipelines.robots_findings import FORCE, POSITION, last
-from pipelines.robots_runs import ALONE, BOTH, CMAC, FURTHER, require_robots
+from pipelines.robots_runs import ALONE, BOTH, CMAC, FURTHER, QUICK, SETTLED, require_robots, walks
 from pipelines.robots_runs import ROBOTS as FIRST
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ ALL, LONG = "all", "long"
 """The parts of the study."""
 LASTING = ("Go1", "Aliengo")
 """Robots that walk for long; they fell while learning before delays counted."""
-QUICK, SETTLED, LEARNT, LASTED = 2, 6, 80, 200
-"""Cycles of the quick form, of feedback alone, of the walks with a CMAC, and of the long ones."""
+LEARNT, LASTED = 50, 200
+"""Cycles of the walks with a CMAC, and of the long ones."""
 ACCURATE = 1.2e-3
 """Transfer error that counts as small, m."""
 
@@ -43,16 +43,13 @@ ACCURATE = 1.2e-3
 def runs(quick: bool) -> list[Request]:
     """All walks; the quick form is of one robot, two cycles each; raises as :func:`require_robots`."""
     require_robots()
-    walks = []
+    found = []
     for kind, feedforward in BOTH.items():
         over: dict[str, Any] = {"robot": {"Go1": ROBOTS["Go1"]} if quick else ROBOTS, "world": WORLDS}
         cycles = QUICK if quick else LEARNT if kind == CMAC else SETTLED
-        kept = (f"cycles={cycles}", f"record.cycles=[{cycles}]")
-        walks += grid("scenario=robot", *kept, *feedforward, over=over, part=ALL, kind=kind)
-    cycles = QUICK if quick else LASTED
+        found += walks(cycles, *feedforward, over=over, part=ALL, kind=kind)
     over = {"robot": {name: ROBOTS[name] for name in (LASTING[:1] if quick else LASTING)}}
-    kept = (f"cycles={cycles}", f"record.cycles=[{cycles}]")
-    return walks + grid("scenario=robot", *kept, *WORLDS[ENCODERS], over=over, seeded=True, part=LONG)
+    return found + walks(QUICK if quick else LASTED, *WORLDS[ENCODERS], over=over, part=LONG)
 
 
 def _over_alone(results: Results, name: str) -> Array:
