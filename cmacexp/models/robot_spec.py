@@ -23,8 +23,8 @@ MESHES = (".stl", ".obj", ".msh")
 MOST_MEGABYTES = 256
 """Size of the largest file of a model."""
 MOST_COPIES = 10_000
-"""What all counts of a model, as of <replicate>, may give together: MuJoCo compiles these for seconds, ten times as
-many for minutes, and heeds no signal meanwhile."""
+"""What all counts of a model, of <replicate>, <composite>, keyframes, may give together: MuJoCo compiles these for
+seconds, ten times as many for minutes, and heeds no signal meanwhile."""
 POINT_INERTIA = 1e-6
 """Moment of inertia over mass of a URDF link that has no size, m^2."""
 NO_MASS = 1e-9
@@ -45,7 +45,7 @@ def read_spec(mujoco: Any, path: Path) -> Any:
         spec = _read_urdf(mujoco, path)
     else:
         if (copies := _check_files(path, path.parent, {path})) > MOST_COPIES:
-            reason = f"asks for {copies:.3g} copies by count=, more than {MOST_COPIES}"
+            reason = f"asks for {copies:.3g} copies by count= or nkey=, more than {MOST_COPIES}"
             raise BadInput("machine.path", path, f"{reason}: use smaller counts")
         spec = mujoco.MjSpec.from_file(str(path))
     if spec.plugins:
@@ -129,7 +129,7 @@ def _check_files(path: Path, folder: Path, known: set[Path]) -> float:
     Returns the product of all counts in these files, as if each element with one were inside the others.
     """
     text = unescape(path.read_text(errors="replace"))
-    counts = re.findall(r"""\bcount\s*=\s*["']([^"']*)""", text)
+    counts = re.findall(r"""\b(?:count|nkey)\s*=\s*["']([^"']*)""", text)
     copies = math.prod(max(1.0, float(number)) for number in re.findall(r"\d+", " ".join(counts)))
     folders = ["", *re.findall(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)""", text)]
     for name in re.findall(r"""\bfile\s*=\s*["']([^"']+)""", text):

@@ -142,7 +142,7 @@ def test_a_file_of_a_model_that_is_no_regular_one_is_not_opened(tmp_path, names)
         read(path)
 
 
-TOO_MANY = r"machine\.path=.*changed\.xml: asks for {} copies by count=, more than 10000: use smaller counts"
+TOO_MANY = r"machine\.path=.*changed\.xml: asks for {} copies by count= or nkey=, more than 10000: use smaller counts"
 
 
 @pytest.mark.parametrize(
@@ -152,6 +152,7 @@ TOO_MANY = r"machine\.path=.*changed\.xml: asks for {} copies by count=, more th
         ('<replicate count="1000"><replicate count="&#49;000"><geom size="1"/></replicate></replicate>', r"1e\+06"),
         ('<replicate count="1000"><include file="other.xml"/></replicate>', r"3e\+05"),
         ('<body><composite prefix="c" type="cable" count="100 100 100"/></body>', r"1e\+06"),
+        ('<body/></worldbody><size nkey="100000000"/><worldbody>', r"1e\+08"),
         (f'<replicate count="{"9" * 400}"><geom size="1"/></replicate>', "inf"),
     ],
 )
