@@ -14,6 +14,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from cmacexp.commands.command import BAD_INPUT, COMPLETED, FAILED, STOPPED, describe_error, report_usage, run_command
+from cmacexp.commands.group_help import find_group, format_help
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.compose import make_record
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
@@ -26,6 +27,8 @@ from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
 
 EXIT_CODES = {"completed": COMPLETED, "failed": FAILED, "bad input": BAD_INPUT, "fell": STOPPED, "diverged": STOPPED}
 """By the status of a run, or how a sweep ended."""
+
+MULTIRUN = ("-m", "--multirun")
 
 
 def main() -> int:
@@ -42,6 +45,10 @@ def _run_or_sweep() -> int:
     if "--version" in sys.argv[1:]:
         print(f"cmacexp {__version__}")
         return COMPLETED
+    if group := find_group(sys.argv[1:]):
+        print(format_help(group, sys.argv[1:]))
+        return COMPLETED
+    sys.argv[1:] = sorted(sys.argv[1:], key=lambda text: text not in MULTIRUN)  # which Hydra reads before overrides
     report_parser_errors(_report_usage)
     os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions reach the lines below, instead of Hydra's own printing
     skip_mode_lookup(sys.argv[1:])

@@ -76,6 +76,22 @@ def test_a_run_completes_in_both_loops_and_ends_no_worse_than_feedback_alone(mak
     assert errors(guarded)[-1] <= 1.05 * errors(alone)[-1]
 
 
+def test_behind_a_delay_the_first_samples_of_the_best_cycle_are_from_the_end_of_the_cycle_before(make_config):
+    """The torque that is commanded is repeated exactly; what acts first in a cycle was commanded in the last one."""
+    delay = 2
+    run = roll_out(
+        make_scenario(
+            make_config("learning.guard=freeze", "learning.rate=1.2", f"actuator.delay={delay}", "cycles=12")
+        )
+    )
+    (event,) = run.events
+    torque = by_cycle(run)
+    repeated, best = torque[event.cycle + 1], torque[event.restored - 1]
+    assert (repeated[delay:] == best[delay:]).all()
+    assert (repeated[:delay] != best[:delay]).any()
+    assert (repeated[:delay] == torque[event.restored][:delay]).all(), "as in the cycle after the best one"
+
+
 def test_the_torque_of_the_best_cycle_is_repeated_since_drift_was_detected(make_config):
     run = roll_out(make_scenario(make_config(*DRIFTS)))
     (event,) = run.events
