@@ -1,17 +1,19 @@
-"""Methods compared over tasks and worlds: aggregates with intervals, and an order only where all of them agree.
+"""Methods compared over tasks and worlds: scores of completed runs, failures apart, and an order of what is clear.
 
-A score is a value over that of a reference, e.g. feedback alone, in the same task and world; the smaller the better.
-A run that failed scores infinity: it ranks last. Capped scores end at 1: a failure then counts as the reference, and
-is counted separately. The tasks are given, the worlds a sample: intervals resample worlds, the same ones for all
-methods and tasks, since all meet the same worlds. No method may have been tuned in these (Eimer et al. 2023).
+A score is a value over that of a reference, e.g. feedback only, in the same task and world; the smaller the better.
+A run that failed scores infinity: it enters no mean, and is counted. Two methods are compared over the runs that both
+complete, since what one of them fails in is as a rule hard. The tasks are given, the worlds a sample: an interval is
+Student's t over worlds, with the standard error of the jackknife (Efron & Stein 1981), which counts all tasks of a
+world as one. A bootstrap of 20 worlds would cover 92 % instead of 95 %, one of five 82 %. No method may have been
+tuned in these worlds (Eimer et al. 2023).
 
-Sources: Agarwal et al. 2021 for the interquartile mean over all runs, profiles (first: Dolan & Moré 2002) and the
-probability of improvement; Patterson et al. 2024 on comparing several methods.
+Sources: Dolan & Moré 2002 for profiles; Agarwal et al. 2021 for the probability of improvement; Patterson et al. 2024
+on comparing several methods.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
-from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -19,10 +21,12 @@ import numpy as np
 from cmacexp.errors import BadInput, suggest
 from cmacexp.report import curves
 from cmacexp.report.figures import Panel, Series
-from cmacexp.study.interval import Interval, bootstrap, compute_centre, estimate, find_ends, resample
+from cmacexp.study.interval import CONFIDENCE, UNKNOWN, Interval, estimate
 from cmacexp.typing import Array, Mask
 
-CAP = 1.0  # the score of the reference
+REFERENCE = 1.0
+"""The score of the reference."""
+JACKKNIFE = "t over worlds"
 
 
 def _defined(reference: Array) -> Mask:
@@ -40,11 +44,6 @@ def relative_to(values: Array, reference: Array) -> Array:
     return np.where(np.isfinite(values), values, np.inf) / reference
 
 
-def cap(scores: Array) -> Array:
-    """Scores of at most 1, which a failure counts as."""
-    return np.fmin(scores, CAP)
-
-
 def split_tasks(reference: Array, tasks: Sequence[str], worlds: Sequence[Any]) -> tuple[list[str], dict[str, str]]:
     """Tasks that count, as the reference, (tasks, worlds), is defined in every world; and why the others do not."""
     excluded = {}
@@ -55,25 +54,52 @@ def split_tasks(reference: Array, tasks: Sequence[str], worlds: Sequence[Any]) -
     return [task for task in tasks if task not in excluded], excluded
 
 
-def _mean(values: Array) -> Array:
-    return values.mean(axis=(-2, -1))
+def estimate_ratios(parts: Array, wholes: Array) -> tuple[Array, Array]:
+    """Ratios of sums over worlds, (...,), and half the widths of their intervals.
+
+    Args:
+        parts: (..., worlds).
+        wholes: likewise, not negative; a world where it is 0 does not count.
+    """
+    from scipy.special import stdtrit
+
+    count = np.count_nonzero(wholes, axis=-1)
+    with np.errstate(all="ignore"):
+        value = parts.sum(axis=-1) / wholes.sum(axis=-1)
+        without = (parts.sum(axis=-1, keepdims=True) - parts) / (wholes.sum(axis=-1, keepdims=True) - wholes)
+        away = np.where(wholes > 0, without - value[..., None], 0.0)
+        # Shares that differ by rounding alone are the same.
+        away = np.where(np.abs(away) <= 1e-12 * np.abs(value[..., None]), 0.0, away)
+        spread = np.sqrt((count - 1) / count * ((away**2).sum(axis=-1) - away.sum(axis=-1) ** 2 / count))
+        half = stdtrit(count - 1.0, 0.5 + CONFIDENCE / 2.0) * spread
+    return value, np.where(count > 1, half, np.inf)
 
 
-STATISTICS: dict[str, Callable[[Array], Array]] = {
-    "interquartile mean": lambda scores: compute_centre(scores.reshape(*scores.shape[:-2], -1)),
-    "capped mean": lambda scores: _mean(cap(scores)),
-}
-"""Of scores (..., tasks, worlds). The first leaves out the worst quarter of the runs; the second counts failures."""
+def _bounded(parts: Array, wholes: Array, low: float = -math.inf, high: float = math.inf) -> Interval:
+    """The ratio of two sums over worlds that lies between ``low`` and ``high``."""
+    value, half = (float(each) for each in estimate_ratios(parts, wholes))
+    if math.isnan(value):
+        return UNKNOWN
+    return Interval(value, max(low, value - half), min(high, value + half), int(wholes.sum()), JACKKNIFE)
+
+
+def _positive(parts: Array, wholes: Array, count: int) -> Interval:
+    """Likewise of what is above 0, such as scores: the t interval is that of its logarithm."""
+    value, half = (float(each) for each in estimate_ratios(parts, wholes))
+    if math.isnan(value) or value <= 0.0:
+        return replace(UNKNOWN, count=count) if math.isnan(value) else Interval(value, 0.0, 0.0, count, JACKKNIFE)
+    factor = math.exp(half / value) if half < 700.0 * value else math.inf
+    return Interval(value, value / factor, value * factor, count, JACKKNIFE)
 
 
 @dataclass(frozen=True)
 class Order:
-    """An order of methods, as far as everything that could decide it agrees."""
+    """An order of methods, as far as all metrics agree on it, with all tasks and without any one of them."""
 
     methods: tuple[str, ...]
     """From the best on, up to the first place that is disputed."""
     sentence: str
-    """How sure the first place is; which statistic, task or metric disputes a place; failures of those named."""
+    """Who is clearly better; which task or metric disputes the next place; failures of those named."""
 
 
 @dataclass(frozen=True)
@@ -110,46 +136,64 @@ class Comparison:
             raise BadInput("method", method, f"choose from {', '.join(self.scores)}{suggest(method, self.scores)}")
         return self.scores[method]
 
-    def interquartile_mean(self, method: str) -> Interval:
-        """Mean of the middle half of all runs; infinite if a failure is among these."""
-        return bootstrap(self._of(method), STATISTICS["interquartile mean"])
+    def completed(self, method: str) -> Mask:
+        """(tasks, worlds): the runs that did not fail."""
+        found: Mask = np.isfinite(self._of(method))
+        return found
 
-    def capped_mean(self, method: str) -> Interval:
-        """Mean of the capped scores of all runs."""
-        return bootstrap(self._of(method), STATISTICS["capped mean"])
+    def mean(self, method: str) -> Interval:
+        """Mean score of the runs that completed; undefined if none did."""
+        done = self.completed(method)
+        return _positive(np.where(done, self._of(method), 0.0).sum(axis=0), done.sum(axis=0), int(done.sum()))
 
     def failures(self, method: str) -> Interval:
         """Share of runs that failed: Wilson's interval, widened to that over worlds if failures share worlds."""
-        failed = np.isinf(self._of(method))
-        runs, by_world = estimate(failed.ravel()), bootstrap(failed.astype(float), _mean)
+        failed = ~self.completed(method)
+        runs, by_world = estimate(failed.ravel()), _bounded(failed.sum(axis=0), self._runs, 0.0, 1.0)
         return replace(runs, low=min(runs.low, by_world.low), high=max(runs.high, by_world.high))
 
-    def difference(self, a: str, b: str) -> Interval:
-        """Capped mean of ``a`` less that of ``b``, in the same worlds: below 0 where ``a`` is better."""
-        return bootstrap(cap(self._of(a)) - cap(self._of(b)), _mean)
+    @property
+    def _runs(self) -> Array:
+        return np.full(len(self.worlds), len(self.tasks))
+
+    def sums(self, a: str, b: str) -> Array:
+        """(2, worlds): sums of the scores of ``a`` and of ``b`` over the tasks that both complete in a world."""
+        both = self.completed(a) & self.completed(b)
+        return np.stack([np.where(both, self._of(name), 0.0).sum(axis=0) for name in (a, b)])
+
+    def ratio(self, a: str, b: str) -> Interval:
+        """Mean score of ``a`` over that of ``b``, in the runs that both complete: below 1 where ``a`` is better."""
+        mine, other = self.sums(a, b)
+        return _positive(mine, other, int((self.completed(a) & self.completed(b)).sum()))
 
     def probability_of_improvement(self, a: str, b: str) -> Interval:
         """Share of runs in which ``a`` is better than ``b`` in the same task and world; a tie counts half."""
         mine, other = self._of(a), self._of(b)
-        return bootstrap((mine < other) + 0.5 * (mine == other), _mean)
+        return _bounded(((mine < other) + 0.5 * (mine == other)).sum(axis=0), self._runs, 0.0, 1.0)
 
     def profile(self, method: str, levels: Sequence[float] | Array) -> tuple[Array, Array, Array]:
         """Share of runs that score at most each level, never a failure; and the pointwise ends of its interval."""
         scores = self._of(method)
-        reached = (np.isfinite(scores) & (scores <= np.asarray(levels)[:, None, None])).mean(axis=1)
-        return reached.mean(axis=-1), *find_ends(resample(reached).mean(axis=-1))
+        reached = (np.isfinite(scores) & (scores <= np.asarray(levels)[:, None, None])).sum(axis=1)
+        share, half = estimate_ratios(reached, np.broadcast_to(self._runs, reached.shape))
+        return share, np.fmax(share - half, 0.0), np.fmin(share + half, 1.0)
 
-    def places(self, statistic: str) -> list[tuple[str, ...]]:
-        """Methods by one of ``STATISTICS``, from the best on; equal ones share a place."""
-        values = {name: float(STATISTICS[statistic](scores)) for name, scores in self.scores.items()}
-        ordered = sorted(values, key=lambda name: (values[name], name))
-        return [tuple(equal) for _, equal in groupby(ordered, lambda name: values[name])]
+    def beats(self, a: str, b: str) -> bool:
+        """Whether ``a`` is clearly better: it clearly fails less, or neither does and it clearly has smaller scores.
 
-    def first_places(self, statistic: str) -> dict[str, float]:
-        """Share of resamples in which each method is first by one of ``STATISTICS``; equal ones share it."""
-        resampled = np.stack([STATISTICS[statistic](resample(scores)) for scores in self.scores.values()])
-        best = resampled == resampled.min(axis=0)
-        return dict(zip(self.scores, (best / best.sum(axis=0)).mean(axis=1).tolist(), strict=True))
+        The scores are those of the runs that both complete; an interval decides what is clear.
+        """
+        more = (self.completed(b).astype(int) - self.completed(a)).sum(axis=0)
+        failing, half = estimate_ratios(more, self._runs)
+        if abs(failing) > half:
+            return bool(failing < 0.0)
+        return self.ratio(a, b).high < 1.0
+
+    def leaders(self, methods: Sequence[str]) -> tuple[str, ...]:
+        """Those of the methods that may be the best: no method that none beats beats them; sorted by name."""
+        beaten = {name: [other for other in methods if other != name and self.beats(other, name)] for name in methods}
+        best = {name for name in methods if not beaten[name]}
+        return tuple(sorted(name for name in methods if not best & set(beaten[name])))
 
     def without(self, task: str) -> "Comparison":
         """The comparison over the other tasks."""
@@ -158,7 +202,7 @@ class Comparison:
         return replace(self, scores=scores, tasks=[*self.tasks[:place], *self.tasks[place + 1 :]])
 
     def order(self) -> Order:
-        """The order on which both statistics agree, with all tasks and without any one of them."""
+        """The order with all tasks on which each of them, left out, leaves all agreed."""
         return find_order({"": self})
 
 
@@ -172,51 +216,55 @@ def compare(values: Mapping[str, Array], reference: str, tasks: Sequence[str], w
 
 def find_order(comparisons: Mapping[str, Comparison]) -> Order:
     """As :meth:`Comparison.order`, but comparisons of the same methods by several metrics must agree, too."""
-    views: dict[str, dict[str, list[tuple[str, ...]]]] = {}
-    for metric, whole in comparisons.items():
-        parts = {"": whole} | {task: whole.without(task) for task in whole.tasks if len(whole.tasks) > 1}
-        for name in STATISTICS:
-            title = f"the {name} of {metric}".removesuffix(" of ")
-            views[title] = {task: part.places(name) for task, part in parts.items()}
-    at_place = [*zip(*(places for view in views.values() for places in view.values()), strict=False)]
-    agreed = [len(set(best)) == 1 == len(best[0]) for best in at_place] + [False]
-    count, text = agreed.index(False), []
-    methods = tuple(best[0][0] for best in at_place[:count])
-    if methods:
-        sure = min(each.first_places(name)[methods[0]] for each in comparisons.values() for name in STATISTICS)
-        text += [f"All agree on {', '.join(methods)}; {methods[0]} is first in at least {sure:.0%} of resamples."]
-    if count < len(at_place):
-        text += [f"No single place {count + 1}: {_explain(views, count)}."]
-    named = sorted({*methods, *(name for best in at_place[count : count + 1] for equal in best for name in equal)})
-    failed = [(name, whole.failures(name)) for whole in comparisons.values() for name in named]
-    text += [f"{name} failed in {share.value:.1%} of {share.count} runs." for name, share in failed if share.value]
-    return Order(methods, " ".join(dict.fromkeys(text)))
+    views = {
+        metric: {"": whole} | {task: whole.without(task) for task in whole.tasks if len(whole.tasks) > 1}
+        for metric, whole in comparisons.items()
+    }
+    left = sorted(next(iter(comparisons.values())).scores)
+    agreed: list[str] = []
+    text: list[str] = []
+    while left:
+        found = {name: {task: part.leaders(left) for task, part in view.items()} for name, view in views.items()}
+        places = {place for view in found.values() for place in view.values()}
+        if len(places) > 1 or len(min(places)) > 1:
+            text = [f"No single place {len(agreed) + 1}: {_explain(found)}."]
+            break
+        left.remove(min(places)[0])
+        agreed += min(places)
+    if agreed:
+        text = [f"Clearly better than all that follow: {', then '.join(agreed)}.", *text]
+    named = {*agreed, *(name for place in places for name in place)}
+    for whole in comparisons.values():
+        failed = {name: int((~whole.completed(name)).sum()) for name in sorted(named)}
+        text += [f"{name} failed in {n} of {whole.completed(name).size} runs." for name, n in failed.items() if n]
+    return Order(tuple(agreed), " ".join(dict.fromkeys(text)))
 
 
-def _explain(views: Mapping[str, Mapping[str, list[tuple[str, ...]]]], place: int) -> str:
-    """Who has a place by which statistics, and who has it without which tasks."""
-    titles: dict[tuple[str, str], list[str]] = {}
-    for title, view in views.items():
-        best = {task: " and ".join(places[place]) for task, places in view.items()}
+def _explain(found: Mapping[str, Mapping[str, tuple[str, ...]]]) -> str:
+    """Who may have a place by which metrics, and who without which tasks."""
+    titles: dict[str, list[str]] = {}
+    for metric, view in found.items():
+        best = {task: " or ".join(place) for task, place in view.items()}
         others = {name: [task for task in best if best[task] == name] for name in best.values() if name != best[""]}
         changed = "".join(f", but {name} without {' or '.join(tasks)}" for name, tasks in others.items())
-        titles.setdefault((best[""], changed), []).append(title)
-    return "; ".join(f"{best} by {' and '.join(by)}{changed}" for (best, changed), by in titles.items())
+        titles.setdefault(best[""] + "{}" + changed, []).append(metric)
+    return "; ".join(
+        text.format(f" by {' and '.join(metrics)}" if metrics[0] else "") for text, metrics in titles.items()
+    )
 
 
 def profile_panel(comparison: Comparison, title: str = "runs that score at most so much") -> Panel:
     """The profile of each method with its band, over the logarithm of the score; dotted: the reference."""
     known = np.array([score for scores in comparison.scores.values() for score in scores.flat if 0 < score < np.inf])
-    levels = np.geomspace(known.min(initial=CAP), known.max(initial=CAP), 100)
+    levels = np.geomspace(known.min(initial=REFERENCE), known.max(initial=REFERENCE), 100)
     series = [Series(name, levels, *comparison.profile(name, levels)) for name in comparison.scores]
-    return Panel(title, "score", "share of runs", series, log="x", x_limits=(CAP,), y_range=(0.0, 1.0))
+    return Panel(title, "score", "share of runs", series, log="x", x_limits=(REFERENCE,), y_range=(0.0, 1.0))
 
 
 def interval_panel(comparison: Comparison, title: str = "scores and failures") -> Panel:
-    """Bars of both means and of the share of failures with their intervals, for each method; none where infinite."""
-    compute = (comparison.interquartile_mean, comparison.capped_mean, comparison.failures)
+    """Bars of the mean of completed runs and of the share of failures with their intervals, for each method."""
     groups = {
-        name: {method: np.array(astuple(interval(method))[:3]) for method in comparison.scores}
-        for name, interval in zip((*STATISTICS, "failures"), compute, strict=True)
+        name: {method: np.array(astuple(compute(method))[:3]) for method in comparison.scores}
+        for name, compute in {"mean score": comparison.mean, "failures": comparison.failures}.items()
     }
     return curves.over_setting(groups, "", "score, share", lambda found: tuple(found), kind="bars", title=title)

@@ -24,10 +24,10 @@ from cmacexp.study.page import evaluate, write_page
 from cmacexp.study.results import Results
 from cmacexp.study.study import StudyFile
 from pipelines.benchmark import summary
-from pipelines.benchmark.benchmark import NAME, QUESTION, make_study
+from pipelines.benchmark.benchmark import CYCLES, NAME, QUESTION, make_study
 from pipelines.benchmark.compare import compare_results
 from pipelines.benchmark.entrants import Method, choose_methods
-from pipelines.benchmark.results import FOR_ALL, Bench, test, tune
+from pipelines.benchmark.results import FOR_ALL, Bench, tabulate_tuning, test, tune
 from pipelines.benchmark.tasks import LEG, MACHINES, TASKS, VERSION, Machine, hash_tasks, make_quick
 
 if TYPE_CHECKING:
@@ -44,15 +44,16 @@ def _run(options: Options, machines: dict[str, Machine], methods: list[Method]) 
     with options.start_workers() as each:
         bench = Bench(machines, methods, each, options.folder / TRIALS)
         chosen = tune(bench)
-        frame = test(bench, chosen)
+        frame, tuned = test(bench, chosen), tabulate_tuning(bench, chosen)
     seconds = {(key.machine, key.method): time for key, time in bench.seconds.items() if not key.tuning}
     costs = pd.DataFrame(
         [{"machine": place[0], "method": place[1], "seconds_per_step": time} for place, time in seconds.items()]
     )
+    cycles = {name: summary.count_cycles(summary.take(tuned, name, FOR_ALL)) for name, _ in chosen}
     settings = pd.DataFrame(
-        [{"machine": machine, "method": method, "setting": " ".join(own[FOR_ALL]) or "default"}
-         for (machine, method), own in chosen.items()],
-        columns=["machine", "method", "setting"],
+        [{"machine": machine, "method": method, "setting": " ".join(own[FOR_ALL]) or "default",
+          CYCLES: float(summary.find_median(cycles[machine][method]))} for (machine, method), own in chosen.items()],
+        columns=["machine", "method", "setting", CYCLES],
     )  # fmt: skip
     return {"frame": frame, "costs": costs, "settings": settings, "chosen": chosen}
 
@@ -99,7 +100,7 @@ def _write(done: dict[str, Any], machines: dict[str, Machine], methods: list[Met
         write_page(study.title, study.question, [evaluated], place, options.quick)
     for machine in machines:
         scores = summary.table_scores(frame, machine)
-        say(f"{machine}: mean score over {len(TASKS)} tasks")
+        say(f"{machine}: mean score of completed runs over {len(TASKS)} tasks, and failures")
         print_table(list(scores), [[str(cell) for cell in row] for row in scores.itertuples(index=False)])
         if not options.quick:
             say(summary.describe_order(frame, machine, summary.find_setting(machine)))

@@ -5,14 +5,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from cmacexp.data.files import open_file
 from cmacexp.data.parquet import read_table
 from cmacexp.errors import BadInput
-from cmacexp.study.interval import bootstrap
+from cmacexp.study.comparison import Comparison
 from pipelines.benchmark.results import SETTINGS
-from pipelines.benchmark.summary import make_comparison
+from pipelines.benchmark.summary import make_comparison, take
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,7 +39,9 @@ def _read(path: Path) -> "tuple[pd.DataFrame, dict[str, Any]]":
 
 
 def compare_results(first: Path, second: Path) -> Iterator[str]:
-    """A line for each machine, method and kind of setting that both have: the change of its mean score.
+    """A line for each machine, method and kind of setting that both have and that changed: its score and failures.
+
+    The score is the mean over the runs that complete in both, as a ratio of the second to the first.
 
     Raises:
         BadInput: a file is no result, or they are of different tasks.
@@ -52,11 +52,16 @@ def compare_results(first: Path, second: Path) -> Iterator[str]:
             raise BadInput("--compare", second, f"has another {name} than {first}: their scores mean other things")
     for machine in (name for name in before["machine"].unique() if name in set(after["machine"])):
         for setting in SETTINGS:
-            old, new = (make_comparison(frame, machine, setting).scores for frame in (before, after))
-            for method in (name for name in old if name in new):
-                change = np.fmin(new[method], 1.0) - np.fmin(old[method], 1.0)
-                found = bootstrap(change, lambda values: values.mean(axis=(-2, -1)))
-                if found.low == found.high == 0.0:
+            if any(take(frame, machine, setting).empty for frame in (before, after)):
+                continue
+            old, new = (make_comparison(frame, machine, setting) for frame in (before, after))
+            for method in (name for name in old.scores if name in new.scores):
+                pair = Comparison({"old": old.scores[method], "new": new.scores[method]}, old.tasks, old.worlds)
+                found, failed = pair.ratio("new", "old"), [(~pair.completed(name)).sum() for name in ("old", "new")]
+                if found.low == found.high == 1.0 and failed[0] == failed[1]:
                     continue
-                yield f"{machine}, {method}, {setting}: {found.value:+.3f} [{found.low:+.3f}, {found.high:+.3f}]"
+                if failed == [pair.completed("old").size] * 2:
+                    continue
+                text = f"score times {found.value:.3f} [{found.low:.3f}, {found.high:.3f}]"
+                yield f"{machine}, {method}, {setting}: {text}, failed {failed[0]}, then {failed[1]}"
     yield "no other score has changed"

@@ -1,7 +1,7 @@
 """What enters the benchmark: methods by their overrides, and what each of them is tuned over."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from cmacexp.config.cmac import CmacConfig
@@ -13,8 +13,10 @@ from cmacexp.feedforward import IterativeLearning, RadialBasis
 from cmacexp.feedforward.network import BuiltInFeedforward
 
 FEEDFORWARD, CONTROLLER = "feedforward", "controller"
-ALONE, CMAC = "feedback alone", "CMAC"
+ALONE, CMAC = "feedback only", "CMAC"
 OWN = "pipelines.benchmark.methods"
+RENAMED = {"feedback_alone": "feedback_only"}
+"""Names as the command line took them before."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,8 @@ class Method:
     """Keys that it is tuned over, and what :func:`cmacexp.config.number` takes as ``tuned`` for each."""
     entered: bool = False
     """Whether the command line named its class."""
+    learns: bool = False
+    """Whether it keeps what it has learnt, so that learning can be guarded."""
 
 
 def _list_tuned(group: str, schema: type[Any] | None, only: Sequence[str] = ()) -> list[tuple[str, Any]]:
@@ -58,7 +62,8 @@ def enter(target: str, name: str | None = None, has_rate: bool = False) -> Metho
         own += LEARNING
     alone = ("feedforward=none",) if group == CONTROLLER else ()
     shown = name or target.rpartition(".")[2]
-    return Method(shown, (*alone, f"{group}._target_={target}"), own, entered=name is None)
+    learns = group == FEEDFORWARD and hasattr(found, "learnt")
+    return Method(shown, (*alone, f"{group}._target_={target}"), own, entered=name is None, learns=learns)
 
 
 def list_methods() -> list[Method]:
@@ -70,10 +75,11 @@ def list_methods() -> list[Method]:
         Method("model", model),
         Method("model 20 % light", (*model, "feedforward.mass_factor=0.8")),
         Method("model 20 % heavy", (*model, "feedforward.mass_factor=1.2")),
-        Method(CMAC, ("feedforward=cmac",), [*LEARNING, *CMAC_SIZE]),
-        Method("CMAC on model", ("feedforward=cmac_on_model",), [*LEARNING, *CMAC_SIZE]),
-        Method("RBF", ("feedforward=rbf",), [*LEARNING, *of_rbf]),
-        Method("ILC", ("feedforward=ilc",), [*LEARNING, *of_ilc]),
+        replace(enter(f"{OWN}.identified.Identified", "model, identified"), tuned=(), learns=False),
+        Method(CMAC, ("feedforward=cmac",), [*LEARNING, *CMAC_SIZE], learns=True),
+        Method("CMAC on model", ("feedforward=cmac_on_model",), [*LEARNING, *CMAC_SIZE], learns=True),
+        Method("RBF", ("feedforward=rbf",), [*LEARNING, *of_rbf], learns=True),
+        Method("ILC", ("feedforward=ilc",), [*LEARNING, *of_ilc], learns=True),
         enter("pipelines.perceptron.Perceptron", "MLP", has_rate=True),
         enter(f"{OWN}.norm_optimal.NormOptimal", "norm-optimal ILC"),
         enter(f"{OWN}.fourier.RandomFourier", "Fourier features"),
@@ -88,7 +94,7 @@ def slug(name: str) -> str:
 
 
 def choose_methods(names: str | None, targets: Sequence[str]) -> list[Method]:
-    """The methods that are asked for, feedback alone first.
+    """The methods that are asked for, feedback only first.
 
     Args:
         names: of methods of the benchmark, separated by commas; None: all of them.
@@ -98,7 +104,7 @@ def choose_methods(names: str | None, targets: Sequence[str]) -> list[Method]:
         BadInput: there is no such method, or two have the same name.
     """
     known = {slug(method.name): method for method in list_methods()}
-    wanted = list(known) if names is None else [slug(name) for name in names.split(",")]
+    wanted = list(known) if names is None else [RENAMED.get(slug(n), slug(n)) for n in names.split(",")]
     for name in wanted:
         if name not in known:
             raise BadInput("--methods", name, f"choose from {', '.join(known)}")

@@ -1,4 +1,4 @@
-"""The results of the benchmark: every method with its default setting, one for all tasks, and one for each."""
+"""The results of the benchmark: every method with its default setting, tuned for all tasks or each, and guarded."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cmacexp.experiment.workers import Each
-from cmacexp.study.comparison import cap, relative_to
+from cmacexp.study.comparison import relative_to
 from cmacexp.typing import Array
 from pipelines.benchmark.entrants import ALONE, Method
 from pipelines.benchmark.tasks import TASKS, Machine
@@ -17,7 +17,11 @@ from pipelines.benchmark.tuning import DEFAULT, Setting, choose_setting, draw_se
 if TYPE_CHECKING:
     import pandas as pd
 
-BY_DEFAULT, FOR_ALL, FOR_EACH = SETTINGS = ("default", "one for all tasks", "one for each task")
+BY_DEFAULT, FOR_ALL, FOR_EACH, GUARDED = SETTINGS = (
+    "default", "one for all tasks", "one for each task", "default, guarded",
+)  # fmt: skip
+GUARD: Setting = ("learning.guard=freeze", "record.weights=true")
+"""Of methods that learn: what users are advised to add."""
 TOGETHER = 5
 """Worlds of a trial: what a worker does at a time."""
 Rows = list[dict[str, Any]]
@@ -39,7 +43,7 @@ class Bench:
 
     Args:
         machines: by name.
-        methods: feedback alone among them.
+        methods: feedback only among them.
         each: runs work on workers.
         folder: of outcomes, which are used again.
     """
@@ -83,12 +87,12 @@ class Bench:
         ]
 
     def score(self, key: Key) -> Array:
-        """(tasks, worlds): capped end errors over those of feedback alone in the same world."""
+        """(tasks, worlds): end errors over those of feedback only in the same world; infinite where a run failed."""
         own, alone = (
             np.array([[row["end_error"] for row in self.rows[each, task]] for task in TASKS])
             for each in (key, key._replace(method=ALONE, setting=DEFAULT))
         )
-        return cap(relative_to(own, alone))
+        return relative_to(own, alone)
 
 
 def tune(bench: Bench) -> dict[tuple[str, str], Chosen]:
@@ -114,19 +118,42 @@ def tune(bench: Bench) -> dict[tuple[str, str], Chosen]:
 
 def test(bench: Bench, chosen: Mapping[tuple[str, str], Chosen]) -> "pd.DataFrame":
     """A row for each machine, method, kind of setting, task and world; sorted, the same however it was run."""
-    import pandas as pd
-
     places = {
-        (machine, method, kind, task): Key(machine, method, _find(chosen.get((machine, method)), kind, task))
+        (machine, method, kind, task): Key(
+            machine,
+            method,
+            GUARD if kind == GUARDED and method != ALONE else _find(chosen.get((machine, method)), kind, task),
+        )
         for machine in bench.machines
         for method in bench.methods
         for kind in SETTINGS
+        if kind != GUARDED or bench.methods[method].learns or method == ALONE
         for task in bench.machines[machine].changes
     }
     wanted: dict[Key, list[str]] = {}
     for (*_, task), key in places.items():
         wanted.setdefault(key, []).append(task)
     bench.run("testing", list(wanted.items()))
+    return _tabulate(bench, places)
+
+
+def tabulate_tuning(bench: Bench, chosen: Mapping[tuple[str, str], Chosen]) -> "pd.DataFrame":
+    """Likewise in the worlds of tuning, with the setting that was chosen there for all tasks."""
+    machines = dict.fromkeys(machine for machine, _ in chosen)
+    places = [*chosen, *((machine, ALONE) for machine in machines)]
+    return _tabulate(
+        bench,
+        {
+            (*place, FOR_ALL, task): Key(*place, _find(chosen.get(place), FOR_ALL, task), True)
+            for place in places
+            for task in TASKS
+        },
+    )
+
+
+def _tabulate(bench: Bench, places: Mapping[tuple[str, str, str, str], Key]) -> "pd.DataFrame":
+    import pandas as pd
+
     return pd.DataFrame(
         {"machine": machine, "method": method, "setting": kind, **row, "overrides": " ".join(key.setting)}
         for (machine, method, kind, task), key in places.items()

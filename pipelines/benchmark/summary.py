@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.report.figures import Panel, Series, draw
-from cmacexp.study.comparison import STATISTICS, Comparison, compare, find_order, profile_panel
+from cmacexp.study.comparison import Comparison, compare, find_order, profile_panel
 from cmacexp.study.interval import Interval
-from cmacexp.typing import Array
+from cmacexp.typing import Array, Mask
 from pipelines.benchmark.entrants import ALONE, CMAC
-from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, SETTINGS
+from pipelines.benchmark.results import BY_DEFAULT, FOR_ALL, GUARDED, SETTINGS
 from pipelines.benchmark.tasks import MACHINES, STRESS, TASKS
 from pipelines.benchmark.trial import COMPLETED
 from pipelines.feedforwards_measures import cycles_to
@@ -21,9 +21,11 @@ if TYPE_CHECKING:
 
 END, WORST, FORCE = "end_error", "worst_error", "force"
 TENTH = 0.1
-"""Of the error of feedback alone at the end: what a method is to reach."""
+"""Of the error of feedback only at the end: what a method is to reach."""
 METRICS = {"end error": END, "worst cycle": WORST}
 """What decides an order, by its name."""
+UNDEFINED = "n/a"
+"""Of what no completed run defines, or is relative to a reference that failed."""
 
 
 def take(frame: "pd.DataFrame", machine: str, setting: str) -> "pd.DataFrame":
@@ -45,7 +47,7 @@ def tabulate_values(rows: "pd.DataFrame", column: str, tasks: tuple[str, ...] = 
 
 
 def make_comparison(frame: "pd.DataFrame", machine: str, setting: str, column: str = END) -> Comparison:
-    """Methods on a machine over the tasks that count: a column over that of feedback alone in the same world."""
+    """Methods on a machine over the tasks that count: a column over that of feedback only in the same world."""
     rows = take(frame, machine, setting)
     return compare(tabulate_values(rows, column), ALONE, TASKS, sorted(rows["world"].unique()))
 
@@ -56,21 +58,42 @@ def describe_order(frame: "pd.DataFrame", machine: str, setting: str) -> str:
 
 
 def count_cycles(rows: "pd.DataFrame") -> dict[str, Array]:
-    """(tasks, worlds) by method: cycles after the change to a tenth of the end error of feedback alone, and on."""
+    """(tasks, worlds) by method: cycles after the change to a tenth of the end error of feedback only, and on.
+
+    Infinite where that is never; NaN where feedback only failed.
+    """
     alone, found = tabulate_values(rows, END)[ALONE], {}
     for method, own in rows.groupby("method", sort=False):
         errors = own.pivot(index="task", columns="world", values="errors").loc[list(TASKS)]
         pairs = zip(errors.to_numpy().ravel(), alone.ravel(), strict=True)
         found[method] = np.array([cycles_to(np.array([each]), TENTH * level)[0] for each, level in pairs])
-    return {method: values.reshape(alone.shape) for method, values in found.items()}
+    return {
+        method: np.where(np.isfinite(alone), values.reshape(alone.shape), np.nan) for method, values in found.items()
+    }
+
+
+def find_median(values: Array, axis: int | None = None) -> Any:
+    """The median of those that are defined; NaN if none is."""
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return np.nanmedian(values, axis=axis)
 
 
 def _format(interval: Interval) -> str:
+    if np.isnan(interval.value):
+        return UNDEFINED
     return f"{interval.value:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
 
 
 def _count(cycles: float) -> str:
-    return f"{cycles:g}" if np.isfinite(cycles) else "never"
+    return UNDEFINED if np.isnan(cycles) else f"{cycles:g}" if np.isfinite(cycles) else "never"
+
+
+def _failed(comparison: Comparison, method: str) -> str:
+    done = comparison.completed(method)
+    return f"{(~done).sum()} of {done.size}"
 
 
 def find_setting(machine: str) -> str:
@@ -79,69 +102,132 @@ def find_setting(machine: str) -> str:
 
 
 def table_scores(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
-    """The headline: the capped mean with each kind of setting, failures, worst cycles, and cycles to a tenth."""
+    """The headline: mean score of completed runs and failures with each kind of setting, worst cycle, cycles."""
     import pandas as pd
 
-    kinds = SETTINGS if MACHINES[machine].draws else (BY_DEFAULT,)
     last = find_setting(machine)
+    kinds = [kind for kind in SETTINGS if kind != GUARDED] if last == FOR_ALL else [last]
     ends = {kind: make_comparison(frame, machine, kind) for kind in kinds}
     worst, cycles = make_comparison(frame, machine, last, WORST), count_cycles(take(frame, machine, last))
-    order = sorted(ends[last].scores, key=lambda method: ends[last].capped_mean(method).value)
+    order = sorted(ends[last].scores, key=lambda method: np.nan_to_num(ends[last].mean(method).value, nan=np.inf))
     return pd.DataFrame(
         {
             "method": method,
-            **{kind: _format(ends[kind].capped_mean(method)) for kind in kinds},
-            "failed": f"{np.isinf(ends[last].scores[method]).sum()} of {ends[last].scores[method].size}",
-            "worst cycle": _format(worst.capped_mean(method)),
-            "cycles to a tenth": _count(float(np.median(cycles[method]))),
+            **{
+                title: text
+                for kind, found in ends.items()
+                for title, text in ((kind, _format(found.mean(method))), (f"failed, {kind}", _failed(found, method)))
+            },
+            "worst cycle": _format(worst.mean(method)),
+            "cycles to a tenth": _count(float(find_median(cycles[method]))),
         }
         for method in order
     )
 
 
-def table_statistics(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
-    """What each way of summing up says: both means, failures, and how often a method is the first."""
+def table_guarded(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
+    """Default settings without and with the guard; and their ratio in the runs that both complete."""
     import pandas as pd
 
-    comparison = make_comparison(frame, machine, find_setting(machine))
-    first = {name: comparison.first_places(name) for name in STATISTICS}
+    free, guarded = (make_comparison(frame, machine, kind) for kind in (BY_DEFAULT, GUARDED))
+    both = {
+        method: Comparison({"": free.scores[method], GUARDED: scores}, free.tasks, free.worlds)
+        for method, scores in guarded.scores.items()
+        if method != ALONE
+    }
     return pd.DataFrame(
         {
             "method": method,
-            "interquartile mean": _format(comparison.interquartile_mean(method)),
-            "capped mean": _format(comparison.capped_mean(method)),
+            "default": _format(free.mean(method)),
+            "failed": _failed(free, method),
+            "guarded": _format(guarded.mean(method)),
+            "failed, guarded": _failed(guarded, method),
+            "guarded over default": _format(pair.ratio(GUARDED, "")),
+        }
+        for method, pair in both.items()
+    )
+
+
+def table_absolute(frame: "pd.DataFrame") -> "pd.DataFrame":
+    """What ratios are relative to: medians of the errors of feedback only, and of the CMAC if it takes part."""
+    import pandas as pd
+
+    rows = []
+    for machine in machines_of(frame):
+        own = take(frame, machine, find_setting(machine))
+        for task in TASKS:
+            row: dict[str, Any] = {"machine": machine, "task": task}
+            for method in (name for name in (ALONE, CMAC) if name in set(own["method"])):
+                done = own[(own["method"] == method) & (own["task"] == task)]
+                done, count = done[done["status"] == COMPLETED], len(done)
+                row |= {
+                    f"{method}, mm": f"{1e3 * done[END].median():.3g}" if len(done) else UNDEFINED,
+                    f"{method}, N": f"{done[FORCE].median():.3g}" if len(done) else UNDEFINED,
+                    f"{method}, completed": f"{len(done)} of {count}",
+                }
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def table_statistics(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
+    """Mean score of completed runs, failures, and the comparison with the CMAC in the same tasks and worlds."""
+    import pandas as pd
+
+    comparison = make_comparison(frame, machine, find_setting(machine))
+    return pd.DataFrame(
+        {
+            "method": method,
+            "completed runs": _format(comparison.mean(method)),
             "failures": _format(comparison.failures(method)),
+            "over the CMAC": _format(comparison.ratio(method, CMAC)),
             "better than the CMAC": _format(comparison.probability_of_improvement(method, CMAC)),
-            **{f"first by the {name}": shares[method] for name, shares in first.items()},
         }
         for method in comparison.scores
     )
 
 
 def table_tasks(frame: "pd.DataFrame", machine: str) -> "pd.DataFrame":
-    """Capped mean of each method in each task, with the setting for all tasks."""
+    """Mean score of the completed runs of each method in each task, and how many failed."""
     import pandas as pd
 
     comparison = make_comparison(frame, machine, find_setting(machine))
+
+    def describe(scores: Array) -> str:
+        done = scores[np.isfinite(scores)]
+        failed = f"; {scores.size - done.size} failed" if done.size < scores.size else ""
+        return (f"{done.mean():.3f}" if done.size else UNDEFINED) + failed
+
     return pd.DataFrame(
-        {"method": method, **dict(zip(comparison.tasks, np.fmin(scores, 1.0).mean(axis=1), strict=True))}
+        {
+            "method": method,
+            **{task: describe(row) for task, row in zip(comparison.tasks, scores, strict=True)},
+            **dict.fromkeys(comparison.excluded, f"{UNDEFINED}: the reference fell"),
+        }
         for method, scores in comparison.scores.items()
     )
 
 
 def table_costs(frame: "pd.DataFrame", costs: "pd.DataFrame", machine: str) -> "pd.DataFrame":
-    """Force error, feedback, largest torque and energy over those of feedback alone, medians; time and memory."""
+    """Force error, feedback, largest torque and energy over those of feedback only, medians; time and memory.
+
+    Of the runs that both complete.
+    """
     import pandas as pd
 
     rows = take(frame, machine, find_setting(machine))
     shown = {"force error": FORCE, "feedback": "feedback", "largest torque": "torque_peak", "energy": "energy"}
     values = {title: tabulate_values(rows, column) for title, column in shown.items()}
     held = rows.groupby("method", sort=False)["bytes"].median()
+
+    def divide(own: Array, alone: Array) -> float:
+        both = np.isfinite(own) & np.isfinite(alone)
+        return float(find_median(own[both] / alone[both]))
+
     seconds = costs[costs["machine"] == machine].set_index("method")["seconds_per_step"]
     return pd.DataFrame(
         {
             "method": method,
-            **{title: float(np.median(own[method] / own[ALONE])) for title, own in values.items()},
+            **{title: divide(own[method], own[ALONE]) for title, own in values.items()},
             "time of a step, us": 1e6 * seconds[method],
             "memory, KB": held[method] / 1024,
         }
@@ -186,21 +272,28 @@ def draw_worlds(frame: "pd.DataFrame") -> "Figure":
 
 
 def write_scores(frame: "pd.DataFrame") -> str:
-    """The headline of each machine in Markdown, for the documentation."""
-    parts = []
+    """Absolute errors, and the headline of each machine, in Markdown, for the documentation."""
+    parts = [f"**Absolute errors at the end, medians over the worlds**\n\n{_write_table(table_absolute(frame))}\n"]
     for machine in machines_of(frame):
-        scores = table_scores(frame, machine)
-        rows = [list(scores), ["---"] * len(scores.columns), *scores.itertuples(index=False)]
-        table = "\n".join("| " + " | ".join(map(str, row)) + " |" for row in rows)
+        tables = [table_scores(frame, machine)]
+        if set(frame["method"][frame["setting"] == GUARDED]) > {ALONE}:
+            tables.append(table_guarded(frame, machine))
         excluded = make_comparison(frame, machine, BY_DEFAULT).excluded
         notes = [f"The task {task} does not count there: {why}." for task, why in excluded.items()]
         order = " ".join([describe_order(frame, machine, find_setting(machine)), *notes])
-        parts.append(f"**{machine}**\n\n{table}\n\n{order}\n")
+        scores, *guarded = map(_write_table, tables)
+        shown = "".join(f"\nWith the guard:\n\n{each}\n" for each in guarded)
+        parts.append(f"**{machine}**\n\n{scores}\n\n{order}\n{shown}")
     return "\n".join(parts)
 
 
+def _write_table(table: "pd.DataFrame") -> str:
+    rows = [list(table), ["---"] * len(table.columns), *table.itertuples(index=False)]
+    return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in rows)
+
+
 def stress(frame: "pd.DataFrame") -> "pd.DataFrame":
-    """How many worlds each method completes in the stress test, of those in which feedback alone does."""
+    """How many worlds each method completes in the stress test, of those in which feedback only does."""
     import pandas as pd
 
     rows = frame[(frame["task"] == STRESS) & (frame["setting"] == FOR_ALL)]
@@ -218,6 +311,6 @@ def stress(frame: "pd.DataFrame") -> "pd.DataFrame":
     )
 
 
-def over_worlds(machine: str, compute: Callable[[Comparison], Array], setting: str = FOR_ALL) -> Any:
-    """A sample with a value for each world, computed from the comparison of a machine."""
+def over_worlds(machine: str, compute: Callable[[Comparison], Array | Mask], setting: str = FOR_ALL) -> Any:
+    """A sample that is computed from the comparison of a machine."""
     return lambda results: compute(make_comparison(results.computed["benchmark"], machine, setting))

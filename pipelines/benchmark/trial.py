@@ -87,6 +87,8 @@ def run_stage(overrides: Sequence[str], learnt: Weights | None = None) -> Stage:
         entered = [scenario.controller, scenario.feedforward]
         keep = next((part.learnt for part in entered if hasattr(part, "learnt")), None)
         kept = None if keep is None or end.status != COMPLETED else exits_caught()(keep)()
+        if end.events and scenario.kept:  # an external method: the guard returned to what it knew in the best cycle
+            kept = scenario.kept.get(end.events[-1].restored, kept)
     except Exception as error:
         return Stage(REFUSED if isinstance(error, BadInput) else FAILED, describe_failure(error), {}, None, 0.0)
     if end.status == "interrupted":

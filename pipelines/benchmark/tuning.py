@@ -43,10 +43,15 @@ def draw_settings(method: Method, number: int) -> list[Setting]:
 
 
 def choose_setting(settings: Sequence[Setting], scores: Mapping[Setting, Array]) -> Setting:
-    """The setting with the least mean score; of equal ones the first.
+    """The setting with which the fewest runs fail, of these that with the least mean score; of equal ones the first.
 
     Args:
         settings: in the order in which they were drawn.
-        scores: any shape, capped, by setting.
+        scores: any shape, by setting; infinite where a run failed.
     """
-    return min(settings, key=lambda setting: float(scores[setting].mean()))
+
+    def rank(setting: Setting) -> tuple[int, float]:
+        done = scores[setting][np.isfinite(scores[setting])]
+        return scores[setting].size - done.size, float(done.mean()) if done.size else np.inf
+
+    return min(settings, key=rank)

@@ -29,6 +29,7 @@ METHODS = {
     "fourier": f"feedforward._target_={FOLDER}.fourier.RandomFourier",
     "adaptive": f"feedforward._target_={FOLDER}.adaptive.AdaptiveRegressor",
     "repetitive": f"feedforward._target_={FOLDER}.repetitive.Repetitive",
+    "identified": f"feedforward._target_={FOLDER}.identified.Identified",
     "torque_library": f"feedforward._target_={FOLDER}.torque_library.TorqueLibrary",
 }
 SLOTINE_LI = (f"controller._target_={FOLDER}.slotine_li.SlotineLi", "feedforward=none")
@@ -84,6 +85,42 @@ def test_adaptive_laws_find_the_unknown_mass_on_a_path_without_jumps(make_config
     roll_out(planned)
     assert_allclose(measured.controller.parameters[0] / nominal, 1.2, rtol=0.05)
     assert_allclose(planned.feedforward.learnt()["parameters"][0, :2], 1.2, rtol=0.05)
+
+
+def identify(scenario):
+    """Parameters (P,) of leg 1 that a scenario identifies."""
+    roll_out(scenario)
+    return scenario.feedforward.learnt()["parameters"][0]
+
+
+def test_least_squares_find_masses_and_ground_that_are_wrong(make_config):
+    """On a path without jumps, from two cycles of feedback only; the factor of the contact force stays 1."""
+    smooth = (*LEG, METHODS["identified"], "gait.vertical=two_cubics", "cycles=4", "terrain.stiffness=15")
+    known = ("terrain.assumed_stiffness=10", "plant.mass_factor=1.2")
+    inertia, gravity, contact, *_ = identify(make_scenario(make_config(*smooth, *known)))
+    assert_allclose(gravity, 1.2, rtol=0.02)
+    assert_allclose(contact, 1.0, rtol=0.05)
+    assert_allclose(inertia, 1.2, rtol=0.2)
+
+
+def test_a_model_is_identified_from_feedback_only_and_then_fixed(make_config):
+    scenario = make_scenario(make_config(*HEAVY, METHODS["identified"]))
+    torque = roll_out(scenario).columns()["tau_feedforward_1"].reshape(6, -1)
+    assert not torque[:3].any()
+    assert torque[3].any()
+    assert_array_equal(torque[4], torque[3])
+    assert_array_equal(torque[5], torque[3])
+
+
+def test_the_known_model_acts_until_it_is_identified_anew(make_config, learnt):
+    scenario = make_scenario(make_config(*LEG, METHODS["identified"], "learning.start_cycle=1", "cycles=5"), {
+        "parameters": learnt["identified"][1]["parameters"]
+    })  # fmt: skip
+    torque = roll_out(scenario).columns()["tau_feedforward_1"].reshape(5, -1)
+    assert torque[0].any()
+    assert_array_equal(torque[2], torque[0])
+    assert np.abs(torque[3] - torque[0]).max() > 0.01  # the leg is no longer heavy
+    assert_array_equal(torque[4], torque[3])
 
 
 def first_torques(scenario, setup):

@@ -1,0 +1,129 @@
+"""A model whose parameters are identified from measurements: least squares, then a fixed feedforward.
+
+``feedforward._target_=pipelines.benchmark.methods.identified.Identified``
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cmacexp.config import FeedforwardConfig, number
+from cmacexp.planning.columns import Y
+from cmacexp.planning.setup import Reference, Setup
+from cmacexp.plants.protocol import Measurement
+from cmacexp.typing import Array, Weights
+from pipelines.benchmark.methods.adaptive import MODEL, RIDGE, make_regressor
+from pipelines.benchmark.methods.model_torques import columns
+from pipelines.benchmark.methods.norm_optimal import low_pass
+
+CONTACT, ADDED = 2, 3
+"""Columns of the regressor: torque of the contact force, and what the controller adds to it."""
+LEAST = 1e-6
+"""Measured contact force that a foot presses with at least, N: feet share the load in proportion."""
+
+
+def make_whole(regressor: Array) -> Array:
+    """The regressor of all torque that a joint takes: the part of the controller belongs to the contact force."""
+    whole = np.delete(regressor, ADDED, axis=-1)
+    whole[..., CONTACT] += regressor[..., ADDED]
+    return whole
+
+
+class Identified:
+    """torque = Y a, with the a that explains best what the joints took: least squares, as in Gautier & Khalil 1992.
+
+    Y is the regressor of the adaptive law: inertia, gravity and contact of each leg over those of the nominal model,
+    viscous and dry friction and rotor inertia of each joint. It is computed along measured angles and forces, means
+    of ``cycles`` cycles after the first one; in the first run these are of feedback only. Angles and torque pass a
+    low-pass, and an FFT over the cycle differentiates them. What the data do not decide stays nominal. Then a is
+    fixed. The plan passes the same low-pass: where its velocity jumps, the torque has the impulse that this takes.
+    After a change the known model acts while it is identified anew.
+    """
+
+    @dataclass
+    class Config(FeedforwardConfig):
+        """How much is measured."""
+
+        cycles: int = number("", at_least=1, at_most=1000, default=2)
+        """Cycles that are measured."""
+        cutoff: float = number("Hz", above=0, at_most=1e6, default=15.0)
+        """Frequency at which the gain of a Gaussian low-pass of angles and torque is 1/sqrt(2)."""
+
+    acts = True
+
+    def __init__(self, config: Config):
+        self.config = config
+
+    def reset(self, setup: Setup) -> None:
+        """Compute the regressor of the plan; start with no torque, or with the parameters of an earlier run."""
+        self.setup, (samples, legs) = setup, setup.plan.support.shape
+        self.gains = low_pass(self.config.cutoff, setup)
+        self.omega = 2.0 * np.pi * np.fft.rfftfreq(samples, setup.config.sampling_period)[:, None, None]
+        self.planned = self.regress(setup.plan.joints[..., columns(setup, "angle")])
+        self.parameters = np.zeros((legs, self.planned.shape[-1] - 1))
+        self.torque = np.zeros(self.planned.shape[:-1])
+        shape = (samples, legs, setup.mechanism.shape[1])
+        self.angles, self.taken, self.force = np.zeros(shape), np.zeros(shape), np.zeros((samples, legs))
+        self.seen = 0
+        if setup.learnt is not None:
+            self.use(setup.learnt["parameters"])
+
+    def learnt(self) -> Weights:
+        """``parameters`` (L, P): factors of inertia, gravity and contact; friction and rotor of each joint."""
+        return {"parameters": self.parameters.copy()}
+
+    def use(self, parameters: Array) -> None:
+        """Compute the torque of every sample from parameters (L, P)."""
+        self.parameters = parameters.copy()
+        whole = np.einsum("kijp,ip->kij", make_whole(self.planned), parameters)
+        self.torque = whole - self.planned[..., ADDED]
+
+    def observe(self, reference: Reference, measurement: Measurement, torque: Array) -> None:
+        """Measure angles, forces, and the torque (L, J), N m, of the last step."""
+        cycle, samples = self.seen // len(self.taken), len(self.taken)
+        if 1 <= cycle <= self.config.cycles:
+            self.angles[reference.sample] += measurement.q / self.config.cycles
+            self.force[reference.sample] += measurement.force / self.config.cycles
+        if samples < self.seen <= samples * (1 + self.config.cycles):
+            self.taken[reference.sample - 1] += torque / self.config.cycles
+        self.seen += 1
+        if self.seen == samples * (1 + self.config.cycles) + 1:
+            self.use(self.identify())
+
+    def predict(self, reference: Reference, learning_error: Array) -> Array:
+        """This step's torque (L, J), N m."""
+        return self.torque[reference.sample]
+
+    def regress(self, angles: Array, force: Array | None = None) -> Array:
+        """The regressor along ``angles`` (N, L, J), rad, of a cycle; with ``force`` (N, L), N, or the planned one."""
+        setup, plan = self.setup, self.setup.plan
+        joints, desired = plan.joints.copy(), plan.desired.copy()
+        spectrum: Any = self.gains * np.fft.rfft(angles, axis=0)
+        for power, name in enumerate(("angle", "velocity", "acceleration")):
+            joints[..., columns(setup, name)] = np.fft.irfft(
+                spectrum * (1j * self.omega) ** power, len(joints), axis=0
+            )
+        if force is None:
+            force = plan.force_desired
+        else:
+            desired[..., Y] = setup.mechanism.hip_height + force / setup.config.assumed_stiffness
+        return make_regressor(replace(setup, plan=plan._replace(joints=joints, desired=desired, force_desired=force)))
+
+    def identify(self) -> Array:
+        """Parameters (L, P) by least squares, with a small penalty on what differs from the nominal ones."""
+        regressor = make_whole(self.regress(self.angles, np.fmax(self.force, LEAST)))
+        # The torque of a sample acts until the next one: at its middle, half a sample later than the angles.
+        later: Any = self.gains * np.exp(-0.5j * self.omega * self.setup.config.sampling_period)
+        taken = np.fft.irfft(later * np.fft.rfft(self.taken, axis=0), len(self.taken), axis=0)
+        nominal = np.zeros(regressor.shape[-1])
+        nominal[: len(MODEL) - 1] = MODEL[:-1]
+        found = np.empty((regressor.shape[1], len(nominal)))
+        for i, own in enumerate(found):
+            rows = regressor[:, i].reshape(-1, len(nominal))
+            size = np.sqrt(np.mean(rows**2, axis=0))
+            scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 1e-9)
+            scaled, left = rows * scale, taken[:, i].ravel() - rows @ nominal
+            power = scaled.T @ scaled + RIDGE * len(rows) * np.eye(len(nominal))
+            own[:] = nominal + scale * np.linalg.solve(power, scaled.T @ left)
+        return found
