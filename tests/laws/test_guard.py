@@ -124,6 +124,9 @@ def test_refining_ends_better_than_repeating(make_config):
     ]
     assert [run.status for run in runs] == ["completed"] * 2
     assert errors(runs[1])[-1] < errors(runs[0])[-1]
+    frozen, refined = (by_cycle(run)[-2:] for run in runs)
+    assert (frozen[0] == frozen[1]).all()
+    assert (refined[0] != refined[1]).any()  # learning from cycle to cycle goes on
 
 
 def test_one_update_a_cycle_moves_the_torque_by_the_kernel_over_its_norm(make_config):
