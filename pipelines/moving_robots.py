@@ -217,8 +217,8 @@ FINDINGS = {
             *_left(POSITION, at_least(0.2), MODEL, part=WORLD, world=GO2),
             *_left(FORCE, at_least(0.2), MODEL, part=WORLD, world=GO2),
         ],
-        yes="On a Go2 as built, the model of its maker leaves at least 20 % of either error of feedback alone.",
-        no="On a Go2 as built, the model of its maker leaves less than 20 % of some error of feedback alone.",
+        yes="On a Go2 as built, the nominal model leaves at least 20 % of either error of feedback alone.",
+        no="On a Go2 as built, the nominal model leaves less than 20 % of some error of feedback alone.",
     ),
     "fixed": Finding(
         _left(FORCE, at_least(0.5), FIXED, part=WORLD, world=GO2),

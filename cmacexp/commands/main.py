@@ -78,10 +78,12 @@ def _end_sweep() -> str | None:
     """Write and print the table of the sweep of this process; how it ended, None without a sweep."""
     if Sweep.current is None:
         return None
+    from cmacexp.data.folder import full_disk_named
     from cmacexp.experiment.sweep_results import finish_sweep
 
     Sweep.current.progress.close()
-    return finish_sweep(Sweep.current)
+    with full_disk_named(Sweep.current.folder):
+        return finish_sweep(Sweep.current)
 
 
 class _Task:
@@ -135,7 +137,7 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         from cmacexp.experiment.without_effect import warnings_of
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.metrics.drift import Drift, format_drift
-        from cmacexp.report.terminal import activity, announce_compiling, print_summary, progress, say
+        from cmacexp.report.terminal import activity, announce_compiling, print_summary, progress, say, warn_of_models
 
     announce_compiling()
     check_metric(config.optimize, config.machine.kind)
@@ -143,6 +145,7 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         scenario = make_scenario(config)
     for text in warnings_of(config, hydra.overrides.task, composed):
         say(f"warning: {text}", error=True)
+    warn_of_models([config.machine])
 
     def warn(drift: Drift) -> None:
         say(f"warning: {format_drift(drift)}", error=True)

@@ -21,6 +21,7 @@ from cmacexp.experiment.workers import Each, workers
 from cmacexp.report.terminal import say
 from cmacexp.study.evidence import count_verdicts, evidence_of, format_text
 from cmacexp.study.page import Evaluated, check_page, evaluate, write_page
+from cmacexp.study.provenance import choose_witnesses, digest_study, make_provenance
 from cmacexp.study.results import Results, read_row
 from cmacexp.study.study import Request, StudyFile, load_study
 
@@ -93,8 +94,11 @@ def _write(
     ]
     results = Results(rows)
     results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
+    overrides = {collected[r][0]: r.overrides for r in requests if r.starts_from is None}
+    witnesses = choose_witnesses(results, overrides)
+    provenance = make_provenance(digest_study(path), results, witnesses, options.seeds)
     with replacing(folder, FOLDER_KEY, REPORT) as place:
-        evaluated = evaluate(file, results, place.new, options.quick)
+        evaluated = replace(evaluate(file, results, place.new, options.quick), provenance=provenance)
         write_page(study.title, study.question, [evaluated], place, options.quick)
     return replace(evaluated, files=[folder / path.relative_to(place.new) for path in evaluated.files])
 

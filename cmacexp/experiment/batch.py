@@ -1,5 +1,6 @@
 """Many runs as one table: those of a sweep, from disk, or run in memory on all cores."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import METRICS as METRICS_FILE
 from cmacexp.data.tables import Scores
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, OtherModel
 from cmacexp.experiment.sweep_results import make_column, parse_overrides
 from cmacexp.experiment.workers import workers
 from cmacexp.report.run_summary import sort_folders
@@ -80,6 +81,9 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
 
     Raises:
         CmacexpError: one of them cannot be run; nothing is returned then.
+
+    Warns:
+        OtherModel: of each robot whose model is not the one that results were measured with.
     """
     if keep not in KEPT:
         raise BadInput("keep", keep, f"choose from {', '.join(KEPT)}")
@@ -90,23 +94,27 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
         raise BadInput("runs", list(runs), "must have at least one run")
     with workers(processes=processes) as each:
         done = each("running", _run, [(list(overrides), keep, len(runs)) for overrides in runs])
+    for other in dict.fromkeys(other for _, _, other in done if other):
+        warnings.warn(other, OtherModel, stacklevel=2)
     rows = [
         {"run": number, **values, "status": status}
-        for number, (values, (status, _)) in enumerate(zip(parse_overrides(runs), done, strict=True))
+        for number, (values, (status, *_)) in enumerate(zip(parse_overrides(runs), done, strict=True))
     ]
-    return stack(rows, [table for _, table in done])
+    return stack(rows, [table for _, table, _ in done])
 
 
-def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table]:
-    """How one of so many runs ended, and what is kept of it."""
-    from cmacexp.config import to_config
-    from cmacexp.config.compose import compose_untyped
+def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table, str]:
+    """How one of so many runs ended, what is kept of it, and whether its robot is another one."""
+    from cmacexp.config.compose import compose_config
+    from cmacexp.config.machine import describe_other_model
     from cmacexp.experiment.run import score_scenario
     from cmacexp.jit.compiler import expect_runs
     from cmacexp.loop.scenario import make_scenario
 
     expect_runs(runs)
     traces = list[pa.Table]()
-    scenario = make_scenario(to_config(compose_untyped(overrides)[0]))
+    config = compose_config(overrides)
+    scenario = make_scenario(config)
     end, scorer = score_scenario(scenario, lambda new: traces.append(new.legs) if keep == TRACE else None)
-    return end.status, pa.concat_tables(traces) if traces else join_scores(scorer.scores)
+    table = pa.concat_tables(traces) if traces else join_scores(scorer.scores)
+    return end.status, table, describe_other_model(config.machine)

@@ -3,13 +3,16 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hydra.errors import HydraException
 from omegaconf import DictConfig
+from omegaconf.errors import OmegaConfBaseException
+
+from cmacexp.errors import BadInput
 
 if TYPE_CHECKING:
     from cmacexp.data.folder import Place
@@ -87,7 +90,14 @@ class Sweep:
         """Note the next jobs, before they start, and compose one of each kind; raises HydraException."""
         for overrides in batch:
             self.planned[tuple(select_run_overrides(overrides))] += 1
-            self.get_kind(sweeper, overrides).runs.append(select_run_overrides(overrides))
+            kind = self.get_kind(sweeper, overrides)
+            kind.runs.append(select_run_overrides(overrides))
+            if len(kind.runs) == 1 and kind.composed.machine.get("kind") == "robot":
+                from cmacexp.config.robot_rule import read_machine
+                from cmacexp.report.terminal import warn_of_models
+
+                with suppress(BadInput, OmegaConfBaseException):  # which the job reports
+                    warn_of_models([read_machine(kind.composed)])
 
 
 @cache

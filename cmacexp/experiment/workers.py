@@ -21,6 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from cmacexp.experiment.forking import make_context
+from cmacexp.jit.interrupt import exits_caught
 from cmacexp.report.terminal import format_progress, shown
 
 Each = Callable[..., list[Any]]
@@ -83,6 +84,7 @@ def _end_with(process: int) -> None:
     Thread(target=watch, daemon=True).start()
 
 
+@exits_caught()  # a worker would hand a SystemExit to the program, which would end with its code
 def work_on(shared: str, number: int, work: Callable[..., Any], item: tuple[Any, ...]) -> Any:
     """In any process: do one item of shared work, whose progress is reported to where ``VARIABLE`` was ``shared``."""
     os.environ[VARIABLE] = shared  # of these items: a process that works on already has that of the last ones

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -10,6 +10,7 @@ from shlex import quote
 from shutil import get_terminal_size
 from threading import Event, Thread
 
+from cmacexp.config.machine import describe_other_model
 from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING
@@ -47,6 +48,18 @@ def say(text: str, error: bool = False) -> None:
 def announce_compiling() -> None:
     """Print :data:`COMPILING`, once, if this process has to compile."""
     call_before_compiling(lambda: say(COMPILING, error=True))
+
+
+@cache
+def _warn(text: str) -> None:
+    say(f"warning: {text}", error=True)
+
+
+def warn_of_models(machines: Iterable[object]) -> None:
+    """Print, once in this process, which robots' models are not the ones that results were measured with."""
+    for machine in {repr(machine): machine for machine in machines}.values():  # a study has many equal ones
+        if other := describe_other_model(machine):
+            _warn(other)
 
 
 @contextmanager

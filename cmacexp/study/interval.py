@@ -16,13 +16,10 @@ TRIMMED_FROM = 4
 """Least number of values of which a bootstrapped mean leaves out the outer quarters."""
 UNPAIRED = -math.inf
 """In a sample of ratios: the reference failed, so that the pair says nothing."""
-EXACT, UNDEFINED, NO_REFERENCE, ONE_SEED = (
-    "deterministic",
-    "undefined",
-    "n/a: the reference fell",
-    "undecided: one seed",
-)
-"""Methods that give no interval: no seed changes the value; a run failed; all references did; one seed decides nothing."""
+EXACT, UNDEFINED = "deterministic", "undefined"
+"""Methods without an interval: no seed changes the value; a run failed before it had one."""
+NO_REFERENCE, ONE_SEED = "n/a: the reference fell", "undecided: one seed"
+"""Methods without an interval: there is nothing to compare with; nothing follows from one seed."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from cmacexp.report.page import HOW_TO_REPORT, Report, find_page, relative, writ
 from cmacexp.report.parts import Renderer, Section
 from cmacexp.study.evidence import count_verdicts, evidence_of, format_html, template
 from cmacexp.study.interval import FEW
+from cmacexp.study.provenance import PROVENANCE
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import VERDICTS, Found, Judged, Measured
 from cmacexp.study.study import StudyFile
@@ -50,6 +51,8 @@ class Evaluated:
     """Figures and tables that were written for the page."""
     runs: Mapping[Path, Manifest]
     """The manifest of each run, by folder."""
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    """What its values depend on, see :func:`cmacexp.study.provenance.make_provenance`."""
 
     @property
     def statements(self) -> Mapping[str, Judged | Found]:
@@ -166,8 +169,9 @@ def write_page(title: str, question: str, studies: Sequence[Evaluated], place: P
             reading = Markup(READING.format(few=FEW))
             sections.append(Section("How to read the values", [reading]))
         statements = {s.name: [_statement(*each, folder) for each in s.statements.items()] for s in studies}
-        place.write_text(CLAIMS, json.dumps(statements, indent=1, ensure_ascii=False) + "\n")
-        files.append(place.new / CLAIMS)
+        for name, entries in ((CLAIMS, statements), (PROVENANCE, {s.name: s.provenance for s in studies})):
+            place.write_text(name, json.dumps(entries, indent=1, ensure_ascii=False) + "\n")
+            files.append(place.new / name)
     config = {"studies": [study.name for study in studies], "quick": quick}
     hashes = {path: str(manifest["config_hash"]) for path, manifest in runs.items()}
     report = Report(title, question, sections, sorted({*files}), config, hashes)

@@ -133,6 +133,13 @@ class StudyFile:
         return self.path.with_suffix(".md")
 
 
+def find_module(path: Path) -> tuple[Path, str]:
+    """The folder that a study is imported from, that of its file or above its package, and its name there."""
+    if (path.parent / "__init__.py").is_file():
+        return path.parent.parent, f"{path.parent.name}.{path.stem}"
+    return path.parent, path.stem
+
+
 def load_study(path: Path) -> StudyFile:
     """Import the study of a file.
 
@@ -143,11 +150,10 @@ def load_study(path: Path) -> StudyFile:
         raise BadInput("study", path, "there is no such file")
     if path.suffix != ".py" or "." in path.stem:
         raise BadInput("study", path, "must be a file of Python, its name without a dot before .py")
-    in_package = (path.parent / "__init__.py").is_file()
-    root = path.parent.parent if in_package else path.parent
+    root, name = find_module(path)
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
-    module = importlib.import_module(f"{path.parent.name}.{path.stem}" if in_package else path.stem)
+    module = importlib.import_module(name)
     if module.__file__ is None or Path(module.__file__).resolve() != path:
         raise BadInput("study", path, f"another module is called {path.stem}; rename this file and its page")
     study = getattr(module, NAME, None)

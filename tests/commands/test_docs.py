@@ -1,12 +1,9 @@
 """README and documentation: every command, every block of Python and the notebook run as printed.
 
 All pages share a folder and come in the order of the site. A page can use the runs of those before it, so this file
-is run as a whole. A command that occurs again is not repeated. A comment above a block, which readers do not see,
-says what is different here:
-
-- ``<!-- tests: cycles=2 -->``: what is added to its commands, where a test need not wait as long as a reader;
-- ``<!-- exit code: 3 -->``: what its commands end with;
-- ``<!-- run by: FILE -->``: the tests that run its last command.
+is run as a whole. A command that occurs again is not repeated. ``tests/support/blocks.toml``
+says what is different here: what is added to the commands of a block, where a test need not wait as long as a reader,
+what they end with, or the tests that run its last command.
 
 ``title="my_file.py"`` makes a block a file.
 """
@@ -19,7 +16,7 @@ import re
 import pandas as pd
 import pytest
 from support.command import ROOT, python
-from support.pages import PAGES, blocks
+from support.pages import NOTES, PAGES, blocks
 
 import cmacexp
 from cmacexp.commands.main import EXIT_CODES
@@ -37,8 +34,8 @@ def steps():
     """What is done, in order: a command with what is added to it and its exit code, or the code of a script."""
     found = {}
     for block in HERE:
-        added, code = block.notes.get("tests", ""), int(block.notes.get("exit code", 0))
-        if block.language == "bash" and "run by" not in block.notes:
+        added, code = block.notes.get("tests", ""), int(block.notes.get("exit_code", 0))
+        if block.language == "bash" and "run_by" not in block.notes:
             for line in block.code.splitlines():
                 found.setdefault((line, added, code), f"{block.page}: {line}")
         elif block.language == "python" and not block.title:
@@ -180,7 +177,9 @@ def test_the_plant_of_the_page_is_learned(folder):
 
 def test_every_block_says_what_it_is():
     assert {block.language for block in ALL} <= {"bash", "c", "sh", "python", "yaml", "markdown", "text"}
-    assert {note for block in ALL for note in block.notes} <= {"tests", "exit code", "run by"}
+    first_lines = {(block.page, block.code.partition("\n")[0]) for block in ALL}
+    assert {(page, line) for page, lines in NOTES.items() for line in lines} <= first_lines
+    assert {note for block in ALL for note in block.notes} <= {"tests", "exit_code", "run_by"}
     for block in (block for block in ALL if block.language == "sh"):
         assert all(line.startswith(SET_UP) for line in block.code.splitlines()), block.code
 
@@ -188,9 +187,9 @@ def test_every_block_says_what_it_is():
 def test_what_is_not_run_here_is_run_elsewhere():
     for page, test in OWN_TEST.items():
         assert page in (ROOT / test).read_text()
-    for block in (block for block in ALL if "run by" in block.notes):
+    for block in (block for block in ALL if "run_by" in block.notes):
         module = block.code.splitlines()[-1].split()[2]
-        assert module in (ROOT / block.notes["run by"]).read_text()
+        assert module in (ROOT / block.notes["run_by"]).read_text()
 
 
 @pytest.mark.parametrize("page", PAGES)
