@@ -86,7 +86,7 @@ def measure_costs(results: Results) -> "pd.DataFrame":
     """
     import pandas as pd
 
-    cycles, rounds, stepped_rounds = (2, 3, 3) if max(results.values("cycles")) < 10 else (10, 30, 3)
+    cycles, rounds, stepped_rounds = (2, 3, 3) if max(results.values("cycles")) < 10 else (10, 30, 6)
     configs = {
         kind: compose_config(["scenario=one_leg", "reference=aware", f"cycles={cycles}", *overrides])
         for kind, overrides in {**MODELS, **LEARNERS}.items()
