@@ -13,7 +13,7 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import METRICS as METRICS_FILE
 from cmacexp.data.tables import Scores
 from cmacexp.errors import BadInput
-from cmacexp.experiment.sweep_results import make_column, parse_overrides
+from cmacexp.experiment.sweep_results import make_column, make_labels, parse_overrides
 from cmacexp.experiment.workers import workers
 from cmacexp.report.run_summary import sort_folders
 
@@ -27,9 +27,10 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
     """All metrics of all jobs of a sweep, or of all runs below a folder.
 
     Returns:
-        A row for each job, cycle and leg: ``run``, the folder of the job in that of the sweep; a column for each key
-        that some job overrides; ``status``; the columns of ``metrics.parquet`` and of ``body_metrics.parquet``, see
-        ``docs/metrics.md``. A job without metrics has one row, which lacks them.
+        A row for each job, cycle and leg: ``run``, the number of the job; ``folder``, its place below ``folder``; a
+        column for each key that some job overrides; ``status``; the columns of ``metrics.parquet`` and of
+        ``body_metrics.parquet``, see ``docs/metrics.md``. A job without metrics has one row, which lacks them. Runs
+        whose folders are not numbered, as jobs are, have the numbers 0, 1, ... in the order of their folders.
 
     Raises:
         BadRun: there is no run, or one is not intact.
@@ -38,9 +39,9 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
     runs = [StoredRun(path) for path in sort_folders(runs_below(root))]
     tables = [join_scores(run.scores if METRICS_FILE in run.manifest["files"] else None) for run in runs]
     settings = parse_overrides([run.manifest.get("overrides", []) for run in runs])
+    labels = make_labels([run.folder.relative_to(root).as_posix() for run in runs])
     rows = [
-        {"run": str(run.folder.relative_to(root)), **values, "status": run.status}
-        for run, values in zip(runs, settings, strict=True)
+        {**label, **values, "status": run.status} for label, values, run in zip(labels, settings, runs, strict=True)
     ]
     return stack(rows, tables)
 

@@ -40,8 +40,10 @@ def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[Row]]:
         return [], []
     configs = parse_overrides(typed)
     jobs = [replace(job, config=config) for job, config in zip(jobs, configs, strict=True)]
-    rows = zip(make_rows(jobs, list(configs[0])), typed, strict=True)
-    return jobs, [{"run": row["run"], "overrides": " ".join(overrides), **row} for row, overrides in rows]
+    rows = make_rows(jobs, list(configs[0]))
+    labels = make_labels([row.pop("run") for row in rows])
+    labelled = zip(labels, typed, rows, strict=True)
+    return jobs, [{**label, "overrides": " ".join(overrides), **row} for label, overrides, row in labelled]
 
 
 def _read_jobs(folder: Path) -> Iterator[tuple[RunSummary, list[str]]]:
@@ -56,6 +58,17 @@ def _read_jobs(folder: Path) -> Iterator[tuple[RunSummary, list[str]]]:
             cause, bad_input = manifest["cause"], manifest.get("bad_input", False)
             summary = RunSummary(job, "failed", cause, bad_input=bad_input) if failed else read_summary(job)
             yield replace(summary, config={}), manifest["overrides"]
+
+
+def make_labels(folders: Sequence[str]) -> list[Row]:
+    """The number of each run as ``run``, an integer in every table of runs, and its ``folder``.
+
+    A folder whose name is a number, as those of jobs are, gives it; if any has another name, or a number comes
+    again, runs are counted from 0 in the order of their folders.
+    """
+    numbers = [int(folder) for folder in folders if folder.isdecimal()]
+    numbers = numbers if len(set(numbers)) == len(folders) else list(range(len(folders)))
+    return [{"run": number, "folder": folder} for number, folder in zip(numbers, folders, strict=True)]
 
 
 def parse_overrides(typed: Sequence[Sequence[str]]) -> list[dict[str, Any]]:

@@ -43,7 +43,7 @@ def lean(tmp_path_factory):
 def test_a_job_with_metrics_alone_has_two_files_and_the_metrics_of_any_other(lean, tmp_path):
     assert {path.name for path in (lean / "0").iterdir()} == {"manifest.json", "metrics.parquet"}
     full = run(["seed=1", "cycles=1", "record=trace", "warn=false"], tmp_path / "full")
-    one = load_sweep(lean).query("run == '0'")
+    one = load_sweep(lean).query("run == 0")
     pd.testing.assert_frame_equal(one[full.metrics.columns].reset_index(drop=True), full.metrics)
 
 

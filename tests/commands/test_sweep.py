@@ -68,7 +68,8 @@ def mixed(tmp_path_factory):
 
 def test_the_table_has_a_row_for_each_job_with_overrides_status_and_metrics(mixed):
     table = table_of(mixed[0])
-    assert table["run"].tolist() == ["0", "1", "2"]
+    assert table["run"].tolist() == [0, 1, 2]
+    assert table["folder"].tolist() == ["0", "1", "2"]
     assert table["controller.velocity_gain"].tolist() == [5, 80, -1]
     assert table["status"].tolist() == ["completed", "diverged", "failed"]
     assert table["overrides"][0] == "controller.velocity_gain=5 cycles=2 record=trace"
@@ -81,7 +82,8 @@ def test_the_table_has_a_row_for_each_job_with_overrides_status_and_metrics(mixe
 
 def test_all_metrics_of_a_sweep_are_one_table(mixed, tmp_path):
     table = load_sweep(mixed[0])
-    assert table["run"].tolist() == ["0", "0", "1", "2"]
+    assert table["run"].tolist() == [0, 0, 1, 2]
+    assert table["folder"].tolist() == ["0", "0", "1", "2"]
     assert table["controller.velocity_gain"].tolist() == [5, 5, 80, -1]
     assert table["status"].tolist() == ["completed", "completed", "diverged", "failed"]
     own = pd.read_parquet(mixed[0] / "0" / "metrics.parquet")
@@ -101,7 +103,7 @@ def test_a_row_of_a_body_has_its_metrics_too(tmp_path):
 
 
 def test_both_tables_say_the_same(mixed):
-    read = pd.read_csv(mixed[0] / "sweep.csv", dtype={"run": str, "cause": str}).fillna({"cause": ""})
+    read = pd.read_csv(mixed[0] / "sweep.csv", dtype={"folder": str, "cause": str}).fillna({"cause": ""})
     pd.testing.assert_frame_equal(table_of(mixed[0]), read, check_dtype=False)
 
 
@@ -256,7 +258,9 @@ def test_jobs_that_only_hydra_understands_are_run_by_it(tmp_path):
     linked = ["cmac.resolution_elements='${cmac.layers}'", "hydra.sweep.subdir='layers-${cmac.layers}'"]
     done = cmacexp("-m", "cmac.layers=8,16", "cycles=1", *linked, "hydra.sweep.dir=s", folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert table_of(tmp_path / "s")["run"].tolist() == ["layers-8", "layers-16"]
+    for table in (table_of(tmp_path / "s"), load_sweep(tmp_path / "s")):
+        assert table["run"].tolist() == [0, 1], "an integer whatever the folders are called"
+        assert table["folder"].tolist() == ["layers-8", "layers-16"]
 
 
 def test_jobs_need_a_process(tmp_path):
@@ -290,5 +294,5 @@ def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
     continued = f"continue:  the same command with sweep.resume=true hydra.sweep.dir={tmp_path / 's'}"
     assert continued in out.replace("=s\n", f"={tmp_path / 's'}\n")
     table = table_of(tmp_path / "s")
-    assert "2" in table["run"].tolist()
+    assert 2 in table["run"].tolist()
     assert set(table["status"]) == {"completed"}
