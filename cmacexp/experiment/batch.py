@@ -1,5 +1,6 @@
 """Many runs as one table: those of a sweep, from disk, or run in memory on all cores."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,10 +13,12 @@ from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import METRICS as METRICS_FILE
 from cmacexp.data.tables import Scores
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, WithoutEffect
+from cmacexp.experiment.equal_results import Outcome, find_idle_keys, make_outcome
 from cmacexp.experiment.sweep_results import make_column, make_labels, parse_overrides
 from cmacexp.experiment.workers import workers
 from cmacexp.report.run_summary import sort_folders
+from cmacexp.report.terminal import say
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,6 +84,9 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
 
     Raises:
         CmacexpError: one of them cannot be run; nothing is returned then.
+
+    Warns:
+        WithoutEffect: of each key without effect, see ``docs/sweeps.md``; runs with ``warn=false`` do not count.
     """
     if keep not in KEPT:
         raise BadInput("keep", keep, f"choose from {', '.join(KEPT)}")
@@ -91,15 +97,21 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
         raise BadInput("runs", list(runs), "must have at least one run")
     with workers(processes=processes) as each:
         done = each("running", _run, [(list(overrides), keep, len(runs)) for overrides in runs])
+    settings, (ends, tables, outcomes) = parse_overrides(runs), zip(*done, strict=True)
+    for kind, text in find_idle_keys(settings, outcomes, list(map(str, range(len(runs)))), "runs"):
+        if kind == "warning":
+            warnings.warn(text, WithoutEffect, stacklevel=2)
+        else:
+            say(f"{kind}: {text}", error=True)
     rows = [
         {"run": number, **values, "status": status}
-        for number, (values, (status, _)) in enumerate(zip(parse_overrides(runs), done, strict=True))
+        for number, (values, status) in enumerate(zip(settings, ends, strict=True))
     ]
-    return stack(rows, [table for _, table in done])
+    return stack(rows, tables)
 
 
-def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table]:
-    """How one of so many runs ended, and what is kept of it."""
+def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table, Outcome | None]:
+    """How one of so many runs ended, what is kept of it, and what shows whether a key had an effect."""
     from cmacexp.config import to_config
     from cmacexp.config.compose import compose_untyped
     from cmacexp.experiment.run import score_scenario
@@ -108,6 +120,7 @@ def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table]:
 
     expect_runs(runs)
     traces = list[pa.Table]()
-    scenario = make_scenario(to_config(compose_untyped(overrides)[0]))
+    scenario = make_scenario(config := to_config(compose_untyped(overrides)[0]))
     end, scorer = score_scenario(scenario, lambda new: traces.append(new.legs) if keep == TRACE else None)
-    return end.status, pa.concat_tables(traces) if traces else join_scores(scorer.scores)
+    outcome = make_outcome(config, end.status, end.steps, scorer.scores)
+    return end.status, pa.concat_tables(traces) if traces else join_scores(scorer.scores), outcome

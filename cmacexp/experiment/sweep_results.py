@@ -17,6 +17,7 @@ from cmacexp.data.files import FAILED, sha256
 from cmacexp.data.folder import TABLE, TABLE_CSV
 from cmacexp.data.parquet import arrow, arrow_strings, write_table
 from cmacexp.errors import BadRun
+from cmacexp.experiment.equal_results import print_idle_keys
 from cmacexp.experiment.sweep import Sweep
 from cmacexp.report.run_summary import UNFINISHED, Row, RunSummary, make_rows, print_runs, read_summary, sort_folders
 from cmacexp.report.terminal import activity, describe_resume, print_next, say
@@ -127,6 +128,8 @@ def finish_sweep(sweep: Sweep) -> str:
     counts = Counter(job.status for job in jobs) + Counter({UNFINISHED: missing})
     ends = ", ".join(f"{count} {status}" for status, count in counts.items())
     print(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
+    results = [job for job in jobs if job.is_result]
+    print_idle_keys([job.config for job in results], [job.folder for job in results], "jobs")
     for job in failed[:MAX_LISTED_FAILURES]:
         say(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
     if len(failed) > MAX_LISTED_FAILURES:

@@ -10,7 +10,7 @@ from support.command import cmacexp, python
 
 from cmacexp import load_sweep, run, run_many
 from cmacexp.config.compose import compose_untyped, parse_override, set_values
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, WithoutEffect
 from cmacexp.experiment.launch import set_value
 
 JOBS = ["seed=1,2", "cycles=1", "warn=false"]
@@ -112,3 +112,14 @@ def test_a_study_runs_in_tasks_of_a_launcher(tmp_path):
     assert len(list((tmp_path / "st" / "tasks" / ".submitit").iterdir())) >= 2
     wrong = python(*command[:4], "other", *command[5:-3], "nosuch", folder=tmp_path)
     assert (wrong.returncode, wrong.stderr[:24]) == (2, "error: hydra/launcher=no")
+
+
+def test_a_key_without_effect_is_warned_of_a_seed_noted(capsys):
+    runs = [["feedforward=none", f"cmac.layers={n}", f"seed={s}", "cycles=1"] for n in (8, 16) for s in (0, 1)]
+    with pytest.warns(WithoutEffect) as caught:
+        run_many(runs)
+    texts = [str(warning.message) for warning in caught]
+    assert texts == ["cmac.layers had no effect: runs 0, 2 gave equal results; the same in 1 more group of runs"]
+    assert caught[0].filename == __file__
+    note = "note: seed changes nothing here, one is enough: runs 0, 1 gave equal results; the same in 1 more group"
+    assert note in capsys.readouterr().err

@@ -163,6 +163,31 @@ def test_a_part_that_raises_fails_its_job_alone(tmp_path):
     assert "in reset" in json.loads((tmp_path / "s" / "0" / "manifest.json").read_text())["traceback"]
 
 
+IDLE = """
+class Idle:
+    acts = True
+
+    def __init__(self, gain):
+        assert gain != 3, "no such gain"
+
+    def reset(self, setup):
+        pass
+
+    def predict(self, reference, learning_error):
+        return 0.0 * learning_error
+"""
+
+
+def test_a_key_of_a_custom_component_that_had_no_effect_is_reported(tmp_path):
+    (tmp_path / "mine.py").write_text(IDLE)
+    swept = ["feedforward._target_=mine.Idle", "+feedforward.gain=1,2,3", "controller.velocity_gain=5,6"]
+    done = cmacexp("-m", "scenario=force_step", *swept, "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
+    effects = [line for line in done.stderr.splitlines() if line.startswith(("warning", "note"))]
+    equal = "jobs 0, 2 gave equal results; the same in 1 more group of jobs"
+    assert effects == [f"warning: feedforward.gain had no effect: {equal}"], "jobs that failed do not count"
+    assert table_of(tmp_path / "s")["status"].tolist() == ["completed"] * 4 + ["failed"] * 2
+
+
 RESUME = ["sweep.resume=true", "hydra.sweep.dir=s"]
 
 
