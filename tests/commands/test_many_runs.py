@@ -96,7 +96,8 @@ def test_runs_that_cannot_be_are_refused(runs):
 
 STUDY = """
 from cmacexp.study import Study, grid
-STUDY = Study(title="Few", question="Does it run?", runs=lambda quick: grid("cycles=1", over={"seed": [1, 2, 3]}))
+RUNS = grid("cycles=1", "feedforward=none", over={"seed": [1, 2, 3]})
+STUDY = Study(title="Few", question="Does it run?", runs=lambda quick: RUNS)
 """
 
 
@@ -107,6 +108,7 @@ def test_a_study_runs_in_tasks_of_a_launcher(tmp_path):
     done = python(*command, "--setting", "timeout_min=5", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "3 runs, 3 of them to be run" in done.stderr
+    assert "note: seed changes nothing here, one is enough: runs one_leg-" in done.stderr
     manifests = [json.loads(path.read_text()) for path in (tmp_path / "st" / "runs").glob("*/manifest.json")]
     assert [manifest["status"] for manifest in manifests] == ["completed"] * 3
     assert len(list((tmp_path / "st" / "tasks" / ".submitit").iterdir())) >= 2
