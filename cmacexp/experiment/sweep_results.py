@@ -18,6 +18,7 @@ from cmacexp.data.folder import TABLE, TABLE_CSV
 from cmacexp.data.parquet import arrow, arrow_strings, write_table
 from cmacexp.errors import BadRun
 from cmacexp.experiment.equal_results import print_idle_keys
+from cmacexp.experiment.objective import describe_best
 from cmacexp.experiment.sweep import Sweep
 from cmacexp.report.run_summary import UNFINISHED, Row, RunSummary, make_rows, print_runs, read_summary, sort_folders
 from cmacexp.report.terminal import activity, describe_resume, print_next, say
@@ -134,6 +135,8 @@ def finish_sweep(sweep: Sweep) -> str:
         say(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
     if len(failed) > MAX_LISTED_FAILURES:
         say(f"  and {len(failed) - MAX_LISTED_FAILURES} more: see {TABLE_CSV}", error=True)
+    if sweep.optimize and sweep.direction:
+        say(f"best:      {describe_best(sweep.optimize, sweep.direction, jobs, swept)}")
     if len(failed) < len(jobs):
         print_next(sweep.folder, {"report": "report"})
     if missing or counts["interrupted"]:

@@ -18,8 +18,12 @@ from cmacexp import load_sweep
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.integrity import faults
 from cmacexp.errors import BadRun
+from cmacexp.experiment.objective import describe_best, find_direction, read_objective
 from cmacexp.experiment.sweep import Sweep
 from cmacexp.experiment.sweep_results import read_results
+from cmacexp.metrics.metric import NEITHER
+from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.report.run_summary import RunSummary
 
 SWEEPER = '''
 import json
@@ -228,19 +232,57 @@ def test_a_sweeper_can_search_over_a_metric(tmp_path):
     assert table["final_transfer_rmse_y"][1:].tolist() == found[1:]
 
 
-def test_the_objective_counts_a_fall_as_the_worst(tmp_path):
-    from cmacexp.experiment.objective import read_objective
-    from cmacexp.report.run_summary import RunSummary
+SEARCH = ["-m", "hydra/sweeper=optuna", "hydra.sweeper.sampler.seed=1", "hydra.sweeper.n_trials=4", "cycles=3"]
 
-    values = {"force_rmse": 0.5, "force_steady_state_error": -0.2, "feedforward_share": 0.7, "margin_front_min": 0.01}
+
+AIMS = [("feedforward_share", "maximize"), ("transfer_rmse_y", "minimize")]
+
+
+@pytest.mark.parametrize(("metric", "direction"), AIMS)
+def test_a_search_goes_in_the_direction_that_is_better_and_names_the_best_job(metric, direction, tmp_path):
+    """Of its jobs one diverges and one fails: neither may be the best."""
+    search = [*SEARCH, "learning.rate=interval(0.05,3.0)", f"optimize={metric}", "hydra.sweep.dir=s"]
+    done = cmacexp(*search, folder=tmp_path)
+    table = table_of(tmp_path / "s")
+    assert table["status"].tolist() == ["diverged", "failed", "completed", "completed"]
+    values = table[f"final_{metric}"]
+    best = table.iloc[values.idxmax() if direction == "maximize" else values.idxmin()]
+    found = yaml.safe_load((tmp_path / "s" / "optimization_results.yaml").read_text())
+    assert found["best_value"] == best[f"final_{metric}"]
+    assert found["best_params"] == {"learning.rate": best["learning.rate"]}
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("best: ")]
+    named = f"best:      #{best['run']} learning.rate={best['learning.rate']}: {metric} = "
+    assert line.startswith(named)
+    assert line.endswith(f", in s/{best['run']}")
+    hydra = yaml.safe_load((tmp_path / "s" / str(best["run"]) / ".hydra" / "hydra.yaml").read_text())
+    assert hydra["hydra"]["sweeper"]["direction"] == direction
+
+
+def test_a_sweep_without_a_search_names_its_best_job_too(tmp_path):
+    swept = ["scenario=force_step", "controller.velocity_gain=5,6", "cycles=1", "optimize=force_rmse"]
+    done = cmacexp("-m", *swept, "hydra.sweep.dir=s", folder=tmp_path)
+    best = table_of(tmp_path / "s")["final_force_rmse"].idxmin()
+    assert f"best:      #{best} controller.velocity_gain={5 + best}: force_rmse = " in done.stdout
+
+
+def test_every_metric_is_searched_in_the_direction_that_is_better():
+    for name, metric in ALL_METRICS.items():
+        directions = {"large": "maximize", "small": "minimize", "near 0": "minimize"}
+        assert find_direction(name, None, searches=False) == directions.get(metric.better)
+        if metric.better == NEITHER:
+            assert find_direction(name, "maximize", searches=True) == "maximize"
+
+
+def test_the_objective_counts_a_fall_as_the_worst(tmp_path):
+    values = {"force_rmse": 0.5, "force_steady_state_error": -0.2, "feedforward_share": 0.7, "height_mean": 0.5}
     metrics = {name: np.array([9.0, value]) for name, value in values.items()}
     done, fell = (RunSummary(tmp_path, status, "", cycles=2, metrics=metrics) for status in ("completed", "fell"))
-    assert read_objective("force_rmse", done) == 0.5
-    assert read_objective("force_steady_state_error", done) == 0.2
-    assert read_objective("feedforward_share", done) == 0.7
-    assert read_objective("margin_front_min", done) == 0.01
-    assert read_objective("force_rmse", fell) == read_objective("tilt_max", done) == float("inf")
-    assert read_objective("feedforward_share", fell) == read_objective("margin_front_min", fell) == float("-inf")
+    for name, value in values.items():
+        assert read_objective(name, done, None) == abs(value)
+        assert read_objective(name, fell, "minimize") == read_objective(name, fell, None) == float("inf")
+        assert read_objective(name, fell, "maximize") == float("-inf")
+    assert read_objective("tilt_max", done, "minimize") == float("inf"), "it has no such metric"
+    assert describe_best("force_rmse", "minimize", [fell], []) == "none: no job completed with a value of force_rmse"
 
 
 KINDS = ["-m", "cmac.layers=8,0", "feedforward=cmac,none", "cycles=1"]
