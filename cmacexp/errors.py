@@ -131,7 +131,7 @@ class BadComponent(BadInput):
 
 
 class WithoutEffect(UserWarning):
-    """An override has no effect; the message says what it needs. Issued by :func:`cmacexp.run`."""
+    """An override has no effect: declared so in :func:`cmacexp.run`, seen in results by :func:`cmacexp.run_many`."""
 
 
 class OtherModel(UserWarning):

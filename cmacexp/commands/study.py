@@ -17,6 +17,8 @@ from cmacexp.data.manifest import REPORT
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
 from cmacexp.experiment.collect import Collected, collect
+from cmacexp.experiment.equal_results import print_idle_keys
+from cmacexp.experiment.sweep_results import parse_overrides
 from cmacexp.experiment.workers import Each, workers
 from cmacexp.report.terminal import say
 from cmacexp.study.evidence import count_verdicts, evidence_of, format_text
@@ -27,6 +29,7 @@ from cmacexp.study.study import Request, StudyFile, load_study
 
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"
+START = "learning.start_from"
 SEEDS = 5
 WORKERS = 8
 
@@ -123,7 +126,19 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluate
             )
             for file in files
         ]
-        return each("evaluating", _write, items)
+        evaluated = each("evaluating", _write, items)
+    for own in requests.values():
+        _print_idle_keys(own, collected)
+    return evaluated
+
+
+def _print_idle_keys(requests: Sequence[Request], collected: Collected) -> None:
+    """Print the keys that had no effect in the runs of one study."""
+    typed = []
+    for request in requests:
+        starts = [] if request.starts_from is None else [f"{START}={collected[request.starts_from][0]}"]
+        typed.append([*request.overrides, *starts])
+    print_idle_keys(parse_overrides(typed), [collected[request][0] for request in requests], "runs")
 
 
 def write_study(file: StudyFile, options: Options) -> Path:

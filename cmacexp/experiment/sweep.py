@@ -36,14 +36,22 @@ class Sweep:
     """The sweep of this process.
 
     ``place`` is its folder once that is locked, for the table; ``planned`` counts jobs by their overrides, see
-    :func:`select_run_overrides`; ``kinds`` are those of :meth:`get_kind`.
+    :func:`select_run_overrides`; ``kinds`` are those of :meth:`get_kind`. ``optimize`` is the metric that jobs
+    return, ``direction`` whether to ``minimize`` or to ``maximize`` it; None: nobody said.
     """
 
     current: "Sweep | None" = None
     """The sweep that this process started."""
 
-    def __init__(self, folder: Path, chunk: int | None = None, processes: int | None = None):
+    def __init__(
+        self,
+        folder: Path,
+        chunk: int | None = None,
+        processes: int | None = None,
+        objective: tuple[str | None, str | None] = (None, None),
+    ):
         self.folder, self.chunk, self.processes = folder, chunk, processes
+        self.optimize, self.direction = objective
         self.place: Place | None = None
         self.planned: Counter[tuple[str, ...]] = Counter()
         self.kinds: dict[tuple[str, ...], Kind] = {}

@@ -22,7 +22,7 @@ from typing import Any
 
 from cmacexp.experiment.forking import make_context
 from cmacexp.jit.interrupt import exits_caught
-from cmacexp.report.terminal import format_progress, shown
+from cmacexp.report.terminal import State, format_progress, shown
 
 Each = Callable[..., list[Any]]
 RunAll = Callable[..., list[Any]]
@@ -41,15 +41,15 @@ def shared_progress(what: str, count: Callable[[], int], unit: str = "") -> Iter
         os.environ[VARIABLE] = f"{socket.gethostname()} {os.getpid()} {file.name}"
         path, began = Path(file.name), time.monotonic()
 
-        def describe() -> str:
+        def look() -> State:
             nonlocal began
             shares = [share for (share,) in SHARE.iter_unpack(path.read_bytes())]
             done, failed = sum(min(share, 1.0) for share in shares), shares.count(FAILED_SHARE)
             began = began if done else time.monotonic()  # workers take seconds to start
-            text = format_progress(what, done, count(), unit, time.monotonic() - began)
-            return f"{text}, {failed} failed" if failed else text
+            text = format_progress(what, done, total := count(), unit, time.monotonic() - began)
+            return f"{text}, {failed} failed" if failed else text, done / total if total else None
 
-        with shown(describe):
+        with shown(look):
             yield path
         del os.environ[VARIABLE]
 
