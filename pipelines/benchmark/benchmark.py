@@ -20,9 +20,9 @@ NAME = "benchmark"
 TITLE = "Learned feedforward under contact"
 QUESTION = "How well do methods learn the torque of legs that press on the ground, when something changes for them?"
 ON_MODEL, RBF, ILC, REPETITIVE = "CMAC on model", "RBF", "ILC", "repetitive control"
-MODEL, HEAVY, IDENTIFIED = "model", "model 20 % heavy", "model, identified"
+MODEL, HEAVY, SMOOTH, IDENTIFIED = "model", "model 20 % heavy", "model, smooth plan", "model, identified"
 NOMINAL = (MODEL, "model 20 % light", HEAVY)
-MODELS = (*NOMINAL, IDENTIFIED)
+MODELS = (*NOMINAL, SMOOTH, IDENTIFIED)
 LEARNERS = (CMAC, ON_MODEL, RBF, ILC, "MLP", "norm-optimal ILC", "Fourier features", "adaptive regressor", REPETITIVE)
 CYCLES = "cycles to a tenth"
 """Column of the chosen settings: median in the worlds of tuning."""
@@ -135,9 +135,9 @@ def _findings(machine: str) -> dict[str, Finding]:
             [_criterion(f"{SCORE}, CMAC over a model", _ratio(machine, CMAC, name), at_most(CLEARLY), at_least(1.0),
                         case=name) for name in MODELS],
             yes=f"{machine}: the CMAC ends clearly better than every model ({{value}} of the score of the nominal "
-                "one, {values[3]} of that of the identified one).",
+                "one, {values[4]} of that of the identified one).",
             no=f"{machine}: the CMAC does not end clearly better than every model ({{value}} of the score of the "
-               "nominal one, {values[3]} of that of the identified one).",
+               "nominal one, {values[4]} of that of the identified one).",
         ),
         f"identified_{machine}": Finding(
             [_criterion(f"{SCORE}, identified over nominal model", _ratio(machine, IDENTIFIED, MODEL),
@@ -154,6 +154,14 @@ def _findings(machine: str) -> dict[str, Finding]:
                 "masses lie evenly around it ({value} of its score).",
             no=f"{machine}: a model with masses 20 % too heavy is not clearly better than the nominal one ({{value}} "
                "of its score).",
+        ),
+        f"smooth_{machine}": Finding(
+            [_criterion(f"{SCORE}, the nominal model along a smooth plan over that along the plan",
+                        _ratio(machine, SMOOTH, MODEL), at_most(CLEARLY), at_least(1.0))],
+            yes=f"{machine}: along a plan that passed a low-pass, which turns jumps of its velocity into impulses, the "
+                "nominal model is clearly better ({value} of its score).",
+            no=f"{machine}: along a plan that passed a low-pass, which turns jumps of its velocity into impulses, the "
+               "nominal model is not clearly better ({value} of its score).",
         ),
         f"rbf_{machine}": Finding(
             [_criterion(f"{SCORE}, RBF over CMAC, {kind}", _ratio(machine, RBF, CMAC), at_most(CLEARLY),

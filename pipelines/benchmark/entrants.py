@@ -70,12 +70,15 @@ def list_methods() -> list[Method]:
     """All methods of the benchmark."""
     of_rbf, of_ilc = (_list_tuned(FEEDFORWARD, each.Config) for each in (RadialBasis, IterativeLearning))
     model = ("feedforward=inverse_dynamics",)
+    # With parameters that no data can change, the nominal model along a plan whose velocity does not jump.
+    smooth = replace(enter(f"{OWN}.identified.Identified", "model, smooth plan"), learns=False)
     return [
         Method(ALONE, ("feedforward=none",)),
         Method("model", model),
         Method("model 20 % light", (*model, "feedforward.mass_factor=0.8")),
         Method("model 20 % heavy", (*model, "feedforward.mass_factor=1.2")),
-        replace(enter(f"{OWN}.identified.Identified", "model, identified"), tuned=(), learns=False),
+        replace(smooth, overrides=(*smooth.overrides, "++feedforward.prior=1e6"), tuned=()),
+        replace(smooth, name="model, identified"),
         Method(CMAC, ("feedforward=cmac",), [*LEARNING, *CMAC_SIZE], learns=True),
         Method("CMAC on model", ("feedforward=cmac_on_model",), [*LEARNING, *CMAC_SIZE], learns=True),
         Method("RBF", ("feedforward=rbf",), [*LEARNING, *of_rbf], learns=True),

@@ -95,12 +95,28 @@ def identify(scenario):
 
 def test_least_squares_find_masses_and_ground_that_are_wrong(make_config):
     """On a path without jumps, from two cycles of feedback only; the factor of the contact force stays 1."""
-    smooth = (*LEG, METHODS["identified"], "gait.vertical=two_cubics", "cycles=4", "terrain.stiffness=15")
+    method = (METHODS["identified"], "+feedforward.prior=1e-3")
+    smooth = (*LEG, *method, "gait.vertical=two_cubics", "cycles=4", "terrain.stiffness=15")
     known = ("terrain.assumed_stiffness=10", "plant.mass_factor=1.2")
     inertia, gravity, contact, *_ = identify(make_scenario(make_config(*smooth, *known)))
     assert_allclose(gravity, 1.2, rtol=0.02)
     assert_allclose(contact, 1.0, rtol=0.05)
     assert_allclose(inertia, 1.2, rtol=0.2)
+
+
+def test_a_plan_without_jumps_gives_the_nominal_model_the_impulse_at_lift_off(make_config):
+    """With true masses and ground: the error of a model along the plan is that of the impulse which it lacks."""
+    smooth = (METHODS["identified"], "+feedforward.prior=1e6")
+    errors = {}
+    for vertical in ("cubic", "two_cubics"):
+        own = (*LEG, f"gait.vertical={vertical}", "cycles=5")
+        model, filtered = (
+            transfer_error(roll_out(make_scenario(make_config(*own, *more))))
+            for more in (("feedforward=inverse_dynamics",), smooth)
+        )
+        errors[vertical] = model, filtered
+    assert errors["cubic"][1] < 0.3 * errors["cubic"][0]
+    assert errors["two_cubics"][0] < 0.05 * errors["cubic"][0]
 
 
 def test_a_model_is_identified_from_feedback_only_and_then_fixed(make_config):

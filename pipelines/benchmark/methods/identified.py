@@ -13,7 +13,7 @@ from cmacexp.planning.columns import Y
 from cmacexp.planning.setup import Reference, Setup
 from cmacexp.plants.protocol import Measurement
 from cmacexp.typing import Array, Weights
-from pipelines.benchmark.methods.adaptive import MODEL, RIDGE, make_regressor
+from pipelines.benchmark.methods.adaptive import MODEL, make_regressor
 from pipelines.benchmark.methods.model_torques import columns
 from pipelines.benchmark.methods.norm_optimal import low_pass
 
@@ -47,8 +47,10 @@ class Identified:
 
         cycles: int = number("", at_least=1, at_most=1000, default=2)
         """Cycles that are measured."""
-        cutoff: float = number("Hz", above=0, at_most=1e6, default=15.0)
+        cutoff: float = number("Hz", above=0, at_most=1e6, default=15.0, tuned=(3.0, 40.0))
         """Frequency at which the gain of a Gaussian low-pass of angles and torque is 1/sqrt(2)."""
+        prior: float = number("", above=0, at_most=1e6, default=1.0, tuned=(0.01, 10.0))
+        """Weight of the nominal parameters, over that of the data on a column of Y that is unlike all others."""
 
     acts = True
 
@@ -124,6 +126,6 @@ class Identified:
             size = np.sqrt(np.mean(rows**2, axis=0))
             scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 1e-9)
             scaled, left = rows * scale, taken[:, i].ravel() - rows @ nominal
-            power = scaled.T @ scaled + RIDGE * len(rows) * np.eye(len(nominal))
+            power = scaled.T @ scaled + self.config.prior * len(rows) * np.eye(len(nominal))
             own[:] = nominal + scale * np.linalg.solve(power, scaled.T @ left)
         return found
