@@ -14,6 +14,7 @@ from cmacexp.commands.study import main
 from cmacexp.report.figures import Panel, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
 from cmacexp.study.curves import over_setting
+from cmacexp.study.samples import quotients
 from cmacexp.study.statements import Limit
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
@@ -128,9 +129,7 @@ def cost_of_crowding(results: Results, layers: int) -> Array:
 
 def weigh(results: Results) -> Array:
     """(worlds,): what collisions in crowded memory cost few layers, over what they cost many."""
-    costs = [cost_of_crowding(results, layers) for layers in (FEW, MANY)]
-    with np.errstate(invalid="ignore"):
-        return np.where(np.isinf(costs[0]), np.inf, costs[0] / costs[1])
+    return quotients(*(cost_of_crowding(results, layers) for layers in (FEW, MANY)))
 
 
 def cost_with_room(results: Results) -> Array:

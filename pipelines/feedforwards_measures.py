@@ -19,7 +19,7 @@ from pipelines.common_results import plane_error
 if TYPE_CHECKING:
     import pandas as pd
 
-ALONE, EXACT, CMAC, ANGLES = "feedback alone", "exact model", "CMAC", "CMAC of angles"
+ALONE, EXACT, CMAC, ANGLES = "feedback only", "exact model", "CMAC", "CMAC of angles"
 RBF, MLP, ILC = "RBF", "MLP", "ILC"
 LIGHT, HEAVY = "masses 20 % too light", "masses 20 % too heavy"
 MODELS: dict[str, tuple[str, ...]] = {
@@ -53,7 +53,7 @@ def error_at(results: Results, cycle: int) -> Array:
 
 
 def small_error(results: Results) -> float:
-    """A tenth of the transfer error of feedback alone in its last cycle, mm."""
+    """A tenth of the transfer error of feedback only in its last cycle, mm."""
     return 0.1 * float(errors(results.select(kind=ALONE))[0, -1])
 
 

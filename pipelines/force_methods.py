@@ -17,6 +17,7 @@ from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
 from cmacexp.study.curves import over_setting
+from cmacexp.study.samples import quotients
 from cmacexp.study.statements import Limit
 from cmacexp.study.study import Values
 from cmacexp.study.tables import tabulate
@@ -94,10 +95,7 @@ def _over_best_other(results: Results, metric: str) -> Array:
     rests = np.isfinite(results.at(1, metric)) & (results.measure("rest_error") <= EXACT.high)
     values = np.where(rests, results.at(1, metric), np.inf)
     combined = np.array([row.settings["method"] == "combined" for row in results.rows])
-    if not rests[combined].all():
-        return np.array([np.inf])
-    ratio: Array = values[combined] / values[~combined].min()
-    return ratio
+    return quotients(values[combined], float(values[~combined].min()))
 
 
 def predicted_force(config: dict[str, Any]) -> float:

@@ -6,11 +6,11 @@ from cmacexp.models.robot import load_mujoco
 from cmacexp.models.robot_file import find_model
 from cmacexp.study import Request, grid
 
-ALONE, EXACT, HEAVY = "feedback alone", "exact model", "model 20 % too heavy"
+ALONE, EXACT, HEAVY = "feedback only", "nominal model", "model 20 % too heavy"
 CMAC, ON_MODEL, ILC, RBF = "CMAC", "CMAC on that model", "ILC", "RBF"
-ALONE_LIGHT, CMAC_LIGHT = "feedback alone, lighter robot", "CMAC, lighter robot"
+ALONE_LIGHT, CMAC_LIGHT = "feedback only, lighter robot", "CMAC, lighter robot"
 LIGHTER = tuple(f"plant.as_built.{name}_factor={1 / 1.2:.4f}" for name in ("trunk_mass", "trunk_inertia", "leg_mass"))
-"""A robot of which model, plan and gains believe that trunk, thighs and calves weigh 20 % more."""
+"""A robot whose trunk, thighs and calves weigh 20 % more in model, plan and gains than in the plant."""
 FEEDFORWARDS, STARTS, OTHERS, GROUND, LEFT_OUT = "feedforwards", "starts", "others", "ground", "left out"
 LEAD, PLANAR = "lead", "planar"
 """The parts of the study."""
@@ -95,7 +95,7 @@ def _with_feedforwards(quick: bool) -> list[Request]:
 
 
 def _elsewhere(quick: bool) -> list[Request]:
-    """Feedback alone and a CMAC on the rigid floor, and on the further robots."""
+    """Feedback only and a CMAC on the rigid floor, and on the further robots."""
     tried = {TRIED: ROBOTS[TRIED]}
     found = []
     for part, robots, texts, cycles in (

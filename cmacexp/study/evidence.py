@@ -37,7 +37,7 @@ def gather(criteria: Sequence[Criterion], measured: Mapping[str, Sequence[Any]])
         )
         reason = criterion.infinite if value == INFINITE else ""
         holds, fails = (criterion.format_limit(each) if each else "" for each in (criterion.holds, criterion.fails))
-        row = Row(criterion.case, value, reason, interval, size, holds, fails, verdict)
+        row = Row(criterion.case, value, reason, interval, size, holds, fails, verdict if holds else "")
         found.setdefault(criterion.quantity, []).append(row)
     return found
 

@@ -12,7 +12,7 @@ from cmacexp.typing import Array
 Sample = Callable[[Results], Array]
 
 
-def quotients(values: Array, references: Array) -> Array:
+def quotients(values: Array, references: Array | float) -> Array:
     """Values over references, pair by pair: infinite where the run failed, ``UNPAIRED`` where its reference did."""
     values, references = np.broadcast_arrays(values, references)
     found = np.where(np.isfinite(references), np.inf, UNPAIRED)

@@ -58,11 +58,15 @@ class Limit:
         return self.low <= interval.reach and interval.low <= self.high
 
     def describe(self, scale: float, unit: str) -> str:
-        """E.g. ``at most 5 %``."""
+        """E.g. ``at most 5 %``; nothing of ``ANY``."""
         low, high = scale * self.low, scale * self.high
         if math.isinf(low):
-            return f"at most {format_number(high, unit)}"
+            return "" if math.isinf(high) else f"at most {format_number(high, unit)}"
         return f"at least {format_number(low, unit)}" if math.isinf(high) else _format_range(low, high, unit)
+
+
+ANY = Limit()
+"""Of a criterion whose value only stands beside others: it decides nothing."""
 
 
 def at_most(value: float) -> Limit:
@@ -124,6 +128,8 @@ class Measured:
     def verdict(self) -> str:
         """One of ``VERDICTS``, but for ``reproduced in part``."""
         holds, fails = self.criterion.holds, self.criterion.fails
+        if holds == ANY:
+            return REPRODUCED
         if self.interval.method in (UNDEFINED, NO_REFERENCE, ONE_SEED):
             return INCONCLUSIVE
         if holds.contains(self.interval):
@@ -196,7 +202,7 @@ class Judged:
     @property
     def verdict(self) -> str:
         """That of all criteria together, one of ``VERDICTS``."""
-        found = {each.verdict for each in self.measured}
+        found = {each.verdict for each in self.measured if each.criterion.holds != ANY}
         if len(found) == 1:
             return found.pop()
         if INCONCLUSIVE in found:

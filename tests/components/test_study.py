@@ -11,7 +11,19 @@ import pytest
 
 from cmacexp.errors import BadInput
 from cmacexp.report.run_summary import RunSummary
-from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, at_most, between, grid, starting_from
+from cmacexp.study import (
+    ANY,
+    Claim,
+    Criterion,
+    Finding,
+    Panel,
+    Results,
+    at_least,
+    at_most,
+    between,
+    grid,
+    starting_from,
+)
 from cmacexp.study.curves import over_setting
 from cmacexp.study.evidence import evidence_of, format_html, format_text
 from cmacexp.study.interval import EXACT, FEW, NO_REFERENCE, ONE_SEED, Interval, estimate
@@ -211,6 +223,15 @@ def criterion(*sample: float, fails=OPPOSITE) -> Criterion:
 def test_each_verdict_from_where_the_intervals_lie(criteria, verdict):
     assert Claim("it is small", "section 1", criteria).judge(made(0.1)).verdict == verdict
     assert verdict in VERDICTS
+
+
+@pytest.mark.parametrize("sample", [[7.0], [math.inf]])
+def test_a_value_without_a_limit_stands_beside_others_and_decides_nothing(sample):
+    beside = Criterion("height", lambda results: sample, ANY)
+    judged = Claim("it is small", "section 1", [criterion(1.5), beside]).judge(made(0.1))
+    assert judged.verdict == "not reproduced"
+    (row,) = evidence_of(judged)["height"]
+    assert (row.limit, row.verdict) == ("", "")
 
 
 @pytest.mark.parametrize(
