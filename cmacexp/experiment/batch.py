@@ -114,7 +114,7 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
 
 
 def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table, Outcome | None, str]:
-    """How one of so many runs ended, what is kept of it, what shows idle keys, and whether its robot is another one."""
+    """How one of so many runs ended, what is kept of it, what shows idle keys, and that its robot is another one."""
     from cmacexp.config.compose import compose_config
     from cmacexp.config.machine import describe_other_model
     from cmacexp.experiment.run import score_scenario

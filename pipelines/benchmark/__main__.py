@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import cmacexp
 from cmacexp.commands.study import FOLDER_KEY, Options, command, study_parser
+from cmacexp.config import to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.custom_code import custom_code_hash, find_sources
 from cmacexp.config.machine import RobotMachine, read_model
@@ -23,7 +24,7 @@ from cmacexp.data.manifest import REPORT, git_commit, versions
 from cmacexp.errors import BadInput
 from cmacexp.jit.sources import code_hash
 from cmacexp.report.run_summary import read_summary
-from cmacexp.report.terminal import say
+from cmacexp.report.terminal import say, warn_of_models
 from cmacexp.report.terminal_tables import print_table
 from cmacexp.study.page import evaluate, write_page
 from cmacexp.study.provenance import digest_files, make_provenance, make_witness
@@ -74,6 +75,7 @@ def _describe(done: dict[str, Any], machines: dict[str, Machine], methods: list[
     seconds: dict[str, dict[str, float]] = {}
     for row in done["costs"].itertuples():
         seconds.setdefault(row.machine, {})[row.method] = row.seconds_per_step
+    configs = [to_plain(compose_config(machine.overrides)) for machine in machines.values()]
     base = next(iter(machines.values())).overrides
     sources = {m.name: custom_code_hash(compose_config([*base, *m.overrides])) for m in methods}
     entry = {
@@ -82,7 +84,7 @@ def _describe(done: dict[str, Any], machines: dict[str, Machine], methods: list[
         "tasks_hash": hash_tasks(machines),
         "code_hash": code_hash(),
         "git_commit": git_commit(),
-        "versions": versions(),
+        "versions": {name: number for config in configs for name, number in versions(config).items()},
         "methods": {m.name: {"overrides": list(m.overrides), "custom_code": sources[m.name]} for m in methods},
         "settings": chosen,
         "seconds_per_step": seconds,
@@ -157,6 +159,7 @@ def run(arguments: argparse.Namespace, options: Options) -> Path:
             raise BadInput("--machine", name, f"choose from {', '.join(MACHINES)}, {ALL}")
     machines = {name: make_quick(MACHINES[name]) if options.quick else MACHINES[name] for name in names}
     methods = choose_methods(arguments.methods, arguments.method)
+    warn_of_models(compose_config(machine.overrides).machine for machine in machines.values())
     return _write(_run(options, machines, methods), machines, methods, options)
 
 
