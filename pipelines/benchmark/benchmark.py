@@ -158,10 +158,10 @@ def _findings(machine: str) -> dict[str, Finding]:
         f"smooth_{machine}": Finding(
             [_criterion(f"{SCORE}, the nominal model along a smooth plan over that along the plan",
                         _ratio(machine, SMOOTH, MODEL), at_most(CLEARLY), at_least(1.0))],
-            yes=f"{machine}: along a low-passed plan, in which jumps of the velocity become impulses, the nominal "
-                "model is clearly better ({value} of its score).",
-            no=f"{machine}: along a low-passed plan, in which jumps of the velocity become impulses, the nominal "
-               "model is not clearly better ({value} of its score).",
+            yes=f"{machine}: along a plan after a low-pass, which turns jumps of velocity into impulses, the "
+                "nominal model is clearly better ({value} of its score).",
+            no=f"{machine}: along a plan after a low-pass, which turns jumps of velocity into impulses, the "
+               "nominal model is not clearly better ({value} of its score).",
         ),
         f"rbf_{machine}": Finding(
             [_criterion(f"{SCORE}, RBF over CMAC, {kind}", _ratio(machine, RBF, CMAC), at_most(CLEARLY),

@@ -128,6 +128,15 @@ def test_a_model_is_identified_from_feedback_only_and_then_fixed(make_config):
     assert_array_equal(torque[5], torque[3])
 
 
+def test_a_run_that_was_too_short_to_identify_leaves_feedback_only(make_config):
+    """Also where the controller adds the desired force, which a model of zero torque would take away."""
+    own = (*LEG, METHODS["identified"], "reference=force_feedforward", "cycles=3")
+    short = make_scenario(make_config(*own))
+    roll_out(short)
+    after = make_scenario(make_config(*own, "learning.start_cycle=1"), short.feedforward.learnt())
+    assert not roll_out(after).columns()["tau_feedforward_1"].any()
+
+
 def test_the_known_model_acts_until_it_is_identified_anew(make_config, learnt):
     scenario = make_scenario(make_config(*LEG, METHODS["identified"], "learning.start_cycle=1", "cycles=5"), {
         "parameters": learnt["identified"][1]["parameters"]

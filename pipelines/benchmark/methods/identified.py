@@ -68,11 +68,11 @@ class Identified:
         shape = (samples, legs, setup.mechanism.shape[1])
         self.angles, self.taken, self.force = np.zeros(shape), np.zeros(shape), np.zeros((samples, legs))
         self.seen = 0
-        if setup.learnt is not None:
+        if setup.learnt is not None and setup.learnt["parameters"].any():
             self.use(setup.learnt["parameters"])
 
     def learnt(self) -> Weights:
-        """``parameters`` (L, P): factors of inertia, gravity and contact; friction and rotor of each joint."""
+        """``parameters`` (L, P): factors of inertia, gravity and contact; friction and rotor; 0 if not identified."""
         return {"parameters": self.parameters.copy()}
 
     def use(self, parameters: Array) -> None:
