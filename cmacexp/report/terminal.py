@@ -1,6 +1,5 @@
 """Printing in the terminal: that compiling takes place, how work goes on, how a run ended, what to do next."""
 
-import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -9,7 +8,6 @@ from functools import cache
 from pathlib import Path
 from shlex import quote
 from threading import Event, Thread
-from typing import TextIO
 
 from cmacexp.config.machine import describe_other_model
 from cmacexp.data.parquet import as_array
@@ -19,7 +17,8 @@ from cmacexp.errors import in_one_line
 from cmacexp.jit.compiler import call_before_compiling
 from cmacexp.metrics.body import describe_load
 from cmacexp.metrics.drift import describe_guard, format_drift, read_drift_entry
-from cmacexp.report.outputs import keep_outputs
+from cmacexp.report.outputs import is_screen
+from cmacexp.report.outputs import say as say
 from cmacexp.report.terminal_tables import KEY, print_scores
 
 NEXT = {"report": "report", "replay": "replay"}
@@ -28,32 +27,12 @@ SCREEN_DELAY, SCREEN_INTERVAL = 0.3, 0.1
 """Seconds before a terminal shows work, so that short work does not import rich; and between two states of it."""
 FIRST_LINE_DELAY, LINE_INTERVAL = 2.0, 10.0
 """Seconds of work after which a log has its first line of it, and the next at the earliest."""
-CLEAR = "\r\x1b[2K"
-"""Clears the line of a terminal."""
 BAR_WIDTH = 24
 """Characters of a bar in a terminal."""
 UNITS = ((3600.0, "h"), (60.0, "min"), (0.0, "s"))
 COMPILING = "compiling the control loop: takes up to half a minute, once; so many steps repay it"
 State = tuple[str, float | None]
 """How far some work is: as text, and what is done of it, 0 to 1; None: unknown."""
-
-
-def _is_screen(stream: TextIO) -> bool:
-    """Whether an output is a terminal whose lines can be cleared."""
-    return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
-
-
-def say(text: str, error: bool = False) -> None:
-    """Print one line at once; control characters, which a folder's name or a file can hold, as in Python.
-
-    An output that is closed does no harm to the run, in a worker process either. In a terminal the line takes the
-    place of the state of work that this process, or that of the sweep, may show there: all in one write, which no
-    other process can interrupt.
-    """
-    keep_outputs()
-    stream = sys.stderr if error else sys.stdout
-    stream.write(f"{CLEAR if _is_screen(stream) else ''}{in_one_line(text)}\n")
-    stream.flush()
 
 
 @cache
@@ -112,7 +91,7 @@ def _write_lines(look: Callable[[], State], ended: Event) -> None:
 def shown(look: Callable[[], State]) -> Iterator[None]:
     """Show the state of work on stderr: in a terminal a bar, in a log a line now and then."""
     ended = Event()
-    writer = Thread(target=_draw if _is_screen(sys.stderr) else _write_lines, args=(look, ended), daemon=True)
+    writer = Thread(target=_draw if is_screen(sys.stderr) else _write_lines, args=(look, ended), daemon=True)
     writer.start()
     try:
         yield
