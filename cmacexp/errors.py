@@ -63,7 +63,25 @@ def _is_user_code(frame: TracebackType) -> bool:
     file = Path(frame.tb_frame.f_code.co_filename)
     hydra = getattr(sys.modules.get("hydra"), "__file__", None)
     other_code = [Path(origin).parent for origin in (__file__, importlib.__file__, hydra) if origin]
-    return "<frozen" not in str(file) and not any(file.is_relative_to(folder) for folder in other_code)
+    if "<frozen" in str(file) or file.name == "contextlib.py":  # which calls what a context manager decorates
+        return False
+    return not any(file.is_relative_to(folder) for folder in other_code)
+
+
+def _find_user_frame(error: BaseException) -> TracebackType | None:
+    frame = error.__traceback__
+    while frame is not None and not _is_user_code(frame):
+        frame = frame.tb_next
+    return frame
+
+
+def describe_exit(error: SystemExit) -> str:
+    """Which function of the user's own raised ``SystemExit``, or called what did, with its file and line."""
+    frame = _find_user_frame(error) or error.__traceback__
+    assert frame is not None  # it has been raised
+    code = frame.tb_frame.f_code
+    where = f"{Path(code.co_filename).name}, line {frame.tb_lineno}"
+    return f"{code.co_qualname} raised SystemExit({error.code!r}) ({where})"
 
 
 def format_user_traceback(error: BaseException) -> str:
@@ -72,9 +90,7 @@ def format_user_traceback(error: BaseException) -> str:
     Frames of this project, Hydra and the import system that come before are left out. If no frame is the user's,
     the traceback is complete, but for a file with a syntax error, which has no frame of its own, none is shown.
     """
-    frame = error.__traceback__
-    while frame is not None and not _is_user_code(frame):
-        frame = frame.tb_next
+    frame = _find_user_frame(error)
     if frame is None and not isinstance(error, SyntaxError):
         frame = error.__traceback__
     return "".join(traceback.format_exception(type(error), error, frame))
@@ -115,11 +131,19 @@ class BadComponent(BadInput):
 
 
 class WithoutEffect(UserWarning):
-    """An override has no effect; the message says what it needs. Issued by :func:`cmacexp.run`."""
+    """An override has no effect: declared so in :func:`cmacexp.run`, seen in results by :func:`cmacexp.run_many`."""
+
+
+class OtherModel(UserWarning):
+    """The model of a robot is not the one that results were measured with. Issued by :func:`cmacexp.run`."""
 
 
 class BadOutput(CmacexpError):
     """A component returned what the loop cannot use; the message names class, method, and what was expected."""
+
+
+class ComponentExit(RuntimeError):
+    """A component raised ``SystemExit``, which would end the program: its run fails, as with any other error."""
 
 
 class Diverged(CmacexpError):

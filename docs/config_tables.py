@@ -9,17 +9,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import Field, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
-from types import NoneType
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
-import yaml
-
-from cmacexp.cmac.rules import RULES
+from cmacexp.commands.group_help import describe_allowed, describe_option, format_typed
 from cmacexp.config import Config, to_config
 from cmacexp.config.component import config_folder
 from cmacexp.config.compose import compose_untyped
 from cmacexp.config.describe import read_meanings
-from cmacexp.config.fields import describe_range
 from cmacexp.errors import CmacexpError
 
 PLACE = re.compile("<!-- fields: begin -->.*<!-- fields: end -->", flags=re.DOTALL)
@@ -34,8 +30,6 @@ OF_ROBOTS = ("walk", "amble", "trot", "pace", "mujoco_robot_rigid")
 GROUPS = [
     name for name, kind in Config.__annotations__.items() if kind is not str and (config_folder() / name).is_dir()
 ]
-NAMES = {"rule": RULES}
-"""Names that a field takes, where they are a table of the code and not of the config."""
 VARIES = "depends on NAME"
 
 
@@ -53,17 +47,6 @@ class Row(NamedTuple):
     field: "Field[Any]"
     schema: type
     value: object
-
-
-def allowed(field: "Field[Any]") -> str:
-    """The values that a field takes, in words."""
-    if names := field.metadata.get("choices") or NAMES.get(field.name):
-        words = ", ".join(f"`{name}`" for name in names)
-    elif "unit" in field.metadata:
-        words = describe_range(dict(field.metadata)).removeprefix("must be ")
-    else:
-        words = "`true`, `false`" if field.type is bool else "a name"
-    return words + (" or `null`" if NoneType in get_args(field.type) else "")
 
 
 def children(node: Any) -> dict[str, Any]:
@@ -98,7 +81,7 @@ def shown(value: object) -> str:
     """A value as it is typed."""
     if value == VARIES:
         return VARIES
-    return f"`{yaml.safe_dump(value, default_flow_style=True, width=1000).splitlines()[0]}`"
+    return f"`{format_typed(value)}`"
 
 
 def table_of(nodes: Mapping[str, Any], prefix: str, without: Sequence[str] = ()) -> str:
@@ -111,7 +94,11 @@ def table_of(nodes: Mapping[str, Any], prefix: str, without: Sequence[str] = ())
             continue
         values = {name: rows[name].get(key, row).value for name in others}
         other = [f"{name}: {shown(value)}" for name, value in values.items() if value != row.value]
-        about = (row.field.metadata.get("unit", ""), allowed(row.field), "; ".join([shown(row.value), *other]))
+        about = (
+            row.field.metadata.get("unit", ""),
+            describe_allowed(row.field),
+            "; ".join([shown(row.value), *other]),
+        )
         text += f"| `{key}` | {' | '.join(about)} | {read_meanings(row.schema).get(row.field.name, '')} |\n"
     inner = [nodes[first], *children(nodes[first]).values()] if prefix else []
     named = [children(each) for each in inner if are_alike(children(each))]
@@ -140,12 +127,6 @@ def describe_robot(option: str) -> Any:
     """The node of a robot, whose model need not be installed; what follows from the model is shown as its rule."""
     node = composed("scenario=robot", f"machine={option}", f"machine.path={MODEL}")[0].machine
     return replace(node, path=None, hip_height="${rule:hip_height}")
-
-
-def describe_option(path: Path) -> str:
-    """What the comment at the beginning of an option says."""
-    lines = [line.removeprefix("# ") for line in path.read_text().splitlines() if line.startswith("#")]
-    return " ".join(line for line in lines if not line.startswith("@"))
 
 
 def section_of(group: str) -> str:

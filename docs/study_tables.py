@@ -3,7 +3,6 @@
 A new study needs no edit of it. Figures are those of a full run below outputs/studies, if there is one.
 """
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,14 @@ from cmacexp.commands.study import FOLDER
 from cmacexp.data.folder import FIGURES, HTML
 from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES
 from cmacexp.study.study import StudyFile
-from pipelines.quotes import DOCS, QUOTED, Quotable, all_studies, claims_of, format_statement
+from pipelines.quotes import DOCS, Quotable, all_studies, claims_of, fill_quotes, find_block, format_statement
+from pipelines.results import read_results
 
 ORDER = (*VERDICTS, YES, NO, UNCLEAR, "not measured yet")
-PLACE = re.compile("<!-- studies: begin -->.*<!-- studies: end -->", flags=re.DOTALL)
+LIST = "{{ studies() }}"
 """Where the list stands in the page studies.md."""
+BLOCK = re.compile(r'\{\{ block\("README.md", "([\w-]+)"\) \}\}')
+"""A generated block of the README, on another page."""
 OUTPUTS = DOCS.parent / FOLDER
 FIGURE = re.compile(r'<figure id="(\w+)">(?:<h3>(.*?)</h3>)?.*?<figcaption>(.*?)</figcaption>', re.DOTALL)
 """In a report: name, title and caption."""
@@ -46,10 +48,22 @@ def figures_of(name: str) -> list[tuple[Path, str]]:
     ]
 
 
+def describe_run(name: str) -> str:
+    """When a study last ran in full, with how much, and whether its code has changed since."""
+    results = read_results()
+    state = results.find_state(name)
+    if name not in results.studies:
+        return "It has never been run in full.\n"
+    study = results.studies[name]
+    extent = f"{study['runs']} runs, {study['seeds']} seeds"
+    return f"Last run in full on {state.date} ({extent}). Its code is {state.state}.\n"
+
+
 def page_of(file: StudyFile, results: Quotable) -> str:
     """The page of a study."""
     study, figures = file.study, [text for _, text in figures_of(file.name)]
-    text = f"# {study.title}\n\n{study.question}\n\n`python -m pipelines.{file.name}` answers it again.\n"
+    text = f"# {study.title}\n\n{study.question}\n\n`python -m pipelines.{file.name}` answers it again. "
+    text += describe_run(file.name)
     if study.claims:
         text += f"\n## Claims of the paper\n{claims_of(file, results)}"
     if study.findings:
@@ -73,11 +87,6 @@ def list_of(results: Quotable) -> str:
     return "\n".join(["| study | question | statements |", "|---|---|---|", *(f"| {' | '.join(c)} |" for c in cells)])
 
 
-def read_results() -> Quotable:
-    """What the last full studies gave."""
-    return dict(json.loads(QUOTED.read_text(encoding="utf-8")))
-
-
 def on_config(config: Any) -> Any:
     """Add the pages below that of the studies; mkdocs calls this once."""
     pages = ["studies.md", *(f"studies/{file.name}.md" for file in all_studies())]
@@ -90,7 +99,7 @@ def on_files(files: Any, config: Any) -> Any:
     """Make the pages; mkdocs calls this once."""
     from mkdocs.structure.files import File
 
-    results = read_results()
+    results = read_results().statements
     for study in all_studies():
         files.append(File.generated(config, f"studies/{study.name}.md", content=page_of(study, results)))
         for path, _ in figures_of(study.name):
@@ -100,7 +109,9 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any = None, **_: Any) -> str:
-    """Fill the list, and link the names of studies in brackets; mkdocs calls this for every page."""
-    names = "|".join(file.name for file in all_studies())
-    text = PLACE.sub(lambda _: list_of(read_results()), markdown)
+    """Fill quotes, blocks and the list, link names of studies in brackets; mkdocs calls this for every page."""
+    results, names = read_results().statements, "|".join(file.name for file in all_studies())
+    readme = (DOCS.parent / "README.md").read_text(encoding="utf-8")
+    text = BLOCK.sub(lambda match: find_block(readme, match[1]), markdown)
+    text = fill_quotes(text, results).replace(LIST, list_of(results))
     return re.sub(rf"\(`({names})`\)", r"([`\1`](studies/\1.md))", text)

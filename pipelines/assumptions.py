@@ -221,7 +221,7 @@ CONCLUSIONS: Mapping[str, Mapping[str, Conclusion]] = {
         **_conclusions(f"cycle {CYCLE}", CYCLE),
         "force error": Conclusion(f"error of the settled force, cycle {CYCLE}, %", _percent, between(-5.0, 5.0)),
         "force alone": Conclusion(
-            "settled force of the first cycle, with feedback alone, N", value("force_settled", 1), between(0.8, 1.0)
+            "settled force of the first cycle, with feedback only, N", value("force_settled", 1), between(0.8, 1.0)
         ),
     },
     WALK: {

@@ -8,7 +8,7 @@ import numpy as np
 
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.study.results import Results
-from cmacexp.study.samples import per_seed, relative
+from cmacexp.study.samples import per_seed, quotients, relative
 from cmacexp.typing import Array
 
 SIDES = ("transfer_rmse_x", "transfer_rmse_y")
@@ -32,7 +32,7 @@ def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
     """(runs of ``own``,): transfer errors over the mean of ``base``, in x or y, the larger.
 
     Args:
-        own: runs to compare; one that ended early counts as infinitely large, whatever the others did.
+        own: runs to compare; one that ended early counts as infinitely large.
         base: runs to compare with.
         cycle: whose errors; None: at the end.
     """
@@ -40,9 +40,7 @@ def worsening(own: Results, base: Results, cycle: int | None = None) -> Array:
     def errors(results: Results, side: str) -> Array:
         return results.end(side) if cycle is None else results.at(cycle, side)
 
-    pairs = [(errors(own, side), errors(base, side).mean()) for side in SIDES]
-    with np.errstate(invalid="ignore"):
-        return np.max([np.where(np.isinf(ours), np.inf, ours / theirs) for ours, theirs in pairs], axis=0)
+    return np.max([quotients(errors(own, side), errors(base, side).mean()) for side in SIDES], axis=0)
 
 
 def worsening_in_worlds(own: Results, base: Results, cycle: int | None = None) -> Array:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cmacexp.data.stored_run import StoredRun
+from cmacexp.metrics.registry import SHOWN
 from cmacexp.metrics.text import format_number
 from cmacexp.report.curves import find_log
 from cmacexp.report.figures import draw
@@ -14,7 +15,7 @@ from cmacexp.study.curves import over_cycles
 from cmacexp.study.interval import estimate
 from cmacexp.study.results import Results, Row
 from cmacexp.study.samples import ended_in
-from cmacexp.study.statements import Criterion, Limit
+from cmacexp.study.statements import ANY, Criterion, Limit
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array, Mask
 
@@ -33,6 +34,11 @@ def plane_error(row: Row) -> Array:
     x, y = (row.summary.metrics.get(f"transfer_rmse_{side}", np.empty(0)) for side in "xy")
     error: Array = np.hypot(x, y)
     return error
+
+
+def growth(late: Array, early: Array) -> Array:
+    """(runs,): a value late in each run over the one early in the same run; infinite of a run that ended before."""
+    return np.divide(late, early, out=np.full(np.shape(late), np.inf), where=np.isfinite(late))
 
 
 def share_done(results: Results) -> Array:
@@ -64,6 +70,13 @@ def draw_cycles(results: Results, names: Sequence[str], by: str, columns: int = 
     """A figure of :func:`over_cycles` for each metric, logarithmic where its values span decades."""
     panels = [over_cycles(results, name, by) for name in names]
     return draw([replace(panel, log=find_log(panel.series, "y")) for panel in panels], columns)
+
+
+def itself(
+    quantity: str, name: str, sample: Callable[[Results], Array], case: str, of: Mapping[str, Any] | None = None
+) -> Criterion:
+    """A metric in its unit, beside a ratio of it: without a limit, since only what the ratio compares can fail."""
+    return Criterion(quantity, sample, ANY, unit=SHOWN[name].unit, scale=SHOWN[name].factor, of=of or {}, case=case)
 
 
 def percent(

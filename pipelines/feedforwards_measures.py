@@ -19,7 +19,7 @@ from pipelines.common_results import plane_error
 if TYPE_CHECKING:
     import pandas as pd
 
-ALONE, EXACT, CMAC, ANGLES = "feedback alone", "exact model", "CMAC", "CMAC of angles"
+ALONE, EXACT, CMAC, ANGLES = "feedback only", "exact model", "CMAC", "CMAC of angles"
 RBF, MLP, ILC = "RBF", "MLP", "ILC"
 LIGHT, HEAVY = "masses 20 % too light", "masses 20 % too heavy"
 MODELS: dict[str, tuple[str, ...]] = {
@@ -53,7 +53,7 @@ def error_at(results: Results, cycle: int) -> Array:
 
 
 def small_error(results: Results) -> float:
-    """A tenth of the transfer error of feedback alone in its last cycle, mm."""
+    """A tenth of the transfer error of feedback only in its last cycle, mm."""
     return 0.1 * float(errors(results.select(kind=ALONE))[0, -1])
 
 
@@ -86,7 +86,7 @@ def measure_costs(results: Results) -> "pd.DataFrame":
     """
     import pandas as pd
 
-    cycles, rounds, stepped_rounds = (2, 3, 3) if max(results.values("cycles")) < 10 else (10, 30, 3)
+    cycles, rounds, stepped_rounds = (2, 3, 3) if max(results.values("cycles")) < 10 else (10, 30, 6)
     configs = {
         kind: compose_config(["scenario=one_leg", "reference=aware", f"cycles={cycles}", *overrides])
         for kind, overrides in {**MODELS, **LEARNERS}.items()

@@ -263,7 +263,7 @@ FINDINGS = {
         [
             _criterion(
                 stroke,
-                f"error of {RBF} in its first cycle with a new stroke, over that of feedback alone",
+                f"error of {RBF} in its first cycle with a new stroke, over that with feedback only",
                 compare({"kind": RBF, "start": CARRIED}, {"kind": ALONE}, partial(error_at, cycle=1)),
                 at_most(LITTLE),
                 stroke,
@@ -273,7 +273,7 @@ FINDINGS = {
         ],
         yes=f"{WORLDS} RBF carries most of what it has learnt over to another stroke.",
         no=f"{WORLDS} RBF loses much of what it has learnt when the stroke changes: {{value}} and {{values[1]}} of "
-        "the error of feedback alone are left in the first cycle.",
+        "the error of feedback only are left in the first cycle.",
     ),
     "carries_more": Finding(
         [

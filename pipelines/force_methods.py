@@ -17,7 +17,9 @@ from cmacexp.planning.reference import Gains, compute_support_reference
 from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, grid
 from cmacexp.study.curves import over_setting
+from cmacexp.study.samples import quotients
 from cmacexp.study.statements import Limit
+from cmacexp.study.study import Values
 from cmacexp.study.tables import tabulate
 from cmacexp.typing import Array
 from pipelines.common_results import percent
@@ -34,6 +36,9 @@ which the stiffness of the controlled mass follows."""
 FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)
 """True over assumed ground stiffness."""
 HEAVIER = "machine.mass=1.0"
+CLEARANCE = "machine.start_clearance"
+CLEARANCES = (0.05, 0.02, 0.035, 0.075, 0.1)
+"""Heights of the release over known ground, m, first that of the scenario; the paper gives none."""
 KNOWN, FREE, MISMATCH, SPRING = "known ground", "no ground", "ground not as assumed", "spring"
 GROUNDS = {f"{stiffness:g} N/m": [f"terrain.stiffness={stiffness}"] for stiffness in (ASSUMED, 100.0)}
 EXACT, WRONG = at_most(0.02), at_least(0.1)
@@ -51,9 +56,10 @@ def runs(quick: bool) -> list[Request]:
     elasticity = {"force_control.elasticity": (0.0, 0.1) if quick else (0.0, 0.01, 0.03, 0.1, 0.3)}
     grounds = {"terrain.stiffness": [ASSUMED, ASSUMED * STIFFER]}
     resting = METHODS | {"explicit": [*METHODS["explicit"], HEAVIER]}
+    known: Values = {"ground": GROUNDS, CLEARANCE: CLEARANCES[: 2 if quick else None]}
     return [
-        *grid(step, over={"method": METHODS, "ground": GROUNDS}, part=KNOWN),
-        *grid(step, HEAVIER, over={"method": {"explicit": METHODS["explicit"]}, "ground": GROUNDS}, part=KNOWN),
+        *grid(step, over={"method": METHODS, **known}, part=KNOWN),
+        *grid(step, HEAVIER, over={"method": {"explicit": METHODS["explicit"]}, **known}, part=KNOWN),
         *grid(step, assumed, "terrain.stiffness=0.001", over={"method": METHODS}, part=FREE),
         *grid(step, assumed, over={"method": resting, **stiffness}, part=MISMATCH),
         *grid(step, assumed, "force_control=stiffness", over={**elasticity, **grounds}, part=SPRING),
@@ -81,14 +87,15 @@ def end_speed(run: StoredRun) -> float:
 
 
 def over_best_other(results: Results, metric: str) -> Array:
-    """(1,): a metric of combined control over the least of others that come to rest; inf if it does not itself."""
+    """(clearances,): a metric of combined control over the least of others that come to rest; inf if it does not."""
+    return np.concatenate([_over_best_other(own, metric) for own in results.by(CLEARANCE).values()])
+
+
+def _over_best_other(results: Results, metric: str) -> Array:
     rests = np.isfinite(results.at(1, metric)) & (results.measure("rest_error") <= EXACT.high)
     values = np.where(rests, results.at(1, metric), np.inf)
     combined = np.array([row.settings["method"] == "combined" for row in results.rows])
-    if not rests[combined].all():
-        return np.array([np.inf])
-    ratio: Array = values[combined] / values[~combined].min()
-    return ratio
+    return quotients(values[combined], float(values[~combined].min()))
 
 
 def predicted_force(config: dict[str, Any]) -> float:
@@ -302,7 +309,8 @@ def values(results: Results) -> dict[str, Any]:
     """Settings of the runs."""
     known = _as_printed(results.select(part=KNOWN))
     return {
-        "mass": known.value("machine.mass"), "clearance": 1e3 * known.value("machine.start_clearance"),
+        "mass": known.value("machine.mass"), "clearance": 1e3 * CLEARANCES[0],
+        "lowest": 1e3 * min(known.values(CLEARANCE)), "highest": 1e3 * max(known.values(CLEARANCE)),
         "assumed": ASSUMED, "desired": known.value("force_control.desired_force"), "most_force": MOST_FORCE,
     }  # fmt: skip
 
@@ -316,10 +324,10 @@ STUDY = Study(
     claims=CLAIMS,
     findings=FINDINGS,
     figures={
-        "forces": lambda r: draw_forces(_as_printed(r.select(part=KNOWN))),
+        "forces": lambda r: draw_forces(_as_printed(r.select({CLEARANCE: CLEARANCES[0]}, part=KNOWN))),
         "mismatch": lambda r: draw_mismatch(r.select(part=MISMATCH)),
     },
-    tables={"methods": lambda r: table(r.select(part=KNOWN))},
+    tables={"methods": lambda r: table(r.select({CLEARANCE: CLEARANCES[0]}, part=KNOWN))},
     values=values,
 )
 

@@ -1,7 +1,7 @@
-"""The guard of learning: whether a run that learns can end worse than with feedback alone.
+"""The guard of learning: whether a run that learns can end worse than with feedback only.
 
 ``python -m pipelines.guard`` (needs the extra ``robots``; its quick form goes without) draws worlds and settings of
-one leg, of the quadruped and of two robots by chance, and runs each by feedback alone, with guarded and with
+one leg, of the quadruped and of two robots by chance, and runs each with feedback only, with guarded and with
 unguarded learning. One leg learns on for long with random settings.
 """
 
@@ -31,19 +31,19 @@ from pipelines.guard_measures import (
 from pipelines.guard_worlds import ALIENGO, GO1, ONE_LEG, QUADRUPED, SCENARIOS, draw_settings
 
 NUMBER = {ONE_LEG: 240, QUADRUPED: 480, GO1: 45, ALIENGO: 45}
-"""Worlds that are drawn: in some feedback alone does not complete."""
+"""Worlds that are drawn: in some feedback only does not complete."""
 CYCLES = {ONE_LEG: 100, QUADRUPED: 100, GO1: 40, ALIENGO: 40}
 LASTING, LONG_NUMBER, LONG = "long", 110, 10_000
-"""The part of the study in which one leg learns for long; its settings, with some of which feedback alone fails, and
+"""The part of the study in which one leg learns for long; its settings, with some of which feedback only fails, and
 their cycles."""
 ALONE_CYCLES = 20
-"""Cycles for which feedback alone has to walk with these settings."""
+"""Cycles for which feedback only has to walk with these settings."""
 STEADY = 1.2
 """Level over that of the best cycle that counts as kept."""
 
 
 def runs(quick: bool) -> list[Request]:
-    """Every world by feedback alone, guarded and unguarded; the long runs.
+    """Every world with feedback only, guarded and unguarded; the long runs.
 
     Raises:
         BadInput: the models of the robots are not installed; says how to install them.
@@ -65,7 +65,7 @@ def runs(quick: bool) -> list[Request]:
 
 
 def find_long(results: Results) -> Results:
-    """The long runs with settings with which feedback alone walks."""
+    """The long runs with settings with which feedback only walks."""
     alone, guarded = (results.select(part=LASTING, kind=kind).rows for kind in (ALONE, GUARDED))
     walks = {row.settings["world"] for row in alone if row.summary.status == "completed"}
     return Results([row for row in guarded if row.settings["world"] in walks], results.computed)
@@ -102,7 +102,7 @@ def values(results: Results) -> dict[str, Any]:
 
 STUDY = Study(
     title="The guard of learning",
-    question="Can a run that learns end worse than with feedback alone, when its learning is guarded?",
+    question="Can a run that learns end worse than with feedback only, when its learning is guarded?",
     runs=runs,
     measures={ERROR: measure_error, LEVEL: measure_level},
     findings=FINDINGS,

@@ -1,4 +1,4 @@
-"""What the study of the guard of learning runs and measures: random worlds, by feedback alone beside learning."""
+"""What the study of the guard of learning runs and measures: random worlds, with feedback only beside learning."""
 
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-ALONE, GUARDED, UNGUARDED = "feedback alone", "guarded", "unguarded"
+ALONE, GUARDED, UNGUARDED = "feedback only", "guarded", "unguarded"
 KINDS = {ALONE: ("feedforward=none",), GUARDED: ("learning.guard=freeze",), UNGUARDED: ("learning.guard=none",)}
 ERROR, LEVEL = "error", "level"
 """Measures."""
 ENOUGH = 0.95
 """Share of the worlds, at the lower end of its interval, that must be no worse."""
 WORSE = 1.05
-"""Error over that of feedback alone up to which it counts as no worse."""
+"""Error over that with feedback only up to which it counts as no worse."""
 WORLDS = "worlds"
 """The part of the study with random worlds."""
 QUICK_NUMBER, QUICK = 2, 4
@@ -33,7 +33,7 @@ QUICK_NUMBER, QUICK = 2, 4
 
 
 def request_worlds(machine: str, number: int, cycles: int) -> list[Request]:
-    """The first ``number`` worlds of a machine, each by feedback alone, guarded and unguarded."""
+    """The first ``number`` worlds of a machine, each with feedback only, guarded and unguarded."""
     common = (*SCENARIOS[machine], f"cycles={cycles}", f"record.cycles=[{cycles}]", "warn=false")
     labels: dict[str, Any] = {"part": WORLDS, "machine": machine}
     return [
@@ -68,7 +68,7 @@ def measure_level(run: StoredRun) -> float:
 
 
 def compare(results: Results, name: str, kind: str) -> Array:
-    """(worlds,): a measure over that of feedback alone in the same world, where that completes."""
+    """(worlds,): a measure over that with feedback only in the same world, where that completes."""
     alone = {
         row.settings["world"]: row for row in results.select(kind=ALONE).rows if row.summary.status == "completed"
     }
@@ -90,35 +90,35 @@ def _end(row: Row, name: str) -> float:
 
 
 def no_worse(results: Results, kind: str) -> Array:
-    """(worlds,): whether the error at the end is that of feedback alone at most."""
+    """(worlds,): whether the error at the end is that of feedback only at most."""
     return np.array(compare(results, ERROR, kind) <= WORSE)
 
 
 def completes(results: Results, kind: str) -> Array:
-    """(worlds,): whether a run ends as planned where feedback alone does."""
+    """(worlds,): whether a run ends as planned where feedback only does."""
     return np.array(np.isfinite(compare(results, ERROR, kind)))
 
 
 def never_worse(machine: str) -> Finding:
-    """Whether guarded learning is ever worse than feedback alone."""
+    """Whether guarded learning is ever worse than feedback only."""
     of, name = {"part": WORLDS, "machine": machine}, machine[0].upper() + machine[1:]
     return Finding(
         [
             percent("guarded runs that complete", partial(completes, kind=GUARDED), at_least(ENOUGH), of=of),
             percent(
-                f"guarded runs whose error is at most {WORSE:g} times that of feedback alone",
+                f"guarded runs whose error is at most {WORSE:g} times that of feedback only",
                 partial(no_worse, kind=GUARDED), at_least(ENOUGH), of=of,
             ),
         ],
-        yes=f"{name}: guarded learning ends no worse than feedback alone. {{value}} of the runs complete, and "
+        yes=f"{name}: guarded learning ends no worse than feedback only. {{value}} of the runs complete, and "
         "{values[1]} have no larger error.",
-        no=f"{name}: guarded learning can end worse than feedback alone. {{value}} of the runs complete, and "
+        no=f"{name}: guarded learning can end worse than feedback only. {{value}} of the runs complete, and "
         "{values[1]} have no larger error.",
     )  # fmt: skip
 
 
 def table_worlds(results: Results) -> "pd.DataFrame":
-    """How guarded and unguarded runs end, over feedback alone, for every machine."""
+    """How guarded and unguarded runs end, over feedback only, for every machine."""
     import pandas as pd
 
     rows: list[dict[str, Any]] = []
@@ -132,7 +132,7 @@ def table_worlds(results: Results) -> "pd.DataFrame":
                     "worlds": len(error),
                     "complete": int(np.isfinite(error).sum()),
                     "no worse": int((error <= WORSE).sum()),
-                    "error over feedback alone, median": float(np.median(error)),
+                    "error over feedback only, median": float(np.median(error)),
                     "largest": float(error.max()),
                     "force error, median": float(np.median(force)),
                     "greater force error": int((force > WORSE).sum()),
@@ -142,7 +142,7 @@ def table_worlds(results: Results) -> "pd.DataFrame":
 
 
 def draw_errors(results: Results) -> "Figure":
-    """Error over that of feedback alone, of all worlds in the order of their ratio."""
+    """Error over that with feedback only, of all worlds in the order of their ratio."""
     panels = []
     for machine, worlds in results.select(part=WORLDS).by("machine").items():
         ratios = {kind: np.sort(compare(worlds, ERROR, kind)) for kind in (GUARDED, UNGUARDED)}
@@ -150,12 +150,12 @@ def draw_errors(results: Results) -> "Figure":
             Series(kind, np.arange(1.0, len(ratio) + 1)[np.isfinite(ratio)], ratio[np.isfinite(ratio)])
             for kind, ratio in ratios.items()
         ]
-        panels.append(Panel(machine, "worlds, in order", "error over feedback alone", series, log="y"))
+        panels.append(Panel(machine, "worlds, in order", "error over feedback only", series, log="y"))
     return draw(panels, columns=2)
 
 
 def count_worlds(results: Results) -> dict[str, Any]:
-    """Worlds that were drawn, and those in which feedback alone completes, by machine."""
+    """Worlds that were drawn, and those in which feedback only completes, by machine."""
     machines = results.select(part=WORLDS).by("machine")
     alone = {machine: worlds.select(kind=ALONE) for machine, worlds in machines.items()}
     return {

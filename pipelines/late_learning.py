@@ -54,7 +54,7 @@ CHOICES = {DEFAULT: (), **SETTINGS, **OTHER_RULES, **LEADS}
 """Of one leg."""
 CYCLES, QUICK_CYCLES, LAST = 300, 4, 10
 HELD, AS_GOOD, HARMLESS = 1.5, 1.25, 1.05
-"""Final error over the least of the run up to which learning holds, over another one as good, over feedback alone."""
+"""Final error over the least of the run up to which learning holds, over another one as good, over feedback only."""
 
 
 def runs(quick: bool) -> list[Request]:
@@ -94,7 +94,7 @@ def over_least(results: Results) -> Array:
 
 
 def over_alone(results: Results) -> Array:
-    """(runs,): final error over that of the first cycle, feedback alone."""
+    """(runs,): final error over that of the first cycle, feedback only."""
     return final(results) / np.array([plane_error(row)[0] for row in results.rows])
 
 
@@ -174,9 +174,9 @@ FINDINGS = {
     ),
     **{
         f"wrong_{machine}": Finding(
-            _by_world("final error over feedback alone", over_alone, at_most(HARMLESS), part=WRONG, machine=machine),
-            yes=f"{name_of(machine)}: guarded learning with lead 1 ends no worse than feedback alone in every world.",
-            no=f"{name_of(machine)}: guarded learning with lead 1 ends worse than feedback alone in some worlds.",
+            _by_world("final error over feedback only", over_alone, at_most(HARMLESS), part=WRONG, machine=machine),
+            yes=f"{name_of(machine)}: guarded learning with lead 1 ends no worse than feedback only in every world.",
+            no=f"{name_of(machine)}: guarded learning with lead 1 ends worse than feedback only in some worlds.",
         )
         for machine in MACHINES
     },

@@ -20,7 +20,7 @@ from cmacexp.study.samples import Sample, ratio
 from cmacexp.study.statements import Limit
 from cmacexp.typing import Array
 from pipelines import one_leg_learning_trace as trace
-from pipelines.common_results import draw_cycles, percent
+from pipelines.common_results import draw_cycles, growth, percent
 from pipelines.one_leg_learning_trace import CYCLES, FIFTH, FIRST, SECOND
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def _end(name: str) -> Sample:
 
 
 def _over(top: Sample, bottom: Sample) -> Sample:
-    return lambda results: top(results) / bottom(results)
+    return lambda results: growth(top(results), bottom(results))
 
 
 def _feedback_share(results: Results, cycle: int = FIFTH) -> Array:
@@ -275,8 +275,8 @@ FINDINGS = {
     ),
     "statics": Finding(
         [of_paper("difference of the settled force from statics", _statics_deviation, at_most(0.02))],
-        yes="Statics with the weight of the leg give the force at which feedback alone settles.",
-        no="Statics with the weight of the leg miss the force at which feedback alone settles by {value}.",
+        yes="Statics with the weight of the leg give the force at which feedback only settles.",
+        no="Statics with the weight of the leg miss the force at which feedback only settles by {value}.",
     ),
     "bias": Finding(
         [

@@ -162,7 +162,7 @@ def weight_at_foot(rows: pd.DataFrame, config: Config) -> float:
 
 
 def feedback_force(config: Config, weight: float) -> float:
-    """Force at which feedback alone and a weight at the foot balance the ground, N.
+    """Force at which feedback only and a weight at the foot balance the ground, N.
 
     K_ap (D_r - P_fn F - F/K_n) - K_av V_fn F + weight = F.
     """

@@ -4,14 +4,15 @@
 longer than the paper, and draws the paper's figures from these runs.
 """
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from cmacexp.commands.study import main
 from cmacexp.study import Claim, Criterion, Finding, Request, Results, Study, at_least, at_most, between, grid
-from cmacexp.study.samples import Sample, ratio
+from cmacexp.study.samples import Sample, quotients, ratio
 from cmacexp.study.statements import Limit
 from cmacexp.study.tables import completed, ends, tabulate
 from cmacexp.typing import Array
@@ -27,14 +28,17 @@ if TYPE_CHECKING:
 LADDER, NOISE, LONG = "ladder", "noise", "long"
 """Parts of the study."""
 FEEDBACK, NO_POSTURE, NO_CMAC = "feedback", "feedback + CMAC", "feedback + posture"
-ALL, PRINTED = "all, aware reference", "all, eq. 24 as printed"
+ALL = "all"
 CONTROLLERS = {
     FEEDBACK: ["feedforward=none", "posture.gain=0"],
     NO_POSTURE: ["posture.gain=0", "learning.start_cycle=1"],
     NO_CMAC: ["feedforward=none"],
     ALL: [],
-    PRINTED: ["reference=literal"],
 }
+PRINTED: dict[str, Any] = {"reference": "literal"}
+AWARE: dict[str, Any] = {"reference": "aware"}
+"""Eq. 24 as printed, by which claims are judged, and without its term F_d/K_ap once a CMAC acts."""
+REFERENCES = {"reference": [reference["reference"] for reference in (PRINTED, AWARE)]}
 UNSEEDED = (FEEDBACK, NO_CMAC)
 """Controllers that learn nothing, so that with perfect sensors no seed matters."""
 PUBLISHED, LEAD = "as published", "lead of one sample"
@@ -72,22 +76,22 @@ def runs(quick: bool) -> list[Request]:
     walk = ("scenario=quadruped", f"cycles={short}")
     found = []
     for name, overrides in CONTROLLERS.items():
-        found += grid(*walk, *overrides, seeded=name not in UNSEEDED, part=LADDER, controller=name)
+        found += grid(*walk, *overrides, over=REFERENCES, seeded=name not in UNSEEDED, part=LADDER, controller=name)
     last = ",".join(str(cycle) for cycle in range(max(1, short - LATE + 1), short + 1))
     noisy = ["sensors=real", *(f"sensors.{key}={level}" for key, level in NOISES.items())]
     for name in (NO_CMAC, ALL):
         own = (*walk, *CONTROLLERS[name], *noisy, f"record.cycles=[{last}]")
-        found += grid(*own, seeded=True, part=NOISE, controller=name)
+        found += grid(*own, over=REFERENCES, seeded=True, part=NOISE, controller=name)
     run = ("scenario=quadruped", f"cycles={long}", "record.cycles=[1]")
     return found + grid(*run, over={"law": LAWS}, seeded=True, part=LONG, controller=ALL)
 
 
 def events(results: Results) -> "pd.DataFrame":
-    """The events of the full controllers: one row per run and whole cycle."""
+    """The events of the full controller with both references: one row per run and whole cycle."""
     import pandas as pd
 
-    own = results.select(part=LADDER, controller=[ALL, PRINTED])
-    labels = [{name: row.settings[name] for name in ("controller", "seed")} for row in own.rows]
+    own = results.select(part=LADDER, controller=ALL)
+    labels = [{name: row.settings[name] for name in ("reference", "seed")} for row in own.rows]
     found = [
         measured.events_in(run).assign(run=str(run.folder), **by) for run, by in zip(own.runs, labels, strict=True)
     ]
@@ -95,16 +99,16 @@ def events(results: Results) -> "pd.DataFrame":
 
 
 def deviations(results: Results) -> "pd.DataFrame":
-    """What noise changes in the last cycles, by controller and seed: ``feet``, mm, and ``force``, N.
+    """What noise changes in the last cycles, by controller, reference and seed: ``feet``, mm, and ``force``, N.
 
-    RMS over all samples and legs of the difference from the run with perfect sensors, the same controller and seed;
-    infinite if either run did not complete.
+    RMS over all samples and legs of the difference from the run with perfect sensors and the same settings; infinite
+    if either run did not complete.
     """
     import pandas as pd
 
     noisy, rows = results.select(part=NOISE), []
     for row, run in zip(noisy.rows, noisy.runs, strict=True):
-        by = {name: row.settings[name] for name in ("controller", "seed")}
+        by = {name: row.settings[name] for name in ("controller", "reference", "seed")}
         same = {**by, "seed": 0} if by["controller"] in UNSEEDED else by
         reference = results.select(same, part=LADDER).run
         feet = force = np.inf
@@ -120,8 +124,10 @@ def _noise_ratio(column: str) -> Sample:
     """What noise changes with CMAC, over what they change without; one value for each seed."""
 
     def sample(results: Results) -> Array:
-        by_seed = results.computed["noise"].pivot_table(index="seed", columns="controller", values=column)
-        return (by_seed[ALL] / by_seed[NO_CMAC]).to_numpy()
+        table = results.computed["noise"]
+        own = table[table["reference"] == results.value("reference")]
+        by_seed = own.pivot_table(index="seed", columns="controller", values=column)
+        return quotients(by_seed[ALL].to_numpy(), by_seed[NO_CMAC].to_numpy())
 
     return sample
 
@@ -138,125 +144,177 @@ def _tilt(case: str, holds: Limit, fails: Limit | None = None, **of: Any) -> Cri
     return Criterion(quantity, _end("tilt_max"), holds, fails, "mrad", 1e3, {"part": LADDER} | of, case)
 
 
-def _claims(controller: str, how: str) -> dict[str, Claim]:
-    """The claims about the full controller, with one of its references."""
-    of = {"part": LADDER, "controller": controller}
-    of_walk = partial(of_ladder, controller=controller)
-    return {
-        f"walks_{how}": Claim(
-            f"Force/position feedback, posture control, and CMAC provide stable and steady walking ({how})",
-            "section 6.3",
-            [
-                of_walk("part of the cycles that are walked", share_done, WALKS, FALLS),
-                _tilt("", STEADY, LEANS, controller=controller),
-                of_walk(f"largest difference from the planned height in the last {LATE} cycles", measured.height_off,
-                        at_most(0.01), at_least(0.05)),
-            ],
-        ),
-        f"rear_{how}": Claim(
-            f"When foot 3 is lifted the COG remains in the support pattern, the rear margin is very short ({how})",
-            "section 6.3, Fig. 17",
-            [of_walk(f"rear margin over the length of the body, {LATE_CYCLES}", late("rear", -np.inf), SHORT,
-                     OUTSIDE)],
-        ),
-        f"late_{how}": Claim(
-            "Immediately after foot 3 touches down F_n1 is not 0 although F_d1 = 0, due to the delay of leg 1; the "
-            f"delay has no adverse effect on stability ({how})",
-            "section 6.3, Fig. 18",
-            [
-                of_walk("part of the cycles in which foot 1 carries then",
-                        event("force_1", lambda force: float((force > 0.0).mean())), at_least(0.5), at_most(0.05)),
-                Criterion("least margin until foot 1 lifts, over the least planned margin",
-                          measured.margin_while_late, at_least(1.0), at_most(0.0), of=of),
-            ],
-        ),
-        f"front_{how}": Claim(
-            f"While foot 2 is still in transfer the COG is close to the front support boundary ({how})",
-            "section 6.3, Fig. 19",
-            [of_walk(f"front margin over the length of the body, {LATE_CYCLES}", late("front", -np.inf), SHORT,
-                     OUTSIDE)],
-        ),
-        f"restored_{how}": Claim(
-            f"Stability is immediately restored by leg 2, which is gaining a firm support ({how})",
-            "section 6.3, Fig. 20",
-            [
-                Criterion(f"time from the contact of foot 2 until the margin is restored, {LATE_CYCLES}",
-                          late("restored", np.inf), at_most(0.1), at_least(0.3), "s", of=of),  # transfer: 0.6 s
-                Criterion(f"least front margin after the contact over that before it, {LATE_CYCLES}",
-                          late("front_gain", -np.inf), at_least(1.0), at_most(0.0), of=of),
-            ],
-        ),
-        f"feedback_{how}": Claim(
-            f"The contribution from the feedback control diminishes ({how})",
-            "section 6.3",
-            [Criterion("share of feedback in the torque at the end over that in the first cycle with CMAC",
-                       measured.feedback_left, IMPROVED, NOT_IMPROVED, of=of)],
-        ),
-        f"improves_{how}": Claim(
-            f"Learning improves the accuracy of position and force control, also of the quadruped ({how})",
-            "abstract, section 7",
-            [Criterion("error at the end over that without CMAC",
-                       ratio(_end(metric), {"controller": controller}, {"controller": NO_CMAC}), IMPROVED,
-                       NOT_IMPROVED, of={"part": LADDER, "controller": [controller, NO_CMAC]}, case=name)
-             for metric, name in ERRORS.items()],
-        ),
-    }  # fmt: skip
+class Said(NamedTuple):
+    """A sentence of the paper: a claim with its reference as printed, and a finding with the other one."""
+
+    words: str
+    where: str
+    measure: Callable[[dict[str, Any]], list[Criterion]]
+    """The criteria, given the reference."""
+    yes: str
+    """The finding, after "With `reference=aware`": that what the paper says holds, or does not."""
+    no: str
+
+    def find(self) -> Finding:
+        """What the sentence is worth with the aware reference."""
+        yes, no = (f"With `reference=aware` {words}." for words in (self.yes, self.no))
+        return Finding(self.measure(AWARE), yes=yes, no=no)
 
 
-CLAIMS = {
-    "wave": Claim(
+SAID = {
+    "walks": Said(
+        "Force/position feedback, posture control, and CMAC provide stable and steady walking",
+        "section 6.3",
+        lambda reference: [
+            of_ladder("part of the cycles that are walked", share_done, WALKS, FALLS, controller=ALL, **reference),
+            _tilt("", STEADY, LEANS, controller=ALL, **reference),
+            of_ladder(f"largest difference from the planned height in the last {LATE} cycles", measured.height_off,
+                      at_most(0.01), at_least(0.05), controller=ALL, **reference),
+        ],
+        "the machine walks to the end, level and at the planned height",
+        "the machine falls, leans or leaves the planned height",
+    ),
+    "rear": Said(
+        "When foot 3 is lifted the COG remains in the support pattern, the rear margin is very short",
+        "section 6.3, Fig. 17",
+        lambda reference: [
+            of_ladder(f"rear margin over the length of the body, {LATE_CYCLES}", late("rear", -np.inf), SHORT,
+                      OUTSIDE, controller=ALL, **reference)
+        ],
+        "the rear margin is short when foot 3 is lifted: {value} of the length of the body",
+        "the rear margin when foot 3 is lifted is not short: {value} of the length of the body",
+    ),
+    "late": Said(
+        "Immediately after foot 3 touches down F_n1 is not 0 although F_d1 = 0, due to the delay of leg 1; the "
+        "delay has no adverse effect on stability",
+        "section 6.3, Fig. 18",
+        lambda reference: [
+            of_ladder("part of the cycles in which foot 1 carries then",
+                      event("force_1", lambda force: float((force > 0.0).mean())), at_least(0.5), at_most(0.05),
+                      controller=ALL, **reference),
+            Criterion("least margin until foot 1 lifts, over the least planned margin",
+                      measured.margin_while_late, at_least(1.0), at_most(0.0),
+                      of={"part": LADDER, "controller": ALL, **reference}),
+        ],
+        "foot 1 still carries when foot 3 touches down, and the margin stays above the least planned one",
+        "foot 1 does not carry when foot 3 touches down, or the margin falls below the least planned one",
+    ),
+    "front": Said(
+        "While foot 2 is still in transfer the COG is close to the front support boundary",
+        "section 6.3, Fig. 19",
+        lambda reference: [
+            of_ladder(f"front margin over the length of the body, {LATE_CYCLES}", late("front", -np.inf), SHORT,
+                      OUTSIDE, controller=ALL, **reference)
+        ],
+        "the front margin is short while foot 2 is in transfer: {value} of the length of the body",
+        "the front margin while foot 2 is in transfer is not short: {value} of the length of the body",
+    ),
+    "restored": Said(
+        "Stability is immediately restored by leg 2, which is gaining a firm support",
+        "section 6.3, Fig. 20",
+        lambda reference: [
+            Criterion(f"time from the contact of foot 2 until the margin is restored, {LATE_CYCLES}",
+                      late("restored", np.inf), at_most(0.1), at_least(0.3), "s",  # transfer: 0.6 s
+                      of={"part": LADDER, "controller": ALL, **reference}),
+            Criterion(f"least front margin after the contact over that before it, {LATE_CYCLES}",
+                      late("front_gain", -np.inf), at_least(1.0), at_most(0.0),
+                      of={"part": LADDER, "controller": ALL, **reference}),
+        ],
+        "leg 2 restores the front margin within {value} of its contact",
+        "leg 2 does not restore the front margin at once",
+    ),
+    "feedback": Said(
+        "The contribution from the feedback control diminishes",
+        "section 6.3",
+        lambda reference: [
+            Criterion("share of feedback in the torque at the end over that in the first cycle with CMAC",
+                      measured.feedback_left, IMPROVED, NOT_IMPROVED,
+                      of={"part": LADDER, "controller": ALL, **reference})
+        ],
+        "the share of feedback in the torque falls to {value} times that in the first cycle with CMAC",
+        "the share of feedback in the torque does not fall clearly: it ends at {value} times that in the first cycle "
+        "with CMAC",
+    ),
+    "improves": Said(
+        "Learning improves the accuracy of position and force control, also of the quadruped",
+        "abstract, section 7",
+        lambda reference: [
+            Criterion("error at the end over that without CMAC",
+                      ratio(_end(metric), {"controller": ALL}, {"controller": NO_CMAC}), IMPROVED, NOT_IMPROVED,
+                      of={"part": LADDER, "controller": [ALL, NO_CMAC], **reference}, case=name)
+            for metric, name in ERRORS.items()
+        ],
+        "the CMAC lowers errors in transfer and of the force: to {values[0]} in x, {values[1]} in y, and {values[3]} "
+        "of the force in the whole cycle, relative to those without it",
+        "the CMAC does not lower every error: they end at {values[0]} in x, {values[1]} in y, and {values[3]} of the "
+        "force in the whole cycle, relative to those without it",
+    ),
+    "wave": Said(
         "Wave gait with a duty factor of 0.8: foot lifting propagates from the hind to the front legs, the sides are "
         "half a cycle out of phase, at least three feet are on the ground",
         "sections 6, 6.1, Fig. 14",
-        [
+        lambda reference: [
             of_ladder(f"largest difference of a leg's contact from the duty factor, {LATE_CYCLES}",
-                      late("duty_factor_off", np.inf), NEAR, FAR, controller=ALL),
+                      late("duty_factor_off", np.inf), NEAR, FAR, controller=ALL, **reference),
             of_ladder(f"largest difference of a leg's lifting from the wave, of a cycle, {LATE_CYCLES}",
-                      late("wave_off", np.inf), NEAR, FAR, controller=ALL),
+                      late("wave_off", np.inf), NEAR, FAR, controller=ALL, **reference),
             of_ladder("part of the time in which fewer than three feet carry", event("two_feet", np.mean),
-                      at_most(0.0), at_least(0.01), controller=ALL),
+                      at_most(0.0), at_least(0.01), controller=ALL, **reference),
         ],
+        "feet touch down and lift as the wave gait plans, and at least three of them carry",
+        "feet do not touch down and lift as the wave gait plans, or fewer than three of them carry at times",
     ),
-    "posture": Claim(
+    "posture": Said(
         "The foot contact forces depend on the posture of the machine, and posture control obtains the desired one",
         "sections 6, 6.2",
-        [
-            of_ladder("part of the cycles that are walked", share_done, *limits, case=name, controller=name)
+        lambda reference: [
+            of_ladder("part of the cycles that are walked", share_done, *limits, case=name, controller=name,
+                      **reference)
             for name, limits in (
                 (FEEDBACK, (FALLS, WALKS)), (NO_POSTURE, (FALLS, WALKS)),
                 (NO_CMAC, (WALKS, FALLS)), (ALL, (WALKS, FALLS)),
             )
         ],
+        "the machine walks with posture control and falls without it",
+        "posture control does not decide whether the machine walks",
     ),
-    "indicator": Claim(
+    "indicator": Said(
         "The foot force F_n2 is another indicator for stability; when it is 0 the system is likely to fail",
         "section 6.3, Fig. 17",
-        [
+        lambda reference: [
             Criterion(f"correlation of F_n2 with the rear margin while foot 3 is aloft, {LATE_CYCLES}",
-                      late("correlation"), at_least(0.9), at_most(0.0), of={"part": LADDER, "controller": ALL}),
+                      late("correlation"), at_least(0.9), at_most(0.0),
+                      of={"part": LADDER, "controller": ALL, **reference}),
             of_ladder("least force of a supporting foot as the machine falls, over the weight",
-                      measured.least_force_at_fall, at_most(0.02), at_least(0.1), controller=[FEEDBACK, NO_POSTURE]),
+                      measured.least_force_at_fall, at_most(0.02), at_least(0.1),
+                      controller=[FEEDBACK, NO_POSTURE], **reference),
         ],
+        "the force of foot 2 follows the rear margin, and a supporting foot carries nothing when the machine falls",
+        "the force of foot 2 does not follow the rear margin, or all supporting feet carry when the machine falls",
     ),
-    **_claims(PRINTED, "eq. 24 as printed"),
-    **_claims(ALL, "aware reference"),
-    "noise": Claim(
+    "noise": Said(
         "Improved robustness toward the sensor noises because the input of CMAC comes directly from trajectory "
         "planning, not from measurement",
         "section 6.3",
-        [
-            Criterion(f"change by noise with CMAC over that without, last {LATE} cycles",
-                      _noise_ratio(column), IMPROVED, NOT_IMPROVED, of={"controller": [ALL, NO_CMAC]}, case=what)
+        lambda reference: [
+            Criterion(f"change by noise with CMAC over that without, last {LATE} cycles", _noise_ratio(column),
+                      IMPROVED, NOT_IMPROVED, of={"part": NOISE, **reference}, case=what)
             for what, column in (("the feet's positions", "feet"), ("the contact forces", "force"))
         ],
+        "noise changes positions by {values[0]} and forces by {values[1]} times as much with the CMAC as without",
+        "the CMAC does not make the walk more robust to noise: positions change by {values[0]} and forces by "
+        "{values[1]} times as much with it as without",
     ),
 }  # fmt: skip
+"""What the paper says of its quadruped."""
+CLAIMS = {name: Claim(said.words, said.where, said.measure(PRINTED)) for name, said in SAID.items()}
 
 FINDINGS = {
+    **{f"aware_{name}": said.find() for name, said in SAID.items()},
     "lean": Finding(
         [
-            _tilt("eq. 24 as printed", LEANS, controller=PRINTED),
-            _tilt("aware reference", STEADY, controller=ALL),
+            _tilt("eq. 24 as printed", LEANS, controller=ALL, **PRINTED),
+            _tilt("aware reference", STEADY, controller=ALL, **AWARE),
         ],
         yes="Once the CMAC has learnt, the body leans by {value} under eq. 24 as printed, and by {values[1]} with "
         "the aware reference: use `reference=aware` under a body.",
@@ -266,7 +324,7 @@ FINDINGS = {
     "rocking": Finding(
         [
             of_ladder(f"part of the squared force error {what}, last {LATE} cycles", late(column), at_least(0.5),
-                      controller=ALL)
+                      controller=ALL, **AWARE)
             for what, column in (
                 ("where four feet are planned to be down", "four_feet"),
                 ("there that moves load between the diagonal pairs of feet", "diagonal"),
@@ -281,7 +339,7 @@ FINDINGS = {
         [
             Criterion("transfer error at the end, all sensors noisy over perfect ones",
                       ratio(_end(f"transfer_rmse_{side}"), {"part": NOISE}, {"part": LADDER}), at_most(1.25),
-                      of={"controller": ALL}, case=f"in {side}")
+                      of={"controller": ALL, **AWARE}, case=f"in {side}")
             for side in "xy"
         ],
         yes="With CMAC, noise on all sensors costs little accuracy: transfer errors are {value} times as large in x "
@@ -311,13 +369,13 @@ FINDINGS = {
 
 def shown_walk(results: Results) -> tuple[Walk, int]:
     """The walk that the paper's figures are drawn from, and the cycle: its last."""
-    run = results.select(part=LADDER, controller=ALL).run
+    run = results.select(AWARE, part=LADDER, controller=ALL).run
     return measured.walk_in(run.folder), run.whole_cycles
 
 
 def values(results: Results) -> dict[str, Any]:
     """Settings of the runs, and when Fig. 17 to 20 are."""
-    printed, (walk, cycle) = results.select(part=LADDER, controller=PRINTED), shown_walk(results)
+    printed, (walk, cycle) = results.select(PRINTED, part=LADDER, controller=ALL), shown_walk(results)
     began = walk.view.time[walk.view.cycle == cycle][0]
     times = {f"fig{n}": float(walk.view.time[k] - began) for n, k in instants(walk, cycle).items()}
     return times | {
@@ -346,8 +404,8 @@ STUDY = Study(
         "fig15": lambda r: figures.diagram(shown_walk(r)[0]),
         **{f"fig{number}": partial(draw_views, number=number) for number in range(16, 21)},
         "learning": lambda r: draw_cycles(
-            r.select(part=LADDER, controller=[ALL, PRINTED, NO_CMAC]),
-            ("feedforward_share", "tilt_max", "transfer_rmse_y", "force_rmse_three_feet"), by="controller",
+            r.select(part=LADDER, controller=ALL),
+            ("feedforward_share", "tilt_max", "transfer_rmse_y", "force_rmse_three_feet"), by="reference",
         ),
         "long": lambda r: draw_cycles(
             r.select(part=LONG), ("transfer_rmse_x", "transfer_rmse_y", "feedback_rms"), by="law", columns=3
@@ -355,10 +413,13 @@ STUDY = Study(
     },
     tables={
         "ladder": lambda r: tabulate(
-            r.select(part=LADDER), {"controller": "controller"},
+            r.select(part=LADDER), {"controller": "controller", "reference": "reference"},
             {"walk to the end": completed, **ends((*ERRORS, "feedforward_share", "tilt_max"), LATE)},
         ),
-        "noise": lambda r: r.computed["noise"].drop(columns="seed").groupby("controller", as_index=False).mean(),
+        "noise": lambda r: r.computed["noise"]
+        .drop(columns="seed")
+        .groupby(["controller", "reference"], as_index=False)
+        .mean(),
     },
     values=values,
 )  # fmt: skip

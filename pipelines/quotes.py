@@ -1,6 +1,11 @@
-"""What the documentation quotes of the last full studies: values, verdicts, sentences, and tables of statements."""
+"""What pages quote of the last full studies: values by name, which the site fills in, and generated blocks.
 
-import json
+``{{ quote("one_leg_learning.bias") }}`` on a page stands for the first value of a statement, ``quote("...", 1)`` for
+the second, ``interval`` for its interval, ``size`` for its n, ``verdict`` for the verdict, ``sentence`` for the
+sentence of a finding. A block between ``<!-- NAME: begin -->`` and ``<!-- NAME: end -->`` is written by
+``python -m pipelines --write-docs``.
+"""
+
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -8,8 +13,6 @@ from typing import Any
 
 from cmacexp.study import Criterion
 from cmacexp.study.evidence import count_verdicts, gather
-from cmacexp.study.page import CLAIMS
-from cmacexp.study.statements import OUTCOMES
 from cmacexp.study.study import StudyFile, load_study
 from pipelines.paper import STUDIES
 
@@ -17,15 +20,14 @@ PIPELINES = Path(__file__).resolve().parent
 DOCS = PIPELINES.parent / "docs"
 PAGES = (PIPELINES.parent / "README.md", *sorted(DOCS.glob("*.md")))
 """What may quote the studies."""
-QUOTED = DOCS / "results.json"
-"""Of the last full studies, by study and statement."""
-MARK = re.compile(r"<!--(\w+)\.([^>]+?) (\d+|interval \d+|verdict|sentence|is [a-z ]+)-->")
-"""``4.87 %<!--one_leg_learning.bias 0-->`` quotes a first value, ``... interval 0`` its interval, ``... verdict`` the
-verdict, ``... sentence`` the sentence of a finding; ``... is no`` says for which verdict the words were written."""
+QUOTE = re.compile(r'\{\{ (quote|interval|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
+LISTS = {"quote": "values", "interval": "intervals", "size": "counts"}
+"""Entries of a statement with a value for each criterion, by what quotes them."""
 MEASURED = ("values", "intervals", "counts", "verdicts")
 COLUMNS = {"measured": "---", "value": "--:", "95 % interval": "--:", "n": "--:", "limit": "---", "verdict": "---"}
 """Of a table of evidence, and how they are aligned."""
 Quotable = Mapping[str, Mapping[str, Any]]
+"""Statements by study and name."""
 
 
 def all_studies() -> list[StudyFile]:
@@ -33,86 +35,57 @@ def all_studies() -> list[StudyFile]:
     return [load_study(page.with_suffix(".py")) for page in sorted(PIPELINES.glob("*.md"))]
 
 
-def read_quotable(folder: Path) -> Quotable:
-    """Values and verdicts by study and statement, of every full study below ``folder``.
-
-    Each is read from the study's own folder: a page over several studies is not renewed when one of them is.
-    """
-    found: dict[str, dict[str, Any]] = {}
-    for path in sorted(folder.glob(f"*/{CLAIMS}")):
-        study = path.parent.name
-        if (statements := json.loads(path.read_text(encoding="utf-8")).get(study)) is not None:
-            found[study] = {each["name"]: _quotable(each) for each in statements}
-    return found
-
-
-def _quotable(statement: Mapping[str, Any]) -> dict[str, Any]:
-    """An entry of results.json; pages of older versions lack what is None."""
-    words, criteria = OUTCOMES if statement["kind"] == "finding" else {}, statement["criteria"]
-    return {
-        "verdict": statement["verdict"],
-        "values": [each["shown"] for each in criteria],
-        "intervals": [each.get("spread") for each in criteria],
-        "counts": [each.get("count") for each in criteria],
-        "verdicts": [words.get(each.get("verdict"), each.get("verdict")) for each in criteria],
-    }
-
-
-def with_sentences(results: Quotable) -> Quotable:
-    """The results with the sentence of each finding, as it is worded today."""
-    found = {study: dict(entries) for study, entries in results.items()}
-    for file in all_studies():
-        own = found.get(file.name, {})
-        for name, finding in file.study.findings.items():
-            if name in own:
-                own[name] = {**own[name], "sentence": finding.sentence(own[name]["verdict"], own[name]["values"])}
-    return found
-
-
 def quoted(match: re.Match[str], results: Quotable) -> str:
-    """What stands before a mark.
+    """What a page shows for a quote.
 
     Raises:
-        KeyError: no such study or statement.
+        LookupError: no such study, statement or value.
     """
-    study, name, which = match.groups()
+    kind, study, name, index = match.groups()
     entry = results[study][name]
-    if which in ("verdict", "sentence"):
-        return str(entry[which])
-    if which.startswith("is "):
-        return ""
-    index = int(which.split()[-1])
-    if which.startswith("interval"):
-        return str((entry.get("intervals") or {index: None})[index] or "interval not kept")
-    return str(entry["values"][index])
+    return str(entry[LISTS[kind]][int(index or 0)] if kind in LISTS else entry[kind])
 
 
-def find_outdated(text: str, results: Quotable) -> list[str]:
-    """The marks whose words were written for another verdict, and the verdict of today."""
+def fill_quotes(text: str, results: Quotable) -> str:
+    """A page with its quotes filled in; raises LookupError, with the quote, if there is no such value."""
+
+    def find(match: re.Match[str]) -> str:
+        try:
+            return quoted(match, results)
+        except LookupError as error:
+            raise LookupError(f"{match[0]}: the results have no such value") from error
+
+    return QUOTE.sub(find, text)
+
+
+def find_outdated(sentences: Sequence[Mapping[str, Any]], texts: Mapping[str, str], results: Quotable) -> list[str]:
+    """Sentences that are gone from their page, or were written for another verdict; a line for each.
+
+    Args:
+        sentences: ``page``, ``text``, and the verdict that it ``needs`` by statement.
+        texts: of pages, by name.
+        results: of the studies.
+    """
     found = []
-    for match in MARK.finditer(text):
-        study, name, which = match.groups()
-        verdict = results[study][name]["verdict"]
-        if which.startswith("is ") and which != f"is {verdict}":
-            found.append(f"{match[0]}: it is {verdict}")
+    for each in sentences:
+        if each["text"] not in " ".join(texts[each["page"]].split()):
+            found.append(f"{each['page']}: has no sentence {each['text']!r}")
+        for key, verdict in each["needs"].items():
+            study, _, name = key.partition(".")
+            if (today := results[study][name]["verdict"]) != verdict:
+                found.append(f"{each['page']}: {each['text']!r} is for {key} = {verdict}, it is {today}")
     return found
-
-
-def renew(text: str, before: Quotable, after: Quotable) -> str:
-    """A page whose quotes of ``before`` are those of ``after``; a ``?`` before a mark is filled in."""
-    parts, end = [], 0
-    for match in MARK.finditer(text):
-        own = text[end : match.start()]
-        rest = own[:-1] if own.endswith("?") else own.removesuffix(quoted(match, before))
-        parts += [rest, quoted(match, after), match[0]]
-        end = match.end()
-    return "".join([*parts, text[end:]])
 
 
 def fill(text: str, name: str, make: Callable[[], str]) -> str:
-    """A page whose part between the marks ``name: begin`` and ``name: end`` is made anew."""
+    """A page whose block ``name`` is made anew."""
     place = re.compile(f"(?<=<!-- {name}: begin -->\n).*?(?=<!-- {name}: end -->)", flags=re.DOTALL)
     return place.sub(lambda _: make(), text)
+
+
+def find_block(text: str, name: str) -> str:
+    """What stands in a block of a page."""
+    return text.partition(f"<!-- {name}: begin -->\n")[2].partition(f"<!-- {name}: end -->")[0]
 
 
 def _rows(criteria: Sequence[Criterion], entry: Mapping[str, Any]) -> Iterator[Sequence[str]]:

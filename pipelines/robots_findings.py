@@ -1,16 +1,15 @@
 """What the study of robots asks of its walks: targets, comparisons, and controls that must fail."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from cmacexp.metrics.registry import SHOWN
 from cmacexp.study import Criterion, Finding, Results, at_least, at_most
+from cmacexp.study.samples import quotients, ratio
 from cmacexp.study.statements import Limit
 from cmacexp.typing import Array
-from pipelines.common_results import percent
+from pipelines.common_results import growth, itself, percent
 from pipelines.robots_runs import (
     ALONE,
     ALONE_LIGHT,
@@ -46,16 +45,14 @@ from pipelines.robots_runs import (
 
 POSITION, FORCE, JOINTS, TILT = "transfer_rmse", "force_rmse", "joint_rmse", "tilt_max"
 SHARE, FEEDBACK = "feedforward_share", "feedback_rms"
+WORDS = {POSITION: "transfer", FORCE: "force"}
+"""Of their errors."""
 FELT = 1.1
 """Factor of an error by which a difference counts."""
-FORCE_LEFT = dict.fromkeys(ROBOTS, 0.25) | {"Mini Cheetah": 0.35, "HyQReal1": 0.30}
-"""Largest force error that counts as far below that of feedback alone, over the latter."""
-LEFT_ON_RIGID = {
-    POSITION: dict.fromkeys(ROBOTS, 0.05) | {"HyQReal1": 0.1},
-    FORCE: dict.fromkeys(ROBOTS, 0.7) | {"HyQReal1": 0.9},
-}
-"""Likewise on a rigid floor, of position and of force."""
-OVER_ALONE = "{} over that of feedback alone"
+LEFT = {POSITION: 0.05, FORCE: 0.25}
+"""Largest error over that of feedback only that counts as little, of every robot on every ground: a twentieth of the
+transfer error, a quarter of the force error, which contacts keep up in every cycle."""
+OVER_ALONE = "{} over that of feedback only"
 
 
 def last(results: Results, name: str) -> Array:
@@ -69,165 +66,176 @@ def judged(results: Results, name: str, kind: str, cycle: int = JUDGED) -> Array
     return own.at(cycle, name) if kind in LEARNERS else last(own, name)
 
 
-def over(values: Array, others: Array) -> Array:
-    """Quotients; infinite where a value is itself, that of a walk that fell."""
-    values, others = np.broadcast_arrays(values, others)
-    return np.divide(values, others, out=np.full(values.shape, np.inf), where=np.isfinite(values))
-
-
 def compared(name: str, kind: str, other: str, cycle: int = JUDGED) -> Callable[[Results], Array]:
     """A sample: a metric with one feedforward over that with another, seed by seed."""
-    return lambda results: over(judged(results, name, kind, cycle), judged(results, name, other, cycle))
+    return lambda results: quotients(judged(results, name, kind, cycle), judged(results, name, other, cycle))
 
 
 def _each(
-    criterion: Callable[..., Criterion], words: str, sample: Any, limits: Mapping[str, Limit], **of: Any
+    criterion: Callable[..., Criterion], words: str, sample: Any, limit: Limit, part: str = FEEDFORWARDS, **of: Any
 ) -> list[Criterion]:
-    """A criterion for each robot that has a limit."""
-    return [
-        criterion(words, sample, limit, of={"part": FEEDFORWARDS, "robot": robot} | of, case=robot)
-        for robot, limit in limits.items()
-    ]
-
-
-def _every(limit: Limit) -> dict[str, Limit]:
-    return dict.fromkeys(ROBOTS, limit)
-
-
-def _up_to(limits: Mapping[str, float]) -> dict[str, Limit]:
-    return {robot: at_most(limit) for robot, limit in limits.items()}
+    """A criterion for each robot, with one limit for all of them."""
+    return [criterion(words, sample, limit, of={"part": part, "robot": robot} | of, case=robot) for robot in ROBOTS]
 
 
 def _at_end(name: str, limit: Limit, kind: str = CMAC) -> list[Criterion]:
     """A criterion of a metric of every robot when learners are compared."""
     shown = SHOWN[name]
     criterion = partial(Criterion, unit=shown.unit, scale=shown.factor)
-    return _each(criterion, shown.title, partial(judged, name=name, kind=kind), _every(limit), kind=kind)
+    return _each(criterion, shown.title, partial(judged, name=name, kind=kind), limit, kind=kind)
+
+
+def _beside(name: str, *kinds: str, part: str = FEEDFORWARDS) -> list[Criterion]:
+    """What a ratio is made of: the metric itself of every robot."""
+    return [
+        itself(SHOWN[name].title, name, partial(judged, name=name, kind=kind), f"{robot}, {kind}",
+               {"part": part, "robot": robot, "kind": kind})
+        for robot in ROBOTS
+        for kind in kinds
+    ]  # fmt: skip
+
+
+def _left(name: str, kind: str, part: str = FEEDFORWARDS) -> list[Criterion]:
+    """What is left of an error of feedback only on every robot, and both errors."""
+    alone = ALONE_LIGHT if kind in (HEAVY, ON_MODEL) else ALONE
+    words = OVER_ALONE.format(f"{WORDS[name]} error")
+    ratios = _each(percent, words, compared(name, kind, alone), at_most(LEFT[name]), part, kind=[kind, alone])
+    return [*ratios, *_beside(name, alone, kind, part=part)]
 
 
 def _position(kind: str) -> Finding:
     return Finding(
         _at_end(POSITION, at_most(0.5e-3), kind),
-        yes=f"With “{kind}” the feet of every robot follow their paths within 0.5 mm.",
-        no=f"With “{kind}” the feet of some robots leave their paths by more than 0.5 mm.",
+        yes=f"With “{kind}” the transfer error of every robot is at most 0.5 mm.",
+        no=f"With “{kind}” the transfer error of some robots is above 0.5 mm.",
     )
 
 
 def _force(kind: str) -> Finding:
-    alone = ALONE_LIGHT if kind in (HEAVY, ON_MODEL) else ALONE
-    words, sample = OVER_ALONE.format("force error"), compared(FORCE, kind, alone)
     return Finding(
-        _each(percent, words, sample, _up_to(FORCE_LEFT), kind=[kind, alone]),
-        yes=f"With “{kind}” the force error of every robot is far below that of feedback alone.",
-        no=f"With “{kind}” much of the force error of feedback alone is left on some robots.",
+        _left(FORCE, kind),
+        yes=f"With “{kind}” the force error of every robot is at most a quarter of that with feedback only.",
+        no=f"With “{kind}” the force error of some robots is more than a quarter of that with feedback only.",
     )
 
 
-def _beats_model(name: str, robots: Mapping[str, Limit], what: str) -> Finding:
-    where = (
-        " and ".join(robots) if len(robots) == 1 else "every robot" if len(robots) == len(ROBOTS) else "light robots"
-    )
+def _beats_model(name: str) -> Finding:
+    words = f"{WORDS[name]} error over that with the nominal model"
     return Finding(
-        _each(percent, f"{what} error over that of the exact model", compared(name, CMAC, EXACT), robots),
-        yes=f"On {where}, the {what} error of CMAC is below that of the exact model.",
-        no=f"On {where}, the {what} error of CMAC can be above that of the exact model.",
+        [*_each(percent, words, compared(name, CMAC, EXACT), at_most(1.0)), *_beside(name, EXACT, CMAC)],
+        yes=f"On every robot the {WORDS[name]} error with the CMAC is below that with the nominal model.",
+        no=f"On some robots the {WORDS[name]} error with the CMAC is above that with the nominal model.",
     )
 
 
-def _on_rigid(name: str, what: str) -> Finding:
-    words, sample = OVER_ALONE.format(f"{what} error"), compared(name, CMAC, ALONE)
+def _on_rigid(name: str) -> Finding:
+    words = f"{100 * LEFT[name]:g} % of that with feedback only"
     return Finding(
-        _each(percent, words, sample, _up_to(LEFT_ON_RIGID[name]), part=GROUND),
-        yes=f"On the rigid floor learning lowers the {what} error of every robot.",
-        no=f"On the rigid floor learning leaves some robots a {what} error above its limit.",
+        _left(name, CMAC, GROUND),
+        yes=f"On the rigid floor learning lowers the {WORDS[name]} error of every robot to at most {words}.",
+        no=f"On the rigid floor the {WORDS[name]} error of some robots stays above {words}.",
     )
 
 
 def _felt(name: str) -> Finding:
     """Whether a part of the method is worth its while; a walk that falls without it has an infinite error."""
 
-    def sample(results: Results) -> Array:
-        whole = results.select(part=STARTS, period=BY_RULE)
-        return over(results.select(part=LEFT_OUT, without=name).at(TRIED_FOR, FORCE), whole.at(TRIED_FOR, FORCE))
-
-    words = f"force error of cycle {TRIED_FOR} without it, over that with every part"
+    force = partial(Results.at, cycle=TRIED_FOR, name=FORCE)
+    whole, without = {"part": STARTS, "period": BY_RULE}, {"part": LEFT_OUT, "without": name}
+    words = f"force error of cycle {TRIED_FOR}"
     return Finding(
-        [Criterion(words, sample, at_least(FELT), of={"part": [STARTS, LEFT_OUT], "robot": TRIED})],
+        [
+            Criterion(f"{words} without it, over that with every part", ratio(force, without, whole),
+                      at_least(FELT), of={"part": [STARTS, LEFT_OUT], "robot": TRIED}),
+            *(itself(words, FORCE, force, case, {**of, "robot": TRIED})
+              for case, of in (("with every part", whole), ("without it", without))),
+        ],
         yes=f"The part “{name}” of the method lowers the force error.",
         no=f"The part “{name}” of the method hardly changes the force error, or raises it.",
-    )
+    )  # fmt: skip
 
 
-def growth(results: Results) -> Array:
+def _growth(results: Results) -> Array:
     """(runs,): feedback torque of the last cycle over that of the cycle in which learners are compared."""
-    return over(last(results, FEEDBACK), results.at(JUDGED, FEEDBACK))
+    return growth(last(results, FEEDBACK), results.at(JUDGED, FEEDBACK))
 
 
 def _grows(lead: str, limit: Limit) -> list[Criterion]:
-    words = f"feedback torque of cycle {DRIFTED} over that of cycle {JUDGED}"
-    return [Criterion(words, growth, limit, of={"part": LEAD, "lead": lead})]
+    torque, own = partial(itself, "feedback torque", FEEDBACK), {"part": LEAD, "lead": lead}
+    return [
+        Criterion(f"feedback torque of cycle {DRIFTED} over that of cycle {JUDGED}", _growth, limit, of=own),
+        torque(partial(Results.at, cycle=JUDGED, name=FEEDBACK), f"cycle {JUDGED}", own),
+        torque(partial(last, name=FEEDBACK), f"cycle {DRIFTED}", own),
+    ]
 
 
 def _completed(**of: Any) -> list[Criterion]:
     return [percent("walks that complete", lambda results: results.completed, at_least(0.7), of=of)]
 
 
-def _planar(results: Results) -> Array:
-    """(seeds,): force error with the rate of the load over that without, in the last cycle."""
-    with_rate, without = (last(results.select({"force_control.load_rate": on}), FORCE) for on in (True, False))
-    return over(with_rate, without)
+def _planar() -> list[Criterion]:
+    """Force error with the rate of the load over that without, in the last cycle, and both errors."""
+    with_rate, without = {"force_control.load_rate": True}, {"force_control.load_rate": False}
+    force, own = partial(last, name=FORCE), {"part": PLANAR}
+    return [
+        Criterion("force error with the rate of the load over that without", ratio(force, with_rate, without),
+                  at_most(1.0), of=own),
+        *(itself("force error", FORCE, force, case, own | of)
+          for case, of in (("with the rate", with_rate), ("without it", without))),
+    ]  # fmt: skip
 
 
 FINDINGS = {
     **{f"position_{kind}": _position(kind) for kind in (ALONE, EXACT, HEAVY, CMAC, ON_MODEL, ILC, RBF)},
     **{f"force_{kind}": _force(kind) for kind in (EXACT, HEAVY, CMAC, ON_MODEL, ILC, RBF)},
     "position_left": Finding(
-        _each(percent, OVER_ALONE.format("transfer error"), compared(POSITION, CMAC, ALONE), _every(at_most(0.05))),
-        yes="CMAC leaves little of the transfer error of feedback alone.",
-        no="CMAC leaves much of the transfer error of feedback alone on some robots.",
+        _left(POSITION, CMAC),
+        yes="With the CMAC the transfer error of every robot is at most 5 % of that with feedback only.",
+        no="With the CMAC the transfer error of some robots is more than 5 % of that with feedback only.",
     ),
     "posture": Finding(
         [*_at_end(JOINTS, at_most(1e-3)), *_at_end(TILT, at_most(1e-3))],
-        yes="Errors of joints and tilt of the trunk are small on every robot with CMAC.",
-        no="Errors of joints or tilt of the trunk are large on some robots with CMAC.",
+        yes="With the CMAC the joint error and the tilt of the trunk are at most 1 mrad on every robot.",
+        no="With the CMAC the joint error or the tilt of the trunk is above 1 mrad on some robots.",
     ),
     "share": Finding(
-        _each(percent, "share of the feedforward", partial(judged, name=SHARE, kind=CMAC), _every(at_least(0.95))),
-        yes="CMAC takes over nearly all of the torque on every robot.",
-        no="On some robots feedback still gives much of the torque beside CMAC.",
+        _each(percent, "feedforward over all torque", partial(judged, name=SHARE, kind=CMAC), at_least(0.95)),
+        yes="The CMAC provides at least 95 % of the torque on every robot.",
+        no="On some robots the CMAC provides less than 95 % of the torque.",
     ),
-    "better_position": _beats_model(POSITION, _every(at_most(1.0)), "transfer"),
-    "better_force": _beats_model(FORCE, {r: at_most(1.0) for r in ROBOTS if r != "HyQReal1"}, "force"),
-    "heavy_force": _beats_model(FORCE, {"HyQReal1": at_most(1.0)}, "force"),
+    "better_position": _beats_model(POSITION),
+    "better_force": _beats_model(FORCE),
     "on_model": Finding(
         [
             criterion
-            for name, what in ((POSITION, "transfer"), (FORCE, "force"))
+            for name, what in WORDS.items()
             for criterion in _each(
-                Criterion, f"{what} error of cycle {EARLY} over that of CMAC alone",
-                compared(name, ON_MODEL, CMAC_LIGHT, EARLY), _every(at_most(FELT)),
+                Criterion, f"{what} error of cycle {EARLY} over that of the CMAC without a model",
+                compared(name, ON_MODEL, CMAC_LIGHT, EARLY), at_most(FELT),
             )
         ],
-        yes=f"By cycle {EARLY}, CMAC on the wrong model is as accurate as CMAC alone on every robot.",
-        no=f"By cycle {EARLY}, CMAC on the wrong model is less accurate than CMAC alone on some robots.",
+        yes=f"By cycle {EARLY}, a CMAC on the wrong model is as accurate as a CMAC without one on every robot.",
+        no=f"By cycle {EARLY}, a CMAC on the wrong model is less accurate than a CMAC without one on some robots.",
     ),
     "lasts": Finding(
         _completed(part=STARTS, period=SHORT),
-        yes=f"Sampled every millisecond, walks from disturbed starts last {LONG} cycles.",
-        no=f"Sampled every millisecond, some walks from disturbed starts end before {LONG} cycles.",
+        yes=f"Sampled every millisecond, {{value}} of the walks from disturbed starts complete {LONG} cycles.",
+        no=f"Sampled every millisecond, only {{value}} of the walks from disturbed starts complete {LONG} cycles.",
     ),
     "lasts_by_rule": Finding(
         _completed(part=STARTS, period=BY_RULE),
-        yes=f"With the sampling period by rule, walks from disturbed starts last {LONG} cycles, too.",
-        no=f"With the sampling period by rule, some walks from disturbed starts end before {LONG} cycles.",
+        yes=f"With the sampling period by rule, {{value}} of the walks from disturbed starts complete {LONG} cycles.",
+        no=f"With the sampling period by rule, only {{value}} of the walks from disturbed starts complete {LONG} "
+        "cycles.",
     ),
     "further": Finding(
         _completed(part=OTHERS),
-        yes="The other robots walk with the same rule, alone and with CMAC.",
-        no="Some of the other robots fall with the same rule.",
+        yes="The other robots walk with the same rule, with feedback only and with the CMAC: {value} of the walks "
+        "complete.",
+        no="Some of the other robots fall with the same rule: {value} of the walks complete.",
     ),
-    "rigid_position": _on_rigid(POSITION, "transfer"),
-    "rigid_force": _on_rigid(FORCE, "force"),
+    "rigid_position": _on_rigid(POSITION),
+    "rigid_force": _on_rigid(FORCE),
     **{f"felt_{name}": _felt(name) for name in WITHOUT},
     "falls": Finding(
         [
@@ -248,8 +256,7 @@ FINDINGS = {
         no="With a lead of one sample the feedback torque grows again, too.",
     ),
     "planar": Finding(
-        [Criterion("force error with the rate of the load over that without", _planar, at_most(1.0),
-                   of={"part": PLANAR}, case="planar quadruped")],
+        _planar(),
         yes="The rate of the load lowers the force error of the paper's planar quadruped as well.",
         no="The rate of the load raises the force error of the paper's planar quadruped.",
     ),

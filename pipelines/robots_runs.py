@@ -6,11 +6,11 @@ from cmacexp.models.robot import load_mujoco
 from cmacexp.models.robot_file import find_model
 from cmacexp.study import Request, grid
 
-ALONE, EXACT, HEAVY = "feedback alone", "exact model", "model 20 % too heavy"
+ALONE, EXACT, HEAVY = "feedback only", "nominal model", "model 20 % too heavy"
 CMAC, ON_MODEL, ILC, RBF = "CMAC", "CMAC on that model", "ILC", "RBF"
-ALONE_LIGHT, CMAC_LIGHT = "feedback alone, lighter robot", "CMAC, lighter robot"
+ALONE_LIGHT, CMAC_LIGHT = "feedback only, lighter robot", "CMAC, lighter robot"
 LIGHTER = tuple(f"plant.as_built.{name}_factor={1 / 1.2:.4f}" for name in ("trunk_mass", "trunk_inertia", "leg_mass"))
-"""A robot of which model, plan and gains believe that trunk, thighs and calves weigh 20 % more."""
+"""A robot whose trunk, thighs and calves weigh 20 % more in model, plan and gains than in the plant."""
 FEEDFORWARDS, STARTS, OTHERS, GROUND, LEFT_OUT = "feedforwards", "starts", "others", "ground", "left out"
 LEAD, PLANAR = "lead", "planar"
 """The parts of the study."""
@@ -65,8 +65,8 @@ PERIODS = {BY_RULE: (), SHORT: ("sampling_period=0.001",)}
 LEADS = {WITH_LEAD: (), WITHOUT_LEAD: ("learning.lead=0",)}
 START = ("plant.start_spread=0.05", "plant.start_seed=${seed}")
 """A disturbed walk: every joint starts up to 0.05 rad off the plan; seeds differ in that and in the hash."""
-SETTLED = 6
-"""Cycles of feedforwards that learn nothing: their walks repeat themselves from the fifth on."""
+SETTLED = 12
+"""Cycles of feedforwards that learn nothing: by then their walks repeat themselves, from whichever start."""
 QUICK = 2
 """Cycles of every walk of the quick form; learning begins in the second."""
 EARLY, JUDGED, LONG = 20, 50, 100
@@ -75,38 +75,37 @@ TRIED_FOR, DRIFTED = 25, 200
 """Cycles of walks without a part of the method, and of those that show what lead is for."""
 
 
-def _walks(cycles: int, *overrides: str, seeded: bool = False, **more: Any) -> list[Request]:
-    """Walks of robots; the trace of the last cycle is kept."""
+def walks(cycles: int, *overrides: str, seeded: bool = True, **more: Any) -> list[Request]:
+    """Walks of robots, each from disturbed starts, one for each seed; the trace of the last cycle is kept."""
     kept = (f"cycles={cycles}", f"record.cycles=[{cycles}]")
-    return grid("scenario=robot", *kept, *overrides, seeded=seeded, **more)
+    return grid("scenario=robot", *kept, *START, *overrides, seeded=seeded, **more)
 
 
 def _with_feedforwards(quick: bool) -> list[Request]:
-    """The first robots with every feedforward, and with a CMAC from disturbed starts; learners for each seed."""
+    """The first robots with every feedforward, and with a CMAC for longer, sampled in two ways."""
     robots, kinds = ({TRIED: ROBOTS[TRIED]}, BOTH) if quick else (ROBOTS, MODELS | LEARNERS)
     found = []
     for period, texts in PERIODS.items():
-        cycles, chosen = QUICK if quick else LONG, {"part": STARTS, "period": period}
-        found += _walks(cycles, *LEARNERS[CMAC], *START, *texts, seeded=True, over={"robot": robots}, **chosen)
+        cycles, chosen = QUICK if quick else LONG, dict[str, Any](part=STARTS, period=period)
+        found += walks(cycles, *LEARNERS[CMAC], *texts, over={"robot": robots}, **chosen)
     for kind, texts in kinds.items():
-        learns = kind in LEARNERS
-        cycles = QUICK if quick else JUDGED if learns else SETTLED
-        found += _walks(cycles, *texts, seeded=learns, over={"robot": robots}, part=FEEDFORWARDS, kind=kind)
+        cycles = QUICK if quick else JUDGED if kind in LEARNERS else SETTLED
+        found += walks(cycles, *texts, over={"robot": robots}, part=FEEDFORWARDS, kind=kind)
     return found
 
 
 def _elsewhere(quick: bool) -> list[Request]:
-    """Feedback alone and a CMAC on the rigid floor, and on the further robots."""
+    """Feedback only and a CMAC on the rigid floor, and on the further robots."""
     tried = {TRIED: ROBOTS[TRIED]}
     found = []
     for part, robots, texts, cycles in (
         (GROUND, ROBOTS, ("plant=mujoco_robot_rigid",), JUDGED),
-        (OTHERS, FURTHER, START, EARLY),
+        (OTHERS, FURTHER, (), EARLY),
     ):
         for kind, feedforward in BOTH.items():
             lasts = QUICK if quick else cycles if kind == CMAC else SETTLED
             over = {"robot": tried if quick else robots}
-            found += _walks(lasts, *feedforward, *texts, over=over, part=part, kind=kind)
+            found += walks(lasts, *feedforward, *texts, over=over, part=part, kind=kind)
     return found
 
 
@@ -123,7 +122,7 @@ def require_robots() -> None:
 def runs(quick: bool) -> list[Request]:
     """All walks; the quick form is of one robot, two cycles each; raises as :func:`require_robots`."""
     require_robots()
-    tried, trial = {TRIED: ROBOTS[TRIED]}, (*LEARNERS[CMAC], *START)
+    tried, trial = {TRIED: ROBOTS[TRIED]}, LEARNERS[CMAC]
     early, tried_for, drifted = [QUICK] * 3 if quick else [EARLY, TRIED_FOR, DRIFTED]
     without = {POSTURE_RATE: WITHOUT[POSTURE_RATE]} if quick else WITHOUT
     rates = {"force_control.load_rate": ["false", "true"]}
@@ -131,7 +130,7 @@ def runs(quick: bool) -> list[Request]:
     return [
         *_with_feedforwards(quick),
         *_elsewhere(quick),
-        *_walks(tried_for, *trial, seeded=True, over={"robot": tried, "without": without}, part=LEFT_OUT),
-        *_walks(drifted, *trial, over={"robot": tried, "lead": LEADS}, part=LEAD),
+        *walks(tried_for, *trial, over={"robot": tried, "without": without}, part=LEFT_OUT),
+        *walks(drifted, *trial, over={"robot": tried, "lead": LEADS}, part=LEAD),
         *grid(*planar, over=rates, seeded=True, part=PLANAR),
     ]

@@ -46,9 +46,10 @@ def draw_lead(results: Results) -> "Figure":
 
 
 def _pair(measure: Callable[[str], Array]) -> str:
-    """Transfer and force error, estimated from the measured values of a metric; of a walk that fell infinite."""
-    found = [format_number(SHOWN[name].factor * estimate(measure(name)).value) for name in (POSITION, FORCE)]
-    return " / ".join(found)
+    """Transfer and force error, estimated from the measured values of a metric; and of how many, if walks fell."""
+    found = {name: estimate(measure(name)) for name in (POSITION, FORCE)}
+    errors = " / ".join(format_number(SHOWN[name].factor * each.value) for name, each in found.items())
+    return f"{errors} ({found[FORCE].size})" if found[FORCE].failed else errors
 
 
 def table_feedforwards(results: Results) -> "pd.DataFrame":

@@ -1,7 +1,7 @@
 """Ground and load that change during a run, patches and slopes, all unknown to the planner.
 
 ``python -m pipelines.terrain`` makes the ground stiffer or loads the body in the middle of a run, and lets machines
-walk over patches and slopes, each with a CMAC whose learning lasts and with feedback alone.
+walk over patches and slopes, each with a CMAC whose learning lasts and with feedback only.
 """
 
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ FACTOR, PAYLOAD, AHEAD = 3, 10, 0.1
 """Step of the ground's stiffness, weight of the payload, N, and how far ahead of the centre it may lie, m."""
 STEP = (f"terrain.step_factor={FACTOR}", "terrain.step_time={}")
 LOAD = (f"payload.weight={PAYLOAD}", "payload.time={}")
-CMAC, FEEDBACK = "CMAC", "feedback alone"
+CMAC, FEEDBACK = "CMAC", "feedback only"
 UNCHANGED, INFORMED = "CMAC, no change", "CMAC, plan knows"
 """The walks of a change, by the label ``walk``."""
 FORCE, PATH = "force error", "path error"
@@ -70,7 +70,7 @@ TILT, WHOLE = 0.05, 0.9
 
 
 def _changes(quick: bool) -> list[Request]:
-    """Each change with a CMAC and with feedback alone; without it; and with a plan that knows of it."""
+    """Each change with a CMAC and with feedback only; without it; and with a plan that knows of it."""
     before, cycles = (12, 24) if quick else (40, 100)
     found = []
     for name, change in CHANGES.items():
@@ -134,8 +134,8 @@ def _ends_early(slope: float, where: str) -> Finding:
     ]  # fmt: skip
     return Finding(
         shares,
-        yes=f"At {where} learning ends a walk that feedback alone completes.",
-        no=f"At {where} either learning completes the walk, or feedback alone does not.",
+        yes=f"At {where} learning ends a walk that feedback only completes.",
+        no=f"At {where} either learning completes the walk, or feedback only does not.",
     )
 
 
@@ -162,11 +162,11 @@ FINDINGS = {
     },
     "feedback": Finding(
         [_over(change, FORCE, FEEDBACK, at_most(1.0)) for change in CHANGES],
-        yes="After each of the changes learning leaves a smaller force error than feedback alone.",
-        no="After some of the changes learning leaves no smaller a force error than feedback alone.",
+        yes="After each of the changes learning leaves a smaller force error than feedback only.",
+        no="After some of the changes learning leaves no smaller a force error than feedback only.",
     ),
     "patches_feedback": Finding(
-        [_on_widest("force error over that of feedback alone", {**WIDEST, "walk": FEEDBACK}, at_most(1.0))],
+        [_on_widest("force error over that with feedback only", {**WIDEST, "walk": FEEDBACK}, at_most(1.0))],
         yes=f"On {WIDE}, which the plan does not know, learning lowers the force error.",
         no=f"On {WIDE}, which the plan does not know, learning leaves the force error as it is, or raises it.",
     ),

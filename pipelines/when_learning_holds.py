@@ -1,10 +1,11 @@
-"""When learning holds: verdicts on random settings, compared with long runs.
+"""When learning stays bounded: what several predictors say of random configurations, compared with long runs.
 
-``python -m pipelines.when_learning_holds`` draws settings of one leg, of the quadruped and of robots, runs each for
-thousands of cycles without a guard (robots for fewer), and compares how it went with what several criteria say of the
-config alone. The limits of the verdict (``cmacexp/stability/verdict.py``) were chosen on other draws.
+``python -m pipelines.when_learning_holds`` draws configurations of one leg, of the quadruped and of robots, runs each
+for thousands of cycles without a guard (robots for fewer), and compares how it went with what each predictor says of
+the config alone. The limits of the verdict (``cmacexp/stability/verdict.py``) were chosen on other draws.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +15,10 @@ from cmacexp.commands.study import main
 from cmacexp.models.robot_file import package_models
 from cmacexp.report.figures import Panel, Series
 from cmacexp.stability.growth import MAX_CYCLES_BEFORE
-from cmacexp.stability.verdict import HOLDS, MAX_CYCLES, PLACES, UNDECIDED
-from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, draw
+from cmacexp.stability.verdict import GROWS, HOLDS, MAX_CYCLES, PLACES, UNDECIDED
+from cmacexp.study import Criterion, Finding, Request, Results, Study, at_least, at_most, between, draw
+from cmacexp.study.interval import UNKNOWN, estimate
+from cmacexp.study.statements import Limit
 from cmacexp.typing import Array, Mask
 from pipelines.common_results import percent
 from pipelines.when_learning_holds_draws import FIRST, LEG, ROBOT, WALK, Draws
@@ -30,7 +33,8 @@ DRAWS, QUICK_DRAWS = {LEG: 1200, WALK: 240, ROBOT: 20}, {LEG: 5, WALK: 4}
 CYCLES, QUICK_CYCLES = {LEG: 3000, WALK: 3000, ROBOT: 150}, 40
 SEED = 25
 CRITERIA = {
-    "condition": "Re(z^l T) > (beta/2) |T|^2",
+    "condition_1": "condition 1, Re(z^l T) > (beta/2) T^H T",
+    "condition_2": "condition 2, Re(z^l T) > beta (l + 1/2) T^H T",
     "frequency": "Re(z^l T) > 0",
     "cycle_map": "growth of the cycle map below 1",
     "simulation": f"the first {MAX_CYCLES} cycles",
@@ -38,6 +42,10 @@ CRITERIA = {
 }
 WITHIN = 0.002
 """Distance of a predicted growth from the measured one that counts as right."""
+
+
+BOUNDED, GREW = True, False
+"""How a run went."""
 
 
 def runs(quick: bool) -> list[Request]:
@@ -65,18 +73,22 @@ def _says(results: Results, criterion: str, what: str) -> Mask:
     return np.asarray(np.nan_to_num(results.measure(criterion)) == SAID[what])
 
 
-def falsely_holds(results: Results, criterion: str) -> Mask:
-    """Of each run that learns: whether it was said to hold, and grew."""
+def _cell(results: Results, criterion: str, says: str, went: bool) -> Mask:
+    """Of each run that learns: whether a criterion says this of it, and it went so."""
     own = learning(results)
-    return np.asarray(_says(own, criterion, HOLDS) & ~_held(own))
+    return np.asarray(_says(own, criterion, says) & (_held(own) == went))
 
 
 def _spared(results: Results) -> Mask:
-    return ~falsely_holds(results, "verdict")
+    return ~_cell(results, "verdict", HOLDS, GREW)
 
 
-def _undecided(results: Results) -> Mask:
-    return _says(learning(results), "verdict", UNDECIDED)
+def _undecided(results: Results, criterion: str = "verdict") -> Mask:
+    return _says(learning(results), criterion, UNDECIDED)
+
+
+def _stayed_bounded(results: Results) -> Mask:
+    return _held(learning(results))
 
 
 def _right(results: Results, criterion: str) -> Mask:
@@ -109,8 +121,41 @@ def _right_share(criterion: str) -> Criterion:
     )  # fmt: skip
 
 
+def _matrix(criterion: str) -> Finding:
+    """The confusion matrix of a criterion on one leg, as shares of all settings, and the share undecided."""
+    cells: list[tuple[str, Callable[..., Mask], Limit]] = [
+        ("said to stay bounded, stayed bounded", partial(_cell, says=HOLDS, went=BOUNDED), at_least(0.2)),
+        ("said to stay bounded, grew", partial(_cell, says=HOLDS, went=GREW), at_most(0.05)),
+        ("said to grow, grew", partial(_cell, says=GROWS, went=GREW), at_least(0.2)),
+        ("said to grow, stayed bounded", partial(_cell, says=GROWS, went=BOUNDED), at_most(0.05)),
+        ("undecided", _undecided, at_most(0.2)),
+    ]
+    counts = (
+        "of all settings {values[0]} were said to stay bounded and did, {values[1]} were and grew, {values[2]} were "
+        "said to grow and did, {values[3]} were and stayed bounded, {values[4]} were undecided."
+    )
+    return Finding(
+        [
+            percent(quantity, partial(sample, criterion=criterion), limit, case=CRITERIA[criterion], machine=LEG)
+            for quantity, sample, limit in cells
+        ],
+        yes=f"“{CRITERIA[criterion]}” is seldom wrong or undecided: {counts}",
+        no=f"“{CRITERIA[criterion]}” is often wrong or undecided: {counts}",
+    )
+
+
 SPARED = "settings without a false “holds”"
 FINDINGS = {
+    "base_rate": Finding(
+        [
+            percent("stays bounded", _stayed_bounded, between(0.2, 0.8), case=machine, machine=machine)
+            for machine in (LEG, WALK)
+        ],
+        yes="Neither outcome is rare: {values[0]} of the settings of one leg stay bounded, {values[1]} of those of "
+        "the quadruped.",
+        no="One outcome is rare: {values[0]} of the settings of one leg stay bounded, {values[1]} of those of "
+        "the quadruped.",
+    ),
     "spared": Finding(
         [percent(SPARED, _spared, at_least(0.99), case=LEG, machine=LEG)],
         yes="A false “holds” is rare on one leg: {value} of the settings have none.",
@@ -135,10 +180,11 @@ FINDINGS = {
         "runs.",
     ),
     "condition": Finding(
-        [percent("held where the condition says so", partial(_held_if_said, criterion="condition"), at_least(0.95),
+        [percent("bounded where condition 1 is met", partial(_held_if_said, criterion="condition_1"), at_least(0.95),
                  machine=LEG)],
-        yes="Where the condition is met, learning holds in {value} of the settings.",
-        no="Where the condition is met at the places that were computed, learning holds in only {value} of the "
+        yes="Where condition 1 is met at the places that were computed, learning stays bounded in {value} of the "
+        "settings.",
+        no="Where condition 1 is met at the places that were computed, learning stays bounded in only {value} of the "
         "settings.",
     ),
     **{
@@ -147,28 +193,39 @@ FINDINGS = {
             yes=f"Where it decides, “{CRITERIA[criterion]}” is right in {{value}} of the settings.",
             no=f"Where it decides, “{CRITERIA[criterion]}” is right in only {{value}} of the settings.",
         )
-        for criterion in ("frequency", "cycle_map", "simulation", "verdict")
+        for criterion in CRITERIA
     },
+    **{f"matrix_{criterion}": _matrix(criterion) for criterion in CRITERIA},
 }  # fmt: skip
 
 
 def table_confusion(results: Results) -> "pd.DataFrame":
-    """How many settings each criterion says to hold or to grow, and how they went."""
+    """How many settings each predictor says to stay bounded or to grow, how they went, and how often it was right."""
     import pandas as pd
 
     rows = []
     for machine, own in learning(results).by("machine").items():
-        held = _held(own)
         for criterion, words in CRITERIA.items():
-            holds, undecided = _says(own, criterion, HOLDS), _says(own, criterion, UNDECIDED)
-            grows = ~holds & ~undecided
-            cells = {"said to hold": holds, "said to grow": grows, "undecided": undecided}
             counts = {
-                f"{said}, {went}": int((cell & (held == (went == "held"))).sum())
-                for said, cell in cells.items()
-                for went in ("held", "grew")
+                f"{named}, {then}": int(_cell(own, criterion, says, went).sum())
+                for named, says in (("said bounded", HOLDS), ("said to grow", GROWS), ("undecided", UNDECIDED))
+                for then, went in (("bounded", BOUNDED), ("grew", GREW))
             }
-            rows.append({"machine": machine, "criterion": words, **counts})
+            right = _right(own, criterion)
+            accuracy = estimate(right) if len(right) else UNKNOWN
+            rows.append(
+                {
+                    "machine": machine,
+                    "predictor": words,
+                    "n": len(own),
+                    "stay bounded, %": 100.0 * float(_held(own).mean()),
+                    **counts,
+                    "undecided, %": 100.0 * float(_undecided(own, criterion).mean()),
+                    "right where it decides, %": 100.0 * accuracy.value,
+                    "from, %": 100.0 * accuracy.low,
+                    "to, %": 100.0 * accuracy.high,
+                }
+            )
     return pd.DataFrame(rows)
 
 
@@ -190,8 +247,8 @@ def table_misses(results: Results) -> "pd.DataFrame":
         {
             "which": name,
             "settings": int(chosen.sum()),
-            "said to hold, grew": int((chosen & holds & ~held).sum()),
-            "said to grow, held": int((chosen & said & ~holds & held).sum()),
+            "said bounded, grew": int((chosen & holds & ~held).sum()),
+            "said to grow, bounded": int((chosen & said & ~holds & held).sum()),
             "undecided, %": 100.0 * float((chosen & undecided).sum() / max(1, chosen.sum())),
         }
         for name, chosen in groups.items()
@@ -209,10 +266,10 @@ def draw_growth(results: Results) -> "Figure":
 
 
 def draw_places(results: Results) -> "Figure":
-    """Least Re z^l T over frequency at the places of the cycle: median and quartiles over settings."""
+    """Least eigenvalue of Re(z^l T) over frequency at the places of the cycle: median and quartiles over settings."""
     own, place = learning(results.select(machine=LEG)), np.arange(PLACES) / PLACES
     series = []
-    for name, chosen in (("held", _held(own)), ("grew", ~_held(own))):
+    for name, chosen in (("stayed bounded", _held(own)), ("grew", ~_held(own))):
         reals = np.array([own.measure(real) for real in REALS])[:, chosen]
         known = reals[:, np.isfinite(reals).all(axis=0)]
         if known.size:
@@ -237,16 +294,16 @@ def values(results: Results) -> dict[str, Any]:
         "short": MAX_CYCLES_BEFORE,
         "places": PLACES,
         "small": LINEAR,
-        "false_holds": int(falsely_holds(leg, "verdict").sum()),
+        "false_holds": int(_cell(leg, "verdict", HOLDS, GREW).sum()),
         "said_holds": int(_says(learning(leg), "verdict", HOLDS).sum()),
         "grown": len(growth_errors(leg)),
     }
 
 
 STUDY = Study(
-    title="When learning holds",
-    question="What do frequency tests, the cycle map, a short simulation and `stability` say of random settings, and "
-    "are they right?",
+    title="When learning stays bounded",
+    question="What do frequency tests, the cycle map, a short simulation and `stability` say of random "
+    "configurations, and are they right?",
     runs=runs,
     measures=MEASURES,
     findings=FINDINGS,

@@ -1,4 +1,4 @@
-"""What the study of verdicts measures of one run: how it went, and what each criterion says of its config."""
+"""What the study of predictors measures of one run: how it went, and what each of them says of its config."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -33,17 +33,19 @@ class Outcome(NamedTuple):
     """Of one run; a criterion gives a number of SAID, or NaN if it cannot be computed."""
 
     learns: float
-    """1: feedback alone lasts until learning begins, else 0."""
+    """1: feedback only lasts until learning begins, else 0."""
     held: float
-    """1: it completed, and its feedback ended below DRIFT_RATIO times its lowest level."""
-    condition: float
-    """Re(z^l T) > (beta / 2) |T|^2 at every frequency and place."""
+    """1: it stayed bounded: it completed, and its feedback ended below DRIFT_RATIO times its lowest level."""
+    condition_1: float
+    """Re(z^l T) > (beta / 2) T^H T at every frequency and place, Re the Hermitian part."""
+    condition_2: float
+    """Re(z^l T) > beta (l + 1/2) T^H T there."""
     frequency: float
     """Re(z^l T) > 0 there."""
     cycle_map: float
     """Growth below 1 of the loop linearised after the first cycles."""
     simulation: float
-    """Whether the first MAX_CYCLES hold."""
+    """Whether the first MAX_CYCLES stay bounded."""
     verdict: float
     predicted: float
     """Growth per cycle with the verdict."""
@@ -54,7 +56,7 @@ class Outcome(NamedTuple):
 
 
 REALS = [f"real_{place}" for place in range(PLACES)]
-"""Names of the least Re z^l T over frequency at each place of the cycle."""
+"""Names of the least eigenvalue of Re(z^l T) over frequency at each place of the cycle."""
 
 
 def _over_legs(run: StoredRun, name: str) -> Array:
@@ -75,26 +77,20 @@ def _measure_growth(changes: Array, lowest: float, cycle: int) -> float:
 
 
 def _spectra(config: Config) -> list[Spectrum]:
-    """T at the places of the cycle; none where the loop without learning does not last."""
+    """T at the places of the cycle; none where the loop without learning does not complete them."""
     try:
         return spectra_along(config, config.learning.start_cycle + MAX_CYCLES_BEFORE, PLACES, FREQUENCIES)
     except NotPredictable:
         return []
 
 
-def _margin(spectrum: Spectrum, lead: int, rate: float) -> float:
-    """Least Re(z^l T) - (rate / 2) |T|^2 over frequency."""
-    turned = np.exp(2j * np.pi * spectrum.frequencies * spectrum.period * lead)[:, None] * spectrum.eigenvalues
-    return float((turned.real - 0.5 * rate * np.abs(turned) ** 2).min())
-
-
 def _say(holds: bool) -> float:
     return SAID[HOLDS] if holds else SAID[GROWS]
 
 
-def _say_if_positive(values: Sequence[float]) -> float:
-    """What a criterion says that holds where all of ``values`` are above 0; NaN without any."""
-    return _say(min(values) > 0.0) if values else float("nan")
+def _say_if_met(spectra: Sequence[Spectrum], lead: int, share: float) -> float:
+    """What Re(z^l T) > ``share`` T^H T at every frequency and place says; NaN without spectra."""
+    return _say(min(place.least(lead, share) for place in spectra) > 0.0) if spectra else float("nan")
 
 
 @lru_cache(maxsize=2)
@@ -115,8 +111,9 @@ def _measure(folder: Path) -> Mapping[str, float]:
     outcome = Outcome(
         1.0,
         float(_held(learning, config.cycles - first + 1)),
-        _say_if_positive([_margin(place, setup.lead, setup.rate) for place in spectra]),
-        _say_if_positive(reals),
+        _say_if_met(spectra, setup.lead, setup.rate / 2.0),
+        _say_if_met(spectra, setup.lead, setup.rate * (setup.lead + 0.5)),
+        _say_if_met(spectra, setup.lead, 0.0),
         float("nan") if np.isnan(short.growth) else _say(short.growth < 1.0),
         _say(_held(learning, asked)),
         SAID[verdict.verdict],

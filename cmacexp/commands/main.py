@@ -14,6 +14,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from cmacexp.commands.command import BAD_INPUT, COMPLETED, FAILED, STOPPED, describe_error, report_usage, run_command
+from cmacexp.commands.group_help import find_group, format_help
 from cmacexp.config import config_folder, to_config
 from cmacexp.config.compose import make_record
 from cmacexp.config.explain import COMPOSITION_ERRORS, explain_composition
@@ -26,6 +27,8 @@ from cmacexp.jit.interrupt import interrupt_held_back, is_interrupt
 
 EXIT_CODES = {"completed": COMPLETED, "failed": FAILED, "bad input": BAD_INPUT, "fell": STOPPED, "diverged": STOPPED}
 """By the status of a run, or how a sweep ended."""
+
+MULTIRUN = ("-m", "--multirun")
 
 
 def main() -> int:
@@ -42,6 +45,10 @@ def _run_or_sweep() -> int:
     if "--version" in sys.argv[1:]:
         print(f"cmacexp {__version__}")
         return COMPLETED
+    if group := find_group(sys.argv[1:]):
+        print(format_help(group, sys.argv[1:]))
+        return COMPLETED
+    sys.argv[1:] = sorted(sys.argv[1:], key=lambda text: text not in MULTIRUN)  # which Hydra reads before overrides
     report_parser_errors(_report_usage)
     os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions reach the lines below, instead of Hydra's own printing
     skip_mode_lookup(sys.argv[1:])
@@ -78,10 +85,12 @@ def _end_sweep() -> str | None:
     """Write and print the table of the sweep of this process; how it ended, None without a sweep."""
     if Sweep.current is None:
         return None
+    from cmacexp.data.folder import full_disk_named
     from cmacexp.experiment.sweep_results import finish_sweep
 
     Sweep.current.progress.close()
-    return finish_sweep(Sweep.current)
+    with full_disk_named(Sweep.current.folder):
+        return finish_sweep(Sweep.current)
 
 
 class _Task:
@@ -135,7 +144,7 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         from cmacexp.experiment.without_effect import warnings_of
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.metrics.drift import Drift, format_drift
-        from cmacexp.report.terminal import activity, announce_compiling, print_summary, progress, say
+        from cmacexp.report.terminal import activity, announce_compiling, print_summary, progress, say, warn_of_models
 
     announce_compiling()
     check_metric(config.optimize, config.machine.kind)
@@ -143,6 +152,7 @@ def _run(composed: DictConfig, hydra: Any) -> str:
         scenario = make_scenario(config)
     for text in warnings_of(config, hydra.overrides.task, composed):
         say(f"warning: {text}", error=True)
+    warn_of_models([config.machine])
 
     def warn(drift: Drift) -> None:
         say(f"warning: {format_drift(drift)}", error=True)

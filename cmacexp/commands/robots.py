@@ -20,7 +20,7 @@ from cmacexp.models.robot import Robot, read_robot
 from cmacexp.models.robot_gains import derive_basis
 from cmacexp.models.robot_search import find_names
 from cmacexp.planning.robot import find_stance
-from cmacexp.report.terminal import say
+from cmacexp.report.terminal import say, warn_of_models
 from cmacexp.report.terminal_tables import print_table
 from cmacexp.typing import Array
 
@@ -129,6 +129,8 @@ def _show(arguments: argparse.Namespace) -> int:
     length_1, length_2 = robot.links
     say(str(robot.path))
     print(f"mass {format_number(basis.mass, 'kg')}, links {length_1:.3g} m and {length_2:.3g} m")
+    print(f"fingerprint {robot.fingerprint}")
+    warn_of_models([config.machine])
     print(f"a foot feels {format_number(basis.foot_mass, 'kg')} at least, {basis.ratio:.3g} of the mass")
     if (margin := _count_margin(config)) is not None:
         time = format_number(1e3 * margin * config.sampling_period, "ms")

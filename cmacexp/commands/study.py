@@ -17,16 +17,20 @@ from cmacexp.data.manifest import REPORT
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadInput
 from cmacexp.experiment.collect import Collected, collect
+from cmacexp.experiment.equal_results import print_idle_keys
+from cmacexp.experiment.sweep_results import parse_overrides
 from cmacexp.experiment.workers import Each, workers
 from cmacexp.report.terminal import say
 from cmacexp.study.evidence import count_verdicts, evidence_of, format_text
 from cmacexp.study.page import Evaluated, check_page, evaluate, write_page
+from cmacexp.study.provenance import choose_witnesses, digest_study, make_provenance
 from cmacexp.study.results import Results, read_row
 from cmacexp.study.study import Request, StudyFile, load_study
 
 FOLDER = Path("outputs/studies")
 FOLDER_KEY = "--folder"
-SEEDS = 3
+START = "learning.start_from"
+SEEDS = 5
 WORKERS = 8
 
 
@@ -47,8 +51,8 @@ class Options:
     """Of its config, ``timeout_min=600``."""
 
     def place(self, name: str) -> Path:
-        """Folder of a report."""
-        return self.folder / (f"{name}-quick" if self.quick else name)
+        """Folder of a report: one that concludes nothing does not replace one that does."""
+        return self.folder / f"{name}{'-quick' if self.quick else '-one-seed' if self.seeds == 1 else ''}"
 
     def start_workers(self) -> AbstractContextManager[Each]:
         """Processes here, and tasks of the launcher, if there is one, for long work."""
@@ -87,12 +91,17 @@ def _write(
     found = {}  # the same run with the same labels is one value of a sample, however often it was asked for
     for request in requests:
         run, choices = collected[request]
-        found[run, repr(sorted(request.labels.items()))] = (run, request.labels, choices)
-    rows = [read_row(*each, keys, measured[each[0]]) for each in found.values()]
+        found[run, repr(sorted(request.labels.items()))] = (run, request.labels, choices, request.seeded)
+    rows = [
+        read_row(run, labels, choices, keys, measured[run], seeded) for run, labels, choices, seeded in found.values()
+    ]
     results = Results(rows)
     results = Results(rows, {name: compute(results) for name, compute in study.computed.items()})
+    overrides = {collected[r][0]: r.overrides for r in requests if r.starts_from is None}
+    witnesses = choose_witnesses(results, overrides)
+    provenance = make_provenance(digest_study(path), results, witnesses, options.seeds)
     with replacing(folder, FOLDER_KEY, REPORT) as place:
-        evaluated = evaluate(file, results, place.new, options.quick)
+        evaluated = replace(evaluate(file, results, place.new, options.quick), provenance=provenance)
         write_page(study.title, study.question, [evaluated], place, options.quick)
     return replace(evaluated, files=[folder / path.relative_to(place.new) for path in evaluated.files])
 
@@ -117,7 +126,19 @@ def write_studies(files: Sequence[StudyFile], options: Options) -> list[Evaluate
             )
             for file in files
         ]
-        return each("evaluating", _write, items)
+        evaluated = each("evaluating", _write, items)
+    for own in requests.values():
+        _print_idle_keys(own, collected)
+    return evaluated
+
+
+def _print_idle_keys(requests: Sequence[Request], collected: Collected) -> None:
+    """Print the keys that had no effect in the runs of one study."""
+    typed = []
+    for request in requests:
+        starts = [] if request.starts_from is None else [f"{START}={collected[request.starts_from][0]}"]
+        typed.append([*request.overrides, *starts])
+    print_idle_keys(parse_overrides(typed), [collected[request][0] for request in requests], "runs")
 
 
 def write_study(file: StudyFile, options: Options) -> Path:

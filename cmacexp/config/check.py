@@ -1,10 +1,12 @@
 """Check a config before anything is planned or simulated."""
 
+import os
+import resource
 from collections.abc import Iterator
 from typing import Any
 
-from cmacexp.config.cmac import PHASE, check_size
-from cmacexp.config.component import COMPONENTS, ComponentConfig
+from cmacexp.config.cmac import CMACS, PHASE, check_size
+from cmacexp.config.component import COMPONENTS, ComponentConfig, find_option
 from cmacexp.config.fields import check_fields, listed
 from cmacexp.config.gait import PATTERNS
 from cmacexp.config.machine import BodyMachine, RobotMachine, ask_for_robot, read_model
@@ -19,6 +21,12 @@ TOLERANCE = 1e-9
 """Largest relative distance of an event from its sample."""
 MOST_ROWS = 2**24
 """Steps times legs of the longest cycle, which is held in memory as a whole."""
+SAMPLE_BYTES = 1000
+"""Of the plan, the samples and the traces of each leg at each sample of a cycle, about."""
+CELL_BYTES, ACTIVATION_BYTES = 12, 10
+"""Of an active cell of a sample: its row and what finding it takes; its activation, unless it is 1."""
+DISTANCE_BYTES = 16
+"""Of the distance of a sample from a centre along one input: its difference and that squared."""
 MOST_STEPS = 2**31 - 1
 """Steps of the longest run: the trace counts them in 32 bits."""
 
@@ -167,6 +175,42 @@ def _mistake(config: Config, key: str, allowed: str) -> BadInput:
     return BadInput(key, value, allowed)
 
 
+def _count_inputs(config: Config, names: list[str]) -> int:
+    return sum(2 if name == PHASE else config.joints for name in names)
+
+
+def machine_memory() -> int:
+    """Bytes that this process can have: the memory of the machine, or the limit of its address space if less."""
+    installed = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return installed if limit == resource.RLIM_INFINITY else min(installed, limit)
+
+
+def check_memory(config: Config) -> None:
+    """Check that one cycle with its network fits into memory, before anything is planned; raises BadInput.
+
+    Not part of :func:`check`: a config that another machine has run is valid, whatever this one has.
+    """
+    steps, part = config.steps_per_cycle, config.feedforward
+    option = find_option("feedforward", part["_target_"] if isinstance(part, dict) else part._target_)
+    rows, network, key, value = steps * config.legs, 0, "", 0
+    if option in CMACS:
+        key, value = "cmac.layers", config.cmac.layers
+        cell = CELL_BYTES + (config.cmac.receptive_field != "rectangular") * ACTIVATION_BYTES
+        network = rows * value * cell
+    elif option == "rbf":  # leg by leg
+        key, value = "feedforward.centres", part.centres
+        network = steps * value * _count_inputs(config, part.inputs) * DISTANCE_BYTES
+    needed, memory = rows * SAMPLE_BYTES + network, machine_memory()
+    if needed > memory:
+        period, gib = f"{config.sampling_period:g}", 2**30
+        size = f"needs {needed / gib:.1f} GiB, more than the {memory / gib:.1f} GiB of this machine or process: "
+        size += f"{steps} samples a cycle of each leg"
+        if network < needed / 2:
+            raise BadInput("sampling_period", period, f"{size}; use a longer one")
+        raise BadInput(key, value, f"with sampling_period={period} {size}; use fewer, or a longer sampling_period")
+
+
 def check(config: Config) -> None:
     """Check every field, and every combination that can be judged before planning; raises BadInput."""
     check_fields(config)
@@ -177,7 +221,7 @@ def check(config: Config) -> None:
     for find_mistakes in CHECKS:
         for key, allowed in find_mistakes(config):
             raise _mistake(config, key, allowed)
-    check_size(config.cmac, sum(2 if name == PHASE else config.joints for name in config.cmac.inputs), config.joints)
+    check_size(config.cmac, _count_inputs(config, config.cmac.inputs), config.joints)
     for group in COMPONENTS:
         component = getattr(config, group)
         if isinstance(component, ComponentConfig):

@@ -13,10 +13,10 @@ WORD_BYTES = 8
 """Bytes of a CMAC weight, a float64."""
 CMACS = ("cmac", "cmac_on_model")
 """Feedforwards that are a CMAC."""
-ACTS = ("learning.start_cycle <= cycles",)
-"""What a feedforward needs to act in some cycle."""
-LEARNS = ("option.feedforward not in ('none', 'inverse_dynamics')",)
-"""What fields of learning need beside :data:`ACTS`."""
+ACTS = ("learning.start_cycle <= cycles or learning.start_from is not None",)
+"""What a feedforward needs to act in some cycle; what has learnt before acts from the first one on."""
+LEARNS = ("option.feedforward not in ('none', 'inverse_dynamics')", *ACTS)
+"""What fields of learning need, but for the first cycle itself: a late one is how to switch learning off."""
 MOST_POSITIONS = 2**63
 """Most cells of a CMAC that can be numbered with 64 bits."""
 

@@ -1,8 +1,10 @@
-"""The code of custom components: of their files, and of the files beside them that they import."""
+"""The code of custom components: of their files, and of the files beside them that they import; and their data."""
 
 import hashlib
+import os
 import sys
 import sysconfig
+from collections.abc import Iterable
 from functools import cache
 from modulefinder import ModuleFinder
 from pathlib import Path
@@ -17,16 +19,27 @@ PACKAGE = __name__.partition(".")[0]
 def custom_code_hash(config: Config, *components: object) -> str | None:
     """SHA-256 of the code of the custom components of a run, as it was imported; None: all are built in.
 
-    Without ``components`` that were made or given, it is that of those that the config names; raises BadInput.
+    Files of data count too: those that a field of the component names, and those that its class lists as ``reads``,
+    absolute or relative to the current folder. Without ``components`` that were made or given, it is that of those
+    that the config names; raises BadInput.
     """
+    nodes = [getattr(config, group) for group in COMPONENTS]
+    nodes = [node if isinstance(node, dict) else vars(node) for node in nodes]
     classes = [type(component) for component in components]
-    for group in () if components else COMPONENTS:
-        node = getattr(config, group)
+    for group, node in () if components else zip(COMPONENTS, nodes, strict=True):
         with current_folder_importable():
-            target = node["_target_"] if isinstance(node, dict) else node._target_
-            classes.append(find_class(f"{group}._target_", target))
-    hashes = [_hash(each.__module__) for each in classes if each.__module__.partition(".")[0] != PACKAGE]
+            classes.append(find_class(f"{group}._target_", node["_target_"]))
+    hashes = list[str]()
+    for own, node in zip(classes, nodes, strict=True):
+        if own.__module__.partition(".")[0] != PACKAGE:
+            hashes += [_hash(own.__module__), *_hash_data([*getattr(own, "reads", ()), *node.values()])]
     return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else None
+
+
+def _hash_data(named: Iterable[object]) -> list[str]:
+    """SHA-256 of each of ``named`` that is the path of a file."""
+    files = [Path(name) for name in named if isinstance(name, str | Path) and os.path.isfile(name)]
+    return [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
 
 
 @cache

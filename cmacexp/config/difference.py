@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cmacexp.config.component import COMPONENTS, find_option
-from cmacexp.config.load import WITHOUT_EFFECT
+from cmacexp.config.load import select_effective
 
 MOST_KEYS = 3
 """Runs that differ in more keys are labelled by the names of their folders."""
@@ -25,7 +25,7 @@ def flat(config: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 def differences(configs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """For each config, the keys in which not all of them agree, with its values; without keys that it lacks."""
-    flats = [flat({k: v for k, v in config.items() if k not in WITHOUT_EFFECT}) for config in configs]
+    flats = [flat(select_effective(config)) for config in configs]
     keys = list(dict.fromkeys(key for each in flats for key in each))
     differing = [key for key in keys if any(key not in each or each[key] != flats[0].get(key) for each in flats)]
     return [{key: each[key] for key in differing if key in each} for each in flats]

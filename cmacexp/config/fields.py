@@ -171,6 +171,9 @@ def check_fields(node: object, prefix: str = "") -> None:
         key = f"{prefix}.{each.name}" if prefix else each.name
         declared = _declared_types(node.__class__)[each.name]
         if not _has_type(value, declared):
+            if isinstance(value, list) and all(get_origin(kind) is not list for kind in _choices_of_type(declared)):
+                sweep = f"-m {key}={','.join(map(str, value))}"
+                raise BadInput(key, value, f"must be one value, not a list; for a sweep write {sweep}")
             raise BadInput(key, value, _describe_type(declared))
         if is_dataclass(value):
             check_fields(value, key)

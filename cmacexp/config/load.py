@@ -18,9 +18,12 @@ from cmacexp.config.robot_rule import find_mistake, rule_value
 from cmacexp.config.schema import Config
 from cmacexp.config.targets import current_folder_importable, find_class, find_new_name
 from cmacexp.errors import BadInput
+from cmacexp.jit.interrupt import exits_caught
 
 WITHOUT_EFFECT = ("record", "sweep", "optimize", "warn", "hydra")
 """Root keys that do not change the results of a run, and so stay out of its hash."""
+STATED = ("measured_with", "fingerprint")
+"""Keys of a machine that state where results come from, likewise."""
 
 OmegaConf.register_new_resolver("rule", rule_value, replace=True)
 
@@ -58,6 +61,7 @@ def _list_groups() -> list[str]:
     return [field.name for field in fields(Config)[1:] if (config_folder() / field.name).is_dir()]
 
 
+@exits_caught()  # of the config class of a component
 def to_config(composed: DictConfig | Mapping[str, Any]) -> Config:
     """Type and check what Hydra composed, or plain values, as the ``config`` of a manifest.
 
@@ -87,7 +91,14 @@ def to_plain(config: Config) -> dict[str, Any]:
     return asdict(config)
 
 
-def config_hash(plain: dict[str, Any]) -> str:
-    """SHA-256 of all that changes the results of a run, of a config as :func:`to_plain` gives it."""
+def select_effective(plain: Mapping[str, Any]) -> dict[str, Any]:
+    """What of a config, as :func:`to_plain` gives it, changes the results of a run."""
     kept = {key: value for key, value in plain.items() if key not in WITHOUT_EFFECT}
-    return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
+    if isinstance(machine := kept.get("machine"), Mapping):
+        kept["machine"] = {key: value for key, value in machine.items() if key not in STATED}
+    return kept
+
+
+def config_hash(plain: Mapping[str, Any]) -> str:
+    """SHA-256 of all that changes the results of a run, of a config as :func:`to_plain` gives it."""
+    return hashlib.sha256(json.dumps(select_effective(plain), sort_keys=True).encode()).hexdigest()

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields
 from cmacexp.config.fields import choice, number
 from cmacexp.errors import BadInput
 from cmacexp.models.robot import Robot, read_robot
-from cmacexp.models.robot_file import find_model
+from cmacexp.models.robot_file import describe_origin, find_model
 
 HAS_BODY = ("machine.kind in ('quadruped', 'robot')",)
 """What fields that concern a body, or choose among legs, need to have an effect."""
@@ -129,6 +129,10 @@ class RobotModel:
     """Geoms, sites or bodies of the feet in the model."""
     home: list[float | list[float]] = number("rad", at_least=-10, at_most=10)
     """Joint angles of every leg, or of each, at which the rule for the gains looks; knees bend to this side."""
+    measured_with: str | None = field(default=None, kw_only=True)
+    """Package, with its version, whose model the results of this project were measured with; null: there are none."""
+    fingerprint: str | None = field(default=None, kw_only=True)
+    """Of that model, see :attr:`cmacexp.models.robot.Robot.fingerprint`."""
 
 
 def ask_for_robot(machine: RobotModel) -> BadInput:
@@ -141,6 +145,24 @@ def ask_for_robot(machine: RobotModel) -> BadInput:
 def read_model(machine: RobotModel) -> Robot:
     """The robot that a config names; raises BadInput if there is no such model, or it is no quadruped."""
     return read_robot(find_model(machine.model, machine.path), machine.joints, machine.feet, machine.home)
+
+
+def describe_other_model(machine: object) -> str:
+    """That the model of a robot is not the one that results were measured with, in one line; empty if it is.
+
+    It is also empty where nothing is known of such results: for other machines, and for a model of the user's own.
+    """
+    if (
+        not isinstance(machine, RobotModel)
+        or None in (machine.model, machine.fingerprint)
+        or machine.path is not None
+    ):
+        return ""
+    if (robot := read_model(machine)).fingerprint == machine.fingerprint:
+        return ""
+    installed = describe_origin(robot.path)
+    other = f"the installed model, of {installed}, is not the one that results were measured with"
+    return f"machine={machine.model}: {other}, of {machine.measured_with}: results are not comparable"
 
 
 @dataclass

@@ -54,7 +54,7 @@ def rule_value(name: str, _root_: DictConfig) -> float | ListConfig:
     names = (*PERIODS, *STRIDE, *Basis._fields, *Gains._fields)
     if name not in names:
         raise BadInput("${rule:...}", name, f"choose from {', '.join(names)}")
-    robot = read_model(_read_machine(_root_))
+    robot = read_model(read_machine(_root_))
     basis = derive_basis(robot)
     if name in PERIODS:
         value = recommend_period(basis.ratio, _read_lateness(_root_), _find_pattern(_root_).gain)
@@ -75,7 +75,7 @@ def _find_pattern(root: DictConfig) -> GaitPattern:
 
 def _choose_cycle(root: DictConfig) -> float:
     """The longest cycle of the gait, s, or a shorter one whose stroke the legs can do at the speed."""
-    pattern, longest = _find_pattern(root), sum(read_model(_read_machine(root)).links) * LONGEST_STROKE
+    pattern, longest = _find_pattern(root), sum(read_model(read_machine(root)).links) * LONGEST_STROKE
     if OmegaConf.select(root, "gait.speed") is None:
         return pattern.cycle_time
     speed, duty = _read_number(root, "gait.speed", least=0.0), _read_number(root, "gait.duty_factor")
@@ -94,7 +94,7 @@ def _choose_stroke(root: DictConfig) -> float:
 
 
 def _choose_lift(root: DictConfig) -> float:
-    highest = min(HIGHEST_LIFT, LIFT * sum(read_model(_read_machine(root)).links))
+    highest = min(HIGHEST_LIFT, LIFT * sum(read_model(read_machine(root)).links))
     return round(highest * min(1.0, _read_number(root, "gait.cycle_time") / _find_pattern(root).cycle_time), 3)
 
 
@@ -140,8 +140,8 @@ def _read_lateness(root: DictConfig) -> Lateness:
     return add_up(*((round(read(f"{stage}.delay")), read(f"{stage}.lag")) for stage in stages))
 
 
-def _read_machine(root: DictConfig) -> RobotModel:
-    """The fields that say which robot it is, of the types that they must have."""
+def read_machine(root: DictConfig) -> RobotModel:
+    """The fields of a config that say which robot it is, of the types that they must have; raises BadInput."""
     kind = OmegaConf.select(root, "machine.kind")
     if kind != "robot":
         raise BadInput("machine.kind", kind, "must be robot where settings follow from its model: choose machine=go1")

@@ -6,7 +6,7 @@ Values stand in ``conf/``, never here. *Assumed* marks what Lin & Song 1997 do n
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-from cmacexp.config.cmac import ACTS, CMACS, LEARNS, CmacConfig
+from cmacexp.config.cmac import CMACS, LEARNS, CmacConfig
 from cmacexp.config.fields import choice, number
 from cmacexp.config.gait import PATTERNS, GaitConfig
 from cmacexp.config.machine import HAS_BODY, BodyMachine, RobotMachine
@@ -16,8 +16,8 @@ NONE, FREEZE, REFINE = GUARDS = ("none", "freeze", "refine")
 AUTO, ESTIMATE = "auto", "estimate"
 ADAPTIVE = "adaptive"
 DRAWS = (
-    f"{ACTS[0]} and option.feedforward in {CMACS} and cmac.addressing == 'hashed' and learning.start_from is None "
-    "or sensors.draws",
+    f"learning.start_cycle <= cycles and option.feedforward in {CMACS} and cmac.addressing == 'hashed' and "
+    "learning.start_from is None or learning.lead == 'estimate' or sensors.draws",
 )
 """What the seed needs: something that draws random numbers."""
 RATES = ("gait.pattern != 'standing' or gait.load_ramp > 0 or gait.unload_ramp > 0 or terrain.damping > 0",)
@@ -150,7 +150,7 @@ class PlausibilityConfig:
 class LearningConfig:
     """The learning rule (Lin & Song 1997, eq. 19, 20) and the strengths of the others."""
 
-    needs: ClassVar[tuple[str, ...]] = ("option.feedforward != 'none'", *ACTS)
+    needs: ClassVar[tuple[str, ...]] = ("option.feedforward != 'none'",)
 
     rule: str = field(kw_only=True, metadata={"needs": LEARNS})
     """One of cmacexp/cmac/rules.py; each but the paper's has its strength in a field below."""
@@ -164,7 +164,7 @@ class LearningConfig:
     improved once a cycle, by the paper's rule."""
     start_cycle: int = number("", at_least=1, at_most=10**9, needs=("own.start_from is None",))
     """First cycle in which the feedforward learns and acts; with a guard the second at least. What another run has
-    learnt acts from the first cycle on."""
+    learnt acts from the first cycle on. Above the cycles of the run nothing learns or acts."""
     start_from: str | None = field(kw_only=True, metadata={"needs": LEARNS})
     """Folder of a run with record.weights, from whose weights the feedforward starts; null: none."""
     regularisation: float = number("", at_least=0, at_most=1e6)

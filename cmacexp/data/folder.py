@@ -46,7 +46,8 @@ LOCKLESS = {errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS}
 
 
 @contextmanager
-def _full_disk_named(path: Path) -> Iterator[None]:
+def full_disk_named(path: Path) -> Iterator[None]:
+    """Name what is written in the error of a full disk, and say what helps; raises OSError."""
     try:
         yield
     except OSError as error:
@@ -60,7 +61,7 @@ def _full_disk_named(path: Path) -> Iterator[None]:
 def write_atomically(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside ``path``; rename it to ``path`` when the block succeeds, else remove it."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    with _full_disk_named(path):
+    with full_disk_named(path):
         temporary.unlink(missing_ok=True)
         temporary.touch(exist_ok=False)  # never through a link
         try:
@@ -260,7 +261,7 @@ def replacing(folder: Path, key: str, kind: str | None = None, wait: bool = Fals
     """
     made = not folder.exists()
     try:
-        with locked(folder, key, wait), _full_disk_named(folder):
+        with locked(folder, key, wait), full_disk_named(folder):
             place = _open_place(folder, key, kind)
             (folder / FAILED).unlink(missing_ok=True)
             place.new.mkdir()

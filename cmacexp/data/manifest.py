@@ -5,6 +5,7 @@ import json
 import os
 import platform
 import subprocess
+from collections.abc import Mapping
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,6 +18,7 @@ from cmacexp.data.manifest_fields import SWEEP as SWEEP
 from cmacexp.data.manifest_fields import find_wrong
 from cmacexp.data.version import __version__
 from cmacexp.errors import BadRun
+from cmacexp.models.robot_file import DISTRIBUTION
 
 NAME, CHECKSUM = "manifest.json", "checksum"
 """The file, and its last entry: the SHA-256 of all others."""
@@ -28,16 +30,26 @@ PACKAGES = ("numpy", "numba", "scipy", "pyarrow", "pandas", "hydra-core", "rerun
 Manifest = dict[str, Any]
 
 
-@cache
-def versions() -> dict[str, str]:
-    """Versions of everything that results can depend on."""
+def versions(config: Mapping[str, Any] | None = None) -> dict[str, str]:
+    """Versions of everything that results can depend on, those of a plain ``config`` if there is one."""
     installed = {"cmacexp": __version__, "python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            installed[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return installed
+    found = {package: _find_version(package) for package in (*PACKAGES, *_list_models(config or {}))}
+    return installed | {package: number for package, number in found.items() if number is not None}
+
+
+@cache
+def _find_version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _list_models(config: Mapping[str, Any]) -> list[str]:
+    """Packages of which the machine of a config, whatever that is, or its plant is made."""
+    machine, plant = (each if isinstance(each := config.get(key), dict) else {} for key in ("machine", "plant"))
+    named, uses_mujoco = machine.get("model") is not None, ".mujoco_" in str(plant.get("_target_"))
+    return ["mujoco"] * (uses_mujoco or machine.get("kind") == "robot") + [DISTRIBUTION] * named
 
 
 @cache
@@ -64,7 +76,7 @@ def make_manifest(config: dict[str, Any], status: str, cause: str, **entries: An
         "seed": config.get("seed"),
         "config": config,
         "config_hash": config_hash(config),
-        "versions": versions(),
+        "versions": versions(config),
         "git_commit": git_commit(),
         "steps": 0,
         "rollout_seconds": 0.0,

@@ -88,7 +88,13 @@ RUN_FIELDS = {
     "guard?": [{"cycle": COUNT, "step": WHOLE, "cause": TEXT, "restored": WHOLE}],
     "learning_rate?": NUMBER,
     "lead_estimates?": [{"cycle": COUNT, "lead": WHOLE}],
-    "carried?": [{"cycle": COUNT, "weight": NUMBER, **dict.fromkeys(("x", "y", "slope_x", "slope_y"), NUMBER)}],
+    "carried?": [
+        {
+            "cycle": COUNT,
+            "measured_weight?": NUMBER,
+            **dict.fromkeys(("weight", "x", "y", "slope_x", "slope_y"), NUMBER),
+        }
+    ],
     "robot?": {"chains": [[NUMBER]], "hips": [[NUMBER]], "foot_radius": NUMBER},
     "model_hash?": _or_null(HASH),
     "traceback?": TEXT,

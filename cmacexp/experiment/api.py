@@ -12,9 +12,10 @@ from typing import Any
 from cmacexp.config import to_config
 from cmacexp.config.component import COMPONENTS
 from cmacexp.config.compose import compose_untyped
+from cmacexp.config.machine import describe_other_model
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import METRICS
-from cmacexp.errors import BadInput, WithoutEffect, in_one_line
+from cmacexp.errors import BadInput, OtherModel, WithoutEffect, in_one_line
 from cmacexp.experiment.run import run_scenario
 from cmacexp.experiment.without_effect import warnings_of
 from cmacexp.jit.compiler import expect_steps
@@ -22,7 +23,7 @@ from cmacexp.loop.scenario import make_scenario
 from cmacexp.loop.stepwise import OpenLoop
 from cmacexp.metrics.metric import Shown
 from cmacexp.metrics.pooling import shorten, tabulate_cycles
-from cmacexp.report.terminal import describe_idle
+from cmacexp.report.terminal import announce_compiling, describe_idle
 from cmacexp.report.terminal_tables import format_table, head
 
 RUN_FOLDER = "hydra.run.dir="
@@ -95,6 +96,7 @@ def run(
     Warns:
         WithoutEffect: of each override that nothing reads, and of a custom feedforward that gave no torque, unless
             ``warn=false`` is one of them.
+        OtherModel: of a robot whose model is not the one that results were measured with.
     """
     config_overrides, named = _split(overrides)
     unknown = set(components) - set(COMPONENTS)
@@ -109,6 +111,8 @@ def run(
     config = replace(config, **targets)
     for text in warnings_of(config, config_overrides, composed):
         warnings.warn(text, WithoutEffect, stacklevel=2)
+    if other := describe_other_model(config.machine):
+        warnings.warn(other, OtherModel, stacklevel=2)
     place = Path(folder) if folder is not None else named
     if place is None:
         place = Path("outputs", config.scenario, datetime.now().strftime("%Y-%m-%d_%H-%M-%S-%f"))
@@ -132,6 +136,9 @@ def open_loop(overrides: str | Sequence[str] = (), *, config_dir: str | Path | N
     config = to_config(composed)
     for text in warnings_of(config, own, composed):
         warnings.warn(text, WithoutEffect, stacklevel=2)
+    if other := describe_other_model(config.machine):
+        warnings.warn(other, OtherModel, stacklevel=2)
+    announce_compiling()
     scenario = make_scenario(config)
     expect_steps(math.inf)
     return OpenLoop(scenario)

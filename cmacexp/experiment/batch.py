@@ -1,5 +1,6 @@
 """Many runs as one table: those of a sweep, from disk, or run in memory on all cores."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,10 +13,12 @@ from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import METRICS as METRICS_FILE
 from cmacexp.data.tables import Scores
-from cmacexp.errors import BadInput
-from cmacexp.experiment.sweep_results import make_column, parse_overrides
+from cmacexp.errors import BadInput, OtherModel, WithoutEffect
+from cmacexp.experiment.equal_results import Outcome, find_idle_keys, make_outcome
+from cmacexp.experiment.sweep_results import make_column, make_labels, parse_overrides
 from cmacexp.experiment.workers import workers
 from cmacexp.report.run_summary import sort_folders
+from cmacexp.report.terminal import say
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,9 +30,10 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
     """All metrics of all jobs of a sweep, or of all runs below a folder.
 
     Returns:
-        A row for each job, cycle and leg: ``run``, the folder of the job in that of the sweep; a column for each key
-        that some job overrides; ``status``; the columns of ``metrics.parquet`` and of ``body_metrics.parquet``, see
-        ``docs/metrics.md``. A job without metrics has one row, which lacks them.
+        A row for each job, cycle and leg: ``run``, the number of the job; ``folder``, its place below ``folder``; a
+        column for each key that some job overrides; ``status``; the columns of ``metrics.parquet`` and of
+        ``body_metrics.parquet``, see ``docs/metrics.md``. A job without metrics has one row, which lacks them. Runs
+        whose folders are not numbered, as jobs are, have the numbers 0, 1, ... in the order of their folders.
 
     Raises:
         BadRun: there is no run, or one is not intact.
@@ -38,9 +42,9 @@ def load_sweep(folder: str | Path) -> "pd.DataFrame":
     runs = [StoredRun(path) for path in sort_folders(runs_below(root))]
     tables = [join_scores(run.scores if METRICS_FILE in run.manifest["files"] else None) for run in runs]
     settings = parse_overrides([run.manifest.get("overrides", []) for run in runs])
+    labels = make_labels([run.folder.relative_to(root).as_posix() for run in runs])
     rows = [
-        {"run": str(run.folder.relative_to(root)), **values, "status": run.status}
-        for run, values in zip(runs, settings, strict=True)
+        {**label, **values, "status": run.status} for label, values, run in zip(labels, settings, runs, strict=True)
     ]
     return stack(rows, tables)
 
@@ -80,6 +84,10 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
 
     Raises:
         CmacexpError: one of them cannot be run; nothing is returned then.
+
+    Warns:
+        OtherModel: of each robot whose model is not the one that results were measured with.
+        WithoutEffect: of each key without effect, see ``docs/sweeps.md``; runs with ``warn=false`` do not count.
     """
     if keep not in KEPT:
         raise BadInput("keep", keep, f"choose from {', '.join(KEPT)}")
@@ -90,23 +98,34 @@ def run_many(runs: Sequence[Sequence[str]], keep: str = METRICS, processes: int 
         raise BadInput("runs", list(runs), "must have at least one run")
     with workers(processes=processes) as each:
         done = each("running", _run, [(list(overrides), keep, len(runs)) for overrides in runs])
+    settings, (ends, tables, outcomes, others) = parse_overrides(runs), zip(*done, strict=True)
+    for other in dict.fromkeys(filter(None, others)):
+        warnings.warn(other, OtherModel, stacklevel=2)
+    for kind, text in find_idle_keys(settings, outcomes, list(map(str, range(len(runs)))), "runs"):
+        if kind == "warning":
+            warnings.warn(text, WithoutEffect, stacklevel=2)
+        else:
+            say(f"{kind}: {text}", error=True)
     rows = [
         {"run": number, **values, "status": status}
-        for number, (values, (status, _)) in enumerate(zip(parse_overrides(runs), done, strict=True))
+        for number, (values, status) in enumerate(zip(settings, ends, strict=True))
     ]
-    return stack(rows, [table for _, table in done])
+    return stack(rows, tables)
 
 
-def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table]:
-    """How one of so many runs ended, and what is kept of it."""
-    from cmacexp.config import to_config
-    from cmacexp.config.compose import compose_untyped
+def _run(overrides: list[str], keep: str, runs: int) -> tuple[str, pa.Table, Outcome | None, str]:
+    """How one of so many runs ended, what is kept of it, what shows idle keys, and that its robot is another one."""
+    from cmacexp.config.compose import compose_config
+    from cmacexp.config.machine import describe_other_model
     from cmacexp.experiment.run import score_scenario
     from cmacexp.jit.compiler import expect_runs
     from cmacexp.loop.scenario import make_scenario
 
     expect_runs(runs)
     traces = list[pa.Table]()
-    scenario = make_scenario(to_config(compose_untyped(overrides)[0]))
+    config = compose_config(overrides)
+    scenario = make_scenario(config)
     end, scorer = score_scenario(scenario, lambda new: traces.append(new.legs) if keep == TRACE else None)
-    return end.status, pa.concat_tables(traces) if traces else join_scores(scorer.scores)
+    outcome = make_outcome(config, end.status, end.steps, scorer.scores)
+    table = pa.concat_tables(traces) if traces else join_scores(scorer.scores)
+    return end.status, table, outcome, describe_other_model(config.machine)

@@ -14,7 +14,7 @@ from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.experiment.failure import make_failure
 from cmacexp.experiment.workers import Each, share_progress
 from cmacexp.jit.compiler import expect_runs
-from cmacexp.report.terminal import announce_compiling
+from cmacexp.report.terminal import announce_compiling, warn_of_models
 from cmacexp.study.study import Request
 
 HASH_DIGITS, THIN_DIGITS = 12, 4
@@ -74,6 +74,7 @@ def _collect_ready(each: Each, requests: Sequence[Request], store: Path, before:
     failed = [reason for reason in missing.values() if isinstance(reason, str)]
     missing = {folder: config for folder, config in missing.items() if not isinstance(config, str)}
     print(f"{len(looked_up)} runs, {len(missing)} of them to be run", file=sys.stderr)
+    warn_of_models(config.machine for _, config, _, _ in looked_up.values() if isinstance(config, Config))
     if missing:
         ran = each("running", _run, [(i, *item, len(missing)) for i, item in enumerate(missing.items())], long=True)
         failed += [cause for cause in ran if cause is not None]

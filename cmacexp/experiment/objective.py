@@ -1,12 +1,19 @@
-"""``optimize=NAME``: the number that a job of a sweep returns to a sweeper that searches."""
+"""``optimize=NAME``: the number that a job of a sweep returns to a sweeper that searches, and which one is best."""
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 from cmacexp.errors import BadInput, suggest
-from cmacexp.metrics.metric import LARGE, NEAR_ZERO
+from cmacexp.metrics.metric import LARGE, NEAR_ZERO, NEITHER, Shown
 from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.metrics.text import format_number
 from cmacexp.metrics.tracking import SPATIAL
 from cmacexp.report.run_summary import RunSummary
+from cmacexp.report.terminal import format_folder
+
+DIRECTION, MINIMIZE, MAXIMIZE = "hydra.sweeper.direction", "minimize", "maximize"
+"""What a sweeper that searches does with what jobs return, as Optuna calls it."""
 
 
 def list_metrics(kind: str) -> list[str]:
@@ -21,14 +28,50 @@ def check_metric(name: str | None, kind: str) -> None:
         raise BadInput("optimize", name, f"choose from {', '.join(known)}, or null{suggest(name, known)}")
 
 
-def read_objective(name: str, run: RunSummary) -> float:
+def find_direction(name: str | None, given: Any, searches: bool) -> str | None:
+    """What is done with a metric: ``minimize``, or ``maximize`` one of which more is better; None if nobody knows.
+
+    Args:
+        name: of the metric, None: none. One that is best near zero counts without its sign, and is minimised.
+        given: the direction that a user has set, None: none.
+        searches: whether a sweeper uses the direction, so that it has to be known.
+
+    Raises:
+        BadInput: a sweeper searches without a metric, or for one of which neither direction is better and none is
+            given; or ``given`` contradicts the registry of metrics.
+    """
+    if name is None and searches:
+        raise BadInput("optimize", "null", "this sweeper searches: name the metric, e.g. optimize=transfer_rmse_y")
+    better = NEITHER if name is None else ALL_METRICS[name].better
+    known = None if better == NEITHER else MAXIMIZE if better == LARGE else MINIMIZE
+    if given is None and (known or not searches):
+        return known
+    if given not in ([known] if known else [MINIMIZE, MAXIMIZE]):
+        allowed = f"{known}, or left out" if known else f"{MINIMIZE} or {MAXIMIZE}"
+        reason = f"optimize={name} is better {better or 'neither small nor large'}"
+        raise BadInput(DIRECTION, "null" if given is None else given, f"must be {allowed}: {reason}")
+    return str(given)
+
+
+def read_objective(name: str, run: RunSummary, direction: str | None) -> float:
     """The value of a metric in the last whole cycle, pooled over the legs, in SI units.
 
     A metric that is best near zero counts without its sign. A run that fell, diverged or failed, or that does not
-    define the metric, has the worst value: -inf for a metric that is better large, else inf.
+    define the metric, has the worst value: -inf to ``maximize``, else inf.
     """
-    better = ALL_METRICS[name].better
     value = run.final(name) if run.status == "completed" else math.nan
     if math.isnan(value):
-        return -math.inf if better == LARGE else math.inf
-    return abs(value) if better == NEAR_ZERO else value
+        return -math.inf if direction == MAXIMIZE else math.inf
+    return abs(value) if ALL_METRICS[name].better == NEAR_ZERO else value
+
+
+def describe_best(name: str, direction: str, jobs: Sequence[RunSummary], swept: Sequence[str]) -> str:
+    """The best job of a search, its values of the ``swept`` keys and of the metric, and its folder, in one line."""
+    values = [read_objective(name, job, direction) for job in jobs]
+    best = (max if direction == MAXIMIZE else min)(range(len(jobs)), key=values.__getitem__)
+    if math.isinf(values[best]):
+        return f"none: no job completed with a value of {name}"
+    job, shown = jobs[best], ALL_METRICS[name].shown or Shown(name, ALL_METRICS[name].unit)
+    settings = " ".join(f"{key}={job.config[key]}" for key in swept)
+    value = format_number(job.final(name) * shown.factor, shown.unit)
+    return f"#{job.folder.name} {settings}: {name} = {value}, in {format_folder(job.folder)}"

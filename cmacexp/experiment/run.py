@@ -1,8 +1,10 @@
 """One run from its config to its folder: closed loop, traces, metrics, recording, manifest."""
 
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,9 +36,11 @@ from cmacexp.data.tables import (
 )
 from cmacexp.data.weights import WEIGHTS
 from cmacexp.errors import BadInput, BadOutput, format_user_traceback
+from cmacexp.experiment.failure import describe_failure
+from cmacexp.experiment.stop_cause import explain_stop
 from cmacexp.feedforward import Learns
 from cmacexp.feedforward.network import BuiltInFeedforward
-from cmacexp.jit.interrupt import interrupt_held_back
+from cmacexp.jit.interrupt import exits_caught, interrupt_held_back
 from cmacexp.loop import End, Samples, stream
 from cmacexp.loop.scenario import Scenario, make_scenario
 from cmacexp.loop.trace import assemble, assemble_body, assemble_memory
@@ -84,6 +88,7 @@ def _assemble(scenario: Scenario, columns: Columns, samples: Samples) -> Traces:
     return Traces(trace, body, memory)
 
 
+@exits_caught()
 def score_scenario(
     scenario: Scenario,
     keep: Callable[[Traces], None] = lambda traces: None,
@@ -111,9 +116,16 @@ def _roll_out(
 ) -> tuple[End, Scores, list[str]]:
     """Run, and write traces and memory; how the run ended, its metrics, and the names of the files."""
     columns, record = _columns(scenario), scenario.setup.config.record
+    last = deque[pa.Table](maxlen=2)  # the last one may be short
     with trace_writer(folder, record, *columns) as writer:
-        end, scorer = score_scenario(scenario, writer.write, watch, warn)
+
+        def keep(traces: Traces) -> None:
+            writer.write(traces)
+            last.append(traces.legs)
+
+        end, scorer = score_scenario(scenario, keep, watch, warn)
         writer.finish(end.status == "completed")
+    end = replace(end, cause=end.cause + explain_stop(scenario, end, last, scorer.drift))
     if not record.trace:
         return end, scorer.scores, []
     names = [TRACE, BODY] if columns[1] else [TRACE]
@@ -123,6 +135,7 @@ def _roll_out(
     return end, scorer.scores, names
 
 
+@exits_caught()
 def _write_extras(scenario: Scenario, place: Place, manifest: manifests.Manifest, names: list[str]) -> None:
     """Write the weights and the recording if the config asks for them, and add them to the names of whole files."""
     record, folder = scenario.setup.config.record, place.new
@@ -201,10 +214,12 @@ def _write(
     names += write_scores(folder, scores, config.record.trace)
     shown = {"guard": [event._asdict() for event in end.events], **_robot_entry(scenario)}  # in the recording
     manifest = manifests.make_manifest(to_plain(config), end.status, end.cause, steps=end.steps, **shown)
+    failure = end.error
     try:
         _write_extras(scenario, place, manifest, names)
-    except OSError as error:  # of a disk that is full: what is listed is whole
-        manifest |= {"status": "failed", "cause": f"after step {end.steps}: {error}"}
+    except Exception as error:  # of a disk that is full, or of a component: what is listed is whole
+        failure = None if isinstance(error, OSError) else error
+        manifest |= {"status": "failed", "cause": f"after step {end.steps}: {describe_failure(error)}"}
     controller, feedforward = scenario.controller, scenario.feedforward
     # External components may use these names for something else.
     dropped = controller.dropped if isinstance(controller, HybridController) else {}
@@ -216,12 +231,14 @@ def _write(
         "learning_lead": end.estimates[-1].lead if end.estimates else scenario.setup.lead,
         "learning_rate": end.rate,
         "lead_estimates": [estimate._asdict() for estimate in end.estimates],
-        "carried": [{"cycle": cycle, **load._asdict()} for cycle, load in end.carried],
+        "carried": [
+            {"cycle": cycle, "measured_weight": weight, **load._asdict()} for cycle, load, weight in end.carried
+        ],
         "drift": make_drift_entry(scores.legs),
         "rollout_seconds": end.seconds,
         "processor_seconds": end.processor_seconds,
         "files": {name: sha256(folder / name) for name in names},
     }
-    if end.error is not None and not isinstance(end.error, BadOutput | MemoryError):
-        entries["traceback"] = format_user_traceback(end.error)
+    if failure is not None and not isinstance(failure, BadOutput | MemoryError):
+        entries["traceback"] = format_user_traceback(failure)
     return manifest | entries

@@ -3,13 +3,16 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hydra.errors import HydraException
 from omegaconf import DictConfig
+from omegaconf.errors import OmegaConfBaseException
+
+from cmacexp.errors import BadInput
 
 if TYPE_CHECKING:
     from cmacexp.data.folder import Place
@@ -33,14 +36,22 @@ class Sweep:
     """The sweep of this process.
 
     ``place`` is its folder once that is locked, for the table; ``planned`` counts jobs by their overrides, see
-    :func:`select_run_overrides`; ``kinds`` are those of :meth:`get_kind`.
+    :func:`select_run_overrides`; ``kinds`` are those of :meth:`get_kind`. ``optimize`` is the metric that jobs
+    return, ``direction`` whether to ``minimize`` or to ``maximize`` it; None: nobody said.
     """
 
     current: "Sweep | None" = None
     """The sweep that this process started."""
 
-    def __init__(self, folder: Path, chunk: int | None = None, processes: int | None = None):
+    def __init__(
+        self,
+        folder: Path,
+        chunk: int | None = None,
+        processes: int | None = None,
+        objective: tuple[str | None, str | None] = (None, None),
+    ):
         self.folder, self.chunk, self.processes = folder, chunk, processes
+        self.optimize, self.direction = objective
         self.place: Place | None = None
         self.planned: Counter[tuple[str, ...]] = Counter()
         self.kinds: dict[tuple[str, ...], Kind] = {}
@@ -87,7 +98,14 @@ class Sweep:
         """Note the next jobs, before they start, and compose one of each kind; raises HydraException."""
         for overrides in batch:
             self.planned[tuple(select_run_overrides(overrides))] += 1
-            self.get_kind(sweeper, overrides).runs.append(select_run_overrides(overrides))
+            kind = self.get_kind(sweeper, overrides)
+            kind.runs.append(select_run_overrides(overrides))
+            if len(kind.runs) == 1 and kind.composed.machine.get("kind") == "robot":
+                from cmacexp.config.robot_rule import read_machine
+                from cmacexp.report.terminal import warn_of_models
+
+                with suppress(BadInput, OmegaConfBaseException):  # which the job reports
+                    warn_of_models([read_machine(kind.composed)])
 
 
 @cache

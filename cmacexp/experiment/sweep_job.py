@@ -50,7 +50,7 @@ def run_job(job: Job, jobs: float) -> float | None:
     metric, report = composed.get("optimize"), share_progress(number)
     with interrupt_held_back():  # some libraries cannot be imported partially
         from cmacexp.data.integrity import is_finished
-        from cmacexp.experiment.objective import check_metric, read_objective
+        from cmacexp.experiment.objective import check_metric, find_direction, read_objective
         from cmacexp.experiment.run import run_scenario
         from cmacexp.loop.scenario import make_scenario
         from cmacexp.report.run_summary import RunSummary, read_summary
@@ -91,7 +91,10 @@ def run_job(job: Job, jobs: float) -> float | None:
         if result is not None and result.status == "interrupted":
             raise KeyboardInterrupt
     report(1.0 if summary is None else FAILED_SHARE)
-    return None if metric is None else read_objective(metric, summary or read_summary(folder))
+    if metric is None:
+        return None
+    direction = find_direction(metric, hydra["sweeper"].get("direction"), searches=False)
+    return read_objective(metric, summary or read_summary(folder), direction)
 
 
 def _write_failure(job: Job, overrides: list[str], error: Exception) -> None:

@@ -17,6 +17,8 @@ from cmacexp.data.files import FAILED, sha256
 from cmacexp.data.folder import TABLE, TABLE_CSV
 from cmacexp.data.parquet import arrow, arrow_strings, write_table
 from cmacexp.errors import BadRun
+from cmacexp.experiment.equal_results import print_idle_keys
+from cmacexp.experiment.objective import describe_best
 from cmacexp.experiment.sweep import Sweep
 from cmacexp.report.run_summary import UNFINISHED, Row, RunSummary, make_rows, print_runs, read_summary, sort_folders
 from cmacexp.report.terminal import activity, describe_resume, print_next, say
@@ -40,8 +42,10 @@ def read_results(sweep: Sweep) -> tuple[list[RunSummary], list[Row]]:
         return [], []
     configs = parse_overrides(typed)
     jobs = [replace(job, config=config) for job, config in zip(jobs, configs, strict=True)]
-    rows = zip(make_rows(jobs, list(configs[0])), typed, strict=True)
-    return jobs, [{"run": row["run"], "overrides": " ".join(overrides), **row} for row, overrides in rows]
+    rows = make_rows(jobs, list(configs[0]))
+    labels = make_labels([row.pop("run") for row in rows])
+    labelled = zip(labels, typed, rows, strict=True)
+    return jobs, [{**label, "overrides": " ".join(overrides), **row} for label, overrides, row in labelled]
 
 
 def _read_jobs(folder: Path) -> Iterator[tuple[RunSummary, list[str]]]:
@@ -56,6 +60,17 @@ def _read_jobs(folder: Path) -> Iterator[tuple[RunSummary, list[str]]]:
             cause, bad_input = manifest["cause"], manifest.get("bad_input", False)
             summary = RunSummary(job, "failed", cause, bad_input=bad_input) if failed else read_summary(job)
             yield replace(summary, config={}), manifest["overrides"]
+
+
+def make_labels(folders: Sequence[str]) -> list[Row]:
+    """The number of each run as ``run``, an integer in every table of runs, and its ``folder``.
+
+    A folder whose name is a number, as those of jobs are, gives it; if any has another name, or a number comes
+    again, runs are counted from 0 in the order of their folders.
+    """
+    numbers = [int(folder) for folder in folders if folder.isdecimal()]
+    numbers = numbers if len(set(numbers)) == len(folders) else list(range(len(folders)))
+    return [{"run": number, "folder": folder} for number, folder in zip(numbers, folders, strict=True)]
 
 
 def parse_overrides(typed: Sequence[Sequence[str]]) -> list[dict[str, Any]]:
@@ -114,10 +129,14 @@ def finish_sweep(sweep: Sweep) -> str:
     counts = Counter(job.status for job in jobs) + Counter({UNFINISHED: missing})
     ends = ", ".join(f"{count} {status}" for status, count in counts.items())
     print(f"{counts.total()} job{'s' * (counts.total() > 1)}: {ends}")
+    results = [job for job in jobs if job.is_result]
+    print_idle_keys([job.config for job in results], [job.folder for job in results], "jobs")
     for job in failed[:MAX_LISTED_FAILURES]:
         say(f"  {job.folder.name} {job.status}: {job.cause}", error=True)
     if len(failed) > MAX_LISTED_FAILURES:
         say(f"  and {len(failed) - MAX_LISTED_FAILURES} more: see {TABLE_CSV}", error=True)
+    if sweep.optimize and sweep.direction:
+        say(f"best:      {describe_best(sweep.optimize, sweep.direction, jobs, swept)}")
     if len(failed) < len(jobs):
         print_next(sweep.folder, {"report": "report"})
     if missing or counts["interrupted"]:

@@ -1,6 +1,7 @@
 """The start of a sweep: lock its folder, check its options, note its jobs, set ``record=trace`` by default."""
 
 from collections.abc import Sequence
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ class SweepStart(Callback):
         """Prepare the sweep, before its jobs are made."""
         try:
             _check_values(config)
-            sweep = Sweep(Path(config.hydra.sweep.dir), *_read_options(config))
+            sweep = Sweep(Path(config.hydra.sweep.dir), *_read_options(config), _read_objective(config))
             sweep.begin()
         except (BadInput, OSError, HydraException) as error:
             raise SweepRefused(error) from error
@@ -68,16 +69,31 @@ def _read_options(config: DictConfig) -> tuple[int | None, int | None]:
     return chunk, processes
 
 
+def _read_objective(config: DictConfig) -> tuple[str | None, str | None]:
+    """The metric that ``optimize`` names, and what is done with it, which a sweeper that searches is set to.
+
+    Raises BadInput, see :func:`cmacexp.experiment.objective.find_direction`.
+    """
+    name, searches = config.optimize, "direction" in config.hydra.sweeper
+    if name is None and not searches:
+        return None, None
+    from cmacexp.experiment.objective import DIRECTION, check_metric, find_direction
+
+    check_metric(name if name is None else str(name), "robot")  # which has all; a job knows its own machine
+    given = OmegaConf.select(config, DIRECTION)
+    typed = None if isinstance(given, Enum) else given  # the default of the sweeper is a member of its own Enum
+    direction = find_direction(name, typed, searches)
+    if searches and typed is None:
+        config.hydra.sweeper.direction = direction
+        config.hydra.overrides.hydra.append(f"{DIRECTION}={direction}")  # jobs read it there
+    return name, direction
+
+
 def _check_values(config: DictConfig) -> None:
-    """Raises BadInput if a key is swept over no value, or no metric is to be optimised, before jobs are made."""
+    """Raises BadInput if a key is swept over no value, before jobs are made."""
     searched = [f"{key}={value}" for key, value in (OmegaConf.select(config, "hydra.sweeper.params") or {}).items()]
     parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
     for override in parser.parse_overrides([*searched, *config.hydra.overrides.task]):
-        if override.key_or_group == "optimize" and not override.is_sweep_override():
-            from cmacexp.experiment.objective import check_metric
-
-            name = override.value()
-            check_metric(name if name is None else str(name), "robot")  # which has all; a job knows its own machine
         if override.is_discrete_sweep() and next(iter(override.sweep_iterator()), None) is None:
             key, _, value = str(override.input_line).partition("=")
             raise BadInput(key, value, "matches no option; glob is for groups, a field takes values: 8,16")

@@ -21,7 +21,8 @@ from types import ModuleType
 from typing import Any
 
 from cmacexp.experiment.forking import make_context
-from cmacexp.report.terminal import format_progress, shown
+from cmacexp.jit.interrupt import exits_caught
+from cmacexp.report.terminal import State, format_progress, shown
 
 Each = Callable[..., list[Any]]
 RunAll = Callable[..., list[Any]]
@@ -40,15 +41,15 @@ def shared_progress(what: str, count: Callable[[], int], unit: str = "") -> Iter
         os.environ[VARIABLE] = f"{socket.gethostname()} {os.getpid()} {file.name}"
         path, began = Path(file.name), time.monotonic()
 
-        def describe() -> str:
+        def look() -> State:
             nonlocal began
             shares = [share for (share,) in SHARE.iter_unpack(path.read_bytes())]
             done, failed = sum(min(share, 1.0) for share in shares), shares.count(FAILED_SHARE)
             began = began if done else time.monotonic()  # workers take seconds to start
-            text = format_progress(what, done, count(), unit, time.monotonic() - began)
-            return f"{text}, {failed} failed" if failed else text
+            text = format_progress(what, done, total := count(), unit, time.monotonic() - began)
+            return f"{text}, {failed} failed" if failed else text, done / total if total else None
 
-        with shown(describe):
+        with shown(look):
             yield path
         del os.environ[VARIABLE]
 
@@ -83,6 +84,7 @@ def _end_with(process: int) -> None:
     Thread(target=watch, daemon=True).start()
 
 
+@exits_caught()  # a worker would hand a SystemExit to the program, which would end with its code
 def work_on(shared: str, number: int, work: Callable[..., Any], item: tuple[Any, ...]) -> Any:
     """In any process: do one item of shared work, whose progress is reported to where ``VARIABLE`` was ``shared``."""
     os.environ[VARIABLE] = shared  # of these items: a process that works on already has that of the last ones

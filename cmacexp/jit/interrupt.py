@@ -4,6 +4,9 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from traceback import walk_tb
+
+from cmacexp.errors import ComponentExit, describe_exit
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -35,6 +38,29 @@ def raise_if_interrupted() -> None:
 def is_interrupt(error: BaseException) -> bool:
     """Whether an error is an interrupt, or comes after one, of which libraries make errors such as AttributeError."""
     return isinstance(error, KeyboardInterrupt) or _State.raised
+
+
+def _comes_from_handler(error: SystemExit) -> bool:
+    """Whether a signal handler of the caller's program raised it, as one that calls ``sys.exit`` at SIGTERM."""
+    handlers = {getattr(signal.getsignal(number), "__code__", None) for number in signal.valid_signals()}
+    return any(frame.f_code in handlers for frame, _ in walk_tb(error.__traceback__))
+
+
+@contextmanager
+def exits_caught() -> Iterator[None]:
+    """Raise a ``SystemExit`` of custom code as :class:`ComponentExit`: no component ends the program that runs it.
+
+    One that a signal handler of the program raises passes; one that a library has made of an interrupt is raised as
+    the interrupt.
+    """
+    try:
+        yield
+    except SystemExit as error:
+        if _comes_from_handler(error):
+            raise
+        if is_interrupt(error):
+            raise KeyboardInterrupt from error
+        raise ComponentExit(describe_exit(error)).with_traceback(error.__traceback__) from None
 
 
 def interrupted_exit_code() -> int:

@@ -36,8 +36,11 @@ class Adaptation:
         cycle = setup.config.gait.cycle_time
         self.gain, self.begun = cycle / (cycle + SMOOTHING), False
         """``begun``: a cycle has ended. The first one starts from rest, which moves the centre of the load."""
-        self.carried: list[tuple[int, Met]] = []
-        """First cycles, from 1, of what the plan knows; the weight is all that the feet carry, N."""
+        self.measured = 0.0
+        """All that the feet carried in the cycle that has ended, N."""
+        self.carried: list[tuple[int, Met, float]] = []
+        """First cycles, from 1, of what the plan uses, its weight that of the whole load, N; and the load that was
+        measured in the cycle before, N, of whose difference the plan takes only a part."""
 
     def reset(self) -> None:
         """Return to the start of the run, of which nothing is known."""
@@ -57,6 +60,7 @@ class Adaptation:
         Raises BadInput if in the first cycle the feet carried what no robot of that model weighs.
         """
         met, planned = read_meter(self.meter, self.nominal), self.nominal.load.force.mean()
+        self.measured = float(planned) + met.weight
         least, most = LEAST._replace(weight=LEAST.weight * planned), (math.inf, *[MOST_SHIFT] * 2, *[MOST_SLOPE] * 2)
         if not self.begun:
             _require_weight(self.setup, met.weight / planned + 1.0)
@@ -77,4 +81,4 @@ class Adaptation:
             return
         self.known = self.new
         weight = float(self.nominal.load.force.mean()) + self.new.weight
-        self.carried.append((cycle, self.new._replace(weight=weight)))
+        self.carried.append((cycle, self.new._replace(weight=weight), self.measured))

@@ -9,6 +9,7 @@ from cmacexp.config.targets import current_folder_importable, find_class
 from cmacexp.control.protocol import Controller
 from cmacexp.errors import BadComponent, BadInput, format_install_command
 from cmacexp.feedforward.protocol import Feedforward
+from cmacexp.jit.interrupt import exits_caught
 from cmacexp.plants import Plant
 from cmacexp.sensors import Sensors
 
@@ -69,7 +70,8 @@ def make_component(group: str, node: ComponentConfig | dict[str, Any]) -> Any:
         component = find_class(key, target)
         require_class(group, target, component, tuple(given))  # type: ignore[arg-type]  # any class is hashable
         try:
-            made = component(**given)
+            with exits_caught():
+                made = component(**given)
         except BadInput:
             raise
         except Exception as error:

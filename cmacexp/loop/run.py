@@ -16,7 +16,7 @@ from cmacexp.errors import CmacexpError
 from cmacexp.feedforward.network import BuiltInFeedforward
 from cmacexp.feedforward.weight_log import MOST_CYCLES
 from cmacexp.jit.compiler import expect_steps
-from cmacexp.jit.interrupt import interrupt_held_back, raise_if_interrupted
+from cmacexp.jit.interrupt import exits_caught, interrupt_held_back, raise_if_interrupted
 from cmacexp.loop.adaptation import Adaptation
 from cmacexp.loop.builtin import ALL_EXTERNAL, find_external, make_guard, make_loop
 from cmacexp.loop.compiled import CompiledDriver
@@ -86,8 +86,9 @@ class End:
     """What the guard of learning did."""
     estimates: Sequence[LeadEstimate] = ()
     """Of the lead, by ``learning.lead=estimate``."""
-    carried: Sequence[tuple[int, Met]] = ()
-    """What the plan knows of the load from a cycle on, by ``force_control.load_sharing=adaptive``."""
+    carried: Sequence[tuple[int, Met, float]] = ()
+    """What the plan uses of the load from a cycle on, and what the feet carried in the one before, N, by
+    ``force_control.load_sharing=adaptive``."""
 
 
 def _format_error(raised: Exception) -> str:
@@ -167,6 +168,7 @@ class _Stream:
         self.processor_seconds += time.process_time() - worked
         return start
 
+    @exits_caught()
     def _drive(self, samples: Array, body: Array) -> int:
         """Fill the arrays, by calls of the driver that take a moment each; returns how the last one ended."""
         done, stop = 0, RUNNING

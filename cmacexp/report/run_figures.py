@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,12 +17,14 @@ from cmacexp.report.cycle_data import CycleData, Rows, keep_rows
 from cmacexp.report.figures import DESIRED_LINE, Panel, Series, draw
 from cmacexp.report.parts import Drawing
 from cmacexp.report.remarks import describe_change, join
-from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark
+from cmacexp.report.style import FEEDBACK, FEEDFORWARD, mark, pale
 from cmacexp.typing import Array
 
 JOINTS = {2: ("joint 1, hip", "joint 2, knee"), 3: ("hip", "thigh", "knee")}
 """Names of joints, by their number."""
 CLOCK = "time in the cycle, s"
+VISIBLE = 0.005
+"""Least difference of two lines that is visible, as part of their range: about half the width of what is desired."""
 
 
 def draw_metrics(run: StoredRun) -> Drawing:
@@ -77,31 +79,72 @@ def read_quantity(rows: Rows, name: str) -> Array:
 
 
 def read_desired(rows: Rows, clock: Array, name: str) -> list[Series]:
-    """The desired force or the planned margin as a line; of other quantities none."""
+    """The desired path or force or the planned margin as a line; of other quantities none."""
+    if name == "foot":
+        return [Series("desired", 1e3 * rows["x_desired"], 1e3 * rows["y_desired"], style=DESIRED_LINE)]
     if name == "force":
         return [Series("desired", clock, rows["force_desired"], style=DESIRED_LINE)]
     return [Series("planned", clock, 1e3 * rows[name], style=DESIRED_LINE)] if name == "stability_margin" else []
 
 
-def over_cycle(data: CycleData, name: str, leg: int) -> Panel:
-    """A quantity of a leg, or of the body if ``leg`` is 0, over the time of each cycle, the last the strongest."""
-    title, y, _, from_zero = QUANTITIES[name]
-    first = data.select(data.cycles[0], leg)
-    lines, last = read_desired(first, data.time_in_cycle(first), name), len(data.cycles) - 1
-    for index, cycle in enumerate(data.cycles):
-        rows = data.select(cycle, leg)
-        strong = {**mark(0), "linewidth": 2.0, "zorder": 2.5}
-        style = strong if index == last else {**mark(index + 1), "linewidth": 1.1}
+def _style(data: CycleData, cycle: int) -> dict[str, Any]:
+    """Of the lines of a cycle; those of the last are the strongest."""
+    if cycle == data.cycles[-1]:
+        return {**mark(0), "linewidth": 2.0, "zorder": 2.5}
+    return {**mark(data.cycles.index(cycle) + 1), "linewidth": 1.1}
+
+
+def _coincide(one: Series, other: Series) -> bool:
+    """Whether lines are drawn on each other; those of a thinned trace, which has other steps, need not."""
+    a, b = (np.nan_to_num(np.array([line.x, line.y])) for line in (one, other))
+    return a.shape == b.shape and bool((np.abs(a - b) <= VISIBLE * np.ptp(b, axis=1, keepdims=True)).all())
+
+
+def _draw_plans(data: CycleData, name: str, legs: Sequence[int]) -> list[Sequence[Series]]:
+    """What is desired of each leg in the cycles that are shown.
+
+    The plan of a robot follows the load of its feet and its course from cycle to cycle. Cycles whose plans coincide
+    share a line, in the colour of the last of them; one line for all cycles is grey.
+    """
+    plans: dict[int, list[Series]] = {}
+    shared: dict[int, list[int]] = {}
+    for cycle in reversed(data.cycles):
+        rows = [data.select(cycle, leg) for leg in legs]
+        plans[cycle] = [line for own in rows for line in read_desired(own, data.time_in_cycle(own), name)]
+        first = next((same for same in shared if all(map(_coincide, plans[cycle], plans[same]))), cycle)
+        shared[first] = [cycle, *shared.get(first, [])]
+    if len(shared) > 1:
+        for cycle, cycles in shared.items():
+            style = {**DESIRED_LINE, "color": pale(_style(data, cycle)["color"]), "alpha": 1.0}
+            shown = f"{'cycle' if cycles == [cycle] else 'cycles'} {', '.join(map(str, cycles))}"
+            plans[cycle] = [replace(line, name=f"{line.name}, {shown}", style=style) for line in plans[cycle]]
+    return list(zip(*(plans[cycle] for cycle in reversed(shared)), strict=True)) or [()] * len(legs)
+
+
+def over_cycle(data: CycleData, name: str, legs: Sequence[int]) -> list[Panel]:
+    """A quantity of legs, or of the body if they are ``[0]``, over the time of each cycle, a panel for each leg."""
+    panels, (title, y, _, from_zero) = [], QUANTITIES[name]
+    for leg, plans in zip(legs, _draw_plans(data, name, legs), strict=True):
+        lines = list(plans)
+        for cycle in data.cycles:
+            rows = data.select(cycle, leg)
+            if name == "foot":
+                clock, values = 1e3 * rows["x"], 1e3 * rows["y"]
+            else:
+                clock, values = data.time_in_cycle(rows), read_quantity(rows, name)
+            lines.append(Series(f"cycle {cycle}", clock, values, style=_style(data, cycle)))
+        panel = Panel(data.leg_name(leg) or title, CLOCK, y, lines, from_zero=from_zero)
         if name == "foot":
-            clock, values = 1e3 * rows["x"], 1e3 * rows["y"]
+            panels.append(replace(panel, x="x forward, mm", equal=True, y_down=True))
         else:
-            clock, values = data.time_in_cycle(rows), read_quantity(rows, name)
-        lines.append(Series(f"cycle {cycle}", clock, values, style=style))
-    panel = Panel(data.leg_name(leg) or title, CLOCK, y, lines, from_zero=from_zero)
-    if name == "foot":
-        desired = Series("desired", 1e3 * first["x_desired"], 1e3 * first["y_desired"], style=DESIRED_LINE)
-        return replace(panel, x="x forward, mm", series=[desired, *lines], equal=True, y_down=True)
-    return replace(panel, x_range=(0.0, data.duration), shaded=data.support(leg))
+            panels.append(replace(panel, x_range=(0.0, data.duration), shaded=data.support(leg)))
+    return panels
+
+
+def _describe_plans(panels: Sequence[Panel]) -> str:
+    """How the lines of :func:`_draw_plans` are to be read; empty if all cycles share one."""
+    changes = any(series.name.startswith(("desired,", "planned,")) for panel in panels for series in panel.series)
+    return " The desired or planned lines are pale, each in the colour of the last of its cycles." * changes
 
 
 def describe_peaks(data: CycleData, names: Iterable[str], legs: Sequence[int]) -> str:
@@ -119,26 +162,28 @@ def describe_peaks(data: CycleData, names: Iterable[str], legs: Sequence[int]) -
 def draw_tracking(data: CycleData) -> list[Drawing]:
     """Foot path, force and errors over the chosen cycles: one figure for one leg, else one for each."""
     names = ["foot", "force", *data.axes] if data.moves_along_x else ["force", "y"]
-    panels = {name: [over_cycle(data, name, leg) for leg in data.legs] for name in names}
+    panels = {name: over_cycle(data, name, data.legs) for name in names}
     if len(data.legs) == 1:
-        figure = draw([panel for (panel,) in panels.values()], height=2.7)
+        every = [panel for (panel,) in panels.values()]
+        figure = draw(every, height=2.7)
         peaks = describe_peaks(data, [name for name in names if name != "foot"], data.legs)
-        caption = f"Force and errors over the chosen cycles.{peaks}{_describe_shade(data)}"
+        caption = f"Force and errors over the chosen cycles.{peaks}{_describe_plans(every)}{_describe_shade(data)}"
         return [Drawing("tracking", figure, caption)]
     drawings = []
     for name in names:
         seen = "" if name == "foot" else describe_peaks(data, [name], data.legs) + _describe_shade(data)
         figure = draw(panels[name], height=2.0 if name == "foot" else 2.4, share="xy")
         file = f"error_{name}" if name in data.axes else name
-        drawings.append(Drawing(file, figure, QUANTITIES[name].caption + seen))
+        drawings.append(Drawing(file, figure, QUANTITIES[name].caption + _describe_plans(panels[name]) + seen))
     return drawings
 
 
 def draw_body(data: CycleData) -> Drawing:
     """Height, pitch, roll and true stability margin of the body over the chosen cycles."""
     caption = "The body over the chosen cycles; its margin is among the feet that carry load, tilt included."
-    caption += describe_peaks(data, ("pitch", "roll"), [0])
-    return Drawing("body", draw([over_cycle(data, name, 0) for name in BODY], height=2.3, share="x"), caption)
+    panels = [panel for name in BODY for panel in over_cycle(data, name, [0])]
+    caption += _describe_plans(panels) + describe_peaks(data, ("pitch", "roll"), [0])
+    return Drawing("body", draw(panels, height=2.3, share="x"), caption)
 
 
 def _describe_shade(data: CycleData) -> str:

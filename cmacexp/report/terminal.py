@@ -1,15 +1,17 @@
 """Printing in the terminal: that compiling takes place, how work goes on, how a run ended, what to do next."""
 
+import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from shlex import quote
-from shutil import get_terminal_size
 from threading import Event, Thread
+from typing import TextIO
 
+from cmacexp.config.machine import describe_other_model
 from cmacexp.data.parquet import as_array
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.data.tables import RECORDING
@@ -22,25 +24,36 @@ from cmacexp.report.terminal_tables import KEY, print_scores
 
 NEXT = {"report": "report", "replay": "replay"}
 """Commands that show more of a run, with their purpose."""
-SCREEN_INTERVAL = 0.2
-"""Seconds between two states of work in a terminal."""
+SCREEN_DELAY, SCREEN_INTERVAL = 0.3, 0.1
+"""Seconds before a terminal shows work, so that short work does not import rich; and between two states of it."""
 FIRST_LINE_DELAY, LINE_INTERVAL = 2.0, 10.0
 """Seconds of work after which a log has its first line of it, and the next at the earliest."""
 CLEAR = "\r\x1b[2K"
 """Clears the line of a terminal."""
+BAR_WIDTH = 24
+"""Characters of a bar in a terminal."""
 UNITS = ((3600.0, "h"), (60.0, "min"), (0.0, "s"))
 COMPILING = "compiling the control loop: takes up to half a minute, once; so many steps repay it"
+State = tuple[str, float | None]
+"""How far some work is: as text, and what is done of it, 0 to 1; None: unknown."""
+
+
+def _is_screen(stream: TextIO) -> bool:
+    """Whether an output is a terminal whose lines can be cleared."""
+    return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
 
 def say(text: str, error: bool = False) -> None:
     """Print one line at once; control characters, which a folder's name or a file can hold, as in Python.
 
-    An output that is closed does no harm to the run, in a worker process either.
+    An output that is closed does no harm to the run, in a worker process either. In a terminal the line takes the
+    place of the state of work that this process, or that of the sweep, may show there: all in one write, which no
+    other process can interrupt.
     """
     keep_outputs()
-    if sys.stderr.isatty():  # where this process, or that of the sweep, may show how work goes on
-        print(CLEAR, end="", file=sys.stderr, flush=True)
-    print(in_one_line(text), file=sys.stderr if error else sys.stdout, flush=True)
+    stream = sys.stderr if error else sys.stdout
+    stream.write(f"{CLEAR if _is_screen(stream) else ''}{in_one_line(text)}\n")
+    stream.flush()
 
 
 @cache
@@ -49,36 +62,63 @@ def announce_compiling() -> None:
     call_before_compiling(lambda: say(COMPILING, error=True))
 
 
+@cache
+def _warn(text: str) -> None:
+    say(f"warning: {text}", error=True)
+
+
+def warn_of_models(machines: Iterable[object]) -> None:
+    """Print, once in this process, which robots' models are not the ones that results were measured with."""
+    for machine in {repr(machine): machine for machine in machines}.values():  # a study has many equal ones
+        if other := describe_other_model(machine):
+            _warn(other)
+
+
+def _draw(look: Callable[[], State], ended: Event) -> None:
+    """Show the state of work as a bar in the last line of the terminal, until it has ended."""
+    if ended.wait(SCREEN_DELAY):
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    bar = Progress(
+        *(BarColumn(BAR_WIDTH), TextColumn("{task.description}", markup=False)),
+        console=Console(stderr=True),
+        auto_refresh=False,
+        transient=True,
+        redirect_stdout=False,  # what any process prints meanwhile comes from say(), which clears the bar
+        redirect_stderr=False,
+    )
+    with bar:
+        task = bar.add_task("", total=None)
+        while True:
+            text, share = look()
+            total = None if share is None else 1.0
+            bar.update(task, description=in_one_line(text), total=total, completed=share, refresh=True)
+            if ended.wait(SCREEN_INTERVAL):
+                return
+
+
+def _write_lines(look: Callable[[], State], ended: Event) -> None:
+    """Write the state of work to a log, a line now and then, and none twice, until it has ended."""
+    wait, began, last = FIRST_LINE_DELAY, time.monotonic(), ""
+    while not ended.wait(wait):
+        if (text := look()[0]) != last:
+            say(text, error=True)
+        wait, last = max(LINE_INTERVAL, (time.monotonic() - began) / 10.0), text  # work of hours fills no pages
+
+
 @contextmanager
-def shown(describe: Callable[[], str]) -> Iterator[None]:
-    """Show the state of work on stderr: in a terminal a line that is renewed, in a log a line now and then."""
-    on_screen = sys.stderr.isatty()
-    ended, began = Event(), time.monotonic()
-
-    def draw() -> None:
-        line = in_one_line(describe())[: get_terminal_size().columns - 1]
-        print(f"{CLEAR}{line}", end="", file=sys.stderr, flush=True)
-
-    def write() -> None:
-        wait = SCREEN_INTERVAL if on_screen else FIRST_LINE_DELAY
-        while not ended.wait(wait):
-            if on_screen:
-                draw()
-            else:
-                say(describe(), error=True)
-                wait = max(LINE_INTERVAL, (time.monotonic() - began) / 10.0)  # work of hours fills no pages
-
-    if on_screen:
-        draw()
-    writer = Thread(target=write, daemon=True)
+def shown(look: Callable[[], State]) -> Iterator[None]:
+    """Show the state of work on stderr: in a terminal a bar, in a log a line now and then."""
+    ended = Event()
+    writer = Thread(target=_draw if _is_screen(sys.stderr) else _write_lines, args=(look, ended), daemon=True)
     writer.start()
     try:
         yield
     finally:
         ended.set()
         writer.join()
-        if on_screen:
-            print(CLEAR, end="", file=sys.stderr, flush=True)
 
 
 def format_progress(what: str, done: float, total: int, unit: str, seconds: float) -> str:
@@ -101,7 +141,7 @@ def format_duration(seconds: float) -> str:
 def progress(what: str, total: int, unit: str = "") -> Iterator[Callable[[float], None]]:
     """Show how much of some work is done while it takes place; gives what is called with the parts that are done."""
     done, began = [0.0], time.monotonic()
-    with shown(lambda: format_progress(what, done[0], total, unit, time.monotonic() - began)):
+    with shown(lambda: (format_progress(what, done[0], total, unit, time.monotonic() - began), done[0] / total)):
         yield lambda parts: done.__setitem__(0, parts)
 
 
@@ -109,7 +149,7 @@ def progress(what: str, total: int, unit: str = "") -> Iterator[Callable[[float]
 def activity(what: str) -> Iterator[Callable[[str], None]]:
     """Show that ``what`` is being done; gives ``show(text)`` for what is done next."""
     current = [what]
-    with shown(lambda: f"{current[0]} ..."):
+    with shown(lambda: (f"{current[0]} ...", None)):
         yield lambda text: current.__setitem__(0, text)
 
 

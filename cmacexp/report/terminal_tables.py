@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from shutil import get_terminal_size
 
 from cmacexp.data.tables import METRICS_CSV, Scores
 from cmacexp.errors import in_one_line
@@ -23,44 +22,49 @@ HEAD_WIDTH = 8
 GAP = 2
 
 
-def _terminal_width() -> int:
-    return get_terminal_size().columns if sys.stdout.isatty() else WIDTH
+def _arrange(titles: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> Iterator[list[list[str]]]:
+    """The columns that fit into ``width`` side by side, group by group; the first column begins every group.
 
-
-def _split(widths: Sequence[int], line: int, repeated: int) -> Iterator[list[int]]:
-    """Columns that fit into a line side by side; the first ``repeated`` begin every group."""
-    group: list[int] = []
-    for column, width in enumerate(widths):
-        if len(group) > repeated and sum(widths[i] + GAP for i in group) + width > line:
+    A column is lines of equal length: those of its title, whose last one is the unit, then a cell for each row.
+    """
+    rows = [list(map(in_one_line, row)) for row in rows]
+    height, numeric = 1 + max(title.count("\n") for title in titles), Table(titles, rows).numeric
+    group = list[list[str]]()
+    for i, title in enumerate(titles):
+        lines = [*map(in_one_line, title.split("\n")), *(row[i] for row in rows)]
+        lines = [*[""] * (height + len(rows) - len(lines)), *lines]
+        widest = max(map(len, lines))
+        if len(group) > 1 and sum(len(column[0]) + GAP for column in group) + widest > width:
             yield group
-            group = list(range(repeated))
-        group.append(column)
+            group = group[:1]
+        group = [*group, [line.rjust(widest) if i in numeric else line.ljust(widest) for line in lines]]
     yield group
 
 
-def format_table(
-    titles: Sequence[str], rows: Sequence[Sequence[str]], width: int = TEXT_WIDTH, bold: Sequence[str] = ("", "")
-) -> Iterator[str]:
+def format_table(titles: Sequence[str], rows: Sequence[Sequence[str]], width: int = TEXT_WIDTH) -> Iterator[str]:
     """Lines with rows under their titles; columns that do not fit into ``width`` follow below, after the first one.
 
-    Titles may have line breaks; the unit is the last line. ``bold`` begins and ends a line of titles.
+    Titles may have line breaks; the unit is the last line.
     """
-    heads, rows = [title.split("\n") for title in titles], [list(map(in_one_line, row)) for row in rows]
-    height, numeric, columns = max(map(len, heads)), Table(titles, rows).numeric, []
-    for i, head in enumerate(heads):
-        lines = [*[""] * (height - len(head)), *map(in_one_line, head), *(row[i] for row in rows)]
-        widest = max(map(len, lines))
-        columns.append([line.rjust(widest) if i in numeric else line.ljust(widest) for line in lines])
-    for group in _split([len(column[0]) for column in columns], width, repeated=1):
-        for number, cells in enumerate(zip(*(columns[i] for i in group), strict=True)):
-            line = (" " * GAP).join(cells).rstrip()
-            yield line.join(bold) if number < height else line
+    for group in _arrange(titles, rows, width):
+        yield from ((" " * GAP).join(cells).rstrip() for cells in zip(*group, strict=True))
 
 
 def print_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print :func:`format_table`, as wide as the terminal."""
-    bold = ("\x1b[1m", "\x1b[0m") if sys.stdout.isatty() else ("", "")
-    print("\n".join(format_table(titles, rows, _terminal_width(), bold)))
+    """Print :func:`format_table`; in a terminal by rich, as wide as that."""
+    if not sys.stdout.isatty():
+        print("\n".join(format_table(titles, rows, WIDTH)))
+        return
+    from rich import box, console, table
+
+    screen = console.Console(markup=False, highlight=False, emoji=False)
+    for group in _arrange(titles, rows, screen.width):
+        height = len(group[0]) - len(rows)
+        heads = [table.Column("\n".join(lines[:height]), overflow="fold") for lines in group]
+        grid = table.Table(*heads, box=box.SIMPLE_HEAD, show_edge=False, padding=(0, GAP - 1, 0, 0), pad_edge=False)
+        for cells in zip(*(lines[height:] for lines in group), strict=True):
+            grid.add_row(*cells)
+        screen.print(grid)
 
 
 def head(shown: Shown) -> str:

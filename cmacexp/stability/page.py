@@ -63,10 +63,10 @@ def _draw_growth(analysis: Analysis) -> "Figure":
 
 
 def _draw_real_parts(analysis: Analysis) -> "Figure":
-    """Re T over frequency for each lead, the least of all places of the cycle."""
+    """Least eigenvalue of Re z^l T over frequency for each lead l, the least of all places of the cycle."""
     hertz, shown = analysis.spectra[0].frequencies, (-0.6, 1.3)
     series = [Series(f"lead {lead}", hertz, analysis.least_real(lead)) for lead in analysis.verdicts]
-    return draw([Panel("T", "frequency, Hz", "Re T, least eigenvalue", series, y_limits=[0.0], y_range=shown)])
+    return draw([Panel("T", "frequency, Hz", "least eigenvalue of Re T", series, y_limits=[0.0], y_range=shown)])
 
 
 def write_stability_report(

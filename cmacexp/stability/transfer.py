@@ -1,8 +1,9 @@
 """The transfer from feedforward torque to the learning error, around single samples of the cycle.
 
-T is the transfer from a feedforward torque to -J^T U, the torque that it spares the feedback. Learning from cycle to
-cycle takes u to u - beta T u, so it settles at frequencies where every eigenvalue of T has a positive real part. A
-lead of l samples multiplies T by z^l.
+T is the transfer from a feedforward torque to -J^T U, the torque that it spares the feedback. A lead of l samples
+multiplies T by z^l. What ``docs/theory.md`` proves of several joints needs Hermitian parts, Re M = (M + M^H) / 2: an
+error of weights is measured by V = tr(W Q W^T), with one positive definite Q for each leg, and Re(Q z^l T) must be
+positive definite. Eigenvalues of T with positive real parts do not suffice (``tests/laws/test_transfer.py``).
 """
 
 from collections.abc import Sequence
@@ -16,6 +17,9 @@ from cmacexp.models.lateness import first_order_share
 from cmacexp.stability.cycle_map import NUDGE, NotPredictable, RestorableLoop, make_restorable_loop
 from cmacexp.typing import Array
 
+ILL_CONDITIONED = 1e3
+"""Condition number of eigenvectors from which on they are too near to parallel to define a weight of joints."""
+
 
 class Local(NamedTuple):
     """The loop without learning, linearised at one step: x+ = A x + B (C x + u); n numbers of state."""
@@ -26,6 +30,8 @@ class Local(NamedTuple):
     """B, (n, L J): from torque."""
     c: Array
     """C, (L J, n): to the feedback torque that a feedforward learns from."""
+    legs: int = 1
+    """L."""
 
 
 def _from_torque(loop: RestorableLoop, now: Array, torque: Array) -> Array:
@@ -57,7 +63,7 @@ def _local(loop: RestorableLoop, table: Array) -> Local:
     loop.put(now)
     closed = np.stack([state for state, _ in columns], axis=1)
     c = np.stack([torque for _, torque in columns], axis=1)
-    return Local(closed - b @ c, b, c)
+    return Local(closed - b @ c, b, c, table.shape[1])
 
 
 def _find_commanded(config: Config, acting: Array) -> Array:
@@ -111,29 +117,49 @@ def transfer(local: Local, frequencies: Array, period: float) -> NDArray[np.comp
 
 
 class Spectrum(NamedTuple):
-    """T over frequency at one place of the cycle, by its eigenvalues."""
+    """T over frequency at one place of the cycle, in coordinates of the joints in which Q is the unit matrix."""
 
     frequencies: Array
     """(f,), Hz."""
     period: float
     """Between two samples, s."""
-    eigenvalues: NDArray[np.complex128]
-    """(f, L J), without lead."""
+    transfer: NDArray[np.complex128]
+    """(f, L J, L J): S T S^-1 with S^H S = Q, without lead."""
 
-    def least_real(self, lead: int) -> Array:
-        """Least real part (f,) of the eigenvalues with a lead of so many samples."""
-        turned = np.exp(2j * np.pi * self.frequencies * self.period * lead)
-        return np.asarray((self.eigenvalues * turned[:, None]).real.min(axis=1))
+    def least_real(self, lead: int, share: float = 0.0) -> Array:
+        """Least eigenvalue (f,) of Re(z^l T) - ``share`` T^H T, with a lead of l samples.
 
-    def least(self, lead: int) -> float:
-        """Least real part at any frequency."""
-        return float(self.least_real(lead).min())
+        With a share of 0 its sign says whether Re(z^l T) is positive definite; with beta / 2 it is condition 1 of
+        ``docs/theory.md``, with beta (l + 1/2) condition 2.
+        """
+        turned = np.exp(2j * np.pi * self.frequencies * self.period * lead)[:, None, None] * self.transfer
+        adjoint = np.conj(np.swapaxes(turned, 1, 2))
+        return np.asarray(np.linalg.eigvalsh((turned + adjoint) / 2.0 - share * adjoint @ turned)[:, 0])
+
+    def least(self, lead: int, share: float = 0.0) -> float:
+        """The least of :meth:`least_real` at any frequency."""
+        return float(self.least_real(lead, share).min())
+
+
+def _find_basis(fastest: Array) -> NDArray[np.complex128]:
+    """S^-1 of one leg, (J, J): eigenvectors of its part of T at the highest frequency, or the unit matrix.
+
+    There T is hardly more than gain over inertia, which is similar to a symmetric matrix. With this Q the least
+    eigenvalue of its Hermitian part is the least real part of its own eigenvalues, the largest that any Q gives.
+    """
+    vectors = np.linalg.eig(fastest)[1].astype(np.complex128)
+    return vectors if np.linalg.cond(vectors) < ILL_CONDITIONED else np.eye(len(fastest), dtype=np.complex128)
 
 
 def compute_spectrum(local: Local, frequencies: Array, period: float) -> Spectrum:
-    """Eigenvalues of T at some frequencies; arguments as of :func:`transfer`."""
-    values = np.linalg.eigvals(transfer(local, frequencies, period))
-    return Spectrum(frequencies, period, values.astype(np.complex128))
+    """T at some frequencies, the highest of them last; arguments as of :func:`transfer`."""
+    values = transfer(local, frequencies, period)
+    joints = values.shape[1] // local.legs
+    basis = np.zeros(values.shape[1:], dtype=np.complex128)
+    for i in range(0, len(basis), joints):
+        own = slice(i, i + joints)
+        basis[own, own] = _find_basis(values[-1, own, own].real)
+    return Spectrum(frequencies, period, np.asarray(np.linalg.solve(basis, values @ basis), dtype=np.complex128))
 
 
 def spectra_along(config: Config, cycle: int, places: int, frequencies: int) -> list[Spectrum]:

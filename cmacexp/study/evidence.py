@@ -37,7 +37,7 @@ def gather(criteria: Sequence[Criterion], measured: Mapping[str, Sequence[Any]])
         )
         reason = criterion.infinite if value == INFINITE else ""
         holds, fails = (criterion.format_limit(each) if each else "" for each in (criterion.holds, criterion.fails))
-        row = Row(criterion.case, value, reason, interval, size, holds, fails, verdict)
+        row = Row(criterion.case, value, reason, interval, size, holds, fails, verdict if holds else "")
         found.setdefault(criterion.quantity, []).append(row)
     return found
 
@@ -48,7 +48,7 @@ def evidence_of(judged: Judged | Found) -> Evidence:
     columns: dict[str, list[Any]] = {
         "values": [each.value for each in judged.measured],
         "intervals": [each.spread for each in judged.measured],
-        "counts": [each.interval.count for each in judged.measured],
+        "counts": [each.interval.size for each in judged.measured],
         "verdicts": [words.get(each.verdict, each.verdict) for each in judged.measured],
     }
     return gather([each.criterion for each in judged.measured], columns)

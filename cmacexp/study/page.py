@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,8 @@ from cmacexp.report.markdown import find_insertions, render_markdown
 from cmacexp.report.page import HOW_TO_REPORT, Report, find_page, relative, write_report
 from cmacexp.report.parts import Renderer, Section
 from cmacexp.study.evidence import count_verdicts, evidence_of, format_html, template
-from cmacexp.study.interval import TRIMMED_FROM
+from cmacexp.study.interval import FEW
+from cmacexp.study.provenance import PROVENANCE
 from cmacexp.study.results import LAST_CYCLES, Results
 from cmacexp.study.statements import VERDICTS, Found, Judged, Measured
 from cmacexp.study.study import StudyFile
@@ -29,10 +30,12 @@ QUICK_NOTICE = (
 )
 RESULTS = "results.parquet"
 READING = """<p>The table below a statement gives what was measured: the value, its 95 % interval, the size n of the
-sample, and the limits that decide: where the statement holds, and where its opposite does. The
-interval of a proportion is Wilson's. That of values that differ between seeds or cases is a percentile bootstrap of
-their mean, or of their interquartile mean if there are at least {trimmed}. A value that no
-seed and no case changes is exact and has no interval.</p>"""
+sample, and the limits that decide: where the statement holds, and where its opposite does. n is the number of
+completed runs that the value rests on, or “n of N” if others of the N failed or have nothing to be compared with:
+failures are never part of a value, but no statement holds for a run that failed. The interval of a proportion is
+Wilson's. That of fewer than {few} values that differ is Student's t of their mean, of positive ratios of their
+logarithms (the value is the geometric mean); that of more a percentile bootstrap of their interquartile mean. A value
+that no seed and no case changes is marked “deterministic”, which says nothing of modelling errors.</p>"""
 CLAIMS = "claims.json"
 
 
@@ -48,6 +51,8 @@ class Evaluated:
     """Figures and tables that were written for the page."""
     runs: Mapping[Path, Manifest]
     """The manifest of each run, by folder."""
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    """What its values depend on, see :func:`cmacexp.study.provenance.make_provenance`."""
 
     @property
     def statements(self) -> Mapping[str, Judged | Found]:
@@ -129,7 +134,7 @@ def _entry(measured: Measured, folder: Path) -> dict[str, Any]:
     limits = {"holds": criterion.holds, "fails": criterion.fails}
     return {
         "quantity": criterion.quantity, "case": criterion.case, "value": interval.value, "low": interval.low,
-        "high": interval.high, "count": interval.count, "method": interval.method,
+        "high": interval.high, "count": interval.count, "size": interval.size, "method": interval.method,
         **{name: [limit.low, limit.high] for name, limit in limits.items() if limit},
         "verdict": measured.verdict, "shown": measured.value, "spread": measured.spread,
         "runs": [relative(Path(run), folder) for run in measured.runs],
@@ -161,11 +166,12 @@ def write_page(title: str, question: str, studies: Sequence[Evaluated], place: P
     files += [path / name for path, manifest in runs.items() for name in manifest["files"]]
     if not quick:
         if any(study.claims or study.findings for study in studies):
-            reading = Markup(READING.format(trimmed=TRIMMED_FROM))
+            reading = Markup(READING.format(few=FEW))
             sections.append(Section("How to read the values", [reading]))
         statements = {s.name: [_statement(*each, folder) for each in s.statements.items()] for s in studies}
-        place.write_text(CLAIMS, json.dumps(statements, indent=1, ensure_ascii=False) + "\n")
-        files.append(place.new / CLAIMS)
+        for name, entries in ((CLAIMS, statements), (PROVENANCE, {s.name: s.provenance for s in studies})):
+            place.write_text(name, json.dumps(entries, indent=1, ensure_ascii=False) + "\n")
+            files.append(place.new / name)
     config = {"studies": [study.name for study in studies], "quick": quick}
     hashes = {path: str(manifest["config_hash"]) for path, manifest in runs.items()}
     report = Report(title, question, sections, sorted({*files}), config, hashes)

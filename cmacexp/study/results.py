@@ -34,6 +34,8 @@ class Row:
     shown: Mapping[str, Any]
     """Those that the study sets."""
     measures: Mapping[str, float]
+    seeded: bool = False
+    """Whether the study repeats it for other seeds."""
 
 
 class NoSuchRuns(ValueError):
@@ -46,11 +48,12 @@ def read_row(
     options: Mapping[str, str],
     keys: Sequence[str],
     measured: Mapping[str, float],
+    seeded: bool,
 ) -> Row:
-    """Read a run of which further measures are known."""
+    """Read a run of which further measures are known, and whether it is repeated for other seeds."""
     summary = read_summary(folder)
     settings = {**summary.config, **options, **labels}
-    return Row(summary, settings, {key: settings.get(key) for key in keys} | dict(labels), measured)
+    return Row(summary, settings, {key: settings.get(key) for key in keys} | dict(labels), measured, seeded)
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,11 @@ class Results:
     def folders(self) -> list[Path]:
         """Of the runs."""
         return [row.summary.folder for row in self.rows]
+
+    @property
+    def has_one_seed(self) -> bool:
+        """Whether runs that are to be repeated for other seeds were not."""
+        return len({row.settings.get("seed") for row in self.rows if row.seeded}) == 1
 
     @property
     def runs(self) -> list[StoredRun]:

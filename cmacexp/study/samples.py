@@ -5,15 +5,24 @@ from typing import Any
 
 import numpy as np
 
+from cmacexp.study.interval import UNPAIRED
 from cmacexp.study.results import Results
 from cmacexp.typing import Array
 
 Sample = Callable[[Results], Array]
 
 
+def quotients(values: Array, references: Array | float) -> Array:
+    """Values over references, pair by pair: infinite where the run failed, ``UNPAIRED`` where its reference did."""
+    values, references = np.broadcast_arrays(values, references)
+    found = np.where(np.isfinite(references), np.inf, UNPAIRED)
+    both = np.isfinite(values) & np.isfinite(references)
+    return np.divide(values, references, out=found, where=both)
+
+
 def ratio(sample: Sample, chosen: Mapping[str, Any], reference: Mapping[str, Any]) -> Sample:
     """A sample of the runs with some settings over that of the runs with others, in order; or over the only one."""
-    return lambda results: sample(results.select(chosen)) / sample(results.select(reference))
+    return lambda results: quotients(sample(results.select(chosen)), sample(results.select(reference)))
 
 
 def ended_in(results: Results) -> Array:
@@ -22,10 +31,9 @@ def ended_in(results: Results) -> Array:
 
 
 def relative(results: Results, other: Results, measure: Callable[[Results], Sequence[float] | Array]) -> Array:
-    """(runs,): a measure over that of the run of ``other`` with the same seed; infinite where it is itself."""
+    """(runs,): :func:`quotients` of a measure and that of the run of ``other`` with the same seed."""
     reference = dict(zip(_seeds(other), measure(other), strict=True))
-    pairs = zip(_seeds(results), measure(results), strict=True)
-    return np.array([np.inf if np.isinf(value) else value / reference[seed] for seed, value in pairs])
+    return quotients(np.asarray(measure(results)), np.array([reference[seed] for seed in _seeds(results)]))
 
 
 def per_seed(results: Results, values: Array, choose: Callable[[Array], float]) -> Array:

@@ -7,7 +7,16 @@ from typing import Any
 
 from cmacexp.errors import BadInput
 from cmacexp.metrics.text import format_number
-from cmacexp.study.interval import EXACT, UNDEFINED, UNKNOWN, BadSample, Interval, estimate
+from cmacexp.study.interval import (
+    EXACT,
+    NO_REFERENCE,
+    ONE_SEED,
+    UNDEFINED,
+    UNKNOWN,
+    BadSample,
+    Interval,
+    estimate,
+)
 from cmacexp.study.results import NoSuchRuns, Results
 from cmacexp.typing import Array, Mask
 
@@ -18,7 +27,7 @@ VERDICTS = {
     IN_PART: "some criteria of the claim are reproduced, others are not",
     NOT_REPRODUCED: "no interval reaches the limit at which the claim holds",
     CONTRADICTED: "every interval lies within the limit at which the opposite holds",
-    INCONCLUSIVE: "an interval contains the limit at which the claim holds, or a run that it needs failed",
+    INCONCLUSIVE: "an interval contains the limit at which the claim holds, a run failed, or there is one seed",
 }
 """What each verdict means."""
 YES, NO, UNCLEAR = "yes", "no", "unclear"
@@ -42,18 +51,22 @@ class Limit:
 
     def contains(self, interval: Interval) -> bool:
         """Whether the whole interval lies within."""
-        return self.low <= interval.low and interval.high <= self.high
+        return self.low <= interval.low and interval.reach <= self.high
 
     def touches(self, interval: Interval) -> bool:
         """Whether a part of the interval lies within."""
-        return self.low <= interval.high and interval.low <= self.high
+        return self.low <= interval.reach and interval.low <= self.high
 
     def describe(self, scale: float, unit: str) -> str:
-        """E.g. ``at most 5 %``."""
+        """E.g. ``at most 5 %``; nothing of ``ANY``."""
         low, high = scale * self.low, scale * self.high
         if math.isinf(low):
-            return f"at most {format_number(high, unit)}"
+            return "" if math.isinf(high) else f"at most {format_number(high, unit)}"
         return f"at least {format_number(low, unit)}" if math.isinf(high) else _format_range(low, high, unit)
+
+
+ANY = Limit()
+"""Of a criterion whose value only stands beside others: it decides nothing."""
 
 
 def at_most(value: float) -> Limit:
@@ -115,7 +128,9 @@ class Measured:
     def verdict(self) -> str:
         """One of ``VERDICTS``, but for ``reproduced in part``."""
         holds, fails = self.criterion.holds, self.criterion.fails
-        if self.interval.method == UNDEFINED:
+        if holds == ANY:
+            return REPRODUCED
+        if self.interval.method in (UNDEFINED, NO_REFERENCE, ONE_SEED):
             return INCONCLUSIVE
         if holds.contains(self.interval):
             return REPRODUCED
@@ -125,13 +140,15 @@ class Measured:
 
     @property
     def value(self) -> str:
-        """The estimate with its unit."""
+        """The estimate with its unit; of ratios without a reference, why there is none."""
+        if self.interval.method == NO_REFERENCE:
+            return NO_REFERENCE
         return format_number(self.criterion.scale * self.interval.value, self.criterion.unit)
 
     @property
     def spread(self) -> str:
         """The ends of the interval with their unit; of a value without one, what it is."""
-        if self.interval.method in (EXACT, UNDEFINED):
+        if self.interval.method in (EXACT, UNDEFINED, NO_REFERENCE, ONE_SEED):
             return self.interval.method
         scale, unit = self.criterion.scale, self.criterion.unit
         return _format_range(scale * self.interval.low, scale * self.interval.high, unit)
@@ -140,7 +157,9 @@ class Measured:
 def _measure(criterion: Criterion, results: Results) -> Measured:
     try:
         chosen = results.select(criterion.of) if criterion.of else results
-        interval = estimate(criterion.sample(chosen))
+        interval = estimate(criterion.sample(chosen), criterion.unit in ("", "%"))
+        if chosen.has_one_seed:
+            interval = replace(interval, method=ONE_SEED)
     except BadSample as error:
         if "failed" not in {row.summary.status for row in chosen.rows}:
             raise BadInput("quantity", criterion.quantity, str(error)) from error
@@ -183,7 +202,7 @@ class Judged:
     @property
     def verdict(self) -> str:
         """That of all criteria together, one of ``VERDICTS``."""
-        found = {each.verdict for each in self.measured}
+        found = {each.verdict for each in self.measured if each.criterion.holds != ANY}
         if len(found) == 1:
             return found.pop()
         if INCONCLUSIVE in found:

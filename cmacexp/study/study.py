@@ -31,7 +31,7 @@ class Request:
     labels: Mapping[str, Any] = field(default_factory=dict, compare=False)
     """Names that the study gives to bundles of overrides: columns of the table of results."""
     seeded: bool = False
-    """Whether it is repeated for each seed of the study."""
+    """Whether it is, or is to be, repeated for each seed of the study."""
     starts_from: "Request | None" = None
     """Another request, whose final weights this one starts from; it is run first, with the same seed."""
 
@@ -39,7 +39,7 @@ class Request:
         """The run of one seed."""
         before = self.starts_from.with_seed(seed) if self.starts_from else None
         overrides = (*self.overrides, f"seed={seed}") if self.seeded else self.overrides
-        return replace(self, overrides=overrides, seeded=False, starts_from=before)
+        return replace(self, overrides=overrides, starts_from=before)
 
 
 def _choices(
@@ -133,6 +133,13 @@ class StudyFile:
         return self.path.with_suffix(".md")
 
 
+def find_module(path: Path) -> tuple[Path, str]:
+    """The folder that a study is imported from, that of its file or above its package, and its name there."""
+    if (path.parent / "__init__.py").is_file():
+        return path.parent.parent, f"{path.parent.name}.{path.stem}"
+    return path.parent, path.stem
+
+
 def load_study(path: Path) -> StudyFile:
     """Import the study of a file.
 
@@ -143,11 +150,10 @@ def load_study(path: Path) -> StudyFile:
         raise BadInput("study", path, "there is no such file")
     if path.suffix != ".py" or "." in path.stem:
         raise BadInput("study", path, "must be a file of Python, its name without a dot before .py")
-    in_package = (path.parent / "__init__.py").is_file()
-    root = path.parent.parent if in_package else path.parent
+    root, name = find_module(path)
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
-    module = importlib.import_module(f"{path.parent.name}.{path.stem}" if in_package else path.stem)
+    module = importlib.import_module(name)
     if module.__file__ is None or Path(module.__file__).resolve() != path:
         raise BadInput("study", path, f"another module is called {path.stem}; rename this file and its page")
     study = getattr(module, NAME, None)

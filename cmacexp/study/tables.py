@@ -43,10 +43,15 @@ def completed(results: Results) -> str:
 
 
 def ends(names: Sequence[str], cycles: int = LAST_CYCLES) -> dict[str, Callable[[Results], float]]:
-    """Columns with metrics over the last cycles, mean over the runs, in the units that are shown."""
+    """Columns with metrics over the last cycles, mean over the completed runs, in the units that are shown."""
 
     def column(name: str, factor: float) -> Callable[[Results], float]:
-        return lambda results: factor * float(results.end(name, cycles).mean())
+        def compute(results: Results) -> float:
+            values = results.end(name, cycles)
+            done = values[results.completed]
+            return factor * float(done.mean() if done.size else values.mean())
+
+        return compute
 
     shown = {name: appearance(name) for name in names}
     return {f"{each.title}, {each.unit}": column(name, each.factor) for name, each in shown.items()}

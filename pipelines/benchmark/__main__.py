@@ -7,28 +7,37 @@ import argparse
 import json
 import os
 import platform
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+import cmacexp
 from cmacexp.commands.study import FOLDER_KEY, Options, command, study_parser
+from cmacexp.config import to_plain
 from cmacexp.config.compose import compose_config
-from cmacexp.config.custom_code import custom_code_hash
+from cmacexp.config.custom_code import custom_code_hash, find_sources
+from cmacexp.config.machine import RobotMachine, read_model
 from cmacexp.data.folder import HTML, replacing
 from cmacexp.data.manifest import REPORT, git_commit, versions
 from cmacexp.errors import BadInput
 from cmacexp.jit.sources import code_hash
-from cmacexp.report.terminal import say
+from cmacexp.report.run_summary import read_summary
+from cmacexp.report.terminal import say, warn_of_models
 from cmacexp.report.terminal_tables import print_table
 from cmacexp.study.page import evaluate, write_page
+from cmacexp.study.provenance import digest_files, make_provenance, make_witness
 from cmacexp.study.results import Results
 from cmacexp.study.study import StudyFile
 from pipelines.benchmark import summary
 from pipelines.benchmark.benchmark import CYCLES, NAME, QUESTION, make_study
 from pipelines.benchmark.compare import compare_results
-from pipelines.benchmark.entrants import Method, choose_methods
+from pipelines.benchmark.entrants import ALONE, CMAC, Method, choose_methods
 from pipelines.benchmark.results import FOR_ALL, Bench, tabulate_tuning, test, tune
 from pipelines.benchmark.tasks import LEG, MACHINES, TASKS, VERSION, Machine, hash_tasks, make_quick
+from pipelines.benchmark.trial import Trial
+from pipelines.benchmark.tuning import DEFAULT
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,6 +75,7 @@ def _describe(done: dict[str, Any], machines: dict[str, Machine], methods: list[
     seconds: dict[str, dict[str, float]] = {}
     for row in done["costs"].itertuples():
         seconds.setdefault(row.machine, {})[row.method] = row.seconds_per_step
+    configs = [to_plain(compose_config(machine.overrides)) for machine in machines.values()]
     base = next(iter(machines.values())).overrides
     sources = {m.name: custom_code_hash(compose_config([*base, *m.overrides])) for m in methods}
     entry = {
@@ -74,7 +84,7 @@ def _describe(done: dict[str, Any], machines: dict[str, Machine], methods: list[
         "tasks_hash": hash_tasks(machines),
         "code_hash": code_hash(),
         "git_commit": git_commit(),
-        "versions": versions(),
+        "versions": {name: number for config in configs for name, number in versions(config).items()},
         "methods": {m.name: {"overrides": list(m.overrides), "custom_code": sources[m.name]} for m in methods},
         "settings": chosen,
         "seconds_per_step": seconds,
@@ -87,6 +97,31 @@ def _describe(done: dict[str, Any], machines: dict[str, Machine], methods: list[
     return json.dumps(entry, indent=1, ensure_ascii=False) + "\n"
 
 
+def _list_sources() -> set[Path]:
+    """Files of the benchmark, its methods, and what they import from this folder."""
+    imported = [path for name in ("benchmark.benchmark", "perceptron") for path in find_sources(f"pipelines.{name}")]
+    return {*imported, *Path(__file__).parent.rglob("*.py")}
+
+
+def _hash_models(machines: Mapping[str, Machine]) -> dict[str, str]:
+    """Hashes of the models of the robots that take part, by name."""
+    configs = [compose_config([*machine.overrides]) for machine in machines.values()]
+    robots = [each.machine for each in configs if isinstance(each.machine, RobotMachine)]
+    return {str(machine.model): read_model(machine).model_hash for machine in robots}
+
+
+def _make_witnesses(machine: Machine, methods: list[Method]) -> list[dict[str, Any]]:
+    """What the first methods give before the change, in the first world."""
+    found = []
+    for method in [each for each in methods if each.name in (ALONE, CMAC)]:
+        trial = Trial(machine, method, DEFAULT, (0,), TASKS)
+        overrides = trial.list_overrides(machine.draw(0, False), f"cycles={machine.before}")
+        with TemporaryDirectory() as folder:
+            run = cmacexp.run([*overrides, "record=metrics", "warn=false"], Path(folder) / "run")
+            found.append(make_witness(overrides, read_summary(run.folder)))
+    return found
+
+
 def _write(done: dict[str, Any], machines: dict[str, Machine], methods: list[Method], options: Options) -> Path:
     """Write table, JSON and page; returns the page."""
     frame: pd.DataFrame = done["frame"]
@@ -96,7 +131,12 @@ def _write(done: dict[str, Any], machines: dict[str, Machine], methods: list[Met
     with replacing(options.place(NAME), FOLDER_KEY, REPORT) as place:
         evaluated = evaluate(file, results, place.new, options.quick)
         place.write_text(f"{NAME}.json", _describe(done, machines, methods, options.quick))
-        evaluated = replace(evaluated, files=[*evaluated.files, place.new / f"{NAME}.json"])
+        own = digest_files(sorted(_list_sources()), Path(__file__).parents[2])
+        witnesses = [] if options.quick else _make_witnesses(next(iter(machines.values())), methods)
+        provenance = make_provenance(own, results, witnesses, seeds=max(each.worlds for each in machines.values()))
+        provenance |= {"runs": len(frame), "models": _hash_models(machines)}
+        files = [*evaluated.files, place.new / f"{NAME}.json"]
+        evaluated = replace(evaluated, files=files, provenance=provenance)
         write_page(study.title, study.question, [evaluated], place, options.quick)
     for machine in machines:
         scores = summary.table_scores(frame, machine)
@@ -119,6 +159,7 @@ def run(arguments: argparse.Namespace, options: Options) -> Path:
             raise BadInput("--machine", name, f"choose from {', '.join(MACHINES)}, {ALL}")
     machines = {name: make_quick(MACHINES[name]) if options.quick else MACHINES[name] for name in names}
     methods = choose_methods(arguments.methods, arguments.method)
+    warn_of_models(compose_config(machine.overrides).machine for machine in machines.values())
     return _write(_run(options, machines, methods), machines, methods, options)
 
 

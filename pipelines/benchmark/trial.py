@@ -18,6 +18,7 @@ from cmacexp.errors import BadInput
 from cmacexp.experiment.failure import describe_failure
 from cmacexp.experiment.run import score_scenario
 from cmacexp.jit.compiler import expect_runs
+from cmacexp.jit.interrupt import exits_caught
 from cmacexp.jit.sources import code_hash
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.metrics.pooling import pool_legs
@@ -85,7 +86,7 @@ def run_stage(overrides: Sequence[str], learnt: Weights | None = None) -> Stage:
         end, scorer = score_scenario(scenario)
         entered = [scenario.controller, scenario.feedforward]
         keep = next((part.learnt for part in entered if hasattr(part, "learnt")), None)
-        kept = None if keep is None or end.status != COMPLETED else keep()
+        kept = None if keep is None or end.status != COMPLETED else exits_caught()(keep)()
         if end.events and scenario.kept:  # an external method: the guard returned to what it knew in the best cycle
             kept = scenario.kept.get(end.events[-1].restored, kept)
     except Exception as error:

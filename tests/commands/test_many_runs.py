@@ -10,7 +10,7 @@ from support.command import cmacexp, python
 
 from cmacexp import load_sweep, run, run_many
 from cmacexp.config.compose import compose_untyped, parse_override, set_values
-from cmacexp.errors import BadInput
+from cmacexp.errors import BadInput, WithoutEffect
 from cmacexp.experiment.launch import set_value
 
 JOBS = ["seed=1,2", "cycles=1", "warn=false"]
@@ -43,7 +43,7 @@ def lean(tmp_path_factory):
 def test_a_job_with_metrics_alone_has_two_files_and_the_metrics_of_any_other(lean, tmp_path):
     assert {path.name for path in (lean / "0").iterdir()} == {"manifest.json", "metrics.parquet"}
     full = run(["seed=1", "cycles=1", "record=trace", "warn=false"], tmp_path / "full")
-    one = load_sweep(lean).query("run == '0'")
+    one = load_sweep(lean).query("run == 0")
     pd.testing.assert_frame_equal(one[full.metrics.columns].reset_index(drop=True), full.metrics)
 
 
@@ -96,7 +96,8 @@ def test_runs_that_cannot_be_are_refused(runs):
 
 STUDY = """
 from cmacexp.study import Study, grid
-STUDY = Study(title="Few", question="Does it run?", runs=lambda quick: grid("cycles=1", over={"seed": [1, 2, 3]}))
+RUNS = grid("cycles=1", "feedforward=none", over={"seed": [1, 2, 3]})
+STUDY = Study(title="Few", question="Does it run?", runs=lambda quick: RUNS)
 """
 
 
@@ -107,8 +108,20 @@ def test_a_study_runs_in_tasks_of_a_launcher(tmp_path):
     done = python(*command, "--setting", "timeout_min=5", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "3 runs, 3 of them to be run" in done.stderr
+    assert "note: seed changes nothing here, one is enough: runs one_leg-" in done.stderr
     manifests = [json.loads(path.read_text()) for path in (tmp_path / "st" / "runs").glob("*/manifest.json")]
     assert [manifest["status"] for manifest in manifests] == ["completed"] * 3
     assert len(list((tmp_path / "st" / "tasks" / ".submitit").iterdir())) >= 2
     wrong = python(*command[:4], "other", *command[5:-3], "nosuch", folder=tmp_path)
     assert (wrong.returncode, wrong.stderr[:24]) == (2, "error: hydra/launcher=no")
+
+
+def test_a_key_without_effect_is_warned_of_a_seed_noted(capsys):
+    runs = [["feedforward=none", f"cmac.layers={n}", f"seed={s}", "cycles=1"] for n in (8, 16) for s in (0, 1)]
+    with pytest.warns(WithoutEffect) as caught:
+        run_many(runs)
+    texts = [str(warning.message) for warning in caught]
+    assert texts == ["cmac.layers had no effect: runs 0, 2 gave equal results; the same in 1 more group of runs"]
+    assert caught[0].filename == __file__
+    note = "note: seed changes nothing here, one is enough: runs 0, 1 gave equal results; the same in 1 more group"
+    assert note in capsys.readouterr().err

@@ -1,12 +1,17 @@
 """Work that takes seconds shows that it goes on: in a terminal at once, in a log by a line now and then."""
 
+import contextlib
 import io
 import os
+import pty
+import re
+import subprocess
 import sys
 import threading
 import time
 
 import pytest
+from support.command import environment
 
 import cmacexp
 from cmacexp.commands import main as command_line
@@ -34,14 +39,54 @@ def use_terminal(monkeypatch, stream: io.StringIO) -> io.StringIO:
     return stream
 
 
-def test_parts_of_known_number_are_counted_and_the_line_leaves(monkeypatch):
+HIDE_CURSOR, SHOW_CURSOR, LAST_CLEAR = "\x1b[?25l", "\x1b[?25h", "\r\x1b[1A\x1b[2K"
+
+
+def shown_in(screen: Terminal) -> str:
+    """What a terminal was sent, without colours."""
+    return re.sub(r"\x1b\[[\d;]*m", "", screen.getvalue())
+
+
+def wait_for(screen: Terminal, text: str) -> None:
+    while text not in shown_in(screen):
+        time.sleep(0.01)
+
+
+def test_parts_of_known_number_are_counted_and_the_bar_leaves(monkeypatch):
     screen = use_terminal(monkeypatch, Terminal())
     with progress("running", 12, "cycles") as watch:
+        wait_for(screen, "\u2501 running: 0/12 cycles")
         watch(5.5)
-        while "5/12 cycles (45.8 %), " not in screen.getvalue():
+        wait_for(screen, "\u2501 running: 5/12 cycles (45.8 %), ")
+    assert screen.getvalue().startswith(HIDE_CURSOR)
+    assert screen.getvalue().endswith(f"\n{SHOW_CURSOR}{LAST_CLEAR}")
+    assert "\n" not in shown_in(screen).removesuffix(f"\n{SHOW_CURSOR}{LAST_CLEAR}"), "it takes one line"
+
+
+def test_an_error_or_an_interrupt_gives_the_cursor_back(monkeypatch):
+    screen = use_terminal(monkeypatch, Terminal())
+    with contextlib.suppress(KeyboardInterrupt), activity("reading"):
+        wait_for(screen, "reading ...")
+        raise KeyboardInterrupt
+    assert screen.getvalue().endswith(f"\n{SHOW_CURSOR}{LAST_CLEAR}")
+
+
+def test_a_line_that_is_printed_meanwhile_takes_the_place_of_the_bar(monkeypatch):
+    screen = use_terminal(monkeypatch, Terminal())
+    with activity("reading a[b] folder"):
+        wait_for(screen, "reading a[b] folder ...")
+        terminal.say("a [bold] line", error=True)
+        while "reading a[b]" not in shown_in(screen).rpartition("\r\x1b[2Ka [bold] line\n")[2]:
             time.sleep(0.01)
-    assert screen.getvalue().startswith("\r\x1b[2Krunning: 0/12 cycles")
-    assert screen.getvalue().endswith("\x1b[2K")
+
+
+def test_a_terminal_that_cannot_clear_a_line_gets_lines_as_a_log_does(monkeypatch):
+    monkeypatch.setattr(terminal, "FIRST_LINE_DELAY", 0.0)
+    screen = use_terminal(monkeypatch, Terminal())
+    monkeypatch.setenv("TERM", "dumb")
+    with activity("reading"):
+        wait_for(screen, "\n")
+    assert screen.getvalue() == "reading ...\n"
 
 
 @pytest.mark.parametrize(("seconds", "left"), [(3.0, "9 s"), (60.0, "3 min"), (7200.0, "6 h")])
@@ -53,24 +98,46 @@ def test_of_a_search_jobs_are_counted_without_a_total():
     assert format_progress("sweep", 1.5, 0, "jobs", 3.0) == "sweep: 1 jobs"
 
 
-def test_a_command_of_unknown_length_shows_what_it_does(monkeypatch, tmp_path):
-    run = cmacexp.run(["cycles=1", "sampling_period=0.05", "record=trace"], tmp_path)
-    monkeypatch.setattr(sys, "argv", ["score", str(run.folder)])
-    screen = use_terminal(monkeypatch, Terminal())
-    assert score() == 0
-    assert "scoring" in screen.getvalue()
-    monkeypatch.setattr(sys, "argv", ["verify", str(run.folder)])
-    assert verify() == 0
-    assert "checking" in screen.getvalue()
+@pytest.fixture
+def described(monkeypatch):
+    """What is shown of work when it begins, however soon it ends."""
+    texts = []
+
+    @contextlib.contextmanager
+    def shown(look):
+        texts.append(look()[0])
+        yield
+
+    monkeypatch.setattr(terminal, "shown", shown)
+    return texts
 
 
-def test_planning_is_shown(monkeypatch, tmp_path):
-    words = ["cycles=1", "sampling_period=0.05", "record=trace", f"hydra.run.dir={tmp_path / 'run'}"]
+def test_a_command_of_unknown_length_shows_what_it_does(described, monkeypatch, tmp_path):
+    run = cmacexp.run(["cycles=1", "sampling_period=0.05", "record=trace"], tmp_path / "run")
+    for command, main in {"score": score, "verify": verify}.items():
+        monkeypatch.setattr(sys, "argv", [command, str(run.folder)])
+        assert main() == 0
+    assert described == [f"scoring {run.folder} ...", f"checking {run.folder} ..."]
+    monkeypatch.setattr(sys, "argv", ["cmacexp", *SHORT, f"hydra.run.dir={tmp_path / 'again'}"])
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["cmacexp", *words])
-    screen = use_terminal(monkeypatch, Terminal())
     assert command_line.main() == 3  # so coarse a step diverges at once
-    assert "planning 60 steps a cycle" in screen.getvalue()
+    assert described[2:] == ["planning 60 steps a cycle ...", "one_leg: 0/1 cycles"]
+
+
+SHORT = ["cycles=1", "sampling_period=0.05", "record=trace"]
+
+
+def test_verify_imports_no_rich_even_in_a_terminal(tmp_path):
+    run = cmacexp.run(SHORT, tmp_path / "run")
+    code = (
+        f"import sys, threading; sys.argv = ['verify', {str(run.folder)!r}]; from cmacexp.report import terminal; "
+        "terminal.SCREEN_DELAY = threading.TIMEOUT_MAX; from cmacexp.commands.verify import main; main(); "
+        "print(sys.stdout.isatty(), 'rich' in sys.modules)"
+    )
+    master, slave = pty.openpty()
+    subprocess.run([sys.executable, "-c", code], stdout=slave, stderr=slave, env=environment(TERM="xterm"))
+    assert os.read(master, 10_000).decode().endswith("intact (diverged)\r\nTrue False\r\n")
+    os.close(master), os.close(slave)
 
 
 class Log(io.StringIO):
@@ -93,21 +160,20 @@ def test_long_work_writes_lines_to_a_log(monkeypatch):
     log = use_terminal(monkeypatch, Log(1))
     with progress("running", 12, "cycles") as watch:
         assert log.arrived.wait(60.0)
-        log.awaited = log.getvalue().count("\n") + 2  # one may be on its way
+        log.awaited = 2
         log.arrived.clear()
         watch(5)
         assert log.arrived.wait(60.0)
     lines = log.getvalue().splitlines()
-    assert (lines[0], lines[-1]) == ("running: 0/12 cycles", "running: 5/12 cycles (41.7 %), 0 s left")
+    assert lines == ["running: 0/12 cycles", "running: 5/12 cycles (41.7 %), 0 s left"], "none comes twice"
     log = use_terminal(monkeypatch, Log(1))
     with activity("reading") as show:
         assert log.arrived.wait(60.0)
-        log.awaited = log.getvalue().count("\n") + 2
+        log.awaited = 2
         log.arrived.clear()
         show("drawing")
         assert log.arrived.wait(60.0)
-    lines = log.getvalue().splitlines()
-    assert (lines[0], lines[-1]) == ("reading ...", "drawing ...")
+    assert log.getvalue().splitlines() == ["reading ...", "drawing ..."]
 
 
 def test_no_line_of_work_that_ends_soon(monkeypatch):
@@ -123,8 +189,7 @@ def test_work_of_other_processes_is_counted(monkeypatch):
     with shared_progress("sweep", lambda: 4, "jobs"):
         share_progress(2)(0.5)
         share_progress(0)(1.0)
-        while "1/4 jobs (37.5 %)" not in screen.getvalue():
-            time.sleep(0.01)
+        wait_for(screen, "1/4 jobs (37.5 %)")
     share_progress(1)(0.5)  # nobody shows it
 
 

@@ -18,8 +18,12 @@ from cmacexp import load_sweep
 from cmacexp.data.discovery import runs_below
 from cmacexp.data.integrity import faults
 from cmacexp.errors import BadRun
+from cmacexp.experiment.objective import describe_best, find_direction, read_objective
 from cmacexp.experiment.sweep import Sweep
 from cmacexp.experiment.sweep_results import read_results
+from cmacexp.metrics.metric import NEITHER
+from cmacexp.metrics.registry import ALL_METRICS
+from cmacexp.report.run_summary import RunSummary
 
 SWEEPER = '''
 import json
@@ -68,7 +72,8 @@ def mixed(tmp_path_factory):
 
 def test_the_table_has_a_row_for_each_job_with_overrides_status_and_metrics(mixed):
     table = table_of(mixed[0])
-    assert table["run"].tolist() == ["0", "1", "2"]
+    assert table["run"].tolist() == [0, 1, 2]
+    assert table["folder"].tolist() == ["0", "1", "2"]
     assert table["controller.velocity_gain"].tolist() == [5, 80, -1]
     assert table["status"].tolist() == ["completed", "diverged", "failed"]
     assert table["overrides"][0] == "controller.velocity_gain=5 cycles=2 record=trace"
@@ -81,7 +86,8 @@ def test_the_table_has_a_row_for_each_job_with_overrides_status_and_metrics(mixe
 
 def test_all_metrics_of_a_sweep_are_one_table(mixed, tmp_path):
     table = load_sweep(mixed[0])
-    assert table["run"].tolist() == ["0", "0", "1", "2"]
+    assert table["run"].tolist() == [0, 0, 1, 2]
+    assert table["folder"].tolist() == ["0", "0", "1", "2"]
     assert table["controller.velocity_gain"].tolist() == [5, 5, 80, -1]
     assert table["status"].tolist() == ["completed", "completed", "diverged", "failed"]
     own = pd.read_parquet(mixed[0] / "0" / "metrics.parquet")
@@ -101,7 +107,7 @@ def test_a_row_of_a_body_has_its_metrics_too(tmp_path):
 
 
 def test_both_tables_say_the_same(mixed):
-    read = pd.read_csv(mixed[0] / "sweep.csv", dtype={"run": str, "cause": str}).fillna({"cause": ""})
+    read = pd.read_csv(mixed[0] / "sweep.csv", dtype={"folder": str, "cause": str}).fillna({"cause": ""})
     pd.testing.assert_frame_equal(table_of(mixed[0]), read, check_dtype=False)
 
 
@@ -161,6 +167,31 @@ def test_a_part_that_raises_fails_its_job_alone(tmp_path):
     assert "in reset" in json.loads((tmp_path / "s" / "0" / "manifest.json").read_text())["traceback"]
 
 
+IDLE = """
+class Idle:
+    acts = True
+
+    def __init__(self, gain):
+        assert gain != 3, "no such gain"
+
+    def reset(self, setup):
+        pass
+
+    def predict(self, reference, learning_error):
+        return 0.0 * learning_error
+"""
+
+
+def test_a_key_of_a_custom_component_that_had_no_effect_is_reported(tmp_path):
+    (tmp_path / "mine.py").write_text(IDLE)
+    swept = ["feedforward._target_=mine.Idle", "+feedforward.gain=1,2,3", "controller.velocity_gain=5,6"]
+    done = cmacexp("-m", "scenario=force_step", *swept, "cycles=1", "hydra.sweep.dir=s", folder=tmp_path)
+    effects = [line for line in done.stderr.splitlines() if line.startswith(("warning", "note"))]
+    equal = "jobs 0, 2 gave equal results; the same in 1 more group of jobs"
+    assert effects == [f"warning: feedforward.gain had no effect: {equal}"], "jobs that failed do not count"
+    assert table_of(tmp_path / "s")["status"].tolist() == ["completed"] * 4 + ["failed"] * 2
+
+
 RESUME = ["sweep.resume=true", "hydra.sweep.dir=s"]
 
 
@@ -201,19 +232,57 @@ def test_a_sweeper_can_search_over_a_metric(tmp_path):
     assert table["final_transfer_rmse_y"][1:].tolist() == found[1:]
 
 
-def test_the_objective_counts_a_fall_as_the_worst(tmp_path):
-    from cmacexp.experiment.objective import read_objective
-    from cmacexp.report.run_summary import RunSummary
+SEARCH = ["-m", "hydra/sweeper=optuna", "hydra.sweeper.sampler.seed=1", "hydra.sweeper.n_trials=4", "cycles=3"]
 
-    values = {"force_rmse": 0.5, "force_steady_state_error": -0.2, "feedforward_share": 0.7, "margin_front_min": 0.01}
+
+AIMS = [("feedforward_share", "maximize"), ("transfer_rmse_y", "minimize")]
+
+
+@pytest.mark.parametrize(("metric", "direction"), AIMS)
+def test_a_search_goes_in_the_direction_that_is_better_and_names_the_best_job(metric, direction, tmp_path):
+    """Of its jobs one diverges and one fails: neither may be the best."""
+    search = [*SEARCH, "learning.rate=interval(0.05,3.0)", f"optimize={metric}", "hydra.sweep.dir=s"]
+    done = cmacexp(*search, folder=tmp_path)
+    table = table_of(tmp_path / "s")
+    assert table["status"].tolist() == ["diverged", "failed", "completed", "completed"]
+    values = table[f"final_{metric}"]
+    best = table.iloc[values.idxmax() if direction == "maximize" else values.idxmin()]
+    found = yaml.safe_load((tmp_path / "s" / "optimization_results.yaml").read_text())
+    assert found["best_value"] == best[f"final_{metric}"]
+    assert found["best_params"] == {"learning.rate": best["learning.rate"]}
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("best: ")]
+    named = f"best:      #{best['run']} learning.rate={best['learning.rate']}: {metric} = "
+    assert line.startswith(named)
+    assert line.endswith(f", in s/{best['run']}")
+    hydra = yaml.safe_load((tmp_path / "s" / str(best["run"]) / ".hydra" / "hydra.yaml").read_text())
+    assert hydra["hydra"]["sweeper"]["direction"] == direction
+
+
+def test_a_sweep_without_a_search_names_its_best_job_too(tmp_path):
+    swept = ["scenario=force_step", "controller.velocity_gain=5,6", "cycles=1", "optimize=force_rmse"]
+    done = cmacexp("-m", *swept, "hydra.sweep.dir=s", folder=tmp_path)
+    best = table_of(tmp_path / "s")["final_force_rmse"].idxmin()
+    assert f"best:      #{best} controller.velocity_gain={5 + best}: force_rmse = " in done.stdout
+
+
+def test_every_metric_is_searched_in_the_direction_that_is_better():
+    for name, metric in ALL_METRICS.items():
+        directions = {"large": "maximize", "small": "minimize", "near 0": "minimize"}
+        assert find_direction(name, None, searches=False) == directions.get(metric.better)
+        if metric.better == NEITHER:
+            assert find_direction(name, "maximize", searches=True) == "maximize"
+
+
+def test_the_objective_counts_a_fall_as_the_worst(tmp_path):
+    values = {"force_rmse": 0.5, "force_steady_state_error": -0.2, "feedforward_share": 0.7, "height_mean": 0.5}
     metrics = {name: np.array([9.0, value]) for name, value in values.items()}
     done, fell = (RunSummary(tmp_path, status, "", cycles=2, metrics=metrics) for status in ("completed", "fell"))
-    assert read_objective("force_rmse", done) == 0.5
-    assert read_objective("force_steady_state_error", done) == 0.2
-    assert read_objective("feedforward_share", done) == 0.7
-    assert read_objective("margin_front_min", done) == 0.01
-    assert read_objective("force_rmse", fell) == read_objective("tilt_max", done) == float("inf")
-    assert read_objective("feedforward_share", fell) == read_objective("margin_front_min", fell) == float("-inf")
+    for name, value in values.items():
+        assert read_objective(name, done, None) == abs(value)
+        assert read_objective(name, fell, "minimize") == read_objective(name, fell, None) == float("inf")
+        assert read_objective(name, fell, "maximize") == float("-inf")
+    assert read_objective("tilt_max", done, "minimize") == float("inf"), "it has no such metric"
+    assert describe_best("force_rmse", "minimize", [fell], []) == "none: no job completed with a value of force_rmse"
 
 
 KINDS = ["-m", "cmac.layers=8,0", "feedforward=cmac,none", "cycles=1"]
@@ -256,7 +325,9 @@ def test_jobs_that_only_hydra_understands_are_run_by_it(tmp_path):
     linked = ["cmac.resolution_elements='${cmac.layers}'", "hydra.sweep.subdir='layers-${cmac.layers}'"]
     done = cmacexp("-m", "cmac.layers=8,16", "cycles=1", *linked, "hydra.sweep.dir=s", folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert table_of(tmp_path / "s")["run"].tolist() == ["layers-8", "layers-16"]
+    for table in (table_of(tmp_path / "s"), load_sweep(tmp_path / "s")):
+        assert table["run"].tolist() == [0, 1], "an integer whatever the folders are called"
+        assert table["folder"].tolist() == ["layers-8", "layers-16"]
 
 
 def test_jobs_need_a_process(tmp_path):
@@ -290,5 +361,5 @@ def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
     continued = f"continue:  the same command with sweep.resume=true hydra.sweep.dir={tmp_path / 's'}"
     assert continued in out.replace("=s\n", f"={tmp_path / 's'}\n")
     table = table_of(tmp_path / "s")
-    assert "2" in table["run"].tolist()
+    assert 2 in table["run"].tolist()
     assert set(table["status"]) == {"completed"}

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 from support.fields import leaves
+from support.rollout import roll_out
 
 import cmacexp
 from cmacexp.config.component import COMPONENTS
@@ -13,6 +14,7 @@ from cmacexp.config.schema import MOVES
 from cmacexp.errors import WithoutEffect
 from cmacexp.experiment.without_effect import _needs as needs_of
 from cmacexp.experiment.without_effect import warnings_of
+from cmacexp.loop.scenario import make_scenario
 
 DROP = ("scenario=force_step", "gait.cycle_time=0.6", "sampling_period=0.01")
 
@@ -26,6 +28,7 @@ CMACS = "needs feedforward in ('cmac', 'cmac_on_model')"
 
 
 STANDS = MOVES[0].replace("option.", "")
+ACTS = "learning.start_cycle <= cycles or learning.start_from is not None"
 DRAWS = NEEDS_OF_SEED[0].replace("option.", "")
 
 
@@ -75,10 +78,15 @@ def test_what_is_declared_can_be_evaluated(scenario):
         (["feedforward=none", "seed=1"], [f"seed=1 has no effect: needs {DRAWS}"]),
         (["feedforward=none", "seed=1", "sensors=noisy_force"], []),
         (["feedforward=none", "reference=aware"], []),
+        (["cycles=3", "learning.start_cycle=4"], []),
+        (["cycles=3", "learning.start_cycle=4", "cmac.layers=8"], [f"cmac.layers=8 has no effect: needs {ACTS}"]),
+        (["cycles=1", "learning.rate=0.1"], [f"learning.rate=0.1 has no effect: needs {ACTS}"]),
+        (["cycles=1", "learning.start_from=run", "learning.rate=0.1", "learning.guard=freeze", "cmac.layers=8"], []),
         (
-            ["cycles=3", "learning.start_cycle=4"],
-            ["learning.start_cycle=4 has no effect: needs learning.start_cycle <= cycles"],
+            ["learning.start_from=run", "learning.start_cycle=3"],
+            ["learning.start_cycle=3 has no effect: needs learning.start_from is None"],
         ),
+        (["feedforward=rbf", "learning.guard=freeze", "learning.lead=estimate", "seed=1"], []),
         (
             ["sensors=real", "sensors.force.fault.start=1"],
             ["sensors.force.fault.start=1 has no effect: needs sensors.force.fault.kind != 'none'"],
@@ -93,6 +101,33 @@ def test_warnings(overrides, expected):
     if any("Mine" in text for text in overrides):
         overrides = ["feedforward._target_=support.fields.Mine", *overrides[1:]]
     assert warned(overrides) == expected
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        ("cycles=3", "learning.start_cycle=4"),
+        ("cycles=1", "learning.start_from='{learnt}'"),
+        ("cycles=1", "learning.start_from='{learnt}'", "learning.rate=0.1"),
+        ("feedforward=rbf", "learning.guard=freeze", "learning.lead=estimate", "cycles=11", "seed=1"),
+    ],
+)
+def test_nothing_that_changes_a_run_is_said_to_have_no_effect(changed, learnt):
+    """The last override changes torques: without it they are others."""
+    overrides = ["scenario=one_leg", *(text.format(learnt=learnt) for text in changed)]
+    torques = [
+        roll_out(make_scenario(compose_config(given))).columns()["tau_feedforward_1"].tobytes()
+        for given in (overrides, overrides[:-1])
+    ]
+    assert torques[0] != torques[1]
+    assert not warned(overrides)
+
+
+@pytest.fixture(scope="module")
+def learnt(tmp_path_factory):
+    """A run that has learnt."""
+    overrides = ["scenario=one_leg", "cycles=3", "record.weights=true", "record=trace"]
+    return cmacexp.run(overrides, tmp_path_factory.mktemp("learnt") / "run").folder
 
 
 def test_a_run_from_python_warns_as_python_does(tmp_path):

@@ -1,5 +1,6 @@
 """Kills at random moments, a full disk, a folder that cannot be written: nothing broken stays under a final name."""
 
+import errno
 import os
 import pickle
 import resource
@@ -11,9 +12,11 @@ import pandas as pd
 import pytest
 from support.command import ROOT, cmacexp, python
 
+from cmacexp.commands.main import _end_sweep
 from cmacexp.data.integrity import faults
 from cmacexp.data.stored_run import StoredRun
 from cmacexp.errors import BadComponent, BadInput
+from cmacexp.experiment.sweep import Sweep
 
 KILLING = str(Path(__file__).parents[1] / "support" / "killing.py")
 SWEEP = ["-m", "cmac.layers=8,10,16,32", "cycles=2", "hydra.sweep.dir=out"]
@@ -78,6 +81,18 @@ def test_a_full_disk_in_a_sweep_fails_the_jobs_that_do_not_fit(tmp_path):
     assert table["status"].tolist() == ["completed", "failed"]
     assert table["cause"][1].endswith("cannot be written: file too large; make room, or choose another folder")
     assert [path.name for path in (tmp_path / "out" / "1").iterdir() if path.name != ".hydra"] == ["manifest.json"]
+
+
+def test_a_disk_too_full_for_the_table_of_a_sweep_is_named(tmp_path, monkeypatch):
+    def write(sweep):
+        raise OSError(errno.ENOSPC, "Error writing bytes to file")
+
+    monkeypatch.setattr(Sweep, "current", Sweep(tmp_path))
+    monkeypatch.setattr("cmacexp.experiment.sweep_results.finish_sweep", write)
+    with pytest.raises(
+        OSError, match=f"disk full: {tmp_path}: cannot be written: no space left on device; make room"
+    ):
+        _end_sweep()
 
 
 @pytest.fixture

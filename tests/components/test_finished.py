@@ -46,6 +46,27 @@ def test_a_run_that_broke_off_or_that_other_code_made_is_not(finished, change):
     assert not is_finished(folder, config)
 
 
+def test_a_run_of_a_custom_component_whose_data_changed_is_not(tmp_path, monkeypatch):
+    """Files that its class lists, and those that its fields name, count as its code does."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "with_data.py").write_text("""
+from support.fields import Mine
+class Own(Mine):
+    reads = ("own.csv",)
+    def __init__(self, table): self.table = open(table).read()
+""")
+    listed, named = tmp_path / "own.csv", tmp_path / "named.csv"
+    listed.write_text("1")
+    named.write_text("1")
+    config = compose_config([*JOB, "feedforward._target_=with_data.Own", "+feedforward.table=named.csv"])
+    run_scenario(config, tmp_path / "run")
+    for file in (listed, named):
+        assert is_finished(tmp_path / "run", config)
+        file.write_text("2")
+        assert not is_finished(tmp_path / "run", config)
+        file.write_text("1")
+
+
 def test_a_run_of_a_robot_whose_model_changed_is_not(tmp_path):
     model = change(tmp_path, 'mass="6"', 'mass="6.0"')
     walk = ["scenario=robot", "machine=mjcf", f"machine.path={model}", "cycles=1", "gait.cycle_time=0.4"]

@@ -140,3 +140,62 @@ def test_a_file_of_a_model_that_is_no_regular_one_is_not_opened(tmp_path, names)
     path = change(tmp_path, "<worldbody>", f"{names}<worldbody>")
     with pytest.raises(BadInput, match=r"machine\.path=.*: names f, which is not a regular file"):
         read(path)
+
+
+TOO_MANY = r"machine\.path=.*changed\.xml: asks for {} copies by count= or nkey=, more than 10000: use smaller counts"
+
+
+@pytest.mark.parametrize(
+    ("names", "copies"),
+    [
+        ('<replicate count="1000000000"><geom size="1"/></replicate>', r"1e\+09"),
+        ('<replicate count="1000"><replicate count="&#49;000"><geom size="1"/></replicate></replicate>', r"1e\+06"),
+        ('<replicate count="1000"><include file="other.xml"/></replicate>', r"3e\+05"),
+        ('<body><composite prefix="c" type="cable" count="100 100 100"/></body>', r"1e\+06"),
+        ('<body/></worldbody><size nkey="100000000"/><worldbody>', r"1e\+08"),
+        (f'<replicate count="{"9" * 400}"><geom size="1"/></replicate>', "inf"),
+    ],
+)
+def test_more_copies_than_can_be_compiled_are_refused(tmp_path, names, copies):
+    other = '<mujoco><replicate count="300"><geom size="1"/></replicate></mujoco>'
+    (tmp_path / "other.xml").write_text(other)
+    path = change(tmp_path, "<worldbody>", f"<worldbody>{names}")
+    with pytest.raises(BadInput, match=TOO_MANY.format(copies)):
+        read(path)
+
+
+def test_some_copies_are_none_too_many(tmp_path):
+    few = '<body><replicate count="3"><site/></replicate></body>'
+    assert read(change(tmp_path, "<worldbody>", f"<worldbody>{few}")).model.nsite == read().model.nsite + 3
+
+
+def make_sparse(path):
+    """A file of 3 GB that takes no place."""
+    with open(path, "wb") as file:
+        file.truncate(3 * 10**9)
+
+
+def test_a_file_of_gigabytes_is_refused(tmp_path):
+    make_sparse(tmp_path / "large.xml")
+    with pytest.raises(BadInput, match=r"machine\.path=.*large\.xml: is a file of 3000 MB, larger than 256 MB"):
+        read(tmp_path / "large.xml")
+
+
+@pytest.mark.parametrize("names", ['<include file="{}"/>', '<asset><mesh name="m" file="{}"/></asset>'])
+def test_a_model_that_names_a_file_of_gigabytes_is_refused(tmp_path, names):
+    make_sparse(tmp_path / "large.stl")
+    path = change(tmp_path, "<worldbody>", f"{names.format('large.stl')}<worldbody>")
+    with pytest.raises(
+        BadInput, match=r"machine\.path=.*changed\.xml: names .*large\.stl, which is a file of 3000 MB"
+    ):
+        read(path)
+
+
+def test_a_urdf_that_names_a_mesh_of_gigabytes_is_refused(tmp_path):
+    make_sparse(tmp_path / "large.stl")
+    shape = '<collision><geometry><mesh filename="package://p/large.stl"/></geometry></collision>'
+    (tmp_path / "robot.urdf").write_text(f'<robot name="r"><link name="a">{shape}</link></robot>')
+    with pytest.raises(
+        BadInput, match=r"machine\.path=.*robot\.urdf: names .*large\.stl, which is a file of 3000 MB"
+    ):
+        read(tmp_path / "robot.urdf")

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -10,13 +11,25 @@ import pytest
 
 from cmacexp.errors import BadInput
 from cmacexp.report.run_summary import RunSummary
-from cmacexp.study import Claim, Criterion, Finding, Panel, Results, at_least, at_most, between, grid, starting_from
+from cmacexp.study import (
+    ANY,
+    Claim,
+    Criterion,
+    Finding,
+    Panel,
+    Results,
+    at_least,
+    at_most,
+    between,
+    grid,
+    starting_from,
+)
 from cmacexp.study.curves import over_setting
 from cmacexp.study.evidence import evidence_of, format_html, format_text
-from cmacexp.study.interval import EXACT, Interval, estimate
+from cmacexp.study.interval import EXACT, FEW, NO_REFERENCE, ONE_SEED, Interval, estimate
 from cmacexp.study.page import make_claims_section
 from cmacexp.study.results import NoSuchRuns, Row
-from cmacexp.study.samples import per_seed, ratio, relative
+from cmacexp.study.samples import per_seed, quotients, ratio, relative
 from cmacexp.study.statements import UNDECIDED, VERDICTS, Judged, Measured
 from cmacexp.study.tables import completed, ends, tabulate
 from pipelines.common_results import cross_tabulate, describe_end, draw_cycles, percent
@@ -81,25 +94,63 @@ def test_wilson_s_interval_of_38_of_40():
     )
 
 
-def test_values_that_nothing_changes_are_exact_and_others_have_a_bootstrap():
+def test_values_that_nothing_changes_are_exact():
     assert estimate([2.0, 2.0, 2.0]) == Interval(2.0, 2.0, 2.0, 3, EXACT)
+
+
+def test_fewer_than_ten_values_have_student_s_t_and_more_a_bootstrap():
     three = estimate([1.0, 2.0, 3.0])
-    assert (three.low, three.value, three.high) == (1.0, 2.0, 3.0)
+    reach = 4.302653 / math.sqrt(3)  # 97.5 % quantile of Student's t with two degrees of freedom; deviation 1
+    assert (three.low, three.value, three.high) == pytest.approx((2.0 - reach, 2.0, 2.0 + reach))
     many = estimate(np.random.default_rng(0).normal(5.0, 1.0, 100))
     assert many.low < 5.0 < many.high
     assert many.high - many.low < 0.6
+    assert estimate([1.0] * 5 + [1.1] * 4 + [1e9]).value == pytest.approx(1.05, abs=0.02)  # outliers do not move it
 
 
-def test_outliers_do_not_move_the_interquartile_mean():
-    assert estimate([1.0, 1.0, 1.1, 1e9]).value == pytest.approx(1.05)
+def test_positive_ratios_have_an_interval_of_their_logarithms():
+    ratios = np.array([0.5, 0.8, 1.25, 2.0])
+    found, turned = (estimate(each, dimensionless=True) for each in (ratios, 1.0 / ratios))
+    assert (found.value, found.low, found.high) == pytest.approx((1.0, 1.0 / turned.high, 1.0 / turned.low))
+    assert estimate([-0.5, 0.5], dimensionless=True).value == 0.0
 
 
-def test_a_run_that_fell_counts_as_the_worst_value():
-    sample = last_error(made(0.1, float("nan")))
-    assert sample.tolist() == [0.1, math.inf]
+SIZES = [(3, False), (3, True), (5, False), (9, True), (FEW, False), (20, False)]
+
+
+@pytest.mark.parametrize(("size", "dimensionless"), SIZES)
+def test_intervals_cover_the_true_value_in_95_per_cent_of_the_draws(size, dimensionless):
+    """Of normal values, and of ratios whose median is 1; the limits are those of 2,000 draws."""
+    drawn = np.random.default_rng(3).normal(0.0, 0.3, (2000, size))
+    samples, truth = (np.exp(drawn), 1.0) if dimensionless else (drawn, 0.0)
+    found = [estimate(sample, dimensionless) for sample in samples]
+    assert 0.93 <= np.mean([each.low <= truth <= each.high for each in found]) <= 0.97
+
+
+def test_runs_that_failed_are_counted_apart_and_meet_no_limit():
+    sample = last_error(made(0.1, 0.3, float("nan")))
+    assert sample.tolist() == [0.1, 0.3, math.inf]
+    found = estimate(sample)
+    assert (found.value, found.size, found.failed, found.reach) == (pytest.approx(0.2), "2 of 3", 1, math.inf)
+    assert not at_most(1e9).contains(found)
     assert made(float("nan")).at(5, "feedforward_share").tolist() == [0.0]
     assert made(0.1, float("nan")).end("transfer_rmse_x").tolist()[1] == math.inf
-    assert estimate(sample).high == math.inf
+
+
+def test_a_pair_whose_reference_failed_says_nothing():
+    found = estimate(quotients(np.array([1.0, 2.0, math.inf, 1.0]), np.array([2.0, math.inf, 1.0, 2.0])))
+    assert (found.value, found.size, found.failed, found.unpaired) == (0.5, "2 of 4", 1, 1)
+    share = percent("error", lambda results: quotients(np.ones(2), np.full(2, math.inf)), at_most(0.1))
+    (measured,) = Finding([share], "yes", "no").judge(made(0.1)).measured
+    assert (measured.value, measured.verdict, measured.interval.size) == (NO_REFERENCE, "inconclusive", "0 of 2")
+
+
+def test_one_seed_decides_nothing():
+    rows = [replace(row, seeded=True) for row in made(0.1, seed=0).rows]
+    small = Criterion("error", last_error, at_most(1.0))
+    (measured,) = Finding([small], "yes", "no").judge(Results(rows)).measured
+    assert (measured.spread, measured.verdict) == (ONE_SEED, "inconclusive")
+    assert Finding([small], "yes", "no").judge(made(0.1, seed=0)).outcome == "yes"  # no seed changes it
 
 
 @pytest.mark.parametrize("sample", [[], [1.0, float("nan")]])
@@ -174,6 +225,15 @@ def test_each_verdict_from_where_the_intervals_lie(criteria, verdict):
     assert verdict in VERDICTS
 
 
+@pytest.mark.parametrize("sample", [[7.0], [math.inf]])
+def test_a_value_without_a_limit_stands_beside_others_and_decides_nothing(sample):
+    beside = Criterion("height", lambda results: sample, ANY)
+    judged = Claim("it is small", "section 1", [criterion(1.5), beside]).judge(made(0.1))
+    assert judged.verdict == "not reproduced"
+    (row,) = evidence_of(judged)["height"]
+    assert (row.limit, row.verdict) == ("", "")
+
+
 @pytest.mark.parametrize(
     ("sample", "sentence"),
     [([5e-4], "It is 0.5 mm."), ([1.5e-3], "It is not: 1.5 mm."), ([9e-4, 1.1e-3], "Unclear: 1 mm.")],
@@ -206,17 +266,20 @@ def test_a_statement_without_criteria_is_an_error():
         Claim("it is small", "section 1", [])
 
 
+WIDE = [0.08] * 10 + [0.12] * 10 + [0.1] * 20
+
+
 def test_evidence_names_a_quantity_once_with_its_cases_below():
     own = partial(Criterion, "error", holds=between(0.05, 0.2), fails=at_least(0.5), unit="%", scale=100.0)
-    wide, infinite = own(lambda results: [0.08, 0.12], case="leg"), own(lambda results: [math.inf], case="walk")
+    wide, infinite = own(lambda results: WIDE, case="leg"), own(lambda results: [math.inf], case="walk")
     judged = Claim("it is small", "section 1", [wide, infinite]).judge(made(0.1))
     (rows,) = evidence_of(judged).values()
-    assert rows[0] == ("leg", "10 %", "", "8 to 12 %", "2", "5 to 20 %", "at least 50 %", "reproduced")
+    assert rows[0] == ("leg", "10 %", "", "9.5 to 10.5 %", "40", "5 to 20 %", "at least 50 %", "reproduced")
     assert format_text("It is small.", evidence_of(judged)).splitlines() == [
         "It is small.",
         "  error",
-        "    leg   10 %      8 to 12 %  5 to 20 %  reproduced",
-        "    walk  infinite  exact      5 to 20 %  contradicted",
+        "    leg   10 %      9.5 to 10.5 %  5 to 20 %  reproduced",
+        "    walk  infinite  deterministic  5 to 20 %  contradicted",
         "      infinite: a run ended early",
     ]
     page = format_html(evidence_of(judged))
@@ -258,16 +321,16 @@ def test_a_table_has_a_row_for_each_combination_that_occurs():
     assert table.to_numpy().tolist() == [
         ["soft", "a", "1 of 1", pytest.approx(1.0)],
         ["soft", "b", "1 of 1", pytest.approx(9.0)],
-        ["hard", "a", "1 of 2", np.inf],
+        ["hard", "a", "1 of 2", pytest.approx(2.0)],
     ]
 
 
-def test_bars_stand_at_the_names_of_their_groups_and_an_infinite_one_is_missing():
+def test_bars_stand_at_the_names_of_their_groups():
     panel = over_setting(GROUPS, "walk", "error, m", end, by="law", kind="bars")
     first, second = panel.series
     assert panel.ticks == ["soft", "hard"]
     assert (first.name, first.x, second.x) == ("a", [0, 1], [0])
-    assert first.y == pytest.approx([0.001, np.nan], nan_ok=True)
+    assert first.y == pytest.approx([0.001, 0.002])  # of the runs that completed
 
 
 def test_a_figure_over_cycles_is_logarithmic_where_values_span_decades():
@@ -282,7 +345,7 @@ def test_a_ratio_is_over_the_runs_selected():
 
 def test_a_share_is_of_the_runs_with_its_settings_and_shown_in_per_cent():
     share = percent("error", end, at_most(0.002), of={"walk": "soft"}, law=["a", "b"])
-    assert Finding([share], "yes", "no").judge(GROUPS).measured[0].value == "0.5 %"
+    assert Finding([share], "yes", "no").judge(GROUPS).measured[0].value == "0.3 %"
 
 
 def test_runs_end_with_an_error_or_in_a_cycle():

@@ -10,7 +10,26 @@ from cmacexp.errors import BadInput
 from cmacexp.experiment.run import run_scenario
 from cmacexp.feedforward.kernels import correct
 from cmacexp.feedforward.network import kernel_norm
-from cmacexp.loop.guard import CAUSES, CHATTER, DRIFT, PEAK, WORSE
+from cmacexp.loop.guard import (
+    ALONE,
+    BEST_CYCLE,
+    CAUSES,
+    CHATTER,
+    DRIFT,
+    EFFORT,
+    EFFORT_ALONE,
+    ERROR,
+    ERROR_ALONE,
+    EVENTS,
+    HOLDING,
+    LEARNING,
+    PEAK,
+    PHASE,
+    WORSE,
+    judge,
+    new_guard,
+    retreat,
+)
 from cmacexp.loop.scenario import make_scenario
 from cmacexp.models.trend import WINDOW, count_rises
 
@@ -76,6 +95,22 @@ def test_a_run_completes_in_both_loops_and_ends_no_worse_than_feedback_alone(mak
     assert errors(guarded)[-1] <= 1.05 * errors(alone)[-1]
 
 
+def test_behind_a_delay_the_first_samples_of_the_best_cycle_are_from_the_end_of_the_cycle_before(make_config):
+    """The torque that is commanded is repeated exactly; what acts first in a cycle was commanded in the last one."""
+    delay = 2
+    run = roll_out(
+        make_scenario(
+            make_config("learning.guard=freeze", "learning.rate=1.2", f"actuator.delay={delay}", "cycles=12")
+        )
+    )
+    (event,) = run.events
+    torque = by_cycle(run)
+    repeated, best = torque[event.cycle + 1], torque[event.restored - 1]
+    assert (repeated[delay:] == best[delay:]).all()
+    assert (repeated[:delay] != best[:delay]).any()
+    assert (repeated[:delay] == torque[event.restored][:delay]).all(), "as in the cycle after the best one"
+
+
 def test_the_torque_of_the_best_cycle_is_repeated_since_drift_was_detected(make_config):
     run = roll_out(make_scenario(make_config(*DRIFTS)))
     (event,) = run.events
@@ -84,6 +119,19 @@ def test_the_torque_of_the_best_cycle_is_repeated_since_drift_was_detected(make_
     for cycle in range(event.cycle, 60):
         np.testing.assert_array_equal(torque[cycle], torque[event.restored - 1])
     assert (torque[event.restored] != torque[event.restored - 1]).any()
+
+
+@pytest.mark.parametrize(("ratio", "phase", "events"), [(0.99, HOLDING, 1), (1.01, ALONE, 2)])
+def test_a_guard_that_freezes_repeats_what_is_no_worse_and_acts_at_most_twice(make_config, ratio, phase, events):
+    """``ratio``: of the errors of each cycle to those with feedback only, the same in every cycle."""
+    setup = make_scenario(make_config("scenario=one_leg", "learning.guard=freeze")).setup
+    guard = new_guard("freeze", setup.mechanism, setup.plan, np.zeros((1, 0, 2)), None, False)
+    guard.counts[PHASE], guard.counts[BEST_CYCLE] = LEARNING, 3
+    guard.values[[EFFORT, EFFORT_ALONE, ERROR, ERROR_ALONE]] = 1.0, 1.0, ratio**2, 1.0
+    retreat(guard, None, 100, DRIFT)
+    for cycle in range(50):
+        judge(guard, None, 100 + cycle)
+    assert (guard.counts[PHASE], guard.counts[EVENTS]) == (phase, events)
 
 
 def test_feedback_goes_on_alone_if_nothing_learnt_was_better(make_config):
@@ -108,6 +156,9 @@ def test_refining_ends_better_than_repeating(make_config):
     ]
     assert [run.status for run in runs] == ["completed"] * 2
     assert errors(runs[1])[-1] < errors(runs[0])[-1]
+    frozen, refined = (by_cycle(run)[-2:] for run in runs)
+    assert (frozen[0] == frozen[1]).all()
+    assert (refined[0] != refined[1]).any()  # learning from cycle to cycle goes on
 
 
 def test_one_update_a_cycle_moves_the_torque_by_the_kernel_over_its_norm(make_config):

@@ -11,8 +11,11 @@ from support.rollout import roll_out
 
 from cmacexp.config.compose import compose_config
 from cmacexp.control.steering import AHEAD, ASIDE, MOST, TURN, Steering, scale_ahead, scale_aside, steer
+from cmacexp.data.manifest_fields import RUN_FIELDS, find_misfit
 from cmacexp.errors import BadInput
+from cmacexp.loop.adaptation import SMOOTHING
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.metrics.body import describe_load
 from cmacexp.models.lateness import Lateness
 from cmacexp.models.leg import GRAVITY
 from cmacexp.models.robot_gains import MOST_SHARE, find_delay_margin
@@ -82,6 +85,23 @@ def test_feet_tell_a_load_and_where_it_is():
     weight = make_mechanism(compose_config(OWN_ROBOT).machine).weight
     assert carried.weight == pytest.approx(weight + 15, rel=0.01)
     assert_allclose([carried.x, carried.y], np.array([0.01, -0.005]) * 15 / (weight + 15), atol=5e-4)
+
+
+def test_the_load_that_was_measured_stands_beside_the_part_of_it_that_the_plan_uses():
+    run = roll(EXACT, *TWO[:-1], "cycles=5", "payload.weight=15", "payload.time=2")
+    force, gain = run.columns()["force"].sum(axis=1), 1.0 / (1.0 + SMOOTHING)
+    before = None
+    for cycle, used, measured in run.carried:
+        last = force[(cycle - 2) * len(run.plan.support) : (cycle - 1) * len(run.plan.support)]
+        assert measured == pytest.approx(last.mean(), rel=1e-9)
+        assert used.weight == pytest.approx(measured if before is None else before + gain * (measured - before))
+        before = used.weight
+    assert measured - used.weight > 2.0
+    entry = {"cycle": cycle, "measured_weight": measured, **used._asdict()}
+    assert f"{used.weight:.4g} N ({measured:.4g} N measured), " in describe_load({"carried": [entry]})
+    del entry["measured_weight"]  # as in manifests of earlier versions
+    assert f"{used.weight:.4g} N, " in describe_load({"carried": [entry]})
+    assert find_misfit([entry], RUN_FIELDS["carried?"], "carried") is None
 
 
 def test_feet_tell_the_slope_and_then_press_as_desired():

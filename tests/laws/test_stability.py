@@ -76,6 +76,22 @@ def test_a_loop_put_back_repeats_itself(make_config, overrides):
     np.testing.assert_array_equal(ends[0], ends[2])
 
 
+def test_weights_that_give_no_torque_never_change(make_config):
+    """They are eigenvectors of the cycle map with the eigenvalue 1, which changes of a run do not contain."""
+    loop = make_restorable_loop(make_config("scenario=one_leg", "learning.lead=1"))
+    assert loop.advance(loop.period)
+    params = loop.run.loop.feedforward
+    rows = params.log.rows[0, : params.log.used[0]]
+    active = (params.cells[:, 0, :, None] == rows).sum(axis=1).astype(float)  # (N, rows): A
+    random = np.random.default_rng(0).standard_normal((len(rows), loop.joints))
+    without_torque = random - np.linalg.lstsq(active, active @ random)[0]
+    now, along = loop.hold(), np.zeros(len(loop.state()))
+    along[-without_torque.size :] = without_torque.ravel()
+    image, feedback = loop.derivative(now, along, lambda: loop.column("tau_feedback"), loop.period)
+    np.testing.assert_allclose(image, along, atol=1e-5)
+    np.testing.assert_allclose(feedback, 0.0, atol=1e-5)
+
+
 @pytest.mark.parametrize("lead", [-1, 0, 1, 2])
 def test_growth_is_predicted_from_the_first_cycles(make_config, lead):
     config = make_config("scenario=one_leg", "cycles=200", f"learning.lead={lead}")

@@ -11,7 +11,9 @@ from support.rollout import roll_out
 import cmacexp
 from cmacexp.config.compose import compose_config
 from cmacexp.errors import BadInput, BadOutput, CmacexpError, WithoutEffect
+from cmacexp.jit import compiler
 from cmacexp.loop.scenario import make_scenario
+from cmacexp.report.terminal import COMPILING, announce_compiling
 
 NOISY = ("sensors=real", "sensors.force.noise=0.1", "sensors.position.delay=1")
 LEG = ["scenario=one_leg", "gait.cycle_time=0.2", "gait.lift=0.005", "cycles=2"]
@@ -196,3 +198,10 @@ def test_nothing_else_imports_gymnasium_and_its_absence_is_one_line():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("cmacexp.gym needs gymnasium: python -m pip install ")
     assert done.stdout.count("\n") == 1
+
+
+def test_a_loop_that_is_opened_announces_that_it_compiles(capsys):
+    announce_compiling.cache_clear()  # in this process it may have been announced
+    cmacexp.open_loop(LEG)
+    compiler._announce()
+    assert capsys.readouterr().err == f"{COMPILING}\n"

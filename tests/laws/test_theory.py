@@ -1,4 +1,4 @@
-"""What docs/theory.md says is proven of learning behind a pure delay of as many samples as the lead."""
+"""What docs/theory.md says is proven, with the project's kernels, and the counterexamples to what is not."""
 
 import math
 
@@ -6,28 +6,210 @@ import numpy as np
 import pytest
 
 from cmacexp.cmac.memory import read, train
+from cmacexp.cmac.rules import PAPER_RATE, derive_rate
+from cmacexp.loop.scenario import make_scenario
 
 SAMPLES, LAYERS, WIDTH = 40, 8, 10
 CELLS = np.array([[(k + j) // WIDTH * LAYERS + j for j in range(LAYERS)] for k in range(SAMPLES)], dtype=np.uint32)
+SHARED = np.zeros_like(CELLS) + CELLS[:1]
+"""One set of cells for all samples."""
+OWN = np.arange(SAMPLES, dtype=np.uint32)[:, None]
+"""K = I: no two samples share a cell."""
 
 
-def squares_of_weights(lead, rate, cells=CELLS, steps=4000):
-    """|w|^2 after each step; the feedback is minus the feedforward ``lead`` samples ago."""
-    weights = np.random.default_rng(0).standard_normal((int(cells.max()) + 1, 2))
-    outputs, squares = np.zeros((steps, 2)), []
+def lagging(lead, share=1.0):
+    """Responses h_0, h_1, ... of T: ``lead`` samples of delay, then a lag that passes ``share`` in a sample."""
+    return np.concatenate([np.zeros(lead), share * (1.0 - share) ** np.arange(SAMPLES if share < 1.0 else 1)])
+
+
+def count_active(cells):
+    """A, (N, rows): how often a row is active at each sample."""
+    matrix = np.zeros((len(cells), int(cells.max()) + 1))
+    np.add.at(matrix, (np.arange(len(cells))[:, None], cells), 1.0)
+    return matrix[:, matrix.any(axis=0)]
+
+
+def kernel(cells):
+    active = count_active(cells)
+    return active @ active.T / cells.shape[1]
+
+
+def start_weights(cells):
+    return np.random.default_rng(0).standard_normal((int(cells.max()) + 1, 2))
+
+
+def learn(cells, lead, rate, response, weights, steps=4000, before=None, disturbance=None):
+    """|w|^2 before each step, torques and feedback, (steps, 2), where the feedback vanishes without a torque.
+
+    ``before`` (len(response), 2) are the torques before the first step, the latest one first: none, learning starts
+    from rest. ``disturbance`` (steps, 2) is added to the feedback.
+    """
+    weights, squares = weights.copy(), []
+    torques, errors = np.zeros((steps, 2)), np.zeros((steps, 2)) if disturbance is None else disturbance.copy()
+    recent = np.zeros((len(response), 2)) if before is None else np.vstack([np.zeros((1, 2)), before[:-1]])
     for n in range(steps):
-        read(weights, cells[n % SAMPLES], outputs[n])
-        train(weights, cells[(n - lead) % SAMPLES], -outputs[n - lead] * (n >= lead), rate)
+        if n > 0:
+            train(weights, cells[(n - 1 - lead) % SAMPLES], errors[n - 1], rate)
+            recent = np.roll(recent, 1, axis=0)
         squares.append(float((weights**2).sum()))
-    return np.array(squares), outputs
+        read(weights, cells[n % SAMPLES], torques[n])
+        recent[0] = torques[n]
+        errors[n] -= response @ recent
+    return np.array(squares), torques, errors
 
 
 @pytest.mark.parametrize("lead", [1, 2, 4])
 def test_no_cmac_grows_within_condition_2_and_shared_cells_do_beyond_the_critical_rate(lead):
-    squares, outputs = squares_of_weights(lead, 0.95 / (lead + 0.5))
+    squares, _, errors = learn(CELLS, lead, 0.95 / (lead + 0.5), lagging(lead), start_weights(CELLS))
     assert squares.max() <= squares[0]
-    assert np.abs(outputs[-SAMPLES:]).max() < 0.1 * np.abs(outputs[:SAMPLES]).max()
+    assert np.abs(errors[-SAMPLES:]).max() < 0.1 * np.abs(errors[:SAMPLES]).max()
     critical = 2.0 * math.sin(math.pi / (4 * lead + 2))
-    shared = np.zeros_like(CELLS) + CELLS[:1]
     for share, grows in ((0.95, False), (1.05, True)):
-        assert (squares_of_weights(lead, share * critical, shared)[0][-1] > squares[0]) == grows
+        squares, _, _ = learn(SHARED, lead, share * critical, lagging(lead), start_weights(SHARED))
+        assert (squares[-1] > squares[0]) == grows
+        assert share * critical < 2.0  # which condition 1 allows
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("cells", [CELLS, SHARED, OWN], ids=["overlapping", "shared", "own"])
+def test_a_first_order_lag_lowers_no_rate_if_the_lead_is_the_delay_alone(cells, share):
+    for lead in (1, 3):
+        rate = 0.95 / (lead + 0.5)
+        squares, _, errors = learn(cells, lead, rate, lagging(lead, share), start_weights(cells))
+        assert squares.max() <= squares[0]
+        assert np.abs(errors[-SAMPLES:]).max() < 0.5 * np.abs(errors[: 2 * SAMPLES]).max()
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_no_lead_but_the_delay_meets_a_condition_behind_a_lag(share):
+    z = np.exp(1j * np.linspace(0.0, math.pi, 400))
+    for delay in (1, 3):
+        transfer = sum(h * z**-n for n, h in enumerate(lagging(delay, share)))
+        least = {lead: (z**lead * transfer).real.min() for lead in range(8)}
+        assert [lead for lead, real in least.items() if real > 0.0] == [delay]
+
+
+def test_pending_errors_can_raise_v_where_learning_from_rest_cannot():
+    """K = I, lead 1, behind a lag: errors that are pending at first train samples that did not cause them."""
+    weights = np.repeat(np.where(np.arange(SAMPLES) < SAMPLES // 2, 1.0, -1.0)[:, None], 2, axis=1) / math.sqrt(2.0)
+    weights[-1] *= -1.0
+    response, before = lagging(1, 0.2), weights[(-1 - np.arange(SAMPLES + 1)) % SAMPLES]
+    at_rest, _, _ = learn(OWN, 1, 1.0, response, weights)
+    pending, _, errors = learn(OWN, 1, 1.0, response, weights, before=before)
+    assert at_rest.max() <= at_rest[0] == pytest.approx(SAMPLES)
+    assert pending.max() == pytest.approx(42.1, abs=0.05)
+    assert np.abs(errors[-SAMPLES:]).max() < 1e-6  # the feedback vanishes all the same
+
+
+def test_a_row_that_two_layers_share_counts_as_a_higher_rate():
+    doubled = np.concatenate([SHARED[:, : LAYERS // 2]] * 2, axis=1)
+    assert kernel(doubled).max() == 2.0
+    critical = 2.0 * math.sin(math.pi / 6)
+    for share, grows in ((0.95, False), (1.05, True)):
+        squares, _, _ = learn(doubled, 1, share * critical / 2.0, lagging(1), start_weights(doubled))
+        assert (squares[-1] > squares[0]) == grows
+
+
+def test_hashing_raises_the_diagonal_of_the_kernel_of_the_quadruped(make_config):
+    """By default two layers of some samples share a row; with a row for each visited cell none do."""
+    for addressing, largest, share in (("hashed", 1.0625, 0.038), ("visited", 1.0, 0.0)):
+        cells = make_scenario(
+            make_config("scenario=quadruped", f"cmac.addressing={addressing}")
+        ).feedforward.params.cells
+        diagonals = np.stack([np.diag(kernel(cells[:, i])) for i in range(cells.shape[1])])
+        assert diagonals.min() == 1.0
+        assert diagonals.max() == largest
+        assert (diagonals > 1.0).mean(axis=1).max() == pytest.approx(share, abs=0.001)
+
+
+def test_the_kernel_of_the_paper_s_leg_is_singular_and_narrow_after_lift_off(make_config):
+    cells = make_scenario(make_config("scenario=one_leg")).feedforward.params.cells[:, 0]
+    matrix = kernel(cells)
+    assert matrix.shape == (600, 600)
+    assert np.linalg.matrix_rank(count_active(cells)) == 252
+    assert np.diag(matrix).max() == matrix.max() == 1.0
+    shared = np.diag(matrix, 1)  # with the next sample, 5 ms later
+    assert (shared[:8].min().round(2), shared[:8].max().round(2)) == (0.09, 0.53)
+    assert np.median(shared) == 1.0
+
+
+@pytest.fixture(scope="module")
+def cycle_map():
+    """The map of (u^j, u^(j-1)), the functionals that it conserves, and its loop: CELLS, lead 1, behind a lag."""
+    response, rate, lead = lagging(1, 0.5)[:SAMPLES], 0.5, 1
+    lags = np.arange(SAMPLES)[:, None] - np.arange(SAMPLES)
+    within = np.where(lags >= 0, response[lags % SAMPLES], 0.0)
+    before = np.where(lags < 0, response[lags % SAMPLES], 0.0)
+    shifted = kernel(CELLS)[:, (np.arange(SAMPLES) - lead) % SAMPLES]
+    earlier = np.tril(shifted, -1)
+    later = shifted - earlier
+    one, none = np.eye(SAMPLES), np.zeros((SAMPLES, SAMPLES))
+    own = one + rate * earlier @ within
+    first = np.linalg.solve(own, one - rate * later @ within - rate * earlier @ before)
+    second = np.linalg.solve(own, -rate * later @ before)
+    conserved = np.hstack([own, rate * earlier @ before])
+    return np.block([[first, second], [one, none]]), conserved, (response, rate, lead)
+
+
+def test_the_torque_follows_the_cycle_map(cycle_map):
+    """Of a disturbance that no weights cancel: changes from cycle to cycle, in which the constant drops out."""
+    step, _, (response, rate, lead) = cycle_map
+    steps, weights = 6 * SAMPLES, start_weights(CELLS)
+    disturbance = np.tile(np.random.default_rng(1).standard_normal((SAMPLES, 2)), (6, 1))
+    _, torques, _ = learn(CELLS, lead, rate, response, weights, steps, disturbance=disturbance)
+    cycles = torques.reshape(6, SAMPLES, 2)
+    changes = np.diff(cycles, axis=0)
+    for j in range(2, 5):
+        expected = step @ np.concatenate([changes[j - 1], changes[j - 2]])
+        np.testing.assert_allclose(expected[:SAMPLES], changes[j], atol=1e-12)
+
+
+def test_eigenvalue_one_is_semisimple_and_counts_what_a_singular_kernel_does_not_learn(cycle_map):
+    step, conserved, _ = cycle_map
+    matrix = kernel(CELLS)
+    unlearnt = SAMPLES - np.linalg.matrix_rank(matrix)
+    assert unlearnt > 0
+    values = np.linalg.eigvals(step)
+    ones = np.abs(values - 1.0) < 1e-6
+    assert ones.sum() == unlearnt  # so the spectral radius is 1 ...
+    assert np.abs(values[~ones]).max() < 1.0  # ... and learning converges all the same,
+    assert np.linalg.matrix_rank(step - np.eye(len(step)), tol=1e-9) == len(step) - unlearnt  # since 1 is semisimple
+    # Components outside the range of K of the torque that the weights give at the start of a cycle never change.
+    outside = np.linalg.svd(matrix)[0][:, SAMPLES - unlearnt :].T @ conserved
+    np.testing.assert_allclose(outside @ step, outside, atol=1e-9)
+
+
+def test_learning_converges_to_a_residual_that_no_weights_cancel(cycle_map):
+    _, _, (response, rate, lead) = cycle_map
+    cycles = 400
+    disturbance = np.tile(np.random.default_rng(1).standard_normal((SAMPLES, 2)), (cycles, 1))
+    steps = cycles * SAMPLES
+    _, _, errors = learn(CELLS, lead, rate, response, start_weights(CELLS), steps, disturbance=disturbance)
+    first, last = (np.roll(errors[n : n + SAMPLES], -lead, axis=0) for n in (0, steps - SAMPLES))
+    taught, left = (np.abs(count_active(CELLS).T @ each).max() for each in (first, last))
+    assert left < 0.02 * taught
+    assert np.abs(last).max() > 0.1 * np.abs(first).max()
+
+
+@pytest.mark.parametrize(
+    ("cells", "rate", "excess"),
+    [(OWN, 0.5, 0.5 / (2.0 - 0.5)), (OWN, 0.05, 0.05 / 2.0), (CELLS, 0.05, 0.05 / 2.0)],
+    ids=["own fast", "own", "overlapping"],
+)
+def test_noise_leaves_half_the_rate_of_its_variance_in_the_torque(cells, rate, excess):
+    noise = np.random.default_rng(3).standard_normal((24000, 2))
+    weights = np.zeros((int(cells.max()) + 1, 2))
+    _, torques, _ = learn(cells, 1, rate, lagging(1), weights, len(noise), disturbance=noise)
+    assert (torques[4000:] ** 2).mean() == pytest.approx(excess, rel=0.1)
+
+
+def test_the_rate_by_rule_has_the_margins_that_the_page_states():
+    assert {derive_rate(lead) for lead in range(-5, 2)} == {PAPER_RATE}
+    leads = np.arange(1, 50)
+    rates = np.array([derive_rate(lead) for lead in leads])
+    allowed = 1.0 / (leads + 0.5) / rates
+    assert allowed.min() == allowed[0] == pytest.approx(3.413, abs=0.001)
+    crossing = 2.0 * np.arcsin(rates / 2.0)  # where the loop gain rate z^-lead / (z - 1) is 1
+    margins = 90.0 - np.degrees(crossing * (leads + 0.5))
+    assert margins[:2].round() == pytest.approx([73, 81])
+    assert (np.diff(margins) > 0.0).all()

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from cmacexp.cmac.memory import read, train
+from cmacexp.loop.scenario import make_scenario
 from cmacexp.stability.cycle_map import make_restorable_loop
 from cmacexp.stability.transfer import Local, compute_spectrum, locals_along, transfer
 
@@ -50,6 +52,48 @@ def test_a_torque_shows_in_the_feedback_of_the_next_step(make_config, places):
     assert response[1, 0] < -0.1
 
 
+def respond(responses):
+    """A loop whose torque shows in the feedback as minus ``responses`` (n, J, J), from the next sample on."""
+    length, joints, _ = responses.shape
+    closed, b = np.eye(length * joints, k=-joints), np.eye(length * joints, joints)
+    c = -np.hstack(list(responses))
+    return Local(closed - b @ c, b, c)
+
+
+def test_eigenvalues_with_positive_real_parts_do_not_suffice():
+    """Two joints that act on each other at other frequencies, and cells that all even samples share."""
+    slow, fast = (np.poly1d([1.0, sign]) ** 4 / 16.0 for sign in (1.0, -1.0))
+    responses = np.zeros((5, 2, 2))
+    responses[0] = np.eye(2)
+    responses[:, 0, 1], responses[:, 1, 0] = 3.0 * slow.c, 3.0 * fast.c
+    local, rate, samples, steps = respond(responses), 0.05, 16, 3000
+    turned = np.exp(2j * np.pi * FREQUENCIES * PERIOD)[:, None] * np.linalg.eigvals(
+        transfer(local, FREQUENCIES, PERIOD)
+    )
+    assert (turned.real - 1.5 * rate * np.abs(turned) ** 2).min() > 0.1  # condition 2 of eigenvalues, with lead 1
+    assert compute_spectrum(local, FREQUENCIES, PERIOD).least(1) < -0.1
+    weights, torques = np.random.default_rng(0).standard_normal((samples, 2)), np.zeros((steps, 2))
+    cells = np.array([[k * (k % 2)] for k in range(samples)], dtype=np.uint32)
+    for n in range(6, steps):
+        read(weights, cells[n % samples], torques[n])
+        error = -np.einsum("ijk,ik", responses, torques[n - 1 : n - 6 : -1])
+        train(weights, cells[(n - 1) % samples], error, rate)
+    assert np.abs(torques[-samples:]).max() > 100.0 * np.abs(torques[: 2 * samples]).max()
+
+
+def test_a_weight_of_joints_whose_inertia_couples_them_keeps_learning_positive():
+    """Gain over inertia is not symmetric, so its Hermitian part may be indefinite; with the weight it is not."""
+    gain, inertia = np.diag([1.0, 0.05]), np.array([[2.0, 0.9], [0.9, 0.5]])
+    response = gain @ np.linalg.inv(inertia)
+    assert np.linalg.eigvalsh(response + response.T)[0] < 0.0
+    found = compute_spectrum(respond(response[None]), FREQUENCIES, PERIOD)
+    np.testing.assert_allclose(found.least_real(1), np.linalg.eigvals(response).real.min())
+    share = 0.3
+    np.testing.assert_allclose(
+        found.least(1, share), min(value - share * value**2 for value in np.linalg.eigvals(response).real)
+    )
+
+
 def test_learning_settles_everywhere_with_one_lead_alone(places):
     for local in places:
         found = compute_spectrum(local, FREQUENCIES, PERIOD)
@@ -69,3 +113,12 @@ def test_delay_of_the_actuator_asks_for_as_much_more_lead(make_config, delay):
     (local,) = locals_along(config, 4, [MID_TRANSFER])
     late = compute_spectrum(local, FREQUENCIES, PERIOD)
     assert late.least(delay + 1) > 0.0 > late.least(delay)
+
+
+def test_counting_a_lag_in_the_lead_leaves_the_proof(make_config):
+    config = make_config("scenario=one_leg", "cycles=9", "actuator.lag=0.01", "learning.lead=auto")
+    assert make_scenario(config).setup.lead == 2
+    (local,) = locals_along(config, 4, [MID_TRANSFER])
+    late = compute_spectrum(local, FREQUENCIES, PERIOD)
+    assert late.least(2) < 0.0
+    assert FREQUENCIES[np.argmax(late.least_real(2) < 0.0)] > 30.0  # positive below

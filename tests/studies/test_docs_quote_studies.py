@@ -4,52 +4,80 @@ import json
 
 import pytest
 from support.command import ROOT, python
+from support.pages import PAGES
 
-from pipelines.quotes import MARK, PAGES, QUOTED, quoted, read_quotable, renew
+from pipelines.quotes import QUOTE, all_claims, count_claims, fill, fill_quotes, find_outdated
+from pipelines.results import CHANGED, CURRENT, NEVER, PublishedResults, read_results
 
-RESULTS = json.loads(QUOTED.read_text())
-QUOTING = [page for page in PAGES if MARK.search(page.read_text())]
+RESULTS = read_results()
 QUICKEST = "lead_design"
+ENTRY = {
+    "verdict": "yes",
+    "values": ["1 N", "3 N"],
+    "intervals": ["1 to 2 N", "deterministic"],
+    "counts": ["18 of 20", "5"],
+}
 
 
-@pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.stem)
-def test_every_quote_is_what_the_study_found(page):
-    text = page.read_text()
-    wrong = [match[0] for match in MARK.finditer(text) if not text[: match.start()].endswith(quoted(match, RESULTS))]
-    assert not wrong
+@pytest.mark.parametrize("page", PAGES)
+def test_every_quote_is_filled_in(page):
+    assert not QUOTE.search(fill_quotes(PAGES[page].read_text(), RESULTS.statements))
 
 
-def test_the_results_are_those_of_the_study_today(tmp_path):
-    """Of the quickest study; ``python -m pipelines --write-docs`` renews all."""
-    done = python("-m", f"pipelines.{QUICKEST}", "--folder", str(tmp_path), folder=ROOT)
+def test_a_quote_gives_value_interval_size_and_verdict():
+    text = """{{ quote("s.a", 1) }} {{ interval("s.a") }} {{ size("s.a") }} {{ verdict("s.a") }}"""
+    assert fill_quotes(text, {"s": {"a": ENTRY}}) == "3 N 1 to 2 N 18 of 20 yes"
+    with pytest.raises(LookupError, match=r"s\.b"):
+        fill_quotes("""{{ quote("s.b") }}""", {"s": {"a": ENTRY}})
+
+
+def test_sentences_stand_for_the_verdicts_for_which_they_were_written():
+    texts = {path.name: path.read_text() for path in PAGES.values()}
+    assert find_outdated(RESULTS.sentences, texts, RESULTS.statements) == []
+
+
+def test_a_sentence_for_another_verdict_and_one_that_is_gone_are_found():
+    sentences = [{"page": "a.md", "text": "It stays bounded.", "needs": {"s.a": "no"}}]
+    statements = {"s": {"a": ENTRY}}
+    assert find_outdated(sentences, {"a.md": "It stays\nbounded."}, statements) == [
+        "a.md: 'It stays bounded.' is for s.a = no, it is yes"
+    ]
+    assert "has no sentence" in find_outdated(sentences, {"a.md": "It grows."}, statements)[0]
+
+
+def test_blocks_are_what_the_studies_found():
+    """``python -m pipelines --write-docs`` renews them."""
+    paper, readme = (PAGES[name].read_text() for name in ("the-paper.md", "README.md"))
+    count = f"\n**{count_claims(RESULTS.statements)}**\n\n"
+    assert fill(fill(paper, "claims", lambda: all_claims(RESULTS.statements)), "count", lambda: count) == paper
+    assert fill(readme, "count", lambda: count) == readme
+    assert paper.count(count) == readme.count(count) == 1
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Of the quickest study, run in full."""
+    folder = tmp_path_factory.mktemp("studies")
+    done = python("-m", f"pipelines.{QUICKEST}", "--folder", str(folder), folder=ROOT)
     assert done.returncode == 0, done.stderr
-    assert read_quotable(tmp_path)[QUICKEST] == RESULTS[QUICKEST]
+    return folder
 
 
-def test_a_study_is_quoted_from_its_own_folder(tmp_path):
-    for folder, value in (
-        ("leg", "2 N"),
-        ("paper", "1 N"),
-    ):  # the study has been run again since the page over several
-        (tmp_path / folder).mkdir()
-        criteria = [{"shown": value, "spread": "exact", "count": 3, "verdict": "reproduced"}]
-        statement = {"name": "a", "kind": "finding", "verdict": "yes", "criteria": criteria}
-        (tmp_path / folder / "claims.json").write_text(json.dumps({"leg": [statement]}))
-    entry = {"verdict": "yes", "values": ["2 N"], "intervals": ["exact"], "counts": [3], "verdicts": ["yes"]}
-    assert read_quotable(tmp_path) == {"leg": {"a": entry}}
+def test_the_results_are_those_of_the_study_today(folder):
+    found = PublishedResults({})
+    found.add_studies(folder)
+    assert found.statements[QUICKEST] == RESULTS.statements[QUICKEST]
+    assert found.find_state(QUICKEST)[1] == CURRENT
+    assert found.find_state("assumptions")[1] == NEVER
 
 
-def test_quotes_are_renewed_in_place():
-    before, after = (
-        {"s": {"a": {"verdict": v, "values": [x], "intervals": [i]}}}
-        for v, x, i in (("yes", "1 N", "exact"), ("no", "2.5 N", "2 N to 3 N"))
-    )
-    text = "It is 1 N<!--s.a 0--> (exact<!--s.a interval 0-->): yes<!--s.a verdict-->."
-    renewed = "It is 2.5 N<!--s.a 0--> (2 N to 3 N<!--s.a interval 0-->): no<!--s.a verdict-->."
-    assert renew(text, before, after) == renewed
-
-
-def test_a_new_quote_is_filled_in():
-    after = {"s": {"new": {"verdict": "yes", "values": ["3 N"], "intervals": ["2 N to 4 N"]}}}
-    text = "It is ?<!--s.new 0--> (?<!--s.new interval 0-->)."
-    assert renew(text, {}, after) == "It is 3 N<!--s.new 0--> (2 N to 4 N<!--s.new interval 0-->)."
+def test_a_study_is_changed_if_a_file_or_a_model_that_it_depends_on_is(folder):
+    found = PublishedResults({})
+    found.add_studies(folder)
+    study = found.studies[QUICKEST]
+    study["own"]["pipelines/lead_design.py"] = "0"
+    found.code[study["code"]]["cmacexp/models/leg.py"] = "0"
+    state = found.find_state(QUICKEST)
+    assert (state.state, set(state.reasons)) == (CHANGED, {"pipelines/lead_design.py", "cmacexp/models/leg.py"})
+    again = PublishedResults(json.loads(found.format()))
+    assert again.statements == found.statements

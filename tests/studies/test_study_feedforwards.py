@@ -10,6 +10,7 @@ from cmacexp.data.stored_run import StoredRun
 from cmacexp.experiment.run import run_scenario
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Results
+from cmacexp.study.interval import UNPAIRED
 from cmacexp.study.results import Row
 from pipelines.common_worlds import TESTED, TUNED
 from pipelines.feedforwards import against_fastest, cycles_to_tenth, left_at_first, runs, training_time
@@ -63,7 +64,8 @@ def test_cmac_is_compared_with_the_fastest_of_the_others_and_the_perceptron_with
     assert against_fastest(results) == pytest.approx([2 / 3])
     assert training_time(results) == [3.0]
     never = Results([*ROWS[:1], run(CMAC, *[50.0] * 6), *(run(kind, *[50.0] * 6) for kind in (RBF, MLP, ILC))])
-    assert against_fastest(never) == [inf]
+    assert against_fastest(never) == [UNPAIRED]  # with nothing to compare it with
+    assert against_fastest(Results([*ROWS, *never.rows[1:2]])).tolist() == pytest.approx([2 / 3, inf])
 
 
 def test_what_is_carried_over_is_compared_with_feedback_alone():

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cmacexp.study.interval import UNPAIRED
 from pipelines.force_methods import (
     apparent_stiffness,
     end_speed,
@@ -61,11 +62,14 @@ def test_a_run_that_ended_before_is_infinitely_wrong():
 
 
 class Made:
-    """Results with a value and an error at rest for each method."""
+    """Results with a value and an error at rest for each method, the same from two heights."""
 
     def __init__(self, **methods):
         self.values, self.errors = zip(*methods.values(), strict=True)
         self.rows = [SimpleNamespace(settings={"method": name}) for name in methods]
+
+    def by(self, key):
+        return {0.05: self, 0.1: self}
 
     def at(self, cycle, metric):
         return np.array(self.values, dtype=float)
@@ -76,6 +80,6 @@ class Made:
 
 def test_combined_is_compared_with_the_best_of_those_that_come_to_rest():
     others = {"stiffness": (4.0, 0.0), "damping": (8.0, 0.0), "explicit": (1.0, 0.9)}
-    assert over_best_other(Made(**others, combined=(2.0, 0.0)), "force_itae") == [0.5]
-    assert over_best_other(Made(**others, combined=(2.0, 0.5)), "force_itae") == [np.inf]
-    assert over_best_other(Made(stiffness=(4.0, 0.9), combined=(2.0, 0.0)), "force_itae") == [0.0]
+    assert over_best_other(Made(**others, combined=(2.0, 0.0)), "force_itae").tolist() == 2 * [0.5]
+    assert over_best_other(Made(**others, combined=(2.0, 0.5)), "force_itae").tolist() == 2 * [np.inf]
+    assert over_best_other(Made(stiffness=(4.0, 0.9), combined=(2.0, 0.0)), "force_itae").tolist() == 2 * [UNPAIRED]

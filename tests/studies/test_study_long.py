@@ -12,7 +12,7 @@ from cmacexp.report.run_summary import RunSummary
 from cmacexp.study.results import Results, Row
 from cmacexp.study.samples import ended_in
 from pipelines import long_learning_measures as measures
-from pipelines.long_learning import over_best_rate
+from pipelines.long_learning import best_of_others, over_best_rate
 
 
 def run(*errors: float, asked: int = 4, seed: int = 0, detected: float = np.inf, **settings) -> Row:
@@ -51,6 +51,16 @@ def test_auto_is_compared_with_the_rate_that_is_best_in_the_same_world():
     rows = [run(*[error] * 4, seed=world, **{"learning.rate": rate}) for (rate, world), error in errors.items()]
     rows[-2] = run(8.0, seed=0, **{"learning.rate": 0.8})
     assert over_best_rate(Results(rows)) == pytest.approx([0.5, 1.5])
+
+
+def test_the_best_other_rule_is_chosen_in_other_worlds_than_the_one_it_is_judged_in():
+    errors = {"paper": (1.0, 1.0, 1.0), "leakage": (0.1, 2.0, 2.0), "dead_zone": (3.0, 1.5, 1.5)}
+    rows = [
+        run(*[error] * 4, seed=world, **{"learning.rule": rule, "learning.lead": "auto"})
+        for rule, own in errors.items()
+        for world, error in enumerate(own)
+    ]
+    assert best_of_others(Results(rows), "auto", measures.TRANSFER).tolist() == pytest.approx([3.0, 2.0, 2.0])
 
 
 def test_drift_is_judged_by_the_runs_that_ended_before():

@@ -1,6 +1,7 @@
 """The study of robots: its samples on made runs, walks that differ in one part, a message without the models."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,10 @@ from support.command import python
 
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Results
+from cmacexp.study.interval import UNPAIRED
 from cmacexp.study.results import Row
-from pipelines.robots_findings import FEEDBACK, FINDINGS, FORCE, compared, growth, judged
+from pipelines.common_results import growth
+from pipelines.robots_findings import FINDINGS, FORCE, compared, judged
 from pipelines.robots_runs import (
     ALONE,
     BY_RULE,
@@ -45,28 +48,48 @@ def test_learners_are_judged_in_a_cycle_and_others_in_their_last():
     assert compared(FORCE, CMAC, ALONE, 2)(results) == [0.5]
 
 
-def test_a_learner_that_fell_is_infinitely_wrong_whatever_it_is_compared_with():
+def test_a_learner_that_fell_is_infinitely_wrong_and_compared_with_no_walk_that_fell():
     fell = walk(CMAC, 9.0, asked=3)
     assert compared(FORCE, CMAC, ALONE, 2)(Results([walk(ALONE, 4.0), fell])) == [math.inf]
-    assert compared(FORCE, CMAC, LEARNER, 2)(Results([fell, walk(LEARNER, 9.0, asked=3)])) == [math.inf]
+    assert compared(FORCE, CMAC, LEARNER, 2)(Results([fell, walk(LEARNER, 9.0, asked=3)])) == [UNPAIRED]
+    assert compared(FORCE, CMAC, ALONE, 2)(Results([walk(ALONE, 4.0, asked=3), walk(CMAC, 9.0, 1.0)])) == [UNPAIRED]
 
 
-def test_every_seed_is_compared_with_feedback_alone():
-    seeds = [walk(CMAC, 9.0, error) for error in (1.0, 2.0)]
-    np.testing.assert_allclose(compared(FORCE, CMAC, ALONE, 2)(Results([walk(ALONE, 4.0), *seeds])), [0.25, 0.5])
+def test_every_start_is_compared_with_feedback_only():
+    walks = [walk(ALONE, alone) for alone in (4.0, 8.0)] + [walk(CMAC, 9.0, error) for error in (1.0, 4.0)]
+    np.testing.assert_allclose(compared(FORCE, CMAC, ALONE, 2)(Results(walks)), [0.25, 0.5])
 
 
-def test_growth_counts_from_the_cycle_of_comparison():
-    values = [9.0] * 49 + [2.0] * 10 + [3.0]
-    assert growth(Results([walk(CMAC, *values, name=FEEDBACK)])) == [1.5]
-    assert growth(Results([walk(CMAC, *values, asked=99, name=FEEDBACK)])) == [math.inf]
+def test_errors_stand_beside_their_ratio_and_decide_nothing():
+    own = [walk(kind, *[error] * 50) for kind, error in ((ALONE, 4.0), (CMAC, 1.0))]
+    results = Results(
+        [
+            walk
+            for robot in ROBOTS
+            for walk in (replace(each, settings=each.settings | {"robot": robot}) for each in own)
+        ]
+    )
+    found = FINDINGS[f"force_{CMAC}"].judge(results)
+    assert found.outcome == "yes"
+    assert {measured.value for measured in found.measured} == {"25 %", "4 N", "1 N"}
+    assert [measured.criterion.format_limit(measured.criterion.holds) for measured in found.measured[4:7]] == [
+        "at most 25 %",
+        "",
+        "",
+    ]
+
+
+def test_a_value_grows_in_its_own_run_or_without_end():
+    np.testing.assert_array_equal(
+        growth(np.array([3.0, np.inf, np.inf]), np.array([2.0, 2.0, np.inf])), [1.5, np.inf, np.inf]
+    )
 
 
 def test_a_part_is_worth_what_the_force_error_is_without_it():
     with_all = walk(CMAC, *[2.0] * 25, part=STARTS, period=BY_RULE)
     without = walk(CMAC, *[3.0] * 25, part=LEFT_OUT, without=POSTURE_RATE)
-    (found,) = FINDINGS[f"felt_{POSTURE_RATE}"].judge(Results([with_all, without])).measured
-    assert found.interval.value == 1.5
+    found = FINDINGS[f"felt_{POSTURE_RATE}"].judge(Results([with_all, without])).measured
+    assert [each.value for each in found] == ["1.5", "2 N", "3 N"]
 
 
 @pytest.fixture

@@ -1,24 +1,27 @@
 """README and documentation, in the order of the site, and the blocks of code in them."""
 
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import yaml
 from support.command import ROOT
 
-FENCE = re.compile(
-    r'^(?:<!-- ([\w ]+): ([^>]*) -->\n\n)?```(\w*)(?: title="(.*?)")?\n(.*?)^```$', flags=re.DOTALL | re.MULTILINE
-)
+FENCE = re.compile(r'^```(\w*)(?: title="(.*?)")?\n(.*?)^```$', flags=re.DOTALL | re.MULTILINE)
+
+
+NOTES: dict[str, dict[str, dict[str, Any]]] = tomllib.loads(Path(__file__).with_name("blocks.toml").read_text())
+"""What is different in tests, by page and first line of a block."""
 
 
 class Block(NamedTuple):
     """A block of code, as it stands in a page."""
 
     page: str
-    notes: dict[str, str]
-    """What a comment above the block, ``<!-- name: value -->``, says is different in the tests."""
+    notes: dict[str, Any]
+    """What is different in the tests, as blocks.toml says."""
     language: str
     title: str
     """The file that the block is; empty: none."""
@@ -41,4 +44,5 @@ PAGES: dict[str, Path] = {
 def blocks(page: str) -> list[Block]:
     """All blocks of a page."""
     found = FENCE.findall(PAGES[page].read_text())
-    return [Block(page, {note: value} if note else {}, *rest) for note, value, *rest in found]
+    notes = NOTES.get(page, {})
+    return [Block(page, notes.get(code.partition("\n")[0], {}), *rest, code) for *rest, code in found]

@@ -1,0 +1,89 @@
+"""Keys without effect, by evidence: runs that differ in one key alone, and whose results are equal.
+
+Nothing is declared for this, so it holds for custom components too. A single run is judged by declarations instead
+(:mod:`cmacexp.experiment.without_effect`), since it has nothing that it could be compared with.
+"""
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cmacexp.config import Config, config_hash, to_plain
+from cmacexp.data.integrity import RESULTS
+from cmacexp.data.parquet import as_array
+from cmacexp.data.stored_run import StoredRun
+from cmacexp.data.tables import BODY_METRICS, METRICS, Scores
+from cmacexp.report.terminal import say
+
+MOST_NAMES = 5
+"""Runs that a line names."""
+
+
+class Outcome(NamedTuple):
+    """What a run was of, and what it gave; metrics are all that is compared, since every run has them."""
+
+    config: str
+    """Hash of its config, without what cannot change a result: two runs of one config prove nothing."""
+    result: str
+    """How it ended, after how many steps, and the hashes of its metrics."""
+
+
+def make_outcome(config: Config, status: str, steps: int, scores: Scores) -> Outcome | None:
+    """The outcome of a run in memory; None if it failed, has no whole cycle, or is not to warn."""
+    if not config.warn or status not in RESULTS or steps < config.steps_per_cycle:
+        return None
+    hashes = [
+        hashlib.sha256(b"".join(as_array(table, name).tobytes() for name in table.column_names)).hexdigest()
+        for table in scores
+        if table is not None
+    ]
+    return Outcome(config_hash(to_plain(config)), repr((status, steps, hashes)))
+
+
+def read_outcome(folder: Path) -> Outcome | None:
+    """The same of a stored run, whose manifest has the hashes of its files; raises BadRun."""
+    run = StoredRun(folder)
+    if not run.config.get("warn", True) or run.status not in RESULTS or not run.whole_cycles:
+        return None
+    hashes = [run.manifest["files"].get(name) for name in (METRICS, BODY_METRICS)]
+    return Outcome(run.manifest["config_hash"], repr((run.status, run.manifest["steps"], hashes)))
+
+
+def find_idle_keys(
+    settings: Sequence[Mapping[str, Any]], outcomes: Sequence[Outcome | None], names: Sequence[str], what: str
+) -> Iterator[tuple[str, str]]:
+    """Each key that had no effect in some runs, ``what`` such as ``jobs``: ``warning`` or ``note``, and a line.
+
+    A key had none if all runs that differ in it alone gave equal results, and there are such runs; those without an
+    outcome do not count. ``settings`` are the values that each run has for the keys of all. A seed only draws numbers
+    that a run may not need: that is a note.
+    """
+    known = zip(settings, outcomes, names, strict=True)
+    runs = [(values, outcome, name) for values, outcome, name in known if outcome is not None]
+    for key in settings[0] if settings else ():
+        groups = defaultdict[str, dict[str, tuple[str, str]]](dict)
+        for values, outcome, name in runs:
+            others = repr([value for other, value in values.items() if other != key])
+            groups[others].setdefault(outcome.config, (outcome.result, name))
+        compared = [list(group.values()) for group in groups.values() if len(group) > 1]
+        if not compared or any(result != group[0][0] for group in compared for result, _ in group):
+            continue
+        listed = [name for _, name in compared[0]]
+        if len(listed) > MOST_NAMES:
+            listed = [*listed[: MOST_NAMES - 1], "...", listed[-1]]
+        equal = f"{what} {', '.join(listed)} gave equal results"
+        if len(compared) > 1:
+            equal += f"; the same in {len(compared) - 1} more group{'s' * (len(compared) > 2)} of {what}"
+        if key.endswith("seed"):
+            yield "note", f"{key} changes nothing here, one is enough: {equal}"
+        else:
+            yield "warning", f"{key} had no effect: {equal}"
+
+
+def print_idle_keys(settings: Sequence[Mapping[str, Any]], folders: Sequence[Path], what: str) -> None:
+    """Print :func:`find_idle_keys` of stored runs, each named as its folder."""
+    outcomes, names = [read_outcome(folder) for folder in folders], [folder.name for folder in folders]
+    for kind, text in find_idle_keys(settings, outcomes, names, what):
+        say(f"{kind}: {text}", error=True)

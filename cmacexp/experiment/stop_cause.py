@@ -1,0 +1,56 @@
+"""What was seen just before a run fell or diverged: added to its message where the data support it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyarrow as pa
+
+from cmacexp.data.parquet import as_array, is_support
+from cmacexp.loop import End
+from cmacexp.loop.scenario import Scenario
+from cmacexp.metrics.drift import Drift
+from cmacexp.typing import Array
+
+WINDOW = 0.02
+"""What counts as just before the end, s; one step at least."""
+AT_LIMIT = 0.999
+"""Share of its limit from which a torque is at it: behind a lag it only comes near."""
+MOST = 3
+"""Of what happened to several legs or joints, so many are named."""
+
+
+def _sum_torques(table: pa.Table, legs: int, joints: int) -> Array:
+    """(steps, L, J): torque that acted, N m."""
+    names = [[f"{part}_{joint + 1}" for part in ("tau_feedback", "tau_feedforward")] for joint in range(joints)]
+    return np.stack([sum(as_array(table, name).reshape(-1, legs) for name in pair) for pair in names], axis=2)
+
+
+def explain_stop(scenario: Scenario, end: End, traces: Sequence[pa.Table], drift: Drift | None) -> str:
+    """What the end of a run that fell or diverged shows, to follow its cause; empty if that is nothing.
+
+    ``traces`` are those of the legs in the last steps at least, ``drift`` is that of learning. It reports what was
+    seen, which need not be why: torques at their limit, a foot that carries nothing where it should, a drift of
+    learning; and whether learning can be the cause at all.
+    """
+    if end.status not in ("fell", "diverged") or not end.steps:
+        return ""
+    setup, (legs, joints) = scenario.setup, scenario.setup.mechanism.shape
+    rows = legs * max(1, round(WINDOW / setup.config.sampling_period))
+    table = pa.concat_tables(traces)
+    table = table.slice(max(0, table.num_rows - rows))
+    limits = np.minimum(setup.mechanism.torque_limits, setup.config.actuator.limit)
+    limited = (np.abs(_sum_torques(table, legs, joints)) >= AT_LIMIT * limits).all(axis=0)
+    found = [f"joint {joint + 1} of leg {leg + 1} at its torque limit" for leg, joint in np.argwhere(limited)]
+    if legs > 1:
+        unborne = is_support(table) & (as_array(table, "force") <= 0.0)
+        unloaded = np.flatnonzero(unborne.reshape(-1, legs).all(axis=0))
+        found += [f"leg {leg + 1} without load in its planned support" for leg in unloaded]
+    more = [f"and {len(found) - MOST} more"] if len(found) > MOST else []
+    clauses = [f"throughout the last {WINDOW:g} s {', '.join([*found[:MOST], *more])}"] if found else []
+    if drift is not None:
+        clauses.append(f"learning had drifted since cycle {drift.cycle}")
+    elif scenario.feedforward.acts and end.steps <= setup.plan.start_step:
+        clauses.append("it had not begun to learn")
+    elif scenario.feedforward.acts:
+        clauses.append("feedforward=none shows whether feedback only would have stopped too")
+    return "".join(f"; {clause}" for clause in clauses)

@@ -1,0 +1,127 @@
+"""``docs/results.json``: what every study gave when it last ran in full, what its values depend on, and its state.
+
+The file holds, by study, date, version, seeds, hashes of models and code, two witnesses, and statements with value,
+interval and n; digests of the package's files once for all studies that ran on the same ones; and the sentences of
+pages that were written for one verdict.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cmacexp.config.compose import compose_config
+from cmacexp.config.machine import RobotMachine, read_model
+from cmacexp.errors import BadInput
+from cmacexp.models.robot_file import package_models
+from cmacexp.study.page import CLAIMS
+from cmacexp.study.provenance import PROVENANCE, digest_package, digest_source, list_changed
+from cmacexp.study.statements import OUTCOMES
+from pipelines.benchmark.benchmark import NAME as BENCHMARK
+from pipelines.quotes import DOCS, PIPELINES, Quotable
+
+RESULTS_FILE = DOCS / "results.json"
+CODE_DIGITS = 12
+CURRENT, CHANGED, NEVER = "current", "changed", "never run"
+
+
+class State(NamedTuple):
+    """Whether what a study gave still is what its code gives."""
+
+    study: str
+    state: str
+    """One of CURRENT, CHANGED and NEVER."""
+    date: str
+    """Of the last full run."""
+    reasons: Sequence[str]
+    """Files and models that have changed since."""
+
+
+class PublishedResults:
+    """The content of the file."""
+
+    def __init__(self, entries: Mapping[str, Any]):
+        self.code: dict[str, dict[str, str]] = dict(entries.get("code", {}))
+        """Digests of files, by the hash of all of them."""
+        self.studies: dict[str, dict[str, Any]] = dict(entries.get("studies", {}))
+        self.sentences: list[dict[str, Any]] = list(entries.get("sentences", []))
+        """``page``, ``text``, and the verdict that it ``needs`` by statement."""
+
+    @cached_property
+    def statements(self) -> Quotable:
+        """Statements by study and name."""
+        return {name: study["statements"] for name, study in self.studies.items()}
+
+    def add_studies(self, folder: Path) -> None:
+        """Take every full study below ``folder``, each from its own folder, which no page over several renews."""
+        for path in sorted(folder.glob(f"*/{CLAIMS}")):
+            name, beside = path.parent.name, path.with_name(PROVENANCE)
+            statements = _read(path).get(name)
+            if statements is None or not beside.is_file():
+                continue
+            provenance = _read(beside)[name]
+            code = provenance.pop("code")
+            key = hashlib.sha256(json.dumps(code, sort_keys=True).encode()).hexdigest()[:CODE_DIGITS]
+            self.code[key] = code
+            own = {each["name"]: _quotable(each) for each in statements}
+            self.studies[name] = {**provenance, "code": key, "statements": own}
+        vars(self).pop("statements", None)
+
+    def format(self) -> str:
+        """The text of the file, without digests that no study needs any more."""
+        used = {study["code"] for study in self.studies.values()}
+        code = {key: files for key, files in self.code.items() if key in used}
+        entries = {"code": code, "studies": dict(sorted(self.studies.items())), "sentences": self.sentences}
+        return json.dumps(entries, indent=1, ensure_ascii=False) + "\n"
+
+    def find_state(self, name: str) -> State:
+        """Whether a study is current."""
+        if (study := self.studies.get(name)) is None:
+            return State(name, NEVER, "", [])
+        now = {file: _digest(PIPELINES.parent / file) for file in study["own"]}
+        changed = [*list_changed(self.code[study["code"]], digest_package()), *list_changed(study["own"], now)]
+        changed += [f"model of {model}" for model, known in study["models"].items() if _has_changed(model, known)]
+        return State(name, CHANGED if changed else CURRENT, study["date"], changed)
+
+
+def _digest(path: Path) -> str:
+    return digest_source(path) if path.is_file() else ""
+
+
+def _has_changed(model: str, known: str) -> bool:
+    """Whether an installed model of a robot is not the one of a study."""
+    if model not in package_models():
+        return False
+    machine = compose_config(["scenario=robot", f"machine={model}"]).machine
+    return isinstance(machine, RobotMachine) and read_model(machine).model_hash != known
+
+
+def _read(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def read_results() -> PublishedResults:
+    """The results of the checkout; raises BadInput if this is none."""
+    if not RESULTS_FILE.is_file():
+        raise BadInput("results", RESULTS_FILE, "does not exist; run it from a checkout")
+    return PublishedResults(_read(RESULTS_FILE))
+
+
+def list_states(results: PublishedResults) -> list[State]:
+    """The state of every study and of the benchmark."""
+    return [results.find_state(name) for name in [*(path.stem for path in sorted(PIPELINES.glob("*.md"))), BENCHMARK]]
+
+
+def _quotable(statement: Mapping[str, Any]) -> dict[str, Any]:
+    """An entry of a statement: its verdict, and a value, an interval, n and a verdict for each criterion."""
+    words, criteria = OUTCOMES if statement["kind"] == "finding" else {}, statement["criteria"]
+    entry = {
+        "verdict": statement["verdict"],
+        "values": [each["shown"] for each in criteria],
+        "intervals": [each["spread"] for each in criteria],
+        "counts": [each["size"] for each in criteria],
+        "verdicts": [words.get(each["verdict"], each["verdict"]) for each in criteria],
+    }
+    return entry | ({"sentence": statement["statement"]} if statement["kind"] == "finding" else {})
