@@ -52,6 +52,8 @@ FELT = 1.1
 LEFT = {POSITION: 0.05, FORCE: 0.25}
 """Largest error over that of feedback only that counts as little, of every robot on every ground: a twentieth of the
 transfer error, a quarter of the force error, which contacts keep up in every cycle."""
+KINDS = (ALONE, EXACT, CMAC, ILC, RBF, ALONE_LIGHT, HEAVY, ON_MODEL, CMAC_LIGHT)
+"""All feedforwards; the last four on a lighter robot."""
 OVER_ALONE = "{} over that of feedback only"
 
 
@@ -186,6 +188,15 @@ def _planar() -> list[Criterion]:
 
 
 FINDINGS = {
+    "completed": Finding(
+        [
+            percent("walks that complete", lambda results: results.completed, at_least(0.7), case=kind,
+                    part=FEEDFORWARDS, kind=kind)
+            for kind in KINDS
+        ],
+        yes="With every feedforward at least 70 % of the walks complete.",
+        no="With some feedforwards less than 70 % of the walks complete.",
+    ),
     **{f"position_{kind}": _position(kind) for kind in (ALONE, EXACT, HEAVY, CMAC, ON_MODEL, ILC, RBF)},
     **{f"force_{kind}": _force(kind) for kind in (EXACT, HEAVY, CMAC, ON_MODEL, ILC, RBF)},
     "position_left": Finding(
