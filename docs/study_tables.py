@@ -11,10 +11,20 @@ from cmacexp.commands.study import FOLDER
 from cmacexp.data.folder import FIGURES, HTML
 from cmacexp.study.statements import NO, UNCLEAR, VERDICTS, YES
 from cmacexp.study.study import StudyFile
-from pipelines.quotes import DOCS, Quotable, all_studies, claims_of, fill_quotes, find_block, format_statement
+from pipelines.quotes import (
+    DOCS,
+    NOT_MEASURED,
+    Quotable,
+    all_studies,
+    claims_of,
+    fill_quotes,
+    find_block,
+    find_entry,
+    format_statement,
+)
 from pipelines.results import read_results
 
-ORDER = (*VERDICTS, YES, NO, UNCLEAR, "not measured yet")
+ORDER = (*VERDICTS, YES, NO, UNCLEAR, NOT_MEASURED)
 LIST = "{{ studies() }}"
 """Where the list stands in the page studies.md."""
 BLOCK = re.compile(r'\{\{ block\("README.md", "([\w-]+)"\) \}\}')
@@ -28,7 +38,7 @@ def findings_of(file: StudyFile, results: Quotable) -> str:
     """Each finding of a study: its sentence, then what was measured."""
     text = ""
     for name, finding in file.study.findings.items():
-        entry = results.get(file.name, {}).get(name)
+        entry = find_entry(file.name, name, results)
         text += "" if entry else f"\n*Not measured yet*: “{finding.yes}” or “{finding.no}”\n"
         text += format_statement(entry["sentence"], finding.criteria, entry) if entry else ""
     return text
@@ -74,7 +84,8 @@ def page_of(file: StudyFile, results: Quotable) -> str:
 def describe_outcomes(file: StudyFile, results: Quotable) -> str:
     """How many statements of a study have each verdict."""
     names = [*file.study.claims, *file.study.findings]
-    verdicts = [results.get(file.name, {}).get(name, {"verdict": "not measured yet"})["verdict"] for name in names]
+    entries = [find_entry(file.name, name, results) for name in names]
+    verdicts = [entry["verdict"] if entry else NOT_MEASURED for entry in entries]
     return ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in sorted({*verdicts}, key=ORDER.index))
 
 

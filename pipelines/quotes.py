@@ -8,12 +8,17 @@ sentence of a finding. A block between ``<!-- NAME: begin -->`` and ``<!-- NAME:
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from cmacexp.study import Criterion
 from cmacexp.study.evidence import count_verdicts, gather
 from cmacexp.study.study import StudyFile, load_study
+from pipelines.benchmark.benchmark import NAME as BENCHMARK
+from pipelines.benchmark.benchmark import make_study
+from pipelines.benchmark.entrants import list_methods
+from pipelines.benchmark.tasks import MACHINES
 from pipelines.paper import STUDIES
 
 PIPELINES = Path(__file__).resolve().parent
@@ -26,6 +31,7 @@ LISTS = {"quote": "values", "interval": "intervals", "size": "counts"}
 MEASURED = ("values", "intervals", "counts", "verdicts")
 COLUMNS = {"measured": "---", "value": "--:", "95 % interval": "--:", "n": "--:", "limit": "---", "verdict": "---"}
 """Of a table of evidence, and how they are aligned."""
+NOT_MEASURED = "not measured yet"
 Quotable = Mapping[str, Mapping[str, Any]]
 """Statements by study and name."""
 
@@ -35,25 +41,51 @@ def all_studies() -> list[StudyFile]:
     return [load_study(page.with_suffix(".py")) for page in sorted(PIPELINES.glob("*.md"))]
 
 
+@cache
+def declared() -> Mapping[str, Mapping[str, int]]:
+    """How many values each statement has, by study and name, whether it was measured or not."""
+    whole = make_study(MACHINES, [method.name for method in list_methods()])
+    studies = {BENCHMARK: whole, **{file.name: file.study for file in all_studies()}}
+    return {
+        name: {key: len(each.criteria) for key, each in {**study.claims, **study.findings}.items()}
+        for name, study in studies.items()
+    }
+
+
+def find_entry(study: str, name: str, results: Quotable) -> Mapping[str, Any] | None:
+    """What a study gave for a statement; None if it has never measured all that the statement consists of.
+
+    Raises:
+        LookupError: it declares no such statement.
+    """
+    count, entry = declared()[study][name], results.get(study, {}).get(name)
+    whole = entry is not None and all(len(entry.get(column) or ()) == count for column in MEASURED)
+    return entry if whole else None
+
+
 def quoted(match: re.Match[str], results: Quotable) -> str:
     """What a page shows for a quote.
 
     Raises:
-        LookupError: no such study, statement or value.
+        LookupError: there is no such study, statement or value.
     """
-    kind, study, name, index = match.groups()
-    entry = results[study][name]
-    return str(entry[LISTS[kind]][int(index or 0)] if kind in LISTS else entry[kind])
+    kind, study, name, number = match.groups()
+    index = int(number or 0)
+    if index >= declared()[study][name]:
+        raise LookupError(f"{study}.{name} has no value {index}")
+    if (entry := find_entry(study, name, results)) is None:
+        return NOT_MEASURED
+    return str(entry[LISTS[kind]][index] if kind in LISTS else entry[kind])
 
 
 def fill_quotes(text: str, results: Quotable) -> str:
-    """A page with its quotes filled in; raises LookupError, with the quote, if there is no such value."""
+    """A page with its quotes filled in; raises LookupError, with the quote, if nothing declares it."""
 
     def find(match: re.Match[str]) -> str:
         try:
             return quoted(match, results)
         except LookupError as error:
-            raise LookupError(f"{match[0]}: the results have no such value") from error
+            raise LookupError(f"{match[0]}: no study declares it") from error
 
     return QUOTE.sub(find, text)
 
@@ -72,7 +104,8 @@ def find_outdated(sentences: Sequence[Mapping[str, Any]], texts: Mapping[str, st
             found.append(f"{each['page']}: has no sentence {each['text']!r}")
         for key, verdict in each["needs"].items():
             study, _, name = key.partition(".")
-            if (today := results[study][name]["verdict"]) != verdict:
+            entry = find_entry(study, name, results)
+            if (today := entry["verdict"] if entry else NOT_MEASURED) != verdict:
                 found.append(f"{each['page']}: {each['text']!r} is for {key} = {verdict}, it is {today}")
     return found
 
@@ -112,18 +145,16 @@ def claims_of(file: StudyFile, results: Quotable) -> str:
     """The claims of a study, each with its verdict and what was measured."""
     text = ""
     for name, claim in file.study.claims.items():
-        entry, words = results.get(file.name, {}).get(name), f"{claim.words} ({claim.where})"
-        text += f"\n*Not measured yet*: {words}\n" if entry is None else ""
+        entry, words = find_entry(file.name, name, results), f"{claim.words} ({claim.where})"
+        text += f"\n*{NOT_MEASURED.capitalize()}*: {words}\n" if entry is None else ""
         text += format_statement(f"**{entry['verdict']}**: {words}", claim.criteria, entry) if entry else ""
     return text
 
 
 def count_claims(results: Quotable) -> str:
     """How many claims of the paper have each verdict, as a sentence."""
-    names = [(file.name, name) for file in all_studies() for name in file.study.claims]
-    return count_verdicts(
-        [results[study][name]["verdict"] for study, name in names if name in results.get(study, {})]
-    )
+    entries = [find_entry(file.name, name, results) for file in all_studies() for name in file.study.claims]
+    return count_verdicts([entry["verdict"] for entry in entries if entry])
 
 
 def all_claims(results: Quotable) -> str:
