@@ -10,7 +10,8 @@ from pipelines import paper
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
 from pipelines.benchmark.benchmark import QUESTION, TITLE
 from pipelines.benchmark.summary import write_scores
-from pipelines.quotes import PAGES, all_claims, all_studies, count_claims, fill, find_outdated
+from pipelines.quotes import PAGES, README, all_claims, all_studies, count_claims, fill, find_outdated
+from pipelines.readme import renew_readme
 from pipelines.results import RESULTS_FILE, list_states, read_results
 
 STATUS = "status"
@@ -34,6 +35,7 @@ def write_docs() -> None:
         text = fill(text, "count", lambda: f"\n**{count_claims(statements)}**\n\n")
         if scored.is_file():
             text = fill(text, "benchmark", lambda: f"{write_scores(read_table(scored).to_pandas())}\n")
+        text = renew_readme(text, statements) if page == README else text
         page.write_text(text, encoding="utf-8")
         texts[page.name] = text
     for line in find_outdated(results.sentences, texts, statements):

@@ -23,7 +23,8 @@ from pipelines.paper import STUDIES
 
 PIPELINES = Path(__file__).resolve().parent
 DOCS = PIPELINES.parent / "docs"
-PAGES = (PIPELINES.parent / "README.md", *sorted(DOCS.glob("*.md")))
+README = PIPELINES.parent / "README.md"
+PAGES = (README, *sorted(DOCS.glob("*.md")))
 """What may quote the studies."""
 QUOTE = re.compile(r'\{\{ (quote|interval|size|verdict|sentence)\("(\w+)\.([^"]+)"(?:, (\d+))?\) \}\}')
 LISTS = {"quote": "values", "interval": "intervals", "size": "counts"}

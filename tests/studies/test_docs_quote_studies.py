@@ -1,12 +1,24 @@
 """The documentation quotes figures and verdicts of the studies as they came out."""
 
 import json
+import re
 
 import pytest
 from support.command import ROOT, python
 from support.pages import PAGES
 
-from pipelines.quotes import QUOTE, all_claims, count_claims, fill, fill_quotes, find_outdated
+from pipelines import quotes
+from pipelines.quotes import (
+    NOT_MEASURED,
+    QUOTE,
+    all_claims,
+    count_claims,
+    fill,
+    fill_quotes,
+    find_block,
+    find_outdated,
+)
+from pipelines.readme import BLOCKS
 from pipelines.results import CHANGED, CURRENT, NEVER, PublishedResults, read_results
 
 RESULTS = read_results()
@@ -24,11 +36,24 @@ def test_every_quote_is_filled_in(page):
     assert not QUOTE.search(fill_quotes(PAGES[page].read_text(), RESULTS.statements))
 
 
-def test_a_quote_gives_value_interval_size_and_verdict():
-    text = """{{ quote("s.a", 1) }} {{ interval("s.a") }} {{ size("s.a") }} {{ verdict("s.a") }}"""
-    assert fill_quotes(text, {"s": {"a": ENTRY}}) == "3 N 1 to 2 N 18 of 20 yes"
-    with pytest.raises(LookupError, match=r"s\.b"):
-        fill_quotes("""{{ quote("s.b") }}""", {"s": {"a": ENTRY}})
+@pytest.fixture
+def statements(monkeypatch):
+    """Two statements, one of which has been measured."""
+    monkeypatch.setattr(quotes, "declared", lambda: {"s": {"a": 2, "new": 1}})
+    return {"s": {"a": ENTRY}}
+
+
+def test_a_quote_gives_value_interval_size_and_verdict(statements):
+    text = (
+        """{{ quote("s.a", 1) }} {{ interval("s.a") }} {{ size("s.a") }} {{ verdict("s.a") }} {{ quote("s.new") }}"""
+    )
+    assert fill_quotes(text, statements) == f"3 N 1 to 2 N 18 of 20 yes {NOT_MEASURED}"
+
+
+@pytest.mark.parametrize("wrong", ["s.b", "t.a", 's.a", 2'])
+def test_a_quote_that_no_study_declares_is_an_error_with_its_name(wrong, statements):
+    with pytest.raises(LookupError, match=re.escape(wrong.partition('"')[0])):
+        fill_quotes(f'{{{{ quote("{wrong}") }}}}'.replace('2")', "2)"), statements)
 
 
 def test_sentences_stand_for_the_verdicts_for_which_they_were_written():
@@ -36,9 +61,8 @@ def test_sentences_stand_for_the_verdicts_for_which_they_were_written():
     assert find_outdated(RESULTS.sentences, texts, RESULTS.statements) == []
 
 
-def test_a_sentence_for_another_verdict_and_one_that_is_gone_are_found():
+def test_a_sentence_for_another_verdict_and_one_that_is_gone_are_found(statements):
     sentences = [{"page": "a.md", "text": "It stays bounded.", "needs": {"s.a": "no"}}]
-    statements = {"s": {"a": ENTRY}}
     assert find_outdated(sentences, {"a.md": "It stays\nbounded."}, statements) == [
         "a.md: 'It stays bounded.' is for s.a = no, it is yes"
     ]
@@ -52,6 +76,8 @@ def test_blocks_are_what_the_studies_found():
     assert fill(fill(paper, "claims", lambda: all_claims(RESULTS.statements)), "count", lambda: count) == paper
     assert fill(readme, "count", lambda: count) == readme
     assert paper.count(count) == readme.count(count) == 1
+    for block in BLOCKS.glob("*.md"):
+        assert find_block(readme, block.stem) == fill_quotes(block.read_text(), RESULTS.statements)
 
 
 @pytest.fixture(scope="module")
