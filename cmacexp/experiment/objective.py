@@ -72,6 +72,6 @@ def describe_best(name: str, direction: str, jobs: Sequence[RunSummary], swept: 
     if math.isinf(values[best]):
         return f"none: no job completed with a value of {name}"
     job, shown = jobs[best], ALL_METRICS[name].shown or Shown(name, ALL_METRICS[name].unit)
-    settings = " ".join(f"{key}={job.config[key]}" for key in swept)
+    named = " ".join([f"#{job.folder.name}", *(f"{key}={job.config[key]}" for key in swept)])
     value = format_number(job.final(name) * shown.factor, shown.unit)
-    return f"#{job.folder.name} {settings}: {name} = {value}, in {format_folder(job.folder)}"
+    return f"{named}: {name} = {value}, in {format_folder(job.folder)}"
