@@ -1,7 +1,7 @@
 """How large a CMAC must be: layers, width of a cell, inputs, memory (Lin & Song 1997, section 4).
 
 ``python -m pipelines.cmac_size`` changes the memory of the paper's CMACs in the paper's own world, where its claims
-are judged, and one thing of them at a time in worlds that nobody in the loop knows.
+are judged, and one thing of them at a time in randomised runs (worlds), unknown to planner and controller.
 """
 
 from dataclasses import replace
@@ -142,7 +142,7 @@ def _paper_size(machine: str) -> dict[str, Any]:
     return {"machine": machine, "varied": MEMORY, MEMORY: PAPER[machine][MEMORY]}
 
 
-WORLDS = "In worlds unknown to the loop,"
+WORLDS = "In randomised runs,"
 WIDER = f"cells {(PAPER[LEG][ELEMENTS] - 1) / (WIDE - 1):g} times as wide as the paper's"
 CLAIMS = {
     "rate": Claim(
@@ -191,7 +191,7 @@ FINDINGS = {
     ),
     "width_end": Finding(
         [_compared(machine, ELEMENTS, WIDE, None, at_most(AS_GOOD)) for machine in PUBLISHED],
-        yes=f"{WORLDS} CMACs with {WIDER} end about as accurate as the paper's, or more accurate.",
+        yes=f"{WORLDS} CMACs with {WIDER} end at least as accurate as the paper's.",
         no=f"{WORLDS} CMACs with {WIDER} end less accurate than the paper's: errors are {{value}} times as large on "
         "one leg and {values[1]} on four.",
     ),

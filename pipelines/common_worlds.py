@@ -1,4 +1,4 @@
-"""Worlds that nobody in the loop knows: ground, masses, start, sensors and hash vary by chance."""
+"""Worlds, i.e. randomised runs: ground, masses, start, sensors and hash vary, unknown to planner and controller."""
 
 from collections.abc import Iterable
 from typing import Any

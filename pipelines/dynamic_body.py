@@ -265,8 +265,8 @@ FINDINGS = {
     "faster": _walks("at the paper's learning rate without the changes", part="faster"),
     "all_force": Finding(
         _over_feedback({FORCE: at_most(0.45), "slow_force": at_most(0.35)}, **WITH_ALL),
-        yes="With all changes learning makes contact forces much better.",
-        no="Even with all changes learning leaves much of the force error.",
+        yes="With all changes learning more than halves the force error.",
+        no="Even with all changes learning lowers the force error by less than is asked for.",
     ),
     "all_path": Finding(
         [
@@ -285,8 +285,8 @@ FINDINGS = {
             Criterion(f"force error at the end over that of cycle {COMPARED}", _growth, at_most(FELT), of=STARTS),
             _itself("off_course", at_most(OFF_COURSE), **STARTS),
         ],
-        yes="From disturbed starts, walks complete, and what is learnt lasts.",
-        no="From disturbed starts, walks end early, or what is learnt is lost.",
+        yes="From disturbed starts, walks complete, and the force error stays bounded.",
+        no="From disturbed starts, walks end early, or the force error grows again.",
     ),
     "starts_alike": Finding(
         [percent("difference of the force error from the median start", _difference, at_most(0.05), of=STARTS)],

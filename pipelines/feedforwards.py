@@ -1,7 +1,7 @@
 """Alternatives to the CMAC: models, radial basis functions, a perceptron, iterative learning.
 
 ``python -m pipelines.feedforwards`` lets each of them learn the same steps of one leg and the same walk in the
-paper's own perfect world, where its claims are judged, and in worlds that nobody in the loop knows
+paper's own perfect world, where its claims are judged, and in randomised runs, called worlds
 (``feedforwards_worlds.py``). It takes some minutes, most of them for the perceptron.
 """
 

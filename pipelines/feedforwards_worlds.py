@@ -1,4 +1,4 @@
-"""Feedforwards in worlds that nobody in the loop knows: what to choose, what carries over, what the guard ends."""
+"""Feedforwards in randomised runs (worlds): what to choose, what carries over, what the guard ends."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -146,7 +146,7 @@ def _over(group: str, own: str, other: str, cycle: int, most: float) -> Criterio
 
 PERCENT: dict[str, Any] = {"unit": "%", "scale": 100.0}
 NAMES = {LEG: "one leg", WALK: "quadruped"}
-WORLDS = "In worlds unknown to the loop,"
+WORLDS = "In randomised runs,"
 FINDINGS = {
     "models": Finding(
         [_over(group, CMAC, MODEL, LATE, HALF) for group in MACHINES],
@@ -158,10 +158,12 @@ FINDINGS = {
     "on_model": Finding(
         [_over(group, ON_MODEL, CMAC, EARLY, CLEARLY) for group in MACHINES]
         + [_over(group, ON_MODEL, CMAC, LATE, AS_GOOD) for group in MACHINES],
-        yes=f"{WORLDS} a CMAC on a model with the planned masses starts better than CMAC alone and ends as well: in "
+        yes=f"{WORLDS} a CMAC on a model with the planned masses starts better than a CMAC without a model and "
+        "ends as well: in "
         f"cycle {EARLY} its error is {{value}} times as large on one leg and {{values[1]}} on four, in cycle {LATE} "
         "{values[2]} and {values[3]} times.",
-        no=f"{WORLDS} a CMAC on a model with the planned masses starts no better than CMAC alone, or ends worse: in "
+        no=f"{WORLDS} a CMAC on a model with the planned masses starts no better than a CMAC without a model, or "
+        "ends worse: in "
         f"cycle {EARLY} its error is {{value}} times as large on one leg and {{values[1]}} on four, in cycle {LATE} "
         "{values[2]} and {values[3]} times.",
     ),
@@ -224,7 +226,7 @@ FINDINGS = {
         ],
         yes=f"{WORLDS} the guard lets each of these learners learn at rate `auto`.",
         no=f"{WORLDS} the guard ends the learning of some of these learners at rate `auto`: CMAC learns on in "
-        "{value} of the worlds, CMAC on model in {values[1]}, RBF in {values[2]}, MLP in {values[3]}, ILC in "
+        "{value} of them, CMAC on model in {values[1]}, RBF in {values[2]}, MLP in {values[3]}, ILC in "
         "{values[4]}.",
     ),
     "keep": Finding(

@@ -104,9 +104,12 @@ def never_worse(machine: str) -> Finding:
     of, name = {"part": WORLDS, "machine": machine}, machine[0].upper() + machine[1:]
     return Finding(
         [
-            percent("guarded runs that complete", partial(completes, kind=GUARDED), at_least(ENOUGH), of=of),
             percent(
-                f"guarded runs whose error is at most {WORSE:g} times that of feedback only",
+                "guarded runs that complete, of those that do with feedback only", partial(completes, kind=GUARDED),
+                at_least(ENOUGH), of=of,
+            ),
+            percent(
+                f"guarded runs whose error is at most {WORSE:g} times that with feedback only",
                 partial(no_worse, kind=GUARDED), at_least(ENOUGH), of=of,
             ),
         ],

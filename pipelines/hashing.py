@@ -1,8 +1,7 @@
 """Hashing: from 64 words to a row for every visited cell (left open by Lin & Song 1997, section 4).
 
 ``python -m pipelines.hashing`` gives the CMACs of one leg and of the quadruped less and less memory: for short runs
-of the paper's rule in its own world, and for long ones of learning that lasts in worlds that nobody in the loop
-knows.
+of the paper's rule under its own conditions, and for long, randomised ones of learning that lasts.
 """
 
 from functools import partial
@@ -68,12 +67,9 @@ def _costs(what: str, measure: str, least: float, machine: str) -> Criterion:
     )
 
 
-WORLDS = "In worlds unknown to the loop,"
-
-
 def _find(machine: str) -> dict[str, Finding]:
     """The findings of one machine."""
-    who, end = machine if machine == LEG else f"the {machine}", "errors end at up to {value} times those without"
+    who = machine if machine == LEG else f"the {machine}"
     rows = f"{ROOMY:g} rows of memory for each visited cell or more"
     complete = [
         percent(
@@ -85,17 +81,24 @@ def _find(machine: str) -> dict[str, Finding]:
         )
         for rule in CYCLES
     ]
-    shares = "{value} with the paper's rule in its own world, {values[1]} with `learning=lasting` in unknown worlds"
+    shares = (
+        "{value} with the paper's rule under its own conditions, {values[1]} with `learning=lasting` in randomised "
+        "runs"
+    )
     return {
         f"accurate_{machine}": Finding(
             [_costs("where at least half of the visited cells collide", "colliding", CROWDED, machine)],
-            yes=f"{WORLDS} crowded memory costs {who} little accuracy: {end} collisions.",
-            no=f"{WORLDS} crowded memory costs {who} accuracy: {end} collisions.",
+            yes=f"Randomised runs, {who}: with at least half of the visited cells colliding, the final error is "
+            f"at most {LITTLE:g} times that without collisions: {{value}} times.",
+            no=f"Randomised runs, {who}: with at least half of the visited cells colliding, the final error is up to "
+            "{value} times that without collisions.",
         ),
         f"room_{machine}": Finding(
             [_costs(f"with at least {ROOMY:g} rows for each visited cell", "rows_per_cell", ROOMY, machine)],
-            yes=f"{WORLDS} collisions cost {who} little accuracy with {rows}: {end}.",
-            no=f"{WORLDS} collisions cost {who} accuracy even with {rows}: {end}.",
+            yes=f"Randomised runs, {who}: with {rows} the final error is at most {LITTLE:g} times that without "
+            "collisions: {value} times.",
+            no=f"Randomised runs, {who}: even with {rows} the final error is up to {{value}} times that without "
+            "collisions.",
         ),
         f"stable_{machine}": Finding(
             complete,

@@ -126,8 +126,8 @@ def _compare_choice(choice: str) -> Finding:
     return Finding(
         _by_world(f"final error with {choice} over that with the defaults", sample, at_most(AS_GOOD), part=CHOICE),
         yes=f"One leg with {choice} ends as accurate as with the defaults in every world.",
-        no=f"One leg with {choice} ends less accurate than with the defaults in some worlds. Where feedback is on "
-        "time, its error is {value} times as large.",
+        no=f"One leg with {choice} ends less accurate than with the defaults in some worlds. Without "
+        "delay its error is {value} times as large.",
     )
 
 
@@ -141,8 +141,8 @@ FINDINGS = {
     **{
         f"{name}_{machine}": Finding(
             _by_world("final error over the least", over_least, at_most(HELD), machine=machine, **of),
-            yes=f"{name_of(machine)}: learning holds with {what} in every world.",
-            no=f"{name_of(machine)}: learning grows again with {what} in some worlds.",
+            yes=f"{name_of(machine)}: the error stays bounded with {what} in every world.",
+            no=f"{name_of(machine)}: the error grows again with {what} in some worlds.",
         )
         for machine in MACHINES
         for name, what, of in (
@@ -169,8 +169,9 @@ FINDINGS = {
             partial(_over, chosen={"learning.rate": PAPER_RATE}, other=AUTO), at_most(AS_GOOD),
             part=RATE, machine=LEG,
         ),
-        yes="With the right lead the paper's rate leaves one leg as small an error as `auto` in every world.",
-        no="The paper's rate leaves one leg a larger error than `auto` in some worlds.",
+        yes="With the right lead the error of one leg with the paper's rate is at most 1.25 times that with "
+        "`auto` in every world.",
+        no="In some worlds the error of one leg with the paper's rate is more than 1.25 times that with `auto`.",
     ),
     **{
         f"wrong_{machine}": Finding(
@@ -187,14 +188,14 @@ FINDINGS = {
     ),
     "rule": Finding(
         _by_world("least error of another rule over that of the paper's", _least_rule, at_most(0.9), part=CHOICE),
-        yes="In every world another rule leaves one leg an error at least a tenth smaller than the paper's.",
-        no="In some worlds the paper's rule leaves one leg about as small an error as any other rule.",
+        yes="One leg: in every world the error with another rule is at least a tenth smaller than with the paper's.",
+        no="One leg: in some worlds no other rule lowers the error of the paper's rule by a tenth.",
     ),
     **{
         choice: Finding(
             _by_world("final error over the least", over_least, at_most(HELD), part=CHOICE, choice=choice),
-            yes=f"One leg: learning holds with {choice} in every world.",
-            no=f"One leg: learning grows again with {choice} in some worlds.",
+            yes=f"One leg: the error stays bounded with {choice} in every world.",
+            no=f"One leg: the error grows again with {choice} in some worlds.",
         )
         for choice in LEADS
     },
@@ -225,8 +226,8 @@ def values(results: Results) -> dict[str, Any]:
 
 
 STUDY = Study(
-    title="Learning behind late feedback",
-    question="Do the lead, rate, rule, size and path that suit feedback on time also suit late feedback?",
+    title="Learning with delayed feedback",
+    question="Do the lead, rate, rule, size and path that suit feedback without delay also suit delayed feedback?",
     runs=runs,
     findings=FINDINGS,
     figures={"auto": draw_rates},

@@ -279,8 +279,10 @@ FINDINGS = {
                 of={"part": NOISE},
             )
         ],
-        yes="Where noise is felt, it raises the feedback torque more than the errors, in {value} of the runs.",
-        no="Where noise is felt, it raises the feedback torque more than the errors in only {value} of the runs.",
+        yes="If sensor noise has an effect at all, it raises the feedback torque more than the errors, in {value} of "
+        "the runs.",
+        no="If sensor noise has an effect at all, it raises the feedback torque more than the errors in only {value} "
+        "of the runs.",
     ),
     "noise_gain": Finding(
         [_grows("up to", GAINS[:3], at_most(FELT)), _grows("above", GAINS[3:], at_least(FELT))],
@@ -291,16 +293,16 @@ FINDINGS = {
     ),
     "late": Finding(
         [_done(["velocity", "torque"], "auto", MOST), _done(["velocity", "torque"], 1, at_most(0.9))],
-        yes="A late velocity and a late torque need one more sample of lead, which `learning.lead=auto` counts: with "
-        "lead 1 runs end after {values[1]} of their cycles.",
-        no="One more sample of lead does not decide where velocity or torque is late: with `learning.lead=auto` runs "
-        "complete {value} of their cycles, with lead 1 {values[1]}.",
+        yes="A delayed velocity and a delayed torque need one more sample of lead, which `learning.lead=auto` "
+        "counts: with lead 1 runs end after {values[1]} of their cycles.",
+        no="One more sample of lead does not decide where velocity or torque is delayed: with `learning.lead=auto` "
+        "runs complete {value} of their cycles, with lead 1 {values[1]}.",
     ),
     "late_position": Finding(
         [_done("position", 1, MOST), _done("position", 2, at_most(0.9))],
-        yes="A late position needs no more lead: with lead 1 runs last, with lead 2 they end after {values[1]} of "
-        "their cycles.",
-        no="A late position does not call for lead 1: with it runs complete {value} of their cycles, with lead 2 "
+        yes="A delayed position needs no more lead: with lead 1 runs complete, with lead 2 they end after "
+        "{values[1]} of their cycles.",
+        no="A delayed position does not call for lead 1: with it runs complete {value} of their cycles, with lead 2 "
         "{values[1]}.",
     ),
 }

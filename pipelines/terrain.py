@@ -162,8 +162,8 @@ FINDINGS = {
     },
     "feedback": Finding(
         [_over(change, FORCE, FEEDBACK, at_most(1.0)) for change in CHANGES],
-        yes="After each of the changes learning leaves a smaller force error than feedback only.",
-        no="After some of the changes learning leaves no smaller a force error than feedback only.",
+        yes="After each of the changes the force error with learning is below that with feedback only.",
+        no="After some of the changes the force error with learning is not below that with feedback only.",
     ),
     "patches_feedback": Finding(
         [_on_widest("force error over that with feedback only", {**WIDEST, "walk": FEEDBACK}, at_most(1.0))],
