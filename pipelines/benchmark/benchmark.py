@@ -8,7 +8,8 @@ import numpy as np
 
 from cmacexp.study import Finding, Results, Study, at_least, at_most
 from cmacexp.study.comparison import Comparison
-from cmacexp.study.statements import Criterion, Limit
+from cmacexp.study.interval import UNPAIRED
+from cmacexp.study.statements import Criterion
 from cmacexp.typing import Array, Mask
 from pipelines.benchmark import summary
 from pipelines.benchmark.entrants import ALONE, CMAC
@@ -29,13 +30,13 @@ CYCLES = "cycles to a tenth"
 FEW, AS_GOOD, CLEARLY = 0.05, 1.25, 0.8
 """Share of failures that is small; ratios of scores or cycles that count as as good, and as clearly less."""
 SCORE = "mean score of the runs that both complete"
-NONE_COMPLETED = "there is no run that both complete"
 
 
 def _divide(sums: Array) -> Array:
-    """(worlds,): of sums (2, worlds) the first over the second, where there is one; infinite if there is none."""
-    found = sums[:, sums[1] > 0.0]
-    return found[0] / found[1] if found.size else np.array([np.inf])
+    """(worlds,): of sums (2, worlds) the first over the second; ``UNPAIRED`` where no run counts."""
+    mine, other = sums
+    found: Array = np.divide(mine, other, out=np.full(len(other), UNPAIRED), where=other > 0.0)
+    return found
 
 
 def _ratio(machine: str, one: str, other: str, setting: str = FOR_ALL) -> Callable[[Results], Array]:
@@ -56,9 +57,8 @@ def _over_best(machine: str, method: str, models: Sequence[str]) -> Callable[[Re
 
     def compute(found: Comparison) -> Array:
         pairs = np.stack([found.sums(method, name) for name in models])
-        with np.errstate(all="ignore"):
-            worst = np.nanmax(pairs[:, 0] / pairs[:, 1], axis=0, initial=0.0)
-        return worst[worst > 0.0] if (worst > 0.0).any() else np.array([np.inf])
+        worst: Array = np.max([_divide(sums) for sums in pairs], axis=0)
+        return worst
 
     return summary.over_worlds(machine, compute)
 
@@ -95,21 +95,15 @@ def _beaten(results: Results, method: str) -> Array:
 
     Machine and rival are chosen in every second world, and judged in the others.
     """
-    frame, most, found = results.computed[NAME], 0.0, np.array([np.inf])
+    frame, most, found = results.computed[NAME], 0.0, np.array([UNPAIRED])
     for machine in summary.machines_of(frame):
         comparison = summary.make_comparison(frame, machine, FOR_ALL)
         for rival in (name for name in LEARNERS if name != method):
             sums = comparison.sums(method, rival)
             behind = float(_divide(sums[:, ::2].sum(axis=1, keepdims=True))[0])
-            if most < behind < np.inf:
+            if behind > most:
                 most, found = behind, _divide(sums[:, 1::2])
     return found
-
-
-def _criterion(
-    quantity: str, sample: Callable[[Results], Array], holds: Limit, fails: Limit | None = None, case: str = ""
-) -> Criterion:
-    return Criterion(quantity, sample, holds, fails, case=case, infinite=NONE_COMPLETED)
 
 
 def _findings(machine: str) -> dict[str, Finding]:
@@ -118,21 +112,21 @@ def _findings(machine: str) -> dict[str, Finding]:
     kind = "tuned for all tasks" if tuned else "default settings"
     found = {
         f"learners_{machine}": Finding(
-            [_criterion(f"{SCORE}, over that of the best model that is not identified, in each world, {kind}",
+            [Criterion(f"{SCORE}, over that of the best model that is not identified, in each world, {kind}",
                         _over_best(machine, name, NOMINAL), at_most(1.0), at_least(1.0), case=name)
              for name in LEARNERS],
             yes=f"{machine}: every learner ends better than every model that is not identified.",
             no=f"{machine}: not every learner ends better than every model that is not identified.",
         ),
         f"learners_identified_{machine}": Finding(
-            [_criterion(f"{SCORE}, over that of the identified model, {kind}",
+            [Criterion(f"{SCORE}, over that of the identified model, {kind}",
                         _over_best(machine, name, [IDENTIFIED]), at_most(1.0), at_least(1.0), case=name)
              for name in LEARNERS],
             yes=f"{machine}: every learner ends better than the identified model.",
             no=f"{machine}: not every learner ends better than the identified model.",
         ),
         f"model_{machine}": Finding(
-            [_criterion(f"{SCORE}, CMAC over a model", _ratio(machine, CMAC, name), at_most(CLEARLY), at_least(1.0),
+            [Criterion(f"{SCORE}, CMAC over a model", _ratio(machine, CMAC, name), at_most(CLEARLY), at_least(1.0),
                         case=name) for name in MODELS],
             yes=f"{machine}: the CMAC ends clearly better than every model ({{value}} of the score of the nominal "
                 "one, {values[4]} of that of the identified one).",
@@ -140,7 +134,7 @@ def _findings(machine: str) -> dict[str, Finding]:
                "nominal one, {values[4]} of that of the identified one).",
         ),
         f"identified_{machine}": Finding(
-            [_criterion(f"{SCORE}, identified over nominal model", _ratio(machine, IDENTIFIED, MODEL),
+            [Criterion(f"{SCORE}, identified over nominal model", _ratio(machine, IDENTIFIED, MODEL),
                         at_most(CLEARLY), at_least(1.0))],
             yes=f"{machine}: a model that is identified from two cycles is clearly better than the nominal one "
                 "({value} of its score).",
@@ -148,7 +142,7 @@ def _findings(machine: str) -> dict[str, Finding]:
                "({value} of its score).",
         ),
         f"heavy_{machine}": Finding(
-            [_criterion(f"{SCORE}, the model with masses 20 % too heavy over the nominal one",
+            [Criterion(f"{SCORE}, the model with masses 20 % too heavy over the nominal one",
                         _ratio(machine, HEAVY, MODEL), at_most(0.9), at_least(1.1))],
             yes=f"{machine}: a model with masses 20 % too heavy is better than the nominal one, though the true "
                 "masses lie evenly around it ({value} of its score).",
@@ -156,7 +150,7 @@ def _findings(machine: str) -> dict[str, Finding]:
                "of its score).",
         ),
         f"smooth_{machine}": Finding(
-            [_criterion(f"{SCORE}, the nominal model along a smooth plan over that along the plan",
+            [Criterion(f"{SCORE}, the nominal model along a smooth plan over that along the plan",
                         _ratio(machine, SMOOTH, MODEL), at_most(CLEARLY), at_least(1.0))],
             yes=f"{machine}: along a plan after a low-pass, which turns jumps of velocity into impulses, the "
                 "nominal model is clearly better ({value} of its score).",
@@ -164,13 +158,13 @@ def _findings(machine: str) -> dict[str, Finding]:
                "nominal model is not clearly better ({value} of its score).",
         ),
         f"rbf_{machine}": Finding(
-            [_criterion(f"{SCORE}, RBF over CMAC, {kind}", _ratio(machine, RBF, CMAC), at_most(CLEARLY),
+            [Criterion(f"{SCORE}, RBF over CMAC, {kind}", _ratio(machine, RBF, CMAC), at_most(CLEARLY),
                         at_least(1.0))],
             yes=f"{machine}: RBF ends clearly better than the CMAC ({{value}} of its score).",
             no=f"{machine}: RBF does not end clearly better than the CMAC ({{value}} of its score).",
         ),
         f"plain_{machine}": Finding(
-            [_criterion(f"{SCORE}, ILC over CMAC, {kind}", _ratio(machine, ILC, CMAC), at_most(1.1),
+            [Criterion(f"{SCORE}, ILC over CMAC, {kind}", _ratio(machine, ILC, CMAC), at_most(1.1),
                         at_least(AS_GOOD))],
             yes=f"{machine}: where both complete, a torque for each sample of the cycle (ILC) ends as well as the "
                 "CMAC ({value} of its score).",
@@ -183,7 +177,7 @@ def _findings(machine: str) -> dict[str, Finding]:
             no=f"{machine}: ILC or the CMAC fails ({{value}} and {{values[1]}} of the runs).",
         ),
         f"carries_{machine}": Finding(
-            [_criterion(f"first error after another {task} over that of feedback only, CMAC",
+            [Criterion(f"first error after another {task} over that of feedback only, CMAC",
                         partial(_first, machine=machine, task=task), at_most(0.5), at_least(1.0))
              for task in (STROKE, SPEED)],
             yes=f"{machine}: what the CMAC has learnt carries over to another stroke and speed: in the first cycle "
@@ -192,7 +186,7 @@ def _findings(machine: str) -> dict[str, Finding]:
                "first cycle it leaves {value} and {values[1]} of the error of feedback only.",
         ),
         f"on_model_{machine}": Finding(
-            [_criterion(f"{SCORE}, CMAC on the model over CMAC alone, default settings",
+            [Criterion(f"{SCORE}, CMAC on the model over CMAC alone, default settings",
                         _ratio(machine, ON_MODEL, CMAC, BY_DEFAULT), at_most(CLEARLY), at_least(1.0))],
             yes=f"{machine}: on top of a model that is wrong the CMAC ends clearly better than alone "
                 "({value} of its score).",
@@ -213,7 +207,7 @@ def _findings(machine: str) -> dict[str, Finding]:
                "{values[1]} without it.",
         ),
         f"guard_costs_{machine}": Finding(
-            [_criterion(f"{SCORE}, default settings with over without the guard",
+            [Criterion(f"{SCORE}, default settings with over without the guard",
                         partial(_changed, machine=machine, kind=GUARDED, method=name), at_most(1.1),
                         at_least(AS_GOOD), case=name) for name in LEARNERS],
             yes=f"{machine}: the guard raises the error of no learner by more than a tenth (CMAC: {{value}} times).",
@@ -226,7 +220,7 @@ def _findings(machine: str) -> dict[str, Finding]:
 def _findings_of_tuning(machine: str) -> dict[str, Finding]:
     return {
         f"rapid_{machine}": Finding(
-            [_criterion("cycles to a tenth, CMAC over the fastest other learner without a model in tuning",
+            [Criterion("cycles to a tenth, CMAC over the fastest other learner without a model in tuning",
                         partial(_fastest, machine=machine), at_most(AS_GOOD))],
             yes=f"{machine}: after a change the CMAC is about as fast as the learner that was the fastest other one "
                 "in tuning, or faster ({value} of its cycles).",
@@ -234,7 +228,7 @@ def _findings_of_tuning(machine: str) -> dict[str, Finding]:
                "tuning ({value} times its cycles).",
         ),
         f"tuning_{machine}": Finding(
-            [_criterion(f"{SCORE}, CMAC with {kind} over its default setting",
+            [Criterion(f"{SCORE}, CMAC with {kind} over its default setting",
                         partial(_changed, machine=machine, kind=kind), at_most(CLEARLY))
              for kind in (FOR_ALL, FOR_EACH)],
             yes=f"{machine}: tuning lowers the score of the CMAC clearly: to {{value}} with one setting for all "
@@ -243,7 +237,7 @@ def _findings_of_tuning(machine: str) -> dict[str, Finding]:
                "all tasks, to {values[1]} with one for each.",
         ),
         f"overfits_{machine}": Finding(
-            [_criterion(f"{SCORE}, RBF with {FOR_EACH} over its default setting",
+            [Criterion(f"{SCORE}, RBF with {FOR_EACH} over its default setting",
                         partial(_changed, machine=machine, kind=FOR_EACH, method=RBF), at_least(1.1), at_most(1.0)),
              ],
             yes=f"{machine}: tuned for each task in a few other worlds RBF ends worse than with its default setting "
@@ -265,7 +259,7 @@ def _findings_of_all() -> dict[str, Finding]:
     where = "on the machine where it is the farthest behind, which other worlds chose"
     return {
         "no_winner": Finding(
-            [_criterion(f"{SCORE}, over that of the best rival, {where}", partial(_beaten, method=name),
+            [Criterion(f"{SCORE}, over that of the best rival, {where}", partial(_beaten, method=name),
                         at_least(1.0), at_most(1.0), case=name) for name in LEARNERS],
             yes="No learner is the best one on all machines: on some machine each of them has a larger error than "
                 "another one.",
