@@ -28,6 +28,7 @@ ENTRY = {
     "values": ["1 N", "3 N"],
     "intervals": ["1 to 2 N", "deterministic"],
     "counts": ["18 of 20", "5"],
+    "verdicts": ["yes", "yes"],
 }
 
 
