@@ -41,7 +41,7 @@ ERRORS = {
 }
 
 
-def _noise_ratio(column: str) -> Sample:
+def noise_ratio(column: str) -> Sample:
     """What noise changes with CMAC, over what they change without; one value for each seed."""
 
     def sample(results: Results) -> Array:
@@ -218,7 +218,7 @@ SAID = {
         "planning, not from measurement",
         "section 6.3",
         lambda reference: [
-            Criterion(f"change by noise with CMAC over that without, last {LATE} cycles", _noise_ratio(column),
+            Criterion(f"change by noise with CMAC over that without, last {LATE} cycles", noise_ratio(column),
                       IMPROVED, NOT_IMPROVED, of={"part": NOISE, **reference}, case=what)
             for what, column in (("the feet's positions", "feet"), ("the contact forces", "force"))
         ],

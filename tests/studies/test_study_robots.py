@@ -10,9 +10,10 @@ from support.command import python
 
 from cmacexp.report.run_summary import RunSummary
 from cmacexp.study import Results
-from cmacexp.study.interval import UNPAIRED
+from cmacexp.study.interval import UNPAIRED, estimate
 from cmacexp.study.results import Row
 from pipelines.common_results import growth
+from pipelines.moving_robots import GO2, WORLD, over_alone
 from pipelines.robots_findings import FINDINGS, FORCE, compared, judged
 from pipelines.robots_runs import (
     ALONE,
@@ -77,6 +78,14 @@ def test_errors_stand_beside_their_ratio_and_decide_nothing():
         "",
         "",
     ]
+
+
+def test_starts_from_which_the_reference_fell_are_counted_not_dropped():
+    walks = [walk(ALONE, 4.0), walk(ALONE, 4.0, asked=2), walk(CMAC, 1.0), walk(CMAC, 1.0)]
+    built = {"part": WORLD, "world": GO2, "ground": "elastic"}
+    results = Results([replace(each, settings=each.settings | built) for each in walks])
+    assert over_alone(results, FORCE).tolist() == [0.25, UNPAIRED]
+    assert estimate(over_alone(results, FORCE)).size == "1 of 2"
 
 
 def test_a_value_grows_in_its_own_run_or_without_end():

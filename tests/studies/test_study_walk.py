@@ -1,12 +1,20 @@
 """The events of the walk, from a made-up one."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from cmacexp.data.signals import TRUE_MARGINS
 from cmacexp.planning.stability import REAR, margins
 from cmacexp.recording.run_view import LegView, RunView
 from cmacexp.recording.window import Window
+from cmacexp.report.run_summary import RunSummary
+from cmacexp.study import Results
+from cmacexp.study.interval import UNPAIRED
+from cmacexp.study.results import Row
 from pipelines.quadruped_walking_events import (
     Walk,
     contacts,
@@ -16,6 +24,7 @@ from pipelines.quadruped_walking_events import (
     touch_down_of_2,
     touch_down_of_3,
 )
+from pipelines.quadruped_walking_statements import ALL, CLAIMS, FINDINGS, NO_CMAC, SAID, noise_ratio
 
 PERIOD = 0.1
 STEPS = 30
@@ -112,3 +121,26 @@ def test_instants_follow_the_forces_not_the_plan():
 
     assert instants(a_walk(), 2) == {17: 48, 18: 54, 19: 44, 20: 45}
     assert instants(a_walk(shifted), 2) == {17: 49, 18: 54, 19: 43, 20: 44}
+
+
+def test_noise_is_compared_with_one_reference_at_a_time_and_with_no_walk_that_fell():
+    rows = [
+        {"seed": seed, "controller": controller, "reference": reference, "feet": feet, "force": 1.0}
+        for reference, changes in (
+            ("literal", {ALL: (3.0, 8.0), NO_CMAC: (2.0, np.inf)}),
+            ("aware", {ALL: (1.0, 1.0), NO_CMAC: (4.0, 2.0)}),
+        )
+        for controller, own in changes.items()
+        for seed, feet in enumerate(own)
+    ]
+    walk = Row(RunSummary(Path("run"), "completed", "", {}, 0, {}), {}, {}, {})
+    for reference, ratios in (("literal", [1.5, UNPAIRED]), ("aware", [0.25, 0.5])):
+        results = Results([replace(walk, settings={"reference": reference})], {"noise": pd.DataFrame(rows)})
+        assert noise_ratio("feet")(results).tolist() == ratios
+
+
+def test_a_sentence_of_the_paper_is_a_claim_as_printed_and_a_finding_with_the_aware_reference():
+    for name, said in SAID.items():
+        assert CLAIMS[name].words == said.words
+        assert all(each.of["reference"] == "literal" for each in CLAIMS[name].criteria)
+        assert all(each.of["reference"] == "aware" for each in FINDINGS[f"aware_{name}"].criteria)
