@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from cmacexp.study import Criterion
+from cmacexp.study import Claim, Criterion, Finding
 from cmacexp.study.evidence import count_verdicts, gather
 from cmacexp.study.study import StudyFile, load_study
 from pipelines.benchmark.benchmark import NAME as BENCHMARK
@@ -47,10 +47,8 @@ def declared() -> Mapping[str, Mapping[str, int]]:
     """How many values each statement has, by study and name, whether it was measured or not."""
     whole = make_study(MACHINES, [method.name for method in list_methods()])
     studies = {BENCHMARK: whole, **{file.name: file.study for file in all_studies()}}
-    return {
-        name: {key: len(each.criteria) for key, each in {**study.claims, **study.findings}.items()}
-        for name, study in studies.items()
-    }
+    statements: dict[str, Mapping[str, Claim | Finding]] = {n: {**s.claims, **s.findings} for n, s in studies.items()}
+    return {name: {key: len(each.criteria) for key, each in own.items()} for name, own in statements.items()}
 
 
 def find_entry(study: str, name: str, results: Quotable) -> Mapping[str, Any] | None:
