@@ -48,7 +48,7 @@ def test_a_quote_gives_value_interval_size_and_verdict(statements):
     text = (
         """{{ quote("s.a", 1) }} {{ interval("s.a") }} {{ size("s.a") }} {{ verdict("s.a") }} {{ quote("s.new") }}"""
     )
-    assert fill_quotes(text, statements) == f"3 N 1 to 2 N 18 of 20 yes, {NOT_MEASURED}"
+    assert fill_quotes(text, statements) == f"3 N 1 to 2 N 18 of 20 yes {NOT_MEASURED}"
 
 
 @pytest.mark.parametrize("wrong", ["s.b", "t.a", 's.a", 2'])
