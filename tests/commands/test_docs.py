@@ -124,12 +124,10 @@ def test_the_picture_of_the_readme_shows_what_its_caption_says(folder):
     assert re.findall(r"[\d.]+ m?[mN]\b", text) == [*shown[::2], *shown[1::2]]
 
 
-@pytest.mark.parametrize(("page", "words"), [("README.md", "after its drift"), ("long-runs.md", "It diverges")])
-def test_the_law_as_published_diverges_and_drifts_when_the_pages_say(page, words, folder):
+def test_the_law_as_published_diverges_and_drifts_when_the_page_says(folder):
     manifest = json.loads((folder / "outputs" / "published" / "manifest.json").read_text())
     last = pd.read_parquet(folder / "outputs" / "published" / "metrics.parquet")["cycle"].iloc[-1]
-    text = " ".join(PAGES[page].read_text().split())
-    assert words in text
+    text = " ".join(PAGES["long-runs.md"].read_text().split())
     assert set(re.findall(r"diverges in cycle (\d+)", text)) == {str(last)}
     assert set(re.findall(r"detected in cycle (\d+)", text)) == {str(manifest["drift"]["named"])}
 

@@ -12,7 +12,7 @@ from support.manifests import accept
 from cmacexp.data.parquet import as_array
 from cmacexp.data.tables import Scores, write_scores
 from cmacexp.experiment.api import load
-from cmacexp.experiment.objective import read_objective
+from cmacexp.experiment.objective import MINIMIZE, read_objective
 from cmacexp.metrics.body import BODY_METRICS
 from cmacexp.metrics.metric import (
     CYCLE,
@@ -131,7 +131,7 @@ def test_sweep_table_and_objective_take_the_pooled_values(walk):
         metric, final = ALL_METRICS[name], values[name][1]
         sought = abs(final) if metric.better == NEAR_ZERO else final
         if not math.isnan(sought):
-            assert read_objective(name, summary) == pytest.approx(sought, rel=1e-14)
+            assert read_objective(name, summary, MINIMIZE) == pytest.approx(sought, rel=1e-14)
     sought = {SMALL: min, LARGE: max, NEAR_ZERO: lambda values: min(values, key=abs)}
     for name in JUDGED.keys() & values.keys():
         known = [value for value in values[name] if value == value]
