@@ -28,6 +28,7 @@ from cmacexp.study.curves import over_setting
 from cmacexp.study.evidence import evidence_of, format_html, format_text
 from cmacexp.study.interval import EXACT, FEW, NO_REFERENCE, ONE_SEED, Interval, estimate
 from cmacexp.study.page import make_claims_section
+from cmacexp.study.provenance import digest_source
 from cmacexp.study.results import NoSuchRuns, Row
 from cmacexp.study.samples import per_seed, quotients, ratio, relative
 from cmacexp.study.statements import UNDECIDED, VERDICTS, Judged, Measured
@@ -392,3 +393,15 @@ def test_a_claim_links_to_the_pages_of_its_runs_and_says_how_to_make_them(tmp_pa
     assert re.findall(r'href="([^#"]+)"', part) == ["../runs/a/report/report.html"]
     assert "python -m cmacexp.report FOLDER" in part
     assert str(tmp_path / "runs") in part
+
+
+def test_a_digest_leaves_out_docstrings_and_nothing_else(tmp_path):
+    def digest(text: str) -> str:
+        path = tmp_path / "a.py"
+        path.write_text(text)
+        return digest_source(path)
+
+    plain = digest("def f():\n    return 1\n")
+    assert digest('"""About it."""\n\ndef f():\n    """Give\n    one."""\n    return 1\n') == plain
+    assert digest("def f():\n    return 2\n") != plain
+    assert digest('def f(x=1): "text"\n') != digest('def f(x=2): "text"\n')  # code stands on the line too
