@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING, Any
 from cmacexp.data.version import __version__
 
 if TYPE_CHECKING:
-    from cmacexp.experiment.api import load, open_loop, run
+    from cmacexp.experiment.api import Run, load, open_loop, run
     from cmacexp.experiment.batch import load_sweep, run_many
 
-__all__ = ["__version__", "load", "load_sweep", "open_loop", "run", "run_many"]
+__all__ = ["Run", "__version__", "load", "load_sweep", "open_loop", "run", "run_many"]
 __path__.append(f"{__path__[0]}/commands")  # ``python -m cmacexp.score`` runs commands/score.py
-_PLACES = {"load": "api", "load_sweep": "batch", "open_loop": "api", "run": "api", "run_many": "batch"}
+_PLACES = {
+    **dict.fromkeys(("Run", "load", "open_loop", "run"), "api"),
+    **dict.fromkeys(("load_sweep", "run_many"), "batch"),
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -1,14 +1,20 @@
-"""What the tests share: configs composed as the command line composes them, and code that is compiled once."""
+"""What the tests share: three tiers, runs that are made once, configs composed as the command line composes them.
+
+A test without a mark belongs to the first tier, which README's command runs: it starts no process, needs no MuJoCo, and
+does not take long (:mod:`support.tiers` enforces all three). ``ci`` marks what CI runs too, ``nightly`` what takes long.
+"""
 
 import math
+import subprocess
 from functools import cache
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 from hypothesis import settings
+from support import tiers
 from support.command import started
-from support.walks import walk_in
+from support.stored import make_stored, runs_folder
 
 from cmacexp.config.compose import compose_config
 from cmacexp.jit.compiler import expect_runs
@@ -20,6 +26,11 @@ settings.load_profile("laws")
 
 LONG = 100
 """Cycles of one leg that repay compiling."""
+
+
+def pytest_configure(config):
+    """Watch the tests of the first tier."""
+    config.pluginmanager.register(tiers, "tiers")
 
 
 def pytest_sessionstart(session):
@@ -67,6 +78,11 @@ def plan_of(make_config):
 
 
 @pytest.fixture(scope="session")
-def walk(tmp_path_factory):
-    """``walk("cycles=20")`` gives the walk of that command line; each is run once."""
-    return cache(lambda *overrides: walk_in(tmp_path_factory.mktemp("walk"), *overrides))
+def stored(request):
+    """``stored("scenario=one_leg", "cycles=3")`` gives the :class:`cmacexp.Run` of a run that all tests share.
+
+    It is made once for a state of the code, whichever process needs it first, and kept in pytest's cache. Tests read it;
+    one that changes a run copies its ``folder`` first.
+    """
+    folder = runs_folder(request.config)
+    return cache(lambda *overrides: make_stored(folder, overrides))

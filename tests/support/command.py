@@ -1,20 +1,44 @@
-"""Run the command line as a user does, in a process of its own."""
+"""Run commands: ``call`` in this process, through their ``main``; the others as a user does, in one of their own."""
 
 import atexit
+import contextlib
+import importlib
+import io
 import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from functools import cache
 from pathlib import Path
+from unittest.mock import patch
 
 ROOT = Path(__file__).parents[2]
 
 
 def environment(**changes: str) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(ROOT), **changes}
+
+
+def call(name: str, *words: object, folder: Path | None = None) -> subprocess.CompletedProcess:
+    """The command of ``cmacexp.commands.NAME`` (``main`` runs a scenario) in this process: exit code and output."""
+    command = importlib.import_module(f"cmacexp.commands.{name}")
+    output, errors, code = io.StringIO(), io.StringIO(), 0
+    arguments = [f"cmacexp.{name}", *map(str, words)]
+    with (
+        contextlib.chdir(folder or Path.cwd()),
+        contextlib.redirect_stdout(output),
+        contextlib.redirect_stderr(errors),
+        patch.object(sys, "argv", arguments),
+        patch("cmacexp.report.terminal.FIRST_LINE_DELAY", threading.TIMEOUT_MAX),  # a busy machine prints no more
+    ):
+        try:
+            code = command.main()
+        except SystemExit as end:  # of argparse
+            code = end.code
+    return subprocess.CompletedProcess(arguments, code, output.getvalue(), errors.getvalue())
 
 
 @cache
