@@ -23,7 +23,7 @@ import pytest
 
 from benchmarks.mutants.mutations import Mutant, find_mutants, sample
 from benchmarks.mutants.page import write_page
-from benchmarks.mutants.session import OPTIONS, ROOT, TESTS, Collected, call_apart, record_calls
+from benchmarks.mutants.session import OPTIONS, ROOT, TIERS, Collected, call_apart, record_calls
 from benchmarks.mutants.trial import SURVIVED, choose_tests, is_early, judge, run_imported, run_replaced
 
 ROOMS = ("models", "cmac", "planning", "feedforward", "control", "metrics")
@@ -63,11 +63,11 @@ def warm_up() -> None:
         raise RuntimeError("the project is imported already: its mutants would not be")
 
 
-def read_calls(recorded: Path, workers: int) -> dict[str, Any]:
-    """What the tests call, from a file; made first if there is none."""
+def read_calls(recorded: Path, tier: str, workers: int) -> dict[str, Any]:
+    """What the tests of a tier call, from a file; made first if there is none."""
     if not recorded.exists():
         with ProcessPoolExecutor(workers, get_context("fork")) as pool:
-            found = list(pool.map(partial(call_apart, record_calls), range(workers), repeat(workers)))
+            found = list(pool.map(partial(call_apart, record_calls, tier), range(workers), repeat(workers)))
         seconds, calls = (
             {test: value for part in found for test, value in part[of].items()} for of in ("seconds", "calls")
         )
@@ -100,16 +100,16 @@ def share_out(work: Callable[[Mutant], dict[str, Any]], mutants: list[Mutant], l
         raise RuntimeError("a process has failed")
 
 
-def try_mutants(todo: list[Mutant], folder: Path, log: Path, workers: int) -> None:
-    """Try mutants; those whose code runs while the project is imported first, as this process must not import it."""
+def try_mutants(todo: list[Mutant], tier: str, folder: Path, log: Path, workers: int) -> None:
+    """Try mutants against the tests of a tier; those whose code runs while the project is imported first, as this process must not import it."""
     warm_up()
-    record = read_calls(folder / "calls.json", workers)
+    record = read_calls(folder / f"calls-{tier}.json", tier, workers)
     tests = {mutant: choose_tests(mutant, record) for mutant in todo}
     early = [mutant for mutant in todo if is_early(mutant, record)]
 
     def import_it(mutant: Mutant) -> dict[str, Any]:
         failed = call_apart(run_imported, mutant, tests[mutant], most=MOST_TIME)
-        return judge(mutant, tests[mutant], failed)
+        return judge(mutant, tests[mutant], failed) | {"tier": tier}
 
     share_out(import_it, early, log, workers)
     replaced = [mutant for mutant in todo if mutant not in early]
@@ -117,11 +117,12 @@ def try_mutants(todo: list[Mutant], folder: Path, log: Path, workers: int) -> No
     def use(items: dict[str, pytest.Item]) -> None:
         def replace_it(mutant: Mutant) -> dict[str, Any]:
             own = [items[test] for test in tests[mutant]]
-            return judge(mutant, tests[mutant], call_apart(run_replaced, mutant, own, most=MOST_TIME))
+            failed = call_apart(run_replaced, mutant, own, most=MOST_TIME)
+            return judge(mutant, tests[mutant], failed) | {"tier": tier}
 
         share_out(replace_it, replaced, log, workers)
 
-    pytest.main([*OPTIONS, *TESTS], plugins=[Collected(use)])
+    pytest.main([*OPTIONS, "-m", TIERS[tier]], plugins=[Collected(use)])
 
 
 def main() -> None:
@@ -130,6 +131,7 @@ def main() -> None:
     parser.add_argument("--number", type=int, default=300, help="mutants, and a few more for small files")
     parser.add_argument("--seed", type=int, default=1997, help="of the sample")
     parser.add_argument("--workers", type=int, default=1, help="mutants tried at the same time")
+    parser.add_argument("--tier", choices=TIERS, default="first", help="tests that have to find them: of which tier")
     parser.add_argument("--folder", type=Path, help="keeps results: of those in it only survivors are tried again")
     parser.add_argument("--results-only", action="store_true", help="try nothing: only write the page")
     parser.add_argument("--write", type=Path, metavar="PAGE", help="replace the results between the page's markers")
@@ -141,7 +143,7 @@ def main() -> None:
     known = read_results(log)
     todo = [mutant for mutant in sampled if mutant not in known or known[mutant]["result"] == SURVIVED]
     if not chosen.results_only:
-        try_mutants(todo, folder, log, chosen.workers)
+        try_mutants(todo, chosen.tier, folder, log, chosen.workers)
     known = read_results(log)
     if chosen.write:
         results = [known[mutant] for mutant in sampled if mutant in known]

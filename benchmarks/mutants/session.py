@@ -15,8 +15,8 @@ import pytest
 from benchmarks.mutants.calls import LONGEST, Calls, limit, refuse, take_few_examples
 
 ROOT = Path(__file__).parents[2]
-TESTS = ("tests/laws", "tests/components")
-"""What calls the mathematics in the process of the test."""
+TIERS = {"first": "not ci and not nightly", "ci": "not nightly"}
+"""Which tests find faults, as markers of pytest: the first tier alone, or all that CI runs."""
 OPTIONS = ("-n0", "-q", "-s", "--tb=no", "-p", "no:cacheprovider")
 SLOWEST = 5 * LONGEST
 """A test that computes for longer, s, fails."""
@@ -102,8 +102,8 @@ def run_until_failure(items: list[pytest.Item]) -> str:
     return first.failed
 
 
-def record_calls(part: int, parts: int) -> dict[str, Any]:
-    """Run a share of the test files once without a fault; what :mod:`benchmarks.mutants.calls` records."""
+def record_calls(tier: str, part: int, parts: int) -> dict[str, Any]:
+    """Run a share of a tier's test files once without a fault; what :mod:`benchmarks.mutants.calls` records."""
     calls = Calls(ROOT / "cmacexp")
 
     def run(items: dict[str, pytest.Item]) -> None:
@@ -114,5 +114,5 @@ def record_calls(part: int, parts: int) -> dict[str, Any]:
         for item, following in pairwise([*own, None]):
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
 
-    pytest.main([*OPTIONS, *TESTS], plugins=[Collected(run)])
+    pytest.main([*OPTIONS, "-m", TIERS[tier]], plugins=[Collected(run)])
     return calls.record
