@@ -1,11 +1,11 @@
 """What the tests share: three tiers, runs that are made once, configs composed as the command line composes them.
 
-A test without a mark belongs to the first tier, which README's command runs: it starts no process, needs no MuJoCo, and
-does not take long (:mod:`support.tiers` enforces all three). ``ci`` marks what CI runs too, ``nightly`` what takes long.
+A test without a mark belongs to the first tier, which README's command runs: it starts no process, needs no MuJoCo,
+and does not take long (:mod:`support.tiers` enforces all three). ``ci`` marks what CI runs too, ``nightly`` what
+takes long.
 """
 
 import math
-import subprocess
 from functools import cache
 from tempfile import TemporaryDirectory
 
@@ -81,8 +81,8 @@ def plan_of(make_config):
 def stored(request):
     """``stored("scenario=one_leg", "cycles=3")`` gives the :class:`cmacexp.Run` of a run that all tests share.
 
-    It is made once for a state of the code, whichever process needs it first, and kept in pytest's cache. Tests read it;
-    one that changes a run copies its ``folder`` first.
+    It is made once for a state of the code, whichever process needs it first, and kept in pytest's cache. Tests read
+    it; one that changes a run copies its ``folder`` first.
     """
     folder = runs_folder(request.config)
     return cache(lambda *overrides: make_stored(folder, overrides))

@@ -101,7 +101,10 @@ def share_out(work: Callable[[Mutant], dict[str, Any]], mutants: list[Mutant], l
 
 
 def try_mutants(todo: list[Mutant], tier: str, folder: Path, log: Path, workers: int) -> None:
-    """Try mutants against the tests of a tier; those whose code runs while the project is imported first, as this process must not import it."""
+    """Try mutants against the tests of a tier.
+
+    Those whose code runs while the project is imported come first, as this process must not import it.
+    """
     warm_up()
     record = read_calls(folder / f"calls-{tier}.json", tier, workers)
     tests = {mutant: choose_tests(mutant, record) for mutant in todo}

@@ -32,7 +32,7 @@ class Unfit(BaseException):
 
 
 def refuse(event, arguments):
-    """Stop a test that starts another process, whose calls are not seen; git, which says the commit, calls nothing."""
+    """Stop a test that starts another process, whose calls are not seen; git, asked for the commit, calls nothing."""
     if event == "subprocess.Popen" and arguments[0] != "git":
         raise Unfit
 

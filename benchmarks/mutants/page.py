@@ -37,7 +37,7 @@ def format_rooms(entries: list[dict[str, Any]]) -> list[str]:
         count["first"] += entry["result"] in (KILLED, FIGURES_ONLY) and entry["tier"] == "first"
     counts["all"] = sum(counts.values(), Counter())
     lines = [
-        "| room | mutants | killed by the first tier, % | killed by all that CI runs, % | by recorded figures alone | survived |",
+        "| room | mutants | killed by the first tier, % | killed by CI, % | by recorded figures alone | survived |",
         "|---|---|---|---|---|---|",
     ]
     for room, count in counts.items():
