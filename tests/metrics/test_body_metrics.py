@@ -29,7 +29,12 @@ def test_metrics_of_a_body_are_those_of_each_cycle_alone(seed, rows):
 
 
 def test_cycles_count_from_1_and_a_margin_that_is_unknown_at_times_is_the_least_of_the_others():
-    body = {"height": [1.0] * 3, "pitch": [0.0] * 3, "roll": [0.0] * 3} | dict.fromkeys(MARGINS, [np.nan, 2.0, 1.0])
+    body = {
+        "height": [1.0] * 3,
+        "pitch": [0.0] * 3,
+        "roll": [0.0] * 3,
+        **{name: [np.nan, 2.0, 1.0] for name in MARGINS},
+    }
     found = compute_body(pa.table(body), 2)
     assert found["cycle"].to_pylist() == [1, 2]
     assert found["true_margin_front_min"].to_pylist() == [2.0, 1.0]

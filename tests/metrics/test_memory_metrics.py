@@ -27,7 +27,7 @@ def mass(stored):
 
 
 def last_of(run):
-    """What the tables tell of the weights after the last cycle, and the same of the weights (L, rows, 2) themselves."""
+    """What the tables tell of the weights at the end, and the same of the weights (L, rows, 2) themselves."""
     memory = pd.read_parquet(run.folder / "memory.parquet")
     weights = np.load(run.folder / "weights.npz")["weights"]
     expected = [
@@ -55,7 +55,9 @@ def test_scoring_again_gives_the_same_metrics(leg, tmp_path):
 
 
 @pytest.mark.ci
-def test_no_cycle_is_lost_where_more_are_run_than_a_log_holds_or_a_run_ends_within_a_cycle(stored, tmp_path, compiled):
+def test_no_cycle_is_lost_where_more_are_run_than_a_log_holds_or_a_run_ends_within_a_cycle(
+    stored, tmp_path, compiled
+):
     kept = (*SHORT, "record=trace", "record.weights=true")
     many, fewer = (cmacexp.run([*kept, f"cycles={n}"], tmp_path / str(n)) for n in (MANY, MANY - 10))
     norms = many.metrics["weight_norm"]

@@ -77,7 +77,7 @@ def test_settling_time_is_from_touch_down_until_within_two_percent_for_good(forc
 
 
 def undefined(*names):
-    return dict.fromkeys(names, [NOTHING])
+    return {name: [NOTHING] for name in names}
 
 
 OF_TRANSFER, OF_SETTLING = ("transfer_rmse_x", "transfer_rmse_y"), ("force_settling_time", "force_itae")
@@ -88,10 +88,15 @@ OF_SUPPORT = (
 STRADDLING = {"force": [1.1, 1.0, 0.9, 0.0, 0.0, 3.0, 2.0, 1.0], "force_desired": [1.0] * 3 + [0.0] * 2 + [1.0] * 3}
 """Of ``SSSTTSSS``: a support that begins at the sixth sample and ends with the third of the next cycle."""
 CUT_SHORT = {
-    "rows": 9, "x": [1.0] * 6 + [2.0] * 3, "force": [0.0, 0.0, 2.0, 1.0, 1.0, 1.0, 0.0, 0.0, 3.0], "force_desired": 1.0,
+    "rows": 9, "x": [1.0] * 6 + [2.0] * 3, "force": [0.0, 0.0, 2.0, 1.0, 1.0, 1.0, 0.0, 0.0, 3.0],
+    "force_desired": 1.0,
 }  # fmt: skip
 CASES = {
-    "no support": ("TTTT", {"x": 0.1, "force": 0.2}, {"transfer_rmse_x": [0.1], "force_rmse_cycle": [0.2]} | undefined(*OF_SUPPORT)),
+    "no support": (
+        "TTTT",
+        {"x": 0.1, "force": 0.2},
+        {"transfer_rmse_x": [0.1], "force_rmse_cycle": [0.2]} | undefined(*OF_SUPPORT),
+    ),
     "no transfer": (
         "SSSS",
         {"x": 0.1, "force": [2.0, 1.0, 1.0, 1.0], "force_desired": 1.0},

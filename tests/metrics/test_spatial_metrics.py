@@ -44,7 +44,10 @@ def test_squared_distances_are_the_sum_of_those_along_the_axes(of_robot):
 
 
 def test_across_the_machine_is_no_special_direction(columns, of_robot):
-    found, other = of_robot(), of_robot(**{a + of: columns[b + of] for a, b in ("xz", "zx") for of in ("", "_desired")})
+    found, other = (
+        of_robot(),
+        of_robot(**{a + of: columns[b + of] for a, b in ("xz", "zx") for of in ("", "_desired")}),
+    )
     for phase in ("transfer", "support"):
         assert_array_equal(other[f"{phase}_rmse_z"], found[f"{phase}_rmse_x"])
     assert_allclose(other["transfer_rmse"], found["transfer_rmse"], rtol=1e-14)
