@@ -7,6 +7,8 @@ from PIL import Image
 from support.made_traces import PERIOD
 from support.views import make_robot, make_walk
 
+pytestmark = pytest.mark.ci
+
 
 def test_a_picture_plays_for_the_time_of_one_cycle_and_again(tmp_path, monkeypatch):
     monkeypatch.setattr(draw_walk, "FRAMES_PER_SECOND", 1.0)
@@ -24,7 +26,6 @@ def test_a_robot_is_drawn_too(tmp_path, monkeypatch):
     assert draw_walk.write_animation([robot], tmp_path / "robot.gif") == 2
 
 
-@pytest.mark.ci
 def test_the_command_draws_the_first_and_the_last_cycle_of_a_run(stored, tmp_path, monkeypatch):
     monkeypatch.setattr(draw_walk, "FRAMES_PER_SECOND", 0.4)
     run = stored("scenario=one_leg", "cycles=3", "record.weights=true")

@@ -129,7 +129,7 @@ def test_what_is_no_model_of_the_run_is_not_drawn(run, tmp_path, monkeypatch):
 
     refuse("--meshes", kind="quadruped")
     refuse("--meshes", path=str(OWN))
-    refuse("--meshes", folder=OWN.parent, path=str(OWN))
+    refuse("machine.path", folder=OWN.parent, path=str(OWN))
     refuse("machine.path", path=str(tmp_path / "lost.xml"))
     refuse("machine.home", home="up")
     monkeypatch.setitem(sys.modules, "mujoco", None)
