@@ -7,10 +7,9 @@ from urllib.parse import urlsplit
 from urllib.request import urlopen
 
 import numpy as np
-import pandas as pd
 import pytest
 from support.command import call, started
-from support.manifests import accept, change_manifest
+from support.manifests import change_manifest
 from support.recordings import entities, lines
 
 import cmacexp
@@ -124,14 +123,6 @@ def test_without_a_display_nothing_is_built_and_more_than_six_runs_do_not_go_sid
     for done in (call("replay", copies[0]), replay(tmp_path)):
         assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
     assert not (copies[0] / RECORDING).exists()
-
-
-def test_a_run_of_which_no_step_is_kept_is_refused(leg):
-    trace = pd.read_parquet(leg / "trace.parquet")
-    trace.iloc[:0].to_parquet(leg / "trace.parquet")
-    accept(leg, "trace.parquet")
-    done = replay(leg, "--rebuild")
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
 
 
 @pytest.mark.ci

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from support.walks import LIFT_OFF, PERIOD, STEPS, TOUCH_DOWN
+from support.walks import PERIOD, STEPS
 
 from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MEMORY_SIGNALS, SPATIAL_SIGNALS, select_signals
 
@@ -25,12 +25,6 @@ def test_a_walk_has_a_row_per_step_and_leg_and_a_row_of_the_body_per_step(walk):
     assert {*walk.body["cycle"]} == {1}
     assert walk.metrics[["cycle", "leg"]].to_numpy().tolist() == [[1, leg] for leg in (1, 2, 3, 4)]
     assert walk.body_metrics["cycle"].tolist() == [1]
-
-
-def test_the_trace_transfers_where_the_gait_diagram_does(walk):
-    transfer = walk.trace["phase"].to_numpy().reshape(-1, 4) == "transfer"
-    for leg, (lift_off, touch_down) in enumerate(zip(LIFT_OFF, TOUCH_DOWN, strict=True)):
-        assert_array_equal(np.flatnonzero(transfer[:, leg]), range(lift_off, touch_down or STEPS))
 
 
 def names(signals):

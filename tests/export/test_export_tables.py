@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import sys
 
 import lerobot_recipe
 import numpy as np
@@ -11,7 +10,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
-from support.command import call
 from support.doors import CmacexpError
 from support.manifests import accept
 
@@ -108,10 +106,3 @@ def test_the_recipe_for_lerobot_gives_each_cycle_as_an_episode(stored, tmp_path)
     np.testing.assert_array_equal(np.stack(data["observation.state"]), run.trace[names].to_numpy(np.float32))
     assert data.groupby("episode_index").size().tolist() == [600] * 3
     assert pd.read_parquet(out / "meta" / "episodes")["length"].tolist() == [600] * 3
-
-
-def test_without_the_extra_one_line_says_what_to_install(run, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mcap", None)
-    done = call("export", run.folder, "--mcap", "--out", tmp_path / "out")
-    assert (done.returncode, len(done.stderr.splitlines()), [*tmp_path.glob("*/*")]) == (2, 1, [])
-    assert "[mcap]" in done.stderr

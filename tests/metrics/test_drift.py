@@ -77,12 +77,6 @@ def test_what_lasts_is_never_named(feedback):
     assert np.isnan(follow_drift(feedback)[1]).all()
 
 
-def test_a_drift_stays_named_also_if_learning_recovers():
-    feedback = [*FALLING, *(FALLING[-1] * 1.05 ** np.arange(20.0)), *FALLING]
-    started = follow_drift(feedback)[1][:, 0]
-    assert len({*started[first_detected(feedback)[0] - 1 :]}) == 1
-
-
 @pytest.mark.parametrize("size", [1, 3, 7, 200])
 def test_a_run_watched_in_parts_is_told_as_one_watched_at_once(size):
     n = np.arange(150.0)[:, None] + np.arange(3)

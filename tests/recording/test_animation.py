@@ -4,8 +4,7 @@ import draw_walk
 import numpy as np
 import pytest
 from PIL import Image
-from support.made_traces import PERIOD
-from support.views import make_robot, make_walk
+from support.views import make_walk
 
 pytestmark = pytest.mark.ci
 
@@ -18,12 +17,6 @@ def test_a_picture_plays_for_the_time_of_one_cycle_and_again(tmp_path, monkeypat
         assert (picture.n_frames, picture.info["loop"], picture.info["duration"]) == (2, 0, 1000)
         frames = [np.asarray(picture.convert("RGB")) for number in range(2) if not picture.seek(number)]
     assert (frames[0] != frames[1]).any()
-
-
-def test_a_robot_is_drawn_too(tmp_path, monkeypatch):
-    robot = make_robot()
-    monkeypatch.setattr(draw_walk, "FRAMES_PER_SECOND", 1.0 / PERIOD / len(robot.time))
-    assert draw_walk.write_animation([robot], tmp_path / "robot.gif") == 2
 
 
 def test_the_command_draws_the_first_and_the_last_cycle_of_a_run(stored, tmp_path, monkeypatch):

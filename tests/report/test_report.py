@@ -15,14 +15,19 @@ from cmacexp.report.figures import Panel, Series, draw
 from cmacexp.report.parts import Drawing, Folded, Table
 from cmacexp.report.run_figures import draw_metrics
 from cmacexp.report.run_report import make_run_report
-from cmacexp.report.run_summary import RunSummary, make_rows, read_summary, sort_folders
-from cmacexp.report.style import include_zero, logarithmic, new_figure, spans_decades
+from cmacexp.report.run_summary import RunSummary, make_rows, read_summary
+from cmacexp.report.style import include_zero, new_figure, spans_decades
 from cmacexp.report.sweep_report import find_swept, make_sweep_report
 
 
 @pytest.fixture(scope="module")
 def leg(stored):
     return stored("scenario=one_leg", "cycles=3", "record.weights=true")
+
+
+@pytest.fixture(scope="module")
+def content(leg):
+    return make_run_report(leg)
 
 
 @pytest.fixture(scope="module")
@@ -74,24 +79,13 @@ def test_a_run_gets_a_page_that_needs_nothing_else_and_is_verified_with_what_it_
     assert [call("verify", run / "report").returncode, call("report", run).returncode] == [4, 2]
 
 
-def test_a_page_shows_the_cycles_that_the_trace_kept_the_last_of_them_strongest(leg):
-    content = make_run_report(leg)
-    assert content.config["cycles"] == [1, 2, 3]
-    assert {*figures_of(content)} == {"metrics", "tracking", "torques"}
-    (axes, *_) = figures_of(content)["tracking"].axes
-    widths = {line.get_label(): line.get_linewidth() for line in figures_of(content)["tracking"].axes[-1].lines}
-    assert widths["cycle 3"] > widths["cycle 2"]
-
-
-def test_settings_that_are_not_the_default_are_shown_with_it(leg):
-    changed, folded = next(section.parts for section in make_run_report(leg).sections if section.title == "Settings")
-    assert {row[0]: tuple(row[1:3]) for row in changed.rows} == {
-        "record.weights": ("true", "false"),
-        "cycles": ("3", "5"),
-    }
+def test_settings_that_are_not_the_default_are_shown_with_it(content):
+    changed, folded = next(section.parts for section in content.sections if section.title == "Settings")
+    assert {("record.weights", "true", "false"), ("cycles", "3", "5")} <= {tuple(row[:3]) for row in changed.rows}
     assert "machine.leg.length_1" in {row[0] for row in folded.parts[0].rows}
 
 
+@pytest.mark.ci
 def test_a_machine_without_joints_or_that_fell_has_the_figures_of_what_it_has(mass, fallen):
     assert "force error <i>e</i><sub>F</sub>" in cells_of(make_run_report(mass))
     content = make_run_report(fallen)
@@ -126,7 +120,12 @@ def test_a_cycle_that_the_run_did_not_end_is_no_final_one(fallen):
 def test_two_swept_keys_have_a_figure_each_with_a_line_for_each_value_of_the_other(leg):
     one = read_summary(leg.folder)
     runs = [
-        replace(one, config=one.config | {"cmac.layers": layers, "learning.rate": rate}, status=status)
+        replace(
+            one,
+            config=one.config | {"cmac.layers": layers, "learning.rate": rate},
+            status=status,
+            metrics={name: rate * layers * values for name, values in one.metrics.items()},
+        )
         for layers in (2, 10)
         for rate, status in ((0.1, "completed"), (0.2, "completed"), (1.8, "diverged"))
     ]
@@ -177,11 +176,6 @@ def test_keys_that_differ_between_the_same_runs_are_one_and_what_a_scenario_deci
     assert swept(*runs) == (["scenario", "rate"], {"scenario": ["knee"]}, [])
 
 
-def test_jobs_come_in_the_order_of_their_numbers(tmp_path):
-    folders = [tmp_path / name for name in ("10", "2", "a", "1")]
-    assert [path.name for path in sort_folders(folders)] == ["1", "2", "10", "a"]
-
-
 def test_axes_do_not_exaggerate_differences_and_are_logarithmic_only_where_values_allow_it():
     _, (errors, heights) = new_figure(1, 2)
     for axes, from_zero in ((errors, True), (heights, False)):
@@ -192,15 +186,3 @@ def test_axes_do_not_exaggerate_differences_and_are_logarithmic_only_where_value
     assert [low <= 0.0 for low in lowest] == [True, True, False]
     spans = [[1.0, 100.0, math.nan], [0.0, 1.0, 100.0], [1.0, 15.0], [-1.0, 100.0], [math.nan]]
     assert [spans_decades(values) for values in spans] == [True, True, False, False, False]
-
-
-@pytest.mark.parametrize("ends", [(6.0, 9.0), (0.5, 30.0), (1e-3, 1e3)])
-def test_a_logarithmic_axis_has_several_plain_numbers(ends):
-    figure, (axes,) = new_figure()
-    axes.plot([0, 1], ends)
-    logarithmic(axes, "y", ends)
-    figure.draw_without_rendering()
-    low, high = axes.get_ylim()
-    major = [tick.label1.get_text() for tick in axes.yaxis.get_major_ticks() if low <= tick.get_loc() <= high]
-    assert len(major) >= 3
-    assert all(re.fullmatch(r"[\d.]+", text) for text in major)
