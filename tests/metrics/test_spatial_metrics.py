@@ -28,9 +28,13 @@ def of_robot(columns):
     return lambda **other: measure(CYCLE, rows=ROWS, legs=LEGS, in_space=True, **{**columns, **other})
 
 
-def test_a_robot_has_the_metrics_of_every_machine_and_then_its_own(of_robot):
-    assert list(of_robot()) == ["cycle", "leg", *METRICS, *SPATIAL]
+def test_a_robot_has_the_metrics_of_every_machine_and_then_its_own_in_each_part_of_a_run(columns, of_robot):
+    whole = of_robot()
+    assert list(whole) == ["cycle", "leg", *METRICS, *SPATIAL]
     assert not SPATIAL.keys() & measure(CYCLE).keys()
+    trace = make_trace(CYCLE, rows=ROWS, legs=LEGS, in_space=True, **columns)
+    for name, values in measure_trace(trace.slice(0, ROWS * LEGS // 2), len(CYCLE)).items():
+        assert_array_equal(values, whole[name][:LEGS], err_msg=name)
 
 
 def test_squared_distances_are_the_sum_of_those_along_the_axes(of_robot):
@@ -39,35 +43,30 @@ def test_squared_distances_are_the_sum_of_those_along_the_axes(of_robot):
     assert_allclose(found["transfer_rmse"] ** 2, along, rtol=1e-12)
 
 
-@pytest.mark.parametrize("phase", ["transfer", "support"])
-def test_across_the_machine_is_no_special_direction(phase, columns, of_robot):
-    swapped = {a + of: columns[b + of] for a, b in ("xz", "zx") for of in ("", "_desired")}
-    found, other = of_robot(), of_robot(**swapped)
-    assert_array_equal(other[f"{phase}_rmse_z"], found[f"{phase}_rmse_x"])
+def test_across_the_machine_is_no_special_direction(columns, of_robot):
+    found, other = (
+        of_robot(),
+        of_robot(**{a + of: columns[b + of] for a, b in ("xz", "zx") for of in ("", "_desired")}),
+    )
+    for phase in ("transfer", "support"):
+        assert_array_equal(other[f"{phase}_rmse_z"], found[f"{phase}_rmse_x"])
     assert_allclose(other["transfer_rmse"], found["transfer_rmse"], rtol=1e-14)
 
 
-def test_no_joint_is_special(columns, of_robot):
-    found = of_robot()
-    turned = {}
-    for name in ("q{}", "q{}_desired", "tau_feedback_{}", "tau_feedforward_{}", "tau_force_{}"):
-        turned |= {name.format(n): columns[name.format(n % 3 + 1)] for n in JOINTS}
-    other = of_robot(**turned)
-    of_torque = ("feedback_rms", "feedforward_rms", "torque_peak", "feedforward_share")
-    for name in ("joint_rmse", *of_torque):
+def test_no_joint_is_special_and_joints_that_err_alike_have_that_error(columns, of_robot):
+    families = ("q{}", "q{}_desired", "tau_feedback_{}", "tau_feedforward_{}", "tau_force_{}")
+    turned = {name.format(n): columns[name.format(n % 3 + 1)] for name in families for n in JOINTS}
+    found, other = of_robot(), of_robot(**turned)
+    for name in ("joint_rmse", "feedback_rms", "feedforward_rms", "torque_peak", "feedforward_share"):
         assert_allclose(other[name], found[name], rtol=1e-14, err_msg=name)
-
-
-def test_joints_that_err_alike_have_that_error(columns, of_robot):
     beside = {f"q{n}": columns[f"q{n}_desired"] + 0.02 * (-1.0) ** n for n in JOINTS}
     assert_allclose(of_robot(**beside)["joint_rmse"], 0.02, rtol=1e-12)
 
 
 def test_what_the_plan_knows_of_the_torque_is_no_feedback_but_drives_the_joints(columns, of_robot):
     """As much more J^T F_d within the feedback changes nothing but the peak."""
-    more = {f"tau_feedback_{n}": columns[f"tau_feedback_{n}"] + 100.0 for n in JOINTS}
-    more |= {f"tau_force_{n}": columns[f"tau_force_{n}"] + 100.0 for n in JOINTS}
-    found, other = of_robot(), of_robot(**more)
+    names = [f"tau_{of}_{n}" for of in ("feedback", "force") for n in JOINTS]
+    found, other = of_robot(), of_robot(**{name: columns[name] + 100.0 for name in names})
     assert (other["torque_peak"] > found["torque_peak"] + 90.0).all()
     for name in set(found) - {"torque_peak"}:
         assert_allclose(other[name], found[name], rtol=1e-9, err_msg=name)
@@ -82,10 +81,3 @@ def test_a_third_joint_at_rest_takes_its_part_of_the_mean(columns):
         assert_allclose(space[name], plane[name] * np.sqrt(2.0 / 3.0), rtol=1e-12)
     for name in ("torque_peak", "feedforward_share", "transfer_rmse_x", "force_rmse"):
         assert_allclose(space[name], plane[name], rtol=1e-14)
-
-
-def test_parts_of_a_run_are_scored_as_the_whole(columns, of_robot):
-    trace, half = make_trace(CYCLE, rows=ROWS, legs=LEGS, in_space=True, **columns), ROWS * LEGS // 2
-    whole, begun = measure_trace(trace, len(CYCLE)), measure_trace(trace.slice(0, half), len(CYCLE))
-    for name, values in begun.items():
-        assert_array_equal(values, whole[name][:LEGS], err_msg=name)

@@ -1,0 +1,244 @@
+"""Damage of a run is found by whatever reads it, in one line; nothing is read that the run did not write."""
+
+import io
+import json
+import os
+import random
+import shutil
+import zipfile
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+from numpy.lib import format as npy
+from support.command import call
+from support.doors import BadInput, CmacexpError, compose_config, make_scenario
+from support.doors_D import Report, write_report
+from support.manifests import accept, change_manifest
+
+import cmacexp
+from cmacexp.config import config_hash
+from cmacexp.data import hashes
+from cmacexp.data import manifest as manifests
+from cmacexp.data.discovery import everything_below, runs_below
+from cmacexp.data.integrity import faults
+from cmacexp.data.tables import BODY, BODY_METRICS, MEMORY, METRICS, METRICS_CSV, RECORDING, TRACE, read_traces
+from cmacexp.data.weights import WEIGHTS
+
+LEG = ("scenario=one_leg", "cycles=3", "record.weights=true")
+
+
+@pytest.fixture(scope="module")
+def whole(stored):
+    """Folders of a leg and of a walk."""
+    return {"leg": stored(*LEG).folder, "walk": stored("scenario=quadruped", "cycles=1").folder}
+
+
+@pytest.fixture
+def walk(whole, tmp_path):
+    return shutil.copytree(whole["walk"], tmp_path / "walk")
+
+
+@pytest.fixture
+def leg(whole, tmp_path):
+    return shutil.copytree(whole["leg"], tmp_path / "leg")
+
+
+def flip(path: Path, chance: random.Random) -> None:
+    """Change one bit of a file."""
+    data = bytearray(path.read_bytes())
+    data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+    path.write_bytes(data)
+
+
+def use(*words) -> None:
+    """A command in this process; raises what it prints if its exit code is not 0."""
+    done = call(*words)
+    if done.returncode:
+        assert "Traceback" not in done.stderr
+        assert len(done.stderr.splitlines()) <= 1
+        raise CmacexpError(done.stdout + done.stderr.strip())
+
+
+composed = cache(lambda: compose_config(LEG))
+
+
+def start_from(folder: Path) -> None:
+    """Prepare a run that starts from the weights in ``folder``."""
+    config = composed()
+    make_scenario(replace(config, learning=replace(config.learning, start_from=str(folder))))
+
+
+READERS = {
+    TRACE: (
+        lambda folder: cmacexp.load(folder).trace,
+        lambda folder: cmacexp.load(folder).cycles([1]),
+        lambda folder: use("score", folder),
+        lambda folder: use("replay", folder, "--no-viewer", "--rebuild"),
+    ),
+    BODY: (lambda folder: cmacexp.load(folder).body, read_traces, lambda folder: use("score", folder)),
+    MEMORY: (lambda folder: use("score", folder),),
+    METRICS: (lambda folder: cmacexp.load(folder).metrics, lambda folder: cmacexp.load(folder).scores),
+    BODY_METRICS: (lambda folder: cmacexp.load(folder).body_metrics, lambda folder: cmacexp.load(folder).scores),
+    WEIGHTS: (start_from,),
+    METRICS_CSV: (),
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_flipped_bit_of_a_file_is_found_by_all_that_read_it(name, request):
+    folder = request.getfixturevalue("leg" if name == WEIGHTS else "walk")
+    flip(folder / name, random.Random(name))
+    assert [fault.split(":")[0] for fault in faults(folder)] == [name]
+    for read in (*READERS[name], lambda folder: use("verify", folder)):
+        with pytest.raises(CmacexpError, match=name):
+            read(folder)
+
+
+def test_a_flipped_bit_of_a_manifest_is_found(leg):
+    path, chance = leg / manifests.NAME, random.Random("manifest")
+    text = path.read_bytes()
+    for _ in range(100):
+        flip(path, chance)
+        assert len(faults(leg)) == 1
+        path.write_bytes(text)
+    assert not faults(leg)
+
+
+def test_a_table_that_is_missing_or_that_the_run_did_not_write_is_not_read(leg, walk):
+    shutil.copy(walk / BODY, leg / BODY)
+    assert read_traces(leg).body is None
+    with pytest.raises(CmacexpError, match=BODY):
+        _ = cmacexp.load(leg).body
+    (walk / BODY).unlink()
+    for read in READERS[BODY]:
+        with pytest.raises(CmacexpError, match=BODY):
+            read(walk)
+
+
+def test_a_damaged_recording_is_built_anew_with_a_word(walk):
+    flip(walk / RECORDING, random.Random(0))
+    done = call("replay", walk, "--no-viewer")
+    assert (done.returncode, len(done.stderr.splitlines()), faults(walk)) == (0, 1, [])
+
+
+H = "0" * 64
+OTHER_CONFIG = "another config of the same hash"
+
+
+def changed(manifest, *keys, value):
+    """A manifest with another value at ``keys``."""
+    first, *rest = keys
+    return {**manifest, first: changed(manifest[first], *rest, value=value) if rest else value}
+
+
+SHAPES = {
+    "a list": lambda m: "[]",
+    "a number": lambda m: "1",
+    "no checksum": lambda m: json.dumps(m),
+    "deep": lambda m: "[" * 100_000,
+    OTHER_CONFIG: lambda m: changed(m, "config", "seed", value=7),
+    "nested": lambda m: changed(m, "config", "plant", value=json.loads("[" * 99 + "]" * 99)),
+    "large": lambda m: changed(m, "cause", value="x" * (17 << 20)),
+    "a status of two lines": lambda m: changed(m, "status", value="failed)\nrun: intact (completed"),
+    "files a list": lambda m: {**m, "files": list(m["files"])},
+    "a hash is a number": lambda m: changed(m, "files", TRACE, value=3),
+    "a file outside": lambda m: changed(m, "files", "../other", value=H),
+    "an absolute file": lambda m: changed(m, "files", "/etc/passwd", value=H),
+    "config of nothing": lambda m: {**m, "config": {}},
+    "no cycle": lambda m: changed(m, "config", "gait", "cycle_time", value=1e-9),
+    "a period of nothing": lambda m: changed(m, "config", "sampling_period", value=1e-320),
+    "a leg null": lambda m: changed(m, "config", "machine", "leg", value=None),
+    "a class is a list": lambda m: changed(m, "config", "plant", "_target_", value=[1]),
+    "steps endless": lambda m: {**m, "steps": 10**400},
+    "no steps": lambda m: {key: value for key, value in m.items() if key != "steps"},
+    "memory of nothing": lambda m: {**m, "memory": [{"a": None}]},
+    "drift of nothing": lambda m: {**m, "drift": {"a": 1}},
+    "runs a list": lambda m: {**m, "kind": "report", "runs": [1]},
+}
+USES = {
+    "verify": lambda folder: use("verify", folder),
+    "score": lambda folder: use("score", folder),
+    "replay": lambda folder: use("replay", folder, "--no-viewer"),
+    "load": lambda folder: cmacexp.load(folder).trace,
+    "start_from": start_from,
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_manifest_of_another_shape_is_refused_by_all_that_read_it(shape, leg):
+    text = SHAPES[shape](manifests.read(leg))
+    if isinstance(text, dict):
+        other = {} if shape == OTHER_CONFIG else {"config_hash": config_hash(text["config"])}
+        text = manifests.dump({**text, **other})
+    (leg / manifests.NAME).write_text(text)
+    for read in USES.values():
+        with pytest.raises(CmacexpError):
+            read(leg)
+
+
+@pytest.mark.parametrize("name", [manifests.NAME, TRACE, WEIGHTS])
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero"), Path.mkdir])
+def test_only_regular_files_are_opened(name, make, leg):
+    (leg / name).unlink()
+    make(leg / name)
+    assert len(faults(leg)) == 1
+    for reader in {manifests.NAME: USES, TRACE: ["verify", "load"], WEIGHTS: ["verify", "start_from"]}[name]:
+        with pytest.raises(CmacexpError):
+            USES[reader](leg)
+
+
+@pytest.mark.parametrize(("shape", "kind"), [((10**11,), "<f8"), ((10,), "|O"), ((10,), "<f8")])
+def test_weights_that_are_none_are_bad_input(shape, kind, leg):
+    """The header says ``shape``; ten numbers follow."""
+    header = io.BytesIO()
+    npy.write_array_header_1_0(header, {"descr": kind, "fortran_order": False, "shape": shape})
+    with zipfile.ZipFile(leg / WEIGHTS, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("weights.npy", header.getvalue() + bytes(80))
+    accept(leg, WEIGHTS)
+    with pytest.raises(BadInput, match=r"learning\.start_from="):
+        start_from(leg)
+
+
+def test_a_run_starts_from_no_weights_that_a_report_or_a_sweep_lists(leg):
+    listed = {"files": {WEIGHTS: hashes.current_hash(leg / WEIGHTS)}, "config": {}, "versions": {}}
+    (leg / manifests.NAME).write_text(manifests.dump({"kind": "sweep", "status": "completed", **listed}))
+    with pytest.raises(BadInput, match=r"learning\.start_from="):
+        start_from(leg)
+
+
+def test_what_is_printed_has_no_control_characters(leg, tmp_path):
+    folder = leg.rename(tmp_path / "x\033[2K\033[1A\ny")
+    done = [call(command, folder) for command in ("verify", "score")]
+    assert [each.returncode for each in done] == [0, 0]
+    flip(folder / METRICS, random.Random(0))  # a damaged run is printed too
+    assert "\n" not in repr(cmacexp.load(folder))
+    assert "\033" not in "".join(each.stdout + each.stderr for each in done) + repr(cmacexp.load(folder))
+    assert len(done[0].stdout.splitlines()) == 1
+
+
+def test_a_run_with_a_result_lists_its_tables_and_one_that_failed_may_have_nothing(walk):
+    change_manifest(walk, files={})
+    assert [fault.split(":")[0] for fault in faults(walk)] == [METRICS, BODY_METRICS, METRICS_CSV, TRACE, BODY]
+    change_manifest(walk, status="failed")
+    assert not faults(walk)
+
+
+def test_a_report_inside_a_run_is_verified_is_no_run_and_notices_a_config_changed_by_hand(leg):
+    runs = {leg: manifests.read(leg)["config_hash"]}
+    page = write_report(Report("T", "S", [], [leg / TRACE], runs=runs), leg / "report")
+    assert (runs_below(leg), everything_below(leg)) == ([leg], [leg, leg / "report"])
+    assert [call("verify", leg).returncode, call("score", leg / "report").returncode] == [0, 2]
+    change_manifest(leg, config={**cmacexp.load(leg).config, "seed": 1})
+    assert (len(faults(leg)), len(faults(leg / "report"))) == (0, 1)
+    flip(page, random.Random(0))
+    assert [call("verify", leg).returncode, len(faults(leg / "report"))] == [4, 2]
+
+
+def test_links_to_folders_are_not_followed_but_the_folder_itself_may_be_one(leg, tmp_path):
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked" / "loop").symlink_to(tmp_path)
+    assert runs_below(tmp_path) == everything_below(tmp_path) == [leg]
+    (tmp_path / "given").symlink_to(leg)
+    assert runs_below(tmp_path / "given") == [tmp_path / "given"]

@@ -1,0 +1,43 @@
+"""What a run leaves behind: its tables, row by row, and the columns that sensors add."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from support.walks import PERIOD, STEPS
+
+from cmacexp.data.signals import BODY_SIGNALS, LEG_SIGNALS, MEMORY_SIGNALS, SPATIAL_SIGNALS, select_signals
+
+
+@pytest.fixture(scope="module")
+def walk(stored):
+    return stored("scenario=quadruped", "cycles=1")
+
+
+def test_a_walk_has_a_row_per_step_and_leg_and_a_row_of_the_body_per_step(walk):
+    assert set(walk.manifest["files"]) == {
+        "trace.parquet", "body.parquet", "memory.parquet", "metrics.parquet", "metrics.csv", "body_metrics.parquet",
+        "recording.rrd",
+    }  # fmt: skip
+    assert_array_equal(walk.trace["step"], np.repeat(np.arange(STEPS), 4))
+    assert_array_equal(walk.trace["leg"], np.tile([1, 2, 3, 4], STEPS))
+    assert_array_equal(walk.body["step"], np.arange(STEPS))
+    assert_allclose(walk.body["time"], np.arange(STEPS) * PERIOD, rtol=1e-15)
+    assert {*walk.body["cycle"]} == {1}
+    assert walk.metrics[["cycle", "leg"]].to_numpy().tolist() == [[1, leg] for leg in (1, 2, 3, 4)]
+    assert walk.body_metrics["cycle"].tolist() == [1]
+
+
+def names(signals):
+    return [signal.name for signal in signals]
+
+
+def test_a_name_stands_once_in_a_table_and_what_sensors_alter_has_a_measured_column():
+    for table in ((*LEG_SIGNALS, *SPATIAL_SIGNALS), BODY_SIGNALS, MEMORY_SIGNALS):
+        assert len({*names(table)}) == len(table)
+    always = [signal.name for signal in LEG_SIGNALS if signal.present == "always"]
+    assert names(select_signals(LEG_SIGNALS)) == always
+    added = select_signals(LEG_SIGNALS, {"force", "velocity"}, watched=True)[len(always) :]
+    assert names(added) == ["vx_measured", "vy_measured", "dq1_measured", "dq2_measured", "force_trusted"]
+    assert [signal.unit for signal in added] == ["m/s", "m/s", "rad/s", "rad/s", ""]
+    rates = names(select_signals(BODY_SIGNALS, {"height_rate"}))[-2:]
+    assert rates == ["height_rate", "height_rate_measured"]

@@ -1,0 +1,130 @@
+"""A run whose learning drifts is named before it falls apart, and none that lasts is."""
+
+import shutil
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from support.command import call
+from support.made_traces import compute, make_trace
+from support.manifests import change_manifest
+
+import cmacexp
+from cmacexp.metrics.drift import DRIFT_RATIO, Drift, DriftDetector, make_drift_entry
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
+
+WINDOW = 10
+"""Cycles over which growth is measured."""
+FALLING = 0.9 ** np.arange(20.0)
+
+
+def follow_drift(feedback):
+    """Growth and start of drift at all cycles of ``feedback`` (cycles,) or (cycles, legs)."""
+    feedback = np.asarray(feedback).reshape(len(feedback), -1)
+    return DriftDetector(feedback.shape[1]).add(feedback)
+
+
+def first_detected(feedback):
+    """Cycle in which a drift of one leg was named, and that in which it started; None if there is none."""
+    started = follow_drift(feedback)[1][:, 0]
+    named = np.flatnonzero(~np.isnan(started))
+    return (int(named[0]) + 1, int(started[named[0]])) if len(named) else None
+
+
+def test_growth_is_the_factor_of_a_geometric_series_whatever_a_single_cycle_is():
+    feedback = 2.0 * 1.03 ** np.arange(15.0)
+    growth = follow_drift(feedback)[0][:, 0]
+    assert np.isnan(growth[: WINDOW - 1]).all()
+    assert_allclose(growth[WINDOW - 1 :], 1.03)
+    feedback[-1] = 50.0
+    assert follow_drift(feedback)[0][-1, 0] == pytest.approx(1.03, abs=0.005)
+
+
+def test_a_trend_is_named_with_its_first_cycle_once_it_has_risen_by_half():
+    """1.03^n reaches 1.5 after 14 cycles; the level is the median of ten."""
+    named, started = first_detected([*FALLING, *(FALLING[-1] * 1.03 ** np.arange(1, 60.0))])
+    assert abs(started - 20) <= 3
+    assert 34 <= named <= 42
+    named, started = first_detected(1.001 ** np.arange(500.0))  # though its window hardly rises
+    assert started == WINDOW // 2
+    assert named == pytest.approx(5 + np.log(1.5) / np.log(1.001), abs=6)
+
+
+@pytest.mark.parametrize(("share", "harms"), [(0.97, False), (1.1, True)])
+def test_feedback_that_is_small_against_its_highest_level_may_rise(share, harms):
+    rising = 1e-3 * 1.01 ** np.arange(1000.0)
+    found = first_detected([*np.ones(20), *rising[rising < share * DRIFT_RATIO * 0.01]])
+    assert (found is not None) == harms
+
+
+LASTING = {
+    "decay": 0.97 ** np.arange(2000.0),
+    "standing": np.ones(2000),
+    "transient": [1.0, 4.0, 0.5, 2.0, 0.9, 1.5, *FALLING],
+    "relearning": [*FALLING, *(5.0 * FALLING)],
+    "below the rise": [*FALLING, *(FALLING[-1] * 1.04 ** np.arange(10.0)), *([FALLING[-1] * 1.48] * 50)],
+    "as good as nothing": [1.0] * 10 + [1e-12 * 1.1**n for n in range(100)],
+    "zero": np.zeros(50),
+    "last inf": [*FALLING, np.inf],
+    "noise": np.random.default_rng(0).normal(1.0, 0.1, (2000, 20)),
+}
+
+
+@pytest.mark.parametrize("feedback", LASTING.values(), ids=LASTING)
+def test_what_lasts_is_never_named(feedback):
+    assert np.isnan(follow_drift(feedback)[1]).all()
+
+
+@pytest.mark.parametrize("size", [1, 3, 7, 200])
+def test_a_run_watched_in_parts_is_told_as_one_watched_at_once(size):
+    n = np.arange(150.0)[:, None] + np.arange(3)
+    feedback = np.abs(np.sin(0.01 * n)) + 0.1 * 1.02**n
+    detector = DriftDetector(3)
+    parts = [detector.add(feedback[n : n + size]) for n in range(0, len(feedback), size)]
+    for part, at_once in zip(zip(*parts, strict=True), follow_drift(feedback), strict=True):
+        assert_array_equal(np.concatenate(part), at_once)
+
+
+def test_a_drift_is_named_in_the_first_cycle_that_shows_it_with_its_leg():
+    """However late the other legs follow; and read from the metrics, with the growth at the end."""
+    n = np.arange(60.0)[:, None]
+    detector = DriftDetector(3)
+    growth, started = detector.add(1.03 ** np.maximum(0.0, n - np.array([30.0, 0.0, 12.0])))
+    named = int(np.flatnonzero(~np.isnan(started).all(axis=1))[0])
+    assert np.flatnonzero(~np.isnan(started[named])).tolist() == [1]
+    assert detector.first == Drift(int(started[named, 1]), 2, named + 1, growth[named, 1])
+    assert detector.first.growth == pytest.approx(1.03)
+    cycle, leg = (each.ravel() for each in np.mgrid[1:61, 1:4])
+    table = pa.table({"cycle": cycle, "leg": leg, "drift_cycle": started.ravel(), "feedback_growth": growth.ravel()})
+    assert make_drift_entry(table) == {**detector.first._asdict(), "growth": growth[-1, 1]}
+    assert make_drift_entry(table.slice(0, 3 * named)) is None
+
+
+def test_a_row_knows_nothing_of_later_cycles():
+    rng, size = np.random.default_rng(7), (32, 2)
+    decay = np.repeat(np.exp(-0.4 * np.arange(8)), 4)[:, None]
+    columns = {name: decay * rng.uniform(0.5, 1.5, size) for name in ("x", "y", "tau_feedback_1")}
+    force = 1.0 + decay * rng.uniform(0.5, 1.5, size)
+    trace = make_trace("TSSS", rows=32, legs=2, force=force, force_desired=1.0, **columns)
+    whole = compute(trace, 4)
+    for cycles in range(1, 8):
+        begun = compute(trace.slice(0, 8 * cycles), 4)
+        for name in whole.column_names:
+            assert_array_equal(begun[name], whole[name].slice(0, 2 * cycles), err_msg=name)
+
+
+@pytest.mark.ci
+def test_the_law_of_the_paper_is_seen_to_drift_before_cycle_100_and_one_with_a_lead_is_not(stored, tmp_path):
+    run = stored("scenario=one_leg", "cycles=120", "record=trace")
+    drift = run.manifest["drift"]
+    assert (drift["leg"], drift["cycle"] < 20, drift["named"] < 100) == (1, True, True)
+    assert 1.01 < drift["growth"] < 1.05
+    again = shutil.copytree(run.folder, tmp_path / "again")
+    change_manifest(again, drift=None)
+    done = call("score", again)
+    assert done.returncode == 0, done.stderr
+    assert cmacexp.load(again).manifest["drift"] == drift, "known from the trace alone"
+    lasting = stored("scenario=one_leg", "cycles=120", "record=metrics", "learning.lead=1")
+    assert lasting.manifest["drift"] is None

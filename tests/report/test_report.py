@@ -1,0 +1,188 @@
+"""Reports of a run and of several, from the command line: whole pages, what they rest on, what they refuse."""
+
+import json
+import math
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.command import call
+
+import cmacexp
+from cmacexp.report.figures import Panel, Series, draw
+from cmacexp.report.parts import Drawing, Folded, Table
+from cmacexp.report.run_figures import draw_metrics
+from cmacexp.report.run_report import make_run_report
+from cmacexp.report.run_summary import RunSummary, make_rows, read_summary
+from cmacexp.report.style import include_zero, new_figure, spans_decades
+from cmacexp.report.sweep_report import find_swept, make_sweep_report
+
+
+@pytest.fixture(scope="module")
+def leg(stored):
+    return stored("scenario=one_leg", "cycles=3", "record.weights=true")
+
+
+@pytest.fixture(scope="module")
+def content(leg):
+    return make_run_report(leg)
+
+
+@pytest.fixture(scope="module")
+def walk(stored):
+    return stored("scenario=quadruped", "cycles=1")
+
+
+@pytest.fixture(scope="module")
+def fallen(stored):
+    return stored("scenario=quadruped", "posture.gain=0", "cycles=2")
+
+
+@pytest.fixture(scope="module")
+def mass(stored):
+    return stored("scenario=force_step")
+
+
+def parts_of(content):
+    """All parts of a report, folded ones too."""
+    inside = [part for section in content.sections for part in section.parts]
+    return inside + [inner for part in inside if isinstance(part, Folded) for inner in part.parts]
+
+
+def figures_of(content):
+    """The figures of a report by their names."""
+    return {part.name: part.figure for part in parts_of(content) if isinstance(part, Drawing)}
+
+
+def cells_of(content):
+    return [cell for part in parts_of(content) if isinstance(part, Table) for row in part.rows for cell in row]
+
+
+@pytest.mark.ci
+def test_a_run_gets_a_page_that_needs_nothing_else_and_is_verified_with_what_it_rests_on(leg, tmp_path):
+    run = shutil.copytree(leg.folder, tmp_path / "leg")
+    done = call("report", run)
+    page = run / "report" / "report.html"
+    assert (done.returncode, done.stdout.splitlines()[-1], done.stderr) == (0, str(page), "")
+    text = page.read_text()
+    assert not re.search(r"""<(img|script|link|iframe)|(src|href)=["'](?!#)|url\((?!#)""", text)
+    figures = {f"figures/{path.name}" for path in (run / "report" / "figures").iterdir()}
+    assert text.count("<figure") == len(figures) == 3
+    assert not re.search(r"<figure((?!</figure>).)*\n\s*\n", text, re.DOTALL), "a blank line ends HTML in Markdown"
+    files = json.loads((run / "report" / "manifest.json").read_text())["files"]
+    assert {"../trace.parquet", "../metrics.parquet", "report.html", *figures} <= files.keys()
+    assert call("verify", run).returncode == 0
+    with (run / "trace.parquet").open("ab") as file:
+        file.write(b"x")
+    assert [call("verify", run / "report").returncode, call("report", run).returncode] == [4, 2]
+
+
+def test_settings_that_are_not_the_default_are_shown_with_it(content):
+    changed, folded = next(section.parts for section in content.sections if section.title == "Settings")
+    assert {("record.weights", "true", "false"), ("cycles", "3", "5")} <= {tuple(row[:3]) for row in changed.rows}
+    assert "machine.leg.length_1" in {row[0] for row in folded.parts[0].rows}
+
+
+@pytest.mark.ci
+def test_a_machine_without_joints_or_that_fell_has_the_figures_of_what_it_has(mass, fallen):
+    assert "force error <i>e</i><sub>F</sub>" in cells_of(make_run_report(mass))
+    content = make_run_report(fallen)
+    assert fallen.manifest["cause"] in content.summary
+    assert {"end", "body", "force"} <= figures_of(content).keys()
+
+
+def test_figures_and_tables_show_the_legs_pooled_as_their_metrics_say(leg, walk):
+    """The root mean square of errors, the largest of peaks, the mean of shares; the body's as they are."""
+    assert len(draw_metrics(walk).figure.axes[0].lines) == 5, "four legs and what is pooled"
+    (row,) = make_rows([read_summary(walk.folder)], ["cycles"])
+    of_legs = walk.metrics
+    expected = {
+        "final_force_rmse": np.sqrt((of_legs["force_rmse"] ** 2).mean()),
+        "final_torque_peak": of_legs["torque_peak"].max(),
+        "final_feedforward_share": of_legs["feedforward_share"].mean(),
+        "final_height_mean": walk.body_metrics["height_mean"][0],
+    }
+    assert {name: row[name] for name in expected} == pytest.approx(expected, rel=1e-12)
+    (row,), errors = make_rows([read_summary(leg.folder)], []), leg.metrics["force_rmse"]
+    assert (row["final_force_rmse"], row["best_force_rmse"]) == (errors.iloc[-1], errors.min())
+    assert row["best_feedforward_share"] == leg.metrics["feedforward_share"].max()
+    assert math.isnan(row["final_tilt_max"])
+
+
+def test_a_cycle_that_the_run_did_not_end_is_no_final_one(fallen):
+    summary = read_summary(fallen.folder)
+    assert (summary.status, summary.cycles) == ("fell", 0)
+    assert math.isnan(summary.final("force_rmse"))
+
+
+def test_two_swept_keys_have_a_figure_each_with_a_line_for_each_value_of_the_other(leg):
+    one = read_summary(leg.folder)
+    runs = [
+        replace(
+            one,
+            config=one.config | {"cmac.layers": layers, "learning.rate": rate},
+            status=status,
+            metrics={name: rate * layers * values for name, values in one.metrics.items()},
+        )
+        for layers in (2, 10)
+        for rate, status in ((0.1, "completed"), (0.2, "completed"), (1.8, "diverged"))
+    ]
+    figures = figures_of(make_sweep_report(runs, "sweep"))
+    assert {"learning", "over-cmac-layers", "over-learning-rate"} <= figures.keys()
+    legend = figures["over-cmac-layers"].legends[0]
+    assert [text.get_text() for text in legend.get_texts()][:2] == ["0.1", "0.2"]
+
+
+def test_a_run_that_was_killed_or_damaged_is_listed_and_in_no_figure(leg, tmp_path):
+    folders = [shutil.copytree(leg.folder, tmp_path / name) for name in ("whole", "killed", "damaged")]
+    (folders[1] / "manifest.json").unlink()
+    (folders[2] / "trace.parquet").write_bytes(b"")
+    content = make_sweep_report([read_summary(folder) for folder in folders], "sweep")
+    assert {"killed", "damaged", "unfinished", "not intact"} <= {*cells_of(content)}
+    assert {path.parent for path in content.inputs} == {folders[0]}
+
+
+@pytest.mark.ci
+def test_the_page_of_several_runs_is_no_run_and_goes_where_no_file_stands(mass, tmp_path):
+    runs = tmp_path / "runs"
+    for name in ("2", "10"):
+        shutil.copytree(mass.folder, runs / name)
+    done = call("report", runs)
+    assert done.returncode == 0, done.stderr
+    rows = [line.split()[0] for line in done.stdout.splitlines() if "completed" in line]
+    assert rows == ["2", "10"]
+    assert [call(command, runs).returncode for command in ("score", "verify", "report")] == [0, 0, 0]
+    assert len(cmacexp.load_sweep(runs)["run"].unique()) == 2
+    (tmp_path / "taken").touch()
+    refused = call("report", runs, "--out", tmp_path / "taken" / "below")
+    assert (refused.returncode, len(refused.stderr.splitlines())) == (2, 1)
+
+
+def swept(*configs):
+    runs = [RunSummary(folder, "completed", "", config) for folder, config in enumerate(configs)]
+    found = find_swept(runs)
+    return found.keys, found.linked, found.seeds
+
+
+def test_keys_that_differ_between_the_same_runs_are_one_and_what_a_scenario_decides_goes_with_it():
+    keys = ("seed", "machine.leg.mass", "machine.legs.left.mass", "record.r")
+    a, b, c = (dict(zip(keys, values, strict=True)) for values in ((1, 1, 1, 1), (2, 2, 2, 2), (3, 2, 2, 2)))
+    assert swept(a, b, c) == (["machine.leg.mass"], {"machine.leg.mass": ["machine.legs.left.mass"]}, ["seed"])
+    assert swept(b, c) == (["seed"], {}, [])
+    assert swept(a, a) == ([], {}, [])
+    runs = [{"scenario": s, "knee": k, "rate": r} for s, k, r in (("a", 1, 1), ("b", 0, 1), ("c", 0, 1), ("c", 0, 2))]
+    assert swept(*runs) == (["scenario", "rate"], {"scenario": ["knee"]}, [])
+
+
+def test_axes_do_not_exaggerate_differences_and_are_logarithmic_only_where_values_allow_it():
+    _, (errors, heights) = new_figure(1, 2)
+    for axes, from_zero in ((errors, True), (heights, False)):
+        axes.plot([0, 1], [1.42, 1.52])
+        include_zero(axes, [1.42, 1.52], from_zero=from_zero)
+    figure = draw([Panel("error", "cycle", "mm", [Series("a", [1, 2], [1.42, 1.52])])])
+    lowest = [axes.get_ylim()[0] for axes in (errors, figure.axes[0], heights)]
+    assert [low <= 0.0 for low in lowest] == [True, True, False]
+    spans = [[1.0, 100.0, math.nan], [0.0, 1.0, 100.0], [1.0, 15.0], [-1.0, 100.0], [math.nan]]
+    assert [spans_decades(values) for values in spans] == [True, True, False, False, False]
