@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 from numpy.lib import format as npy
 from support.command import call
-from support.doors import BadInput, CmacexpError, compose_config, make_scenario
-from support.doors_D import Report, write_report
+from support.doors import BadInput, CmacexpError, Report, compose_config, make_scenario, write_report
 from support.manifests import accept, change_manifest
 
 import cmacexp

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 from support.command import ROOT, call, python
-from support.doors import BadInput, CmacexpError, compose_config, run_scenario
-from support.doors_D import Report, write_report
+from support.doors import BadInput, CmacexpError, Report, compose_config, run_scenario, write_report
 
 import cmacexp
 from cmacexp.data.folder import write_atomically

@@ -13,3 +13,5 @@ from cmacexp.experiment.run import run_scenario as run_scenario
 from cmacexp.loop.scenario import make_scenario as make_scenario
 from cmacexp.models.mechanism import Mechanism as Mechanism
 from cmacexp.planning.machine import make_mechanism as make_mechanism
+from cmacexp.report.page import Report as Report
+from cmacexp.report.page import write_report as write_report
