@@ -5,21 +5,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.robot_walks import EXACT, ROBOT
+from support.doors import compose_config, make_scenario
 from support.robots import OWN, read
 
-from cmacexp.config.compose import compose_config
-from cmacexp.loop.scenario import make_scenario
-from cmacexp.models.robot import load_mujoco
 from cmacexp.planning.columns import JOINT_COLUMNS, X, Z
 from cmacexp.planning.robot import find_centres
 from cmacexp.planning.robot_dynamics import compute_load, compute_needs, make_model, planned_torques
+
+pytestmark = pytest.mark.ci
+ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}", "feedforward=inverse_dynamics")
 
 
 @pytest.fixture(scope="module")
 def planned():
     """Setup of the usual gait; joint angles, their rates and accelerations (N, 4, 3), forces, what masses need."""
-    setup = make_scenario(compose_config([*ROBOT, f"machine.path={OWN}", EXACT])).setup
+    setup = make_scenario(compose_config([*ROBOT])).setup
     joints = setup.plan.joints
     angles, rates, accelerations = (joints[..., JOINT_COLUMNS[name]] for name in JOINT_COLUMNS)
     needs, _ = compute_needs(setup.config, joints, setup.plan.sway)
@@ -27,6 +27,12 @@ def planned():
         **vars(setup), angles=angles, rates=rates, accelerations=accelerations, needs=needs,
         force=setup.plan.force_desired,
     )  # fmt: skip
+
+
+def find_torques(planned, pressed, factor=1.0):
+    """Planned torques (N, 4, 3) that give the forces ``pressed`` (N, 4), with masses wrong by ``factor``."""
+    plan = planned.plan
+    return planned_torques(planned.config, planned.mechanism, plan.joints, plan.sway, planned.force, pressed, factor)
 
 
 def test_the_impulse_of_the_planned_forces_is_the_change_of_momentum(planned):
@@ -39,38 +45,32 @@ def test_the_impulse_of_the_planned_forces_is_the_change_of_momentum(planned):
     assert (np.quantile(off, 0.9, axis=0) < 0.1 * np.ptp(momentum, axis=0)).all()
 
 
-def test_feet_share_the_vertical_force_that_masses_need(planned):
-    assert_allclose(planned.force.sum(axis=1), planned.needs[:, 2], rtol=1e-8)
-    assert planned.force.min() >= 0.0
-    assert not planned.force[~planned.plan.support].any()
+def test_feet_share_the_force_that_masses_need_from_nothing_to_nothing_without_a_pull(planned):
+    support, force = planned.plan.support, planned.force
+    assert_allclose(force.sum(axis=1), planned.needs[:, 2], rtol=1e-8)
+    assert force.min() >= 0.0
+    assert not force[~support].any()
+    assert not force[support & ~np.roll(support, 1, axis=0)].any()
+    assert force[support & ~np.roll(support, -1, axis=0)].max() < 2e-3 * planned.mechanism.weight
 
 
 def test_the_centre_of_pressure_is_where_masses_need_it_unless_a_foot_would_have_to_pull(planned):
-    feet = planned.mechanism.hips + planned.plan.desired[..., [X, Z]]
-    centre = (planned.force[..., None] * feet).sum(axis=1) / planned.force.sum(axis=1)[:, None]
-    met = (
-        np.abs(centre - compute_load(planned.config, planned.plan.joints, planned.plan.sway).centre).max(axis=1)
-        < 1e-6
-    )
-    would_pull = (planned.plan.support & (planned.force == 0.0)).any(axis=1)
-    assert (met | would_pull).all()
-    assert met.mean() > 0.9
-
-
-def test_feet_take_their_load_from_zero_and_give_it_up_again(planned):
-    support, force = planned.plan.support, planned.force
-    touching, lifting = support & ~np.roll(support, 1, axis=0), support & ~np.roll(support, -1, axis=0)
-    assert not force[touching].any()
-    assert force[lifting].max() < 2e-3 * planned.mechanism.weight
+    plan, force = planned.plan, planned.force
+    feet = planned.mechanism.hips + plan.desired[..., [X, Z]]
+    centre = (force[..., None] * feet).sum(axis=1) / force.sum(axis=1)[:, None]
+    off = np.abs(centre - compute_load(planned.config, plan.joints, plan.sway).centre).max(axis=1)
+    would_pull = (plan.support & (force == 0.0)).any(axis=1)
+    assert off[~would_pull].max() < 1e-6
+    assert (off < 1e-6).mean() > 0.9
 
 
 def test_planned_torques_and_forces_leave_nothing_for_mujoco_to_add(planned):
     """But about the vertical, where nothing is controlled; a foot that cannot pull leaves a moment, too."""
-    mujoco, robot, force = load_mujoco(), read(), planned.force
+    import mujoco
+
+    robot, force = read(), planned.force
     model, legs = make_model(robot.model), robot.legs
-    data = mujoco.MjData(model)
-    torque = planned_torques(planned.config, planned.mechanism, planned.plan.joints, planned.plan.sway, force, force)
-    left = []
+    data, torque, left = mujoco.MjData(model), find_torques(planned, force), []
     for k in range(0, len(force), 9):
         data.qpos[legs.base_qpos : legs.base_qpos + 7] = [0, 0, 0, 1, 0, 0, 0]
         data.qpos[legs.qpos], data.qvel[legs.dof] = planned.angles[k], planned.rates[k]
@@ -82,21 +82,14 @@ def test_planned_torques_and_forces_leave_nothing_for_mujoco_to_add(planned):
             place, push = data.geom_xpos[geom].copy(), share * planned.needs[k, :3]
             mujoco.mj_applyFT(model, data, push, np.zeros(3), place, int(body), given)
         left.append(np.abs(data.qfrc_inverse - given))
-    left, joints = np.array(left), legs.dof.ravel()
-    trunk = left[:, legs.base_dof : legs.base_dof + 6]
-    assert left[:, joints].max() < 1e-9
-    assert trunk[:, :3].max() < 1e-6
-    assert np.quantile(trunk[:, 3:5], 0.9) < 0.02 < np.abs(planned.needs[:, 3:5]).max() / 10.0
+    left, trunk = np.array(left), np.arange(legs.base_dof, legs.base_dof + 6)
+    assert left[:, legs.dof.ravel()].max() < 1e-9
+    assert left[:, trunk[:3]].max() < 1e-6
+    assert np.quantile(left[:, trunk[3:5]], 0.9) < 0.02 < np.abs(planned.needs[:, 3:5]).max() / 10.0
 
 
 def test_torques_grow_with_the_masses_of_the_model_above_what_joints_lose(planned):
-    pressed = np.zeros_like(planned.force)
-    once, twice, thrice = (
-        planned_torques(
-            planned.config, planned.mechanism, planned.plan.joints, planned.plan.sway, planned.force, pressed, factor
-        )
-        for factor in (1.0, 2.0, 3.0)
-    )
+    once, twice, thrice = (find_torques(planned, 0.0 * planned.force, factor) for factor in (1.0, 2.0, 3.0))
     rates, accelerations, robot = planned.rates, planned.accelerations, read()
     losses = robot.damping * rates + robot.friction * np.sign(rates) + robot.armature * accelerations
     # MuJoCo's dry friction is full where speed, rather than acceleration, decides its direction.
