@@ -36,7 +36,7 @@ def touch_downs(support):
 
 @pytest.mark.parametrize(("duty", "cycle_time", "period"), WAVES)
 def test_a_wave_has_the_phases_and_the_least_margins_of_the_theory(walk_plan, duty, cycle_time, period):
-    """McGhee & Frank 1968: (duty factor - 3/4) stroke/duty factor, zero included, behind lift-offs and before landings."""
+    """McGhee & Frank 1968: (duty factor - 3/4) stroke/duty factor behind lift-offs and before touch-downs."""
     plan = walk_plan(f"gait.duty_factor={duty!r}", f"gait.cycle_time={cycle_time}", f"sampling_period={period}")
     down, up, front = touch_downs(plan.support), touch_downs(~plan.support), plan.margins[:, 1]
     assert_allclose(down / len(plan.support), [0.0, 0.5, duty, duty - 0.5], atol=1e-12)

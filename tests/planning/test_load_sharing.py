@@ -1,4 +1,4 @@
-"""Load sharing: forces balance weight and moments and are the least that do; dynamic ones move all masses as planned."""
+"""Load sharing: forces balance weight and moments and are the least that do; dynamic ones move all masses."""
 
 import numpy as np
 import pytest

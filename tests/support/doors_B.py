@@ -3,6 +3,7 @@
 from cmacexp.models.body import Load as Load
 from cmacexp.models.body import depth as depth
 from cmacexp.models.body import make_pose as make_pose
+from cmacexp.models.ground import stiffness_at as stiffness_at
 from cmacexp.models.leg import Leg as Leg
 from cmacexp.models.leg import foot_position as foot_position
 from cmacexp.models.leg import foot_velocity as foot_velocity
