@@ -1,4 +1,4 @@
-"""Laws of the middle half of an interval on three feet, over which the force error is measured."""
+"""The middle half of an interval on three feet, over which the force error is measured."""
 
 import numpy as np
 import pytest
@@ -7,36 +7,30 @@ from support.made_traces import make_trace, phases
 from cmacexp.metrics.block import cut, three_feet
 
 
-def counted(text, legs, rows=None):
+def counted(text, legs=3, cycles=1, rows=None):
     """Samples of the first leg that count."""
-    block = cut(make_trace(text, rows, legs), len(text))
-    found = three_feet(block)
+    found = three_feet(cut(make_trace(text, rows or cycles * len(text), legs), len(text)))
     assert (found == found[:, :1]).all()  # of all legs alike
     return "".join("M" if here else "." for here in found[:, 0].ravel())
 
 
-@pytest.mark.parametrize("quarter", [1, 2, 5])
-def test_of_four_equal_parts_the_two_in_the_middle_count(quarter):
-    once = "T" * 3 + "S" * 4 * quarter
-    middle = "..." + "." * quarter + "M" * 2 * quarter + "." * quarter
-    assert counted(once, 3) == middle
-    assert counted(once, 3, rows=2 * len(once)) == 2 * middle
-
-
-@pytest.mark.parametrize("legs", [1, 2, 4])
-def test_on_more_or_fewer_feet_no_sample_counts(legs):
-    assert "M" not in counted("TTTSSSSSSSS", legs)
-
-
-def test_an_interval_that_straddles_cycles_is_one():
-    assert counted("SSSSTTTSSSS", 3, rows=22) == 2 * "MM.......MM"
+@pytest.mark.parametrize(
+    ("text", "legs", "cycles", "middle"),
+    [
+        ("TTTSSSS", 3, 1, "....MM."),
+        ("TTTSSSSSSSS", 3, 2, 2 * ".....MMMM.."),
+        ("SSSSTTTSSSS", 3, 2, 2 * "MM.......MM"),  # one that straddles cycles
+        *[("TTTSSSSSSSS", legs, 1, 11 * ".") for legs in (1, 2, 4)],
+    ],
+)
+def test_of_four_equal_parts_on_three_feet_the_two_in_the_middle_count(text, legs, cycles, middle):
+    assert counted(text, legs, cycles) == middle
 
 
 def test_an_interval_that_the_run_cuts_short_counts_as_far_as_it_goes():
-    whole = counted("TTTSSSSSSSS", 3)
+    whole = counted("TTTSSSSSSSS", cycles=2)
     for rows in range(12, 22):
-        assert counted("TTTSSSSSSSS", 3, rows=rows)[:rows] == (2 * whole)[:rows]
-        assert "M" not in counted("TTTSSSSSSSS", 3, rows=rows)[rows:]
+        assert counted("TTTSSSSSSSS", rows=rows) == whole[:rows].ljust(22, ".")
 
 
 @pytest.mark.parametrize("stands", [0, 1, 3])

@@ -1,34 +1,35 @@
-"""Sensors: each imperfection by itself, the kinematics of what is measured, both loops, trace, and bad input."""
-
-import itertools
-import json
-import re
+"""Sensors: each imperfection by itself, a channel for each reading, and what follows from what is read."""
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
-from support.command import ROOT
+from numpy.testing import assert_allclose, assert_array_equal
+from support.doors import make_scenario
+from support.doors_B import foot_position, foot_velocity, get_leg, new_measurement, trigonometry
 from support.rollout import roll_out
 
-from cmacexp.commands.score import score
-from cmacexp.data.signals import BODY_SIGNALS, select_signals
-from cmacexp.experiment.run import run_scenario
-from cmacexp.loop.scenario import make_scenario
-from cmacexp.sensors.channel import FAULTS, WITHOUT_VALUE, normal, uniform
-from cmacexp.sensors.protocol import SIGNALS, PerfectSensors
+from cmacexp.plants import Measurement
+from cmacexp.sensors import PerfectSensors
+from cmacexp.sensors.channel import FAULTS, normal, uniform
+from cmacexp.sensors.protocol import SIGNALS
 
 REAL = "sensors=real"
+SHORT = ("gait.cycle_time=0.2", "gait.lift=0.005")
+"""A plan that is made at once."""
+LEGS = 4
 
 
-def tell(make_config, values, *overrides, scenario="one_leg"):
-    """What the force sensors (steps, L) tell of ``values`` (steps, L)."""
-    made = make_scenario(make_config(f"scenario={scenario}", REAL, *overrides))
-    first = made.first
-    return np.array([made.sensors.measure(first._replace(force=np.array(row, dtype=float))).force for row in values])
+@pytest.fixture
+def tell(make_config):
+    """What the force sensors (steps, L) tell of values (steps, L), or of one leg's (steps,), under some settings."""
 
+    def told(values, *settings, scenario="one_leg"):
+        settings = [f"sensors.force.{setting}" if setting[:4] != "seed" else setting for setting in settings]
+        made = make_scenario(make_config(f"scenario={scenario}", REAL, *SHORT, *settings))
+        values = np.asarray(values, dtype=float).reshape(len(values), -1)
+        read = np.array([made.sensors.measure(made.first._replace(force=row)).force for row in values])
+        return read[:, 0] if scenario == "one_leg" else read
 
-def tell_one(make_config, values, *overrides):
-    return tell(make_config, np.reshape(values, (-1, 1)), *overrides)[:, 0].tolist()
+    return told
 
 
 # Chance
@@ -45,99 +46,135 @@ def test_normal_numbers_are_white_and_have_mean_0_and_variance_1():
 
 
 def test_uniform_numbers_fill_their_range_evenly():
-    drawn = np.array([uniform(3, step) for step in range(20000)])
-    counts, _ = np.histogram(drawn, bins=20, range=(0.0, 1.0))
+    counts, _ = np.histogram([uniform(3, step) for step in range(20000)], bins=20, range=(0.0, 1.0))
     assert counts.sum() == 20000
     assert ((counts - 1000.0) ** 2 / 1000.0).sum() < 45.0  # chi-squared of 19, one chance in a thousand
 
 
 # One imperfection at a time, by hand
 
-
-def test_sensors_without_imperfections_change_no_bit(make_config):
-    perfect, real = (roll_out(make_scenario(make_config("cycles=2", f"sensors={s}"))) for s in ("perfect", "real"))
-    assert perfect.samples.tobytes() == real.samples.tobytes()
-
-
-def test_delay_gives_the_value_of_so_many_samples_ago_and_the_first_before(make_config):
-    assert tell_one(make_config, [5, 6, 7, 8, 9], "sensors.force.delay=2") == [5, 5, 5, 6, 7]
-
-
-def test_bias_and_quantum(make_config):
-    told = tell_one(make_config, [0.0, 0.9, 1.2, -1.0], "sensors.force.bias=0.2", "sensors.force.quantum=0.5")
-    assert told == [0.0, 1.0, 1.5, -1.0]
-
-
-def test_a_filter_follows_the_reading_with_a_first_order_lag_from_the_first_one_on(make_config):
-    half = f"sensors.force.lag={0.005 / np.log(2.0)}"
-    assert tell_one(make_config, [1, 5, 5, 5], half) == pytest.approx([1, 3, 4, 4.5])
-    assert tell_one(make_config, [1, 5, 5, 5], half, "sensors.force.start=0.01") == pytest.approx([1, 5, 5, 5])
-    assert tell_one(make_config, [1, 5, 9, 9], half, "sensors.force.start=0.01") == pytest.approx([1, 5, 7, 8])
-
-
-def test_imperfections_begin_at_their_start(make_config):
-    told = tell_one(make_config, [1, 1, 1, 1], "sensors.force.bias=1", "sensors.force.start=0.01")
-    assert told == [1, 1, 2, 2]
-
-
-def test_noise_is_absolute_or_in_proportion_and_of_the_seed(make_config):
-    still = np.full(4000, 10.0)
-    for setting, deviation in (("noise=0.5", 0.5), ("noise_relative=0.2", 2.0)):
-        told, again, other = (
-            np.array(tell_one(make_config, still, f"sensors.force.{setting}", f"seed={seed}")) for seed in (1, 1, 2)
-        )
-        assert told.std() == pytest.approx(deviation, rel=0.05)
-        assert told.mean() == pytest.approx(10.0, abs=0.1)
-        assert (told == again).all()
-        assert abs(np.corrcoef(told, other)[0, 1]) < 0.06
-    assert not any(tell_one(make_config, np.zeros(100), "sensors.force.noise_relative=0.2"))
-
-
-def test_a_lost_sample_reads_the_last_good_one_or_zero(make_config):
-    values = np.arange(1.0, 2001.0)
-    held = np.array(tell_one(make_config, values, "sensors.force.dropout=0.3"))
-    lost = held != values
-    assert lost.mean() == pytest.approx(0.3, abs=0.04)
-    assert (held[1:][lost[1:]] == held[:-1][lost[1:]]).all()
-    zero = np.array(tell_one(make_config, values, "sensors.force.dropout=0.3", "sensors.force.dropout_reads=zero"))
-    assert (zero[lost] == 0.0).all()
-    assert (zero[~lost] == values[~lost]).all()
-
-
-def documented_faults():
-    """Kinds of docs/sensors.md, with the readings that stand there from the start of the fault on."""
-    rows = re.findall(r"^\| `(\w+)` \|[^|]+\| ([-\d. ]+|random) \|$", (ROOT / "docs/sensors.md").read_text(), re.M)
-    return {kind: readings for kind, readings in rows if kind not in SIGNALS}
-
-
-def test_the_documentation_lists_every_fault():
-    assert list(documented_faults()) == [kind for kind in FAULTS if kind != "none"]
+HALF = f"lag={0.005 / np.log(2.0)}"
+LATER = "start=0.01"
 
 
 @pytest.mark.parametrize(
-    ("kind", "readings"), [row for row in documented_faults().items() if row[1] != "random"], ids=lambda v: v[:5]
+    ("settings", "values", "readings"),
+    [
+        (["delay=2"], [5, 6, 7, 8, 9], [5, 5, 5, 6, 7]),
+        (["bias=0.2", "quantum=0.5"], [0.0, 0.9, 1.2, -1.0], [0.0, 1.0, 1.5, -1.0]),
+        ([HALF], [1, 5, 5, 5], [1, 3, 4, 4.5]),
+        ([HALF, LATER], [1, 5, 9, 9], [1, 5, 7, 8]),
+        (["bias=1", LATER], [1, 1, 1, 1], [1, 1, 2, 2]),
+        (["noise_relative=0.2"], [0, 0, 0], [0, 0, 0]),
+        (["fault.kind=zero", "fault.start=0.01"], [1, 2, 3, 4, 5], [1, 2, 0, 0, 0]),
+        (["fault.kind=last", "fault.start=0.01"], [1, 2, 3, 4, 5], [1, 2, 3, 3, 3]),
+        (["fault.kind=value", "fault.value=40", "fault.start=0.01"], [1, 2, 3, 4, 5], [1, 2, 40, 40, 40]),
+        (["fault.kind=bias", "fault.value=40", "fault.start=0.01"], [1, 2, 3, 4, 5], [1, 2, 43, 44, 45]),
+    ],
+    ids=lambda value: " ".join(map(str, value)),
 )
-def test_a_fault_reads_what_the_documentation_says(make_config, kind, readings):
-    value = [] if kind in WITHOUT_VALUE else ["sensors.force.fault.value=40"]
-    overrides = [f"sensors.force.fault.kind={kind}", "sensors.force.fault.start=0.01", *value]
-    assert tell_one(make_config, [1, 2, 3, 4, 5], *overrides) == [1, 2, *map(float, readings.split())]
+def test_an_imperfection_reads_what_can_be_computed_by_hand(tell, settings, values, readings):
+    assert tell(values, *settings) == pytest.approx(readings)
 
 
-def test_noise_as_a_fault_comes_on_top_of_that_of_a_sound_sensor(make_config):
-    faulty = ["sensors.force.fault.kind=noise", "sensors.force.fault.value=3", "sensors.force.noise=4"]
-    told = np.array(tell_one(make_config, np.zeros(4000), *faulty))
-    assert told.std() == pytest.approx(5.0, rel=0.05)
+def test_every_kind_of_fault_is_in_the_tests():
+    assert set(FAULTS) == {"none", "zero", "last", "value", "bias", "noise"}
 
 
-def test_only_the_named_legs_are_altered(make_config):
-    overrides = [
-        "sensors.force.bias=1", "sensors.force.legs=[1,3]", "sensors.force.fault.kind=zero",
-        "sensors.force.fault.legs=[4]",
-    ]  # fmt: skip
-    assert tell(make_config, [[10, 20, 30, 40]], *overrides, scenario="quadruped").tolist() == [[11, 20, 31, 0]]
+@pytest.mark.parametrize(
+    ("settings", "deviation"),
+    [
+        (["noise=0.5"], 0.5),
+        (["noise_relative=0.2"], 2.0),
+        (["noise=4", "fault.kind=noise", "fault.value=3"], 5.0),
+    ],
+)
+def test_noise_has_the_deviation_that_is_set_and_is_of_the_seed(tell, settings, deviation):
+    one, again, other = (tell(np.full(2000, 10.0), *settings, f"seed={seed}") for seed in (1, 1, 2))
+    assert one.std() == pytest.approx(deviation, rel=0.05)
+    assert one.mean() == pytest.approx(10.0, abs=0.05 * deviation)
+    assert_array_equal(one, again)
+    assert abs(np.corrcoef(one, other)[0, 1]) < 0.06
 
 
-# Kinematics
+def test_a_lost_sample_reads_the_last_good_one_or_zero(tell):
+    values = np.arange(1.0, 2001.0)
+    held, zero = tell(values, "dropout=0.3"), tell(values, "dropout=0.3", "dropout_reads=zero")
+    lost = held != values
+    assert lost.mean() == pytest.approx(0.3, abs=0.04)
+    assert_array_equal(held[1:][lost[1:]], held[:-1][lost[1:]])
+    assert_array_equal(zero, np.where(lost, 0.0, values))
+
+
+def test_only_the_named_legs_are_altered(tell):
+    settings = ("bias=1", "legs=[1,3]", "fault.kind=zero", "fault.legs=[4]")
+    assert tell([[10, 20, 30, 40]], *settings, scenario="quadruped").tolist() == [[11, 20, 31, 0]]
+
+
+# A channel for each reading
+
+OF_LEGS = {"force": "force", "position": "q", "velocity": "dq"}
+OF_BODY = {"height": ("body", 0), "tilt": ("body", [1, 2]), "height_rate": ("body_rate", 0), "tilt_rate": ("body_rate", [1, 2])}
+FIELDS = ("force", "q", "dq", "body", "body_rate")
+"""What has channels; feet follow from joints."""
+
+
+@pytest.fixture
+def sensing(make_config):
+    """Sensors of a quadruped, and its mechanism."""
+
+    def make(*overrides):
+        made = make_scenario(make_config("scenario=quadruped", "feedforward=none", REAL, *SHORT, *overrides))
+        return made.sensors, made.setup.mechanism
+
+    return make
+
+
+def random_measurement(seed):
+    rng = np.random.default_rng(seed)
+    return Measurement(*(rng.uniform(0.5, 1.5, values.shape) for values in new_measurement(LEGS)[:-1]))
+
+
+def errors(sensors, true):
+    """Reading less true value, by field."""
+    read = sensors.measure(true)
+    return {name: getattr(read, name) - getattr(true, name) for name in FIELDS}
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_bias_changes_the_readings_of_its_signal_and_leg_alone(sensing, name):
+    field, places = OF_BODY[name] if name in OF_BODY else (OF_LEGS[name], 2)
+    legs = [] if name in OF_BODY else [f"sensors.{name}.legs=[3]"]
+    sensors, _ = sensing(f"sensors.{name}.bias=0.25", *legs)
+    for step in range(2):
+        for other, found in errors(sensors, random_measurement(step)).items():
+            expected = np.zeros_like(found)
+            if other == field:
+                expected[places] = 0.25
+            assert_allclose(found, expected, atol=1e-15)
+
+
+def test_every_reading_has_noise_of_its_own_and_is_its_own_true_value_of_earlier(sensing):
+    noisy, _ = sensing(*(f"sensors.{name}.noise=1" for name in SIGNALS))
+    true = [random_measurement(step) for step in range(6)]
+    drawn = [np.concatenate([e.ravel() for e in errors(noisy, each).values()]) for each in true]
+    assert len(np.unique(np.round(drawn, 9))) == 6 * (LEGS * 5 + 6)
+    late, _ = sensing(*(f"sensors.{name}.delay=2" for name in SIGNALS))
+    for step, now in enumerate(true):
+        read = late.measure(now)
+        for name in FIELDS:
+            assert_array_equal(getattr(read, name), getattr(true[max(step - 2, 0)], name))
+
+
+@pytest.mark.parametrize("altered", ["position", "velocity"])
+def test_feet_follow_from_the_joints_that_are_read(sensing, altered):
+    sensors, mechanism = sensing(f"sensors.{altered}.bias=0.1")
+    true = random_measurement(0)
+    read = sensors.measure(true)
+    for i in range(LEGS):
+        leg, trig = get_leg(mechanism, i), trigonometry(*read.q[i])
+        assert_allclose(read.foot[i], foot_position(leg, trig) if altered == "position" else true.foot[i])
+        assert_allclose(read.velocity[i], foot_velocity(leg, trig, *read.dq[i]))
 
 
 def test_a_point_mass_measures_where_it_is_and_how_fast(make_config):
@@ -147,30 +184,26 @@ def test_a_point_mass_measures_where_it_is_and_how_fast(make_config):
     assert seen.velocity.tolist() == seen.dq.tolist() == [[0.25, -0.5]]
 
 
-# Trace
+# In a run
 
 
-def test_true_and_measured_values_stand_beside_each_other(make_config, tmp_path):
-    overrides = ["sensors.position.bias=0.001", "sensors.tilt_rate.bias=0.5", "sensors.force.bias=2"]
-    config = make_config("scenario=quadruped", REAL, *overrides, "cycles=1", "record=trace")
-    run_scenario(config, tmp_path)
-    legs, body = (pq.read_table(tmp_path / f"{name}.parquet").to_pandas() for name in ("trace", "body"))
-    assert legs.columns[25:].tolist() == [f"{name}_measured" for name in ("x", "y", "vx", "vy", "q1", "q2")]
-    np.testing.assert_allclose(legs.q2_measured - legs.q2, 0.001)
-    np.testing.assert_allclose(legs.force_measured - legs.force, 2.0)
-    assert body.columns[len(select_signals(BODY_SIGNALS)) :].tolist() == [
-        *("pitch_rate", "roll_rate", "pitch_rate_measured", "roll_rate_measured")
-    ]  # fmt: skip
-    np.testing.assert_allclose(body.pitch_rate[1:], np.diff(body.pitch) / 0.005, atol=1e-12)
-    before = (tmp_path / "metrics.parquet").read_bytes()
-    score(tmp_path)
-    assert (tmp_path / "metrics.parquet").read_bytes() == before
+def test_sensors_without_imperfections_change_no_bit(make_config):
+    perfect, real = (roll_out(make_scenario(make_config("cycles=3", *SHORT, f"sensors={s}"))) for s in ("perfect", "real"))
+    assert perfect.samples.tobytes() == real.samples.tobytes()
 
 
-def test_perfect_sensors_add_no_columns(make_config, tmp_path):
-    run_scenario(make_config("cycles=1", REAL, "sensors.force.bias=1", "record=trace"), tmp_path)
-    names = pq.read_schema(tmp_path / "trace.parquet").names
-    assert [name for name in names if name.endswith("_measured")] == ["force_measured"]
+@pytest.mark.ci
+def test_true_and_measured_values_stand_beside_each_other_in_the_trace(stored):
+    biases = ("sensors.position.bias=0.001", "sensors.tilt_rate.bias=0.5", "sensors.force.bias=2")
+    run = stored("scenario=quadruped", "cycles=1", "gait.cycle_time=1", REAL, *biases)
+    legs, body = run.trace, run.body
+    measured = [name for table in (legs, body) for name in table.columns if name.endswith("_measured")]
+    assert {*measured} == {f"{name}_measured" for name in
+                           ("x", "y", "vx", "vy", "q1", "q2", "force", "pitch_rate", "roll_rate")}  # fmt: skip
+    assert_allclose(legs.q2_measured - legs.q2, 0.001)
+    assert_allclose(legs.force_measured - legs.force, 2.0)
+    assert_allclose(body.pitch_rate_measured - body.pitch_rate, 0.5)
+    assert_allclose(body.pitch_rate[1:], np.diff(body.pitch) / 0.005, atol=1e-12)
 
 
 # A lead that is worked out
@@ -188,12 +221,9 @@ def test_perfect_sensors_add_no_columns(make_config, tmp_path):
         ([REAL, "sensors.position.delay=3", "controller.velocity_gain=0"], 4),
     ],
 )
-def test_an_automatic_lead_counts_the_samples_from_torque_to_feedback(make_config, tmp_path, overrides, lead):
-    config = make_config(*overrides, "learning.lead=auto", "cycles=1", "record=trace")
-    run_scenario(config, tmp_path)
-    manifest = json.loads((tmp_path / "manifest.json").read_text())
-    assert (manifest["learning_lead"], manifest["config"]["learning"]["lead"]) == (lead, "auto")
-    assert make_scenario(config).feedforward.params.learning.lead == lead
+def test_an_automatic_lead_counts_the_samples_from_torque_to_feedback(make_config, overrides, lead):
+    made = make_scenario(make_config(*overrides, *SHORT, "learning.lead=auto"))
+    assert (made.setup.lead, made.feedforward.params.learning.lead) == (lead, lead)
 
 
 class LateSensors(PerfectSensors):
@@ -212,14 +242,6 @@ def test_custom_sensors_declare_by_how_much_they_delay_the_feedback(make_config)
     assert (setup.lead, setup.rate) == (5, 50 / 256 / 9)
 
 
-# Bad input
-
-
 def test_stuck_and_lossy_sensors_may_be_those_of_different_legs(make_config):
-    for lossy, stuck in itertools.permutations((1, 2), 2):
-        overrides = [
-            f"sensors.force.legs=[{lossy}]",
-            f"sensors.force.fault.legs=[{stuck}]",
-            "sensors.force.dropout=0.1",
-        ]
-        make_config("scenario=quadruped", REAL, *overrides, "sensors.force.fault.kind=zero")
+    lossy = ("sensors.force.legs=[2]", "sensors.force.dropout=0.1")
+    make_config("scenario=quadruped", REAL, *lossy, "sensors.force.fault.legs=[1]", "sensors.force.fault.kind=zero")

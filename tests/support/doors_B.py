@@ -14,3 +14,6 @@ from cmacexp.models.mechanism import get_leg as get_leg
 from cmacexp.models.mechanism import legs_on_stand as legs_on_stand
 from cmacexp.models.mechanism import legs_under_body as legs_under_body
 from cmacexp.models.mechanism import point_mass as point_mass
+from cmacexp.errors import Diverged as Diverged
+from cmacexp.plants.protocol import new_measurement as new_measurement
+from cmacexp.errors import BadComponent as BadComponent
