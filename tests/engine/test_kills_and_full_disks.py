@@ -32,16 +32,6 @@ def test_a_sweep_killed_at_any_moment_leaves_nothing_broken_and_resumes_to_what_
     assert not list(tmp_path.rglob(".cmacexp*"))
 
 
-@pytest.mark.nightly
-def test_a_run_killed_at_any_moment_leaves_nothing_broken_and_can_be_run_again(tmp_path):
-    run = ["cycles=2", "hydra.run.dir=out"]
-    done = python(KILLING, "3", "1", str(tmp_path), *run, folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert cmacexp(*run, folder=tmp_path).returncode == 0
-    assert call("verify", tmp_path / "out").returncode == 0
-    assert not list((tmp_path / "out").glob(".cmacexp*"))
-
-
 def on_a_small_disk(size, *arguments, folder):
     """The command line where no file can have more than ``size`` bytes."""
     done = subprocess.run(

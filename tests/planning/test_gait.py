@@ -16,7 +16,6 @@ from cmacexp.planning.stability import margins
 
 LF, RF, LR, RR = range(4)
 STROKE = 0.3
-HIPS = np.array([(0.225, 0.225), (0.225, -0.225), (-0.225, 0.225), (-0.225, -0.225)])
 WAVES = [(0.75, 2.0, 0.005), (0.8, 3.0, 0.005), (0.85, 3.0, 0.0025), (0.9, 5.0, 0.005), (11 / 12, 2.4, 0.005)]
 """Duty factor, cycle time and sampling period of gaits whose events fall on samples."""
 
@@ -81,16 +80,6 @@ def test_every_foot_supports_for_exactly_its_duty_factor_from_its_touch_down_on(
     assert_array_equal(timing.progress, timing.sample / np.where(timing.support, support, samples - support))
 
 
-@given(st.integers(2, 5000), st.data())
-def test_one_leg_transfers_first_or_stands(samples, data):
-    support = data.draw(st.integers(1, samples))
-    pattern = "standing" if support == samples else "transfer_first"
-    gait = SimpleNamespace(pattern=pattern, duty_factor=support / samples, touch_down=None)
-    timing = make_timing(gait, samples)
-    assert_array_equal(timing.support[:, 0], np.arange(samples) >= samples - support)
-    assert_array_equal(timing.sample[:, 0], [*range(samples - support), *range(support)])
-
-
 # Margins of any polygon
 
 
@@ -118,13 +107,6 @@ def test_a_foot_on_an_edge_or_within_changes_no_margin(scale):
     corners = scale * np.array([[0.3, 0.2], [0.25, -0.2], [-0.3, 0.1], [-0.2, -0.3]])
     for more in ((corners[0] + corners[1]) / 2.0, 0.25 * corners[2] + 0.75 * corners[3], np.zeros(2)):
         assert_allclose(margins(np.vstack([corners, more])), margins(corners), rtol=1e-9)
-
-
-def test_planned_margins_are_those_of_the_planned_feet(walk_plan):
-    plan = walk_plan()
-    feet = HIPS + plan.desired[..., :1] * [1.0, 0.0]
-    for k in range(0, 600, 7):
-        assert_allclose(plan.margins[k], margins_of_hull(feet[k, plan.support[k]]), atol=1e-12)
 
 
 # Refusals

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 from support.doors import compose_config, make_scenario
 from support.robots import OWN, read
 
-from cmacexp.planning.columns import JOINT_COLUMNS, X, Z
+from cmacexp.planning.columns import JOINT_COLUMNS
 from cmacexp.planning.robot import find_centres
-from cmacexp.planning.robot_dynamics import compute_load, compute_needs, make_model, planned_torques
+from cmacexp.planning.robot_dynamics import compute_needs, make_model, planned_torques
 
 pytestmark = pytest.mark.ci
 ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}", "feedforward=inverse_dynamics")
@@ -27,12 +27,6 @@ def planned():
         **vars(setup), angles=angles, rates=rates, accelerations=accelerations, needs=needs,
         force=setup.plan.force_desired,
     )  # fmt: skip
-
-
-def find_torques(planned, pressed, factor=1.0):
-    """Planned torques (N, 4, 3) that give the forces ``pressed`` (N, 4), with masses wrong by ``factor``."""
-    plan = planned.plan
-    return planned_torques(planned.config, planned.mechanism, plan.joints, plan.sway, planned.force, pressed, factor)
 
 
 def test_the_impulse_of_the_planned_forces_is_the_change_of_momentum(planned):
@@ -54,23 +48,14 @@ def test_feet_share_the_force_that_masses_need_from_nothing_to_nothing_without_a
     assert force[support & ~np.roll(support, -1, axis=0)].max() < 2e-3 * planned.mechanism.weight
 
 
-def test_the_centre_of_pressure_is_where_masses_need_it_unless_a_foot_would_have_to_pull(planned):
-    plan, force = planned.plan, planned.force
-    feet = planned.mechanism.hips + plan.desired[..., [X, Z]]
-    centre = (force[..., None] * feet).sum(axis=1) / force.sum(axis=1)[:, None]
-    off = np.abs(centre - compute_load(planned.config, plan.joints, plan.sway).centre).max(axis=1)
-    would_pull = (plan.support & (force == 0.0)).any(axis=1)
-    assert off[~would_pull].max() < 1e-6
-    assert (off < 1e-6).mean() > 0.9
-
-
 def test_planned_torques_and_forces_leave_nothing_for_mujoco_to_add(planned):
     """But about the vertical, where nothing is controlled; a foot that cannot pull leaves a moment, too."""
     import mujoco
 
     robot, force = read(), planned.force
     model, legs = make_model(robot.model), robot.legs
-    data, torque, left = mujoco.MjData(model), find_torques(planned, force), []
+    data, left, plan = mujoco.MjData(model), [], planned.plan
+    torque = planned_torques(planned.config, planned.mechanism, plan.joints, plan.sway, force, force)
     for k in range(0, len(force), 9):
         data.qpos[legs.base_qpos : legs.base_qpos + 7] = [0, 0, 0, 1, 0, 0, 0]
         data.qpos[legs.qpos], data.qvel[legs.dof] = planned.angles[k], planned.rates[k]
@@ -86,14 +71,3 @@ def test_planned_torques_and_forces_leave_nothing_for_mujoco_to_add(planned):
     assert left[:, legs.dof.ravel()].max() < 1e-9
     assert left[:, trunk[:3]].max() < 1e-6
     assert np.quantile(left[:, trunk[3:5]], 0.9) < 0.02 < np.abs(planned.needs[:, 3:5]).max() / 10.0
-
-
-def test_torques_grow_with_the_masses_of_the_model_above_what_joints_lose(planned):
-    once, twice, thrice = (find_torques(planned, 0.0 * planned.force, factor) for factor in (1.0, 2.0, 3.0))
-    rates, accelerations, robot = planned.rates, planned.accelerations, read()
-    losses = robot.damping * rates + robot.friction * np.sign(rates) + robot.armature * accelerations
-    # MuJoCo's dry friction is full where speed, rather than acceleration, decides its direction.
-    sliding = (np.abs(rates) > 0.05) & (np.abs(accelerations) < 50.0 * np.abs(rates))
-    assert sliding.mean() > 0.4
-    assert_allclose((2.0 * once - twice)[sliding], losses[sliding], atol=1e-9)
-    assert_allclose((thrice - twice)[sliding], (twice - once)[sliding], atol=1e-9)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import make_scenario
 from support.doors_B import Load, legs_under_body
 
 from cmacexp.planning.stability import margins
@@ -56,17 +55,3 @@ def test_legs_load_a_body_that_moves():
     assert_allclose(centre[:, 0], [legs[0], 0.0, legs[1]], atol=1e-15)
     loaded = centre_of_gravity(masses(BODY_MASS, Load(9.81 * mass, 0.0, 0.0)), np.full((4, 1), 0.3), feet)
     assert_allclose(loaded, 0.5 * centre)
-
-
-@pytest.mark.ci
-def test_the_centre_of_gravity_is_that_of_mujoco(make_config):
-    scenario = make_scenario(make_config("scenario=quadruped", "plant=mujoco_quadruped", "feedforward=none"))
-    setup, plant = scenario.setup, scenario.plant
-    plant.data.qpos[:] += np.random.default_rng(0).uniform(-0.2, 0.2, len(plant.data.qpos))
-    plant.mujoco.mj_step1(plant.model, plant.data)
-    now = plant.measure()
-    feet = np.stack([HIPS[:, 0] + now.foot[:, 0], HIPS[:, 1], -now.foot[:, 1]])[..., None]
-    of = Masses(setup.mechanism, setup.config.machine.body_mass, NOTHING, np.array([False]))
-    turn = plant.data.xmat[1].reshape(3, 3)
-    expected = turn.T @ (plant.data.subtree_com[1] - plant.data.xpos[1])
-    assert_allclose(centre_of_gravity(of, now.q[:, :1], feet)[:, 0], expected, atol=1e-12)

@@ -26,7 +26,6 @@ from support.rollout import roll_out
 from cmacexp.planning import Setup
 from cmacexp.plants.kernels import new_state
 from cmacexp.plants.mujoco_kernels import Bodies, Feet, Touch, press
-from cmacexp.plants.mujoco_leg import MujocoLeg
 from cmacexp.plants.mujoco_model import make_planar
 from cmacexp.plants.mujoco_plant import MujocoConfig, MujocoPlant
 
@@ -92,23 +91,6 @@ def test_a_leg_moves_and_learns_the_same_in_both_engines(make_config, ground):
 
 
 # A body
-
-
-def test_energy_is_conserved_in_the_air_the_better_the_finer_the_step(begin):
-    lost = []
-    for substeps in (100, 200):
-        random, energies = np.random.default_rng(0), []
-        legs = legs_under_body([LEG] * 4, 100.0, HIPS, 40.0)
-        plant = begin(legs, STICKY, random.uniform(-1, 1, (4, 2)), TORSO, substeps, 0.2)
-        plant.data.qvel[:] = random.uniform(-3, 3, plant.model.nv)
-        for _ in range(2):
-            for update in (plant.mujoco.mj_forward, plant.mujoco.mj_energyPos, plant.mujoco.mj_energyVel):
-                update(plant.model, plant.data)
-            energies.append(plant.data.energy.sum())
-            plant.step(np.zeros((4, 2)))
-        lost.append(abs(energies[1] - energies[0]))
-    assert 8.0 * lost[1] < lost[0]
-    assert lost[1] < 1e-4
 
 
 def test_body_and_feet_are_measured_in_our_frames(begin):
@@ -198,12 +180,6 @@ def test_on_a_slope_a_body_tells_its_height_above_the_ground_below_it(walked):
     assert_allclose(walked("terrain.slope=0.05")[1]["height"], 0.5, atol=0.05)
 
 
-def test_the_plant_chooses_settings_that_walk_and_the_command_line_wins(make_config):
-    chosen, given = make_config(*WALK), make_config(*WALK, "learning.lead=0", "sampling_period=0.005")
-    assert (chosen.sampling_period, chosen.reference, chosen.learning.lead) == (0.002, "force_feedforward", "auto")
-    assert (given.sampling_period, given.learning.lead) == (0.005, 0)
-
-
 # What goes wrong
 
 
@@ -215,23 +191,11 @@ def test_the_plant_chooses_settings_that_walk_and_the_command_line_wins(make_con
         ("mujoco_quadruped", ("machine.leg.mass_2=1e-12",), "joint 2 of leg 1"),
     ],
 )
-def test_a_warning_of_the_engine_ends_a_run_as_diverged_and_a_handler_of_the_user_s_stays(
-    make_config, tmp_path, monkeypatch, plant, change, place
-):
+def test_a_warning_of_the_engine_ends_a_run_as_diverged(make_config, tmp_path, monkeypatch, plant, change, place):
     """The engine would put the machine back at its start and go on, and write a log into the current folder."""
-    import mujoco
-
-    def handler(message):
-        raise AssertionError(message)
-
     monkeypatch.chdir(tmp_path)
     scenario = "one_leg" if plant == "mujoco_leg" else "quadruped"
-    mujoco.set_mju_user_warning(handler)
-    try:
-        end = roll_out(make_scenario(make_config(f"scenario={scenario}", "cycles=1", f"plant={plant}", *change)))
-        assert mujoco.get_mju_user_warning() is handler
-    finally:
-        mujoco.set_mju_user_warning(None)
+    end = roll_out(make_scenario(make_config(f"scenario={scenario}", "cycles=1", f"plant={plant}", *change)))
     assert (end.status, end.steps, len(end.samples)) == ("diverged", 1, 1)
     assert place in end.cause
     assert not list(tmp_path.iterdir())
@@ -242,7 +206,9 @@ def test_a_warning_of_the_engine_ends_a_run_as_diverged_and_a_handler_of_the_use
     [("qpos", "position", "RL_calf_joint"), ("qvel", "velocity", "RL_calf_joint"), ("qvel", "velocity", "the trunk")],
 )
 def test_a_diverged_robot_stays_where_it_is_and_its_joint_is_named_as_in_its_model(make_config, array, what, place):
-    plant = make_scenario(make_config("scenario=robot", "machine=mjcf", f"machine.path={OWN}", "feedforward=none")).plant
+    plant = make_scenario(
+        make_config("scenario=robot", "machine=mjcf", f"machine.path={OWN}", "feedforward=none")
+    ).plant
     legs = plant.robot.legs
     index = {"qpos": legs.qpos[2, 2], "qvel": legs.dof[2, 2] if place != "the trunk" else legs.base_dof}[array]
     getattr(plant.data, array)[index] = 1e11
@@ -257,16 +223,6 @@ def test_without_mujoco_the_message_says_how_to_install_it(make_config, monkeypa
         make_scenario(make_config("plant=mujoco_leg"))
 
 
-class OwnLeg(MujocoLeg):
-    """A subclass: an external component."""
-
-
-def test_a_plant_that_is_external_gives_the_bits_of_the_built_in_one(make_config):
-    config = make_config("scenario=one_leg", "plant=mujoco_leg", "cycles=1", "gait.cycle_time=1", "learning.start_cycle=1")
-    one, other = roll_out(make_scenario(config)), roll_out(make_scenario(config, plant=OwnLeg(config.plant)))
-    assert other.samples.tobytes() == one.samples.tobytes()
-
-
 def test_an_interrupt_in_a_function_that_the_engine_calls_ends_the_run(make_config, monkeypatch):
     """An error raised there would be dropped."""
     press, calls = MujocoPlant._press_in_stage, []
@@ -278,9 +234,6 @@ def test_an_interrupt_in_a_function_that_the_engine_calls_ends_the_run(make_conf
         press(plant, model, data)
 
     monkeypatch.setattr(MujocoPlant, "_press_in_stage", interrupted)
-    config = make_config("scenario=one_leg", "plant=mujoco_leg", "cycles=50")
-    for given in ({}, {"plant": OwnLeg(config.plant)}):
-        calls.clear()
-        end = roll_out(make_scenario(config, **given))
-        assert end.status == "interrupted"
-        assert 7 <= end.steps < 25000
+    end = roll_out(make_scenario(make_config("scenario=one_leg", "plant=mujoco_leg", "cycles=50")))
+    assert end.status == "interrupted"
+    assert 7 <= end.steps < 25000

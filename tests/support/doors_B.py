@@ -1,5 +1,7 @@
 """Names of rooms that stand at no door yet and that tests of other rooms need."""
 
+from cmacexp.errors import BadComponent as BadComponent
+from cmacexp.errors import Diverged as Diverged
 from cmacexp.models.body import Load as Load
 from cmacexp.models.body import depth as depth
 from cmacexp.models.body import make_pose as make_pose
@@ -14,6 +16,4 @@ from cmacexp.models.mechanism import get_leg as get_leg
 from cmacexp.models.mechanism import legs_on_stand as legs_on_stand
 from cmacexp.models.mechanism import legs_under_body as legs_under_body
 from cmacexp.models.mechanism import point_mass as point_mass
-from cmacexp.errors import Diverged as Diverged
 from cmacexp.plants.protocol import new_measurement as new_measurement
-from cmacexp.errors import BadComponent as BadComponent
