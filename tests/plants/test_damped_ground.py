@@ -56,7 +56,7 @@ def test_a_step_of_load_sinks_in_with_the_time_constant_of_damping_over_stiffnes
 
 def test_feet_of_a_walking_body_press_by_spring_and_damper(make_config):
     config = make_config(
-        "scenario=quadruped", "cycles=1", "terrain.damping=50", "feedforward=none", "gait.cycle_time=1"
+        "scenario=quadruped", "cycles=1", "terrain.damping=50", "feedforward=none", "gait.cycle_time=0.6"
     )
     rollout = roll_out(make_scenario(config))
     columns, body = rollout.columns(), rollout.body_samples
