@@ -48,7 +48,7 @@ def test_the_statistic_is_the_largest_sum_of_the_last_excesses(deviations, expec
 def test_the_measured_force_is_used_until_its_sensor_is_excluded_and_for_ever_without_detection(
     make_config, scenario
 ):
-    """Instead of it the desired force, or that of the ground at the measured depth where no other term knows of it."""
+    """Then the desired force is, or that of the ground at the measured depth where no other term knows of it."""
     controller = make_scenario(make_config(f"scenario={scenario}", "feedforward=none")).controller
     mechanism, pose = controller.params.mechanism, make_pose(np.array([0.5, 0.0, 0.0]))
     foot = np.full((len(mechanism.legs), 2), mechanism.hip_height + 0.02)
@@ -67,7 +67,8 @@ def test_the_expected_force_is_the_true_one_where_all_else_is_known(make_config,
     short = ("feedforward=none", "cycles=1", "gait.cycle_time=0.2", "gait.lift=0.01")
     made = make_scenario(make_config(f"scenario={scenario}", *short))
     stiffness, mechanism, run = made.setup.config.terrain.stiffness, made.setup.mechanism, roll_out(made)
-    for x, y, force, body in zip(*(run.columns()[name] for name in ("x", "y", "force")), run.body_samples, strict=True):
+    x_y_force = [run.columns()[name] for name in ("x", "y", "force")]
+    for x, y, force, body in zip(*x_y_force, run.body_samples, strict=True):
         pose, feet = make_pose(body[:3]), np.stack([x, y], axis=1)
         expected = [expected_force(stiffness, mechanism, i, feet, pose) for i in range(len(feet))]
         assert_allclose(expected, force, atol=1e-8)

@@ -38,7 +38,7 @@ def test_a_foot_on_damped_ground_presses_by_its_depth_and_speed_and_never_pulls(
 
 @pytest.mark.parametrize(("damping", "step"), [(50.0, 0.005), (50.0, 1e-4), (0.1, 0.005), (1e4, 0.005)])
 def test_a_step_of_load_sinks_in_with_the_time_constant_of_damping_over_stiffness(damping, step):
-    """From 1 mm under 40 N to 1.25 mm, each step of backward Euler by 1/(1 + h K_n / c) nearer, however small c is."""
+    """From 1 mm under 40 N to 1.25 mm, each step of backward Euler by 1/(1 + h K_n / c) nearer, for any c."""
     mechanism = legs_under_body([Leg(0.35, 0.35, 0.5, 0.5, -1.0)] * 4, 0.5, HIPS, 40.0)
     params = PlantParams(mechanism, still_ground(STIFFNESS, damping=damping), NO_PAYLOAD, 0.0, step, 1)
     state = new_state(4)

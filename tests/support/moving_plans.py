@@ -15,7 +15,7 @@ def shift(table, **added):
 
 
 def make_traces(shifts, loads):
-    """Traces of so many cycles, and their manifest: desired paths are so much ahead (m), desired forces larger (N)."""
+    """Traces of so many cycles and their manifest: desired paths are so much ahead, m, desired forces larger, N."""
     traces, manifest = make_robot_traces()
     clocks = [{"step": n * STEPS, "time": 0.1 * n * STEPS, "cycle": n} for n in range(len(shifts))]
     legs = [shift(traces.legs, **clock, x_desired=x, force_desired=load)
