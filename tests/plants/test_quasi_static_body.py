@@ -13,11 +13,26 @@ TORQUE = -np.array([(6.0, 1.5), (6.5, 1.2), (-6.0, -1.5), (-5.5, -1.8)])
 """Keeps all four feet down, and loads them unevenly."""
 
 
-@pytest.mark.parametrize(("damping", "order"), [(0, 4.0), (50, 1.0)])
-def test_integration_is_of_fourth_order_and_of_first_order_on_damped_ground(make_config, damping, order):
+@pytest.fixture(scope="module")
+def scenario_of(make_config):
+    """The scenario of a quadruped, once before the tests, for its imports."""
+
+    def scenario(*overrides):
+        return make_scenario(make_config("scenario=quadruped", *overrides))
+
+    scenario()
+    return scenario
+
+
+@pytest.mark.parametrize(
+    ("ground", "order"),
+    [((), 4.0), (("terrain.slope=0.002", "terrain.slope_start=-0.1"), 4.0), (("terrain.damping=50",), 1.0)],
+)
+def test_integration_is_of_fourth_order_and_of_first_order_on_damped_ground(scenario_of, ground, order):
+    """On a slope that begins under the body, too, whose feet it lifts as the body moves on."""
+
     def after(substeps):
-        overrides = ("scenario=quadruped", f"terrain.damping={damping}", f"plant.substeps={substeps}")
-        plant = make_scenario(make_config(*overrides)).plant
+        plant = scenario_of(f"plant.substeps={substeps}", *ground).plant
         state = plant.state
         advance(plant.params, state, TORQUE)
         assert (state.force > 0.0).all()
@@ -29,8 +44,8 @@ def test_integration_is_of_fourth_order_and_of_first_order_on_damped_ground(make
 
 
 @pytest.mark.parametrize("substeps", [1, 3])
-def test_rates_of_a_body_are_its_change_over_the_sampling_period(make_config, substeps):
-    plant = make_scenario(make_config("scenario=quadruped", f"plant.substeps={substeps}")).plant
+def test_rates_of_a_body_are_its_change_over_the_sampling_period(scenario_of, substeps):
+    plant = scenario_of(f"plant.substeps={substeps}").plant
     state = plant.state
     assert_array_equal(state.body_rate, np.zeros(3))
     for k in range(6):
@@ -40,9 +55,9 @@ def test_rates_of_a_body_are_its_change_over_the_sampling_period(make_config, su
     assert (np.abs(state.body_rate) > 1e-4).all()
 
 
-def test_each_foot_stands_on_the_patch_at_its_place_under_the_travelling_body(make_config):
+def test_each_foot_stands_on_the_patch_at_its_place_under_the_travelling_body(scenario_of):
     patchy = ("terrain=patchy", "terrain.patch_seed=5", "terrain.patch_size=0.002")
-    scenario = make_scenario(make_config("scenario=quadruped", *patchy))
+    scenario = scenario_of(*patchy)
     ground, state, seen = scenario.plant.params.ground, scenario.plant.state, set()
     for k in range(1, 21):
         advance(scenario.plant.params, state, TORQUE)
