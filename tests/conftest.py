@@ -14,12 +14,11 @@ import pytest
 from hypothesis import settings
 from support import tiers
 from support.command import started
+from support.doors import compose_config, make_mechanism, make_scenario
 from support.stored import make_stored, runs_folder
 
-from cmacexp.config.compose import compose_config
 from cmacexp.jit.compiler import expect_runs
 from cmacexp.planning import make_plan
-from cmacexp.planning.machine import make_mechanism
 
 settings.register_profile("laws", deadline=None, derandomize=True, max_examples=40)
 settings.load_profile("laws")
@@ -45,6 +44,12 @@ def pytest_sessionstart(session):
             ]
             for form in forms:
                 form.communicate()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def imported():
+    """What a scenario imports is nobody's time."""
+    make_scenario(compose_config([]))
 
 
 @pytest.fixture

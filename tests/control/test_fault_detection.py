@@ -5,8 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from support.doors import BadInput, make_scenario
-from support.doors_B import make_pose
+from support.doors import BadInput, make_pose, make_scenario
 from support.rollout import roll_out
 
 from cmacexp.control.fault_detection import FaultDetection, expected_force, new_fault_status, update_status

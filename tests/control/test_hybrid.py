@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy import signal
 from scipy.spatial.transform import Rotation
-from support.doors import make_scenario
-from support.doors_B import Leg, joint_torque, make_pose, trigonometry
+from support.doors import Leg, joint_torque, make_pose, make_scenario, trigonometry
 
 from cmacexp.control import Reference
 from cmacexp.control.hybrid_kernels import METHODS, posture_rate_term, posture_term

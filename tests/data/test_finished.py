@@ -5,12 +5,12 @@ import shutil
 
 import pytest
 from support.command import ROOT, cmacexp, python
-from support.doors import compose_config, run_scenario
+from support.doors import compose_config
 from support.manifests import change_manifest
 from support.robot_walks import ROBOT, SHORT
 from support.robots import change
 
-from cmacexp.data.integrity import is_finished
+from cmacexp.data.integrity import is_finished, run_scenario
 
 JOB = ("scenario=force_step",)
 
@@ -94,7 +94,6 @@ def test_a_run_of_a_custom_component_is_not_once_its_data_have_changed(own):
 
 ASK = """
 from pathlib import Path; from support.command import ROOT, cmacexp, python
-from support.doors import compose_config; from cmacexp.data.integrity import is_finished
 print(is_finished(Path("run"), compose_config({job})))
 """
 

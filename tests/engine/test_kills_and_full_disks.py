@@ -10,8 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from support.command import call, cmacexp, environment, python
-from support.doors import BadInput
-from support.doors_B import BadComponent
+from support.doors import BadComponent, BadInput
 
 from cmacexp import load
 

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import BadInput, make_mechanism
-from support.doors_B import foot_position, foot_velocity, get_leg, trigonometry
+from support.doors import BadInput, foot_position, foot_velocity, get_leg, make_mechanism, trigonometry
 
 from cmacexp.planning.columns import AX, AY, FORCE_DESIRED, VX, VY, X, Y
 from cmacexp.planning.foot_path import cubic, line, quintic, two_cubics

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors_B import Load, legs_under_body
+from support.doors import Load, legs_under_body
 
 from cmacexp.planning.stability import margins
 from cmacexp.planning.true_margins import Masses, centre_of_gravity, true_margins

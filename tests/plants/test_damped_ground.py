@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors import make_scenario
-from support.doors_B import Leg, depth, legs_under_body, make_pose
+from support.doors import Leg, depth, legs_under_body, make_pose, make_scenario
 from support.grounds import NO_PAYLOAD, still_ground
 from support.rollout import roll_out
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
-from support.doors import BadInput, make_scenario
-from support.doors_B import (
+from support.doors import (
+    BadInput,
     Diverged,
     Leg,
     foot_position,
@@ -17,6 +17,7 @@ from support.doors_B import (
     forward_dynamics,
     legs_on_stand,
     legs_under_body,
+    make_scenario,
     trigonometry,
 )
 from support.grounds import still_ground

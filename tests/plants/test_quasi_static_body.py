@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import make_scenario
-from support.doors_B import stiffness_at
+from support.doors import make_scenario, stiffness_at
 
 from cmacexp.plants.kernels import advance
 

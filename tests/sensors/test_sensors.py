@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import make_scenario
-from support.doors_B import foot_position, foot_velocity, get_leg, new_measurement, trigonometry
+from support.doors import foot_position, foot_velocity, get_leg, make_scenario, new_measurement, trigonometry
 from support.rollout import roll_out
 
 from cmacexp.plants import Measurement

@@ -32,6 +32,7 @@ def call(name: str, *words: object, folder: Path | None = None) -> subprocess.Co
         contextlib.redirect_stdout(output),
         contextlib.redirect_stderr(errors),
         patch.object(sys, "argv", arguments),
+        patch("cmacexp.experiment.sweep.Sweep.current", None),
         patch("cmacexp.report.terminal.FIRST_LINE_DELAY", threading.TIMEOUT_MAX),  # a busy machine prints no more
     ):
         try:

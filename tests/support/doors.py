@@ -6,12 +6,29 @@ A test imports inner modules of its own room alone, so that a change inside a ro
 """
 
 from cmacexp.config.compose import compose_config as compose_config
+from cmacexp.errors import BadComponent as BadComponent
 from cmacexp.errors import BadInput as BadInput
 from cmacexp.errors import BadRun as BadRun
 from cmacexp.errors import CmacexpError as CmacexpError
+from cmacexp.errors import Diverged as Diverged
 from cmacexp.experiment.run import run_scenario as run_scenario
 from cmacexp.loop.scenario import make_scenario as make_scenario
+from cmacexp.models.body import Load as Load
+from cmacexp.models.body import depth as depth
+from cmacexp.models.body import make_pose as make_pose
+from cmacexp.models.ground import stiffness_at as stiffness_at
+from cmacexp.models.leg import Leg as Leg
+from cmacexp.models.leg import foot_position as foot_position
+from cmacexp.models.leg import foot_velocity as foot_velocity
+from cmacexp.models.leg import forward_dynamics as forward_dynamics
+from cmacexp.models.leg import joint_torque as joint_torque
+from cmacexp.models.leg import trigonometry as trigonometry
 from cmacexp.models.mechanism import Mechanism as Mechanism
+from cmacexp.models.mechanism import get_leg as get_leg
+from cmacexp.models.mechanism import legs_on_stand as legs_on_stand
+from cmacexp.models.mechanism import legs_under_body as legs_under_body
+from cmacexp.models.mechanism import point_mass as point_mass
 from cmacexp.planning.machine import make_mechanism as make_mechanism
+from cmacexp.plants.protocol import new_measurement as new_measurement
 from cmacexp.report.page import Report as Report
 from cmacexp.report.page import write_report as write_report
