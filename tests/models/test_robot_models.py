@@ -112,7 +112,8 @@ def test_without_a_package_a_checkout_is_searched(tmp_path, monkeypatch):
     monkeypatch.setenv(find.CHECKOUT, str(tmp_path))
     assert find.find_model("go1", None) == tmp_path / "unitree_go1" / "go1.xml"
     monkeypatch.delenv(find.CHECKOUT)
-    with pytest.raises(BadInput, match=r"^machine\.model=go1: .*\[robots\]"):
+    assert find.describe_origin(OWN) == str(OWN.parent)
+    with pytest.raises(BadInput, match=r"^machine\.model=go1"):
         find.find_model("go1", None)
 
 

@@ -102,18 +102,18 @@ def test_masses_limits_and_losses_of_the_own_model_are_those_of_its_file():
 
 
 LIMITS = [
-    ('<motor ctrlrange="-40 40"/>', '<motor ctrlrange="-40 40" gear="2"/>', 80.0),
-    ('<motor ctrlrange="-40 40"/>', '<motor ctrlrange="-40 40" forcerange="-7 9" gear="2"/>', 14.0),
-    ('range="-2.7 -0.5"', 'range="-2.7 -0.5" actuatorfrcrange="-5 6"', 5.0),
-    ('<motor name="RL_calf" class="calf"', '<position name="RL_calf" kp="3" ctrlrange="-1 1"', 40.0),
-    ('<motor ctrlrange="-40 40"/>', "<motor/>", np.inf),
+    ('<motor ctrlrange="-40 40"/>', '<motor ctrlrange="-40 40" gear="2"/>', [30.0, 30.0, 80.0]),
+    ('<motor ctrlrange="-40 40"/>', '<motor ctrlrange="-40 40" forcerange="-7 9" gear="2"/>', [30.0, 30.0, 14.0]),
+    ('range="-2.7 -0.5"', 'range="-2.7 -0.5" actuatorfrcrange="-5 6"', [30.0, 30.0, 5.0]),
+    ('<motor name="RL_calf" class="calf"', '<position name="RL_calf" kp="3" ctrlrange="-1 1"', [30.0, 30.0, 40.0]),
+    ('<motor ctrlrange="-30 30"/>', "<motor/>", [np.inf, np.inf, 40.0]),
 ]
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize(("old", "new", "limit"), LIMITS)
-def test_the_least_limit_of_actuator_and_joint_counts(tmp_path, old, new, limit):
-    assert_allclose(read(change(tmp_path, old, new)).torque_limits, [30.0, 30.0, limit])
+@pytest.mark.parametrize(("old", "new", "limits"), LIMITS)
+def test_the_least_limit_of_actuator_and_joint_counts(tmp_path, old, new, limits):
+    assert_allclose(read(change(tmp_path, old, new)).torque_limits, limits)
 
 
 SAME = [
