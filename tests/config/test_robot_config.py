@@ -9,6 +9,7 @@ from support.robots import FEET, MODELS, OWN, change, read
 from cmacexp.config import config_folder, to_config, to_plain
 from cmacexp.config.compose import compose_config, compose_untyped
 from cmacexp.config.explain import explain_composition
+from cmacexp.config.machine import describe_other_model
 
 pytestmark = pytest.mark.ci
 ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}")
@@ -84,8 +85,10 @@ OPTIONS = {path.stem for path in (config_folder() / "machine").glob("*.yaml")}
 
 
 @pytest.mark.parametrize("name", sorted(OPTIONS & set(MODELS)))
-def test_every_robot_has_a_config(name):
+def test_every_robot_has_a_config_and_the_model_that_it_was_measured_with(name):
     config = compose_config(["scenario=robot", f"machine={name}"])
     assert (config.machine.model, config.machine.feet) == (name, list(FEET))
+    assert config.machine.fingerprint
+    assert not describe_other_model(config.machine)
     assert config.sampling_period in (0.001, 0.002)
     assert min(*config.gains, *settings(config)[2:5]) > 0.0

@@ -1,29 +1,22 @@
 """What fields declare to need for an effect is compared with the results of runs.
 
 A field whose need is met must change a trace of the run at some value; those whose need is not met, all changed at
-once, must change none. ``CMACEXP_EFFECTS=1`` compares all fields of all these commands, which
-takes some 10 minutes.
+once, must change none.
 """
 
-import copy
 import itertools
-import os
 import random
+from contextlib import suppress
 
 import pytest
+from support.doors import BadInput, CmacexpError, compose_config, run_scenario
+from support.doors_effect import RULES, compose_untyped
 from support.fields import leaves
 
-from cmacexp.cmac.rules import RULES, strength_needs
-from cmacexp.config.check import check
-from cmacexp.config.compose import compose_config, compose_untyped
-from cmacexp.data.tables import BODY, TRACE
-from cmacexp.errors import BadInput, CmacexpError
-from cmacexp.experiment.run import run_scenario
-from cmacexp.experiment.without_effect import explain_idle, warnings_of
+from cmacexp.experiment.without_effect import warnings_of
 
-ALL = "CMACEXP_EFFECTS" in os.environ
-SAMPLE = 8
-"""Fields with an effect that the short form compares, of each of its commands."""
+SAMPLE = 6
+"""Fields with an effect that CI compares, of each of its commands."""
 LEG = ("scenario=one_leg", "cycles=2", "learning.start_cycle=1", "gait.cycle_time=0.6", "sampling_period=0.01")
 DROP = ("scenario=force_step", "gait.cycle_time=0.6", "sampling_period=0.01")
 MUJOCO_WALK = (
@@ -57,11 +50,12 @@ FEW_CELLS = ("cmac.inputs=[angle]", "cmac.layers=4", "cmac.resolution_elements=4
 WATCHED = ("plausibility=force", "plausibility.relative_tolerance=0.3")
 """Narrow enough to exclude a sensor."""
 WEIGHTS = "learning.start_from=weights"
-SHORT = (LEG, (*DROP, "sensors=real", "sensors.force.bias=0.6", "sensors.force.start=0.4", *WATCHED), WALK)
-"""Commands of the short form."""
+SHORT = (LEG, WALK)
+"""Commands of which CI tries some fields."""
 COMMANDS = (
     *SHORT,
     DROP,
+    (*DROP, "sensors=real", "sensors.force.bias=0.6", "sensors.force.start=0.4", *WATCHED),
     *((*DROP, *BESIDE, f"force_control={name}") for name in ("stiffness", "damping", "explicit")),
     *((*DROP, "cmac=one_leg", f"feedforward={name}") for name in ("cmac", "inverse_dynamics")),
     *((*LEG, f"feedforward={name}") for name in ("none", "ilc", "inverse_dynamics")),
@@ -99,147 +93,112 @@ COMMANDS = (
 )
 FACTORS = (1.1, 0.0, 2.0, 0.5, 1.01, 0.9, 10.0, 0.1, 1000.0, 1e-3)
 LISTS = ([1], [2], [2, 3], [0.3], [0.0, 0.5, 0.85, 0.35], ["velocity"])
-ROUNDS = 4 if ALL else 2
+ROUNDS = 4
 """How often the fields without effect are changed, to other values each time."""
 LIMIT = "cmac.memory_bytes"
 """A limit alone, unless cells are hashed to it: too low a value is refused, any other gives the same run."""
-INTERPOLATED = "machine.leg."
-"""Fields that others take their values from."""
 NOT_COMPARED = (
-    "record",
-    "sweep",
-    "optimize",
-    "warn",
-    "scenario",
-    "cycles",
-    "gait.cycle_time",
-    "sampling_period",
+    *("record", "sweep", "optimize", "warn", "scenario", "cycles", "gait.cycle_time", "sampling_period"),
     "machine.kind",
 )
+
+
+def typed(key, value):
+    return f"{key}={'null' if value is None else value}"
 
 
 class Command:
     """A command line with its config and its results."""
 
     def __init__(self, overrides, folder):
-        self.folder, self.weights = folder, folder / "weights"
+        self.folder, self.weights, self.numbers = folder, folder / "weights", itertools.count()
         if WEIGHTS in overrides:
-            kept = compose_config([*LEG, "record=trace", "record.weights=true"])
-            run_scenario(kept, self.weights)
+            run_scenario(compose_config([*LEG, "record=trace", "record.weights=true"]), self.weights)
         overrides = [text.replace(WEIGHTS, f"learning.start_from={self.weights}") for text in overrides]
         self.overrides = [*overrides, "record=trace"]
-        self.composed, _ = compose_untyped(self.overrides)
-        self.config = compose_config(self.overrides)
-        self.fields = [each for each in leaves(self.config) if not each[0].startswith(NOT_COMPARED)]
-        if self.config.cmac.addressing != "hashed":
-            self.fields = [each for each in self.fields if each[0] != LIMIT]
-        typed = {key: f"{key}={'null' if value is None else value}" for key, value, _ in self.fields}
-        lines = warnings_of(self.config, list(typed.values()), self.composed)
-        self.idle = {key for key in typed if any(line.startswith(f"{key}=") for line in lines)}
-        self.numbers = itertools.count()
-        self.files = self.results(self.config)
+        config = compose_config(self.overrides)
+        not_compared = NOT_COMPARED if config.cmac.addressing == "hashed" else (*NOT_COMPARED, LIMIT)
+        self.fields = [each for each in leaves(config) if not each[0].startswith(not_compared)]
+        self.idle = self.find_idle([], [typed(key, value) for key, value, _ in self.fields])
+        self.files = self.results([])
 
-    def results(self, config):
+    def find_idle(self, more, texts):
+        """Keys of those of some overrides that are said to have no effect beside ``more``."""
+        overrides = [*self.overrides, *more]
+        lines = warnings_of(compose_config(overrides), texts, compose_untyped(overrides)[0])
+        return {line.partition("=")[0] for line in lines}
+
+    def results(self, more):
         """Hashes of the traces of a run: all else follows from them, or says how large the memory of a network is."""
-        files = run_scenario(config, self.folder / str(next(self.numbers))).manifest["files"]
-        return {name: value for name, value in files.items() if name in (TRACE, BODY)}
+        run = run_scenario(compose_config([*self.overrides, *more]), self.folder / str(next(self.numbers)))
+        return {name: run.manifest["files"].get(name) for name in ("trace.parquet", "body.parquet")}
 
     def other_values(self, key, value, declared):
         """Other values of a field; some of them may not be allowed."""
-        if key == "learning.rule":
-            return [name for name in RULES if name != value]
         if key == "learning.start_from":
-            return [str(self.weights)] if value is None else [None]
-        if isinstance(value, bool):
-            return [not value]
-        if isinstance(value, list):
-            doubled = [each * 2 if isinstance(each, float) else each for each in value]
-            return [each for each in (doubled, value[:1], *LISTS, None) if each != value]
-        if "choices" in declared:
-            return [name for name in declared["choices"] if name != value]
-        if isinstance(value, str):
-            return [0, 1, 2]
-        kind = float if value is None else type(value)
-        found = [kind((value or 1.0) * factor) for factor in FACTORS] + [
-            kind((value or 0) + 1),
-            kind(900),
-            kind(0.05),
-        ]
-        return [each for each in dict.fromkeys(found) if each != value] + (list(LISTS) if value is None else [])
+            found = [self.weights if value is None else None]
+        elif key == "learning.rule" or "choices" in declared and isinstance(value, str):
+            found = declared.get("choices", RULES)
+        elif isinstance(value, bool):
+            found = [not value]
+        elif isinstance(value, list):
+            found = [[each * 2 if isinstance(each, float) else each for each in value], value[:1], *LISTS, None]
+        elif isinstance(value, str):
+            found = [0, 1, 2]
+        else:
+            kind = float if value is None else type(value)
+            found = [kind((value or 1.0) * factor) for factor in FACTORS] + [kind((value or 0) + 1), kind(900)]
+            found += [kind(0.05), *(LISTS if value is None else ())]
+        return [typed(key, each) for each in found if each != value]
 
-    def config_with(self, key, value):
-        """The config with another value of one field, before it is checked."""
-        if key.startswith(INTERPOLATED):
-            return compose_config([*self.overrides, f"{key}={value}"])
-        config = copy.deepcopy(self.config)
-        set_value(config, key, value)
-        return config
-
-    def changes(self, key, value, declared):
+    def changes(self, *field):
         """Whether some value of a field changes a trace; None if no other is allowed."""
-        allowed = False
-        for other in self.other_values(key, value, declared):
+        allowed = None
+        for other in self.other_values(*field):
             try:
-                check(config := self.config_with(key, other))
-                if self.results(config) != self.files:
+                if self.results([other]) != self.files:
                     return True
-                allowed = True
+                allowed = False
             except CmacexpError:
                 continue
-        return False if allowed else None
+        return allowed
+
+    def choose(self, number, *field):
+        """Another value of a field that is allowed, if there is one, the search for which begins at ``number``."""
+        others = self.other_values(*field)
+        for other in (*others[number:], *others[:number]):
+            with suppress(CmacexpError):
+                compose_config([*self.overrides, other])
+                return other
+        return None
 
     def idle_changed(self, keys, number):
-        """Which of some fields without effect were changed at once, and the traces then.
-
-        Each has another value that is allowed, the search for which begins at ``number``.
-        """
-        config, changed = copy.deepcopy(self.config), []
-        for key, value, declared in self.fields:
-            others = self.other_values(key, value, declared) if key in keys else []
-            for other in (*others[number:], *others[:number]):
-                set_value(config, key, other)
-                try:
-                    check(config)
-                except CmacexpError:
-                    set_value(config, key, value)
-                    continue
-                changed.append(key)
-                break
-        together = [key for key in changed if not explain_idle(config, key, strength_needs(key))]
-        if together:  # such as time and factor of a step
-            return self.idle_changed([key for key in keys if key != together[-1]], number)
-        try:
-            return changed, self.results(config)
-        except BadInput as error:
-            allowed = [key for key in changed if key not in str(error)]
-            if allowed == changed:
-                raise
-            return self.idle_changed(allowed, number)
+        """Which of some fields without effect were changed at once, and the traces then."""
+        chosen = {field[0]: self.choose(number, *field) for field in self.fields if field[0] in keys}
+        changed = {key: text for key, text in chosen.items() if text}
+        while True:
+            texts = list(changed.values())
+            try:
+                together = changed.keys() - self.find_idle(texts, texts)  # such as time and factor of a step
+                if not together:
+                    return changed, self.results(texts)
+                del changed[max(together)]
+            except BadInput as error:
+                del changed[max(key for key in changed if key in str(error))]
 
 
-def set_value(config, key, value):
-    """Set one field of a config."""
-    *parents, name = key.split(".")
-    for parent in parents:
-        config = getattr(config, parent)
-    setattr(config, name, value)
+TRIED = [pytest.param(each, SAMPLE, 1, marks=pytest.mark.ci, id=" ".join(each)) for each in SHORT]
+TRIED += [pytest.param(each, None, ROUNDS, marks=pytest.mark.nightly, id=" ".join(each)) for each in COMMANDS]
 
 
-@pytest.fixture(params=COMMANDS if ALL else SHORT, ids=" ".join)
-def command(request, tmp_path):
-    return Command(request.param, tmp_path)
-
-
-def test_a_field_that_is_not_warned_of_has_an_effect(command):
+@pytest.mark.parametrize(("overrides", "sample", "rounds"), TRIED)
+def test_fields_have_an_effect_unless_they_are_warned_of(tmp_path, overrides, sample, rounds):
+    command = Command(overrides, tmp_path)
     fields = [each for each in command.fields if each[0] not in command.idle]
-    if not ALL:
-        fields = random.Random(5).sample(fields, SAMPLE)
-    assert not [key for key, value, declared in fields if command.changes(key, value, declared) is False]
-
-
-def test_fields_that_are_warned_of_have_no_effect(command):
+    fields = random.Random(5).sample(fields, sample or len(fields))
+    assert not [each[0] for each in fields if command.changes(*each) is False]
     assert command.idle
-    for number in range(ROUNDS):
+    for number in range(rounds):
         changed, files = command.idle_changed(command.idle, number)
         assert changed
         if files != command.files:
