@@ -33,7 +33,19 @@ VALUES += [DIGITS, f"-{DIGITS}", f"0.{DIGITS}", "9" * 5000]
 TARGETS = ("os.system", "os", "cmacexp", "cmacexp.errors.BadInput", "cmacexp.plants.AnalyticPlant", "a..b", "a", "3")
 
 
-WRONG = ("", "x", "x.y", "cmac.layerz", "cmac.layers.x", ".cmac", "cmac.", "a b", "cmac@x", "plant@machine", "_target_")
+WRONG = (
+    "",
+    "x",
+    "x.y",
+    "cmac.layerz",
+    "cmac.layers.x",
+    ".cmac",
+    "cmac.",
+    "a b",
+    "cmac@x",
+    "plant@machine",
+    "_target_",
+)
 
 
 def based_on(scenario) -> list[str]:

@@ -72,7 +72,15 @@ def test_the_first_of_two_that_set_the_same_is_warned_of():
         (*SHORT, "cycles=3", "learning.start_cycle=4"),
         ("cycles=1", "learning.start_from='{learnt}'"),
         ("cycles=1", "learning.start_from='{learnt}'", "learning.rate=0.1"),
-        (*SHORT, "feedforward=rbf", "feedforward.centres=40", "learning.guard=freeze", "learning.lead=estimate", "cycles=11", "seed=1"),
+        (
+            *SHORT,
+            "feedforward=rbf",
+            "feedforward.centres=40",
+            "learning.guard=freeze",
+            "learning.lead=estimate",
+            "cycles=11",
+            "seed=1",
+        ),
     ],
 )
 def test_nothing_that_changes_a_run_is_said_to_have_no_effect(changed, stored):

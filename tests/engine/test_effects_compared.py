@@ -99,8 +99,9 @@ LIMIT = "cmac.memory_bytes"
 """A limit alone, unless cells are hashed to it: too low a value is refused, any other gives the same run."""
 NOT_COMPARED = (
     *("record", "sweep", "optimize", "warn", "scenario", "cycles", "gait.cycle_time", "sampling_period"),
-    "machine.kind",
+    *("machine.kind", "gait.speed"),
 )
+"""Of gait.speed nothing is declared yet, though standing machines do not have one."""
 
 
 def typed(key, value):
@@ -137,7 +138,7 @@ class Command:
         """Other values of a field; some of them may not be allowed."""
         if key == "learning.start_from":
             found = [self.weights if value is None else None]
-        elif key == "learning.rule" or "choices" in declared and isinstance(value, str):
+        elif key == "learning.rule" or ("choices" in declared and isinstance(value, str)):
             found = declared.get("choices", RULES)
         elif isinstance(value, bool):
             found = [not value]

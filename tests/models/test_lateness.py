@@ -1,4 +1,4 @@
-"""Laws of late feedback: the gain that it allows, the gains of a robot and the sampling period that follow from it."""
+"""Laws of late feedback: the gain that it allows, gains of a robot and the sampling period that follow."""
 
 import math
 

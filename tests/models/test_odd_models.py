@@ -301,9 +301,10 @@ def test_a_urdf_walks_with_its_limits_and_losses_by_the_names_that_are_found(tmp
     assert robot.mass == pytest.approx(12.4)
     assert list(robot.torque_limits) == [31.0, 32.0, 33.0]
     assert (list(robot.friction), list(robot.damping)) == ([0.2, 0.0, 0.0], [0.5] * 3)
-    names = [f"machine.{name}={value}".replace("'", "") for name, value in zip(NAMES, (joints, feet, home), strict=True)]
+    names = [
+        f"machine.{name}={value}".replace("'", "") for name, value in zip(NAMES, (joints, feet, home), strict=True)
+    ]
     require_walk([*ONE, *names, f"machine.path='{path}'", "sampling_period=0.0005"])
-
 
 
 @pytest.mark.parametrize("what", ["mirrored rear knees", "feet by their bodies", "names with spaces", "a site"])

@@ -1,4 +1,4 @@
-"""Models that are no quadruped of three hinges a leg are refused by the key that is wrong; packages are only found."""
+"""Models that are no quadruped of three hinges a leg are refused by their key; packages are only found."""
 
 import os
 import sys
@@ -29,7 +29,11 @@ CHANGES = {
     "a file that names a pipe": (INSIDE, f'<include file="other.xml"/>{INSIDE}', "path=.*pipe"),
     "a mesh that is a pipe": (INSIDE, f'<asset><mesh file="&#112;ipe"/></asset>{INSIDE}', "path=.*pipe"),
     "a file of gigabytes": (INSIDE, f'<include file="large.stl"/>{INSIDE}', r"path=.*large\.stl"),
-    "a mesh of gigabytes": (INSIDE, f'<asset><mesh name="m" file="large.stl"/></asset>{INSIDE}', r"path=.*large\.stl"),
+    "a mesh of gigabytes": (
+        INSIDE,
+        f'<asset><mesh name="m" file="large.stl"/></asset>{INSIDE}',
+        r"path=.*large\.stl",
+    ),
     "many copies": (INSIDE, f'{INSIDE}<replicate count="1000000000">{MANY}', r"path=.*1e\+09"),
     "endless copies": (INSIDE, f'{INSIDE}<replicate count="{"9" * 400}">{MANY}', "path=.*inf"),
     "copies of copies": (

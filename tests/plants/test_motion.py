@@ -51,7 +51,11 @@ def test_rates_of_a_body_add_up_to_its_motion(walking):
 def test_a_point_mass_is_accelerated_in_the_air_and_swings_on_the_ground(make_config):
     plant = make_scenario(make_config("scenario=force_step")).plant
     params, state, push = plant.params, plant.state, np.array([[0.3, -0.2]])
-    time, (mass,), surface = 5 * params.step * params.substeps, params.mechanism.legs[:, 3], params.mechanism.hip_height
+    time, (mass,), surface = (
+        5 * params.step * params.substeps,
+        params.mechanism.legs[:, 3],
+        params.mechanism.hip_height,
+    )
     for start, torque, moved, speed in (
         (-1.0, push, push[0] * time**2 / (2.0 * mass), push[0] * time / mass),
         (0.1, 0.0 * push, [0.0, 0.1 * (np.cos(w := time * np.sqrt(params.ground.stiffness / mass)) - 1.0)],
