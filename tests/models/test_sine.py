@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from support.doors_jit import program
 
-from cmacexp.jit import compiler
 from cmacexp.models.leg import trigonometry, turned_trigonometry
 from cmacexp.models.sine import FURTHEST, LARGEST_TURN, sine_cosine, turn
 
@@ -35,7 +35,7 @@ def test_an_angle_too_large_has_none(angle):
 
 @pytest.mark.ci
 def test_compiled_they_have_the_same_bits():
-    sine, turned = compiler.program(sine_cosine).compiled, compiler.program(turn).compiled
+    sine, turned = program(sine_cosine).compiled, program(turn).compiled
     rng = np.random.default_rng(0)
     for angle in (*rng.uniform(-1e5, 1e5, 50), *rng.uniform(-4.0, 4.0, 50), math.pi, FURTHEST, math.inf, math.nan):
         pair, by = sine_cosine(angle), rng.uniform(-LARGEST_TURN, LARGEST_TURN)
