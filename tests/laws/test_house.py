@@ -32,14 +32,8 @@ MODULES, STUDIES = (
 ALL = frozenset({*MODULES, *STUDIES})
 
 
-@cache
-def text_of(module: str) -> str:
-    return Path(importlib.util.find_spec(module).origin).read_text()
-
-
-@cache
-def tree_of(module: str) -> ast.Module:
-    return ast.parse(text_of(module))
+text_of = cache(lambda module: Path(importlib.util.find_spec(module).origin).read_text())
+tree_of = cache(lambda module: ast.parse(text_of(module)))
 
 
 def named_in(tree: ast.Module) -> set[str]:
