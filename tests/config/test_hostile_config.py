@@ -63,7 +63,7 @@ def fields_of(*overrides) -> dict[str, tuple[object, dict]]:
 
 @st.composite
 def lines(draw, composes):
-    """Command lines with an override that may well be valid, and some of another kind; ``composes``: by Hydra anew."""
+    """Command lines with an override that may well be valid, and others; ``composes``: by Hydra anew."""
     scenario = draw(st.sampled_from(sorted(BASES)))
     option = [draw(st.sampled_from(RICHER))] if scenario != "robot" and draw(st.booleans()) else []
     fields = fields_of(*BASES[scenario], *option)
@@ -105,12 +105,6 @@ def check_values(line, plain):
             assert is_asked(getattr(value, "text", value), got), each.input_line
 
 
-def is_cheap(line, config) -> bool:
-    """Whether a scenario is made at once, and no class but ours is called for it."""
-    small = config.cmac.memory_bytes <= 2**22 and config.cmac.layers <= 256 and config.actuator.delay < 10**4
-    return "_target_" not in " ".join(line) and small and config.steps_per_cycle * config.legs <= 4000
-
-
 def try_line(line):
     """Do with a command line what the command does before the first step."""
     before = signal.signal(signal.SIGALRM, lambda *_: pytest.fail(f"{line} hangs"))
@@ -120,7 +114,8 @@ def try_line(line):
         config = to_config(composed)
         check_values(line, to_plain(config))
         said = warnings_of(config, line, composed)
-        if is_cheap(line, config):
+        small = config.cmac.memory_bytes <= 2**22 and config.cmac.layers <= 256 and config.actuator.delay < 10**4
+        if small and config.steps_per_cycle * config.legs <= 4000 and "_target_" not in " ".join(line):
             make_scenario(config)
     except CmacexpError as error:
         said = [str(error)]

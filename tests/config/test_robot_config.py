@@ -63,12 +63,6 @@ def test_a_period_too_long_is_refused_unless_all_gains_are_given():
     assert settings(compose_config([*long, *(f"{key}=1" for key in KEYS)])) == [1.0] * 6
 
 
-def test_a_controller_without_a_compensator_has_gains_as_without_lead():
-    found = compose_untyped([*ROBOT, "~controller.lead_omega", "~controller.lead_alpha"])[0]
-    gains = derive_gains(derive_basis(read()), 0.002, 1.0)
-    assert found.controller.velocity_gain == pytest.approx(gains.velocity_gain, rel=1e-5)
-
-
 def test_mistakes_are_said_where_a_config_is_shown_or_read(tmp_path):
     """Shown as by ``--cfg job --resolve``, which resolves what Hydra composed, and nothing more."""
     composed, _ = compose_untyped([*ROBOT, "machine.path=no.xml"])

@@ -84,12 +84,6 @@ def test_the_recommended_period_is_allowed_and_one_much_longer_is_not_unless_fee
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("name", sorted(set(MODELS) & {"go1", "mini_cheetah", "aliengo", "hyqreal1", "hyqreal2"}))
-def test_robots_are_recommended_two_milliseconds_or_one_if_their_feet_are_lighter(name):
-    assert recommend_period(derive_basis(read(MODELS[name])).ratio) == (0.002 if name[0] in "gm" else 0.001)
-
-
-@pytest.mark.ci
 def test_masses_limits_and_losses_of_the_own_model_are_those_of_its_file():
     robot, basis = read(), derive_basis(read())
     assert robot.mass == pytest.approx(6.7 + 4 * (0.6 + 0.8 + 0.15 + 0.05))
