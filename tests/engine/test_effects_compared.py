@@ -101,7 +101,7 @@ NOT_COMPARED = (
     *("record", "sweep", "optimize", "warn", "scenario", "cycles", "gait.cycle_time", "sampling_period"),
     *("machine.kind", "gait.speed", "force_control.load_rate"),
 )
-"""Needs of the last two are not declared yet: standing machines have no speed, explicit force control no load rate."""
+"""Needs of the last two are not declared yet: standing machines have no speed, explicit force control none."""
 
 
 def typed(key, value):

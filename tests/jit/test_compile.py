@@ -144,9 +144,7 @@ def test_a_damaged_program_is_compiled_again(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("mode", "used"), [(0o700, True), (0o755, True), (0o775, False), (0o702, False), (0o1777, False), (None, False)]
 )
-def test_a_folder_that_others_can_write_to_or_that_is_absent_is_not_used(
-    tmp_path, mode, used, monkeypatch, capsys
-):
+def test_a_folder_that_others_can_write_to_or_that_is_absent_is_not_used(tmp_path, mode, used, monkeypatch, capsys):
     own = tmp_path / "shared" / "cmacexp"
     own.mkdir(mode or 0o700, parents=True)
     own.chmod(mode or 0o700)
