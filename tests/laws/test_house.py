@@ -1,4 +1,4 @@
-"""The house: which room may use which, how large a file may be, and that compiled code is never stale."""
+"""The house: which room may use which, what tests may import, and that a fact is declared once."""
 
 import ast
 import doctest
@@ -12,65 +12,45 @@ from collections import Counter
 from functools import cache
 from pathlib import Path
 
-import cmacexp
-import pipelines
-from cmacexp.jit.sources import KERNEL_ROOMS, RESULT_ROOMS
+import pytest
+from support.doors_jit import KERNEL_ROOMS, RESULT_ROOMS
 
-LAYERS = (
-    {"errors", "typing"},
-    {"jit"},
-    {"models"},
-    {"config"},
-    {"data"},
-    {"cmac"},
-    {"planning"},
-    {"plants"},
-    {"sensors"},
-    {"feedforward"},
-    {"control"},
-    {"loop"},
-    {"metrics"},
-    {"recording"},
-    {"report"},
-    {"stability"},
-    {"study"},
-    {"export"},
-    {"experiment"},
-    {"gym"},
-    {"commands", "__main__"},
-)
-"""Rooms of the package; each imports only from its own layer and those above it in this list."""
-OVER_STUDIES = {"pipelines", "pipelines.__main__", "pipelines.paper", "pipelines.quotes"}
-"""What is about several studies."""
+import cmacexp
+
+ROOMS = "errors+typing jit models config data cmac planning plants sensors feedforward control loop metrics recording"
+LAYERS = f"{ROOMS} report stability study export experiment gym commands+__main__".split()
+"""Each imports only from its own layer and those before it."""
 READERS = {"metrics", "recording", "report", "study", "export"}
 """Rooms that read what is on disk and never reach the loop."""
-
-
-def modules_of(package) -> list[str]:
-    found = pkgutil.walk_packages(list(package.__path__)[:1], f"{package.__name__}.")  # commands are found once
-    return [package.__name__, *(name for _, name, _ in found)]
-
-
-MODULES, STUDIES = modules_of(cmacexp), modules_of(pipelines)
+NUMBERED = Counter({number: 1 for number in (1, 2, *range(5, 22))}) + Counter({23: 2})
+"""Equations of the paper that the code computes, and how often: M of 23 in one function, C and G in another."""
+TESTS, ROOT = Path(__file__).parents[1], Path(__file__).parents[2]
+MODULES, STUDIES = (
+    [package.__name__, *(each.name for each in pkgutil.walk_packages(package.__path__[:1], f"{package.__name__}."))]
+    for package in map(importlib.import_module, ("cmacexp", "pipelines"))
+)
 ALL = frozenset({*MODULES, *STUDIES})
 
 
-@cache
-def text_of(module: str) -> str:
-    return Path(importlib.util.find_spec(module).origin).read_text()
+text_of = cache(lambda module: Path(importlib.util.find_spec(module).origin).read_text())
+tree_of = cache(lambda module: ast.parse(text_of(module)))
+
+
+def named_in(tree: ast.Module) -> set[str]:
+    """Whatever a module imports, lazily too."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            inner = {alias.name: f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {name if name in ALL else node.module for name in inner.values()}
+    return found
 
 
 @cache
 def imports(module: str) -> set[str]:
-    """Modules of the project that ``module`` imports, lazily too."""
-    found = set()
-    for node in ast.walk(ast.parse(text_of(module))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            names = {alias.name: f"{node.module}.{alias.name}" for alias in node.names}
-            found |= {inner if inner in ALL else node.module for inner in names.values()}
-    return (found & ALL) - {module}
+    return (named_in(tree_of(module)) & ALL) - {module}
 
 
 @cache
@@ -84,117 +64,87 @@ def reach(module: str) -> set[str]:
     return seen
 
 
+@pytest.fixture(scope="module", autouse=True)
+def read():
+    """Read the package before the tests."""
+    for module in ALL:
+        imports(module)
+
+
 def room_of(module: str) -> str:
     """The room of a module; the package itself hands on the API, and a ``__main__`` is a command."""
     _, *inside = module.split(".")
-    if not inside:
-        return "experiment"
-    return "__main__" if inside[-1] == "__main__" else inside[0]
+    return (inside[0] if inside[-1] != "__main__" else "__main__") if inside else "experiment"
 
 
-def layer_of(room: str, layers) -> int:
-    return next((index for index, rooms in enumerate(layers) if room in rooms), len(layers))
+def layer_of(module: str) -> int:
+    return next((i for i, rooms in enumerate(LAYERS) if room_of(module) in rooms.split("+")), len(LAYERS))
 
 
-def test_every_room_has_a_layer():
-    rooms = {room_of(module) for module in MODULES}
-    assert rooms == set().union(*LAYERS)
-
-
-def test_a_room_imports_only_from_the_layers_above_it():
-    upward = {
-        (module, used)
-        for module in MODULES
-        for used in imports(module)
-        if used.startswith("pipelines") or layer_of(room_of(used), LAYERS) > layer_of(room_of(module), LAYERS)
-    }
-    assert not upward
-
-
-def test_what_reads_a_trace_never_reaches_the_loop():
-    assert not [m for m in MODULES if room_of(m) in READERS and "loop" in {room_of(used) for used in reach(m)}]
-
-
-def test_no_module_imports_itself_by_a_detour():
-    assert not [module for module in [*MODULES, *STUDIES] if module in reach(module)]
-
-
-def outside(modules: set[str], rooms) -> set[str]:
-    """Modules in none of ``rooms``, which are folders or files as :mod:`cmacexp.jit.sources` names them."""
-    files = {module: f"{module.partition('.')[2].replace('.', '/')}.py" for module in modules}
-    return {module for module, file in files.items() if not {file, room_of(module)} & {*rooms}}
-
-
-def test_what_a_kernel_uses_keys_the_cache_of_compiled_code():
-    without_constants = {"typing.py", "errors.py", "config"}
+def test_a_room_imports_only_from_the_layers_above_it_and_readers_never_reach_the_loop():
+    assert {room_of(module) for module in MODULES} == set("+".join(LAYERS).split("+"))
     for module in MODULES:
-        if "@kernel" in text_of(module):
-            assert not outside(imports(module), {*KERNEL_ROOMS, *without_constants}), module
+        assert not [used for used in imports(module) if used in STUDIES or layer_of(used) > layer_of(module)], module
+        assert room_of(module) not in READERS or "loop" not in map(room_of, reach(module)), module
 
 
-def test_the_code_hash_covers_all_that_a_result_depends_on():
+def test_no_module_imports_itself_by_a_detour_and_files_are_short():
+    assert not [module for module in ALL if module in reach(module)]
+    assert not [module for module in ALL if len(text_of(module).splitlines()) > 400]
+
+
+def is_outside(module: str, rooms) -> bool:
+    """Whether a module is in none of ``rooms``, folders or files as :mod:`cmacexp.jit.sources` names them."""
+    return not {f"{module.partition('.')[2].replace('.', '/')}.py", room_of(module)} & {*rooms}
+
+
+def test_hashes_cover_what_compiled_code_and_results_depend_on():
+    rooms = {*KERNEL_ROOMS, "typing.py", "errors.py", "config"}  # those besides have no constants of kernels
+    for module in MODULES:
+        assert "@kernel" not in text_of(module) or not [m for m in imports(module) if is_outside(m, rooms)], module
     only_shown = {"recording", "errors.py", "experiment/failure.py", "experiment/stop_cause.py"}
-    assert not outside(reach("cmacexp.experiment.run"), {*RESULT_ROOMS, *only_shown})
+    assert not [m for m in reach("cmacexp.experiment.run") if is_outside(m, {*RESULT_ROOMS, *only_shown})]
 
 
-def test_files_are_short_and_public_names_documented():
-    for module in [*MODULES, *STUDIES]:
-        text = text_of(module)
-        assert len(text.splitlines()) <= 400, module
-        for node in ast.parse(text).body:
-            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
-                assert ast.get_docstring(node), f"{module}.{node.name}"
-
-
+@pytest.mark.ci
 def test_examples_in_docstrings_give_what_they_say():
     shown = [module for module in MODULES if "    >>> " in text_of(module)]
     results = [doctest.testmod(importlib.import_module(module)) for module in shown]
     assert all(found.attempted and not found.failed for found in results), shown
 
 
-def test_starting_imports_nothing_that_only_some_runs_need():
-    heavy = ["rerun", "pandas", "matplotlib", "scipy", "numba", "pyarrow"]
-    code = f"import sys, cmacexp.commands.main; print([m for m in {heavy} if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-
-
-def test_a_run_imports_nothing_that_it_does_not_need(tmp_path):
+@pytest.mark.ci
+@pytest.mark.parametrize("runs", [False, True])
+def test_starting_and_a_run_import_nothing_that_they_do_not_need(tmp_path, runs):
     heavy = ["pandas", "matplotlib", "jinja2", "scipy.linalg", "scipy.signal", "scipy.optimize", "rich"]
-    code = (
-        f"import sys; sys.argv = ['cmacexp', 'hydra.run.dir={tmp_path}']; from cmacexp.commands.main import main; "
-        f"assert main() == 0; print([m for m in {heavy} if m in sys.modules])"
-    )
+    heavy += [] if runs else ["rerun", "scipy", "numba", "pyarrow"]
+    main = "from cmacexp.commands import main" + ("; assert main.main() == 0" if runs else "")
+    code = f"import sys; sys.argv = ['', 'hydra.run.dir={tmp_path}']; {main}; print({{*{heavy}}} & {{*sys.modules}})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
+    assert done.stdout.splitlines()[-1] == "set()"
 
 
-NUMBERED = {1, 2, *range(5, 22), 23}
-"""Equations of the paper that the code computes; the others define symbols or repeat one of these."""
-STANDS_TWICE = {23}
-"""Its M stands in one function, C and G in another."""
+def test_every_equation_and_version_stands_once():
+    """Docstrings of functions that compute an equation give the paper, or the law that solves it; others refer."""
+    found = Counter()
+    functions = [n for m in MODULES for n in ast.walk(tree_of(m)) if isinstance(n, ast.FunctionDef)]
+    text = "\n".join(ast.get_docstring(function) or "" for function in functions)
+    for listed in re.findall(r"(?:Song 1997,|solves) eq\. (\d+(?:(?:-|, )\d+)*)", text):
+        for low, high in re.findall(r"(\d+)(?:-(\d+))?", listed):
+            found.update(range(int(low), int(high or low) + 1))
+    assert found == NUMBERED
+    assert re.search(r"^## (\d\S*)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1] == cmacexp.__version__
 
 
-def numbers(text: str) -> set[int]:
-    """Those of ``1, 16``, ``5-7``."""
-    found = set()
-    for part in text.split(", "):
-        low, _, high = part.partition("-")
-        found |= set(range(int(low), int(high or low) + 1))
-    return found
-
-
-def defined(module: str) -> list[int]:
-    """Equations that functions of ``module`` compute: their docstrings give the paper, a mere ``eq. 1`` refers.
-
-    A reference law solves the equation of the steady state, which stands nowhere else.
-    """
-    functions = [node for node in ast.walk(ast.parse(text_of(module))) if isinstance(node, ast.FunctionDef)]
-    text = " ".join(ast.get_docstring(function) or "" for function in functions)
-    lists = re.findall(r"(?:Lin & Song 1997,|solves) eq\. (\d+(?:(?:-|, )\d+)*)", text)
-    return [number for numbered in lists for number in numbers(numbered)]
-
-
-def test_every_equation_stands_once_under_its_number():
-    found = Counter(number for module in MODULES for number in defined(module))
-    assert found == {number: 2 if number in STANDS_TWICE else 1 for number in NUMBERED}
+def test_a_test_imports_inner_modules_of_its_own_room_only():
+    wrong = []
+    for file in TESTS.glob("*/**/*.py"):
+        folder = file.relative_to(TESTS).parts[0]
+        if folder not in {"support", "components"}:  # the latter are still to be moved to their rooms
+            for name in named_in(ast.parse(file.read_text())):
+                package, *inside = name.split(".")
+                is_inner = package == "cmacexp" and len(inside) > 1
+                foreign = is_inner and inside[0] != {"engine": "experiment"}.get(folder, folder)
+                if foreign or (package in {"pipelines", "benchmarks"} and folder not in {"studies", "commands"}):
+                    wrong.append((str(file.relative_to(TESTS)), name))
+    assert not wrong

@@ -1,0 +1,107 @@
+"""Configs composed from Python are those of the command line; what they say reaches the machine and its reports."""
+
+from contextlib import suppress
+
+import pytest
+from hydra import compose, initialize_config_dir
+from numpy.testing import assert_array_equal
+from support.doors import BadInput, make_mechanism, make_scenario
+from support.fields import leaves
+from support.robots import OWN
+
+from cmacexp.config import config_folder, to_config, to_plain
+from cmacexp.config.compose import compose_config
+from cmacexp.config.describe import describe_fields, read_defaults
+from cmacexp.config.difference import flat
+
+COMMANDS = [
+    [],
+    ["scenario=quadruped", "terrain=patchy", "posture.gain=0", "machine.legs.left_front.mass_1=0.6"],
+    ["force_control=explicit", "terrain.assumed_stiffness=10", "scenario=force_step", "actuator.torque_limit=5.5"],
+    ["gait.touch_down=[0.0,0.5,0.8,0.3]", "scenario=quadruped", "record.cycles=[1,2]"],
+    ["~posture.gain", "+posture.gain=3"],
+]
+
+
+@pytest.mark.parametrize("overrides", COMMANDS)
+def test_a_config_is_that_of_hydra_whatever_was_composed_before(overrides):
+    compose_config(["scenario=quadruped", "cycles=77", "cmac.inputs=[angle]"])
+    with initialize_config_dir(str(config_folder()), version_base="1.3"):
+        expected = to_config(compose("config", overrides))
+    assert compose_config(overrides) == expected
+
+
+@pytest.mark.ci
+def test_every_choice_of_a_field_makes_a_scenario_unless_another_field_forbids_it():
+    base = ["scenario=one_leg", "sensors=real", "gait.cycle_time=0.6", "sampling_period=0.01"]
+    made = set()
+    for key, value, declared in leaves(compose_config(base)):
+        for name in declared.get("choices", ()):
+            with suppress(BadInput):
+                make_scenario(compose_config([*base, f"{key}={[name] if isinstance(value, list) else name}"]))
+                made.add((key, name))
+    assert {("force_control.method", "explicit"), ("cmac.displacement", "parks_militzer")} <= made
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("gait", sorted(path.stem for path in (config_folder() / "gait").glob("*.yaml")))
+def test_every_gait_is_valid_with_some_machine(gait):
+    robot = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}")
+    found = []
+    for scenario in (("scenario=quadruped",), ("scenario=force_step",), robot):
+        with suppress(BadInput):
+            found.append(compose_config([*scenario, f"gait={gait}"]).gait.pattern)
+    assert found
+
+
+FIELDS = (
+    ("scenario=one_leg", "feedforward=rbf", "sensors=real"),
+    ("scenario=one_leg", "feedforward=ilc"),
+    ("scenario=quadruped", "plant=mujoco_quadruped", "feedforward=inverse_dynamics"),
+    ("scenario=force_step",),
+)
+
+
+@pytest.mark.parametrize("overrides", FIELDS)
+def test_every_field_says_what_it_means(overrides):
+    config = to_plain(compose_config(overrides))
+    described = describe_fields(config)
+    assert set(described) >= set(flat(config))
+    assert not [key for key, field in described.items() if not field.meaning]
+    assert described["sampling_period"].unit == "s"
+
+
+def test_a_class_that_is_not_here_leaves_its_fields_undescribed():
+    config = to_plain(compose_config([])) | {"plant": {"_target_": "nowhere.Plant", "size": 1}}
+    assert not [key for key in describe_fields(config) if key.startswith("plant")]
+
+
+def test_defaults_are_those_of_the_scenario():
+    found = [read_defaults(name).get("controller.position_gain") for name in ("quadruped", "one_leg", "nowhere")]
+    assert found == [50.0, compose_config(["scenario=one_leg"]).controller.position_gain, None]
+
+
+def test_what_is_set_for_all_legs_goes_to_all_of_them_but_those_with_their_own(make_config):
+    own = ["length_1=0.3", "length_2=0.4", "hip_x=0.25", "hip_y=-0.2", "knee=back", "mass_2=0.4"]
+    own = [f"machine.legs.right_front.{value}" for value in own]
+    mechanism = make_mechanism(make_config("scenario=quadruped", "machine.leg.mass_1=0.6", *own).machine)
+    assert_array_equal(mechanism.legs[1], [0.3, 0.4, 0.6, 0.4, -1.0])
+    assert_array_equal(mechanism.hips[1], [0.25, -0.2])
+    assert_array_equal(mechanism.legs[[0, 2, 3], 2:], [[0.6, 0.5, 1.0], [0.6, 0.5, -1.0], [0.6, 0.5, -1.0]])
+
+
+@pytest.mark.parametrize("override", ["length_1=0.4", "mass_1=0.8"])
+def test_planned_joints_and_torques_of_the_other_legs_stay_as_they_are(make_config, override):
+    plain, changed = (
+        make_scenario(make_config("scenario=quadruped", "feedforward=inverse_dynamics", *overrides))
+        for overrides in ([], [f"machine.legs.left_front.{override}"])
+    )
+    joints, torque = (
+        (one != other).any(axis=(0, 2)).tolist()
+        for one, other in (
+            (plain.setup.plan.joints, changed.setup.plan.joints),
+            (plain.feedforward.params.torque, changed.feedforward.params.torque),
+        )
+    )
+    assert (joints, torque) == ([override.startswith("length"), *[False] * 3], [True, *[False] * 3])
+    assert_array_equal(plain.setup.plan.force_desired, changed.setup.plan.force_desired)

@@ -1,0 +1,88 @@
+"""Robots in the config: settings by rule are numbers that follow what they depend on and that anyone can override."""
+
+import pytest
+from omegaconf import OmegaConf
+from support.doors import BadInput
+from support.doors_models import Lateness, derive_basis, derive_gains, discretise, recommend_period
+from support.robots import FEET, MODELS, OWN, change, read
+
+from cmacexp.config import config_folder, to_config, to_plain
+from cmacexp.config.compose import compose_config, compose_untyped
+from cmacexp.config.explain import explain_composition
+from cmacexp.config.machine import describe_other_model
+
+pytestmark = pytest.mark.ci
+ROBOT = ("scenario=robot", "machine=mjcf", f"machine.path={OWN}")
+KEYS = (
+    *("controller.position_gain", "controller.velocity_gain", "posture.gain", "posture.rate_gain"),
+    *("force_control.elasticity", "force_control.admittance"),
+)
+"""What the rule gives, in its order."""
+LATE = ("sensors=encoders", "actuator.delay=1", "actuator.lag=0.001", "sensors.position.delay=9")
+
+
+def settings(config):
+    return [OmegaConf.select(OmegaConf.create(to_plain(config)), key) for key in KEYS]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "lateness"),
+    [
+        ((), Lateness()),
+        (("sampling_period=0.001",), Lateness()),
+        (("controller.lead_alpha=2",), Lateness()),
+        (LATE, Lateness(2, (0.001,))),
+    ],
+)
+def test_settings_follow_model_period_lead_and_what_delays_the_velocity(overrides, lateness):
+    config = compose_config([*ROBOT, *overrides])
+    basis, control, period = derive_basis(read()), config.controller, config.sampling_period
+    assert period == (0.001 if "sampling_period=0.001" in overrides else recommend_period(basis.ratio, lateness))
+    lead = discretise(control.lead_omega, control.lead_alpha, period)
+    assert settings(config) == pytest.approx(derive_gains(basis, period, lead.b0, lateness), rel=1e-5)
+    assert config.terrain.stiffness == pytest.approx(basis.stiffness, rel=1e-5)
+    assert config.machine.hip_height == pytest.approx(basis.hip_height, rel=1e-5)
+
+
+def test_settings_are_numbers_in_the_manifest_and_typed_again_they_stay():
+    config = compose_config(ROBOT)
+    plain = to_plain(config)
+    assert "rule:" not in str(plain)
+    assert to_config(OmegaConf.create(plain)) == config
+
+
+def test_one_setting_is_overridden_and_the_others_stay():
+    by_rule, other = compose_config(ROBOT), compose_config([*ROBOT, "controller.position_gain=77"])
+    assert settings(other) == [77.0, *settings(by_rule)[1:]]
+
+
+def test_a_period_too_long_is_refused_unless_all_gains_are_given():
+    long = [*ROBOT, "sampling_period=0.005"]
+    with pytest.raises(BadInput, match=r"^sampling_period=0\.005: .*: use 0\.002"):
+        compose_config(long)
+    assert settings(compose_config([*long, *(f"{key}=1" for key in KEYS)])) == [1.0] * 6
+
+
+def test_mistakes_are_said_where_a_config_is_shown_or_read(tmp_path):
+    """Shown as by ``--cfg job --resolve``, which resolves what Hydra composed, and nothing more."""
+    composed, _ = compose_untyped([*ROBOT, "machine.path=no.xml"])
+    with pytest.raises(Exception, match="no such file") as raised:
+        OmegaConf.to_yaml(composed, resolve=True)
+    assert explain_composition(raised.value, []).startswith("machine.path=no.xml: ")
+    plain = to_plain(compose_config(ROBOT))
+    plain["machine"]["path"] = str(change(tmp_path, "<freejoint/>", ""))
+    with pytest.raises(BadInput, match=r"^machine\.path="):
+        to_config(OmegaConf.create(plain))
+
+
+OPTIONS = {path.stem for path in (config_folder() / "machine").glob("*.yaml")}
+
+
+@pytest.mark.parametrize("name", sorted(OPTIONS & set(MODELS)))
+def test_every_robot_has_a_config_and_the_model_that_it_was_measured_with(name):
+    config = compose_config(["scenario=robot", f"machine={name}"])
+    assert (config.machine.model, config.machine.feet) == (name, list(FEET))
+    assert config.machine.fingerprint
+    assert not describe_other_model(config.machine)
+    assert config.sampling_period in (0.001, 0.002)
+    assert min(*config.gains, *settings(config)[2:5]) > 0.0

@@ -1,0 +1,162 @@
+"""Compiled code lasts from process to process wherever it can be kept, and is never older than its sources."""
+
+import math
+import os
+import shutil
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import pytest
+from support.command import ROOT, python
+
+from cmacexp.jit.compiler import WORTH_COMPILING, expect_runs, expect_steps, kernel, program
+from cmacexp.jit.numba_private import CheckedFiles, compiled_program
+from cmacexp.jit.sources import cache_folder, is_private
+
+SCRIPT = """
+from cmacexp.jit.compiler import call_before_compiling, program
+from cmacexp.models.ground import ALL_LEGS, NEVER, Ground, stiffness_at
+
+call_before_compiling(lambda: print("compiles"))
+print(program(stiffness_at)(Ground(1e4, 0.1, 0.5, 7, 0.0, NEVER, 1.0, ALL_LEGS, 0.0, 0.0), 0.25, -0.35))
+"""
+
+
+@pytest.fixture
+def install(tmp_path):
+    """A copy of the package that nobody may write to."""
+    package = tmp_path / "install" / "cmacexp"
+    shutil.copytree(ROOT / "cmacexp", package, ignore=shutil.ignore_patterns("__pycache__"))
+    for path in package.rglob("*"):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    yield package
+    for path in package.rglob("*"):
+        path.chmod(0o755 if path.is_dir() else 0o644)
+
+
+def stiffness(package, **environment):
+    """What a new process says of the ground, and whether it had to compile for that."""
+    kept = {"PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": "", "PYTHONDONTWRITEBYTECODE": "1", **environment}
+    done = python("-c", SCRIPT, folder=package.parent, **kept)
+    assert done.returncode == 0, done.stderr
+    *announced, value = done.stdout.split()
+    return float(value), announced == ["compiles"]
+
+
+def files(folder):
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+@pytest.mark.ci
+def test_a_read_only_install_compiles_once_into_the_users_cache_and_never_misses_an_edit(install, tmp_path):
+    """Even if two begin at once; the edit is of what the kernel calls."""
+    before, kept = files(install), {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    with ThreadPoolExecutor() as pool:
+        found = list(pool.map(lambda _: stiffness(install, **kept), range(2)))
+    assert sorted(compiled for _, compiled in found) == [False, True]
+    assert len({value for value, _ in found}) == 1
+    assert files(install) == before
+    callee = install / "models" / "mix.py"
+    text = callee.read_text()
+    callee.chmod(0o644)
+    callee.write_text(text.replace("0x5BD1E995", "0x5BD1E997"))
+    edited, compiled = stiffness(install, **kept)
+    assert compiled
+    assert edited != found[0][0]
+    callee.write_text(text)
+    assert stiffness(install, **kept) == (found[0][0], False)
+
+
+def is_worth_it():
+    """Whether a program that is not cached is compiled now."""
+    asked = program(lambda: None)
+    asked.compiled = lambda: "compiled"
+    asked._is_cached = lambda arguments: False
+    return asked() == "compiled"
+
+
+@pytest.mark.parametrize(
+    ("steps", "runs", "compiled"),
+    [
+        (WORTH_COMPILING - 1, 1, False),
+        (WORTH_COMPILING, 1, True),
+        (WORTH_COMPILING / 10, 9, False),
+        (WORTH_COMPILING / 10, 10, True),
+        (1, math.inf, True),
+    ],
+)
+def test_the_length_of_all_runs_together_decides(steps, runs, compiled):
+    expect_runs(runs)
+    expect_steps(steps)
+    found = is_worth_it()
+    expect_runs(1)
+    assert found == compiled
+
+
+# Damage
+
+
+def checked(folder, stamp="source"):
+    return CheckedFiles(SimpleNamespace(_cache_path=str(folder), _index_name="loop.run-1.nbi", _source_stamp=stamp))
+
+
+def test_a_form_is_loaded_for_its_key_and_source_alone_and_only_if_it_is_whole(tmp_path):
+    checked(tmp_path).save("key", [1, 2])
+    checked(tmp_path).save("other", [3])
+    assert [checked(tmp_path).load(key) for key in ("key", "other", "third")] == [[1, 2], [3], None]
+    assert checked(tmp_path, "edited").load("key") is None
+    for path in tmp_path.iterdir():
+        whole = path.read_bytes()
+        for content in (whole[:-1], whole[:10], b"", bytes([whole[0] ^ 1]) + whole[1:], whole[:-1] + b"x"):
+            path.write_bytes(content)
+            assert [checked(tmp_path).load(key) for key in ("key", "other")].count(None) >= 1
+            assert not path.exists()
+
+
+def test_a_form_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
+    def fail(*paths):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", fail)
+    checked(tmp_path).save("key", "form")
+    assert not list(tmp_path.iterdir())
+
+
+@kernel
+def twice(number: int) -> int:
+    return 2 * number
+
+
+@pytest.mark.ci
+def test_a_damaged_program_is_compiled_again(tmp_path, capsys):
+    assert compiled_program(twice, tmp_path)(7) == twice(7) == 14
+    (path,) = [path for path in files(tmp_path) if path.suffix == ".nbc"]
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    assert compiled_program(twice, tmp_path)(7) == 14
+    assert str(path) in capsys.readouterr().err
+
+
+# Folders that others can write to
+
+
+@pytest.mark.parametrize(
+    ("mode", "used"), [(0o700, True), (0o755, True), (0o775, False), (0o702, False), (0o1777, False), (None, False)]
+)
+def test_a_folder_that_others_can_write_to_or_that_is_absent_is_not_used(tmp_path, mode, used, monkeypatch, capsys):
+    own = tmp_path / "shared" / "cmacexp"
+    own.mkdir(mode or 0o700, parents=True)
+    own.chmod(mode or 0o700)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(own.parent) if mode else "")
+    monkeypatch.setenv("XDG_CACHE_HOME", "")
+    monkeypatch.setattr("os.path.expanduser", lambda path: path)  # as Python does where it finds no home
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    assert cache_folder.__wrapped__().parent == (own if used else tmp_path / f"cmacexp-{os.getuid()}")
+    assert (str(own) in capsys.readouterr().err) == (not used and mode is not None)
+
+
+def test_a_folder_of_another_user_is_not_used(tmp_path, monkeypatch):
+    user = os.getuid()
+    monkeypatch.setattr(os, "getuid", lambda: user + 1)
+    assert not is_private(tmp_path / "own")

@@ -1,0 +1,82 @@
+"""Laws of late feedback: the gain that it allows, gains of a robot and the sampling period that follow."""
+
+import math
+
+import numpy as np
+import pytest
+from support.doors import BadInput
+
+from cmacexp.models.lateness import Lateness, add_up, first_order_share
+from cmacexp.models.robot_gains import Basis, choose_feedback, derive_gains, recommend_period, require_period
+
+PERIOD = 0.001
+LATE = [
+    (0, 0.0, 0.0),
+    (1, 0.0, 0.0),
+    (3, 0.0, 0.0),
+    (0, 0.005, 0.0),
+    (2, 0.015, 0.0),
+    (0, 0.003, 0.004),
+    (1, 0.001, 0.01),
+]
+
+
+def stops(gain, delay, *lags):
+    """Whether a free mass comes to rest by velocity feedback that is late."""
+    velocity, late, filtered = 1.0, [0.0] * delay, [0.0] * len(lags)
+    for _ in range(4000):
+        signal = velocity
+        for i, lag in enumerate(lags):
+            filtered[i] += (1.0 - math.exp(-PERIOD / lag) if lag else 1.0) * (signal - filtered[i])
+            signal = filtered[i]
+        late.append(signal)
+        velocity -= gain * late.pop(0)
+        if abs(velocity) > 1e3:
+            return False
+    return abs(velocity) < 0.1
+
+
+@pytest.mark.parametrize(("delay", "lag", "filtered"), LATE)
+def test_the_critical_gain_is_the_limit_of_stability(delay, lag, filtered):
+    critical = add_up((delay, lag), (0, filtered)).find_critical_gain(PERIOD)
+    assert stops(0.95 * critical, delay, lag, filtered)
+    assert not stops(1.05 * critical, delay, lag, filtered)
+
+
+@pytest.mark.parametrize("delay", range(6))
+def test_with_delays_alone_the_critical_gain_has_a_closed_form(delay):
+    assert Lateness(delay).find_critical_gain(PERIOD) == pytest.approx(2.0 * math.sin(math.pi / (4 * delay + 2)))
+
+
+def test_lateness_lowers_gains_by_the_same_margin_and_a_lag_alone_does_not():
+    late = [choose_feedback(Lateness(*each), PERIOD) for each in ((), (1,), (2,), (2, (0.005,)), (0, (0.005,)))]
+    assert late == pytest.approx([0.6, 0.3, 0.6 * math.sin(math.pi / 10), late[3], 0.6])
+    assert late[3] < late[2]
+
+
+def test_gains_of_a_robot_follow_and_its_body_stays_as_stiff():
+    basis = Basis(mass=12.0, foot_mass=0.3, hip_height=0.3, stiffness=1e4, damping=50.0)
+    on_time, late = (derive_gains(basis, PERIOD, 2.9, *each) for each in ((), (Lateness(1),)))
+    assert late.velocity_gain == pytest.approx(on_time.velocity_gain / 2.0)
+    stiffness = [each.position_gain * (1.0 + each.posture_gain) for each in (on_time, late)]
+    assert stiffness[0] == pytest.approx(stiffness[1])
+
+
+@pytest.mark.parametrize("ratio", [0.0041, 0.01, 0.018, 0.03, 0.2])
+@pytest.mark.parametrize("late", [Lateness(1), Lateness(2), Lateness(1, (0.0003, 0.0002))])
+def test_the_recommended_period_is_allowed_and_not_longer_than_with_feedback_on_time(ratio, late):
+    period = recommend_period(ratio, late)
+    require_period(ratio, period, late)
+    assert period <= recommend_period(ratio)
+
+
+def test_lags_that_no_period_makes_up_for_are_refused():
+    with pytest.raises(BadInput, match="sampling_period"):
+        recommend_period(0.0041, Lateness(1, (0.03, 0.02)))
+
+
+def test_a_lag_counts_until_half_of_a_constant_torque_acts():
+    for lag in (0.0001, 0.0014, 0.0016, 0.005, 0.015):
+        late = Lateness(2, (lag,)).count_samples(PERIOD) - 2
+        acting = 1.0 - (1.0 - first_order_share(lag, PERIOD)) ** np.arange(1, 30)
+        assert (acting < 0.5).sum() == late

@@ -1,0 +1,135 @@
+"""Models that are no quadruped of three hinges a leg are refused by their key; packages are only found."""
+
+import os
+import sys
+
+import pytest
+from support.doors import BadInput
+from support.robots import FEET, HOME, JOINTS, OWN, change, read
+
+from cmacexp.models import robot_file as find
+from cmacexp.models.robot import read_robot
+
+INSIDE = "<worldbody>"
+FOOT = '<geom name="FL"'
+SLIDE = '<joint name="FL_calf_joint" class="calf"'
+MOTOR = '    <motor name="RR_calf" class="calf" joint="RR_calf_joint"/>\n'
+WHEEL = '<body><joint name="FL_wheel" axis="0 1 0"/><geom size="0.02 0.01" mass="1"/></body>'
+MANY = '<geom size="1"/></replicate>'
+CHANGES = {
+    "no trunk that floats": ("<freejoint/>", "", r"path=.*has no free joint"),
+    "no MJCF": ("<mujoco", "<html", "path="),
+    "a joint of another name": ("RR_calf_joint", "RR_knee", "joints=RR_calf_joint"),
+    "a foot of another name": ('<geom name="RL"', '<geom name="rear"', "feet=RL"),
+    "a slide": (SLIDE, f'{SLIDE} type="slide"', "joints=FL_calf_joint"),
+    "a wheel": (FOOT, WHEEL + FOOT, "joints=FL_wheel"),
+    "a joint without an actuator": (MOTOR, "", "joints=RR_calf_joint"),
+    "no mass": ('mass="0.8"', 'mass="0"', "path="),
+    "a pipe": (INSIDE, f'<include file="pipe"/>{INSIDE}', "path=.*pipe"),
+    "a file that names a pipe": (INSIDE, f'<include file="other.xml"/>{INSIDE}', "path=.*pipe"),
+    "a mesh that is a pipe": (INSIDE, f'<asset><mesh file="&#112;ipe"/></asset>{INSIDE}', "path=.*pipe"),
+    "a file of gigabytes": (INSIDE, f'<include file="large.stl"/>{INSIDE}', r"path=.*large\.stl"),
+    "a mesh of gigabytes": (
+        INSIDE,
+        f'<asset><mesh name="m" file="large.stl"/></asset>{INSIDE}',
+        r"path=.*large\.stl",
+    ),
+    "many copies": (INSIDE, f'{INSIDE}<replicate count="1000000000">{MANY}', r"path=.*1e\+09"),
+    "endless copies": (INSIDE, f'{INSIDE}<replicate count="{"9" * 400}">{MANY}', "path=.*inf"),
+    "copies of copies": (
+        INSIDE,
+        f'{INSIDE}<replicate count="1000"><replicate count="&#49;000">{MANY}</replicate>',
+        r"path=.*1e\+06",
+    ),
+    "a long cable": (
+        INSIDE,
+        f'{INSIDE}<body><composite prefix="c" type="cable" count="100 100 100"/></body>',
+        r"path=.*1e\+06",
+    ),
+    "many keyframes": (INSIDE, f'<size nkey="100000000"/>{INSIDE}', r"path=.*1e\+08"),
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with a pipe, which would be waited for, and a file of 3 GB that takes no place."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "other.xml").write_text("<mujoco><include file='pipe'/></mujoco>")
+    (tmp_path / "large.stl").touch()
+    os.truncate(tmp_path / "large.stl", 3 * 10**9)
+    return tmp_path
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("what", CHANGES)
+def test_a_model_that_is_no_quadruped_is_refused(folder, what):
+    old, new, message = CHANGES[what]
+    with pytest.raises(BadInput, match=rf"^machine\.{message}") as raised:
+        read(change(folder, old, new))
+    assert len(str(raised.value).splitlines()) == 1
+
+
+@pytest.mark.ci
+def test_other_files_of_gigabytes_are_refused(folder):
+    shape = '<collision><geometry><mesh filename="package://p/large.stl"/></geometry></collision>'
+    (folder / "robot.urdf").write_text(f'<robot name="r"><link name="a">{shape}</link></robot>')
+    for name in ("large.stl", "robot.urdf"):
+        with pytest.raises(BadInput, match=r"^machine\.path=.*large\.stl.* 3000 MB"):
+            read(folder / name)
+
+
+def swap(names, i, j):
+    names = list(names)
+    names[i], names[j] = names[j], names[i]
+    return names
+
+
+NAMES = [
+    (JOINTS[:2], FEET[:2], "joints="),
+    ([leg[:2] for leg in JOINTS], FEET, "joints="),
+    (JOINTS, FEET[:2], "feet=FL, FR:"),
+    (JOINTS, ("FL", "FL", "RL", "RR"), "feet=FL, FL, RL, RR:"),
+    (JOINTS, swap(FEET, 0, 1), "feet=FR:"),
+    (swap(JOINTS, 0, 2), swap(FEET, 0, 2), "feet=RL, FR, FL, RR:"),
+    ([swap(JOINTS[0], 1, 2), *JOINTS[1:]], FEET, "feet=FL:"),
+    ([JOINTS[0], JOINTS[0], *JOINTS[2:]], FEET, "joints=FR_hip_joint, FR_thigh_joint, FR_calf_joint:"),
+]
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize(("joints", "feet", "key"), NAMES)
+def test_names_that_do_not_fit_the_model_are_refused(joints, feet, key):
+    with pytest.raises(BadInput, match=rf"^machine\.{key}"):
+        read_robot(OWN, joints, feet, HOME)
+
+
+def test_a_path_counts_before_the_name():
+    assert find.find_model("go1", str(OWN)) == OWN.resolve()
+    with pytest.raises(BadInput, match=r"^machine\.path=nowhere\.xml"):
+        find.find_model("go1", "nowhere.xml")
+
+
+def test_without_a_package_a_checkout_is_searched(tmp_path, monkeypatch):
+    (tmp_path / "unitree_go1").mkdir()
+    (tmp_path / "unitree_go1" / "go1.xml").write_text(OWN.read_text())
+    monkeypatch.setattr(find, "PACKAGE", "no_such_package")
+    monkeypatch.setenv(find.CHECKOUT, str(tmp_path))
+    assert find.find_model("go1", None) == tmp_path / "unitree_go1" / "go1.xml"
+    monkeypatch.delenv(find.CHECKOUT)
+    assert find.describe_origin(OWN) == str(OWN.parent)
+    with pytest.raises(BadInput, match=r"^machine\.model=go1"):
+        find.find_model("go1", None)
+
+
+def test_a_package_is_found_and_not_imported(tmp_path, monkeypatch):
+    folder = tmp_path / "robots_of_a_test" / "robot_model" / "own"
+    folder.mkdir(parents=True)
+    (folder / "own.xml").write_text(OWN.read_text())
+    (folder / "scene.xml").write_text("")
+    (tmp_path / "robots_of_a_test" / "__init__.py").write_text("raise RuntimeError")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(find, "PACKAGE", "robots_of_a_test")
+    assert find.package_models() == {"own": folder / "own.xml"}
+    with pytest.raises(BadInput, match=r"^machine\.model=go3: .*installed are own"):
+        find.find_model("go3", None)
+    assert "robots_of_a_test" not in sys.modules

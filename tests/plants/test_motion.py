@@ -1,0 +1,95 @@
+"""Laws of the built-in plants: what their feet carry, how they move, and that energy is kept."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from support.doors import make_mechanism, make_scenario
+from support.grounds import NO_PAYLOAD, still_ground
+
+from cmacexp.plants.kernels import PlantParams, advance, compute_load, new_state, observe
+
+
+@pytest.fixture(scope="module")
+def walking(make_config):
+    """The scenario of a walk that carries a payload from its fourth step on."""
+    return make_scenario(make_config("scenario=quadruped", "payload.weight=5", "payload.x=0.05", "payload.y=-0.02"))
+
+
+@given(st.floats(0.1, 50.0), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.integers(0, 9), st.integers(0, 9))
+def test_a_load_has_the_weight_and_the_moments_of_body_and_payload(walking, weight, x, y, start, step):
+    params = walking.plant.params
+    payload = params.payload._replace(load=params.payload.load._replace(weight=weight, x=x, y=y), start=start)
+    load, carried = compute_load(params._replace(payload=payload), step), weight if step >= start else 0.0
+    assert load.weight == pytest.approx(walking.setup.mechanism.weight + carried)
+    assert [load.weight * load.x, load.weight * load.y] == pytest.approx([carried * x, carried * y], abs=1e-12)
+
+
+def test_ground_with_damping_carries_a_body_at_rest_by_its_stiffness_alone(make_config):
+    more = ("terrain.damping=50", "payload.weight=8", "payload.x=0.06", "payload.y=-0.04", "payload.time=0")
+    plant = make_scenario(make_config("scenario=quadruped", *more)).plant
+    state = plant.state
+    assert (np.abs(state.body[1:]) > 1e-5).all()
+    assert_allclose(state.force, state.stiffness * state.pressed, rtol=1e-9)
+    assert state.force.sum() == pytest.approx(compute_load(plant.params, 0).weight)
+
+
+def test_rates_of_a_body_add_up_to_its_motion(walking):
+    params, state = walking.plant.params, walking.plant.state
+    before, period, moved = state.body.copy(), params.step * params.substeps, np.zeros(3)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        advance(params, state, rng.normal(size=(4, 2)))
+        moved += period * state.body_rate
+    assert (np.abs(moved) > 1e-9).all()
+    assert_allclose(moved, state.body - before, atol=1e-14)
+    assert state.clock[0] == 5
+    assert state.travel[0] == pytest.approx(5 * period * params.speed)
+
+
+def test_a_point_mass_is_accelerated_in_the_air_and_swings_on_the_ground(make_config):
+    plant = make_scenario(make_config("scenario=force_step")).plant
+    params, state, push = plant.params, plant.state, np.array([[0.3, -0.2]])
+    time, (mass,), surface = (
+        5 * params.step * params.substeps,
+        params.mechanism.legs[:, 3],
+        params.mechanism.hip_height,
+    )
+    for start, torque, moved, speed in (
+        (-1.0, push, push[0] * time**2 / (2.0 * mass), push[0] * time / mass),
+        (0.1, 0.0 * push, [0.0, 0.1 * (np.cos(w := time * np.sqrt(params.ground.stiffness / mass)) - 1.0)],
+         [0.0, -0.1 * np.sin(w) * w / time]),
+    ):  # fmt: skip
+        state.q[0], state.dq[0] = (0.0, surface + start), 0.0
+        observe(params, state, params.step)
+        for _ in range(5):
+            advance(params, state, torque)
+        assert_allclose(state.foot[0], [moved[0], surface + start + moved[1]], atol=1e-8)
+        assert_allclose(state.velocity[0], speed, atol=1e-7)
+
+
+def energy(leg, state, stiffness, ground):
+    """Of the two point masses, whose places are complex numbers, x + i times y down; J."""
+    links = leg[:2] * np.exp(1j * np.cumsum(state.q[0]))
+    points, moving = np.cumsum(links), np.cumsum(1j * links * np.cumsum(state.dq[0]))
+    sunk = max(0.0, points[1].imag - ground)
+    return leg[2:4] @ (0.5 * np.abs(moving) ** 2 - 9.81 * points.imag) + 0.5 * stiffness * sunk**2
+
+
+@pytest.mark.parametrize(("height", "stiffness"), [(2.0, 10.0), (0.2, 40.0)], ids=["in the air", "on the ground"])
+def test_energy_is_conserved_at_fourth_order(make_config, height, stiffness):
+    stand, leg = make_mechanism(make_config("scenario=one_leg").machine), np.array([0.35, 0.4, 0.7, 0.5, -1.0])
+    stand, errors = stand._replace(legs=leg[None], hip_height=height), []
+    for steps in (20, 40, 80):
+        params = PlantParams(stand, still_ground(stiffness), NO_PAYLOAD, 0.0, 0.2 / steps, 1)
+        state = new_state(1)
+        state.q[0], state.dq[0], state.stiffness[0] = (1.9, -1.2), (0.5, -1.0), stiffness
+        observe(params, state, params.step)
+        before = energy(leg, state, stiffness, height)
+        for _ in range(steps):
+            assert (state.force[0] > 0.0) == (height < 1.0)
+            advance(params, state, np.zeros((1, 2)))
+        errors.append(abs(energy(leg, state, stiffness, height) / before - 1.0))
+    assert errors[0] < 1e-3
+    assert errors[0] >= 12.0 * errors[1] >= 144.0 * errors[2] > 0.0
