@@ -1,8 +1,8 @@
 """What users are told: forty answers word for word (``messages.txt``), and one rule for all (``wrong_inputs.txt``).
 
-A line of ``messages.txt`` that starts with ``$`` is a whole command, or config overrides that are run; one that starts
-with ``>>>`` is Python. Renew all answers with ``PYTHONPATH=.:tests python tests/commands/test_messages.py``, then read
-the diff. ``wrong_inputs.txt`` has no answers: what is typed there is refused, and the answer says why.
+A line of ``messages.txt`` that starts with ``$`` is a whole command, or config overrides that are run; one that
+starts with ``>>>`` is Python. Renew all answers with ``PYTHONPATH=.:tests python tests/commands/test_messages.py``,
+then read the diff. ``wrong_inputs.txt`` has no answers: what is typed there is refused, and the answer says why.
 """
 
 import contextlib
@@ -144,7 +144,7 @@ def sections() -> dict[str, list[str]]:
 
 TYPED = sections()
 SLOW = ("Robots and MuJoCo", "Commands")
-PARTS = [lines[i::3] for name, lines in TYPED.items() if name not in SLOW for i in range(3)]
+PARTS = [lines[i::5] for name, lines in TYPED.items() if name not in SLOW for i in range(5)]
 """So small that each takes a fraction of a second."""
 
 

@@ -1,26 +1,18 @@
-"""Parts of one's own: how they are found and made, what they are held to, what is told when they are wrong."""
-
-import json
+"""Custom components: how they are found and made, what they are held to, what is told when they are wrong."""
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
-from support.command import cmacexp
+from support.command import call
 from support.controllers import CONTROLLERS
+from support.doors import BadInput, CmacexpError, compose_config, make_scenario
 from support.manifests import change_manifest
 from support.rollout import roll_out
 
-import cmacexp as package
-from cmacexp.commands.score import score
-from cmacexp.config.compose import compose_config
+import cmacexp
 from cmacexp.control import Action, HybridController
-from cmacexp.data.stored_run import StoredRun
-from cmacexp.errors import BadComponent, BadInput, CmacexpError, format_user_traceback
-from cmacexp.experiment.run import run_scenario
+from cmacexp.errors import format_user_traceback
 from cmacexp.feedforward import CmacFeedforward
-from cmacexp.loop.scenario import make_scenario
 from cmacexp.plants import AnalyticPlant
-from cmacexp.report.run_tables import list_settings
 from cmacexp.sensors import PerfectSensors
 
 PARTS = {
@@ -30,13 +22,16 @@ PARTS = {
     "feedforward": CmacFeedforward,
 }
 GAINS = HybridController.Config(100.0, 5.0, 5.0, 10.0)
+SHORT = ("scenario=one_leg", "cycles=2", "gait.cycle_time=0.5", "gait.stroke=0.02", "record=trace")
+STEPS = 100
+"""Of a cycle."""
 OWN = f"""{CONTROLLERS}
 class Stiff(Still):
     def __init__(self, position_gain, velocity_gain): super().__init__()
 
 class Breaks(Still):
     def act(self, reference, measurement):
-        gain = 1 / (reference.step - 700)
+        gain = 1 / (reference.step - 120)
         return super().act(reference, measurement)
 
 class BreaksAtOnce(Still):
@@ -45,13 +40,22 @@ class BreaksAtOnce(Still):
 class Reports(Still):
     memory = dropped = "own"
     def manifest_entries(self): raise KeyError("own")
-"""
 
-PREDICTS = """
 class Predicts(Reports):
     acts = True
     def reset(self, setup): pass
     def predict(self, reference, learning_error): return np.zeros_like(learning_error)
+
+calls = []
+
+def function(**fields): calls.append("function")
+
+class NoMethods:
+    def __init__(self, **fields): calls.append("NoMethods")
+
+class NoArguments(NoMethods):
+    def reset(self): pass
+    def act(self): pass
 """
 
 
@@ -64,45 +68,20 @@ def here(tmp_path, monkeypatch):
     return name
 
 
-# Any of the parts can be external, alone or with others
+def compose(*overrides):
+    return compose_config(overrides)
 
 
-class Spy:
-    """A controller that keeps all that it is given, and spoils it."""
-
-    def reset(self, setup, feedforward):
-        setup.plan.reference[:] = np.nan
-        setup.mechanism.legs[:] = 0.0
-        self.inner, self.kept, self.copies = HybridController(GAINS), [], []
-
-    def act(self, reference, measurement):
-        self.kept.append(measurement)
-        self.copies.append(measurement.q.copy())
-        with pytest.raises(ValueError, match="read-only"):
-            reference.values[:] = 0.0
-        measurement.force[:] = 1e6
-        return Action(np.full((1, 2), 0.1), np.zeros((1, 2)))
-
-
-def test_a_part_can_keep_what_it_is_given_and_harm_nobody_by_it(make_config):
-    config, spy = make_config("cycles=1", "gait.cycle_time=0.5", "gait.stroke=0.02"), Spy()
-    spoiled = roll_out(make_scenario(config, controller=spy))
-    assert all(np.array_equal(kept.q, copy) for kept, copy in zip(spy.kept, spy.copies, strict=True))
-    assert len({copy.tobytes() for copy in spy.copies}) > 50
-    assert spoiled.columns()["force"].max() < 1e5
-
-
-# How they are found
+# How they are found and made
 
 
 def test_a_class_in_the_current_folder_gets_the_fields_it_takes(here):
+    """A field that names a class is data: nothing that a field holds is called."""
     scenario = make_scenario(compose(f"controller._target_={here}.Still", "+controller.gain=3"))
     assert scenario.controller.gain == 3
     assert scenario.setup.config.controller == {"_target_": f"{here}.Still", "gain": 3}
-
-
-def compose(*overrides):
-    return compose_config(overrides)
+    other = make_scenario(compose(f"controller._target_={here}.Still", "+controller.gain._target_=os.abort"))
+    assert other.controller.gain == {"_target_": "os.abort"}
 
 
 def test_references_rest_on_gains_only_where_the_controller_takes_them(here):
@@ -116,50 +95,25 @@ def test_references_rest_on_gains_only_where_the_controller_takes_them(here):
 
 @pytest.mark.parametrize("method", ["stiffness", "damping", "combined", "explicit"])
 def test_every_force_control_method_plans_for_a_controller_without_gains(here, method):
-    reference = make_scenario(
-        compose(f"controller._target_={here}.Still", f"force_control={method}")
-    ).setup.plan.reference
-    assert not np.isinf(reference).any()
+    scenario = make_scenario(compose(f"controller._target_={here}.Still", f"force_control={method}"))
+    assert not np.isinf(scenario.setup.plan.reference).any()
 
 
-CALLED = """
-calls = []
-
-def function(**fields): calls.append("function")
-
-class NoMethods:
-    def __init__(self, **fields): calls.append("NoMethods")
-
-class NoArguments(NoMethods):
-    def reset(self): pass
-    def act(self): pass
-
-"""
-NOT_CALLED = ("function", "NoMethods", "NoArguments")
-
-
-@pytest.mark.parametrize("target", NOT_CALLED)
-def test_what_is_no_component_is_not_called(here, tmp_path, target):
-    (tmp_path / f"{here}_called.py").write_text(CALLED)
-    with pytest.raises(BadInput):
-        make_scenario(compose(f"controller._target_={here}_called.{target}"))
-    assert __import__(f"{here}_called").calls == []
-
-
-def test_a_field_that_names_a_class_is_data(here):
-    """Nothing that a field of a component holds is called."""
-    controller = make_scenario(compose(f"controller._target_={here}.Still", "+controller.gain._target_=os.abort"))
-    assert controller.controller.gain == {"_target_": "os.abort"}
+def test_what_is_no_component_is_not_called(here):
+    for target in ("function", "NoMethods", "NoArguments"):
+        with pytest.raises(BadInput, match="controller"):
+            make_scenario(compose(f"controller._target_={here}.{target}"))
+    assert __import__(here).calls == []
 
 
 def test_readers_of_a_run_do_not_import_what_its_manifest_names(here, tmp_path):
-    run = package.run(["scenario=one_leg", "cycles=1", "record=trace"], tmp_path / "run")
+    run = cmacexp.run(SHORT, tmp_path / "run")
     planted = {group: {**run.config[group], "_target_": f"{here}_planted.Part"} for group in PARTS}
     change_manifest(run.folder, config=run.config | planted)
     (tmp_path / f"{here}_planted.py").write_text("open('ran', 'w').close()")
-    assert len(package.load(run.folder).trace) == 600
-    score(run.folder)
-    list_settings(StoredRun(run.folder))
+    assert len(cmacexp.load(run.folder).trace) == 2 * STEPS
+    for reader in ("verify", "score"):
+        assert call(reader, run.folder).returncode == 0
     assert not (tmp_path / "ran").exists()
 
 
@@ -169,33 +123,51 @@ def test_readers_of_a_run_do_not_import_what_its_manifest_names(here, tmp_path):
         ("def f(:", "SyntaxError"),
         ("x = unknown", "NameError: name 'unknown'"),
         ("import no_such", "no module named no_such"),
+        (f"{CONTROLLERS}\nC = CannotBeMade", "ValueError: no licence"),
     ],
 )
-def test_a_file_that_cannot_be_imported_keeps_its_traceback(here, tmp_path, text, told):
+def test_what_a_file_raises_is_told_with_its_traceback(here, tmp_path, text, told):
     (tmp_path / f"{here}_bad.py").write_text(text)
-    with pytest.raises(BadComponent, match=told) as caught:
+    with pytest.raises(BadInput, match=told) as caught:
         make_scenario(compose(f"controller._target_={here}_bad.C"))
     shown = format_user_traceback(caught.value.raised)
-    assert text in shown
     assert f"{here}_bad.py" in shown
     assert "hydra" not in shown
-    assert "parts.py" not in shown
-
-
-def test_a_class_that_raises_when_it_is_made_keeps_its_traceback(here):
-    with pytest.raises(BadComponent, match="cannot be made: ValueError: no licence") as caught:
-        make_scenario(compose(f"controller._target_={here}.CannotBeMade"))
-    assert 'raise ValueError("no licence")' in format_user_traceback(caught.value.raised)
 
 
 def test_a_missing_extra_is_told_with_the_command_that_installs_it(here, tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
-    (tmp_path / f"{here}_extra.py").write_text("import mujoco")
-    with pytest.raises(BadInput, match=r'needs mujoco, .*: python -m pip install -e "\.\[mujoco\]"'):
+    monkeypatch.setitem(__import__("sys").modules, "mcap", None)
+    (tmp_path / f"{here}_extra.py").write_text("import mcap")
+    with pytest.raises(BadInput, match=r"pip install .*\[mcap\]"):
         make_scenario(compose(f"plant._target_={here}_extra.C"))
 
 
-# What they give back
+# What they are given, and what they give back
+
+
+class Spy:
+    """A controller that keeps all that it is given, and spoils it."""
+
+    def reset(self, setup, feedforward):
+        setup.plan.reference[:] = np.nan
+        setup.mechanism.legs[:] = 0.0
+        self.kept, self.copies = [], []
+
+    def act(self, reference, measurement):
+        self.kept.append(measurement)
+        self.copies.append(measurement.q.copy())
+        with pytest.raises(ValueError, match="read-only"):
+            reference.values[:] = 0.0
+        measurement.force[:] = 1e6
+        return Action(np.full((1, 2), 0.1), np.zeros((1, 2)))
+
+
+def test_a_part_can_keep_what_it_is_given_and_harm_nobody_by_it(make_config):
+    spy = Spy()
+    spoiled = roll_out(make_scenario(make_config(*SHORT), controller=spy))
+    assert all(np.array_equal(kept.q, copy) for kept, copy in zip(spy.kept, spy.copies, strict=True))
+    assert len({copy.tobytes() for copy in spy.copies}) > 50
+    assert spoiled.columns()["force"].max() < 1e5
 
 
 ANSWERS = {
@@ -221,21 +193,20 @@ class Answers(HybridController):
         return self.change(action) if reference.step == self.step else action
 
 
-@pytest.mark.parametrize("step", [0, 500])
 @pytest.mark.parametrize("case", ANSWERS)
-def test_an_answer_that_cannot_be_used_fails_the_run_and_keeps_the_steps_before(make_config, case, step):
-    rollout = roll_out(make_scenario(make_config("cycles=1"), controller=Answers(ANSWERS[case], step)))
-    assert rollout.status == "failed"
-    assert rollout.cause.startswith(f"after step {step}: Answers.act returned ")
-    assert len(rollout.samples) == step
+def test_an_answer_that_cannot_be_used_fails_the_run_and_keeps_the_steps_before(make_config, case):
+    for step in (0, 120):
+        rollout = roll_out(make_scenario(make_config(*SHORT), controller=Answers(ANSWERS[case], step)))
+        assert (rollout.status, len(rollout.samples)) == ("failed", step)
+        assert rollout.cause.startswith(f"after step {step}: Answers.act returned ")
 
 
-@pytest.mark.parametrize("values", [[[0.5, 0.25]], np.array([[0.5, 0.25]], np.float32), np.array([[1, 2]])])
-def test_numbers_of_any_kind_are_taken(make_config, values):
-    controller = Answers(lambda a: a._replace(feedback=values), 0)
-    rollout = roll_out(make_scenario(make_config("cycles=1"), controller=controller))
-    assert rollout.status == "completed"
-    assert rollout.samples[0, 0, 12:14].tolist() == np.asarray(values, float)[0].tolist()
+def test_numbers_of_any_kind_are_taken(make_config):
+    for values in ([[0.5, 0.25]], np.array([[0.5, 0.25]], np.float32), np.array([[1, 2]])):
+        controller = Answers(lambda a, values=values: a._replace(feedback=values), 0)
+        rollout = roll_out(make_scenario(make_config(*SHORT), controller=controller))
+        given = [rollout.columns()[f"tau_feedback_{joint}"][0, 0] for joint in (1, 2)]
+        assert (rollout.status, given) == ("completed", np.asarray(values, float)[0].tolist())
 
 
 @pytest.mark.parametrize(
@@ -246,7 +217,7 @@ def test_every_part_is_held_to_its_shapes(make_config, key, method):
         given = getattr(PARTS[key], method)(self, *arguments)
         return np.zeros((2, 2)) if key == "feedforward" else given._replace(q=np.zeros((2, 2)))
 
-    config = make_config("cycles=1", "learning.start_cycle=1")
+    config = make_config(*SHORT, "learning.start_cycle=1")
     part = type("Odd", (PARTS[key],), {method: odd})(getattr(config, key))
     rollout = roll_out(make_scenario(config, **{key: part}))
     assert (rollout.status, len(rollout.samples)) == ("failed", 0)
@@ -254,72 +225,52 @@ def test_every_part_is_held_to_its_shapes(make_config, key, method):
 
 
 def test_a_scenario_runs_once(make_config):
-    scenario = make_scenario(make_config("cycles=1"))
+    scenario = make_scenario(make_config(*SHORT))
     roll_out(scenario)
-    with pytest.raises(CmacexpError, match="this scenario has run"):
+    with pytest.raises(CmacexpError, match="has run"):
         roll_out(scenario)
 
 
-# From the command line
-
-
-def test_a_controller_that_raises_in_the_middle_keeps_its_traceback_and_the_trace(here, tmp_path):
-    target = f"controller._target_={here}.Breaks"
-    done = cmacexp(target, "cycles=2", "record=trace", "hydra.run.dir=r", folder=tmp_path)
-    assert done.returncode == 1
-    assert "gain = 1 / (reference.step - 700)" in done.stderr
-    assert "error: after step 700: ZeroDivisionError" in done.stderr
-    assert "stepped.py" not in done.stderr
-    manifest = json.loads((tmp_path / "r" / "manifest.json").read_text())
-    assert (manifest["status"], manifest["steps"]) == ("failed", 700)
-    assert pq.read_metadata(tmp_path / "r" / "trace.parquet").num_rows == 700
+# What is left of a run whose component fails
 
 
 @pytest.mark.parametrize(
-    ("name", "told"), [("Flat", "Flat.act returned feedback of shape (2,)"), ("BreaksAtOnce", "no such leg")]
+    ("name", "steps", "told"),
+    [("Breaks", 120, "ZeroDivisionError"), ("Flat", 0, "shape (2,)"), ("BreaksAtOnce", 0, "no such leg")],
 )
-def test_what_fails_at_once_leaves_a_manifest_that_says_so(here, tmp_path, name, told):
-    done = cmacexp(f"controller._target_={here}.{name}", "cycles=1", "hydra.run.dir=r", folder=tmp_path)
-    assert done.returncode == 1
-    assert told in done.stderr
-    manifest = json.loads((tmp_path / "r" / "manifest.json").read_text())
-    assert (manifest["status"], manifest["steps"]) == ("failed", 0)
-    assert ("traceback" in manifest) == (name == "BreaksAtOnce")
-    assert [use["rows"] for use in manifest["memory"]] == [65536]
-    assert manifest["dropped"] == []
+def test_a_run_that_fails_keeps_its_steps_its_cause_and_the_traceback(here, tmp_path, name, steps, told):
+    done = call("main", *SHORT, f"controller._target_={here}.{name}", "hydra.run.dir=r", folder=tmp_path)
+    run = cmacexp.load(tmp_path / "r")
+    assert (done.returncode, run.status, run.manifest["steps"]) == (1, "failed", steps)
+    assert told in done.stderr.splitlines()[-1]
+    assert ("traceback" in run.manifest) == (name != "Flat"), "an answer of a wrong shape raises nothing"
+    assert ("gain = 1 / (reference.step - 120)" in done.stderr) == (name == "Breaks")
+    assert (len(run.trace) if steps else 0) == steps
 
 
-@pytest.mark.parametrize("overrides", [[], ["feedforward._target_={here}.Predicts"]], ids=["controller", "both"])
-def test_only_components_of_the_package_add_to_the_manifest(here, tmp_path, overrides):
-    (tmp_path / f"{here}.py").write_text(OWN + PREDICTS)
-    targets = [f"controller._target_={here}.Reports", *(override.format(here=here) for override in overrides)]
-    run = run_scenario(compose(*targets, "cycles=1", "record=trace"), tmp_path / "r")
-    assert (run.status, run.manifest["dropped"]) == ("completed", [])
-    assert len(run.manifest["memory"]) == (0 if overrides else 1)
+def test_only_components_of_the_package_add_to_the_manifest(here, tmp_path):
+    run = cmacexp.run([*SHORT, f"controller._target_={here}.Reports"], tmp_path / "a")
+    assert (run.status, run.manifest["dropped"], len(run.manifest["memory"])) == ("completed", [], 1)
+    run = cmacexp.run([*SHORT, f"feedforward._target_={here}.Predicts", "warn=false"], tmp_path / "b")
+    assert (run.status, run.manifest["dropped"], len(run.manifest["memory"])) == ("completed", [], 0)
 
 
 # From Python
 
 
-def test_run_gives_what_the_command_line_gives(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    run = package.run(["scenario=one_leg", "cycles=2", "record=trace"])
+def test_a_run_goes_below_outputs_and_is_loaded_again(here):
+    run = cmacexp.run(SHORT)
     assert run.folder.parent.as_posix() == "outputs/one_leg"
-    assert (run.status, len(run.trace), len(run.metrics)) == ("completed", 1200, 2)
-    assert "one_leg, completed, 1200 steps" in repr(run)
-    assert [line.split()[0] for line in repr(run).splitlines()[-2:]] == ["1", "2"]
-    assert max(map(len, repr(run).splitlines()[1:])) <= 80
-    assert run._repr_html_().count("<tr") == 3
-    again = package.load(run.folder)
-    assert repr(again) == repr(run)
+    assert (run.status, len(run.trace), len(run.metrics)) == ("completed", 2 * STEPS, 2)
+    again = cmacexp.load(run.folder)
     assert again.trace.equals(run.trace)
+    assert repr(again) == repr(run)
+    assert run._repr_html_().count("<tr") == 3
 
 
 def test_run_takes_a_folder_in_its_overrides_and_own_configs(here, tmp_path):
     (tmp_path / "mine" / "controller").mkdir(parents=True)
     (tmp_path / "mine" / "controller" / "still.yaml").write_text(f"_target_: {here}.Still\ngain: 4\n")
-    run = package.run(
-        ["controller=still", "cycles=1", "record=trace", "hydra.run.dir=r"], config_dir=tmp_path / "mine"
-    )
+    run = cmacexp.run(["controller=still", *SHORT, "hydra.run.dir=r"], config_dir=tmp_path / "mine")
     assert run.folder.name == "r"
     assert run.config["controller"]["gain"] == 4
