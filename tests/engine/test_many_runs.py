@@ -42,7 +42,7 @@ def test_metrics_alone_are_those_of_any_other_run_and_finished_unless_traces_are
     full = run(["seed=1", *SHORT, "record=trace", "warn=false"], tmp_path / "full")
     stored = load_sweep(lean)
     pd.testing.assert_frame_equal(stored[stored.run == 0][full.metrics.columns], full.metrics)
-    for command in ("verify", "report", "stability"):
+    for command in ("verify", "report"):
         assert call(command, lean, folder=tmp_path).returncode == 0, command
     many = run_many([[f"seed={seed}", *SHORT, "warn=false"] for seed in (1, 2)], processes=2)
     shared = many.columns.intersection(stored.columns).difference(["record", "warn"])

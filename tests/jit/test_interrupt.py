@@ -1,25 +1,19 @@
-"""Ctrl-C, SIGTERM and SIGHUP: they wait where they would do harm, and all steps that were taken are kept."""
+"""Ctrl-C, SIGTERM and SIGHUP: they wait where they would do harm, and are heeded once, at a safe place."""
 
-import json
 import os
 import signal
-import time
-from pathlib import Path
+import sys
 
-import numpy as np
 import pytest
-from support.command import cmacexp, started
-from support.rollout import roll_out
 
-from cmacexp.commands.command import run_command
-from cmacexp.experiment import run as experiment
-from cmacexp.experiment.run import run_scenario
-from cmacexp.jit.interrupt import handled, interrupt_held_back, interrupted_exit_code, raise_if_interrupted
-from cmacexp.loop import compiled
-from cmacexp.loop import run as loop
-from cmacexp.loop.scenario import make_scenario
-
-SHORT = ("cycles=2", "gait.cycle_time=0.5", "gait.stroke=0.02", "learning.start_cycle=1")
+from cmacexp.jit.interrupt import (
+    exits_caught,
+    handled,
+    interrupt_held_back,
+    interrupted_exit_code,
+    is_interrupt,
+    raise_if_interrupted,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -77,17 +71,15 @@ def test_a_process_that_ignores_interrupts_goes_on_doing_so():
         raise_if_interrupted()
 
 
-def test_an_error_that_a_library_makes_of_an_interrupt_is_one(capsys):
-    def compose():
-        try:
+def test_an_error_or_an_exit_that_a_library_makes_of_an_interrupt_is_one():
+    with handled():
+        with pytest.raises(KeyboardInterrupt):
             press()
-        finally:
-            raise AttributeError("half made")
-
-    assert run_command(compose) == 130
-    assert capsys.readouterr().err == "interrupted\n"
-    with pytest.raises(ZeroDivisionError):
-        run_command(lambda: 1 // 0)
+        assert is_interrupt(AttributeError("half made"))
+        with pytest.raises(KeyboardInterrupt), exits_caught():
+            sys.exit(1)
+    with handled():
+        assert not is_interrupt(AttributeError("another"))
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
@@ -97,87 +89,3 @@ def test_a_command_handles_signals_that_end_a_process(number, code):
         press(number)
     assert interrupted_exit_code() == code
     assert signal.getsignal(number) is before
-
-
-LONG = ["cycles=1000000", "feedforward=none", "record.cycles=[1]"]
-
-
-def test_workers_end_with_a_parent_that_is_killed(tmp_path):
-    words = ["-m", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "seed=1,2", *LONG, "hydra.sweep.dir=s"]
-    process = started(*words, folder=tmp_path)
-    lock, pids = tmp_path / "s" / "0" / ".cmacexp-lock", []
-    while not (pids := lock.read_text().split() if lock.exists() else []) and process.poll() is None:
-        time.sleep(0.05)
-    refused = cmacexp("cycles=1", "hydra.run.dir=s/0", folder=tmp_path)
-    assert (refused.returncode, f"process {pids[0]} writes here" in refused.stderr) == (2, True)
-    process.kill()
-    process.wait()
-    for _ in range(200):
-        if not Path(f"/proc/{pids[0]}").exists():
-            break
-        time.sleep(0.1)
-    else:
-        pytest.fail("the worker goes on")
-
-
-@pytest.mark.parametrize("feedforward", ["cmac", "ilc"])
-def test_steps_give_the_same_bits_in_any_number_of_calls(make_config, monkeypatch, feedforward):
-    config = make_config(*SHORT, f"feedforward={feedforward}")
-    expected = roll_out(make_scenario(config))
-    monkeypatch.setattr(loop, "LONGEST_CALL", 0.0)  # a step a call
-    assert roll_out(make_scenario(config)).samples.tobytes() == expected.samples.tobytes()
-
-
-def interrupt_at(monkeypatch, call):
-    """Have this call of the program, a step each, interrupted from the keyboard."""
-    whole, calls = compiled.fused_loop, []
-
-    def interrupted(*arguments):
-        calls.append(1)
-        if len(calls) == call + 1:  # the first takes no step
-            press()
-        whole(*arguments)
-
-    monkeypatch.setattr(compiled, "fused_loop", interrupted)
-    monkeypatch.setattr(loop, "LONGEST_CALL", 0.0)
-
-
-def test_an_interrupt_is_heeded_within_a_cycle_and_all_steps_are_kept(make_config, monkeypatch):
-    config = make_config(*SHORT)
-    expected = roll_out(make_scenario(config))
-    interrupt_at(monkeypatch, 130)
-    rollout = roll_out(make_scenario(config))
-    assert (rollout.status, rollout.cause, rollout.steps) == ("interrupted", "after step 130", 130)
-    assert rollout.samples.tobytes() == expected.samples[:130].tobytes()
-
-
-def test_a_call_of_the_program_takes_no_longer_than_allowed(make_config, monkeypatch):
-    now, sizes = [0.0], []
-
-    def count(loop, progress, start, samples, body_samples):
-        progress[:2] = len(samples), 0
-        now[0] += 0.03 * len(samples)
-        sizes.append(len(samples))
-
-    monkeypatch.setattr(compiled, "fused_loop", count)
-    monkeypatch.setattr(loop.time, "perf_counter", lambda: now[0])
-    watched = []
-    roll_out(make_scenario(make_config(*SHORT)), watched.append)
-    assert sizes[1:] == np.rint(np.diff([0.0, *watched]) * 100).tolist(), "progress is shown after each"
-    assert sizes[:3] == [0, 1, round(loop.LONGEST_CALL / 0.03)]
-    assert max(sizes) * 0.03 <= loop.LONGEST_CALL
-
-
-def test_an_interrupt_while_results_are_written_comes_after_them(make_config, monkeypatch, tmp_path):
-    write = experiment.write_scores
-
-    def pressed(*arguments):
-        press()
-        return write(*arguments)
-
-    monkeypatch.setattr(experiment, "write_scores", pressed)
-    with pytest.raises(KeyboardInterrupt):
-        run_scenario(make_config(*SHORT, "record=trace"), tmp_path)
-    manifest = json.loads((tmp_path / "manifest.json").read_text())
-    assert manifest["status"] == "completed"
-    assert all((tmp_path / name).is_file() for name in manifest["files"])
