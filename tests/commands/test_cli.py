@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from support.command import call, cmacexp, started
+from support.command import call, started
 from support.doors import compose_config
 
 import cmacexp as package
@@ -58,14 +58,6 @@ def test_score_gives_the_same_metrics_again(run, tmp_path):
     assert call("verify", folder).returncode == 0
 
 
-def test_a_point_mass_has_no_joints_and_no_references_it_does_not_use(tmp_path):
-    words = ("scenario=force_step", "force_control=damping", "record=trace", "cycles=1", "gait.cycle_time=1")
-    trace = package.run(words, tmp_path / "r").trace
-    assert trace[["q1", "q2", "dq1", "dq2", "y_reference"]].isna().all(axis=None)
-    assert (trace.phase == "support").all()
-    assert trace.y[0] == pytest.approx(0.45)
-
-
 FALL = pytest.param("posture.gain=0 scenario=quadruped", marks=pytest.mark.ci)
 
 
@@ -101,13 +93,6 @@ def test_help_of_a_group_lists_options_and_fields_with_unit_and_range(tmp_path):
     after = " ".join(lines[lines.index("force_control.elasticity=0.1") + 1 :])
     assert after.startswith("at least 0 and at most 1000000, in m/N. ")
     assert (done.returncode, list(tmp_path.iterdir())) == (0, [])
-
-
-@pytest.mark.ci
-def test_bad_input_in_a_process_of_its_own_ends_with_2_and_leaves_nothing(tmp_path):
-    done = cmacexp("cmac.layers=many", folder=tmp_path)
-    assert (done.returncode, done.stdout, list(tmp_path.rglob("*.parquet"))) == (2, "", [])
-    assert done.stderr.startswith("error: cmac.layers=many: ")
 
 
 @pytest.mark.ci

@@ -6,7 +6,6 @@ then read the diff. ``wrong_inputs.txt`` has no answers: what is typed there is 
 """
 
 import contextlib
-import os
 import re
 import shlex
 import shutil
@@ -14,7 +13,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-import pyarrow.parquet as pq
 import pytest
 from support.controllers import CONTROLLERS
 from support.doors import CmacexpError, compose_config, make_scenario
@@ -24,7 +22,24 @@ from support.sweeps import call
 import cmacexp
 
 PAGE = Path(__file__).with_name("messages.txt")
-RUN = ["scenario=one_leg", "cycles=2", "record=trace"]
+BLOCKS = re.split(r"\n\n(?=\$ |>>> |# )", PAGE.read_text().rstrip("\n"))
+"""A comment, or a line and its answer."""
+RUN = ["scenario=one_leg", "cycles=2"]
+RUNS = {
+    "run": ["record=trace"],
+    "thinned": ["record=trace", "record.cycles=[1]"],
+    "metrics_alone": ["record=metrics"],
+    "spoiled": ["record.weights=true"],
+}
+FILES = {
+    "my_components.py": CONTROLLERS,
+    "my_mistake.py": "import no_such_module\n",
+    "my_syntax.py": "def f(:\n",
+    "my_exit.py": "raise SystemExit(0)\n",
+    "robot.xml": OWN.read_text(),
+    "tables/sweep.csv": "a,b\n1,2\n",
+    "empty/.keep": "",
+}
 ALLOWED = re.compile(
     r"\b(must|choose|no such|did you mean|takes?|use|add|name the|give|write|run it|leave out|which has)\b"
 )
@@ -35,66 +50,41 @@ FOUND = re.compile("importing .* failed: |cannot be (made|read)|is not a plant|w
 
 def make_folder(folder: Path) -> None:
     """Custom components, runs, and what can be wrong with them."""
-    (folder / "my_components.py").write_text(CONTROLLERS)
-    (folder / "my_mistake.py").write_text("import no_such_module\n")
-    (folder / "my_syntax.py").write_text("def f(:\n")
-    (folder / "my_exit.py").write_text("raise SystemExit(0)\n")
-    shutil.copy(OWN, folder / "robot.xml")
-    (folder / "empty").mkdir()
-    (folder / "tables").mkdir()
-    (folder / "tables" / "sweep.csv").write_text("a,b\n1,2\n")
-    cmacexp.run([*RUN, "record.weights=true"], folder / "spoiled")
+    for name, text in FILES.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+    for name, more in RUNS.items():
+        cmacexp.run([*RUN, *more], folder / name)
     (folder / "spoiled" / "weights.npz").write_bytes(b"other")
-    cmacexp.run(RUN, folder / "run")
-    cmacexp.run([*RUN, "record.cycles=[1]"], folder / "thinned")
-    cmacexp.run([*RUN[:2], "record=metrics"], folder / "metrics_alone")
+    runs = folder / "runs"
     for name in ("killed", "changed", "edited", "incomplete", "shapeless", "unreadable"):
-        shutil.copytree(folder / "run", folder / "runs" / name)
-    (folder / "runs" / "killed" / "manifest.json").unlink()
-    (folder / "runs" / "incomplete" / "metrics.csv").unlink()
-    (folder / "runs" / "unreadable" / "manifest.json").write_text("{")
-    (folder / "runs" / "shapeless" / "manifest.json").write_text('{"status": "completed", "config": [], "files": {}}')
-    edited = folder / "runs" / "edited" / "manifest.json"
+        shutil.copytree(folder / "run", runs / name)
+    (runs / "killed" / "manifest.json").unlink()
+    (runs / "incomplete" / "metrics.csv").unlink()
+    (runs / "unreadable" / "manifest.json").write_text("{")
+    (runs / "shapeless" / "manifest.json").write_text('{"status": "completed", "config": [], "files": {}}')
+    (runs / "changed" / "trace.parquet").write_bytes((folder / "thinned" / "trace.parquet").read_bytes())
+    edited = runs / "edited" / "manifest.json"
     edited.write_text(edited.read_text().replace("completed", "fell"))
-    trace = folder / "runs" / "changed" / "trace.parquet"
-    pq.write_table(pq.read_table(trace).slice(0, 600), trace)
-
-
-def run_config(overrides: list[str]) -> str:
-    """How a run with these overrides ends."""
-    with tempfile.TemporaryDirectory() as folder:
-        run = cmacexp.run(overrides, Path(folder) / "run")
-        return f"{run.status} {run.manifest['cause']}"
-
-
-def run_command(words: list[str]) -> str:
-    """Exit code and output of a command."""
-    done = call(words[2].partition(".")[2] or "main", *words[3:])
-    return f"{done.stdout}{done.stderr}exit code {done.returncode}"
 
 
 def answer(line: str) -> str:
     """What is answered to a line of the page; the current folder, and long lists of names, have words instead."""
-    kind, _, text = line.partition(" ")
+    words = shlex.split(line)
     try:
-        words = shlex.split(text)
-        command = words[:2] == ["python", "-m"]
-        found = (
-            eval(text, {"run": cmacexp.run})
-            if kind == ">>>"
-            else run_command(words)
-            if command
-            else run_config(words)
-        )
+        if words[0] == ">>>":
+            found = eval(line[4:], {"run": cmacexp.run})
+        elif words[1] == "python":
+            done = call(words[3].partition(".")[2] or "main", *words[4:])
+            found = f"{done.stdout}{done.stderr}exit code {done.returncode}"
+        else:
+            with tempfile.TemporaryDirectory() as folder:
+                run = cmacexp.run(words[1:], Path(folder) / "run")
+                found = f"{run.status} {run.manifest['cause']}"
     except CmacexpError as error:
         found = f"error: {error}"
     found = re.sub(r"(\w+, ){8,}", "MANY, ", found.replace(str(Path.cwd()), "FOLDER"))
     return "\n".join(part.rstrip() for part in found.splitlines()).strip()
-
-
-def read_page() -> list[str]:
-    """Blocks of the page: a comment, or a line and its answer."""
-    return re.split(r"\n\n(?=\$ |>>> |# )", PAGE.read_text().rstrip("\n"))
 
 
 @pytest.fixture(scope="module")
@@ -112,14 +102,16 @@ def folder(made, monkeypatch):
     return made
 
 
-def line_of(block: str):
-    """A line of a page; in which tier depends on what it needs."""
-    line = block.splitlines()[0]
-    slow = "python -m" in line or "mujoco" in line or "machine=" in line or "quadruped posture" in line
-    return pytest.param(block, id=line[:80], marks=[pytest.mark.ci] if slow else [])
+NEEDS = re.compile("python -m|mujoco|machine=|quadruped posture")
+"""What takes MuJoCo, or long."""
+PINNED = [
+    pytest.param(block, id=block.splitlines()[0][:80], marks=[pytest.mark.ci] if NEEDS.search(block) else [])
+    for block in BLOCKS
+    if block[0] != "#"
+]
 
 
-@pytest.mark.parametrize("block", [line_of(block) for block in read_page() if block[0] != "#"])
+@pytest.mark.parametrize("block", PINNED)
 def test_forty_messages_are_these(block, folder):
     line, _, expected = block.partition("\n")
     assert answer(line) == expected, f"if this is meant, renew the page: python {Path(__file__).name}"
@@ -167,16 +159,10 @@ def test_a_wrong_command_ends_with_2_before_anything_is_simulated(folder):
     assert set(folder.rglob("manifest.json")) | set(folder.rglob("*.parquet")) == before
 
 
-def renew() -> None:
-    """Write the page again with today's answers."""
-    blocks = read_page()
+if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
         make_folder(Path.cwd())
-        sys.path.insert(0, os.getcwd())
-        lines = [block.splitlines()[0] for block in blocks]
-        blocks = [line if line[0] == "#" else f"{line}\n{answer(line)}" for line in lines]
-    PAGE.write_text("\n\n".join(blocks) + "\n")
-
-
-if __name__ == "__main__":
-    renew()
+        sys.path.insert(0, name)
+        lines = [block.splitlines()[0] for block in BLOCKS]
+        answers = [line if line[0] == "#" else f"{line}\n{answer(line)}" for line in lines]
+    PAGE.write_text("\n\n".join(answers) + "\n")

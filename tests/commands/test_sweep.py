@@ -1,15 +1,15 @@
 """Sweeps from the command line: what they leave, what they say, how they resume, where they run."""
 
 import json
-import os
 import shutil
 import signal
 import time
+from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
-from support.command import ROOT, python, started
+from support.command import started
 from support.doors import BadRun
 from support.manifests import change_manifest
 from support.sweeps import call, sweep, table_of
@@ -19,6 +19,10 @@ from cmacexp import load_sweep
 
 SHORT = ("scenario=one_leg", "gait.cycle_time=0.5", "gait.stroke=0.02", "cycles=1")
 BASIC = "hydra/launcher=basic"
+
+
+def manifest_of(folder, job):
+    return json.loads((folder / "s" / job / "manifest.json").read_text())
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +61,7 @@ def test_all_metrics_of_a_sweep_are_one_table(mixed, tmp_path):
 
 
 def test_a_job_that_failed_leaves_its_reason_on_disk_and_the_best_one_is_named(mixed):
-    manifest = json.loads((mixed[0] / "s" / "3" / "manifest.json").read_text())
+    manifest = manifest_of(mixed[0], "3")
     assert (manifest["status"], manifest["bad_input"], manifest["files"]) == ("failed", True, {})
     assert mixed[1].stderr.splitlines()[-1] == f"  3 failed: {manifest['cause']}"
     assert mixed[1].returncode == 1
@@ -81,18 +85,6 @@ def test_a_changed_table_is_found(mixed, tmp_path, name):
     done = call("verify", folder)
     assert done.returncode == 4
     assert f"{name}: changed since it was written" in done.stdout
-
-
-@pytest.mark.ci
-def test_a_part_that_raises_fails_its_job_alone(tmp_path):
-    code = "from cmacexp.feedforward import CmacFeedforward\n\nclass Broken(CmacFeedforward):\n"
-    code += "    def reset(self, setup):\n        raise RuntimeError('no such luck')\n"
-    (tmp_path / "mine.py").write_text(code)
-    targets = "feedforward._target_=mine.Broken,cmacexp.feedforward.CmacFeedforward"
-    assert sweep(targets, *SHORT, folder=tmp_path).returncode == 1
-    assert table_of(tmp_path)["status"].tolist() == ["failed", "completed"]
-    assert table_of(tmp_path)["cause"][0] == "before the first step: RuntimeError: no such luck"
-    assert "in reset" in json.loads((tmp_path / "s" / "0" / "manifest.json").read_text())["traceback"]
 
 
 @pytest.mark.ci
@@ -152,20 +144,13 @@ def test_other_launchers_leave_the_same_folders_and_table(launcher, by_cores, tm
     assert done.stderr.splitlines()[-1] == other.stderr.splitlines()[-1]
     pd.testing.assert_frame_equal(table_of(folder), table_of(tmp_path))
     for job in ("0", "1"):
-        assert files_of(folder / "s" / job) == files_of(tmp_path / "s" / job)
-
-
-def files_of(folder):
-    """Hashes of the files of a job, and its overrides."""
-    overrides = yaml.safe_load((folder / ".hydra" / "overrides.yaml").read_text())
-    files = json.loads((folder / "manifest.json").read_text())["files"]
-    return files, [override for override in overrides if "sweep.chunk" not in override]
+        assert manifest_of(folder, job)["files"] == manifest_of(tmp_path, job)["files"]
 
 
 @pytest.mark.ci
 def test_a_job_has_the_bytes_of_a_single_run(by_cores, tmp_path):
     single = cmacexp.run([*SHORT, "cmac.layers=8", "feedforward=cmac", "record=trace", "warn=false"], tmp_path / "r")
-    assert single.manifest["files"] == files_of(by_cores[0] / "s" / "0")[0]
+    assert single.manifest["files"] == manifest_of(by_cores[0], "0")["files"]
 
 
 @pytest.mark.ci
@@ -175,54 +160,6 @@ def test_jobs_that_only_hydra_understands_are_run_by_it(tmp_path):
     for table in (table_of(tmp_path), load_sweep(tmp_path / "s")):
         assert table["run"].tolist() == [0, 1], "an integer whatever the folders are called"
         assert table["folder"].tolist() == ["layers-8", "layers-16"]
-
-
-SWEEPER = '''
-import json
-from dataclasses import dataclass
-from pathlib import Path
-
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-from hydra.core.config_store import ConfigStore
-
-
-class HalvingSweeper(BasicSweeper):
-    """Halves learning.rate as long as what the job gives gets less."""
-
-    def sweep(self, arguments):
-        rate, found = 1.6, []
-        Path(self.config.hydra.sweep.dir).mkdir(parents=True, exist_ok=True)
-        while len(found) < 2 or found[-1] < found[-2]:
-            job = [*arguments, f"learning.rate={rate}"]
-            (done,) = self.launcher.launch([job], initial_job_idx=len(found))
-            found.append(done.return_value)
-            rate /= 2
-        (Path(self.config.hydra.sweep.dir) / "found.json").write_text(json.dumps(found))
-
-
-@dataclass
-class HalvingSweeperConf:
-    _target_: str = "hydra_plugins.halving.HalvingSweeper"
-    max_batch_size: int | None = None
-
-
-ConfigStore.instance().store(group="hydra/sweeper", name="halving", node=HalvingSweeperConf)
-'''
-
-
-@pytest.mark.ci
-def test_a_sweeper_of_the_user_can_search_over_a_metric(tmp_path):
-    plugin = tmp_path / "hydra_plugins" / "halving"
-    plugin.mkdir(parents=True)
-    (plugin / "__init__.py").write_text(SWEEPER)
-    environment = {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
-    search = ["-m", "hydra/sweeper=halving", "cycles=3", "optimize=transfer_rmse_y", "hydra.sweep.dir=s"]
-    done = python("-m", "cmacexp", *search, folder=tmp_path, **environment)
-    assert done.returncode == 0, done.stderr
-    found = json.loads((tmp_path / "s" / "found.json").read_text())
-    table = table_of(tmp_path)
-    assert (table["status"][0], found[0]) == ("diverged", float("inf"))
-    assert table["final_transfer_rmse_y"][1:].tolist() == found[1:]
 
 
 @pytest.mark.ci
@@ -241,3 +178,21 @@ def test_an_interrupted_sweep_tells_what_is_done(tmp_path):
     table = table_of(tmp_path)
     assert 2 in table["run"].tolist()
     assert set(table["status"]) == {"completed"}
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("launcher", ["cores", pytest.param("joblib", marks=pytest.mark.nightly)])
+def test_workers_end_with_a_parent_that_is_killed(launcher, tmp_path):
+    words = ["seed=1,2", "cycles=1000000", "feedforward=none", "record.cycles=[1]", f"hydra/launcher={launcher}"]
+    process = started("-m", *words, "hydra.sweep.dir=s", folder=tmp_path)
+    lock, worker = tmp_path / "s" / "0" / ".cmacexp-lock", []
+    while not (worker := lock.read_text().split() if lock.exists() else []) and process.poll() is None:
+        time.sleep(0.02)
+    refused = call("main", "cycles=1", "hydra.run.dir=s/0", folder=tmp_path)
+    assert (refused.returncode, f"process {worker[0]} writes here" in refused.stderr) == (2, True)
+    process.kill()
+    process.wait()
+    end = time.monotonic() + 20.0
+    while Path(f"/proc/{worker[0]}").exists() and time.monotonic() < end:
+        time.sleep(0.02)
+    assert not Path(f"/proc/{worker[0]}").exists()

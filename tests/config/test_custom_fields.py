@@ -65,29 +65,11 @@ def compose(*overrides):
     return compose_config(overrides)
 
 
-UNKNOWN = {
-    "controller._target_={}.Still +controller.friction=1": "{}.Still takes gain",
-    "plant=mujoco_leg plant._target_={}.Still +plant.gravity=1": "{}.Still takes gain",
-    "+controller.gian=3": "cmacexp.control.HybridController takes position_gain, velocity_gain,",
-}
-"""Fields that no option of the group has."""
-
-
-@pytest.mark.parametrize("overrides", UNKNOWN)
-def test_a_field_that_no_one_takes_is_an_error_unless_an_option_has_it(here, overrides):
-    with pytest.raises(BadInput) as caught:
-        compose(*overrides.format(here).split())
-    key = overrides.rpartition("+")[2].partition("=")[0]
-    assert str(caught.value).startswith(f"{key}=")
-    assert UNKNOWN[overrides].format(here) in str(caught.value)
-
-
 def test_fields_of_the_replaced_option_and_of_the_scenario_are_dropped(here, tmp_path):
     (tmp_path / "controller").mkdir()
     (tmp_path / "controller" / "mine.yaml").write_text(f"_target_: {here}.Still\ngain: 2\n")
-    for name in ("quadruped", "quadruped_lasting"):  # they set gains of whatever controller there is
-        config = compose_config([f"scenario={name}", "controller=mine"], tmp_path)
-        assert config.controller == {"_target_": f"{here}.Still", "gain": 2}
+    config = compose_config(["scenario=quadruped", "controller=mine"], tmp_path)  # it sets gains of any controller
+    assert config.controller == {"_target_": f"{here}.Still", "gain": 2}
     left = compose("plant=mujoco_quadruped", "scenario=quadruped", f"plant._target_={here}.Still")
     assert left.plant == {"_target_": f"{here}.Still"}
 
@@ -108,11 +90,6 @@ def test_a_class_with_a_config_gets_typed_and_checked_fields(here):
         assert told in str(caught.value)
     with pytest.raises(ValueError, match="no such leg"):
         compose(typed, "+controller.legs=[2]")
-
-
-def test_a_class_with_another_constructor_than_its_base_says_that_it_has_no_config(here):
-    heir = compose(f"controller._target_={here}.Heir", "+controller.stiffness=3").controller
-    assert (heir["stiffness"], heir["position_gain"]) == (3, 100.0)
 
 
 def test_a_target_that_has_moved_keeps_working_and_its_new_name_is_printed_once(capsys):

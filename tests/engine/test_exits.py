@@ -82,9 +82,8 @@ def overrides(here, part, group="feedforward"):
 @pytest.mark.parametrize("part", PLACES)
 def test_the_run_fails_and_says_where(here, part):
     group, reason, steps = PLACES[part]
-    done = call("main", *overrides(here, part, group), "hydra.run.dir=out")
-    run = cmacexp.load("out")
-    assert (done.returncode, run.status, run.manifest["steps"]) == (1, "failed", steps)
+    run = cmacexp.run(overrides(here, part, group), "out")
+    assert (run.status, run.manifest["steps"]) == ("failed", steps)
     assert f"{reason} ({here}.py, line " in run.manifest["cause"]
     first, shown, *_ = run.manifest["traceback"].splitlines()
     assert first.startswith("Traceback")
@@ -111,23 +110,6 @@ def test_no_job_of_a_sweep_and_no_run_in_memory_is_lost(here, tmp_path):
     runs = [[*BASE, f"feedforward._target_={here}.{part}"] for part in ("Feedforward", "Predict")]
     table = cmacexp.run_many(runs, processes=1)
     assert table.groupby("run")["status"].first().tolist() == ["completed", "failed"]
-
-
-@pytest.mark.ci
-def test_a_measure_of_a_study_that_exits_is_an_error_of_the_study(tmp_path):
-    (tmp_path / "my_study.md").write_text("# Exits\n")
-    (tmp_path / "my_study.py").write_text(f"""
-import sys
-from cmacexp.study import Request, Study
-
-def measure(run):
-    sys.exit(0)
-
-RUN = Request({(*BASE, "feedforward=none")})
-STUDY = Study(title="Exits", question="Does it?", runs=lambda quick: [RUN], measures={{"own": measure}})
-""")
-    with pytest.raises(ComponentExit, match=r"measure raised SystemExit\(0\) \(my_study.py, line 6\)"):
-        call("study", "my_study.py", "--seeds", "1", folder=tmp_path)
 
 
 @pytest.mark.ci

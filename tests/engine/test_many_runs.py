@@ -5,26 +5,14 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from omegaconf import OmegaConf
 from support.command import call, python
 from support.doors import BadInput
 from support.sweeps import sweep
 
 from cmacexp import load_sweep, run, run_many
-from cmacexp.config.compose import compose_untyped, parse_override, set_values
 from cmacexp.errors import WithoutEffect
-from cmacexp.experiment.launch import set_value
 
 SHORT = ("scenario=one_leg", "gait.cycle_time=0.5", "gait.stroke=0.02", "cycles=2")
-
-
-@pytest.mark.parametrize("override", ["cmac.layers=8", "record.cycles=[1,2]", "gait={lift: 0.2}", "cmac.inputs.0=x"])
-def test_values_of_a_job_are_set_as_omegaconf_sets_them(override):
-    composed, _ = compose_untyped([])
-    plain, parsed = OmegaConf.to_container(composed), parse_override(override)
-    set_values(composed, [override])
-    set_value(plain, parsed.key_or_group.split("."), parsed.value())
-    assert plain == OmegaConf.to_container(composed)
 
 
 @pytest.mark.parametrize("runs", [[], ["cycles=1"]])

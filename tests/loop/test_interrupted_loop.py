@@ -3,7 +3,6 @@
 import os
 import signal
 
-import numpy as np
 import pytest
 from support.doors import make_scenario
 from support.rollout import roll_out
@@ -40,19 +39,3 @@ def test_an_interrupt_is_heeded_within_a_cycle_and_all_steps_are_kept(make_confi
     signal.signal(signal.SIGINT, before)
     assert (rollout.status, rollout.cause, rollout.steps) == ("interrupted", "after step 130", 130)
     assert rollout.samples.tobytes() == expected.samples[:130].tobytes()
-
-
-def test_a_call_of_the_program_takes_no_longer_than_allowed(make_config, monkeypatch):
-    now, sizes = [0.0], []
-
-    def count(loop, progress, start, samples, body_samples):
-        progress[:2] = len(samples), 0
-        now[0] += 0.03 * len(samples)
-        sizes.append(len(samples))
-
-    monkeypatch.setattr(compiled, "fused_loop", count)
-    monkeypatch.setattr(loop.time, "perf_counter", lambda: now[0])
-    watched = []
-    roll_out(make_scenario(make_config(*SHORT)), watched.append)
-    assert sizes[1:] == np.rint(np.diff([0.0, *watched]) * 100).tolist(), "progress is shown after each"
-    assert max(sizes) * 0.03 <= loop.LONGEST_CALL

@@ -86,14 +86,6 @@ def test_a_log_and_a_terminal_that_cannot_clear_a_line_get_lines_none_twice(use,
     assert len(set(log.getvalue().splitlines())) == log.getvalue().count("\n")
 
 
-def test_no_line_of_work_that_ends_soon(use, monkeypatch):
-    log = use(io.StringIO())
-    monkeypatch.setattr(terminal, "FIRST_LINE_DELAY", 60.0)
-    with progress("running", 12, "cycles") as watch:
-        watch(5)
-    assert not log.getvalue()
-
-
 def test_the_time_that_is_left_is_what_the_rest_takes_at_this_rate():
     for seconds, left in {3.0: "9 s", 60.0: "3 min", 7200.0: "6 h"}.items():
         assert format_progress("sweep", 1.5, 6, "jobs", seconds) == f"sweep: 1/6 jobs (25.0 %), {left} left"
