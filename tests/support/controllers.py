@@ -17,6 +17,9 @@ class Needs(Still):
 class Flat(Still):
     def act(self, reference, measurement): return Action(np.zeros(2), np.zeros((self.legs, 2)))
 
+class Raises(Still):
+    def act(self, reference, measurement): return {}["torque"]
+
 class Narrow(Still):
     def act(self, reference): return None
 

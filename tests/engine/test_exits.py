@@ -1,18 +1,16 @@
-"""``sys.exit()`` in a component: its run fails, wherever it runs, and nothing else ends."""
+"""``sys.exit()`` in a component, or an interrupt while results are written: nothing else ends, no result is lost."""
 
-import sys
+import os
+import signal
 
 import pytest
-from support.command import cmacexp, python
+from support.command import call, python
+from support.doors import BadInput
+from support.sweeps import sweep
 
-import cmacexp as package
-from cmacexp.data.stored_run import StoredRun
-from cmacexp.errors import BadComponent, ComponentExit
-from cmacexp.experiment.batch import run_many
-from cmacexp.experiment.collect import collect
-from cmacexp.experiment.workers import workers
-from cmacexp.jit.interrupt import exits_caught
-from cmacexp.study import Request
+import cmacexp
+from cmacexp.errors import ComponentExit
+from cmacexp.experiment import run as engine
 
 PARTS = """
 import sys
@@ -82,9 +80,9 @@ def overrides(here, part, group="feedforward"):
 
 
 @pytest.mark.parametrize("part", PLACES)
-def test_the_run_fails_and_says_where(here, part, tmp_path):
+def test_the_run_fails_and_says_where(here, part):
     group, reason, steps = PLACES[part]
-    run = package.run(overrides(here, part, group), tmp_path / "out")
+    run = cmacexp.run(overrides(here, part, group), "out")
     assert (run.status, run.manifest["steps"]) == ("failed", steps)
     assert f"{reason} ({here}.py, line " in run.manifest["cause"]
     first, shown, *_ = run.manifest["traceback"].splitlines()
@@ -93,66 +91,28 @@ def test_the_run_fails_and_says_where(here, part, tmp_path):
 
 
 def test_a_component_that_cannot_be_made_is_refused(here):
-    with pytest.raises(BadComponent, match=r"cannot be made: ComponentExit: Made.__init__ raised SystemExit\(3\)"):
-        package.run(overrides(here, "Made"))
+    with pytest.raises(BadInput, match=r"Made.__init__ raised SystemExit\(3\)"):
+        cmacexp.run(overrides(here, "Made"))
     with pytest.raises(ComponentExit, match=r"Config\.check raised SystemExit"):
-        package.run(overrides(here, "Checks"))
+        cmacexp.run(overrides(here, "Checks"))
 
 
-def test_a_command_ends_with_1(here, tmp_path):
-    done = cmacexp(*overrides(here, "Act", "controller"), "hydra.run.dir=out", folder=tmp_path)
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].startswith("error: after step 0: ComponentExit: Act.act raised SystemExit(0)")
-    assert StoredRun(tmp_path / "out").status == "failed"
-
-
-def test_no_job_of_a_sweep_is_lost(here, tmp_path):
-    parts = ",".join(f"{here}.{part}" for part in ("Predict", "Made", "Checks", "Feedforward"))
-    words = ["-m", *BASE, f"feedforward._target_={parts}", "hydra.sweep.dir=out"]
-    done = cmacexp(*words, folder=tmp_path)
+@pytest.mark.ci
+def test_no_job_of_a_sweep_and_no_run_in_memory_is_lost(here, tmp_path):
+    names = ("Predict", "Made", "Checks", "Feedforward")
+    parts = ",".join(f"{here}.{part}" for part in names)
+    done = sweep(*BASE, f"feedforward._target_={parts}", folder=tmp_path)
     assert done.returncode == 1
     assert "4 jobs: 3 failed, 1 completed" in done.stdout
-    causes = [StoredRun(tmp_path / "out" / str(number)).manifest["cause"] for number in range(4)]
+    causes = [cmacexp.load(tmp_path / "s" / str(number)).manifest["cause"] for number in range(4)]
     for cause, text in zip(causes, ("Predict.predict", "Made.__init__", "Config.check"), strict=False):
         assert f"{text} raised SystemExit" in cause
+    runs = [[*BASE, f"feedforward._target_={here}.{part}"] for part in ("Feedforward", "Predict")]
+    table = cmacexp.run_many(runs, processes=1)
+    assert table.groupby("run")["status"].first().tolist() == ["completed", "failed"]
 
 
-def test_runs_in_memory_and_of_studies_fail_too(here, tmp_path):
-    good, bad = overrides(here, "Feedforward")[:-1], overrides(here, "Predict")
-    good[-1] = "feedforward=none"
-    statuses = run_many([good, bad], processes=1).groupby("run")["status"].first()
-    assert statuses.tolist() == ["completed", "failed"]
-    requests = [Request(tuple(each)) for each in (good, bad)]
-    with workers(processes=1) as each:
-        found = collect(each, requests, tmp_path / "runs")
-    assert [StoredRun(found[request][0]).status for request in requests] == ["completed", "failed"]
-
-
-def test_a_measure_of_a_study_that_exits_is_an_error_of_the_study(tmp_path):
-    (tmp_path / "my_study.md").write_text("# Exits\n")
-    (tmp_path / "my_study.py").write_text(f"""
-import sys
-from cmacexp.study import Request, Study
-
-def measure(run):
-    sys.exit(0)
-
-RUN = Request({(*BASE, "feedforward=none")})
-STUDY = Study(title="Exits", question="Does it?", runs=lambda quick: [RUN], measures={{"own": measure}})
-""")
-    done = python("-m", "cmacexp.study", "my_study.py", "--seeds", "1", folder=tmp_path)
-    assert done.returncode == 1, done.stderr
-    assert "measure raised SystemExit(0) (my_study.py, line 6)" in done.stderr
-
-
-def test_a_method_of_the_benchmark_that_exits_has_failed(here):
-    from pipelines.benchmark.trial import run_stage
-
-    stages = [run_stage(overrides(here, part)) for part in ("Predict", "Learnt", "Feedforward")]
-    assert [stage.status for stage in stages] == ["failed", "failed", "completed"]
-    assert "Learnt.learnt raised SystemExit(0)" in stages[1].cause
-
-
+@pytest.mark.ci
 def test_a_signal_handler_of_the_program_ends_it(here, tmp_path):
     """A program that ends by ``sys.exit`` at SIGTERM still does while it runs a component."""
     (tmp_path / "program.py").write_text(f"""
@@ -173,7 +133,17 @@ print("still here")
     assert (done.returncode, done.stdout) == (77, "")
 
 
-def test_what_a_library_makes_of_an_interrupt_is_that_interrupt(monkeypatch):
-    monkeypatch.setattr("cmacexp.jit.interrupt._State.raised", True)
-    with pytest.raises(KeyboardInterrupt), exits_caught():
-        sys.exit(1)
+def test_an_interrupt_while_results_are_written_comes_after_them(monkeypatch, tmp_path):
+    write = engine.write_scores
+
+    def pressed(*arguments):
+        os.kill(os.getpid(), signal.SIGINT)
+        return write(*arguments)
+
+    monkeypatch.setattr(engine, "write_scores", pressed)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    with pytest.raises(KeyboardInterrupt):
+        cmacexp.run([*BASE, "record=trace"], tmp_path / "r")
+    signal.signal(signal.SIGINT, before)
+    assert cmacexp.load(tmp_path / "r").status == "completed"
+    assert call("verify", tmp_path / "r").returncode == 0

@@ -1,0 +1,230 @@
+"""Custom components: how they are found and made, what they are held to, what is told when they are wrong."""
+
+import numpy as np
+import pytest
+from support.command import call
+from support.controllers import CONTROLLERS
+from support.doors import BadInput, compose_config, make_scenario
+from support.manifests import change_manifest
+from support.rollout import roll_out
+
+import cmacexp
+from cmacexp.control import Action, HybridController
+from cmacexp.errors import format_user_traceback
+from cmacexp.feedforward import CmacFeedforward
+from cmacexp.plants import AnalyticPlant
+from cmacexp.sensors import PerfectSensors
+
+PARTS = {
+    "plant": AnalyticPlant,
+    "sensors": PerfectSensors,
+    "controller": HybridController,
+    "feedforward": CmacFeedforward,
+}
+GAINS = HybridController.Config(100.0, 5.0, 5.0, 10.0)
+SHORT = ("scenario=one_leg", "cycles=2", "gait.cycle_time=0.5", "gait.stroke=0.02", "record=trace")
+STEPS = 100
+"""Of a cycle."""
+OWN = f"""{CONTROLLERS}
+class Stiff(Still):
+    def __init__(self, position_gain, velocity_gain): super().__init__()
+
+class Breaks(Still):
+    def act(self, reference, measurement):
+        gain = 1 / (reference.step - 120)
+        return super().act(reference, measurement)
+
+class BreaksAtOnce(Still):
+    def reset(self, setup, feedforward): raise KeyError("no such leg")
+
+calls = []
+
+def function(**fields): calls.append("function")
+
+class NoMethods:
+    def __init__(self, **fields): calls.append("NoMethods")
+
+class NoArguments(NoMethods):
+    def reset(self): pass
+    def act(self): pass
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """The current folder, with a file of controllers in it that no other test has imported."""
+    monkeypatch.chdir(tmp_path)
+    name = f"own_{abs(hash(tmp_path))}"
+    (tmp_path / f"{name}.py").write_text(OWN)
+    return name
+
+
+def compose(*overrides):
+    return compose_config(overrides)
+
+
+# How they are found and made
+
+
+def test_a_class_in_the_current_folder_gets_the_fields_it_takes(here):
+    """A field that names a class is data: nothing that a field holds is called."""
+    scenario = make_scenario(compose(f"controller._target_={here}.Still", "+controller.gain=3"))
+    assert scenario.controller.gain == 3
+    assert scenario.setup.config.controller == {"_target_": f"{here}.Still", "gain": 3}
+    other = make_scenario(compose(f"controller._target_={here}.Still", "+controller.gain._target_=os.abort"))
+    assert other.controller.gain == {"_target_": "os.abort"}
+
+
+def test_references_rest_on_gains_only_where_the_controller_takes_them(here):
+    plans = [
+        make_scenario(compose("scenario=one_leg", f"controller._target_={name}")).setup.plan.reference[0, 300, 0, 1]
+        for name in ("cmacexp.control.HybridController", f"{here}.Stiff", f"{here}.Still")
+    ]
+    assert plans[0] == plans[1]
+    assert plans[0] - plans[2] == pytest.approx(1.0 / 100.0 + 5.0 / 100.0 * compose().force_control.admittance)
+
+
+@pytest.mark.parametrize("method", ["damping", "combined", "explicit"])
+def test_every_force_control_method_plans_for_a_controller_without_gains(here, method):
+    scenario = make_scenario(compose(f"controller._target_={here}.Still", f"force_control={method}"))
+    assert not np.isinf(scenario.setup.plan.reference).any()
+
+
+def test_what_is_no_component_is_not_called(here):
+    for target in ("function", "NoMethods", "NoArguments"):
+        with pytest.raises(BadInput, match="controller"):
+            make_scenario(compose(f"controller._target_={here}.{target}"))
+    assert __import__(here).calls == []
+
+
+def test_readers_of_a_run_do_not_import_what_its_manifest_names(here, tmp_path):
+    run = cmacexp.run(SHORT, tmp_path / "run")
+    planted = {group: {**run.config[group], "_target_": f"{here}_planted.Part"} for group in PARTS}
+    change_manifest(run.folder, config=run.config | planted)
+    (tmp_path / f"{here}_planted.py").write_text("open('ran', 'w').close()")
+    assert len(cmacexp.load(run.folder).trace) == 2 * STEPS
+    for reader in ("verify", "score"):
+        assert call(reader, run.folder).returncode == 0
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("def f(:", "SyntaxError"),
+        ("x = unknown", "NameError: name 'unknown'"),
+        ("import no_such", "no module named no_such"),
+        (f"{CONTROLLERS}\nC = CannotBeMade", "ValueError: no licence"),
+    ],
+)
+def test_what_a_file_raises_is_told_with_its_traceback(here, tmp_path, text, told):
+    (tmp_path / f"{here}_bad.py").write_text(text)
+    with pytest.raises(BadInput, match=told) as caught:
+        make_scenario(compose(f"controller._target_={here}_bad.C"))
+    shown = format_user_traceback(caught.value.raised)
+    assert f"{here}_bad.py" in shown
+    assert "hydra" not in shown
+
+
+# What they are given, and what they give back
+
+
+class Spy:
+    """A controller that keeps all that it is given, and spoils it."""
+
+    def reset(self, setup, feedforward):
+        setup.plan.reference[:] = np.nan
+        setup.mechanism.legs[:] = 0.0
+        self.kept, self.copies = [], []
+
+    def act(self, reference, measurement):
+        self.kept.append(measurement)
+        self.copies.append(measurement.q.copy())
+        with pytest.raises(ValueError, match="read-only"):
+            reference.values[:] = 0.0
+        measurement.force[:] = 1e6
+        return Action(np.full((1, 2), 0.1), np.zeros((1, 2)))
+
+
+def test_a_part_can_keep_what_it_is_given_and_harm_nobody_by_it(make_config):
+    spy = Spy()
+    spoiled = roll_out(make_scenario(make_config(*SHORT), controller=spy))
+    assert all(np.array_equal(kept.q, copy) for kept, copy in zip(spy.kept, spy.copies, strict=True))
+    assert len({copy.tobytes() for copy in spy.copies}) > 50
+    assert spoiled.columns()["force"].max() < 1e5
+
+
+ANSWERS = {
+    "None": lambda a: None,
+    "array": lambda a: a.feedback,
+    "flat": lambda a: a._replace(feedback=np.zeros(2)),
+    "text": lambda a: a._replace(feedforward="much"),
+    "ragged": lambda a: a._replace(feedback=[[1.0], [1.0, 2.0]]),
+    "complex": lambda a: a._replace(feedback=np.zeros((1, 2), complex)),
+    "NaN": lambda a: a._replace(feedback=np.array([[0.0, np.nan]])),
+}
+
+
+class Answers(HybridController):
+    """Gives something else at one step."""
+
+    def __init__(self, change, step):
+        super().__init__(GAINS)
+        self.change, self.step = change, step
+
+    def act(self, reference, measurement):
+        action = super().act(reference, measurement)
+        return self.change(action) if reference.step == self.step else action
+
+
+@pytest.mark.parametrize("case", ANSWERS)
+def test_an_answer_that_cannot_be_used_fails_the_run_and_keeps_the_steps_before(make_config, case):
+    for step in (0, 120):
+        rollout = roll_out(make_scenario(make_config(*SHORT), controller=Answers(ANSWERS[case], step)))
+        assert (rollout.status, len(rollout.samples)) == ("failed", step)
+        assert rollout.cause.startswith(f"after step {step}: Answers.act returned ")
+
+
+@pytest.mark.parametrize(
+    ("key", "method"), [("plant", "step"), ("sensors", "measure"), ("plant", "reset"), ("feedforward", "predict")]
+)
+def test_every_part_is_held_to_its_shapes(make_config, key, method):
+    def odd(self, *arguments):
+        given = getattr(PARTS[key], method)(self, *arguments)
+        return np.zeros((2, 2)) if key == "feedforward" else given._replace(q=np.zeros((2, 2)))
+
+    config = make_config(*SHORT, "learning.start_cycle=1")
+    part = type("Odd", (PARTS[key],), {method: odd})(getattr(config, key))
+    rollout = roll_out(make_scenario(config, **{key: part}))
+    assert (rollout.status, len(rollout.samples)) == ("failed", 0)
+    assert f"Odd.{method} returned " in rollout.cause
+
+
+# What is left of a run whose component fails
+
+
+@pytest.mark.parametrize(
+    ("name", "steps", "told"),
+    [("Breaks", 120, "ZeroDivisionError"), ("Flat", 0, "shape (2,)"), ("BreaksAtOnce", 0, "no such leg")],
+)
+def test_a_run_that_fails_keeps_its_steps_its_cause_and_the_traceback(here, tmp_path, name, steps, told):
+    done = call("main", *SHORT, f"controller._target_={here}.{name}", "hydra.run.dir=r", folder=tmp_path)
+    run = cmacexp.load(tmp_path / "r")
+    assert (done.returncode, run.status, run.manifest["steps"]) == (1, "failed", steps)
+    assert told in done.stderr.splitlines()[-1]
+    assert ("traceback" in run.manifest) == (name != "Flat"), "an answer of a wrong shape raises nothing"
+    assert ("gain = 1 / (reference.step - 120)" in done.stderr) == (name == "Breaks")
+    assert (len(run.trace) if steps else 0) == steps
+
+
+# From Python
+
+
+def test_a_run_goes_below_outputs_and_is_loaded_again(here):
+    run = cmacexp.run(SHORT)
+    assert run.folder.parent.as_posix() == "outputs/one_leg"
+    assert (run.status, len(run.trace), len(run.metrics)) == ("completed", 2 * STEPS, 2)
+    again = cmacexp.load(run.folder)
+    assert again.trace.equals(run.trace)
+    assert repr(again) == repr(run)
+    assert run._repr_html_().count("<tr") == 3

@@ -1,0 +1,110 @@
+"""Many runs: metrics alone, in memory, and studies in tasks of a launcher."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.command import call, python
+from support.doors import BadInput
+from support.sweeps import sweep
+
+from cmacexp import load_sweep, run, run_many
+from cmacexp.errors import WithoutEffect
+
+SHORT = ("scenario=one_leg", "gait.cycle_time=0.5", "gait.stroke=0.02", "cycles=2")
+
+
+@pytest.mark.parametrize("runs", [[], ["cycles=1"]])
+def test_runs_that_cannot_be_are_refused(runs):
+    with pytest.raises(BadInput, match="runs"):
+        run_many(runs)
+
+
+@pytest.mark.ci
+def test_metrics_alone_are_those_of_any_other_run_and_finished_unless_traces_are_asked_for(tmp_path):
+    jobs = ["seed=1,2", *SHORT, "warn=false"]
+    assert sweep(*jobs, "record=metrics", folder=tmp_path).returncode == 0
+    lean = tmp_path / "s"
+    assert {path.name for path in (lean / "0").iterdir()} == {"manifest.json", "metrics.parquet"}
+    full = run(["seed=1", *SHORT, "record=trace", "warn=false"], tmp_path / "full")
+    stored = load_sweep(lean)
+    pd.testing.assert_frame_equal(stored[stored.run == 0][full.metrics.columns], full.metrics)
+    for command in ("verify", "report"):
+        assert call(command, lean, folder=tmp_path).returncode == 0, command
+    many = run_many([[f"seed={seed}", *SHORT, "warn=false"] for seed in (1, 2)], processes=2)
+    shared = many.columns.intersection(stored.columns).difference(["record", "warn"])
+    pd.testing.assert_frame_equal(many[shared], stored[shared])
+    assert set(full.metrics.columns) <= set(shared)
+
+
+@pytest.mark.ci
+def test_runs_in_memory_leave_nothing_on_disk_and_have_the_traces_of_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    trace = run_many([SHORT], "trace", processes=1)
+    assert not list(tmp_path.iterdir())
+    assert np.array_equal(trace["q1"], run([*SHORT, "record=trace"], tmp_path / "full").trace["q1"])
+    with pytest.raises(BadInput, match="cycles"):
+        run_many([["cycles=0"]])
+
+
+@pytest.mark.ci
+def test_a_script_without_a_guard_can_run_many(tmp_path):
+    (tmp_path / "script.py").write_text("import cmacexp\nprint(len(cmacexp.run_many([['cycles=1']] * 2)))\n")
+    done = python("script.py", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "2\n"), done.stderr
+
+
+STUDY = """
+from cmacexp.study import Study, grid
+RUNS = grid("cycles=1", "feedforward=none", over={"seed": [1, 2, 3]})
+STUDY = Study(title="Few", question="Does it run?", runs=lambda quick: RUNS)
+"""
+
+
+@pytest.mark.nightly
+def test_a_study_runs_in_tasks_of_a_launcher(tmp_path):
+    (tmp_path / "few.py").write_text(STUDY)
+    (tmp_path / "few.md").write_text("Nothing to say.\n")
+    command = ["-m", "cmacexp.study", "few.py", "--folder", "st", "--launcher", "submitit_local", "--workers", "2"]
+    done = python(*command, "--setting", "timeout_min=5", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    manifests = [json.loads(path.read_text()) for path in (tmp_path / "st" / "runs").glob("*/manifest.json")]
+    assert [manifest["status"] for manifest in manifests] == ["completed"] * 3
+    assert len(list((tmp_path / "st" / "tasks" / ".submitit").iterdir())) >= 2
+
+
+@pytest.mark.ci
+def test_a_key_without_effect_is_warned_of_a_seed_noted(capsys):
+    runs = [[*SHORT, "feedforward=none", f"cmac.layers={n}", f"seed={s}"] for n in (8, 16) for s in (0, 1)]
+    with pytest.warns(WithoutEffect) as caught:
+        run_many(runs)
+    (warning,) = caught
+    assert str(warning.message).startswith("cmac.layers had no effect: runs 0, 2 gave equal results")
+    assert warning.filename == __file__
+    assert "note: seed changes nothing here" in capsys.readouterr().err
+
+
+IDLE = """
+class Idle:
+    acts = True
+
+    def __init__(self, gain):
+        assert gain != 3, "no such gain"
+
+    def reset(self, setup):
+        pass
+
+    def predict(self, reference, learning_error):
+        return 0.0 * learning_error
+"""
+
+
+@pytest.mark.ci
+def test_a_key_of_a_custom_component_that_had_no_effect_is_reported(tmp_path):
+    (tmp_path / "mine.py").write_text(IDLE)
+    swept = ["feedforward._target_=mine.Idle", "+feedforward.gain=1,2,3", "controller.velocity_gain=5,6"]
+    done = sweep(*SHORT, *swept, folder=tmp_path)
+    (effect,) = [line for line in done.stderr.splitlines() if line.startswith(("warning", "note"))]
+    assert effect.startswith("warning: feedforward.gain had no effect: jobs 0, 2 gave equal results")
+    assert done.stderr.count("failed: ") == 2, "they do not count"

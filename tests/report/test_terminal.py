@@ -1,0 +1,51 @@
+"""What is printed fits the terminal, and nothing is left out in silence."""
+
+import io
+import re
+import sys
+
+from support.command import call
+
+from cmacexp.report.run_summary import RunSummary, print_runs
+from cmacexp.report.terminal import format_folder
+from cmacexp.report.terminal_tables import print_table
+
+
+def numbers_in(text):
+    return [line.split() for line in text.splitlines() if line.split()[:1] and line.split()[0].isdecimal()]
+
+
+def test_a_run_prints_a_table_of_80_columns_that_says_where_all_of_its_cycles_are(tmp_path):
+    words = ("scenario=force_step", "gait.cycle_time=0.3", "sampling_period=0.01", "cycles=25", "record=metrics")
+    printed = call("main", *words, "hydra.run.dir=r", folder=tmp_path).stdout
+    assert max(len(line) for line in printed.splitlines() if str(tmp_path) not in line) <= 80
+    assert [row[0] for row in numbers_in(printed)][::19] == ["1", "25"]
+    assert "20 of 25 cycles; all are in " in printed
+
+
+WIDE = ["run", "first\nmm", "second\nmm", "third\nmm"], [["1", "2", "3", "[4]"], ["5", "6", "7", "8"]]
+
+
+def test_columns_that_do_not_fit_follow_below_and_wide_cells_are_folded(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "20")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stdout", screen := io.StringIO())
+    monkeypatch.setattr(screen, "isatty", lambda: True, raising=False)
+    print_table(*WIDE)
+    printed = re.sub(r"\x1b\[[\d;]*m", "", screen.getvalue())
+    assert max(len(line.rstrip()) for line in printed.splitlines()) <= 20
+    assert numbers_in(printed) == [["1", "2", "3"], ["5", "6", "7"], ["1", "[4]"], ["5", "8"]]
+    print_table(["run"], [["a" * 50]])
+    assert screen.getvalue().count("a") == 50
+
+
+def test_a_table_of_many_runs_says_where_all_of_them_are(capsys, tmp_path):
+    runs = [RunSummary(tmp_path / str(number), "failed", "", {"a.b": number}) for number in range(30)]
+    print_runs(runs, ["a.b"], tmp_path / "sweep.csv")
+    assert "20 of 30 runs; all are in " in capsys.readouterr().out
+
+
+def test_a_folder_is_printed_as_a_command_takes_it(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert format_folder(tmp_path / "a run") == "'a run'"
+    assert format_folder(tmp_path.parent) == str(tmp_path.parent)
