@@ -14,10 +14,10 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from support.command import call
 from support.controllers import CONTROLLERS
 from support.doors import CmacexpError, compose_config, make_scenario
 from support.robots import OWN
-from support.sweeps import call
 
 import cmacexp
 

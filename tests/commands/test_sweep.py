@@ -9,10 +9,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
-from support.command import started
+from support.command import call, started
 from support.doors import BadRun
 from support.manifests import change_manifest
-from support.sweeps import call, sweep, table_of
+from support.sweeps import sweep, table_of
 
 import cmacexp
 from cmacexp import load_sweep

@@ -11,8 +11,7 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.doors import CmacexpError, make_scenario
-from support.doors_effect import warnings_of
+from support.doors import CmacexpError, make_scenario, warnings_of
 from support.fields import leaves
 from support.robots import OWN
 

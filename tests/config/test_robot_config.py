@@ -2,8 +2,7 @@
 
 import pytest
 from omegaconf import OmegaConf
-from support.doors import BadInput
-from support.doors_models import Lateness, derive_basis, derive_gains, discretise, recommend_period
+from support.doors import BadInput, Lateness, derive_basis, derive_gains, discretise, recommend_period
 from support.robots import FEET, MODELS, OWN, change, read
 
 from cmacexp.config import config_folder, to_config, to_plain

@@ -3,8 +3,7 @@
 from types import SimpleNamespace
 
 import pytest
-from support.doors import compose_config, make_scenario
-from support.doors_effect import compose_untyped
+from support.doors import compose_config, compose_untyped, make_scenario
 from support.fields import leaves
 from support.rollout import roll_out
 

@@ -9,8 +9,7 @@ import random
 from contextlib import suppress
 
 import pytest
-from support.doors import BadInput, CmacexpError, compose_config, run_scenario
-from support.doors_effect import RULES, compose_untyped
+from support.doors import RULES, BadInput, CmacexpError, compose_config, compose_untyped, run_scenario
 from support.fields import leaves
 
 from cmacexp.experiment.without_effect import warnings_of

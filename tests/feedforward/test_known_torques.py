@@ -2,8 +2,7 @@
 
 import numpy as np
 from numpy.testing import assert_allclose
-from support.doors import make_scenario
-from support.doors_models import forward_dynamics, get_leg, trigonometry
+from support.doors import forward_dynamics, get_leg, make_scenario, trigonometry
 
 from cmacexp.feedforward import NoFeedforward
 from cmacexp.feedforward.kernels import feedforward_step

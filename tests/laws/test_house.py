@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from support.doors_jit import KERNEL_ROOMS, RESULT_ROOMS
+from support.doors import KERNEL_ROOMS, RESULT_ROOMS
 
 import cmacexp
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from support.doors_jit import program
+from support.doors import program
 
 from cmacexp.models.leg import trigonometry, turned_trigonometry
 from cmacexp.models.sine import FURTHEST, LARGEST_TURN, sine_cosine, turn

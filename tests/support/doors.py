@@ -5,18 +5,26 @@ A test imports inner modules of its own room alone, so that a change inside a ro
 (``cmacexp.planning``), and from here.
 """
 
+from cmacexp.cmac.rules import RULES as RULES
 from cmacexp.config.compose import compose_config as compose_config
+from cmacexp.config.compose import compose_untyped as compose_untyped
 from cmacexp.errors import BadComponent as BadComponent
 from cmacexp.errors import BadInput as BadInput
 from cmacexp.errors import BadRun as BadRun
 from cmacexp.errors import CmacexpError as CmacexpError
 from cmacexp.errors import Diverged as Diverged
 from cmacexp.experiment.run import run_scenario as run_scenario
+from cmacexp.experiment.without_effect import warnings_of as warnings_of
+from cmacexp.jit.compiler import program as program
+from cmacexp.jit.sources import KERNEL_ROOMS as KERNEL_ROOMS
+from cmacexp.jit.sources import RESULT_ROOMS as RESULT_ROOMS
 from cmacexp.loop.scenario import make_scenario as make_scenario
 from cmacexp.models.body import Load as Load
 from cmacexp.models.body import depth as depth
 from cmacexp.models.body import make_pose as make_pose
 from cmacexp.models.ground import stiffness_at as stiffness_at
+from cmacexp.models.lateness import Lateness as Lateness
+from cmacexp.models.lead import discretise as discretise
 from cmacexp.models.leg import Leg as Leg
 from cmacexp.models.leg import foot_position as foot_position
 from cmacexp.models.leg import foot_velocity as foot_velocity
@@ -28,7 +36,11 @@ from cmacexp.models.mechanism import get_leg as get_leg
 from cmacexp.models.mechanism import legs_on_stand as legs_on_stand
 from cmacexp.models.mechanism import legs_under_body as legs_under_body
 from cmacexp.models.mechanism import point_mass as point_mass
+from cmacexp.models.robot_gains import derive_basis as derive_basis
+from cmacexp.models.robot_gains import derive_gains as derive_gains
+from cmacexp.models.robot_gains import recommend_period as recommend_period
 from cmacexp.planning.machine import make_mechanism as make_mechanism
 from cmacexp.plants.protocol import new_measurement as new_measurement
 from cmacexp.report.page import Report as Report
 from cmacexp.report.page import write_report as write_report
+from cmacexp.report.run_summary import RunSummary as RunSummary

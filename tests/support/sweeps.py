@@ -1,17 +1,10 @@
-"""Sweeps in this process, each as if it were the first."""
+"""Sweeps in this process, and their tables."""
 
 from pathlib import Path
 from subprocess import CompletedProcess
-from unittest.mock import patch
 
 import pandas as pd
-from support import command
-
-
-def call(name: str, *words: object, folder: Path | None = None) -> CompletedProcess:
-    """A command that may be a sweep, of which a process remembers one."""
-    with patch("cmacexp.experiment.sweep.Sweep.current", None):
-        return command.call(name, *words, folder=folder)
+from support.command import call
 
 
 def sweep(*words: object, folder: Path) -> CompletedProcess:
