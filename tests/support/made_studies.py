@@ -1,0 +1,43 @@
+"""Runs of a study made up by hand, as rows of its results; what tests of studies use of other rooms."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cmacexp.models.robot_file import package_models
+from cmacexp.report.run_summary import RunSummary
+from cmacexp.study.interval import UNPAIRED as UNPAIRED
+from cmacexp.study.results import Results as Results
+from cmacexp.study.results import Row
+from cmacexp.study.study import load_study as load_study
+
+ROBOTS_ARE_MISSING = not package_models()
+"""Models of robots come with the extra ``robots``, which CI lacks."""
+
+
+def made_row(
+    metrics: Mapping[str, Sequence[float]],
+    asked: int | None = None,
+    measures: Mapping[str, float] | None = None,
+    seeded: bool = False,
+    **settings: object,
+) -> Row:
+    """A run with these metrics by cycle; it fell if more cycles were ``asked`` for than they have."""
+    histories = {name: np.array(values, dtype=float) for name, values in metrics.items()}
+    cycles = len(next(iter(histories.values()), ()))
+    status = "completed" if asked in (None, cycles) else "fell"
+    return Row(
+        RunSummary(Path("run"), status, "", {}, cycles, histories), settings, settings, measures or {}, seeded
+    )
+
+
+def made_errors(*errors: float, cycles: int = 5, **settings: object) -> Results:
+    """A run for each final error in x, m; that of NaN fell after two cycles."""
+    rows = []
+    for error in errors:
+        history = [1.0, 0.5] if math.isnan(error) else np.linspace(1.0, error, cycles)
+        metrics = {"transfer_rmse_x": history, "feedforward_share": history}
+        rows.append(made_row(metrics, cycles, **settings))
+    return Results(rows)
