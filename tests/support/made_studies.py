@@ -1,20 +1,13 @@
-"""Runs of a study made up by hand, as rows of its results; what tests of studies use of other rooms."""
+"""Runs of a study made up by hand, as rows of its results."""
 
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from support.doors_studies import Row, RunSummary
 
-from cmacexp.models.robot_file import package_models
-from cmacexp.report.run_summary import RunSummary
-from cmacexp.study.interval import UNPAIRED as UNPAIRED
-from cmacexp.study.results import Results as Results
-from cmacexp.study.results import Row
-from cmacexp.study.study import load_study as load_study
-
-ROBOTS_ARE_MISSING = not package_models()
-"""Models of robots come with the extra ``robots``, which CI lacks."""
+from cmacexp.study import Results
 
 
 def made_row(
@@ -28,9 +21,8 @@ def made_row(
     histories = {name: np.array(values, dtype=float) for name, values in metrics.items()}
     cycles = len(next(iter(histories.values()), ()))
     status = "completed" if asked in (None, cycles) else "fell"
-    return Row(
-        RunSummary(Path("run"), status, "", {}, cycles, histories), settings, settings, measures or {}, seeded
-    )
+    summary = RunSummary(Path("run"), status, "", {}, cycles, histories)
+    return Row(summary, settings, settings, measures or {}, seeded)
 
 
 def made_errors(*errors: float, cycles: int = 5, **settings: object) -> Results:
