@@ -2,6 +2,7 @@
 
 import json
 import re
+from importlib import import_module
 
 import numpy as np
 import pandas as pd
@@ -81,6 +82,12 @@ class Spoilt(Base):
         return self.torque[reference.sample]
 '''
 BROKEN = {"Raises": "failed", "Undefined": "failed", "Diverges": "diverged", "Refuses": "refused"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def imported():
+    """What intervals import when they are first computed; a test's own time is without it."""
+    import_module("scipy.stats")
 
 
 def run(folder, *words):

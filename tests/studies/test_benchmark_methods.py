@@ -143,9 +143,7 @@ def first_torques(scenario, learnt):
 @pytest.mark.parametrize("name", METHODS)
 def test_a_second_run_starts_with_what_the_first_has_learnt_at_any_sampling_period(of, learnt, name):
     own = learnt[name][1]
-    torque, halved = (
-        first_torques(of(*LEG, METHODS[name], *more), own) for more in ((), ("sampling_period=0.01",))
-    )
+    torque, halved = (first_torques(of(*LEG, METHODS[name], *more), own) for more in ((), ("sampling_period=0.01",)))
     assert np.abs(torque).max() > 0.1
     assert np.median(np.abs(halved - torque[::2])) < 0.02 * np.abs(torque).max()
     if name in PER_SAMPLE:

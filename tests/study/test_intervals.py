@@ -98,9 +98,7 @@ def test_groups_of_runs_are_compared_and_tabulated_by_their_settings():
     )
     both = ratio(last_error, {"walk": "soft", "law": "b"}, {"walk": "soft", "law": "a"})
     assert both(results) == pytest.approx([9.0])
-    table = tabulate(
-        results, {"walk": "ground", "law": "law"}, {"done": completed, **ends(["transfer_rmse_x"], 1)}
-    )
+    table = tabulate(results, {"walk": "ground", "law": "law"}, {"done": completed, **ends(["transfer_rmse_x"], 1)})
     assert table.to_numpy().tolist() == [
         ["soft", "a", "1 of 1", pytest.approx(1.0)],
         ["soft", "b", "1 of 1", pytest.approx(9.0)],
