@@ -19,7 +19,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("cycle_time", [0.75, pytest.param(3.0, marks=pytest.mark.ci)])
+@pytest.mark.parametrize("cycle_time", [0.5, pytest.param(3.0, marks=pytest.mark.ci)])
 @pytest.mark.parametrize("case", CASES)
 def test_one_leg_goes_as_the_oracle_says(make_config, case, cycle_time):
     overrides, changes = CASES[case]
