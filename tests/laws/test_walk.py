@@ -60,12 +60,6 @@ def test_ten_substeps_change_no_metric_of_the_steady_walk_by_two_percent(stored)
     assert_allclose(*(walks.metrics_of(run).loc[2:] for run in (ten, one)), rtol=0.02)
 
 
-@pytest.mark.nightly
-def test_ten_substeps_change_nothing_of_learning_by_two_percent_either(stored):
-    one, ten = (walks.pool(stored(walks.QUADRUPED, "cycles=5", *more)) for more in ((), ("plant.substeps=10",)))
-    assert_allclose(ten.drop(columns=TRUE_MINIMA), one[ten.columns].drop(columns=TRUE_MINIMA), rtol=0.02)
-
-
 # With and without posture control
 
 

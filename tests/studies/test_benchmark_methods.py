@@ -90,17 +90,6 @@ def test_slotine_and_li_adapt_to_an_unknown_mass_without_a_feedforward(of, alone
     assert torque[1:].any(axis=1).all()
 
 
-@pytest.mark.nightly
-def test_adaptive_laws_find_the_unknown_mass_on_a_path_without_jumps(of):
-    smooth = (*HEAVY, "gait.vertical=two_cubics", "cycles=12")
-    measured, planned = of(*smooth, *SLOTINE_LI), of(*smooth, METHODS["adaptive"])
-    nominal = np.array(measured.controller.parameters[0])
-    roll_out(measured)
-    roll_out(planned)
-    assert_allclose(measured.controller.parameters[0] / nominal, 1.2, rtol=0.05)
-    assert_allclose(planned.feedforward.learnt()["parameters"][0, :2], 1.2, rtol=0.05)
-
-
 @pytest.mark.ci
 def test_least_squares_find_masses_and_ground_that_are_wrong(of):
     """On a path without jumps, from two cycles of feedback only; the factor of the contact force stays 1."""
@@ -111,22 +100,6 @@ def test_least_squares_find_masses_and_ground_that_are_wrong(of):
     assert_allclose(gravity, 1.2, rtol=0.02)
     assert_allclose(contact, 1.0, rtol=0.05)
     assert_allclose(inertia, 1.2, rtol=0.2)
-
-
-@pytest.mark.ci
-def test_a_known_model_acts_until_it_is_identified_anew_from_feedback_and_is_then_fixed(of, learnt):
-    first = torque_of_cycles(roll_out(of(*HEAVY, METHODS["identified"])))
-    assert not first[:3].any()
-    assert first[3].any()
-    assert_array_equal(first[4:], first[[3, 3]])
-    light = make_scenario(of(*LEG, METHODS["identified"], "learning.start_cycle=1", "cycles=5").setup.config, {
-        "parameters": learnt["identified"][1]["parameters"]
-    })  # fmt: skip
-    second = torque_of_cycles(roll_out(light))
-    assert second[0].any()
-    assert_array_equal(second[2], second[0])
-    assert np.abs(second[3] - second[0]).max() > 0.01  # the leg is no longer heavy
-    assert_array_equal(second[4], second[3])
 
 
 def first_torques(scenario, learnt):
@@ -149,37 +122,6 @@ def test_a_second_run_starts_with_what_the_first_has_learnt_at_any_sampling_peri
     if name in PER_SAMPLE:
         (kept,) = [value for key, value in own.items() if key.startswith("torque")]
         assert_array_equal(torque[:-50], kept[:-50])  # repetitive control filters the last samples once more
-
-
-@pytest.mark.ci
-def test_norm_optimal_predicts_what_a_torque_takes_off_the_feedback(make_config):
-    """Of a leg that stays in transfer about one posture, after the torque has repeated for some cycles."""
-    config = make_config(*LEG, "feedforward=none", "learning.start_cycle=1", "gait.stroke=0.001", "cycles=6")
-    config = replace(config, learning=replace(config.learning, lead=1))
-    setup = make_scenario(config).setup
-    samples, support = len(setup.plan.support), setup.plan.support[:, 0]
-    times = np.arange(samples) / samples
-    added = 1e-3 * np.stack([np.sin(2 * np.pi * 4 * times), np.cos(2 * np.pi * 9 * times)], axis=-1)[:, None]
-
-    def feedback(torque):
-        class Played:
-            acts = True
-
-            def reset(self, setup):
-                pass
-
-            def predict(self, reference, learning_error):
-                return torque[reference.sample]
-
-        columns = roll_out(make_scenario(config, feedforward=Played())).columns()
-        return np.stack([columns[f"tau_feedback_{j}"][-samples:, 0] for j in (1, 2)], axis=-1)
-
-    q = setup.plan.joints[~support, 0, :2].mean(axis=0)
-    model = feedback_removed(setup, 0, q, support=False)
-    predicted = np.fft.irfft((model @ np.fft.rfft(added[:, 0], axis=0)[..., None])[..., 0], samples, axis=0)
-    found = feedback(0.0 * added) - feedback(added)
-    middle = np.flatnonzero(~support)[samples // 8 : -samples // 20]
-    assert np.mean((found - predicted)[middle] ** 2) < 0.2**2 * np.mean(found[middle] ** 2)
 
 
 # Equations
@@ -278,14 +220,6 @@ def test_the_library_starts_with_the_nearest_plan_and_keeps_the_others(leg):
     learnt = library.learnt()
     assert_allclose(learnt["plans"], [*plans, [gait.stroke, gait.cycle_time]])
     assert_array_equal(learnt["torque_0"], far)
-
-
-def test_the_library_returns_to_its_best_cycle(of):
-    library = of(*LEG, METHODS["torque_library"]).feedforward
-    library.best[:], library.least, library.error = 1.0, 1.0, 2.0
-    library.torque[:], library.seen, library.acted = 5.0, len(library.torque), True
-    library._end_cycle()
-    assert_array_equal(library.torque, np.ones_like(library.torque))
 
 
 @pytest.mark.parametrize(

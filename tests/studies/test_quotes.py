@@ -2,7 +2,6 @@
 
 import json
 import re
-import runpy
 
 import pytest
 from support.command import ROOT, python
@@ -13,7 +12,6 @@ from pipelines.quotes import (
     NOT_MEASURED,
     QUOTE,
     all_claims,
-    all_studies,
     count_claims,
     declared,
     fill,
@@ -26,7 +24,6 @@ from pipelines.readme import BLOCKS
 from pipelines.results import CHANGED, CURRENT, NEVER, PublishedResults, read_results
 
 RESULTS = read_results()
-TABLES = runpy.run_path(str(ROOT / "docs" / "study_tables.py"))
 QUICKEST = "lead_design"
 ENTRY = {
     "verdict": "yes",
@@ -50,18 +47,6 @@ def test_every_statement_that_was_measured_has_n_and_an_interval_for_each_value(
         limits = zip(entry["values"], entry["intervals"], entry["counts"], strict=True)
         assert all(re.search(r" to |deterministic|undefined|n/a|one seed", interval) and re.match(r"\d", count)
                    for _, interval, count in limits), name  # fmt: skip
-
-
-@pytest.mark.ci  # whether models of robots have changed needs MuJoCo
-def test_pages_of_studies_show_every_value_with_its_limit():
-    for file in all_studies():
-        page = TABLES["page_of"](file, RESULTS.statements)
-        assert TABLES["page_of"](file, {}).lower().count(f"*{NOT_MEASURED}*") == len(declared()[file.name])
-        for name, statement in {**file.study.claims, **file.study.findings}.items():
-            entry = find_entry(file.name, name, RESULTS.statements) or {"values": []}
-            rows = [(value, each.format_limit(each.holds))
-                    for value, each in zip(entry["values"], statement.criteria, strict=False)]  # fmt: skip
-            assert all(any(value in line and limit in line for line in page.split("\n")) for value, limit in rows)
 
 
 @pytest.fixture

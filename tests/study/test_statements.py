@@ -1,7 +1,6 @@
 """Studies: grids of runs, statements whose verdict an interval decides, and what a study refuses."""
 
 import math
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,19 +18,20 @@ from cmacexp.study import (
     at_least,
     at_most,
     grid,
-    over_setting,
     starting_from,
 )
-from cmacexp.study.interval import NO_REFERENCE, ONE_SEED, UNPAIRED, estimate
-from cmacexp.study.page import make_claims_section
+from cmacexp.study.interval import NO_REFERENCE, ONE_SEED, UNPAIRED
 from cmacexp.study.provenance import digest_source
 from cmacexp.study.results import NoSuchRuns
-from cmacexp.study.statements import UNDECIDED, Judged, Measured
+from cmacexp.study.statements import UNDECIDED, Judged
 
 ONE = made_errors(0.1, machine="leg")
 
 
-def criterion(*sample: float, fails=at_least(2.0)) -> Criterion:
+OPPOSITE = at_least(2.0)
+
+
+def criterion(*sample: float, fails=OPPOSITE) -> Criterion:
     return Criterion("error", lambda results: list(sample), at_most(1.0), fails)
 
 
@@ -162,28 +162,6 @@ def test_a_selection_without_runs_names_what_there_is():
         results.select(machine="robot")
     with pytest.raises(NoSuchRuns, match="machin"):
         results.by("machin")
-
-
-def test_bars_stand_at_the_names_of_their_groups():
-    rows = [*made_errors(0.1, walk="soft", law="a").rows, *made_errors(0.9, walk="soft", law="b").rows,
-            *made_errors(0.2, math.nan, walk="hard", law="a").rows]  # fmt: skip
-    panel = over_setting(
-        Results(rows), "walk", "error, m", lambda runs: runs.end("transfer_rmse_x", 1), by="law", kind="bars"
-    )
-    first, second = panel.series
-    assert panel.ticks == ["soft", "hard"]
-    assert (first.name, first.x, second.x) == ("a", [0, 1], [0])
-    assert first.y == pytest.approx([0.1, 0.2])  # of the runs that completed
-
-
-def test_a_claim_links_to_the_pages_of_its_runs(tmp_path):
-    with_page, without = tmp_path / "runs" / "a", tmp_path / "runs" / "b"
-    (with_page / "report").mkdir(parents=True)
-    (with_page / "report" / "report.html").touch()
-    measured = Measured(criterion(0.5), estimate([0.5]), [str(with_page), str(without)])
-    judged = Judged(Claim("it", "1", [measured.criterion]), [measured])
-    (part,) = make_claims_section([judged], tmp_path / "page").parts
-    assert re.findall(r'href="([^#"]+)"', part) == ["../runs/a/report/report.html"]
 
 
 def test_a_digest_leaves_out_docstrings_and_nothing_else(tmp_path):
