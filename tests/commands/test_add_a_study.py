@@ -14,6 +14,8 @@ from support.pages import blocks
 PAGE = (ROOT / "docs" / "add-a-study.md").read_text()
 STUDY = "from cmacexp.study import *\nSTUDY = Study(title='T', question='Q', runs=lambda quick: {runs}, {more})\n"
 FINDING = "Finding([Criterion('q', lambda results: {sample}, at_most(1e9))], '{sentence}', '', '')"
+TWO = ("--seeds", "2")
+"""Beside what the page prints: fewer runs."""
 
 
 def block(language: str) -> str:
@@ -32,8 +34,8 @@ def write(folder, name, page="", sample="[1.0]", sentence="yes", runs="[]", more
 def test_the_study_of_the_page_leaves_a_finding_with_its_interval_and_quick_finds_nothing(tmp_path):
     (tmp_path / "my_study.py").write_text(block("python"))
     (tmp_path / "my_study.md").write_text(block("markdown"))
-    for line in block("bash").splitlines():  # with two seeds each run costs less, and intervals are wide
-        done = python(*line.split()[1:], "--seeds", "2", folder=tmp_path)
+    for line in block("bash").splitlines():
+        done = python(*line.split()[1:], *TWO, folder=tmp_path)
         assert done.returncode == 0, done.stderr
     whole, quick = (tmp_path / "outputs" / "studies" / name for name in ("my_study", "my_study-quick"))
     (finding,) = json.loads((whole / "claims.json").read_text())["my_study"]
@@ -47,7 +49,7 @@ def test_the_study_of_the_page_leaves_a_finding_with_its_interval_and_quick_find
     assert not (quick / "claims.json").exists()
     page = tmp_path / "my_study.md"
     page.write_text(page.read_text().replace("One leg learns", "A leg learns"))
-    done = python("-m", "cmacexp.study", "my_study.py", folder=tmp_path)
+    done = python("-m", "cmacexp.study", "my_study.py", *TWO, folder=tmp_path)
     assert " 0 of them to be run" in done.stderr
     assert "A leg learns" in (whole / "report.html").read_text()
 
