@@ -4,134 +4,96 @@ import json
 import re
 import signal
 import time
+from hashlib import sha256
 
 import pandas as pd
 import pytest
-from support.command import ROOT, python, started
+from support.command import ROOT, call, python, started
 from support.pages import blocks
 
 PAGE = (ROOT / "docs" / "add-a-study.md").read_text()
+STUDY = "from cmacexp.study import *\nSTUDY = Study(title='T', question='Q', runs=lambda quick: {runs}, {more})\n"
+FINDING = "Finding([Criterion('q', lambda results: {sample}, at_most(1e9))], '{sentence}', '', '')"
+TWO = ("--seeds", "2")
+"""Beside what the page prints: fewer runs."""
 
 
 def block(language: str) -> str:
     return re.search(rf"```{language}\n(.*?)```", PAGE, flags=re.DOTALL)[1]
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """A folder in which the study of the page has been written, and both its commands have run."""
-    folder = tmp_path_factory.mktemp("study")
-    (folder / "my_study.py").write_text(block("python"))
-    (folder / "my_study.md").write_text(block("markdown"))
+def write(folder, name, page="", sample="[1.0]", sentence="yes", runs="[]", more=""):
+    """A study with one finding, ``cost``, and its page; returns its file."""
+    findings = f"findings={{'cost': {FINDING.format(sample=sample, sentence=sentence)}}}, "
+    (folder / f"{name}.py").write_text(STUDY.format(runs=runs, more=findings) + more)
+    (folder / f"{name}.md").write_text(page)
+    return f"{name}.py"
+
+
+@pytest.mark.ci
+def test_the_study_of_the_page_leaves_a_finding_with_its_interval_and_quick_finds_nothing(tmp_path):
+    (tmp_path / "my_study.py").write_text(block("python"))
+    (tmp_path / "my_study.md").write_text(block("markdown"))
     for line in block("bash").splitlines():
-        done = python(*line.split()[1:], folder=folder)
+        done = python(*line.split()[1:], *TWO, folder=tmp_path)
         assert done.returncode == 0, done.stderr
-    return folder
-
-
-def test_it_leaves_a_page_a_table_and_a_finding_with_its_interval(folder):
-    study = folder / "outputs" / "studies" / "my_study"
-    (finding,) = json.loads((study / "claims.json").read_text())["my_study"]
+    whole, quick = (tmp_path / "outputs" / "studies" / name for name in ("my_study", "my_study-quick"))
+    (finding,) = json.loads((whole / "claims.json").read_text())["my_study"]
     (criterion,) = finding["criteria"]
     assert criterion["low"] <= criterion["value"] <= criterion["high"]
-    assert finding["statement"] in (study / "report.html").read_text()
-    table = pd.read_parquet(study / "results.parquet")
+    assert finding["statement"] in (whole / "report.html").read_text()
+    table = pd.read_parquet(whole / "results.parquet")
     assert sorted(set(table["gait.stroke"])) == [0.1, 0.15, 0.2]
     assert len(table) == 3 * table["seed"].nunique()
-
-
-def test_quick_says_so_and_finds_nothing(folder):
-    page = (folder / "outputs" / "studies" / "my_study-quick" / "report.html").read_text()
-    assert "concludes nothing" in page
-    assert not (folder / "outputs" / "studies" / "my_study-quick" / "claims.json").exists()
-
-
-def test_an_edit_of_the_page_alone_runs_nothing_again(folder):
-    page = folder / "my_study.md"
+    assert "concludes nothing" in (quick / "report.html").read_text()
+    assert not (quick / "claims.json").exists()
+    page = tmp_path / "my_study.md"
     page.write_text(page.read_text().replace("One leg learns", "A leg learns"))
-    done = python("-m", "cmacexp.study", "my_study.py", folder=folder)
+    done = python("-m", "cmacexp.study", "my_study.py", *TWO, folder=tmp_path)
     assert " 0 of them to be run" in done.stderr
-    assert "A leg learns" in (folder / "outputs" / "studies" / "my_study" / "report.html").read_text()
+    assert "A leg learns" in (whole / "report.html").read_text()
 
 
+@pytest.mark.ci
 def test_the_comparison_of_the_page_prints_what_it_says(tmp_path):
     *_, code = (block.code for block in blocks("add-a-study.md") if block.language == "python")
     (text,) = (block.code for block in blocks("add-a-study.md") if block.language == "text")
     (tmp_path / "script.py").write_text(code)
     done = python("-m", "script", folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    excluded, *_, sentence = done.stdout.splitlines()
-    assert "inf in 5" in excluded
-    assert sentence.split() == text.split()
-    assert (tmp_path / "compared.svg").exists()
-
-
-STUDY = "from cmacexp.study import *\nSTUDY = Study(title='T', question='Q', runs=lambda quick: {runs}, {more})\n"
-FINDING = "Finding([Criterion('q', lambda results: {sample}, at_most(1))], '{sentence}', '', '')"
-
-
-def study(runs="[]", more="", sample="[1.0]", sentence="yes"):
-    """The code of a study with one finding, ``cost``."""
-    return STUDY.format(
-        runs=runs, more=f"findings={{'cost': {FINDING.format(sample=sample, sentence=sentence)}}}, {more}"
-    )
+    assert done.stdout.splitlines()[-1].split() == text.split()
 
 
 @pytest.mark.parametrize(
-    ("code", "page", "message"),
+    ("wrong", "named"),
     [
-        (None, "", "there is no such file"),
-        ("x = 1", "", "must define STUDY = cmacexp.study.Study(...)"),
-        (study(), None, "needs a page"),
-        (study("grid('cmac.layerz=8')"), "", "did you mean cmac.layers?"),
-        (study(), "\n{{ finding('price') }}", "line 2: the study declares no finding 'price'; it has cost"),
-        (study(), "{% call figure('curves') %}c{% endcall %}", "declares no figure 'curves'; it has none"),
-        (study(), "{{ finding('cost') ", "line 1: unexpected end of template"),
-        (study(), "{{ cost }}", "'cost' is undefined; it may use claim, figure, finding"),
-        (study("grid('cycles=1')", sample="results.end('force_rms')"), "", "did you mean force_rmse?"),
-        (
-            study(sentence="{valeu}"),
-            "",
-            "finding={valeu}: has a name in braces that is none of the values: use {value}",
+        ({"page": "\n{{ finding('price') }}"}, "price"),
+        ({"page": "{% call figure('curves') %}c{% endcall %}"}, "curves"),
+        ({"sentence": "{valeu}"}, "valeu"),
+        ({"more": "STUDY = 1"}, "STUDY"),
+        ({"name": "json"}, "json"),
+        pytest.param({"page": "{{ finding('cost') "}, "line 1", marks=pytest.mark.ci),
+        pytest.param({"page": "{{ cost }}"}, "cost", marks=pytest.mark.ci),
+        pytest.param({"runs": "grid('cmac.layerz=8')"}, "cmac.layers", marks=pytest.mark.ci),
+        pytest.param({"runs": "grid(over={'cmac.layers': [-1, -2]})"}, "cmac.layers=-1", marks=pytest.mark.ci),
+        pytest.param(
+            {"runs": "grid('cycles=1')", "sample": "results.end('force_rms')"}, "force_rmse", marks=pytest.mark.ci
         ),
     ],
 )
-def test_a_mistake_is_one_line(code, page, message, tmp_path):
-    if code is not None:
-        (tmp_path / "other_study.py").write_text(code)
-    if page is not None:
-        (tmp_path / "other_study.md").write_text(page)
-    done = python("-m", "cmacexp.study", "other_study.py", folder=tmp_path)
+def test_a_mistake_is_one_line_that_names_it(wrong, named, tmp_path):
+    name = f"wrong_{sha256(str(wrong).encode()).hexdigest()[:8]}"  # a module of its own in this process
+    done = call("study", write(tmp_path, **{"name": name, **wrong}), folder=tmp_path)
     assert done.returncode == 2
-    lines = [line for line in done.stderr.splitlines() if "to be run" not in line]
-    assert message in lines[0]
-    assert len(lines) == 1
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert named in line
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("json.py", "another module is called json"),
-        ("a.b.py", "without a dot"),
-        ("other.md", "must be a file of Python"),
-    ],
-)
-def test_a_file_that_cannot_be_imported_by_its_name_is_one_line(name, message, tmp_path):
-    (tmp_path / "own").mkdir()
-    (tmp_path / "own" / name).write_text(study())
-    done = python("-m", "cmacexp.study", f"own/{name}", folder=tmp_path)
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
-    assert message in done.stderr
-
-
-def test_a_run_that_is_requested_twice_counts_once(tmp_path):
-    twice = "[*grid('cycles=1'), *grid(over={'cycles': [1]}), *grid('cycles=1', name='other')]"
-    (tmp_path / "twice.py").write_text(study(twice, sample="results.at(1, 'force_rmse')"))
-    (tmp_path / "twice.md").write_text("{{ runs }} runs")
-    done = python("-m", "cmacexp.study", "twice.py", folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    (found,) = json.loads((tmp_path / "outputs" / "studies" / "twice" / "claims.json").read_text())["twice"]
-    assert found["criteria"][0]["count"] == 2
+def test_a_file_without_its_page_or_that_is_no_python_is_refused(tmp_path):
+    write(tmp_path, "without_page")
+    (tmp_path / "without_page.md").rename(tmp_path / "other.md")
+    for file in ("without_page.py", "other.md", "nothing.py"):
+        assert call("study", file, folder=tmp_path).returncode == 2
 
 
 RAISES = """
@@ -142,38 +104,29 @@ class Raises:
 """
 
 
-def test_runs_that_fail_are_rows_and_the_study_goes_on(tmp_path):
+@pytest.mark.ci
+def test_runs_that_fail_are_rows_the_study_goes_on_and_a_run_asked_for_twice_counts_once(tmp_path):
     (tmp_path / "own_part.py").write_text(RAISES)
-    ways = {"walks": [], "refused": ["cmac.layers=-1"], "out of reach": ["gait.stroke=3"]}
-    ways["raises"] = ["feedforward._target_=own_part.Raises"]
-    sample = "results.end('force_rmse')"
-    code = study(f"grid('cycles=2', over={{'way': {ways}}})", sample=sample).replace("at_most(1)", "at_most(1e9)")
-    (tmp_path / "some.py").write_text(code + "STUDY.measures['steps'] = lambda run: run.manifest['steps']\n")
-    (tmp_path / "some.md").write_text("{{ runs }} runs: {{ finding('cost') }}")
-    done = python("-m", "cmacexp.study", "some.py", folder=tmp_path)
+    ways = {"walks": [], "refused": ["cmac.layers=-1"], "raises": ["feedforward._target_=own_part.Raises"]}
+    runs = f"2 * grid('cycles=2', over={{'way': {ways}}})"
+    more = "STUDY.measures['steps'] = lambda run: run.manifest['steps']\n"
+    sample = 'results.select(way="walks").end("force_rmse")'
+    file = write(tmp_path, "some", "{{ runs }} runs: {{ finding('cost') }}", sample, runs=runs, more=more)
+    done = python("-m", "cmacexp.study", file, folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    told = [line for line in done.stderr.splitlines() if line.startswith("error: 1 of 4 runs failed: ")]
-    assert len(told) == 3
-    table = pd.read_parquet(tmp_path / "outputs" / "studies" / "some" / "results.parquet").set_index("way")
-    assert table.status.to_dict() == {way: "completed" if way == "walks" else "failed" for way in table.index}
+    assert len([line for line in done.stderr.splitlines() if line.startswith("error: ")]) == 2
+    place = tmp_path / "outputs" / "studies" / "some"
+    table = pd.read_parquet(place / "results.parquet").set_index("way")
+    assert table.status.to_dict() == {"walks": "completed", "refused": "failed", "raises": "failed"}
     assert "no torque today" in table.cause["raises"]
     assert table.steps.notna().to_dict() == {way: way == "walks" for way in table.index}
-    again = python("-m", "cmacexp.study", "some.py", folder=tmp_path)
-    assert "4 runs, 2 of them to be run" in again.stderr
+    assert json.loads((place / "claims.json").read_text())["some"][0]["criteria"][0]["count"] == 1
 
 
-def test_a_study_all_of_whose_runs_fail_says_why(tmp_path):
-    (tmp_path / "none.py").write_text(study("grid(over={'cmac.layers': [-1, -2]})"))
-    (tmp_path / "none.md").write_text("{{ finding('cost') }}")
-    done = python("-m", "cmacexp.study", "none.py", folder=tmp_path)
-    assert done.returncode == 2
-    assert "cmac.layers=-1: must be at least 1" in done.stderr.splitlines()[-1]
-
-
+@pytest.mark.ci
 def test_ctrl_c_ends_a_study_and_its_runs_at_once(tmp_path):
-    (tmp_path / "long.py").write_text(study("grid('cycles=1000000', 'feedforward=none', 'record.cycles=[1]')"))
-    (tmp_path / "long.md").touch()
-    process = started("long.py", folder=tmp_path, module="cmacexp.study")
+    file = write(tmp_path, "long", runs="grid('cycles=1000000', 'feedforward=none', 'record.cycles=[1]')")
+    process = started(file, folder=tmp_path, module="cmacexp.study")
     runs = tmp_path / "outputs" / "studies" / "runs"
     while not list(runs.glob("*")) and process.poll() is None:
         time.sleep(0.01)
@@ -183,6 +136,5 @@ def test_ctrl_c_ends_a_study_and_its_runs_at_once(tmp_path):
     finally:
         process.kill()
     assert process.returncode == 130
-    assert "interrupted; the same command runs what is missing" in err
     assert "Traceback" not in err
     assert not list(runs.rglob("manifest.json"))

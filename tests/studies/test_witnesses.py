@@ -3,16 +3,15 @@
 import math
 
 import pytest
+from support.doors_studies import package_models, read_summary
 
 import cmacexp
-from cmacexp.models.robot_file import package_models
-from cmacexp.report.run_summary import read_summary
 from pipelines.results import read_results
 
 CLOSE = 1e-9
 """Relative; the last digits differ between processors."""
 WITNESSES = [
-    pytest.param(witness, id=f"{name}-{number}", marks=[pytest.mark.nightly] if number else [])
+    pytest.param(witness, id=f"{name}-{number}", marks=pytest.mark.nightly if number else pytest.mark.ci)
     for name, study in read_results().studies.items()
     for number, witness in enumerate(study["witnesses"])
 ]
@@ -38,6 +37,7 @@ def test_a_witness_gives_what_it_gave(witness, tmp_path):
     assert found == pytest.approx(expected, rel=CLOSE, nan_ok=True)
 
 
+@pytest.mark.ci
 def test_a_changed_constant_is_noticed(tmp_path):
     """A leg that is heavier by a millionth gives other metrics than a witness allows."""
     studies = read_results().studies.values()

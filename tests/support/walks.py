@@ -1,10 +1,6 @@
-"""Walks of the quadruped from the command line (Lin & Song 1997, section 6), and what they leave."""
-
-import json
+"""Walks of the quadruped (Lin & Song 1997, section 6), made once by ``stored``, and how their laws read a run."""
 
 import numpy as np
-import pandas as pd
-from support.command import cmacexp
 
 STEPS = 600
 """Of a cycle."""
@@ -15,54 +11,46 @@ LIFT_OFF = (480, 180, 360, 60)
 TOUCH_DOWN = (0, 300, 480, 180)
 """Samples of the cycle, by leg."""
 
-
-class Run:
-    """What a command left: its folder, its exit code, and its tables as arrays."""
-
-    def __init__(self, folder, done):
-        self.folder, self.code, self.done = folder, done.returncode, done
-        self.manifest = json.loads((folder / "manifest.json").read_text())
-        trace = pd.read_parquet(folder / "trace.parquet")
-        assert trace.leg[:4].tolist() == [1, 2, 3, 4]
-        self.trace = {name: trace[name].to_numpy().reshape(-1, 4) for name in trace.columns}
-        self.body = pd.read_parquet(folder / "body.parquet")
-        self.metrics = pd.read_parquet(folder / "metrics.parquet").set_index(["cycle", "leg"])
-        self.body_metrics = pd.read_parquet(folder / "body_metrics.parquet").set_index("cycle")
-
-    def of_cycle(self, name, cycle):
-        """A column of the trace (600, 4) in one cycle."""
-        return self.trace[name][(cycle - 1) * STEPS : cycle * STEPS]
-
-    def transfer_rmse(self, axis, cycle):
-        """Transfer error over all legs, m."""
-        error = self.of_cycle(axis, cycle) - self.of_cycle(f"{axis}_desired", cycle)
-        return np.sqrt((error[self.of_cycle("phase", cycle) == "transfer"] ** 2).mean())
-
-    def share(self, cycle):
-        """What the feedforward does of all torque, over all legs."""
-        parts = [
-            sum(np.abs(self.of_cycle(f"tau_{part}_{j}", cycle)).sum() for j in (1, 2))
-            for part in ("feedforward", "feedback")
-        ]
-        return parts[0] / sum(parts)
-
-    def pooled(self):
-        """Root mean square over the legs of every metric, and the body's metrics, by cycle."""
-        legs = (self.metrics**2).groupby(level="cycle").mean() ** 0.5
-        return legs.join(self.body_metrics).dropna(axis=1, how="all")
+QUADRUPED = "scenario=quadruped"
+ONE = (QUADRUPED, "cycles=1")
+ALL_THREE = (QUADRUPED, "cycles=20")
+FEEDBACK = (QUADRUPED, "cycles=3", "feedforward=none")
+LITERAL = (QUADRUPED, "reference=literal", "cycles=10")
+FELL = (QUADRUPED, "posture.gain=0", "cycles=2")
+PATCHY = (QUADRUPED, "terrain=patchy", "gait.load_ramp=0.1", "cycles=6")
 
 
-ALL_THREE = ("cycles=20",)
-FEEDBACK = ("feedforward=none",)
-LITERAL = ("reference=literal",)
-FALLING = ("posture.gain=0",)
-FALLING_AT_ONCE = ("posture.gain=0", "feedforward=none")
-PATCHY = ("terrain=patchy", "gait.load_ramp=0.1", "cycles=6")
-WALKS = [ALL_THREE, FEEDBACK, LITERAL, PATCHY, FALLING]
+def of_legs(run, name):
+    """A column of the trace (steps, 4)."""
+    return run.trace[name].to_numpy().reshape(-1, 4)
 
 
-def walk_in(folder, *overrides):
-    """The walk of a command line."""
-    done = cmacexp("scenario=quadruped", *overrides, "record=trace", f"hydra.run.dir={folder}", folder=folder)
-    assert done.returncode in (0, 3), done.stderr
-    return Run(folder, done)
+def of_cycle(run, name, cycle):
+    """A column of the trace (600, 4) in one cycle."""
+    return of_legs(run, name)[(cycle - 1) * STEPS : cycle * STEPS]
+
+
+def metrics_of(run):
+    """Metrics by cycle and leg, but for those that compare a cycle with the one before."""
+    return run.metrics.set_index(["cycle", "leg"]).drop(columns=["feedback_change", "feedback_growth"])
+
+
+def pool(run):
+    """Root mean square over the legs of every metric, and the body's metrics, by cycle."""
+    legs = (metrics_of(run) ** 2).groupby(level="cycle").mean() ** 0.5
+    return legs.join(run.body_metrics.set_index("cycle")).dropna(axis=1, how="all")
+
+
+def transfer_rmse(run, axis, cycle):
+    """Transfer error over all legs, m."""
+    error = of_cycle(run, axis, cycle) - of_cycle(run, f"{axis}_desired", cycle)
+    return np.sqrt((error[of_cycle(run, "phase", cycle) == "transfer"] ** 2).mean())
+
+
+def share(run, cycle):
+    """What the feedforward does of all torque, over all legs."""
+    parts = [
+        sum(np.abs(of_cycle(run, f"tau_{part}_{j}", cycle)).sum() for j in (1, 2))
+        for part in ("feedforward", "feedback")
+    ]
+    return parts[0] / sum(parts)

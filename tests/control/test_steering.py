@@ -1,0 +1,45 @@
+"""Steering: a body off its course is moved back by its supporting feet, and caught by those in transfer."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from cmacexp.control.steering import AHEAD, ASIDE, MOST, TURN, Steering, scale_ahead, scale_aside, steer
+
+SUPPORT = np.array([True, False, False, True])
+
+
+def make_steering():
+    shape = (0.5, 0.001, 0.25, np.zeros((10, 2)), MOST, np.zeros(3))
+    return Steering(1.0, 1.0, *shape, 0.3, 0.2, np.zeros(1), np.zeros(4))
+
+
+@pytest.mark.parametrize(("travel", "which"), [((-0.01, 0, 0), AHEAD), ((0, -0.01, 0), ASIDE), ((0, 0, -0.01), TURN)])
+def test_a_body_off_its_course_is_moved_back(travel, which):
+    steering = make_steering()
+    steer(steering, np.array(travel, dtype=float), 0, 0, SUPPORT)
+    assert 0.0 < steering.command[which] <= MOST
+    assert np.count_nonzero(steering.command) == 1
+    steer(steering, 100.0 * np.array(travel), 0, 0, SUPPORT)
+    assert steering.command[which] == MOST
+
+
+@pytest.mark.parametrize(("rate", "place"), [(0.5, 0.15), (-0.5, -0.15), (0.9, 0.2), (0.1, 0.0)])
+def test_feet_in_transfer_go_where_they_catch_a_body_that_leaves_its_course(rate, place):
+    steering = make_steering()
+    for step in range(300):
+        steer(steering, np.array([0.0, rate * step * steering.period, 0.0]), step, 0, SUPPORT)
+    assert_allclose(steering.offset, np.where(SUPPORT, 0.0, place), rtol=1e-3)
+    for step in range(300):
+        steer(steering, np.zeros(3), step, 0, SUPPORT)
+    assert_allclose(steering.offset, 0.0, atol=1e-4)
+
+
+def test_a_turning_body_moves_its_feet_round_its_centre():
+    steering, hips = make_steering(), np.array([[0.2, 0.15], [-0.2, -0.15]])
+    steering.command[TURN] = 0.05
+    rate, vx = 0.05 * 0.5 / 0.25, -0.5  # of the body, and of a foot that supports
+    for i, (x, y) in enumerate(hips):
+        assert vx * scale_ahead(steering, hips, i) == pytest.approx(vx + rate * y)
+        assert vx * scale_aside(steering, hips, i) == pytest.approx(-rate * x)
+    assert (scale_ahead(None, hips, 0), scale_aside(None, hips, 0)) == (1.0, 0.0)

@@ -1,0 +1,106 @@
+"""The documentation quotes figures and verdicts of the studies as they came out."""
+
+import json
+import re
+
+import pytest
+from support.command import ROOT, python
+from support.pages import PAGES
+
+from pipelines import quotes
+from pipelines.quotes import (
+    NOT_MEASURED,
+    QUOTE,
+    all_claims,
+    count_claims,
+    declared,
+    fill,
+    fill_quotes,
+    find_block,
+    find_entry,
+    find_outdated,
+)
+from pipelines.readme import BLOCKS
+from pipelines.results import CHANGED, CURRENT, NEVER, PublishedResults, read_results
+
+RESULTS = read_results()
+QUICKEST = "lead_design"
+ENTRY = {
+    "verdict": "yes",
+    "values": ["1 N", "3 N"],
+    "intervals": ["1 to 2 N", "deterministic"],
+    "counts": ["18 of 20", "5"],
+    "verdicts": ["yes", "yes"],
+}
+
+
+def test_every_quote_of_every_page_is_filled_in():
+    pages = {name: fill_quotes(path.read_text(), RESULTS.statements) for name, path in PAGES.items()}
+    assert not [name for name, text in pages.items() if QUOTE.search(text)]
+
+
+def test_every_statement_that_was_measured_has_n_and_an_interval_for_each_value():
+    names = [(study, name) for study, own in declared().items() for name in own]
+    found = {name: entry for name in names if (entry := find_entry(*name, RESULTS.statements)) is not None}
+    assert len(found) > 50
+    for name, entry in found.items():
+        limits = zip(entry["values"], entry["intervals"], entry["counts"], strict=True)
+        assert all(re.search(r" to |deterministic|undefined|n/a|one seed", interval) and re.match(r"\d", count)
+                   for _, interval, count in limits), name  # fmt: skip
+
+
+@pytest.fixture
+def statements(monkeypatch):
+    """Two statements, one of which has been measured."""
+    monkeypatch.setattr(quotes, "declared", lambda: {"s": {"a": 2, "new": 1}})
+    return {"s": {"a": ENTRY}}
+
+
+def test_a_quote_gives_value_interval_size_and_verdict(statements):
+    quoted = ('quote("s.a", 1)', 'interval("s.a")', 'size("s.a")', 'verdict("s.a")', 'quote("s.new")')
+    filled = [fill_quotes(f"{{{{ {text} }}}}", statements) for text in quoted]
+    assert filled == ["3 N", "1 to 2 N", "18 of 20", "yes", NOT_MEASURED]
+
+
+@pytest.mark.parametrize("wrong", ['"s.b"', '"t.a"', '"s.a", 2'])
+def test_a_quote_that_no_study_declares_is_an_error_with_its_name(wrong, statements):
+    with pytest.raises(LookupError, match=re.escape(wrong)):
+        fill_quotes(f"{{{{ quote({wrong}) }}}}", statements)
+
+
+def test_a_sentence_for_another_verdict_and_one_that_is_gone_are_found(statements):
+    sentences = [{"page": "a.md", "text": "It stays bounded.", "needs": {"s.a": "no"}}]
+    (line,) = find_outdated(sentences, {"a.md": "It stays\nbounded."}, statements)
+    assert "s.a = no, it is yes" in line
+    assert len(find_outdated(sentences, {"a.md": "It grows."}, statements)) == 2
+    assert find_outdated([{**sentences[0], "needs": {"s.a": "yes"}}], {"a.md": "It stays bounded."}, statements) == []
+
+
+def test_sentences_and_blocks_of_pages_are_what_the_studies_found():
+    """``python -m pipelines --write-docs`` renews the blocks."""
+    texts = {path.name: path.read_text() for path in PAGES.values()}
+    assert find_outdated(RESULTS.sentences, texts, RESULTS.statements) == []
+    paper, readme = texts["the-paper.md"], texts["README.md"]
+    count = f"\n**{count_claims(RESULTS.statements)}**\n\n"
+    assert fill(fill(paper, "claims", lambda: all_claims(RESULTS.statements)), "count", lambda: count) == paper
+    assert fill(readme, "count", lambda: count) == readme
+    assert paper.count(count) == readme.count(count) == 1
+    for block in BLOCKS.glob("*.md"):
+        assert find_block(readme, block.stem) == fill_quotes(block.read_text(), RESULTS.statements)
+
+
+@pytest.mark.ci
+def test_published_results_are_those_of_the_study_today_and_changed_code_is_noticed(tmp_path):
+    """Of the quickest study of the paper, run in full by its command."""
+    done = python("-m", f"pipelines.{QUICKEST}", "--folder", str(tmp_path), folder=ROOT)
+    assert done.returncode == 0, done.stderr
+    found = PublishedResults({})
+    found.add_studies(tmp_path)
+    assert found.statements[QUICKEST] == RESULTS.statements[QUICKEST]
+    assert PublishedResults(json.loads(found.format())).statements == found.statements
+    assert (found.find_state(QUICKEST).state, found.find_state("assumptions").state) == (CURRENT, NEVER)
+    study = found.studies[QUICKEST]
+    study["own"]["pipelines/lead_design.py"] = "0"
+    found.code[study["code"]]["cmacexp/models/leg.py"] = "0"
+    state = found.find_state(QUICKEST)
+    assert (state.state, set(state.reasons)) == (CHANGED, {"pipelines/lead_design.py", "cmacexp/models/leg.py"})

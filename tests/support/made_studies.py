@@ -1,0 +1,35 @@
+"""Runs of a study made up by hand, as rows of its results."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from support.doors_studies import Row, RunSummary
+
+from cmacexp.study import Results
+
+
+def made_row(
+    metrics: Mapping[str, Sequence[float]],
+    asked: int | None = None,
+    measures: Mapping[str, float] | None = None,
+    seeded: bool = False,
+    **settings: object,
+) -> Row:
+    """A run with these metrics by cycle; it fell if more cycles were ``asked`` for than they have."""
+    histories = {name: np.array(values, dtype=float) for name, values in metrics.items()}
+    cycles = len(next(iter(histories.values()), ()))
+    status = "completed" if asked in (None, cycles) else "fell"
+    summary = RunSummary(Path("run"), status, "", {}, cycles, histories)
+    return Row(summary, settings, settings, measures or {}, seeded)
+
+
+def made_errors(*errors: float, cycles: int = 5, **settings: object) -> Results:
+    """A run for each final error in x, m; that of NaN fell after two cycles."""
+    rows = []
+    for error in errors:
+        history = [1.0, 0.5] if math.isnan(error) else np.linspace(1.0, error, cycles)
+        metrics = {"transfer_rmse_x": history, "feedforward_share": history}
+        rows.append(made_row(metrics, cycles, **settings))
+    return Results(rows)
