@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.doors_walks import JOINT_COLUMNS, find_centres, height_at, make_ground, stiffness_at
+from support.doors import JOINT_COLUMNS, find_centres, height_at, make_ground, stiffness_at
 from support.robot_walks import (
     EXACT,
     HEAVY,

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.command import python
-from support.doors import BadInput, compose_config, make_scenario
-from support.doors_studies import faults
+from support.doors import BadInput, compose_config, faults, make_scenario
 
 from cmacexp.study import Results
 from pipelines.benchmark import summary

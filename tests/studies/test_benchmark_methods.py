@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from support.doors import BadInput, make_scenario
-from support.doors_studies import Leg, gaussian_taps, inverse_dynamics, package_models, trigonometry
+from support.doors import BadInput, Leg, gaussian_taps, inverse_dynamics, make_scenario, package_models, trigonometry
 from support.rollout import roll_out
 
 from cmacexp.control import Reference

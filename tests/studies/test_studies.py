@@ -4,8 +4,7 @@ import re
 
 import pytest
 from support.command import ROOT, python
-from support.doors import compose_config
-from support.doors_studies import Options, faults, load_study, package_models, write_studies
+from support.doors import Options, compose_config, faults, load_study, package_models, write_studies
 
 FILES = {
     path.stem: load_study(path.with_suffix(".py"))

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from support.doors_studies import package_models, read_summary
+from support.doors import package_models, read_summary
 
 import cmacexp
 from pipelines.results import read_results

@@ -6,8 +6,11 @@ A test imports inner modules of its own room alone, so that a change inside a ro
 """
 
 from cmacexp.cmac.rules import RULES as RULES
+from cmacexp.commands.study import Options as Options
+from cmacexp.commands.study import write_studies as write_studies
 from cmacexp.config.compose import compose_config as compose_config
 from cmacexp.config.compose import compose_untyped as compose_untyped
+from cmacexp.data.integrity import faults as faults
 from cmacexp.errors import BadComponent as BadComponent
 from cmacexp.errors import BadInput as BadInput
 from cmacexp.errors import BadRun as BadRun
@@ -15,6 +18,7 @@ from cmacexp.errors import CmacexpError as CmacexpError
 from cmacexp.errors import Diverged as Diverged
 from cmacexp.experiment.run import run_scenario as run_scenario
 from cmacexp.experiment.without_effect import warnings_of as warnings_of
+from cmacexp.feedforward.ilc import gaussian_taps as gaussian_taps
 from cmacexp.jit.compiler import program as program
 from cmacexp.jit.sources import KERNEL_ROOMS as KERNEL_ROOMS
 from cmacexp.jit.sources import RESULT_ROOMS as RESULT_ROOMS
@@ -22,6 +26,7 @@ from cmacexp.loop.scenario import make_scenario as make_scenario
 from cmacexp.models.body import Load as Load
 from cmacexp.models.body import depth as depth
 from cmacexp.models.body import make_pose as make_pose
+from cmacexp.models.ground import height_at as height_at
 from cmacexp.models.ground import stiffness_at as stiffness_at
 from cmacexp.models.lateness import Lateness as Lateness
 from cmacexp.models.lead import discretise as discretise
@@ -29,6 +34,7 @@ from cmacexp.models.leg import Leg as Leg
 from cmacexp.models.leg import foot_position as foot_position
 from cmacexp.models.leg import foot_velocity as foot_velocity
 from cmacexp.models.leg import forward_dynamics as forward_dynamics
+from cmacexp.models.leg import inverse_dynamics as inverse_dynamics
 from cmacexp.models.leg import joint_torque as joint_torque
 from cmacexp.models.leg import trigonometry as trigonometry
 from cmacexp.models.mechanism import Mechanism as Mechanism
@@ -36,11 +42,20 @@ from cmacexp.models.mechanism import get_leg as get_leg
 from cmacexp.models.mechanism import legs_on_stand as legs_on_stand
 from cmacexp.models.mechanism import legs_under_body as legs_under_body
 from cmacexp.models.mechanism import point_mass as point_mass
+from cmacexp.models.robot_file import package_models as package_models
 from cmacexp.models.robot_gains import derive_basis as derive_basis
 from cmacexp.models.robot_gains import derive_gains as derive_gains
 from cmacexp.models.robot_gains import recommend_period as recommend_period
+from cmacexp.planning.columns import JOINT_COLUMNS as JOINT_COLUMNS
 from cmacexp.planning.machine import make_mechanism as make_mechanism
+from cmacexp.planning.robot import find_centres as find_centres
+from cmacexp.plants.environment import make_ground as make_ground
 from cmacexp.plants.protocol import new_measurement as new_measurement
 from cmacexp.report.page import Report as Report
 from cmacexp.report.page import write_report as write_report
 from cmacexp.report.run_summary import RunSummary as RunSummary
+from cmacexp.report.run_summary import read_summary as read_summary
+from cmacexp.study.interval import UNPAIRED as UNPAIRED
+from cmacexp.study.interval import estimate as estimate
+from cmacexp.study.results import Row as Row
+from cmacexp.study.study import load_study as load_study

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from support.doors_studies import Row, RunSummary
+from support.doors import Row, RunSummary
 
 from cmacexp.study import Results
 
