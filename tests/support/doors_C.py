@@ -1,3 +1,8 @@
 """What tests of learning need of other rooms and find at no door yet."""
 
+from cmacexp.cmac.rules import RULES as RULES
+from cmacexp.cmac.rules import train_by_rule as train_by_rule
 from cmacexp.jit.compiler import expect_steps as expect_steps
+from cmacexp.models.leg import Leg as Leg
+from cmacexp.models.leg import jacobian as jacobian
+from cmacexp.models.leg import trigonometry as trigonometry
