@@ -1,5 +1,7 @@
 """What tests of learning need of other rooms and find at no door yet."""
 
+from cmacexp.cmac.memory import read as read
+from cmacexp.cmac.memory import train as train
 from cmacexp.cmac.rules import RULES as RULES
 from cmacexp.cmac.rules import train_by_rule as train_by_rule
 from cmacexp.jit.compiler import expect_steps as expect_steps
