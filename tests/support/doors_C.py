@@ -8,3 +8,6 @@ from cmacexp.jit.compiler import expect_steps as expect_steps
 from cmacexp.models.leg import Leg as Leg
 from cmacexp.models.leg import jacobian as jacobian
 from cmacexp.models.leg import trigonometry as trigonometry
+from cmacexp.plants.kernels import new_state as new_state
+from cmacexp.plants.protocol import new_measurement as new_measurement
+from cmacexp.sensors.kernels import new_observation as new_observation
